@@ -1,0 +1,1 @@
+"""Raw material tests to a law with its covariance."""

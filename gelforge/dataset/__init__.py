@@ -1,0 +1,1 @@
+"""Shards of features and force labels."""

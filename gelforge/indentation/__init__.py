@@ -1,0 +1,1 @@
+"""Cells: one indentation position with all its depths."""

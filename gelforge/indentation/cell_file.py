@@ -1,0 +1,93 @@
+"""The file of a simulated cell: written whole, read with every check that a join needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from gelforge.files import atomic
+
+FORMAT = "gelforge-cell-1"
+
+# name: (unit, description); D depths, B bins, S surface nodes, G gel nodes, E gel elements
+DATASETS = {
+    "depth_mm": ("mm", "commanded depths (D)"),
+    "total_force_N": ("N", "contact force on the sensor (D, 3)"),
+    "reaction_N": ("N", "sum of internal forces at the fixed nodes, the force of the base on the sensor (D, 3)"),
+    "bin_force_N": ("N", "force on the sensor per surface bin, k = nx iy + ix, undeformed surface (D, B, 3)"),
+    "bin_normal_N": ("N", "part of bin_force_N along the contact normal (D, B, 3)"),
+    "bin_shear_N": ("N", "part of bin_force_N due to friction (D, B, 3)"),
+    "node_xy_mm": ("mm", "undeformed positions of the surface nodes (S, 2)"),
+    "node_area_mm2": ("mm2", "undeformed area that each surface node stands for (S)"),
+    "node_normal_N": ("N", "normal contact force on each surface node (D, S, 3)"),
+    "node_shear_N": ("N", "friction force on each surface node (D, S, 3)"),
+    "node_state": ("1", "0 open, 1 stick, 2 slip (D, S)"),
+    "node_displacement_mm": ("mm", "displacement of the surface nodes (D, S, 3)"),
+    "section_node_mm": ("mm", "undeformed nodes of the vertical mesh plane y = const nearest the cell (P, 3)"),
+    "section_quad": ("1", "4 corners of each face of the plane as rows of section_node_mm (Q, 4)"),
+    "section_region": ("1", "region of each face, an index into the attribute regions (Q)"),
+    "section_displacement_mm": ("mm", "displacement of section_node_mm (D, P, 3)"),
+    "gel_node_mm": ("mm", "undeformed nodes of the particle-carrying layers, z = 0 at the top surface (G, 3)"),
+    "gel_hex": ("1", "8 corners of each element as rows of gel_node_mm (E, 8)"),
+    "gel_displacement_mm": ("mm", "displacement of gel_node_mm (D, G, 3)"),
+}
+OPTIONAL = {"gel_node_mm", "gel_hex", "gel_displacement_mm"}
+
+
+class CellError(ValueError):
+    """A cell file that cannot be used: which, what was found, what to do."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One simulated position: arrays named as in DATASETS, attributes as in docs/file-formats.md.
+
+    attributes always hold: format, cell, x_mm, y_mm, status ("converged" or "failed"), reason, last_good_depth_mm,
+    inputs_digest, code_version, seconds, iterations. Arrays of a failed cell hold the depths that converged.
+    """
+
+    arrays: dict[str, np.ndarray]
+    attributes: dict = field(default_factory=dict)
+
+    @property
+    def converged(self) -> bool:
+        return self.attributes["status"] == "converged"
+
+
+def write_cell(path: str | Path, cell: Cell) -> None:
+    """Write a cell, whole or not at all."""
+    with atomic(path) as temporary, h5py.File(temporary, "w") as file:
+        file.attrs["format"] = FORMAT
+        for key, value in cell.attributes.items():
+            file.attrs[key] = value
+        for name, array in cell.arrays.items():
+            unit, description = DATASETS[name]
+            large = array.size > 4096
+            data = file.create_dataset(name, data=array, **({"compression": "gzip", "shuffle": True} if large else {}))
+            data.attrs["units"], data.attrs["description"] = unit, description
+
+
+def read_cell(path: str | Path, arrays: list[str] | None = None) -> Cell:
+    """Return a cell (only the named arrays, if given).
+
+    Raises CellError naming the file for a file that is missing, truncated, of another format or incomplete.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise CellError(f"{path}: the cell's file is missing; simulate it again (snakemake -R {path})")
+    try:
+        with h5py.File(path, "r") as file:
+            attributes = dict(file.attrs)
+            wanted = [name for name in DATASETS if name in file] if arrays is None else arrays
+            missing = [name for name in wanted if name not in file]
+            content = {name: file[name][()] for name in wanted if name in file}
+    except OSError as error:
+        raise CellError(f"{path}: not a whole HDF5 file ({error}); delete it and run again") from None
+    if attributes.get("format") != FORMAT:
+        raise CellError(f"{path}: format {attributes.get('format')!r}, expected {FORMAT!r}; simulate it again")
+    if missing:
+        raise CellError(f"{path}: datasets {missing} are missing; simulate the cell again with the settings that keep them")
+    return Cell(content, attributes)

@@ -1,0 +1,41 @@
+"""The eight symmetries of a square sensor (D4), acting on positions, bins and fields."""
+
+from __future__ import annotations
+
+import numpy as np
+
+# Each element is the 2x2 matrix that acts on horizontal positions relative to the sensor's centre.
+D4: dict[str, np.ndarray] = {
+    "identity": np.array([[1, 0], [0, 1]]),
+    "rotate_90": np.array([[0, -1], [1, 0]]),
+    "rotate_180": np.array([[-1, 0], [0, -1]]),
+    "rotate_270": np.array([[0, 1], [-1, 0]]),
+    "mirror_x": np.array([[-1, 0], [0, 1]]),
+    "mirror_y": np.array([[1, 0], [0, -1]]),
+    "swap_xy": np.array([[0, 1], [1, 0]]),
+    "swap_xy_negative": np.array([[0, -1], [-1, 0]]),
+}
+
+
+def transform_points(name: str, points: np.ndarray, width: float) -> np.ndarray:
+    """Return points (..., 2 or 3) [mm] of the sensor's frame carried by a symmetry of the square of this width."""
+    moved = np.array(points, dtype=float)
+    moved[..., :2] = (moved[..., :2] - width / 2) @ D4[name].T + width / 2
+    return moved
+
+
+def transform_vectors(name: str, vectors: np.ndarray) -> np.ndarray:
+    """Return vectors (..., 3) carried by a symmetry; the z component stays."""
+    moved = np.array(vectors, dtype=float)
+    moved[..., :2] = moved[..., :2] @ D4[name].T
+    return moved
+
+
+def transform_bins(name: str, bins: np.ndarray, n: int) -> np.ndarray:
+    """Return bin forces (..., n*n, 3), bin k = n iy + ix, carried by a symmetry."""
+    index = np.arange(n * n)
+    centre = np.stack([index % n, index // n], axis=-1) - (n - 1) / 2
+    target = np.rint(centre @ D4[name].T + (n - 1) / 2).astype(int)
+    moved = np.empty_like(bins)
+    moved[..., target[:, 1] * n + target[:, 0], :] = transform_vectors(name, bins)
+    return moved

@@ -1,0 +1,1 @@
+"""The finite-element model: laws, meshes, contact, equilibrium."""

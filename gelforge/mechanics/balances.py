@@ -1,0 +1,24 @@
+"""Balances that a converged state must satisfy: forces and moments of contact and base."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gelforge.mechanics.equilibrium import State
+from gelforge.mechanics.meshes import HexMesh
+
+
+def force_balance(state: State) -> float:
+    """Return |contact force + reaction| / |contact force| [-]; the reaction comes from internal forces."""
+    return float(np.linalg.norm(state.force + state.reaction) / max(np.linalg.norm(state.force), 1e-12))
+
+
+def moment_balance(mesh: HexMesh, state: State, length: float, deformed: bool = True) -> float:
+    """Return |moment of contact and base forces| / (|contact force| length) [-], about the indenter's centre.
+
+    length [mm] makes it a number. Contact forces act at the deformed nodes, at small strain at the undeformed ones.
+    """
+    surface = mesh.X[mesh.surface] + (state.u[mesh.surface] if deformed else 0.0)
+    contact = np.cross(surface - state.centre, state.normal_force + state.friction_force).sum(axis=0)
+    base = np.cross(mesh.X[mesh.fixed] - state.centre, state.fixed_force).sum(axis=0)
+    return float(np.linalg.norm(contact + base) / max(np.linalg.norm(state.force) * length, 1e-12))

@@ -1,0 +1,1 @@
+"""Recorded presses and images to forces and flow features."""

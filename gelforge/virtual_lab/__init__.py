@@ -1,0 +1,1 @@
+"""Synthetic recordings of a sensor whose true physics is known."""

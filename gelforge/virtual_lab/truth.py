@@ -1,0 +1,36 @@
+"""Cells of the virtual sensor: its true physics, on a mesh of its own, loading and unloading."""
+
+from __future__ import annotations
+
+from gelforge.config import Study, VirtualLab
+from gelforge.indentation.cell_file import Cell
+from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.simulate import Trajectory, simulate_trajectory
+from gelforge.mechanics.laws import Ogden
+
+KPA = 1e-3  # MPa
+
+
+def true_laws(study: Study, lab: VirtualLab) -> dict[str, Ogden]:
+    """Return the laws of the virtual sensor by layer [MPa]: those of its coupons times the concealed factor."""
+    laws = {}
+    for layer in study.sensor.layers:
+        coupon = lab.materials[layer.material]
+        factor = KPA * lab.stiffness_scale.get(layer.name, 1.0)
+        laws[layer.name] = Ogden(tuple(factor * mu for mu in coupon.mu_kPa), tuple(coupon.alpha))
+    return laws
+
+
+def simulate_truth_cell(study: Study, lab: VirtualLab, planned: PlannedCell) -> Cell:
+    """Return the cell of the virtual sensor, gel displacement included; after the plan's depths it is unloaded."""
+    deepest = planned.depths_mm[-1]
+    unload = tuple(depth for depth in sorted(lab.unload_depths_mm, reverse=True) if depth < deepest)
+    trajectory = Trajectory(
+        planned.x_mm,
+        planned.y_mm,
+        planned.depths_mm + unload,
+        ("load",) * len(planned.depths_mm) + ("unload",) * len(unload),
+    )
+    mechanics = study.mechanics.model_copy(update={"mesh": lab.mesh, "store_displacement": True})
+    cell = simulate_trajectory(study.sensor, study.indenter, mechanics, true_laws(study, lab), trajectory)
+    return Cell(cell.arrays, cell.attributes | {"cell": planned.name, "synthetic": True})
