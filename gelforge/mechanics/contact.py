@@ -21,76 +21,84 @@ SLIP_TANGENT = 0.5  # 0: secant, 1: consistent
 
 @nb.njit(cache=True)
 def contact_forces(
-    gap, normal, slip, pressure, active, area, t_old, new_contact, eps_n, eps_t, mu,
-    f_mixed, f_condensed, t_new, stiffness, f_consistent, stiffness_consistent, state,
+    gap, normal, turn, slip, pressure, active, area, t_old, new_contact, eps_n, eps_t, mu,
+    f_mixed, f_condensed, f_consistent, friction, stiffness, stiffness_consistent, state,
 ):  # fmt: skip
-    """Fill the forces of the ball on the nodes and their tangents; return nothing.
+    """Fill the forces of the indenter on the nodes and their tangents; return nothing.
 
-    In: gap (S,) [mm], normal (S, 3) from the ball into the body, slip (S, 3) motion relative to the ball since the last
-    converged state [mm], pressure (S,) lam_n [MPa], active (S,) bool, area (S,) [mm^2], t_old (S, 3) friction forces of the
-    last converged state [N], new_contact (S,) bool: open at the last converged state, eps_n, eps_t [N/mm^3], mu.
-    Out: f_mixed (S, 3) force with the pressure given [N]; f_condensed (S, 3) with lam_n - eps_n g; t_new (S, 3) friction
-    part; stiffness (S, 3, 3) = -d f_condensed/dx, symmetric [N/mm]; f_consistent, stiffness_consistent the same with the
-    consistent tangent; state (S,).
+    In: gap (S,) [mm], normal (S, 3) from the indenter into the body, turn (S, 3, 3) = dn/dx [1/mm], slip (S, 3) motion
+    relative to the indenter since the last converged state [mm], pressure (S,) lam_n [MPa], active (S,) bool, area (S,)
+    [mm^2], t_old (S, 3) friction forces of the last converged state [N], new_contact (S,) bool: open at the last converged
+    state, eps_n, eps_t [N/mm^3], mu [-].
+    Out: f_mixed (S, 3) [N] with the pressure given; f_condensed (S, 3) with lam_n - eps_n g; friction (S, 3) the tangential
+    part of both; stiffness (S, 3, 3) [N/mm], about -d f_condensed/dx, symmetric positive; f_consistent (S, 3) and
+    stiffness_consistent (S, 3, 3) = -d f_consistent/dx exactly, the limit of friction following lam_n - eps_n g; state (S,).
     """
+    T = np.empty(3)
+    turned = np.empty(3)
     trial = np.empty(3)
+    M = np.empty((3, 3))  # d trial / dx
     for s in range(gap.shape[0]):
         state[s] = OPEN
-        for i in range(3):
-            f_mixed[s, i] = 0.0
-            f_condensed[s, i] = 0.0
-            f_consistent[s, i] = 0.0
-            t_new[s, i] = 0.0
-            for j in range(3):
-                stiffness[s, i, j] = 0.0
-                stiffness_consistent[s, i, j] = 0.0
+        f_mixed[s] = 0.0
+        f_condensed[s] = 0.0
+        f_consistent[s] = 0.0
+        friction[s] = 0.0
+        stiffness[s] = 0.0
+        stiffness_consistent[s] = 0.0
         if not active[s]:
             continue
         A = area[s]
         n = normal[s]
+        H = turn[s]
         N = A * pressure[s]
-        # The geometric term (g/r)(I - n n) is left out: it is negative at large overclosure and vanishes at convergence.
+        N_next = A * (pressure[s] - eps_n * gap[s])
         for i in range(3):
             f_mixed[s, i] = N * n[i]
-            f_condensed[s, i] = A * (pressure[s] - eps_n * gap[s]) * n[i]
-            f_consistent[s, i] = f_condensed[s, i]
+            f_condensed[s, i] = N_next * n[i]
+            f_consistent[s, i] = N_next * n[i]
             for j in range(3):
                 stiffness[s, i, j] = eps_n * A * n[i] * n[j]
-                stiffness_consistent[s, i, j] = stiffness[s, i, j]
+                # The turn of the normal softens: it is left out of the symmetric tangent, which must stay positive.
+                stiffness_consistent[s, i, j] = eps_n * A * n[i] * n[j] - N_next * H[i, j]
         state[s] = SLIP
         if mu <= 0.0 or N <= 0.0:
             continue
+
         share = 0.5 if new_contact[s] else 1.0
-        slip_n = 0.0
-        t_n = 0.0
+        along = 0.0
         for i in range(3):
-            slip_n += share * slip[s, i] * n[i]
-            t_n += t_old[s, i] * n[i]
+            T[i] = t_old[s, i] - eps_t * A * share * slip[s, i]
+            along += T[i] * n[i]
         size = 0.0
         for i in range(3):
-            trial[i] = t_old[s, i] - t_n * n[i] - eps_t * A * (share * slip[s, i] - slip_n * n[i])
+            trial[i] = T[i] - along * n[i]
+            turned[i] = H[i, 0] * T[0] + H[i, 1] * T[1] + H[i, 2] * T[2]
             size += trial[i] * trial[i]
         size = np.sqrt(size)
-        slips = size > mu * N
-        factor = mu * N / size if slips else 1.0
-        state[s] = SLIP if slips else STICK
         for i in range(3):
-            t_new[s, i] = factor * trial[i]
-            f_mixed[s, i] += t_new[s, i]
-            f_condensed[s, i] += t_new[s, i]
-            f_consistent[s, i] += t_new[s, i]
             for j in range(3):
-                plane = share * eps_t * A * factor * ((1.0 if i == j else 0.0) - n[i] * n[j])
-                stiffness[s, i, j] += plane
-                stiffness_consistent[s, i, j] += plane
-        if slips:
-            for i in range(3):
-                direction = trial[i] / size
-                f_consistent[s, i] -= mu * eps_n * A * gap[s] * direction
-                for j in range(3):
-                    turn = share * eps_t * A * factor * direction * trial[j] / size
-                    stiffness[s, i, j] -= SLIP_TANGENT * turn
-                    stiffness_consistent[s, i, j] += mu * eps_n * A * direction * n[j] - turn
+                plane = (1.0 if i == j else 0.0) - n[i] * n[j]
+                M[i, j] = -eps_t * A * share * plane - n[i] * turned[j] - along * H[i, j]
+        slips = size > mu * N
+        state[s] = SLIP if slips else STICK
+        factor = mu * N / size if slips else 1.0
+        factor_next = mu * max(N_next, 0.0) / size if slips else 1.0
+        for i in range(3):
+            friction[s, i] = factor * trial[i]
+            f_mixed[s, i] += friction[s, i]
+            f_condensed[s, i] += friction[s, i]
+            f_consistent[s, i] += factor_next * trial[i]
+            for j in range(3):
+                plane = (1.0 if i == j else 0.0) - n[i] * n[j]
+                if slips:
+                    plane -= SLIP_TANGENT * trial[i] * trial[j] / size**2
+                stiffness[s, i, j] += share * factor * eps_t * A * plane
+                change = factor_next * M[i, j]
+                if slips:
+                    pull = (trial[0] * M[0, j] + trial[1] * M[1, j] + trial[2] * M[2, j]) / size**2
+                    change -= factor_next * trial[i] * pull + mu * eps_n * A * trial[i] / size * n[j]
+                stiffness_consistent[s, i, j] -= change
 
 
 @nb.njit(cache=True)

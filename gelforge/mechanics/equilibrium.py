@@ -88,7 +88,7 @@ class Press:
         centre = self.indenter.start(x, y)
         S = len(self.surface)
         u = np.zeros_like(self.body.mesh.X)
-        gap, _ = self._gap(u, centre)
+        gap = self._gap(u, centre)[0]
         none = np.zeros((S, 3))
         return State(
             centre=centre,
@@ -133,11 +133,11 @@ class Press:
         """Return the equilibrium with the indenter at centre, from state; previous gives the predictor its slope."""
         s = self.settings
         u, pressure, lam = self._predict(previous, state, centre)
-        gap, normal = self._gap(u, centre)
+        gap, normal, turn = self._gap(u, centre)
         active = (lam > 0) | ((lam == 0) & (gap < 0))
         lam = np.where(active, lam, 0.0)
         factored_for, last_residual, changes, factorisations = None, np.inf, 0, 0
-        response, contact = self._evaluate(u, pressure, lam, active, gap, normal, state, centre)
+        response, contact = self._evaluate(u, pressure, lam, active, gap, normal, turn, state, centre)
         for iteration in range(s.max_iterations + 1):
             unbalanced, residual = self._residual(response, contact)
             penetration = float(np.abs(gap[active]).max(initial=0.0))
@@ -157,7 +157,7 @@ class Press:
             chord = (
                 factored_for is not None
                 and np.array_equal(active, factored_for)
-                and residual < max(CHORD_RESIDUAL, 0)
+                and residual < CHORD_RESIDUAL
                 and residual < CHORD_RATE * last_residual
             )
             if not chord:
@@ -171,16 +171,16 @@ class Press:
                 trial_u = u + length * du
                 trial_p = pressure + length * (new_pressure - pressure)
                 trial_lam = lam + length * (new_lam - lam)
-                trial_gap, trial_normal = self._gap(trial_u, centre)
+                trial_gap, normal_at, turn_at = self._gap(trial_u, centre)
                 trial_active = np.where(active, trial_lam > 0, trial_gap < 0)
                 trial_lam = np.where(trial_active, trial_lam, 0.0)
                 response, contact = self._evaluate(
-                    trial_u, trial_p, trial_lam, trial_active, trial_gap, trial_normal, state, centre
+                    trial_u, trial_p, trial_lam, trial_active, trial_gap, normal_at, turn_at, state, centre
                 )
                 if response.smallest_J > LEAST_J:
                     break
             changes = int((trial_active != active).sum())
-            u, pressure, lam, active, gap, normal = trial_u, trial_p, trial_lam, trial_active, trial_gap, trial_normal
+            u, pressure, lam, active, gap, normal = trial_u, trial_p, trial_lam, trial_active, trial_gap, normal_at
         raise NotConverged(
             f"no equilibrium at centre {np.round(centre, 4)} mm after {s.max_iterations} iterations: unbalanced force "
             f"{residual:.1e} of the contact force (limit {s.force_tolerance:.0e}), penetration {penetration:.1e} mm "
@@ -200,7 +200,7 @@ class Press:
             for name in ("u", "pressure", "contact_pressure")
         )
 
-    def _gap(self, u: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _gap(self, u: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         reference = self.body.mesh.X[self.surface]
         moved = reference + u[self.surface]
         if self.settings.initial_normals:
@@ -208,17 +208,17 @@ class Press:
             return self.indenter.vertical_gap(moved, centre)
         return self.indenter.gap(moved, centre)
 
-    def _evaluate(self, u, pressure, lam, active, gap, normal, old: State, centre) -> tuple[Response, dict]:
+    def _evaluate(self, u, pressure, lam, active, gap, normal, turn, old: State, centre) -> tuple[Response, dict]:
         S = len(self.surface)
         contact = {name: np.empty((S, 3)) for name in ("f_mixed", "f_condensed", "f_consistent", "friction")}
         contact |= {name: np.empty((S, 3, 3)) for name in ("stiffness", "stiffness_consistent")}
         contact["state"] = np.empty(S, np.int8)
         slip = (u - old.u)[self.surface] - (centre - old.centre)
         contact_forces(
-            gap, np.ascontiguousarray(normal), slip, lam, active, self.area, old.friction_force, old.gap > 1e-9,
+            gap, normal, turn, slip, lam, active, self.area, old.friction_force, old.gap > 1e-9,
             self.settings.normal_stiffness, self.settings.tangential_stiffness, self.settings.friction,
-            contact["f_mixed"], contact["f_condensed"], contact["friction"], contact["stiffness"],
-            contact["f_consistent"], contact["stiffness_consistent"], contact["state"],
+            contact["f_mixed"], contact["f_condensed"], contact["f_consistent"], contact["friction"],
+            contact["stiffness"], contact["stiffness_consistent"], contact["state"],
         )  # fmt: skip
         return self.body.response(u, pressure, NO_TANGENT), contact
 

@@ -17,17 +17,20 @@ class Sphere:
         """Return the centre (3,) [mm] at first touch above (x, y)."""
         return np.array([x, y, self.radius])
 
-    def gap(self, points: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return gap (n,) [mm] (negative penetrates) and normal (n, 3) from the ball into the body at points (n, 3)."""
+    def gap(self, points: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return gap (n,) [mm] (negative penetrates), normal (n, 3) into the body and its turn dn/dx (n, 3, 3) [1/mm]."""
         ray = points - centre
         r = np.linalg.norm(ray, axis=-1)
-        return r - self.radius, ray / r[:, None]
+        normal = ray / r[:, None]
+        turn = (np.eye(3) - normal[:, :, None] * normal[:, None, :]) / r[:, None, None]
+        return r - self.radius, normal, turn
 
-    def vertical_gap(self, points: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the vertical gap (n,) [mm] below the ball and the normal (0, 0, -1) of the undeformed surface.
+    def vertical_gap(self, points: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the same with the vertical distance below the ball and the normal (0, 0, -1) of the undeformed surface.
 
-        Points outside the ball's shadow are open by its height above them.
+        Points outside the ball's shadow are open by its centre's height above them.
         """
         d2 = ((points[:, :2] - centre[:2]) ** 2).sum(axis=-1)
         height = centre[2] - np.sqrt(np.maximum(self.radius**2 - d2, 0.0))
-        return height - points[:, 2], np.broadcast_to([0.0, 0.0, -1.0], points.shape)
+        normal = np.tile([0.0, 0.0, -1.0], (len(points), 1))
+        return height - points[:, 2], normal, np.zeros((len(points), 3, 3))

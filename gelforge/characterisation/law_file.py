@@ -1,0 +1,149 @@
+"""The file of a material's law: law.json, the same bytes for the same inputs."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.stats import t as student
+
+from gelforge.files import write_json
+from gelforge.mechanics.laws import Ogden
+
+FORMAT = "gelforge-law-1"
+CONVENTION = (
+    "W = sum_k mu_k/alpha_k (l1^alpha_k + l2^alpha_k + l3^alpha_k - 3), l1 l2 l3 = 1;"
+    " E = 1.5 sum_k mu_k alpha_k"
+)
+DIGITS = 10  # of every stored number: beyond the convergence of a fit, within what another machine reproduces
+
+
+class LawFileError(ValueError):
+    """A law file that cannot be used: which, what was found, what to do."""
+
+
+@dataclass(frozen=True)
+class MaterialLaw:
+    """The law of one material [MPa] and where it comes from.
+
+    covariance (2K, 2K) is that of (mu_1_kPa, alpha_1, mu_2_kPa, ...); it, r2_nominal and valid_stretch are
+    None and samples is empty for a law that was given rather than fitted.
+    """
+
+    material: str
+    law: Ogden
+    inputs_digest: str
+    covariance: np.ndarray | None = None
+    r2_nominal: dict[str, float] | None = None
+    valid_stretch: dict[str, tuple[float, float]] | None = None
+    samples: dict[str, int] | None = None
+    synthetic: bool = False  # the tests come from a virtual lab
+
+    @property
+    def parameters(self) -> list[str]:
+        """Return the names of the parameters in the order of the covariance."""
+        return [name for k in range(1, len(self.law.mu) + 1) for name in (f"mu_{k}_kPa", f"alpha_{k}")]
+
+
+def write_law(path: str | Path, material: MaterialLaw) -> None:
+    """Write law.json, whole or not at all."""
+    law, covariance = material.law, material.covariance
+    content = {
+        "format": FORMAT,
+        "material": material.material,
+        "law": "ogden",
+        "convention": CONVENTION,
+        "mu_kPa": [m * 1e3 for m in law.mu],
+        "alpha": list(law.alpha),
+        "shear_modulus_kPa": law.shear_modulus * 1e3,
+        "youngs_modulus_kPa": law.youngs_modulus * 1e3,
+        "covariance": None
+        if covariance is None
+        else {"parameters": material.parameters, "matrix": np.asarray(covariance).tolist()},
+        "r2_nominal": material.r2_nominal,
+        "valid_stretch": material.valid_stretch,
+        "samples": material.samples or {},
+        "synthetic": material.synthetic,
+        "inputs_digest": material.inputs_digest,
+    }
+    write_json(path, _rounded(content))
+
+
+def read_law(path: str | Path) -> MaterialLaw:
+    """Return the law of a law.json.
+
+    Raises LawFileError naming the file for one that is missing, damaged or of another format.
+    """
+    path = Path(path)
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise LawFileError(f"{path}: no such file; run the material stage (snakemake {path})") from None
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise LawFileError(
+            f"{path}: not valid JSON ({error}); delete it and run the material stage again"
+        ) from None
+    found = content.get("format") if isinstance(content, dict) else type(content).__name__
+    if found != FORMAT:
+        raise LawFileError(f"{path}: format {found!r}, expected {FORMAT!r}; run the material stage again")
+    if content.get("law") != "ogden":
+        raise LawFileError(f"{path}: law {content.get('law')!r}; 'ogden' is the law that can be read")
+    try:
+        law = Ogden(tuple(m / 1e3 for m in content["mu_kPa"]), tuple(content["alpha"]))
+        covariance, valid = content["covariance"], content["valid_stretch"]
+        return MaterialLaw(
+            content["material"],
+            law,
+            content["inputs_digest"],
+            None if covariance is None else np.array(covariance["matrix"], dtype=float),
+            content["r2_nominal"],
+            None if valid is None else {test: (low, high) for test, (low, high) in valid.items()},
+            content["samples"],
+            content["synthetic"],
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise LawFileError(
+            f"{path}: {type(error).__name__} {error}; delete it and run the material stage again"
+        ) from None
+
+
+def material_table(materials: list[MaterialLaw]) -> pd.DataFrame:
+    """Return the rows of tables/material: each quantity with its 95 % interval where samples were fitted.
+
+    Intervals follow from the covariance with Student's t for (samples - parameters) degrees of freedom; those
+    of mu_k and of Young's modulus E are intervals of their logarithm, so that they keep the sign.
+    """
+    rows = []
+    for m in materials:
+        mu, alpha = np.array(m.law.mu) * 1e3, np.array(m.law.alpha)
+        C = np.full((2 * len(mu),) * 2, np.nan) if m.covariance is None else m.covariance
+        sigma = np.sqrt(np.diag(C))
+        freedom = max(1, sum((m.samples or {}).values()) - len(sigma))
+        t = student.ppf(0.975, freedom)
+        for k in range(len(mu)):
+            factor = np.exp(t * sigma[2 * k] / abs(mu[k]))
+            interval = sorted((mu[k] / factor, mu[k] * factor)) if np.isfinite(factor) else (np.nan, np.nan)
+            rows.append((m.material, f"mu_{k + 1}", "kPa", mu[k], *interval))
+            half = t * sigma[2 * k + 1]
+            rows.append((m.material, f"alpha_{k + 1}", "1", alpha[k], alpha[k] - half, alpha[k] + half))
+        E = m.law.youngs_modulus * 1e3
+        gradient = 1.5 * np.column_stack([alpha, mu]).ravel()  # dE / d(mu_1, alpha_1, ...)
+        factor = np.exp(t * np.sqrt(gradient @ C @ gradient) / E)
+        rows.append((m.material, "E", "kPa", E, E / factor, E * factor))
+        for test, r2 in (m.r2_nominal or {}).items():
+            rows.append((m.material, f"R2 {test}", "1", r2, np.nan, np.nan))
+    return pd.DataFrame(rows, columns=["material", "quantity", "unit", "value", "low_95", "high_95"])
+
+
+def _rounded(content):
+    """Return the content with every float rounded to DIGITS significant digits."""
+    if isinstance(content, float):
+        return float(f"{content:.{DIGITS}g}")
+    if isinstance(content, dict):
+        return {key: _rounded(value) for key, value in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [_rounded(value) for value in content]
+    return content

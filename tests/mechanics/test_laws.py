@@ -1,0 +1,209 @@
+"""One battery for every law: a new one enters by one line in LAWS."""
+
+import closed_forms
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from gelforge.mechanics.homogeneous import LOAD_CASES, cauchy_stress, nominal_stress, principal_stretches
+from gelforge.mechanics.laws import Ogden
+
+LAWS = {
+    "ecoflex_gel": Ogden((7.9652e-3, 0.3093e-3), (1.2769, 3.5676)),
+    "elastosil_25_1": Ogden((85.1168e-3, -0.0020e-3), (2.8991, -8.2915)),
+    "neo_hooke": Ogden((0.1,), (2.0,)),
+    "three_terms": Ogden((0.63, 0.0012, -0.01), (1.3, 5.0, -2.0)),  # Ogden 1972, fitted to Treloar's rubber
+}
+rng = np.random.default_rng(1)
+
+
+def rotations(count):
+    Q, R = np.linalg.qr(rng.normal(size=(count, 3, 3)))
+    Q = Q * np.sign(np.einsum("nii->ni", R))[:, None, :]
+    Q[np.linalg.det(Q) < 0, :, 0] *= -1
+    return Q
+
+
+def stretched(lam):
+    """Return deformation gradients with the principal stretches lam (n, 3) in random frames."""
+    n = len(lam)
+    return np.einsum("nia,na,nja->nij", rotations(n), np.asarray(lam, float), rotations(n))
+
+
+# distinct, two and three equal, nearly equal at every distance down to rounding, with and without a change of
+# volume
+NEAR = [(1.3, 1.3 * (1 + d), 0.7) for d in 10.0 ** -np.arange(2.0, 16.0)]
+STATES = {
+    "distinct": stretched(np.exp(0.4 * rng.normal(size=(20, 3)))),
+    "two equal": stretched([(1.4, 1.4, 0.6), (0.8, 0.8, 1.7), (1.0, 1.0, 2.0)]),
+    "three equal": stretched([(1.0, 1.0, 1.0), (1.2, 1.2, 1.2), (0.7, 0.7, 0.7)]),
+    "nearly equal": stretched(NEAR),
+    "identity": np.eye(3)[None],
+}
+battery = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
+states = pytest.mark.parametrize("F", STATES.values(), ids=STATES.keys())
+
+
+def remainder_rates(remainder, steps=(2e-2, 1e-2, 5e-3)):
+    """Return log2 of the ratios of Taylor remainders (points,) of halved steps."""
+    r = np.array([remainder(h) for h in steps])
+    return np.log2(r[:-1] / r[1:])
+
+
+@battery
+@states
+def test_nominal_stress_is_the_derivative_of_the_energy(law, F):
+    D = rng.normal(size=F.shape) / 3
+    slope = (law.nominal_stress(F) * D).sum(axis=(-2, -1))
+    rates = remainder_rates(lambda h: np.abs(law.energy(F + h * D) - law.energy(F) - h * slope).max())
+    # remainder of a correct first derivative: O(h^2), rate 2 + O(h); a wrong one has rate 1
+    assert_allclose(rates, 2, atol=0.2)
+
+
+@battery
+@states
+def test_tangent_is_the_derivative_of_the_nominal_stress(law, F):
+    D = rng.normal(size=F.shape) / 3
+    slope = np.einsum("...ijkl,...kl->...ij", law.tangent(F), D)
+    rates = remainder_rates(
+        lambda h: np.abs(law.nominal_stress(F + h * D) - law.nominal_stress(F) - h * slope).max()
+    )
+    assert_allclose(rates, 2, atol=0.2)
+
+
+@battery
+def test_tangent_does_not_lose_digits_between_close_stretches(law):
+    """The tangent is smooth in F: over a step d it changes by a bounded slope times d, plus rounding."""
+    frames = rotations(2)
+    distance = 10.0 ** -np.arange(3.0, 17.0)
+    close = np.array([frames[0] @ np.diag([1.3, 1.3 * (1 + d), 0.7]) @ frames[1] for d in distance])
+    equal = frames[0] @ np.diag([1.3, 1.3, 0.7]) @ frames[1]
+    A = law.tangent(equal)
+    change = np.abs(law.tangent(close) - A).max(axis=(-4, -3, -2, -1)) / np.abs(A).max()
+    # slope: alpha up to 8 gives d A / A of some ten d; rounding: thirty products of order one
+    assert (change <= 50 * distance + 1e-13).all()
+
+
+@battery
+@states
+def test_major_symmetry(law, F):
+    A = law.tangent(F)
+    assert_allclose(
+        A, np.einsum("...ijkl->...klij", A), atol=1e-14 * np.abs(A).max()
+    )  # rounding of the rotations
+
+
+@battery
+@states
+def test_objectivity(law, F):
+    Q = rotations(len(F))
+    scale = law.shear_modulus
+    assert_allclose(
+        law.energy(Q @ F), law.energy(F), rtol=1e-12, atol=1e-14 * scale
+    )  # rounding of Q and the SVD
+    assert_allclose(law.nominal_stress(Q @ F), Q @ law.nominal_stress(F), rtol=1e-11, atol=1e-13 * scale)
+    rotated = np.einsum("nia,nkc,najcl->nijkl", Q, Q, law.tangent(F))
+    assert_allclose(law.tangent(Q @ F), rotated, rtol=1e-9, atol=1e-12 * np.abs(rotated).max())
+
+
+@battery
+@states
+def test_isotropy(law, F):
+    Q = rotations(len(F))
+    scale = law.shear_modulus
+    assert_allclose(law.energy(F @ Q), law.energy(F), rtol=1e-12, atol=1e-14 * scale)
+    assert_allclose(law.nominal_stress(F @ Q), law.nominal_stress(F) @ Q, rtol=1e-11, atol=1e-13 * scale)
+
+
+@battery
+@states
+def test_kirchhoff_stress_is_symmetric_traceless_and_blind_to_volume(law, F):
+    tau = law.kirchhoff_stress(F)
+    atol = 1e-12 * max(law.shear_modulus, np.abs(tau).max())  # rounding
+    assert_allclose(tau, law.nominal_stress(F) @ np.swapaxes(F, -1, -2), atol=atol)
+    assert_allclose(tau, np.swapaxes(tau, -1, -2), atol=atol)
+    assert_allclose(np.trace(tau, axis1=-2, axis2=-1), 0, atol=atol)
+    assert_allclose(law.kirchhoff_stress(1.3 * F), tau, atol=atol)
+
+
+@battery
+def test_small_strain_limit(law):
+    """tau = 2 mu dev(eps) + O(eps^2), and the tangent at rest is that of deviatoric linear elasticity."""
+    H = rng.normal(size=(3, 3))
+    eps = (H + H.T) / 2
+    dev = eps - np.trace(eps) / 3 * np.eye(3)
+    linear = 2 * law.shear_modulus * dev
+    rates = remainder_rates(
+        lambda h: np.abs(law.kirchhoff_stress(np.eye(3) + h * H) - h * linear).max(), (4e-3, 2e-3, 1e-3)
+    )
+    assert_allclose(rates, 2, atol=0.1)
+    delta = np.eye(3)
+    A = law.shear_modulus * (
+        np.einsum("ik,jl->ijkl", delta, delta)
+        + np.einsum("il,jk->ijkl", delta, delta)
+        - 2 / 3 * np.einsum("ij,kl->ijkl", delta, delta)
+    )
+    assert_allclose(law.tangent(np.eye(3)), A, atol=1e-14 * law.shear_modulus)  # exact but for rounding
+    assert law.youngs_modulus == pytest.approx(3 * law.shear_modulus, rel=1e-15)
+
+
+@battery
+@pytest.mark.parametrize("case", LOAD_CASES)
+def test_homogeneous_stress_is_the_closed_form(law, case):
+    lam = np.linspace(0.6, 3, 25).reshape(5, 5)
+    expected = getattr(closed_forms, case)(law.mu, law.alpha, lam)
+    atol = 1e-14 * np.abs(expected).max()  # cancellation near lam = 1
+    assert_allclose(nominal_stress(law, case, lam), expected, rtol=1e-12, atol=atol)
+    assert_allclose(cauchy_stress(law, case, lam), lam * expected, rtol=1e-12, atol=3 * atol)
+
+
+@battery
+@pytest.mark.parametrize("case", LOAD_CASES)
+def test_three_dimensional_form_agrees_with_the_closed_form(law, case):
+    """tau_1 - tau_3 is free of the pressure, so it is the Cauchy stress of the incompressible sheet."""
+    lam = np.linspace(0.7, 2.5, 10)
+    F = np.einsum("ni,ij->nij", principal_stretches(case, lam), np.eye(3))
+    tau = law.kirchhoff_stress(F)
+    expected = lam * getattr(closed_forms, case)(law.mu, law.alpha, lam)
+    assert_allclose(tau[:, 0, 0] - tau[:, 2, 2], expected, rtol=1e-11, atol=1e-13 * np.abs(expected).max())
+
+
+@battery
+def test_simple_shear(law):
+    for gamma in (1e-3, 0.5, 2.0):
+        tau = law.kirchhoff_stress(np.eye(3) + gamma * np.outer([1, 0, 0], [0, 1, 0]))
+        expected = closed_forms.simple_shear_stress(law.mu, law.alpha, gamma)
+        assert tau[0, 1] == pytest.approx(expected, rel=1e-10)  # the small shear cancels three digits
+
+
+def test_neo_hooke_is_the_law_of_invariants():
+    for F in STATES["distinct"]:
+        expected = closed_forms.neo_hooke_energy(0.1, F.tolist())
+        assert LAWS["neo_hooke"].energy(F) == pytest.approx(expected, rel=1e-12)
+
+
+def test_published_youngs_moduli():
+    """Sferrazza et al. 2019, sec. II-E: 16.9 kPa and 370.2 kPa, to the digits printed."""
+    assert LAWS["ecoflex_gel"].youngs_modulus * 1e3 == pytest.approx(16.9, abs=0.05)
+    assert LAWS["elastosil_25_1"].youngs_modulus * 1e3 == pytest.approx(370.2, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("mu", "alpha", "message"),
+    [
+        ((1.0,), (-2.0,), "mu_1 1.0 MPa and alpha_1 -2.0"),
+        ((1.0, 0.0), (2.0, 3.0), "mu_2 0.0"),
+        ((1.0, float("nan")), (2.0, 3.0), "mu_2 nan"),
+        ((1.0,), (2.0, 3.0), "1 mu but 2 alpha"),
+        ((), (), "at least one"),
+    ],
+)
+def test_parameters_without_a_meaning_are_refused(mu, alpha, message):
+    with pytest.raises(ValueError, match=message):
+        Ogden(mu, alpha)
+
+
+def test_an_inverted_point_is_refused():
+    F = np.stack([np.eye(3), np.diag([1.0, 1.0, -0.5])])
+    with pytest.raises(ValueError, match=r"det F = -0.5 at the worst of 2 points"):
+        LAWS["ecoflex_gel"].nominal_stress(F)
