@@ -524,6 +524,11 @@ def load_virtual_lab(path: str | Path) -> VirtualLab:
     return _validated(VirtualLab, _read_yaml(Path(path)), str(path))
 
 
+def load_section(path: str | Path, model: type[Section]) -> Any:
+    """Return the validated section of another kind (a mapping of columns, a small test) that a YAML file holds."""
+    return _validated(model, _read_yaml(Path(path)), str(path))
+
+
 def write_yaml(path: str | Path, section: Section) -> None:
     """Write a section as YAML, keys in the order of the model."""
     Path(path).write_text(yaml.safe_dump(section.model_dump(mode="json"), sort_keys=False), encoding="utf-8")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
@@ -18,6 +19,19 @@ class TableError(ValueError):
     """A table that cannot be used: file, row, value found, limit, remedy."""
 
 
+@dataclass(frozen=True)
+class CsvForm:
+    """How a table is written. Separator and decimal sign None: comma or semicolon, as the header line shows."""
+
+    separator: str | None = None
+    decimal: str | None = None
+    encoding: str = "utf-8-sig"
+    comment: str = "#%"  # each of these signs begins a comment line above the header
+    skip_rows: int = 0  # lines above the header (or above the first row) that are not part of the table
+    header: bool = True  # without a header the columns are called 1, 2, 3, ...
+    columns: int | None = None  # their number where there is no header; None: as many as the first row has
+
+
 def read_csv(
     path: str | Path,
     *,
@@ -25,6 +39,7 @@ def read_csv(
     optional_numbers: Sequence[str] = (),
     texts: Sequence[str] = (),
     optional_texts: Sequence[str] = (),
+    form: CsvForm = CsvForm(),
 ) -> pd.DataFrame:
     """Return a CSV file as a table whose index is the line number in the file.
 
@@ -33,7 +48,7 @@ def read_csv(
     (""). Other columns are kept as text.
     """
     path = Path(path)
-    header, separator, rows = _split(path)
+    header, decimal, rows = _split(path, form)
     missing = [name for name in (*numbers, *texts) if name not in header]
     if missing:
         raise TableError(
@@ -45,9 +60,9 @@ def read_csv(
     if table.empty:
         raise TableError(f"{path}: no rows below the header; at least one is needed")
     for name in numbers:
-        table[name] = _numbers(path, table[name], separator, empty_allowed=False)
+        table[name] = _numbers(path, table[name], decimal, empty_allowed=False)
     for name in optional_numbers:
-        table[name] = _numbers(path, table[name], separator, True) if name in header else float("nan")
+        table[name] = _numbers(path, table[name], decimal, True) if name in header else float("nan")
     for name in texts:
         if (table[name] == "").any():
             raise TableError(f"{path}, row {table.index[table[name] == ''][0]}: {name} is empty; fill it")
@@ -69,21 +84,31 @@ def read_comments(path: str | Path) -> list[str]:
     return comments
 
 
-def _split(path: Path) -> tuple[list[str], str, list[tuple[int, list[str]]]]:
-    """Return the header, the separator and all rows (header first) as (line number, cells)."""
+def _split(path: Path, form: CsvForm) -> tuple[list[str], str, list[tuple[int, list[str]]]]:
+    """Return the header, the decimal sign(s) and all rows (header first) as (line number, cells)."""
     try:
-        lines = path.read_bytes().decode("utf-8-sig").splitlines()
+        lines = path.read_bytes().decode(form.encoding).splitlines()
     except FileNotFoundError:
         raise TableError(f"{path}: no such file; name one that exists") from None
     except UnicodeDecodeError as error:
-        raise TableError(f"{path}: byte {error.start} is not UTF-8; save the file as UTF-8 text") from None
-    start = next((i for i, line in enumerate(lines) if line.strip() and line.lstrip()[0] not in "#%"), None)
+        name = "UTF-8" if form.encoding.startswith("utf-8") else form.encoding
+        raise TableError(f"{path}: byte {error.start} is not {name}; save the file as {name} text") from None
+    start = next(
+        (
+            i
+            for i, line in enumerate(lines)
+            if i >= form.skip_rows and line.strip() and not _comment(line, form)
+        ),
+        None,
+    )
     if start is None:
         raise TableError(f"{path}: no header line; the first line that is no comment names the columns")
-    separator = ";" if ";" in lines[start] else ","
-    reader = csv.reader(lines[start:], delimiter=separator)
+    separator = form.separator or (";" if ";" in lines[start] else ",")
+    reader = csv.reader(lines[start:], delimiter=separator, skipinitialspace=separator == " ")
     rows = [(start + reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
     rows = [(line, cells) for line, cells in rows if any(cells)]
+    if not form.header:
+        rows.insert(0, (start + 1, [str(i + 1) for i in range(form.columns or len(rows[0][1]))]))
     header = rows[0][1]
     twice = sorted({name for name in header if header.count(name) > 1})
     if twice:
@@ -94,24 +119,31 @@ def _split(path: Path) -> tuple[list[str], str, list[tuple[int, list[str]]]]:
                 f"{path}, row {line}: {len(cells)} values for {len(header)} columns; complete the row"
                 " (decimal commas need semicolons between the values)"
             )
-    return header, separator, rows
+    return header, form.decimal or (".," if separator == ";" else "."), rows
 
 
-def _numbers(path: Path, column: pd.Series, separator: str, empty_allowed: bool) -> list[float]:
+def _comment(line: str, form: CsvForm) -> bool:
+    return line.lstrip()[0] in form.comment
+
+
+def _numbers(path: Path, column: pd.Series, decimal: str, empty_allowed: bool) -> list[float]:
+    """Return a column of text as numbers; decimal "." or "," allows only that sign, ".," both."""
     values = []
     for line, text in column.items():
         if text == "" and empty_allowed:
             values.append(math.nan)
             continue
         try:
-            value = float(text.replace(",", ".") if separator == ";" else text)
+            value = float(text.replace(",", ".") if "," in decimal else text)
+            if decimal == "," and "." in text:
+                value = math.nan  # 1.234 may be a thousand and more, or a fraction: not ours to guess
         except ValueError:
             value = math.nan
         if not math.isfinite(value):
             found = repr(text) if text else "nothing"
             raise TableError(
-                f"{path}, row {line}: {column.name} is {found}; a finite number is needed,"
-                " correct or drop the row"
+                f"{path}, row {line}: {column.name} is {found}; a finite number is needed"
+                f"{f' (decimal sign {decimal})' if len(decimal) == 1 else ''}, correct or drop the row"
             )
         values.append(value)
     return values

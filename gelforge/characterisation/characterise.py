@@ -4,22 +4,20 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
-from gelforge.characterisation.curves import MeanCurve, mean_curves
-from gelforge.characterisation.fit import FitError, fit_ogden
+from gelforge.characterisation.common_form import MaterialTest
+from gelforge.characterisation.curves import MeanCurve, mean_curves, monotonic_loading, sample_curves
+from gelforge.characterisation.fit import WEIGHTS, FitError, LawFit, fit_law
 from gelforge.characterisation.law_file import MaterialLaw, write_law
 from gelforge.characterisation.material_tests import (
-    SampleCurve,
     declared_synthetic,
     input_files,
     read_material_tests,
 )
 from gelforge.config import Material, OgdenParameters
 from gelforge.files import digest, file_sha256, write_text
-from gelforge.mechanics.homogeneous import nominal_stress
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.laws import Ogden, PrincipalLaw
 
 CURVE_COLUMNS = [
     "test",
@@ -53,44 +51,48 @@ def given_law(name: str, parameters: OgdenParameters) -> MaterialLaw:
 
 def fitted_law(name: str, folder: str | Path, terms: int) -> tuple[MaterialLaw, pd.DataFrame]:
     """Return the law fitted to a folder of raw tests, and its curves as a table (CURVE_COLUMNS)."""
-    samples = read_material_tests(folder)
+    samples, notes = monotonic_loading(read_material_tests(folder))
     means = mean_curves(samples)
     try:
-        fit = fit_ogden(means, terms)
+        fit = fit_law(means, f"ogden{terms}")
     except FitError as error:
         raise FitError(f"{folder}: {error}") from None
-    covariance = fit.covariance * _kPa_factors(terms)
-    law = MaterialLaw(
-        name,
-        fit.law,
-        _inputs_digest(Path(folder), terms),
-        covariance,
-        fit.r2_nominal,
-        fit.valid_stretch,
-        fit.samples,
-        declared_synthetic(folder),
-    )
+    law = material_law(name, fit, _inputs_digest(Path(folder), terms), declared_synthetic(folder), notes)
     return law, curve_table(samples, means, fit.law)
 
 
-def curve_table(samples: list[SampleCurve], means: list[MeanCurve], law: Ogden) -> pd.DataFrame:
+def material_law(name: str, fit: LawFit, inputs_digest: str, synthetic: bool, notes=()) -> MaterialLaw:
+    """Return what is kept of a fit."""
+    return MaterialLaw(
+        name,
+        fit.law,
+        inputs_digest,
+        fit.covariance,
+        fit.r2_nominal,
+        fit.valid_stretch,
+        fit.samples,
+        synthetic,
+        freedom=fit.freedom,
+        covariance_from=fit.covariance_from,
+        valid_states=fit.valid.extremes,
+        unstable_from=fit.unstable_from,
+        fitted_by=f"{WEIGHTS}; {fit.loss} loss",
+        notes=(*notes, *fit.notes),
+    )
+
+
+def curve_table(samples: list[MaterialTest], means: list[MeanCurve], law: PrincipalLaw) -> pd.DataFrame:
     """Return measured, averaged and modelled stress [kPa] against stretch; sample "mean" is the average."""
-    curves = [(c.test, c.sample, c.stretch, c.nominal_stress) for c in samples]
-    curves += [(c.test, MEAN, c.stretch, c.nominal_stress) for c in means]
+    curves = [(c, sample.sample) for sample in samples for c in sample_curves(sample)]
+    curves += [(c, MEAN) for c in means]
     parts = []
-    for test, sample, stretch, nominal in curves:
-        model = nominal_stress(law, test, stretch)
-        content = (test, sample, stretch, nominal * stretch * 1e3, nominal * 1e3, model * 1e3)
+    for c, sample in curves:
+        model = c.points.measured_stress(law)
+        content = (c.label, sample, c.stretch, c.cauchy_stress * 1e3, c.nominal_stress * 1e3, model * 1e3)
         parts.append(pd.DataFrame(dict(zip(CURVE_COLUMNS, content))))
     return pd.concat(parts, ignore_index=True)
 
 
-def _kPa_factors(terms: int) -> np.ndarray:
-    """Return the factors (2K, 2K) from the covariance of (mu_1 [MPa], alpha_1, ...) to (mu_1 [kPa], ...)."""
-    scale = np.array([1e3, 1.0] * terms)
-    return np.outer(scale, scale)
-
-
 def _inputs_digest(folder: Path, terms: int) -> str:
-    files = {path.name: file_sha256(path) for path in input_files(folder)}
+    files = {path.relative_to(folder).as_posix(): file_sha256(path) for path in input_files(folder)}
     return digest({"files": files, "ogden_terms": terms})

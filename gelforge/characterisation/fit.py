@@ -1,34 +1,41 @@
-r"""Ogden's law fitted jointly to the averaged curves of all tests.
+r"""A law fitted jointly to the averaged curves of all tests.
 
-The unknowns are ln g_k and alpha_k with g_k = mu_k alpha_k: mu_k alpha_k > 0 holds by construction, and the
-nominal stress
-
-.. math:: P = \sum_k g_k \frac{\lambda_1^{\alpha_k} - \lambda_3^{\alpha_k}}{\alpha_k \lambda_1}
-
-passes smoothly through alpha_k = 0, so that no sign has to be chosen beforehand.
-
-Least squares on the nominal stress, each test divided by its own root mean square and number of points: every
-test counts the same, whatever its stress level and its number of rows. Unweighted, the stiffest test alone
-(equibiaxial, whose stress can be several times larger) would decide the law.
+Least squares on the nominal stress, each kind of test divided by the root of its sum of squares about its mean: the
+sum of 1 - R2 over the kinds of tests is minimised, so that each counts the same, whatever its stress level and its
+number of rows. Unweighted, the stiffest test alone (equibiaxial, whose stress can be several times larger) would
+decide the law. With a robust loss the samples' own curves are fitted instead of
+their mean, so that a sample or a stretch of rows that disagrees with the others loses its pull.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import combinations
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.optimize import least_squares, nnls
+from scipy.optimize import least_squares
+from scipy.stats import t as student
 
 from gelforge.characterisation.curves import MeanCurve
-from gelforge.mechanics.homogeneous import nominal_stress, principal_stretches
-from gelforge.mechanics.laws import Ogden
+from gelforge.characterisation.families import FAMILIES, Family
+from gelforge.characterisation.valid_range import ValidRange, unstable_from
+from gelforge.mechanics.homogeneous import StressPoints
+from gelforge.mechanics.laws import PrincipalLaw
 
-START_EXPONENTS = (-16.0, -8.0, -4.0, -2.0, 1.0, 2.0, 3.0, 4.0, 8.0, 16.0)
-STARTS = 8  # the best combinations of start exponents are refined
-LARGEST_EXPONENT = 30.0
-SMALLEST_SHARE = 1e-9  # of a term in the stiffness
+WEIGHTS = "sum over the kinds of tests of 1 - R2 of the nominal stress: each kind counts the same"
+LEAST_SPREAD = 0.1  # of a test's sum of squares: a short piece of a curve must not count for its flatness
+LOSSES = ("linear", "soft_l1")  # quadratic, or growing only linearly beyond 1.345 robust standard deviations
+ROBUST_SCALE = (
+    1.345 * 1.4826
+)  # of the median absolute residual (Huber 1964: 95 % efficient for normal scatter)
 WORST_CONDITION = 1e7  # of the Jacobian with columns of length one: half of the digits of double precision
+ROWS_PER_PARAMETER = 3  # fewer rows than that cannot show a misfit
+FEW_ROWS = 12  # in a test: a curve whose shape between the rows is not seen; named in a note
+COARSE, FINE = (
+    1e-6,
+    1e-15,
+)  # relative tolerances: to rank starts; so that another machine gives the same ten digits
+
+NEIGHBOUR = 1e-8  # from a neighbouring fit: far below the scatter between samples
 
 
 class FitError(ValueError):
@@ -36,187 +43,335 @@ class FitError(ValueError):
 
 
 @dataclass(frozen=True)
-class OgdenFit:
-    """A fitted law: parameters [MPa], covariance of (mu_1, alpha_1, mu_2, ...) [MPa, 1], quality by test."""
+class LawFit:
+    """A fitted law, its parameters in the units of files, their covariance, and the quality by kind of test."""
 
-    law: Ogden
-    covariance: np.ndarray  # (2K, 2K)
+    family: Family
+    theta: np.ndarray  # (p,) unknowns of the family
+    theta_covariance: np.ndarray  # (p, p), 0 for unknowns at a bound
+    freedom: int  # degrees of freedom of the covariance
+    covariance_from: str  # what the independent units of the covariance are
+    misfit: float  # root of 1 - R2 averaged over the kinds of tests
     r2_nominal: dict[str, float]
     valid_stretch: dict[str, tuple[float, float]]
     samples: dict[str, int]
+    valid: ValidRange
+    unstable_from: float | None  # share of the valid range, None where stable
+    notes: tuple[str, ...] = field(default=())
+    loss: str = "linear"
+
+    @property
+    def law(self) -> PrincipalLaw:
+        """Return the law [MPa]."""
+        return self.family.law(self.theta)
+
+    @property
+    def parameters(self) -> np.ndarray:
+        """Return the parameters (p,) in the units of files."""
+        return self.family.values(self.theta)[0]
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Return the covariance (p, p) of the parameters in the units of files."""
+        T = self.family.values(self.theta)[1]
+        return T @ self.theta_covariance @ T.T
+
+    def stress_interval(self, points: StressPoints, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
+        """Return the nominal stress (n,) [MPa] and the half-width (n,) of its interval, from the covariance."""
+        stress, J = self.family.stress(points, self.theta)
+        sigma = np.sqrt(np.maximum(np.einsum("np,pq,nq->n", J, self.theta_covariance, J), 0))
+        return stress, student.ppf(0.5 + level / 2, self.freedom) * sigma
 
 
-def fit_ogden(curves: list[MeanCurve], terms: int) -> OgdenFit:
-    """Return Ogden's law with the given number of terms, fitted to all curves together; largest term first.
+def fit_law(
+    curves: list[MeanCurve], name: str, loss: str = "linear", start: np.ndarray | None = None
+) -> LawFit:
+    """Return the law of a family (FAMILIES) fitted to all curves together.
 
-    Raises FitError where the curves do not determine that many terms.
+    start (p,) replaces the family's own starts where a neighbouring fit is known. Raises FitError where the curves
+    do not determine the law.
     """
-    problem = _Problem.of(curves)
-    solutions = [
-        least_squares(
-            lambda theta: problem.weight * (problem.model(theta) - problem.mean),
-            start,
-            jac=lambda theta: problem.weight[:, None] * problem.jacobian(theta),
-            bounds=_bounds(problem, terms),
-            x_scale="jac",
-            ftol=1e-15,
-            xtol=1e-15,
-            gtol=1e-15,
-            max_nfev=500,
+    if name not in FAMILIES:
+        raise FitError(f"law {name!r} is not known; one of {', '.join(FAMILIES)}")
+    if loss not in LOSSES:
+        raise FitError(f"loss {loss!r} is not known; one of {', '.join(LOSSES)}")
+    family, problem = FAMILIES[name], Problem.of(curves)
+    _check_rows(curves, family)
+    theta = problem.solve(family, start)
+    if loss != "linear":
+        theta, problem = problem.robust_solve(family, theta, loss)
+    free, notes = _check_determined(problem, family, theta)
+    covariance, freedom, source = problem.covariance(family, theta, free)
+    fitted = family.law(theta)
+    valid = ValidRange.of(problem.points.lam)
+    unstable = unstable_from(fitted, valid)
+    if unstable is not None:
+        notes.append(
+            f"not Drucker-stable from {unstable:.0%} of the tested range on; not for finite elements"
         )
-        for start in _starts(problem, terms)
-    ]
-    theta = _largest_first(min(solutions, key=lambda s: s.cost).x)
-    _check_determined(problem, theta, terms)
-    g, alpha = np.exp(theta[0::2]), theta[1::2]
-    law = Ogden(tuple(g / alpha), tuple(alpha))
-    return OgdenFit(
-        law,
-        _parameter_covariance(problem.covariance(theta), law),
-        {c.test: _r2(c.nominal_stress, nominal_stress(law, c.test, c.stretch)) for c in curves},
-        {c.test: (float(c.stretch[0]), float(c.stretch[-1])) for c in curves},
-        {c.test: len(c.sample_nominal_stress) for c in curves},
+    return LawFit(
+        family,
+        theta,
+        covariance,
+        freedom,
+        source,
+        problem.misfit(family, theta),
+        {k: r_squared(*_pooled([c for c in curves if c.test == k], fitted)) for k in problem.kinds},
+        {k: _ends([c.stretch for c in curves if c.test == k]) for k in problem.kinds},
+        {kind: len({n for c in curves if c.test == kind for n in c.sample_names}) for kind in problem.kinds},
+        valid,
+        unstable,
+        (*_few_rows(curves), *notes),
+        loss,
     )
 
 
 @dataclass(frozen=True)
-class _Problem:
-    """All tests' points in one row: n points, s samples; theta = (ln g_1, alpha_1, ln g_2, ...), g in MPa."""
+class Problem:
+    """All points of all curves in one row (n), and the samples' readings at them (m rows).
 
-    lam: np.ndarray  # (n, 3)
+    unit: what is independent of the others, a sample; stratum: the kind of test of a unit.
+    """
+
+    points: StressPoints
     mean: np.ndarray  # (n,) nominal stress averaged over samples
     weight: np.ndarray  # (n,)
-    sample_scatter: (
-        np.ndarray
-    )  # (s, n) (sample - mean) / number of samples of its test, 0 at the points of other tests
-    sample_part: np.ndarray  # (s, n) 1 / number of samples of its test, 0 at the points of other tests
+    curve_sizes: tuple[int, ...]
+    kinds: tuple[str, ...]
+    row_point: np.ndarray  # (m,) index into the points
+    row_stress: np.ndarray  # (m,)
+    row_share: np.ndarray  # (m,) 1 / number of samples of the curve
+    row_unit: np.ndarray  # (m,) index of the sample
+    stratum: np.ndarray  # (units,) index of the kind of test
+    row_pull: np.ndarray | None = None  # (m,) weight of a row by a robust loss, and
+    row_curvature: np.ndarray | None = None  # (m,) its part in the Hessian
 
     @classmethod
-    def of(cls, curves: list[MeanCurve]) -> _Problem:
-        mean = np.concatenate([c.nominal_stress for c in curves])
-        weight = [np.full(len(c.stretch), _weight(c.nominal_stress)) for c in curves]
-        parts, scatter, first = [], [], 0
-        for c in curves:
-            count = len(c.sample_nominal_stress)
-            points = slice(first, first := first + len(c.stretch))
-            for stress in c.sample_nominal_stress:
-                part, deviation = np.zeros_like(mean), np.zeros_like(mean)
-                part[points] = 1 / count
-                deviation[points] = (stress - c.nominal_stress) / count
-                parts.append(part)
-                scatter.append(deviation)
-        lam = np.concatenate([principal_stretches(c.test, c.stretch) for c in curves])
-        return cls(lam, mean, np.concatenate(weight), np.array(scatter), np.array(parts))
-
-    def model(self, theta: np.ndarray) -> np.ndarray:
-        """Return the nominal stress (n,) [MPa]."""
-        return _unit_terms(self.lam, theta[1::2])[0] @ np.exp(theta[0::2])
-
-    def jacobian(self, theta: np.ndarray) -> np.ndarray:
-        """Return d model / d theta (n, 2K)."""
-        phi, dphi = _unit_terms(self.lam, theta[1::2])
-        g = np.exp(theta[0::2])
-        return np.stack([phi * g, dphi * g], axis=-1).reshape(len(phi), -1)
-
-    def covariance(self, theta: np.ndarray) -> np.ndarray:
-        """Return the covariance of theta (2K, 2K).
-
-        Sandwich over samples (White 1980; Liang & Zeger 1986): the points of one sample share its stiffness
-        and thickness error, so a sample, not a point, is the independent unit. With no more samples than
-        parameters the points have to serve, which is too optimistic.
-        """
-        J = self.weight[:, None] * self.jacobian(theta)  # (n, p)
-        length = np.linalg.norm(J, axis=0)
-        inverse = np.linalg.inv((J / length).T @ (J / length)) / np.outer(length, length)
-        residual = self.weight * (self.mean - self.model(theta))
-        (s, n), p = self.sample_part.shape, len(theta)
-        if s <= p:
-            return inverse * (residual @ residual) / (n - p)
-        scores = (
-            self.weight * self.sample_scatter + residual * self.sample_part
-        ) @ J  # (s, p); they add up to zero
-        return inverse @ (scores.T @ scores) @ inverse * s / (s - p)
-
-
-def _unit_terms(lam: np.ndarray, alpha: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return phi = (lam_1^a - lam_3^a) / (a lam_1) and d phi / d a, both (n, K), finite at a = 0.
-
-    lam_1^a - lam_3^a = 2 m^a sinh(a d / 2) with m = sqrt(lam_1 lam_3), d = ln(lam_1 / lam_3).
-    """
-    l1, l3 = lam[:, :1], lam[:, 2:]
-    m, d = np.sqrt(l1 * l3), np.log(l1 / l3)
-    x = alpha * d / 2
-    small = np.abs(x) < 1e-4  # the series below is exact to rounding there
-    safe = np.where(small, 1.0, x)
-    sinhc = np.where(small, 1 + x**2 / 6, np.sinh(safe) / safe)
-    slope = np.where(small, x / 3, (np.cosh(safe) - np.sinh(safe) / safe) / safe)
-    scale = m**alpha * d / l1
-    return scale * sinhc, scale * (np.log(m) * sinhc + slope * d / 2)
-
-
-def _weight(nominal: np.ndarray) -> float:
-    return float(1 / np.sqrt((nominal**2).sum()))
-
-
-def _starts(problem: _Problem, terms: int) -> list[np.ndarray]:
-    """Return the best start vectors: at fixed exponents the g_k >= 0 follow from a linear problem."""
-    found = []
-    for alpha in combinations(START_EXPONENTS, terms):
-        phi = _unit_terms(problem.lam, np.array(alpha))[0]
-        g, misfit = nnls(problem.weight[:, None] * phi, problem.weight * problem.mean)
-        found.append((misfit, alpha, g))
-    starts = []
-    for _, alpha, g in sorted(found, key=lambda f: f[:2])[:STARTS]:
-        g = np.maximum(g, 1e-4 * g.sum())  # a term that starts at nothing could not grow in ln g
-        starts.append(np.clip(np.column_stack([np.log(g), alpha]).ravel(), *_bounds(problem, terms)))
-    return starts
-
-
-def _bounds(problem: _Problem, terms: int) -> tuple[np.ndarray, np.ndarray]:
-    phi = _unit_terms(problem.lam, np.array([2.0]))[0][:, 0]
-    stiffness = np.log(np.abs(problem.mean).sum() / np.abs(phi).sum())
-    low = [stiffness + np.log(SMALLEST_SHARE), -LARGEST_EXPONENT] * terms
-    high = [stiffness + np.log(1e2), LARGEST_EXPONENT] * terms
-    return np.array(low), np.array(high)
-
-
-def _largest_first(theta: np.ndarray) -> np.ndarray:
-    pairs = theta.reshape(-1, 2)
-    return pairs[np.argsort(-pairs[:, 0], kind="stable")].ravel()
-
-
-def _check_determined(problem: _Problem, theta: np.ndarray, terms: int) -> None:
-    remedy = (
-        "the curves do not determine that many terms; lower ogden_terms or add a test"
-        if terms > 1
-        else "check the curves"
-    )
-    low, high = _bounds(problem, terms)
-    at_bound = np.minimum(theta - low, high - theta) < 1e-3
-    if at_bound.any():
-        k = int(np.argmax(at_bound)) // 2
-        g, alpha = np.exp(theta[2 * k]), theta[2 * k + 1]
-        raise FitError(
-            f"Ogden fit with {terms} terms: term {k + 1} ran to mu alpha = {g * 1e3:.3g} kPa,"
-            f" alpha = {alpha:.3g} (limits {np.exp(low[0]) * 1e3:.3g} kPa and +-{LARGEST_EXPONENT:g});"
-            f" {remedy}"
+    def of(cls, curves: list[MeanCurve]) -> Problem:
+        """Return the problem of some curves."""
+        kinds = tuple(dict.fromkeys(c.test for c in curves))
+        power = {k: _spread(np.concatenate([c.nominal_stress for c in curves if c.test == k])) for k in kinds}
+        units = list(dict.fromkeys(name for c in curves for name in c.sample_names))
+        sizes = tuple(len(c.stretch) for c in curves)
+        firsts = np.cumsum([0, *sizes])
+        rows = [  # point, stress, share, unit
+            np.column_stack(
+                [
+                    np.arange(first, first + len(c.stretch)),
+                    stress,
+                    np.full(len(stress), 1 / len(c.sample_nominal_stress)),
+                    np.full(len(stress), units.index(name)),
+                ]
+            )
+            for c, first in zip(curves, firsts)
+            for name, stress in zip(c.sample_names, c.sample_nominal_stress)
+        ]
+        point, stress, share, unit = np.concatenate(rows).T
+        return cls(
+            StressPoints(
+                np.concatenate([c.points.lam for c in curves]),
+                np.concatenate([c.points.scale for c in curves]),
+            ),
+            np.concatenate([c.nominal_stress for c in curves]),
+            np.concatenate([np.full(n, power[c.test] ** -0.5) for c, n in zip(curves, sizes)]),
+            sizes,
+            kinds,
+            point.astype(int),
+            stress,
+            share,
+            unit.astype(int),
+            np.array([kinds.index(name.split("/")[0]) for name in units]),
         )
-    J = problem.weight[:, None] * problem.jacobian(theta)
+
+    @property
+    def stiffness(self) -> float:
+        """Return a shear modulus [MPa] of the order of the curves'."""
+        unit = self.points.scale * (self.points.lam[:, 0] ** 2 - self.points.lam[:, 2] ** 2)
+        return float(np.abs(self.mean).sum() / np.abs(unit).sum())
+
+    def misfit(self, family: Family, theta: np.ndarray) -> float:
+        """Return the root of 1 - R2 averaged over the kinds of tests."""
+        residual = self.weight * (family.stress(self.points, theta)[0] - self.mean)
+        return float(np.sqrt(residual @ residual / len(self.kinds)))
+
+    def solve(
+        self, family: Family, start: np.ndarray | None = None, tolerance: float = NEIGHBOUR
+    ) -> np.ndarray:
+        """Return the best theta of all starts, or, to a tolerance, that next to a given one."""
+        bounds = family.bounds(self.points, self.stiffness)
+        if start is not None and not family.is_linear:
+            return self._minimise(family, np.clip(start, *bounds), bounds, tolerance).x
+        starts = family.starts(self.points, self.weight, self.mean, self.stiffness)
+        if family.is_linear:
+            return starts[0]
+        found = sorted((self._minimise(family, s, bounds, COARSE) for s in starts), key=lambda s: s.cost)
+        best = min((self._minimise(family, f.x, bounds, FINE) for f in found[:2]), key=lambda s: s.cost)
+        return family.ordered(best.x)
+
+    def _minimise(self, family, start, bounds, tolerance):
+        return _least_squares(
+            family, self.points, start, bounds, tolerance, lambda model: self.weight * (model - self.mean),
+            lambda J: self.weight[:, None] * J,
+        )  # fmt: skip
+
+    def robust_solve(self, family: Family, theta: np.ndarray, loss: str) -> tuple[np.ndarray, Problem]:
+        """Return theta under a robust loss over the samples' rows, and the problem with the weights it ends in."""
+        weight = (self.weight[self.row_point] * np.sqrt(self.row_share))[:, None]
+        bounds = family.bounds(self.points, self.stiffness)
+
+        def residual(model):
+            return weight[:, 0] * (model[self.row_point] - self.row_stress)
+
+        for _ in range(2):  # the scale follows from the residuals, which follow from the scale
+            r = residual(family.stress(self.points, theta)[0])
+            scale = max(ROBUST_SCALE * float(np.median(np.abs(r))), 1e-9)
+            solution = _least_squares(
+                family, self.points, np.clip(theta, *bounds), bounds, 1e-12, residual,
+                lambda J: weight * J[self.row_point], loss=loss, f_scale=scale,
+            )  # fmt: skip
+            theta = solution.x
+        z = (residual(family.stress(self.points, theta)[0]) / scale) ** 2
+        # soft_l1: rho(z) = 2 (sqrt(1 + z) - 1); derivative of the cost by a residual: r (1 + z)^(-1/2)
+        return family.ordered(theta), replace(self, row_pull=(1 + z) ** -0.5, row_curvature=(1 + z) ** -1.5)
+
+    def covariance(self, family: Family, theta: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, int, str]:
+        """Return the covariance of theta (p, p), its degrees of freedom, and where it comes from.
+
+        Sandwich over samples (White 1980; Liang & Zeger 1986): the points of one sample share its stiffness and
+        thickness error, so a sample, not a point, is the independent unit. Samples are drawn within their kind of
+        test, so scores are compared with the mean of their kind. With one sample of a kind, all samples are
+        compared with each other, and with no more samples than parameters the points have to serve, as many as
+        the correlation of neighbouring residuals leaves; that knows nothing of the scatter between samples.
+        """
+        model, J = family.stress(self.points, theta)
+        J = J[:, free] * self.weight[:, None]
+        rows = J[self.row_point]
+        pull = 1.0 if self.row_pull is None else self.row_pull
+        curvature = self.row_share * (1.0 if self.row_curvature is None else self.row_curvature)
+        length = np.linalg.norm(J, axis=0)
+        inverse = np.linalg.inv((rows / length).T @ (curvature[:, None] * rows / length)) / np.outer(
+            length, length
+        )
+        residual = self.weight[self.row_point] * (self.row_stress - model[self.row_point])
+        counts, p = np.bincount(self.stratum), J.shape[1]
+        scores = np.zeros((len(self.stratum), p))
+        np.add.at(scores, self.row_unit, (self.row_share * pull * residual)[:, None] * rows)
+        if counts.min() >= 2:
+            mean = np.stack([np.bincount(self.stratum, s) / counts for s in scores.T], axis=-1)
+            scores = (scores - mean[self.stratum]) * np.sqrt(counts / (counts - 1))[self.stratum, None]
+            C, freedom, source = (
+                inverse @ (scores.T @ scores) @ inverse,
+                counts.sum() - len(counts),
+                "samples",
+            )
+        elif len(scores) > p:
+            freedom, source = len(scores) - p, "samples of all tests together"
+            C = inverse @ (scores.T @ scores) @ inverse * len(scores) / freedom
+        else:
+            r = self.weight * (self.mean - model)
+            n = effective_points(r, self.curve_sizes)
+            freedom, source = max(1, int(n) - p), "points of single samples"
+            C = inverse * (r @ r) / freedom
+        full = np.zeros((len(theta),) * 2)
+        full[np.ix_(free, free)] = C
+        return full, int(freedom), source
+
+
+def effective_points(residual: np.ndarray, sizes: tuple[int, ...]) -> float:
+    """Return how many independent points (n,) residuals of curves of some sizes are worth.
+
+    Neighbouring residuals r of a smooth curve are correlated; with the correlation rho of a first-order process n
+    points are worth n (1 - rho) / (1 + rho) (Bayley & Hammersley 1946).
+    """
+    total = 0.0
+    for r in np.split(residual, np.cumsum(sizes)[:-1]):
+        rho = np.clip((r[1:] @ r[:-1]) / max(r @ r, 1e-300), 0.0, 0.999)
+        total += max(len(r) * (1 - rho) / (1 + rho), 1.0)
+    return total
+
+
+def _spread(stress: np.ndarray) -> float:
+    """Return the sum of squares about the mean, or a tenth of the sum of squares where that is more."""
+    return max(((stress - stress.mean()) ** 2).sum(), LEAST_SPREAD * (stress**2).sum())
+
+
+def _pooled(curves: list[MeanCurve], law: PrincipalLaw) -> tuple[np.ndarray, np.ndarray]:
+    """Return measured and modelled nominal stress of all curves of a kind of test in one row."""
+    return (
+        np.concatenate([c.nominal_stress for c in curves]),
+        np.concatenate([c.points.measured_stress(law) for c in curves]),
+    )
+
+
+def _ends(stretches: list[np.ndarray]) -> tuple[float, float]:
+    return float(min(s[0] for s in stretches)), float(max(s[-1] for s in stretches))
+
+
+def r_squared(measured: np.ndarray, model: np.ndarray) -> float:
+    """Return 1 - residual over total sum of squares about the mean."""
+    return float(1 - ((measured - model) ** 2).sum() / ((measured - measured.mean()) ** 2).sum())
+
+
+def _least_squares(family, points, start, bounds, tolerance, residual, jacobian, **loss):
+    """Return scipy's solution; stress and Jacobian come from one evaluation."""
+    last = {}
+
+    def evaluated(theta):
+        key = theta.tobytes()
+        if key not in last:
+            last.clear()
+            last[key] = family.stress(points, theta)
+        return last[key]
+
+    return least_squares(
+        lambda theta: residual(evaluated(theta)[0]),
+        start,
+        jac=lambda theta: jacobian(evaluated(theta)[1]),
+        bounds=bounds,
+        x_scale="jac",
+        ftol=tolerance,
+        xtol=tolerance,
+        gtol=tolerance,
+        max_nfev=300,
+        **loss,
+    )
+
+
+def _check_rows(curves: list[MeanCurve], family: Family) -> None:
+    rows, needed = sum(sum(c.row_counts) for c in curves), ROWS_PER_PARAMETER * len(family.parameters)
+    if rows < needed:
+        raise FitError(
+            f"{family.title}: {rows} rows for {len(family.parameters)} parameters; {needed} at least are needed,"
+            " add readings or take a simpler law"
+        )
+
+
+def _few_rows(curves: list[MeanCurve]) -> list[str]:
+    few = [f"{c.label} ({max(c.row_counts)})" for c in curves if max(c.row_counts) < FEW_ROWS]
+    remark = f"fewer than {FEW_ROWS} rows per sample: the curve between them is not seen, and no interval knows of it"
+    return [f"{remark}: {', '.join(few)}"] if few else []
+
+
+def _check_determined(problem: Problem, family: Family, theta: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """Return which unknowns (p,) are inside their bounds, and notes on the others; refuse what is undetermined."""
+    low, high = family.bounds(problem.points, problem.stiffness)
+    near = 1e-9 * problem.stiffness if family.is_linear else 1e-3
+    at_bound = np.minimum(theta - low, high - theta) < near
+    values = family.values(theta)[0]
+    if at_bound.any() and (at_bound[0] or not family.is_linear):
+        k = int(np.argmax(at_bound))
+        name = family.parameters[k]
+        found = ", ".join(f"{n} = {v:.3g}" for n, v in zip(family.parameters, values))
+        raise FitError(
+            f"{family.title}: {name} ran to the limit of its range ({found}); {family.bound_means}"
+        )
+    notes = [
+        f"{n} is 0, the least that stability allows" for n, stuck in zip(family.parameters, at_bound) if stuck
+    ]
+    J = (problem.weight[:, None] * family.stress(problem.points, theta)[1])[:, ~at_bound]
     condition = np.linalg.cond(J / np.linalg.norm(J, axis=0))
     if not condition < WORST_CONDITION:
         raise FitError(
-            f"Ogden fit with {terms} terms: condition {condition:.2g} of {WORST_CONDITION:.0g}; {remedy}"
+            f"{family.title}: condition {condition:.2g} of {WORST_CONDITION:.0g}; {family.bound_means}"
         )
-
-
-def _parameter_covariance(covariance: np.ndarray, law: Ogden) -> np.ndarray:
-    """Return the covariance of (mu_1, alpha_1, ...) from that of (ln g_1, alpha_1, ...): mu = g / alpha."""
-    T = np.eye(2 * len(law.mu))
-    for k, (mu, alpha) in enumerate(zip(law.mu, law.alpha)):
-        T[2 * k, 2 * k : 2 * k + 2] = mu, -mu / alpha
-    return T @ covariance @ T.T
-
-
-def _r2(measured: np.ndarray, model: np.ndarray) -> float:
-    """Return 1 - residual over total sum of squares about the mean."""
-    return float(1 - ((measured - model) ** 2).sum() / ((measured - measured.mean()) ** 2).sum())
+    return ~at_bound, notes

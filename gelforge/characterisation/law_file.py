@@ -10,14 +10,21 @@ import numpy as np
 import pandas as pd
 from scipy.stats import t as student
 
+from gelforge.characterisation.families import FAMILIES, Family, family_of, parameters_of
+from gelforge.characterisation.valid_range import ValidRange
 from gelforge.files import write_json
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.homogeneous import LOAD_CASES, principal_stretches
+from gelforge.mechanics.laws import Gent, MooneyRivlin, NeoHooke, Ogden, PrincipalLaw, Yeoh
 
 FORMAT = "gelforge-law-1"
-CONVENTION = (
-    "W = sum_k mu_k/alpha_k (l1^alpha_k + l2^alpha_k + l3^alpha_k - 3), l1 l2 l3 = 1;"
-    " E = 1.5 sum_k mu_k alpha_k"
-)
+CONVENTIONS = {
+    Ogden: "W = sum_k mu_k/alpha_k (l1^alpha_k + l2^alpha_k + l3^alpha_k - 3), l1 l2 l3 = 1;"
+    " E = 1.5 sum_k mu_k alpha_k",
+    NeoHooke: "W = mu/2 (I1 - 3), I1 = l1^2 + l2^2 + l3^2, l1 l2 l3 = 1; E = 3 mu",
+    MooneyRivlin: "W = C10 (I1 - 3) + C01 (I2 - 3), I2 = l1^-2 + l2^-2 + l3^-2, l1 l2 l3 = 1; E = 6 (C10 + C01)",
+    Yeoh: "W = C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3, l1 l2 l3 = 1; E = 6 C10",
+    Gent: "W = -mu Jm/2 ln(1 - (I1 - 3)/Jm), l1 l2 l3 = 1; E = 3 mu",
+}
 DIGITS = 10  # of every stored number: beyond the convergence of a fit, within what another machine reproduces
 
 
@@ -29,46 +36,95 @@ class LawFileError(ValueError):
 class MaterialLaw:
     """The law of one material [MPa] and where it comes from.
 
-    covariance (2K, 2K) is that of (mu_1_kPa, alpha_1, mu_2_kPa, ...); it, r2_nominal and valid_stretch are
-    None and samples is empty for a law that was given rather than fitted.
+    covariance (p, p) is that of the parameters in the units of the file (`parameters`); what describes a fit is None
+    or empty for a law that was given rather than fitted.
     """
 
     material: str
-    law: Ogden
+    law: PrincipalLaw
     inputs_digest: str
     covariance: np.ndarray | None = None
     r2_nominal: dict[str, float] | None = None
     valid_stretch: dict[str, tuple[float, float]] | None = None
     samples: dict[str, int] | None = None
     synthetic: bool = False  # the tests come from a virtual lab
+    freedom: int | None = None  # degrees of freedom of the covariance
+    covariance_from: str | None = None  # what was taken as independent
+    valid_states: np.ndarray | None = None  # (m, 3) outermost tested stretches, largest first
+    unstable_from: float | None = None  # share of the tested range, None where Drucker-stable
+    fitted_by: str | None = None  # weights and loss
+    notes: tuple[str, ...] = ()
+
+    @property
+    def family(self) -> Family:
+        """Return the family of the law."""
+        return family_of(self.law)
 
     @property
     def parameters(self) -> list[str]:
         """Return the names of the parameters in the order of the covariance."""
-        return [name for k in range(1, len(self.law.mu) + 1) for name in (f"mu_{k}_kPa", f"alpha_{k}")]
+        return list(self.family.parameters)
+
+    @property
+    def values(self) -> np.ndarray:
+        """Return the parameters (p,) in the units of the file."""
+        return parameters_of(self.law)
+
+    @property
+    def valid_range(self) -> ValidRange | None:
+        """Return the range of stretch in which the law was tested; None where nothing is known of it."""
+        states = self.valid_states
+        if states is None and self.valid_stretch:
+            ends = [(t, v) for t, v in self.valid_stretch.items() if t in LOAD_CASES]
+            states = (
+                np.concatenate([principal_stretches(test, np.array(v)) for test, v in ends]) if ends else None
+            )
+        return None if states is None else ValidRange.of(states)
+
+
+def leaves_valid_range(material: MaterialLaw, lam: np.ndarray) -> np.ndarray | None:
+    """Return whether deformations with principal stretches lam (..., 3), in any order, leave the tested range.
+
+    Changes of volume do not count. None where the law was given and nothing is known of its range.
+    """
+    valid = material.valid_range
+    return None if valid is None else valid.outside(lam)
 
 
 def write_law(path: str | Path, material: MaterialLaw) -> None:
     """Write law.json, whole or not at all."""
-    law, covariance = material.law, material.covariance
+    law, covariance, family = material.law, material.covariance, material.family
     content = {
         "format": FORMAT,
         "material": material.material,
-        "law": "ogden",
-        "convention": CONVENTION,
-        "mu_kPa": [m * 1e3 for m in law.mu],
-        "alpha": list(law.alpha),
+        "law": "ogden" if isinstance(law, Ogden) else family.name,
+        "convention": CONVENTIONS[type(law)],
+        "parameters": [
+            {"name": name, "unit": family.unit(name), "value": float(value)}
+            for name, value in zip(family.parameters, material.values)
+        ],
         "shear_modulus_kPa": law.shear_modulus * 1e3,
         "youngs_modulus_kPa": law.youngs_modulus * 1e3,
         "covariance": None
         if covariance is None
-        else {"parameters": material.parameters, "matrix": np.asarray(covariance).tolist()},
+        else {
+            "parameters": material.parameters,
+            "matrix": np.asarray(covariance).tolist(),
+            "freedom": material.freedom,
+            "from": material.covariance_from,
+        },
         "r2_nominal": material.r2_nominal,
         "valid_stretch": material.valid_stretch,
+        "valid_states": None if material.valid_states is None else np.asarray(material.valid_states).tolist(),
+        "unstable_from": material.unstable_from,
+        "fitted_by": material.fitted_by,
+        "notes": list(material.notes),
         "samples": material.samples or {},
         "synthetic": material.synthetic,
         "inputs_digest": material.inputs_digest,
     }
+    if isinstance(law, Ogden):
+        content |= {"mu_kPa": [m * 1e3 for m in law.mu], "alpha": list(law.alpha)}
     write_json(path, _rounded(content))
 
 
@@ -89,20 +145,27 @@ def read_law(path: str | Path) -> MaterialLaw:
     found = content.get("format") if isinstance(content, dict) else type(content).__name__
     if found != FORMAT:
         raise LawFileError(f"{path}: format {found!r}, expected {FORMAT!r}; run the material stage again")
-    if content.get("law") != "ogden":
-        raise LawFileError(f"{path}: law {content.get('law')!r}; 'ogden' is the law that can be read")
+    kind = content.get("law")
+    if kind != "ogden" and kind not in FAMILIES:
+        raise LawFileError(f"{path}: law {kind!r}; one of {['ogden', *FAMILIES]} can be read")
     try:
-        law = Ogden(tuple(m / 1e3 for m in content["mu_kPa"]), tuple(content["alpha"]))
         covariance, valid = content["covariance"], content["valid_stretch"]
+        states = content.get("valid_states")
         return MaterialLaw(
             content["material"],
-            law,
+            _read_parameters(kind, content),
             content["inputs_digest"],
             None if covariance is None else np.array(covariance["matrix"], dtype=float),
             content["r2_nominal"],
             None if valid is None else {test: (low, high) for test, (low, high) in valid.items()},
             content["samples"],
             content["synthetic"],
+            (covariance or {}).get("freedom"),
+            (covariance or {}).get("from"),
+            None if states is None else np.array(states, dtype=float),
+            content.get("unstable_from"),
+            content.get("fitted_by"),
+            tuple(content.get("notes", ())),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise LawFileError(
@@ -110,32 +173,42 @@ def read_law(path: str | Path) -> MaterialLaw:
         ) from None
 
 
+def _read_parameters(kind: str, content: dict) -> PrincipalLaw:
+    if kind == "ogden":
+        return Ogden(tuple(m / 1e3 for m in content["mu_kPa"]), tuple(content["alpha"]))
+    values = {p["name"]: p["value"] for p in content["parameters"]}
+    return FAMILIES[kind].law_of([values[name] for name in FAMILIES[kind].parameters])
+
+
 def material_table(materials: list[MaterialLaw]) -> pd.DataFrame:
     """Return the rows of tables/material: each quantity with its 95 % interval where samples were fitted.
 
-    Intervals follow from the covariance with Student's t for (samples - parameters) degrees of freedom; those
-    of mu_k and of Young's modulus E are intervals of their logarithm, so that they keep the sign.
+    Intervals follow from the covariance with Student's t; those of parameters whose sign is fixed and of Young's
+    modulus E are intervals of their logarithm, so that they keep the sign.
     """
     rows = []
     for m in materials:
-        mu, alpha = np.array(m.law.mu) * 1e3, np.array(m.law.alpha)
-        C = np.full((2 * len(mu),) * 2, np.nan) if m.covariance is None else m.covariance
-        sigma = np.sqrt(np.diag(C))
-        freedom = max(1, sum((m.samples or {}).values()) - len(sigma))
+        names, values = m.parameters, m.values
+        C = np.full((len(values),) * 2, np.nan) if m.covariance is None else m.covariance
+        freedom = m.freedom or max(1, sum((m.samples or {}).values()) - len(values))
         t = student.ppf(0.975, freedom)
-        for k in range(len(mu)):
-            factor = np.exp(t * sigma[2 * k] / abs(mu[k]))
-            interval = sorted((mu[k] / factor, mu[k] * factor)) if np.isfinite(factor) else (np.nan, np.nan)
-            rows.append((m.material, f"mu_{k + 1}", "kPa", mu[k], *interval))
-            half = t * sigma[2 * k + 1]
-            rows.append((m.material, f"alpha_{k + 1}", "1", alpha[k], alpha[k] - half, alpha[k] + half))
-        E = m.law.youngs_modulus * 1e3
-        gradient = 1.5 * np.column_stack([alpha, mu]).ravel()  # dE / d(mu_1, alpha_1, ...)
-        factor = np.exp(t * np.sqrt(gradient @ C @ gradient) / E)
-        rows.append((m.material, "E", "kPa", E, E / factor, E * factor))
+        for name, value, sigma, fixed in zip(names, values, np.sqrt(np.diag(C)), m.family.logarithmic):
+            low, high = _logarithmic(value, t * sigma) if fixed else (value - t * sigma, value + t * sigma)
+            rows.append((m.material, name.removesuffix("_kPa"), m.family.unit(name), value, low, high))
+        E, gradient = m.law.youngs_modulus * 1e3, m.family.modulus_gradient(values)
+        rows.append((m.material, "E", "kPa", E, *_logarithmic(E, t * np.sqrt(gradient @ C @ gradient))))
         for test, r2 in (m.r2_nominal or {}).items():
             rows.append((m.material, f"R2 {test}", "1", r2, np.nan, np.nan))
     return pd.DataFrame(rows, columns=["material", "quantity", "unit", "value", "low_95", "high_95"])
+
+
+def _logarithmic(value: float, half: float) -> tuple[float, float]:
+    """Return the ends of the interval of ln |value| with a half-width of `half` in the value."""
+    if not np.isfinite(half):
+        return (np.nan, np.nan)
+    factor = np.exp(min(half / abs(value), 700.0))
+    low, high = sorted((value / factor, value * factor))
+    return low, high
 
 
 def _rounded(content):

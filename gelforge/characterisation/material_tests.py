@@ -6,17 +6,28 @@ tension and pure shear, p r / (2 h0 lam_3) with lam_3 = 1 / (lam_1 lam_2) at the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from gelforge.characterisation.common_form import MaterialTest
+from gelforge.characterisation.piece_pictures import (
+    PICTURE_SETTINGS,
+    has_pictures,
+    picture_files,
+    tracked_inflation,
+    tracked_tension,
+)
+from gelforge.characterisation.segments import first_reversal
+from gelforge.characterisation.stresses import LEAST_RADIUS_TO_THICKNESS, membrane_cauchy, too_thick
 from gelforge.config import NAME
 from gelforge.csv_table import TableError, read_comments, read_csv
 from gelforge.mechanics.homogeneous import LOAD_CASES, principal_stretches
 
 TESTS_NOT_FITTED = ("relaxation",)
+CIRCUMSTANCES = ("strain_rate_per_s", "age_days", "temperature_C", "cycle")
 
 # Plausible ranges. They are wide enough for silicones, gels and rubbers as thin sheets, and narrow enough
 # that a value in the wrong unit (factor 1000) falls out.
@@ -28,40 +39,28 @@ LEAST_STRETCH_RANGE = 0.05
 LARGEST_MODULUS_RATIO = (
     10.0  # between a sample and the median of its material: scatter of curing stays below 2
 )
-BACK_STEP = 0.01  # of the tested range: noise of the optical strain measurement, not a reversal
-LEAST_RADIUS_TO_THICKNESS = 10.0  # the membrane formula needs h0 << r; bending is then below (h0/r)^2 = 1 %
 LATERAL_STRETCH = 0.2  # relative distance of a tracked stretch_2 from the load case
 
 
-@dataclass(frozen=True)
-class SampleCurve:
-    """The measured curve of one sample: stretch (n,) and Cauchy stress (n,) [MPa] along the load."""
-
-    test: str
-    sample: str
-    stretch: np.ndarray
-    cauchy_stress: np.ndarray
-
-    @property
-    def nominal_stress(self) -> np.ndarray:
-        """Return the force per undeformed area (n,) [MPa]."""
-        return self.cauchy_stress / self.stretch
-
-
 def input_files(folder: str | Path) -> list[Path]:
-    """Return samples.csv and the files of all samples that it lists, in its order."""
-    folder = Path(folder)
+    """Return samples.csv, the files of all samples that it lists, in its order, and the pictures that these name."""
+    tables = _tables(Path(folder))
+    pictures = [picture for table in tables[1:] if table.is_file() for picture in picture_files(table)]
+    return [*tables, *dict.fromkeys(pictures)]
+
+
+def _tables(folder: Path) -> list[Path]:
     return [folder / "samples.csv", *(folder / name for name in _read_samples(folder)["file"])]
 
 
 def declared_synthetic(folder: str | Path) -> bool:
     """Return whether a comment above the header of any file of a material says "synthetic"."""
     return any(
-        "synthetic" in comment.lower() for path in input_files(folder) for comment in read_comments(path)
+        "synthetic" in comment.lower() for path in _tables(Path(folder)) for comment in read_comments(path)
     )
 
 
-def read_material_tests(folder: str | Path) -> list[SampleCurve]:
+def read_material_tests(folder: str | Path) -> list[MaterialTest]:
     """Return the curves of a material's uniaxial, pure-shear and equibiaxial samples, as in samples.csv.
 
     Raises TableError with file, row, value, limit and remedy for anything that cannot be right.
@@ -84,7 +83,11 @@ def read_material_tests(folder: str | Path) -> list[SampleCurve]:
 
 def _read_samples(folder: Path) -> pd.DataFrame:
     path = folder / "samples.csv"
-    samples = read_csv(path, texts=("file", "test", "sample"), optional_numbers=("width_mm", "thickness_mm"))
+    samples = read_csv(
+        path,
+        texts=("file", "test", "sample"),
+        optional_numbers=("width_mm", "thickness_mm", *CIRCUMSTANCES, *PICTURE_SETTINGS),
+    )
     known = (*LOAD_CASES, *TESTS_NOT_FITTED)
     seen: dict[tuple, int] = {}
     for line, row in samples.iterrows():
@@ -103,7 +106,7 @@ def _read_samples(folder: Path) -> pd.DataFrame:
     return samples
 
 
-def _read_sample(folder: Path, line: int, row: pd.Series) -> SampleCurve:
+def _read_sample(folder: Path, line: int, row: pd.Series) -> MaterialTest:
     path = folder / row.file
     if not path.is_file():
         raise TableError(
@@ -113,44 +116,75 @@ def _read_sample(folder: Path, line: int, row: pd.Series) -> SampleCurve:
     if "nominal_stress_kPa" in read_csv(path).columns:
         table = read_csv(path, numbers=("stretch_1", "nominal_stress_kPa"))
         stretch = _checked_stretch(path, table)
-        return SampleCurve(
-            row.test, row["sample"], stretch, table["nominal_stress_kPa"].to_numpy() * 1e-3 * stretch
-        )
+        return _material_test(folder, row, stretch, table["nominal_stress_kPa"].to_numpy() * 1e-3)
     h0 = _dimension(folder, line, row, "thickness_mm", THICKNESS_MM)
     if row.test == "equibiaxial":
-        stress, stretch = _inflation(path, h0)
+        stress, stretch, time_s, said = _inflation(path, h0, row)
     else:
-        stress, stretch = _tension(path, row.test, _dimension(folder, line, row, "width_mm", WIDTH_MM) * h0)
-    return SampleCurve(row.test, row["sample"], stretch, stress)
+        width = _dimension(folder, line, row, "width_mm", WIDTH_MM)
+        stress, stretch, time_s, said = _tension(path, row.test, width * h0, row)
+    return _material_test(folder, row, stretch, stress / stretch, time_s, said)
 
 
-def _tension(path: Path, test: str, area_mm2: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the Cauchy stress F lam_1 / (w0 h0) [MPa] and the stretch of a uniaxial or pure-shear sample."""
-    table = read_csv(path, numbers=("time_s", "force_N", "stretch_1"), optional_numbers=("stretch_2",))
+def _material_test(
+    folder: Path, row: pd.Series, stretch, nominal_stress, time_s=None, said: Sequence[str] = ()
+) -> MaterialTest:
+    known = {name: None if np.isnan(row[name]) else float(row[name]) for name in CIRCUMSTANCES}
+    return MaterialTest(
+        row.test,
+        row["sample"],
+        stretch,
+        nominal_stress,
+        time_s,
+        material=folder.name,
+        rate_per_s=known["strain_rate_per_s"],
+        age_days=known["age_days"],
+        temperature_C=known["temperature_C"],
+        cycle=None if known["cycle"] is None else int(known["cycle"]),
+        findings=tuple(said),
+        source=row.file,
+    )
+
+
+Curve = tuple[
+    np.ndarray, np.ndarray, np.ndarray, list[str]
+]  # Cauchy stress [MPa], stretch, time [s], findings
+
+
+def _tension(path: Path, test: str, area_mm2: float, row: pd.Series) -> Curve:
+    """Return the Cauchy stress F lam_1 / (w0 h0) [MPa], stretch, time [s] and findings of a strip."""
+    if has_pictures(path):
+        table, said = tracked_tension(path, row)
+    else:
+        columns = ("time_s", "force_N", "stretch_1")
+        table, said = read_csv(path, numbers=columns, optional_numbers=("stretch_2",)), []
     stretch = _checked_stretch(path, table)
     _check_time(path, table)
     _check_lateral(path, test, table)
-    return table["force_N"].to_numpy() * stretch / area_mm2, stretch
+    return table["force_N"].to_numpy() * stretch / area_mm2, stretch, table["time_s"].to_numpy(), said
 
 
-def _inflation(path: Path, h0: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the Cauchy stress p r / (2 h0 lam_3) [MPa] and the stretch at the apex of a membrane."""
-    columns = ("time_s", "pressure_kPa", "apex_radius_mm", "stretch_1")
-    table = read_csv(path, numbers=columns, optional_numbers=("stretch_2",))
+def _inflation(path: Path, h0: float, row: pd.Series) -> Curve:
+    """Return the Cauchy stress p r / (2 h0 lam_3) [MPa], stretch, time [s] and findings at the apex of a membrane."""
+    if has_pictures(path):
+        table, said = tracked_inflation(path, row)
+    else:
+        columns = ("time_s", "pressure_kPa", "apex_radius_mm", "stretch_1")
+        table, said = read_csv(path, numbers=columns, optional_numbers=("stretch_2",)), []
     stretch = _checked_stretch(path, table)
     _check_time(path, table)
     _check_lateral(path, "equibiaxial", table)
-    r = table["apex_radius_mm"]
-    if (r < LEAST_RADIUS_TO_THICKNESS * h0).any():
-        line = r.index[r < LEAST_RADIUS_TO_THICKNESS * h0][0]
+    r = table["apex_radius_mm"].to_numpy()
+    if (i := too_thick(r, h0)) is not None:
         raise TableError(
-            f"{path}, row {line}: apex_radius_mm {r[line]:g} with a thickness of {h0:g} mm;"
+            f"{path}, row {table.index[i]}: apex_radius_mm {r[i]:g} with a thickness of {h0:g} mm;"
             f" p r / (2 h0 lam_3) needs r >= {LEAST_RADIUS_TO_THICKNESS:g} h0 (a thin membrane);"
             " check the units, or use a thinner or wider membrane"
         )
     lateral = table["stretch_2"].to_numpy()
-    lam_3 = 1 / (stretch * np.where(np.isfinite(lateral), lateral, stretch))
-    return table["pressure_kPa"].to_numpy() * 1e-3 * r.to_numpy() / (2 * h0 * lam_3), stretch
+    stretch_2 = np.where(np.isfinite(lateral), lateral, stretch)
+    stress = membrane_cauchy(table["pressure_kPa"].to_numpy() * 1e-3, r, h0, stretch, stretch_2)
+    return stress, stretch, table["time_s"].to_numpy(), said
 
 
 def _dimension(folder: Path, line: int, row: pd.Series, name: str, limits: tuple[float, float]) -> float:
@@ -187,13 +221,11 @@ def _checked_stretch(path: Path, table: pd.DataFrame) -> np.ndarray:
             f"{path}: stretch_1 runs from {values.min():g} to {values.max():g}; a range of"
             f" {LEAST_STRETCH_RANGE:g} at least is needed to find a law, test further"
         )
-    loading = np.sign(values[np.argmax(np.abs(values - values[0]))] - values[0])  # -1 in compression
-    furthest = np.maximum.accumulate(loading * values)
-    back = furthest - loading * values > BACK_STEP * extent
-    if back.any():
-        i = int(np.argmax(back))
+    i = first_reversal(values)
+    if i is not None:
+        furthest = values[:i][np.argmax(np.abs(values[:i] - values[0]))]
         raise TableError(
-            f"{path}, row {table.index[i]}: stretch_1 {values[i]:g} after {loading * furthest[i]:g};"
+            f"{path}, row {table.index[i]}: stretch_1 {values[i]:g} after {furthest:g};"
             " a monotonic test is expected, keep one loading and drop the rest"
         )
     return values
@@ -220,14 +252,14 @@ def _check_lateral(path: Path, test: str, table: pd.DataFrame) -> None:
         )
 
 
-def _secant_shear_modulus(curve: SampleCurve) -> float:
+def _secant_shear_modulus(curve: MaterialTest) -> float:
     """Return the median neo-Hookean shear modulus [MPa], sigma_1 / (lam_1^2 - lam_3^2), of strained rows."""
     strained = np.abs(curve.stretch - 1) > LEAST_STRETCH_RANGE / 2
     lam = principal_stretches(curve.test, curve.stretch[strained])
     return float(np.median(curve.cauchy_stress[strained] / (lam[:, 0] ** 2 - lam[:, 2] ** 2)))
 
 
-def _check_stress_level(folder: Path, names: list[str], curves: list[SampleCurve]) -> None:
+def _check_stress_level(folder: Path, names: list[str], curves: list[MaterialTest]) -> None:
     """Refuse samples whose stiffness is out of the range of soft elastomers or far from the other samples."""
     moduli = np.array([_secant_shear_modulus(curve) for curve in curves])
     low, high = SHEAR_MODULUS_MPA

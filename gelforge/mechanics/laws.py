@@ -52,6 +52,10 @@ class PrincipalLaw(ABC):
         The diagonal is not used.
         """
 
+    def admissible(self, lam: np.ndarray) -> np.ndarray:
+        """Return whether the law has a stress (...) at the stretches lam (..., 3); a chain may have a limit."""
+        return np.ones(np.shape(lam)[:-1], dtype=bool)
+
     @property
     def youngs_modulus(self) -> float:
         """Return Young's modulus E = 2 (1 + nu) mu of the undeformed state with nu = 1/2 [MPa]."""
@@ -151,6 +155,179 @@ class Ogden(PrincipalLaw):
         li, lj = lam[..., :, None], lam[..., None, :]
         mean, d = np.sqrt(li * lj), np.log(li / lj)  # li^a - lj^a = 2 mean^a sinh(a d / 2)
         return sum(m * a * mean**a * _sinhc(a * d / 2) for m, a in zip(self.mu, self.alpha))
+
+
+class InvariantLaw(PrincipalLaw):
+    r"""A law W(I_1, I_2) of the isochoric invariants I_1 = sum lam_i^2 and I_2 = sum lam_i^-2.
+
+    A law gives W and its derivatives; with f_i = dI_1/d ln lam_i = 2 lam_i^2 and
+    g_i = dI_2/d ln lam_i = -2 lam_i^-2 (Holzapfel 2000, sec. 6.2)
+
+    .. math:: \beta_i = W_1 f_i + W_2 g_i .
+    """
+
+    @abstractmethod
+    def invariant_energy(self, I1: np.ndarray, I2: np.ndarray) -> np.ndarray:
+        """Return W (...) at the invariants I1, I2 (...)."""
+
+    @abstractmethod
+    def invariant_first(self, I1: np.ndarray, I2: np.ndarray) -> tuple:
+        """Return W_1 = dW/dI1 and W_2 = dW/dI2, each (...) or a number."""
+
+    def invariant_second(self, I1: np.ndarray, I2: np.ndarray) -> tuple:
+        """Return W_11, W_12 and W_22, each (...) or a number; 0 for a law that is linear in the invariants."""
+        return 0.0, 0.0, 0.0
+
+    @property
+    def shear_modulus(self) -> float:
+        return 2 * float(sum(self.invariant_first(np.array(3.0), np.array(3.0))))
+
+    def principal_energy(self, lam):
+        return self.invariant_energy(*_invariants(lam))
+
+    def principal_stress(self, lam):
+        W1, W2 = (_for_triples(w) for w in self.invariant_first(*_invariants(lam)))
+        return 2 * W1 * lam**2 - 2 * W2 * lam**-2.0
+
+    def principal_tangent(self, lam):
+        I1, I2 = _invariants(lam)
+        W1, W2 = (_for_triples(w) for w in self.invariant_first(I1, I2))
+        W11, W12, W22 = (_for_triples(w)[..., None] for w in self.invariant_second(I1, I2))
+        f, g = 2 * lam**2, -2 * lam**-2.0
+        fi, fj, gi, gj = f[..., :, None], f[..., None, :], g[..., :, None], g[..., None, :]
+        diagonal = (2 * W1 * f - 2 * W2 * g)[..., None] * np.eye(3)
+        return diagonal + W11 * fi * fj + W12 * (fi * gj + gi * fj) + W22 * gi * gj
+
+    def principal_slope(self, lam):
+        W1, W2 = (_for_triples(w)[..., None] for w in self.invariant_first(*_invariants(lam)))
+        li, lj = lam[..., :, None], lam[..., None, :]
+        # li^2 - lj^2 = 2 li lj sinh d and lj^-2 - li^-2 = 2 sinh(d) / (li lj) with d = ln(li / lj)
+        return 4 * (W1 * li * lj + W2 / (li * lj)) * _sinhc(np.log(li / lj))
+
+
+@dataclass(frozen=True)
+class NeoHooke(InvariantLaw):
+    r"""The neo-Hookean law W = mu/2 (I_1 - 3) (Treloar 1943); mu > 0 is the shear modulus [MPa]."""
+
+    mu: float
+
+    def __post_init__(self):
+        _check_constants("Neo-Hooke", positive={"mu": self.mu})
+
+    def invariant_energy(self, I1, I2):
+        return self.mu / 2 * (I1 - 3)
+
+    def invariant_first(self, I1, I2):
+        return self.mu / 2, 0.0
+
+
+@dataclass(frozen=True)
+class MooneyRivlin(InvariantLaw):
+    r"""The Mooney-Rivlin law W = C_10 (I_1 - 3) + C_01 (I_2 - 3) (Mooney 1940, doi 10.1063/1.1712836).
+
+    C_10 > 0 and C_01 >= 0 [MPa] make it stable at every deformation; the shear modulus is 2 (C_10 + C_01).
+    """
+
+    C10: float
+    C01: float
+
+    def __post_init__(self):
+        _check_constants("Mooney-Rivlin", positive={"C10": self.C10}, not_negative={"C01": self.C01})
+
+    def invariant_energy(self, I1, I2):
+        return self.C10 * (I1 - 3) + self.C01 * (I2 - 3)
+
+    def invariant_first(self, I1, I2):
+        return self.C10, self.C01
+
+
+@dataclass(frozen=True)
+class Yeoh(InvariantLaw):
+    r"""Yeoh's law W = sum_k C_k0 (I_1 - 3)^k, k = 1..3 (Yeoh 1993, doi 10.5254/1.3538343, eq. 4).
+
+    The shear modulus is 2 C_10 > 0 [MPa]. C_30 >= 0 keeps it stiffening at large stretch. C_20 is often negative
+    (the stress-stretch curve is S-shaped); whether dW/dI_1 stays positive is a question of the range used.
+    """
+
+    C10: float
+    C20: float
+    C30: float
+
+    def __post_init__(self):
+        _check_constants(
+            "Yeoh", positive={"C10": self.C10}, not_negative={"C30": self.C30}, free={"C20": self.C20}
+        )
+
+    def invariant_energy(self, I1, I2):
+        x = I1 - 3
+        return x * (self.C10 + x * (self.C20 + x * self.C30))
+
+    def invariant_first(self, I1, I2):
+        x = I1 - 3
+        return self.C10 + x * (2 * self.C20 + x * 3 * self.C30), 0.0
+
+    def invariant_second(self, I1, I2):
+        return 2 * self.C20 + 6 * self.C30 * (I1 - 3), 0.0, 0.0
+
+
+@dataclass(frozen=True)
+class Gent(InvariantLaw):
+    r"""Gent's law of limiting chain extension (Gent 1996, doi 10.5254/1.3538357, eq. 2).
+
+    .. math:: W = -\frac{\mu J_m}{2} \ln\left(1 - \frac{I_1 - 3}{J_m}\right), \qquad I_1 - 3 < J_m.
+
+    mu > 0 is the shear modulus [MPa], J_m > 0 the limit of I_1 - 3. Beyond it no stress exists: ValueError.
+    """
+
+    mu: float
+    Jm: float
+
+    def __post_init__(self):
+        _check_constants("Gent", positive={"mu": self.mu, "Jm": self.Jm})
+
+    def admissible(self, lam):
+        lam = np.asarray(lam, dtype=float)
+        return (lam**2).sum(axis=-1) - 3 < self.Jm
+
+    def invariant_energy(self, I1, I2):
+        return -self.mu * self.Jm / 2 * np.log1p(-self._extension(I1))
+
+    def invariant_first(self, I1, I2):
+        return self.mu / (2 * (1 - self._extension(I1))), 0.0
+
+    def invariant_second(self, I1, I2):
+        return self.mu / (2 * self.Jm * (1 - self._extension(I1)) ** 2), 0.0, 0.0
+
+    def _extension(self, I1):
+        x = (I1 - 3) / self.Jm
+        if not (x < 1).all():
+            raise ValueError(
+                f"Gent: I_1 - 3 = {np.max(I1) - 3:.4g}, the chains' limit is Jm = {self.Jm:.4g};"
+                " take a smaller stretch or step"
+            )
+        return x
+
+
+def _check_constants(law: str, positive=None, not_negative=None, free=None) -> None:
+    """Refuse constants without a meaning, naming the first one."""
+    for limits, holds, text in (
+        (positive, lambda v: v > 0, "> 0"),
+        (not_negative, lambda v: v >= 0, ">= 0"),
+        (free, lambda v: True, "finite"),
+    ):
+        for name, value in (limits or {}).items():
+            if not (np.isfinite(value) and holds(value)):
+                raise ValueError(f"{law}: {name} is {value:g}; {text} is needed")
+
+
+def _invariants(lam: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return I_1 and I_2 (...) of stretches lam (..., 3) whose product is 1."""
+    return (lam**2).sum(axis=-1), (lam**-2.0).sum(axis=-1)
+
+
+def _for_triples(w) -> np.ndarray:
+    """Return a derivative of W, (...) or a number, so that it multiplies triples (..., 3)."""
+    return np.asarray(w, dtype=float)[..., None]
 
 
 def _principal(F: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -1,4 +1,7 @@
-"""One battery for every law: a new one enters by one line in LAWS."""
+"""One battery for every law: a new one enters by one line in LAWS and one closed form."""
+
+import re
+from dataclasses import asdict
 
 import closed_forms
 import numpy as np
@@ -6,13 +9,17 @@ import pytest
 from numpy.testing import assert_allclose
 
 from gelforge.mechanics.homogeneous import LOAD_CASES, cauchy_stress, nominal_stress, principal_stretches
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.laws import Gent, MooneyRivlin, NeoHooke, Ogden, Yeoh
 
 LAWS = {
     "ecoflex_gel": Ogden((7.9652e-3, 0.3093e-3), (1.2769, 3.5676)),
     "elastosil_25_1": Ogden((85.1168e-3, -0.0020e-3), (2.8991, -8.2915)),
-    "neo_hooke": Ogden((0.1,), (2.0,)),
+    "ogden_of_neo_hooke": Ogden((0.1,), (2.0,)),
     "three_terms": Ogden((0.63, 0.0012, -0.01), (1.3, 5.0, -2.0)),  # Ogden 1972, fitted to Treloar's rubber
+    "neo_hooke": NeoHooke(0.1),
+    "mooney_rivlin": MooneyRivlin(0.08, 0.02),
+    "yeoh": Yeoh(0.05, -1e-3, 5e-5),  # S-shaped, as filled rubber is
+    "gent": Gent(0.1, 60.0),
 }
 rng = np.random.default_rng(1)
 
@@ -147,11 +154,16 @@ def test_small_strain_limit(law):
     assert law.youngs_modulus == pytest.approx(3 * law.shear_modulus, rel=1e-15)
 
 
+def closed_form(law, case, lam):
+    name = re.sub(r"(?<!^)(?=[A-Z])", "_", type(law).__name__).lower()
+    return getattr(closed_forms, name)(case, lam, **asdict(law))
+
+
 @battery
 @pytest.mark.parametrize("case", LOAD_CASES)
 def test_homogeneous_stress_is_the_closed_form(law, case):
     lam = np.linspace(0.6, 3, 25).reshape(5, 5)
-    expected = getattr(closed_forms, case)(law.mu, law.alpha, lam)
+    expected = closed_form(law, case, lam)
     atol = 1e-14 * np.abs(expected).max()  # cancellation near lam = 1
     assert_allclose(nominal_stress(law, case, lam), expected, rtol=1e-12, atol=atol)
     assert_allclose(cauchy_stress(law, case, lam), lam * expected, rtol=1e-12, atol=3 * atol)
@@ -164,7 +176,7 @@ def test_three_dimensional_form_agrees_with_the_closed_form(law, case):
     lam = np.linspace(0.7, 2.5, 10)
     F = np.einsum("ni,ij->nij", principal_stretches(case, lam), np.eye(3))
     tau = law.kirchhoff_stress(F)
-    expected = lam * getattr(closed_forms, case)(law.mu, law.alpha, lam)
+    expected = lam * closed_form(law, case, lam)
     assert_allclose(tau[:, 0, 0] - tau[:, 2, 2], expected, rtol=1e-11, atol=1e-13 * np.abs(expected).max())
 
 
@@ -172,20 +184,51 @@ def test_three_dimensional_form_agrees_with_the_closed_form(law, case):
 def test_simple_shear(law):
     for gamma in (1e-3, 0.5, 2.0):
         tau = law.kirchhoff_stress(np.eye(3) + gamma * np.outer([1, 0, 0], [0, 1, 0]))
-        expected = closed_forms.simple_shear_stress(law.mu, law.alpha, gamma)
-        assert tau[0, 1] == pytest.approx(expected, rel=1e-10)  # the small shear cancels three digits
+        # the small shear cancels three digits
+        assert tau[0, 1] == pytest.approx(closed_form(law, "simple_shear", gamma), rel=1e-10)
 
 
-def test_neo_hooke_is_the_law_of_invariants():
+@pytest.mark.parametrize("name", ["neo_hooke", "ogden_of_neo_hooke"])
+def test_neo_hooke_is_the_law_of_invariants(name):
     for F in STATES["distinct"]:
         expected = closed_forms.neo_hooke_energy(0.1, F.tolist())
-        assert LAWS["neo_hooke"].energy(F) == pytest.approx(expected, rel=1e-12)
+        assert LAWS[name].energy(F) == pytest.approx(expected, rel=1e-12)
+
+
+def test_mooney_rivlin_is_ogdens_law_with_exponents_two_and_minus_two():
+    law, twin = LAWS["mooney_rivlin"], Ogden((0.16, -0.04), (2.0, -2.0))
+    F = STATES["distinct"]
+    assert_allclose(law.nominal_stress(F), twin.nominal_stress(F), rtol=1e-12, atol=1e-14)
+    assert_allclose(law.tangent(F), twin.tangent(F), rtol=1e-10, atol=1e-12)
 
 
 def test_published_youngs_moduli():
     """Sferrazza et al. 2019, sec. II-E: 16.9 kPa and 370.2 kPa, to the digits printed."""
     assert LAWS["ecoflex_gel"].youngs_modulus * 1e3 == pytest.approx(16.9, abs=0.05)
     assert LAWS["elastosil_25_1"].youngs_modulus * 1e3 == pytest.approx(370.2, abs=0.05)
+
+
+def test_gent_has_no_stress_beyond_its_limit():
+    lam = np.array([[3.0, 3**-0.5, 3**-0.5], [4.0, 0.5, 0.5]])  # I1 - 3 = 6.67 and 13.5
+    law = Gent(0.1, 10.0)
+    assert law.admissible(lam).tolist() == [True, False]
+    with pytest.raises(ValueError, match=r"I_1 - 3 = 13.5, the chains' limit is Jm = 10"):
+        law.principal_stress(lam)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: NeoHooke(-0.1), "Neo-Hooke: mu is -0.1; > 0"),
+        (lambda: MooneyRivlin(0.1, -0.2), "Mooney-Rivlin: C01 is -0.2; >= 0"),
+        (lambda: Yeoh(0.1, float("nan"), 0.0), "Yeoh: C20 is nan"),
+        (lambda: Yeoh(0.1, 0.0, -0.1), "Yeoh: C30 is -0.1"),
+        (lambda: Gent(0.1, 0.0), "Gent: Jm is 0"),
+    ],
+)
+def test_constants_without_a_meaning_are_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
 
 
 @pytest.mark.parametrize(

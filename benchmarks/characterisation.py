@@ -1,0 +1,154 @@
+"""Characterisation: seconds of all fits and of a bootstrap, R2 on Treloar's rubber, coverage of the intervals.
+
+    python benchmarks/characterisation.py [--replicates 200] [--treloar FOLDER]
+
+The coverage is measured on SYNTHETIC samples: the article's two materials, six samples of each test that differ in
+stiffness by 2 % (thickness and curing), 1 % in the slope of stiffness over stretch, and 0.5 % noise of every reading.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.stats import t as student
+
+from gelforge.characterisation.bootstrap import bootstrap
+from gelforge.characterisation.choice import compare_laws
+from gelforge.characterisation.common_form import MaterialTest
+from gelforge.characterisation.curves import MeanCurve, mean_curves
+from gelforge.characterisation.families import FAMILIES
+from gelforge.characterisation.fit import LawFit, fit_law
+from gelforge.mechanics.homogeneous import LOAD_CASES, nominal_stress, stress_points
+from gelforge.mechanics.laws import Ogden
+
+TRUTH = {  # Sferrazza et al. 2019, table 1, and the largest stretch tested
+    "Ecoflex GEL": (Ogden((7.9652e-3, 0.3093e-3), (1.2769, 3.5676)), 3.0),
+    "Elastosil 25:1": (Ogden((85.1168e-3, -0.0020e-3), (2.8991, -8.2915)), 2.0),
+}
+SAMPLES, STIFFNESS, SLOPE, NOISE, READINGS = 6, 0.02, 0.01, 0.005, 60
+
+
+def synthetic_tests(law: Ogden, largest: float, rng: np.random.Generator) -> list[MaterialTest]:
+    """Return SYNTHETIC samples of the three tests."""
+    lam, tests = np.linspace(1.0, largest, READINGS), []
+    for case in LOAD_CASES:
+        for k in range(SAMPLES):
+            factor = np.exp(STIFFNESS * rng.normal() + SLOPE * rng.normal() * np.linspace(-1, 1, READINGS))
+            stress = nominal_stress(law, case, lam) * factor * (1 + NOISE * rng.normal(size=READINGS))
+            tests.append(MaterialTest(case, f"s{k}", lam, stress))
+    return tests
+
+
+def quantities(fit: LawFit, largest: float) -> dict[str, tuple[float, float]]:
+    """Return value and half-width of the 95 % interval of ln E and of ln of the stress at the largest stretch."""
+    gradient, C = fit.family.modulus_gradient(fit.parameters), fit.covariance
+    t, E = student.ppf(0.975, fit.freedom), fit.law.youngs_modulus * 1e3
+    found = {"E": (np.log(E), t * np.sqrt(gradient @ C @ gradient) / E)}
+    for case in LOAD_CASES:
+        for share in (0.5, 1.0):
+            lam = 1 + share * (largest - 1)
+            stress, half = fit.stress_interval(stress_points(case, np.array([lam])))
+            found[f"{case} at {lam:g}"] = (np.log(stress[0]), half[0] / stress[0])
+    for name, value, sigma, fixed in zip(
+        fit.family.parameters, fit.parameters, np.sqrt(np.diag(C)), fit.family.logarithmic
+    ):
+        found[name] = (np.log(abs(value)), t * sigma / abs(value)) if fixed else (value, t * sigma)
+    return found
+
+
+def true_quantities(law: Ogden, largest: float) -> dict[str, float]:
+    """Return the same quantities of the true law."""
+    found = {"E": np.log(law.youngs_modulus * 1e3)}
+    for case in LOAD_CASES:
+        for share in (0.5, 1.0):
+            lam = 1 + share * (largest - 1)
+            found[f"{case} at {lam:g}"] = float(np.log(nominal_stress(law, case, np.array(lam))))
+    for k, (mu, alpha) in enumerate(zip(law.mu, law.alpha), start=1):
+        found |= {f"mu_{k}_kPa": np.log(abs(mu) * 1e3), f"alpha_{k}": alpha}
+    return found
+
+
+def bootstrap_ends(curves: list[MeanCurve], fit: LawFit, largest: float, refits: int, seed: int) -> dict:
+    """Return the ends of the bootstrap's 95 % intervals of the same quantities."""
+    drawn = bootstrap(curves, fit, refits, seed)
+    laws = [fit.family.law(theta) for theta in drawn.theta]
+    found = {"E": drawn.interval(np.log([law.youngs_modulus * 1e3 for law in laws]))}
+    for case in LOAD_CASES:
+        for share in (0.5, 1.0):
+            lam = 1 + share * (largest - 1)
+            stress = [float(nominal_stress(law, case, np.array(lam))) for law in laws]
+            found[f"{case} at {lam:g}"] = drawn.interval(np.log(stress))
+    for name, values, fixed in zip(fit.family.parameters, drawn.parameters.T, fit.family.logarithmic):
+        found[name] = drawn.interval(np.log(np.abs(values)) if fixed else values)
+    return found
+
+
+def coverage(law: Ogden, largest: float, replicates: int, refits: int) -> pd.DataFrame:
+    """Return by quantity how often the 95 % intervals of sandwich and bootstrap hold the truth."""
+    truth, inside = true_quantities(law, largest), []
+    for seed in range(replicates):
+        curves = mean_curves(synthetic_tests(law, largest, np.random.default_rng(seed)))
+        fit = fit_law(curves, "ogden2")
+        ends = bootstrap_ends(curves, fit, largest, refits, seed) if refits else {}
+        for name, (value, half) in quantities(fit, largest).items():
+            row = {"quantity": name, "sandwich": abs(value - truth[name]) <= half, "half-width": half}
+            if refits:
+                row["bootstrap"] = ends[name][0] <= truth[name] <= ends[name][1]
+            inside.append(row)
+    return pd.DataFrame(inside).groupby("quantity", sort=False).mean()
+
+
+def speed(folder: Path | None) -> None:
+    """Print seconds of all fits of a material and of 1000 bootstrap refits."""
+    law, largest = TRUTH["Ecoflex GEL"]
+    curves = mean_curves(synthetic_tests(law, largest, np.random.default_rng(0)))
+    start = time.process_time()  # of one core, whatever else the machine does
+    compare_laws(curves, list(FAMILIES))
+    print(
+        f"all {len(FAMILIES)} laws, held-out tests included: {time.process_time() - start:.1f} s (limit 20 s, one core)"
+    )
+    start = time.process_time()
+    only = compare_laws([c for c in curves if c.test == "uniaxial"], list(FAMILIES))
+    print(f"  uniaxial alone, with the widths elsewhere:   {time.process_time() - start:.1f} s")
+    print("  " + "\n  ".join(only.warnings))
+    fit = fit_law(curves, "ogden2")
+    start = time.perf_counter()
+    bootstrap(curves, fit, 1000, 1, workers=2)
+    print(
+        f"1000 bootstrap refits of Ogden, K = 2: {time.perf_counter() - start:.1f} s (limit 60 s, two cores)"
+    )
+    if folder is None or not folder.is_dir():
+        print("Treloar's rubber: folder not given or absent; skipped")
+        return
+    tests = []
+    for mode, case in (("UT", "uniaxial"), ("PS", "pure_shear"), ("ET", "equibiaxial")):
+        table = pd.read_csv(folder / f"Treloar_1944__{mode}.csv")
+        tests.append(MaterialTest(case, mode, table["stretch"].to_numpy(), table["stress_11"].to_numpy()))
+    r2 = fit_law(mean_curves(tests), "ogden3").r2_nominal
+    print("Treloar 1944, joint Ogden, K = 3, R2 of the nominal stress (limits 0.996, 0.998, 0.998):", end=" ")
+    print(", ".join(f"{case} {value:.4f}" for case, value in r2.items()))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--replicates", type=int, default=200)
+    parser.add_argument("--refits", type=int, default=200, help="bootstrap refits per replicate, 0 for none")
+    parser.add_argument(
+        "--treloar", type=Path, help="folder with Treloar_1944__UT.csv, __PS.csv and __ET.csv"
+    )
+    arguments = parser.parse_args()
+    shared = Path(os.environ.get("GELFORGE_SHARED", Path(__file__).parents[1] / ".." / "shared"))
+    speed(arguments.treloar or shared / "data" / "hyper_literature")
+    for name, (law, largest) in TRUTH.items():
+        print(f"\n{name}, SYNTHETIC: share of {arguments.replicates} intervals of 95 % that hold the truth")
+        table = coverage(law, largest, arguments.replicates, arguments.refits)
+        print(table.to_string(float_format=lambda v: f"{v:.3f}"))
+
+
+if __name__ == "__main__":
+    main()

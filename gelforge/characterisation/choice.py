@@ -1,0 +1,159 @@
+"""Laws compared on the same curves: by information criterion and by predicting a test that was left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from gelforge.characterisation.curves import MeanCurve
+from gelforge.characterisation.families import FAMILIES
+from gelforge.characterisation.fit import FitError, LawFit, Problem, effective_points, fit_law
+from gelforge.characterisation.identifiability import PredictionWidth, prediction_widths
+
+SAME_ERROR = 1.1  # ratio of errors of prediction that are called equal
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One law: its fit, or why there is none; AICc; relative error of each test predicted from the others."""
+
+    name: str
+    fit: LawFit | None
+    refused: str
+    aicc: float
+    held_out: dict[str, float]
+
+    @property
+    def held_out_error(self) -> float:
+        """Return the root mean square over the tests of the relative error of their prediction."""
+        return (
+            float(np.sqrt(np.mean(np.square(list(self.held_out.values())))))
+            if self.held_out
+            else float("nan")
+        )
+
+    @property
+    def usable(self) -> bool:
+        """Return whether the law is determined by the tests and Drucker-stable in their range."""
+        return self.fit is not None and self.fit.unstable_from is None
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All laws that were tried, the one chosen, and how far it is determined where nothing was tested."""
+
+    candidates: list[Candidate]
+    chosen: Candidate
+    effective_points: float
+    widths: list[PredictionWidth]
+
+    @property
+    def warnings(self) -> list[str]:
+        """Return what a person must know of the chosen law before using it."""
+        fit, found = self.chosen.fit, []
+        poor = [w for w in self.widths if not w.determined]
+        poor = self.widths if len(fit.samples) == 1 else poor  # one load case never shows the others
+        if poor:
+            found.append(
+                "NOT IDENTIFIABLE from " + " and ".join(fit.samples) + " alone; add the missing tests"
+            )
+            found += [w.text for w in poor]
+        return found + list(fit.notes)
+
+    @property
+    def reason(self) -> str:
+        """Return in a sentence why the law was chosen, and whether the two criteria agree."""
+        title, usable = self.chosen.fit.family.title, [c for c in self.candidates if c.usable]
+        text = f"{title}: the lowest AICc of {len(usable)} determined and stable laws"
+        predicted = [c for c in usable if np.isfinite(c.held_out_error)]
+        if not predicted:
+            return text + "; one kind of test only, so none could be held out"
+        best = min(predicted, key=lambda c: c.held_out_error)
+        if self.chosen.held_out_error <= SAME_ERROR * best.held_out_error:
+            return text + f", and none predicts a test left out better ({self.chosen.held_out_error:.1%})"
+        return text + (
+            f"; a test left out is predicted better by {best.fit.family.title} ({best.held_out_error:.1%} against"
+            f" {self.chosen.held_out_error:.1%}): trust the chosen law only where it was tested"
+        )
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per law."""
+        lowest = min(c.aicc for c in self.candidates if c.usable)
+        kinds = list(dict.fromkeys(k for c in self.candidates for k in c.held_out))
+        rows = []
+        for c in self.candidates:
+            row = {"law": c.name, "parameters": len(FAMILIES[c.name].parameters), "chosen": c is self.chosen}
+            row["AICc difference"] = c.aicc - lowest if c.fit else np.nan
+            row["misfit"] = c.fit.misfit if c.fit else np.nan
+            row |= {f"R2 {kind}": r2 for kind, r2 in (c.fit.r2_nominal.items() if c.fit else ())}
+            row |= {f"error held out {kind}": c.held_out.get(kind, np.nan) for kind in kinds}
+            row["error held out"] = c.held_out_error
+            row["Drucker stable"] = (
+                "" if c.fit is None else "yes" if c.usable else f"to {c.fit.unstable_from:.0%}"
+            )
+            row["remark"] = c.refused or "; ".join(c.fit.notes)
+            rows.append(row)
+        return pd.DataFrame(rows)
+
+
+def compare_laws(curves: list[MeanCurve], names: list[str], loss: str = "linear") -> Comparison:
+    """Return the comparison of laws by name; raise FitError where none is determined and stable.
+
+    AICc = n ln(misfit^2) + 2 q + 2 q (q + 1) / (n - q - 1) with q = parameters + 1 (Hurvich & Tsai 1989), n the number
+    of points that the correlated residuals of the closest law are worth.
+    """
+    if not names:
+        raise FitError(f"no law is named; give some of {', '.join(FAMILIES)}")
+    fits: dict[str, LawFit | FitError] = {}
+    for name in dict.fromkeys(names):
+        try:
+            fits[name] = fit_law(curves, name, loss)
+        except FitError as error:
+            if name not in FAMILIES:
+                raise
+            fits[name] = error
+    found = {name: fit for name, fit in fits.items() if isinstance(fit, LawFit)}
+    n = _independent_points(curves, list(found.values())) if found else float("nan")
+    candidates = []
+    for name, fit in fits.items():
+        refused = "" if name in found else str(fit)
+        aicc = _aicc(n, fit) if name in found else float("nan")
+        candidates.append(Candidate(name, found.get(name), refused, aicc, held_out_errors(curves, name)))
+    usable = [c for c in candidates if c.usable]
+    if not usable:
+        reasons = "; ".join(c.refused or f"{c.name}: {', '.join(c.fit.notes)}" for c in candidates)
+        raise FitError(f"no law of {', '.join(fits)} is determined and stable: {reasons}")
+    chosen = min(usable, key=lambda c: c.aicc)
+    return Comparison(candidates, chosen, n, prediction_widths(curves, chosen.fit))
+
+
+def held_out_errors(curves: list[MeanCurve], name: str) -> dict[str, float]:
+    """Return by kind of test the error of its nominal stress predicted from the others, relative to its rms.
+
+    Infinite where the law has no stress at a state of the test.
+    """
+    kinds, errors = list(dict.fromkeys(c.test for c in curves)), {}
+    for kind in kinds if len(kinds) > 1 else ():
+        problem = Problem.of([c for c in curves if c.test != kind])
+        law = FAMILIES[name].law(problem.solve(FAMILIES[name]))
+        held = [c for c in curves if c.test == kind]
+        model = np.concatenate([c.points.measured_stress(law) for c in held])
+        measured = np.concatenate([c.nominal_stress for c in held])
+        error = np.sqrt(((model - measured) ** 2).sum() / (measured**2).sum())
+        errors[kind] = float(error) if np.isfinite(error) else float("inf")
+    return errors
+
+
+def _independent_points(curves: list[MeanCurve], fits: list[LawFit]) -> float:
+    closest = min(fits, key=lambda f: f.misfit)
+    problem = Problem.of(curves)
+    residual = problem.weight * (problem.mean - problem.points.measured_stress(closest.law))
+    most = max(len(f.theta) for f in fits)
+    return max(effective_points(residual, problem.curve_sizes), most + 3.0)  # AICc needs n > parameters + 2
+
+
+def _aicc(n: float, fit: LawFit) -> float:
+    q = len(fit.theta) + 1
+    return n * np.log(max(fit.misfit, 1e-12) ** 2) + 2 * q + 2 * q * (q + 1) / (n - q - 1)

@@ -1,0 +1,90 @@
+"""Mapped presses of an indenter, and pairs of load cells, to the common form."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gelforge.characterisation.common_form import ForcePair, IndentationTest
+from gelforge.characterisation.findings import few_rows
+from gelforge.characterisation.mapped_columns import values
+from gelforge.characterisation.segments import first_reversal
+from gelforge.csv_table import TableError
+
+
+def indentation_test(path, entry, table, sample, time, said, named) -> IndentationTest:
+    position, force = values(table, entry.height), values(table, entry.force)
+    segment = table[entry.segment].to_numpy() if entry.segment else None
+    travel, push = float(np.ptp(position)), float(np.ptp(force))
+    if not travel > 0 or not push > 0:
+        raise TableError(
+            f"{path}: travel {travel:g} mm and force range {push:g} N; both must change in a press"
+        )
+    backward = first_reversal(position) if segment is None else None
+    if backward is not None:
+        raise TableError(
+            f"{path}, row {table.index[backward]}: {entry.height.column} turns back; name the segments with `segment`,"
+            " or check the columns"
+        )
+    _check_press(path, entry, position, force, segment)
+    stiffness = push / travel * 1e3
+    low, high = entry.plausible_stiffness_N_per_m
+    if not low <= stiffness <= high:
+        raise TableError(
+            f"{path}: force range over travel is {stiffness:.3g} N/m; {low:g} to {high:g} N/m is declared plausible:"
+            f" check the units of {entry.height.column} and {entry.force.column}"
+        )
+    said = [*said, *few_rows(len(force)), "the contact point is not in the file: it must be searched for"]
+    if entry.spring_constant_N_per_m:
+        bending = force / entry.spring_constant_N_per_m * 1e3
+        position = position - bending
+        said.append(
+            f"corrected: bending F/k up to {np.max(np.abs(bending)) * 1e3:.3g} um taken off the position"
+        )
+    elif entry.segment:
+        said.append("no spring constant is given: the position contains the bending F/k")
+    if time is None:
+        said.append("no time column: creep and relaxation cannot be found")
+    return IndentationTest(
+        sample,
+        position,
+        force,
+        time,
+        segment,
+        entry.material or named.get("material", ""),
+        entry.ball_radius_mm,
+        tuple(said),
+        path.name,
+    )
+
+
+def _check_press(path, entry, position, force, segment) -> None:
+    """Refuse a press whose force does not stand out at its deepest end: columns swapped, or a wrong sign."""
+    deep = position >= np.quantile(position, 0.98)
+    shallow = position <= np.quantile(position, 0.3)
+    rise = np.median(force[deep]) - np.median(force[shallow])
+    if not rise > 0.2 * np.ptp(force):
+        raise TableError(
+            f"{path}: the force rises by {rise:.3g} N from the shallow to the deepest rows, {np.ptp(force):.3g} N is its"
+            f" range; it should grow with depth: check columns {entry.height.column}, {entry.force.column} and their sign"
+        )
+
+
+def force_pair(path, entry, table, sample, time, said) -> ForcePair:
+    one, two = values(table, entry.force), values(table, entry.force_2)
+    largest = float(max(np.abs(one).max(), np.abs(two).max()))
+    low, high = entry.plausible_force_N
+    if not low <= largest <= high:
+        raise TableError(
+            f"{path}: the largest force is {largest:.3g} N; {low:g} to {high:g} N is declared; check units"
+        )
+    if np.corrcoef(one, two)[0, 1] < 0.9:
+        raise TableError(
+            f"{path}: {entry.force.column} and {entry.force_2.column} do not go together (correlation"
+            f" {np.corrcoef(one, two)[0, 1]:.2f}); the same force is expected in both: check the columns"
+        )
+    odd = [*said, *few_rows(len(one))]
+    repeated = 0 if time is None else int((np.diff(time) == 0).sum())
+    if repeated:
+        odd.append(f"{repeated} of {len(time)} rows repeat the time stamp of the row before (coarse clock)")
+    position = table[entry.segment].to_numpy() if entry.segment else None
+    return ForcePair(sample, one, two, time, position, tuple(odd), path.name)

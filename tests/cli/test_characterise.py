@@ -1,0 +1,27 @@
+"""`gelforge characterise` by hand: what a person finds in the folder."""
+
+from pathlib import Path
+
+import pytest
+
+from gelforge.characterisation.fit import FitError
+from gelforge.cli.characterise import characterise_command
+
+DEMO = Path(__file__).parents[2] / "data" / "demo" / "materials"
+
+
+def test_two_materials_get_a_folder_each(tmp_path, capsys):
+    characterise_command([DEMO / "ecoflex_gel", DEMO / "elastosil_25_1"], None, "ogden2, neo_hooke", tmp_path)
+    for name in ("ecoflex_gel", "elastosil_25_1"):
+        files = {path.relative_to(tmp_path / name).as_posix() for path in (tmp_path / name).rglob("*.*")}
+        assert files == {
+            "law.json", "laws/neo_hooke.json", "laws.csv", "laws.md", "parameters.csv", "parameters.md",
+            "curves.csv", "notes.txt", "material.png", "material.svg",
+        }  # fmt: skip
+    assert "ecoflex_gel: Ogden, K = 2: the lowest AICc of 2" in capsys.readouterr().out
+
+
+def test_an_unknown_law_leaves_nothing_behind(tmp_path):
+    with pytest.raises(FitError, match="law 'ogden7' is not known"):
+        characterise_command([DEMO / "ecoflex_gel"], None, "ogden7", tmp_path / "out")
+    assert not (tmp_path / "out").exists()

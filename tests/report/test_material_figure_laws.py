@@ -1,0 +1,56 @@
+"""The material figure with several laws, further kinds of test and residuals."""
+
+import numpy as np
+import pytest
+
+from gelforge.characterisation.by_hand import MaterialSource, characterise_tests
+from gelforge.characterisation.common_form import MaterialTest
+from gelforge.mechanics.homogeneous import nominal_stress, stress_points
+from gelforge.mechanics.laws import NeoHooke
+from gelforge.report.material_figure import material_figure
+
+LAW = NeoHooke(0.02)
+
+
+@pytest.fixture
+def drawn(tmp_path):
+    lam = np.linspace(1, 2, 40)
+    tests = [
+        MaterialTest("uniaxial", f"s{k}", lam, f * nominal_stress(LAW, "uniaxial", lam))
+        for k, f in enumerate((0.9, 1.1))
+    ]
+    fixed = np.full(40, 1.5)
+    along, across = (stress_points("biaxial", lam, fixed, c).measured_stress(LAW) for c in "12")
+    tests.append(MaterialTest("biaxial", "b1", lam, along, stretch_2=fixed, nominal_stress_2=across))
+    result = characterise_tests(
+        MaterialSource("gel", tuple(tests), (), False), ["neo_hooke", "ogden1"], tmp_path
+    )
+    return material_figure(tmp_path / "law.json", tmp_path / "curves.csv", result.other_laws)
+
+
+def lines(ax):
+    return {line.get_label(): line for line in ax.get_lines() if not line.get_label().startswith("_")}
+
+
+def test_all_laws_are_drawn_and_named(drawn):
+    assert set(lines(drawn.axes[0])) == {"samples", "Neo-Hooke", "Ogden, K = 1", "mean of samples"}
+    assert [text.get_text() for text in drawn.legends[0].get_texts()][:2] == ["samples", "Neo-Hooke"]
+    assert "μ" not in drawn.get_suptitle()
+    assert "mu = 20 kPa" in drawn.get_suptitle()
+
+
+def test_biaxial_curves_have_a_panel_with_both_stresses(drawn):
+    panel, residual = drawn.axes[3], drawn.axes[7]
+    assert panel.get_title(loc="left") == "Biaxial tension"
+    ends = sorted(line.get_ydata()[-1] for line in panel.get_lines())
+    # lam = (2, 1.5, 1/3): sigma_1 = 20 (4 - 1/9) = 77.8 kPa, sigma_2 = 20 (2.25 - 1/9) = 42.8 kPa; model and marks
+    assert ends == pytest.approx([42.8, 42.8, 77.8, 77.8], rel=2e-3)
+    assert len(residual.get_lines()) == 3  # two curves and zero
+    assert "2 curves" in panel.texts[0].get_text()
+
+
+def test_residuals_are_model_minus_mean_in_per_cent(drawn):
+    residual = drawn.axes[4]
+    for line in residual.get_lines()[:2]:
+        assert np.abs(line.get_ydata()).max() < 0.1  # the mean of 0.9 and 1.1 is the law
+    assert "%" in residual.get_ylabel()
