@@ -29,7 +29,7 @@ class PlannedCell:
 def plan_cells(study: Study) -> dict[str, PlannedCell]:
     """Return the study's cells by name, in the order of the plan, with mirrored cells naming their source."""
     cells = _from_file(study.plan.file) if study.plan.file else _from_grid(study)
-    _check_inside(cells, study)
+    check_inside(cells, study)
     return _with_sources(cells, study) if study.plan.symmetry == "d4" else cells
 
 
@@ -86,7 +86,7 @@ def _from_file(path: Path) -> dict[str, PlannedCell]:
     return cells
 
 
-def _check_inside(cells: dict[str, PlannedCell], study: Study) -> None:
+def check_inside(cells: dict[str, PlannedCell], study: Study) -> None:
     sensor = study.sensor
     for cell in cells.values():
         if not (0 <= cell.x_mm <= sensor.width_x_mm and 0 <= cell.y_mm <= sensor.width_y_mm):
