@@ -226,7 +226,7 @@ class Learning(Section):
     """The network of Sferrazza et al. 2019, table 2, and how it is trained."""
 
     input_form: Literal["vector", "polar"] = Field(
-        "vector", description="feed each region's flow as components (vector) or as magnitude and direction (polar)"
+        "polar", description="feed each region's magnitude and direction (polar) or the flow's components (vector)"
     )
     hidden: list[Annotated[int, Field(ge=1)]] = Field([800, 600, 400], description="widths of the hidden layers [-]")
     dropout: float = Field(0.1, ge=0, lt=1, description="dropout after each hidden layer [-]")

@@ -58,8 +58,8 @@ def complaints(part: str, source: str) -> list[str]:
     for name in sorted(imported(source)):
         root = name.split(".")[0]
         if root == "gelforge":
-            target = name.split(".")[1]
-            if target.startswith("__version__") or target == part:
+            target = name.partition(".")[2].split(".")[0]
+            if target in ("", "__version__", part):  # the package itself: its version and its place
                 continue
             upward = layer_of(target) > layer_of(part)
             sideways = layer_of(target) == layer_of(part) and layer_of(part) != layer_of("config")

@@ -46,11 +46,10 @@ def make_network(features: int, hidden: list[int], outputs: int, dropout: float,
 class Scaling:
     """How features become inputs of unit size and outputs become newtons; measured on training rows only.
 
-    inputs = (flow - mean) / scale, where flow is each region's (magnitude cos direction, magnitude sin direction), or
-    the features themselves where form is "polar". Directions jump at +-pi and are noise where nothing moved; the
-    flow's components are continuous and small there, and hold the same information. scale is one number for the first
-    half of the inputs and one for the second, so that regions that hardly move stay small instead of becoming noise of
-    unit size. outputs: newtons = outputs * output_scale + output_mean, one scale per axis.
+    inputs = (features - mean) / scale; where form is "vector", each region's (magnitude, direction) is first turned
+    into (magnitude cos direction, magnitude sin direction), which does not jump at +-pi. scale is one number for the
+    first half of the inputs and one for the second, so that regions that hardly move stay small instead of becoming
+    noise of unit size. newtons = outputs * output_scale + output_mean, one scale per axis.
     """
 
     form: str  # "vector" or "polar"

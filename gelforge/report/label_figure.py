@@ -108,7 +108,7 @@ def label_figure(path: str | Path, row: int | None = None) -> Figure:
     """Return three maps (x, y, z) of a label with totals and the frame's arrows."""
     label = read_label(path, row)
     limits = row_limits(label.bin_force_N)
-    figure, axes = new_figure(10.2, 4.0, nrows=1, ncols=3)
+    figure, axes = new_figure(10.2, 4.2, nrows=1, ncols=3)
     for ax, axis, force, limit in zip(axes[0], AXES, label.bin_force_N.T, limits):
         mesh = draw_force_map(ax, force, *label.bins, label.widths_mm, limit)
         ax.set_title(f"$F_{axis}$  {total_text(force)}")
@@ -120,5 +120,5 @@ def label_figure(path: str | Path, row: int | None = None) -> Figure:
     size = 0.22 * min(label.widths_mm)
     frame_arrows(axes[0, 0], (0.1 * label.widths_mm[0], 0.1 * label.widths_mm[1]), size, ("x", "y"), out="z")
     where = f"at ({label.position_mm[0]:g}, {label.position_mm[1]:g}) mm, {label.depth_mm:g} mm deep"
-    figure.suptitle(f"{label.title}, {where}: force on the sensor, seen from above", fontsize=10)
+    figure.suptitle(f"{label.title}\nforce on the sensor {where}, seen from above", fontsize=10)
     return figure

@@ -60,7 +60,11 @@ def test_shard_row(shard):
     assert label.widths_mm == (8.0, 6.0)
     assert "session day1, press p1, image 2" in label.title
     assert "untouched" in read_label(shard, 1).title
-    label_figure(shard, 1)  # an all-zero label draws too
+    figure = label_figure(shard, 1)  # an all-zero label draws too
+    title = figure.get_suptitle()
+    figure.draw_without_rendering()
+    assert "shard-00000.h5 row 1" in title
+    assert figure._suptitle.get_window_extent().width < figure.bbox.width  # a long title is not cut
 
 
 def test_shard_without_manifest(shard):

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from specimens import CENTRE, CORNER, TO_ROUNDING
 
 from gelforge.mechanics.body import SmallStrainBody
-from gelforge.mechanics.equilibrium import NotConverged, Settings
+from gelforge.mechanics.equilibrium import NotConverged, Press, Settings
 
 DEPTHS = [0.4, 0.8]
 
@@ -53,14 +53,18 @@ def test_only_a_node_that_was_open_has_newly_touched():
     for shift in (-1e-6, 1e-6):
         nudged = replace(old, gap=np.where(kept, shift, old.gap))
         on = now.contact_pressure > 0
-        _, contact = press._evaluate(now.u, now.pressure, now.contact_pressure, on, gap, normal, turn, nudged, now.centre)
+        _, contact = press._evaluate(
+            now.u, now.pressure, now.contact_pressure, on, gap, normal, turn, nudged, now.centre
+        )
         forces.append(contact["friction"][kept])
     assert_allclose(forces[0], forces[1], atol=1e-15)
 
 
 def test_softer_friction_springs_change_little():
     """Elastic slip 3 to 20 N/mm^3 changes Fz by less than 0.25 % (physics.md)."""
-    stiff = specimens.follow(specimens.press(CENTRE, replace(TO_ROUNDING, tangential_stiffness=20.0)), CENTRE, DEPTHS)
+    stiff = specimens.follow(
+        specimens.press(CENTRE, replace(TO_ROUNDING, tangential_stiffness=20.0)), CENTRE, DEPTHS
+    )
     usual = specimens.follow(specimens.press(CENTRE), CENTRE, DEPTHS)
     assert stiff[-1].force[2] == pytest.approx(usual[-1].force[2], rel=2.5e-3)
     assert stiff[-1].force[2] != usual[-1].force[2]
@@ -115,19 +119,42 @@ def test_initial_normals_measure_the_gap_straight_up(small):
 
 
 # ----------------------------------------------------------------------------------------------- failing
-def test_a_step_too_long_is_halved():
-    """From touch to 1.2 mm at once, with few iterations: halved, not refused, and the same result without friction."""
-    settings = Settings(0.0, force_tolerance=1e-10, gap_tolerance=1e-10)
-    patient = specimens.follow(specimens.press(CENTRE, settings), CENTRE, [0.3, 0.6, 0.9, 1.2])[-1]
-    hasty_settings = replace(settings, max_iterations=9, max_halvings=8)
-    press = specimens.press(CENTRE, hasty_settings)
-    with pytest.raises(NotConverged):
-        press.step(None, press.start(*CENTRE), patient.centre)
-    hasty = specimens.follow(press, CENTRE, [1.2])[-1]
-    assert_allclose(hasty.force, patient.force, atol=1e-8 * np.linalg.norm(patient.force))
+class Cautious(Press):
+    """A press that takes no step longer than 0.35 mm, and remembers the depths it reached."""
+
+    def step(self, previous, state, centre):
+        if np.linalg.norm(centre - state.centre) > 0.35:
+            raise NotConverged("too long")
+        new = super().step(previous, state, centre)
+        self.reached.append(round(5.0 - float(centre[2]), 9))
+        return new
+
+
+def test_a_step_too_long_is_halved_and_ends_where_it_should():
+    """From touch to 1.2 mm at once: in quarters, with the forces of four asked-for steps."""
+    patient = specimens.follow(specimens.press(CENTRE), CENTRE, [0.3, 0.6, 0.9, 1.2])[-1]
+    press = specimens.press(CENTRE)
+    press = Cautious(press.body, press.indenter, press.settings)
+    press.reached = []
+    (hasty,) = specimens.follow(press, CENTRE, [1.2])
+    assert press.reached == [0.3, 0.6, 0.9, 1.2]
+    assert_allclose(hasty.u, patient.u, atol=1e-12)
+    assert_allclose(hasty.friction_force, patient.friction_force, atol=1e-12)
+    assert hasty.iterations > patient.iterations  # of all four steps
+
+
+def test_halving_ends_after_the_allowed_number():
+    body = specimens.press(CENTRE).body
+    for halvings, depth in [(1, 1.2), (0, 0.6)]:
+        press = Cautious(body, specimens.BALL, replace(TO_ROUNDING, max_halvings=halvings))
+        press.reached = []
+        with pytest.raises(NotConverged, match=f"too long; step halved {halvings} times"):
+            specimens.follow(press, CENTRE, [depth])
 
 
 def test_an_absurd_step_is_given_up_with_its_reason():
     press = specimens.press(CENTRE, Settings(max_iterations=3, max_halvings=1))
-    with pytest.raises(NotConverged, match=r"no equilibrium at centre .* after 3 iterations: .*; step halved 1 times"):
+    with pytest.raises(
+        NotConverged, match=r"no equilibrium at centre .* after 3 iterations: .*; step halved 1 times"
+    ):
         specimens.follow(press, CENTRE, [3.9])
