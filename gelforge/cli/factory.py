@@ -28,7 +28,7 @@ def plan(study: Path, out: Path) -> None:
 def simulate(study: Path, cell: str, laws: list[Path], mirrored: list[Path], out: Path) -> None:
     """Write one cell, solved or mirrored; a cell that does not converge is written as failed, with its reason."""
     from gelforge.indentation.cell_file import read_cell, write_cell
-    from gelforge.indentation.simulate import mirror_cell, simulate_cell
+    from gelforge.indentation.mirror import mirror_cell
 
     described = load_study(study)
     planned = planned_cell(described, cell)
@@ -37,6 +37,8 @@ def simulate(study: Path, cell: str, laws: list[Path], mirrored: list[Path], out
         source = mirrored[0] if mirrored else described.results_folder / "cells" / f"{planned.source}.h5"
         result = mirror_cell(read_cell(source), described, by_material, planned)
     else:
+        from gelforge.indentation.simulate import simulate_cell  # loads the compiled kernels
+
         result = simulate_cell(described, by_material, planned)
     write_cell(out, result)
     print(f"{cell}: {result.attributes['status']} {result.attributes['reason']}".rstrip())
@@ -100,7 +102,7 @@ def join(study: Path, shard: int, out: Path) -> None:
     """Write one shard: a fixed chunk of the plan, every cell checked against the present settings and laws."""
     from gelforge.dataset.join import join_shard
     from gelforge.indentation.plan import plan_cells
-    from gelforge.indentation.simulate import inputs_digest
+    from gelforge.indentation.inputs import inputs_digest
     from gelforge.recording.features import features_digest
 
     described = load_study(study)
@@ -162,7 +164,8 @@ def evaluate(study: Path, model: Path, out: Path) -> None:
 
 def tables(study: Path) -> None:
     """Write the article's tables from laws, agreement and predictions; the labels' ranges where nothing is predicted."""
-    from gelforge.characterisation.law_file import material_table, read_law
+    from gelforge.characterisation.law_file import read_law
+    from gelforge.characterisation.material_table import material_table
     from gelforge.dataset.agreement import read_agreement, rmse_gt_table
     from gelforge.files import write_table
     from gelforge.learning import evaluation

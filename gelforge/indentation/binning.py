@@ -32,7 +32,7 @@ def node_shares(lines: np.ndarray, width: float, n: int) -> np.ndarray:
     nearest = np.rint(position)
     on_edge = np.abs(position - nearest) < 1e-9
     for line, (p, edge) in enumerate(zip(position, on_edge)):
-        right = int(round(p)) if edge else int(np.floor(p))
+        right = round(p) if edge else int(np.floor(p))
         bins = [k for k in ({right - 1, right} if edge else {right}) if 0 <= k < n]
         shares[bins, line] = 1 / len(bins)
     return shares

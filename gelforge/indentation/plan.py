@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from gelforge.config import NAME, ConfigError, Study
 from gelforge.indentation.symmetry import D4, transform_points
+
+if TYPE_CHECKING:  # pandas takes 0.3 s to import: only those who make or read tables pay for it
+    import pandas as pd
 
 POSITION_MATCH_MM = 0.01  # recorded presses join the plan within this distance
 
@@ -35,6 +38,8 @@ def plan_cells(study: Study) -> dict[str, PlannedCell]:
 
 def plan_table(cells: dict[str, PlannedCell]) -> pd.DataFrame:
     """Return the plan as a table, one row per cell and depth."""
+    import pandas as pd
+
     rows = [
         (c.name, c.x_mm, c.y_mm, depth, c.source or "", c.symmetry or "") for c in cells.values() for depth in c.depths_mm
     ]
@@ -66,6 +71,8 @@ def _from_grid(study: Study) -> dict[str, PlannedCell]:
 def _from_file(path: Path) -> dict[str, PlannedCell]:
     if not path.is_file():
         raise ConfigError(f"plan.file {path}: no such file; write a CSV with cell, x_mm, y_mm, depth_mm")
+    import pandas as pd
+
     table = pd.read_csv(path, comment="#", dtype={"cell": str})
     missing = [c for c in ("cell", "x_mm", "y_mm", "depth_mm") if c not in table.columns]
     if missing:

@@ -13,7 +13,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.image import imsave
 
-from gelforge.characterisation.law_file import MaterialLaw, material_table, write_law
+from gelforge.characterisation.law_file import MaterialLaw, write_law
+from gelforge.characterisation.material_table import material_table
 from gelforge.config import Camera, ForceSensor, Session, Study, study_from, write_yaml
 from gelforge.files import write_json, write_table
 from gelforge.indentation.cell_file import Cell, write_cell
