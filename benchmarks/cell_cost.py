@@ -22,8 +22,12 @@ def one_cell(x: float, y: float, near: float) -> dict:
 
     study = paper_study()
     laws = laws_of(study, [])
-    warm = study.mechanics.model_copy(update={"mesh": study.mechanics.mesh.model_copy(update={"near_mm": 3.0})})
-    simulate_cell(study.model_copy(update={"mechanics": warm}), laws, PlannedCell("warm", x, y, (0.1,)))  # loads kernels
+    warm = study.mechanics.model_copy(
+        update={"mesh": study.mechanics.mesh.model_copy(update={"near_mm": 3.0})}
+    )
+    simulate_cell(
+        study.model_copy(update={"mechanics": warm}), laws, PlannedCell("warm", x, y, (0.1,))
+    )  # loads kernels
     mesh = study.mechanics.mesh.model_copy(update={"near_mm": near})
     study = study.model_copy(update={"mechanics": study.mechanics.model_copy(update={"mesh": mesh})})
     depths = tuple(0.25 * (k + 1) for k in range(8))
@@ -59,7 +63,9 @@ def main() -> None:
         for x, y in ((16.0, 16.0), (27.0, 27.0)):
             for _ in range(arguments.repeat):
                 command = [sys.executable, __file__, "--one", str(x), str(y), str(near)]
-                done = subprocess.run(command, env=os.environ | THREADS, capture_output=True, text=True, check=True)
+                done = subprocess.run(
+                    command, env=os.environ | THREADS, capture_output=True, text=True, check=True
+                )
                 rows.append(json.loads(done.stdout.splitlines()[-1]))
     print(pd.DataFrame(rows).to_markdown(index=False))
 

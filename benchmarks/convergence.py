@@ -37,7 +37,9 @@ def forces(place: str, near: float, far: float, vertical_far: float) -> tuple[np
     laws = laws_of(study, [])
     sizes = {"near_mm": near, "far_mm": far, "vertical_far_mm": vertical_far}
     mechanics = study.mechanics.model_copy(update={"mesh": study.mechanics.mesh.model_copy(update=sizes)})
-    cell = simulate_cell(study.model_copy(update={"mechanics": mechanics}), laws, PlannedCell(place, *PLACES[place], DEPTHS))
+    cell = simulate_cell(
+        study.model_copy(update={"mechanics": mechanics}), laws, PlannedCell(place, *PLACES[place], DEPTHS)
+    )
     return -cell.arrays["total_force_N"][:, 2], cell.attributes
 
 
@@ -50,8 +52,17 @@ def main() -> None:
     for near, far, vertical in QUICK if arguments.quick else MESHES:
         curve, attributes = forces(arguments.place, near, far, vertical)
         curves.append(curve)
-        sizes = {"near": near, "far": far, "z far": vertical, "unknowns": int(attributes["degrees_of_freedom"])}
-        rows.append(sizes | {f"{d:g} mm": f"{f:.4f}" for d, f in zip(DEPTHS, curve)} | {"s": round(attributes["seconds"])})
+        sizes = {
+            "near": near,
+            "far": far,
+            "z far": vertical,
+            "unknowns": int(attributes["degrees_of_freedom"]),
+        }
+        rows.append(
+            sizes
+            | {f"{d:g} mm": f"{f:.4f}" for d, f in zip(DEPTHS, curve)}
+            | {"s": round(attributes["seconds"])}
+        )
         print(pd.DataFrame(rows[-1:]).to_markdown(index=False), flush=True)
     finest = curves[-1]
     print(f"\nFz [N] at the {arguments.place}; difference to the finest mesh in per cent:\n")

@@ -101,8 +101,8 @@ def features(study: Path, session: str, out: Path, workers: int) -> None:
 def join(study: Path, shard: int, out: Path) -> None:
     """Write one shard: a fixed chunk of the plan, every cell checked against the present settings and laws."""
     from gelforge.dataset.join import join_shard
-    from gelforge.indentation.plan import plan_cells
     from gelforge.indentation.inputs import inputs_digest
+    from gelforge.indentation.plan import plan_cells
     from gelforge.recording.features import features_digest
 
     described = load_study(study)

@@ -123,7 +123,7 @@ def estimate(study: Study, cells: dict) -> list[str]:
     ]
     if study.virtual_lab:
         lab = load_virtual_lab(study.virtual_lab)
-        true_nodes, _ = mesh_size(sensor_mesh, study, lab.mesh, solved[0])
+        true_nodes, _ = mesh_size(sensor_mesh, study, lab.mechanics.mesh, solved[0])
         more = depths + len(solved) * len(lab.unload_depths_mm)
         seconds += cell_seconds(true_nodes) * more / 8
     # float64 forces (two of three components each) and float32 displacement on surface nodes, three sets of bins

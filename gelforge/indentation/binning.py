@@ -49,7 +49,9 @@ def bin_forces(forces: np.ndarray, shares_x: np.ndarray, shares_y: np.ndarray) -
 
 def bin_centres(width_x: float, width_y: float, nx: int, ny: int) -> np.ndarray:
     """Return the centres (ny*nx, 2) [mm] of the bins, k = nx iy + ix."""
-    y, x = np.meshgrid((np.arange(ny) + 0.5) * width_y / ny, (np.arange(nx) + 0.5) * width_x / nx, indexing="ij")
+    y, x = np.meshgrid(
+        (np.arange(ny) + 0.5) * width_y / ny, (np.arange(nx) + 0.5) * width_x / nx, indexing="ij"
+    )
     return np.stack([x.ravel(), y.ravel()], axis=-1)
 
 

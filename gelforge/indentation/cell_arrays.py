@@ -14,7 +14,9 @@ def _stack(states: list[State], name: str, shape: tuple[int, ...]) -> np.ndarray
     return np.stack([getattr(state, name) for state in states]) if states else np.zeros((0, *shape))
 
 
-def force_arrays(mesh: HexMesh, states: list[State], sensor: Sensor, mechanics: Mechanics) -> dict[str, np.ndarray]:
+def force_arrays(
+    mesh: HexMesh, states: list[State], sensor: Sensor, mechanics: Mechanics
+) -> dict[str, np.ndarray]:
     S = len(mesh.surface)
     normal, shear = _stack(states, "normal_force", (S, 3)), _stack(states, "friction_force", (S, 3))
     share = binning.hat_shares if mechanics.binning == "shape_function" else binning.node_shares
@@ -38,7 +40,9 @@ def force_arrays(mesh: HexMesh, states: list[State], sensor: Sensor, mechanics: 
 
 def _displacement(states: list[State], nodes: np.ndarray) -> np.ndarray:
     """Return the displacement (D, n, 3) of some nodes [mm] as float32: 1e-7 mm is beyond any camera."""
-    return np.array([state.u[nodes] for state in states], dtype=np.float32).reshape(len(states), len(nodes), 3)
+    return np.array([state.u[nodes] for state in states], dtype=np.float32).reshape(
+        len(states), len(nodes), 3
+    )
 
 
 def section_arrays(mesh: HexMesh, states: list[State], y_mm: float) -> dict[str, np.ndarray]:
@@ -79,5 +83,7 @@ def moment_shift(arrays: dict[str, np.ndarray], sensor: Sensor) -> list[float]:
         fx, fy, fz = np.moveaxis(forces, -1, 0)
         return np.stack([(y * fz).sum(-1), (-x * fz).sum(-1), (x * fy - y * fx).sum(-1)], axis=-1)
 
-    shift = moment(centres, arrays["bin_force_N"]) - moment(nodes, arrays["node_normal_N"] + arrays["node_shear_N"])
+    shift = moment(centres, arrays["bin_force_N"]) - moment(
+        nodes, arrays["node_normal_N"] + arrays["node_shear_N"]
+    )
     return [float(value) for value in np.linalg.norm(shift, axis=-1)]

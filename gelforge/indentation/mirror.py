@@ -19,7 +19,10 @@ def mirror_cell(source: Cell, study: Study, laws: dict[str, Ogden], planned: Pla
     for key in ("bin_force_N", "bin_normal_N", "bin_shear_N"):
         arrays[key] = transform_bins(name, source.arrays[key], n)
     arrays["node_xy_mm"] = transform_points(name, source.arrays["node_xy_mm"], width)
-    arrays["node_area_mm2"], arrays["node_state"] = source.arrays["node_area_mm2"], source.arrays["node_state"]
+    arrays["node_area_mm2"], arrays["node_state"] = (
+        source.arrays["node_area_mm2"],
+        source.arrays["node_state"],
+    )
     identity = {
         "cell": planned.name,
         "x_mm": planned.x_mm,

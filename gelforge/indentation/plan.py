@@ -41,7 +41,9 @@ def plan_table(cells: dict[str, PlannedCell]) -> pd.DataFrame:
     import pandas as pd
 
     rows = [
-        (c.name, c.x_mm, c.y_mm, depth, c.source or "", c.symmetry or "") for c in cells.values() for depth in c.depths_mm
+        (c.name, c.x_mm, c.y_mm, depth, c.source or "", c.symmetry or "")
+        for c in cells.values()
+        for depth in c.depths_mm
     ]
     return pd.DataFrame(rows, columns=["cell", "x_mm", "y_mm", "depth_mm", "source", "symmetry"])
 
@@ -49,7 +51,9 @@ def plan_table(cells: dict[str, PlannedCell]) -> pd.DataFrame:
 def _axis(width: float, spacing: float, margin: float) -> np.ndarray:
     span = width - 2 * margin
     if span < 0:
-        raise ConfigError(f"plan.grid.margin_mm {margin} exceeds half the sensor's width {width} mm; make it smaller")
+        raise ConfigError(
+            f"plan.grid.margin_mm {margin} exceeds half the sensor's width {width} mm; make it smaller"
+        )
     count = int(np.floor(span / spacing + 1e-9)) + 1
     return width / 2 + spacing * (np.arange(count) - (count - 1) / 2)
 
@@ -83,7 +87,9 @@ def _from_file(path: Path) -> dict[str, PlannedCell]:
             raise ConfigError(f"{path}: cell {name!r} is not a name; use letters, digits, '_' and '-'")
         numbers = rows[["x_mm", "y_mm", "depth_mm"]].to_numpy(float)
         if not np.isfinite(numbers).all():
-            raise ConfigError(f"{path}: cell {name} has an empty or non-finite number; fill x_mm, y_mm and depth_mm")
+            raise ConfigError(
+                f"{path}: cell {name} has an empty or non-finite number; fill x_mm, y_mm and depth_mm"
+            )
         if np.ptp(numbers[:, :2], axis=0).max() > 1e-9:
             raise ConfigError(f"{path}: cell {name} has several positions; give each position its own cell")
         depths = tuple(sorted(numbers[:, 2]))
@@ -122,7 +128,9 @@ def _with_sources(cells: dict[str, PlannedCell], study: Study) -> dict[str, Plan
     for cell in cells.values():
         position = np.array([cell.x_mm, cell.y_mm])
         images = [tuple(np.round(transform_points(s, position, width), 6)) for s in D4]
-        source = next((solved[image, cell.depths_mm] for image in images if (image, cell.depths_mm) in solved), None)
+        source = next(
+            (solved[image, cell.depths_mm] for image in images if (image, cell.depths_mm) in solved), None
+        )
         if source is None:
             solved[tuple(np.round(position, 6)), cell.depths_mm] = cell.name
             related[cell.name] = cell
@@ -131,5 +139,7 @@ def _with_sources(cells: dict[str, PlannedCell], study: Study) -> dict[str, Plan
         symmetry = next(s for s in D4 if np.abs(transform_points(s, origin, width) - position).max() < 1e-6)
         related[cell.name] = PlannedCell(cell.name, cell.x_mm, cell.y_mm, cell.depths_mm, source, symmetry)
     if len(cells) > 1 and len(solved) == len(cells):
-        raise ConfigError("plan.symmetry: d4, but no two positions of the plan are mirror images; use symmetry: none")
+        raise ConfigError(
+            "plan.symmetry: d4, but no two positions of the plan are mirror images; use symmetry: none"
+        )
     return related

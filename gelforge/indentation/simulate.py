@@ -39,7 +39,9 @@ class Trajectory:
 def simulate_cell(study: Study, laws: dict[str, Ogden], planned: PlannedCell) -> Cell:
     """Return the solved cell of a plan; laws are named by material. A cell that fails says so in its attributes."""
     by_layer = {layer.name: laws[layer.material] for layer in study.sensor.layers}
-    cell = simulate_trajectory(study.sensor, study.indenter, study.mechanics, by_layer, Trajectory.loading(planned))
+    cell = simulate_trajectory(
+        study.sensor, study.indenter, study.mechanics, by_layer, Trajectory.loading(planned)
+    )
     identity = {"cell": planned.name, "inputs_digest": inputs_digest(study, laws, planned), "source": ""}
     return Cell(cell.arrays, cell.attributes | identity)
 
@@ -67,7 +69,9 @@ def simulate_trajectory(
     arrays |= force_arrays(mesh, states, sensor, mechanics)
     arrays |= section_arrays(mesh, states, trajectory.y_mm)
     if mechanics.store_displacement:
-        arrays |= gel_arrays(mesh, states, [layer.name for layer in sensor.layers if layer.particle_volume_fraction > 0])
+        arrays |= gel_arrays(
+            mesh, states, [layer.name for layer in sensor.layers if layer.particle_volume_fraction > 0]
+        )
     attributes = {
         "x_mm": trajectory.x_mm,
         "y_mm": trajectory.y_mm,
@@ -131,7 +135,9 @@ def _settings(mechanics: Mechanics) -> Settings:
 
 
 def _settings_text(sensor: Sensor, indenter: Indenter, mechanics: Mechanics, laws: dict[str, Ogden]) -> str:
-    content = {name: part.model_dump(mode="json") for name, part in [("sensor", sensor), ("indenter", indenter)]}
+    content = {
+        name: part.model_dump(mode="json") for name, part in [("sensor", sensor), ("indenter", indenter)]
+    }
     content["mechanics"] = mechanics.model_dump(mode="json")
     content["laws_by_layer"] = {
         name: {"law": "ogden", "mu_MPa": law.mu, "alpha": law.alpha} for name, law in laws.items()

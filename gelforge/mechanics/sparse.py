@@ -111,7 +111,12 @@ class SuperLU:
         upper = sp.csr_matrix((values, self._indices, self._indptr), shape=(self._n, self._n))
         full = upper + sp.triu(upper, 1).T
         try:
-            self._lu = splu(full.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+            self._lu = splu(
+                full.tocsc(),
+                permc_spec="MMD_AT_PLUS_A",
+                diag_pivot_thresh=0.0,
+                options={"SymmetricMode": True},
+            )
         except RuntimeError as error:
             raise NotPositiveDefinite(str(error)) from None
 
@@ -127,7 +132,9 @@ def direct_solver(pattern: Pattern, choice: str = "auto") -> DirectSolver:
             return Pardiso(pattern)
         except ImportError as error:
             if choice == "pardiso":
-                raise ImportError(f"PARDISO cannot be loaded ({error}); set linear_solver: superlu") from error
+                raise ImportError(
+                    f"PARDISO cannot be loaded ({error}); set linear_solver: superlu"
+                ) from error
     return SuperLU(pattern)
 
 

@@ -129,6 +129,6 @@ def true_cells(wildcards):
     return [f"{TRUTH}/{cell}.h5" for cell in dict.fromkeys(CELLS[name].source or name for name in pressed)]
 
 
-def true_mechanics():
-    """Return what the truth takes from the study's mechanics: all but the mesh and what the labels store."""
-    return STUDY.mechanics.model_dump(mode="json", exclude={"mesh", "binning", "store_displacement"})
+def lab_block(*names):
+    """Return the digest of the virtual lab's blocks that a rule uses."""
+    return digest(LAB.model_dump(mode="json", include=set(names)))

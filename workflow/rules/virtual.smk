@@ -7,7 +7,7 @@ if LAB:
     rule virtual_cell:
         """Press the virtual sensor at one position: true laws, a mesh of its own, loading and unloading."""
         input:
-            lab=STUDY.virtual_lab.as_posix(),
+            lab=ancient(STUDY.virtual_lab.as_posix()),
         output:
             ensure(f"{TRUTH}/{{cell}}.h5", non_empty=True),
         log:
@@ -22,7 +22,7 @@ if LAB:
         params:
             planned=planned,
             model=block("sensor", "indenter"),
-            mechanics=true_mechanics(),
+            truth=lab_block("mechanics", "materials", "stiffness_scale", "unload_depths_mm"),
             source=source_digest("mechanics", "indentation"),
         shell:
             "{ONE_THREAD} {GELFORGE} virtual-cell --study {STUDY_FILE} --cell {wildcards.cell} --out {output} &> {log}"
@@ -30,7 +30,7 @@ if LAB:
     rule virtual_session:
         """Record one synthetic session from the truth; nothing else reads the truth."""
         input:
-            lab=STUDY.virtual_lab.as_posix(),
+            lab=ancient(STUDY.virtual_lab.as_posix()),
             truth=true_cells,
         output:
             f"{DATA}/recordings/{{session}}/session.yaml",
@@ -46,6 +46,7 @@ if LAB:
             mem_mb=1500,
         params:
             model=block("sensor", "plan"),
+            lab=digest(LAB.model_dump(mode="json")),
             source=source_digest("virtual_lab"),
         shell:
             "{GELFORGE} virtual-session --study {STUDY_FILE} --session {wildcards.session}"
