@@ -8,14 +8,10 @@ import specimens
 from numpy.testing import assert_allclose
 
 from gelforge.indentation.cell_file import DATASETS, OPTIONAL, read_cell, write_cell
+from gelforge.indentation.inputs import inputs_digest
+from gelforge.indentation.mirror import mirror_cell
 from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.simulate import (
-    Trajectory,
-    inputs_digest,
-    mirror_cell,
-    simulate_cell,
-    simulate_trajectory,
-)
+from gelforge.indentation.simulate import Trajectory, simulate_cell, simulate_trajectory
 from gelforge.indentation.symmetry import D4, transform_bins, transform_points
 from gelforge.mechanics.laws import Ogden
 
