@@ -44,7 +44,8 @@ def bin_forces(forces: np.ndarray, shares_x: np.ndarray, shares_y: np.ndarray) -
     grid = forces.reshape(*forces.shape[:-2], ny_lines, nx_lines, 3)
     binned = np.einsum("bj,...jik->...bik", shares_y, grid)
     binned = np.einsum("ai,...bik->...bak", shares_x, binned)
-    return binned.reshape(*forces.shape[:-2], -1, 3)
+    # The number of bins is given: reshape cannot infer it where no depth converged.
+    return binned.reshape(*forces.shape[:-2], len(shares_y) * len(shares_x), 3)
 
 
 def bin_centres(width_x: float, width_y: float, nx: int, ny: int) -> np.ndarray:

@@ -73,14 +73,9 @@ def _from_grid(study: Study) -> dict[str, PlannedCell]:
 
 
 def _from_file(path: Path) -> dict[str, PlannedCell]:
-    if not path.is_file():
-        raise ConfigError(f"plan.file {path}: no such file; write a CSV with cell, x_mm, y_mm, depth_mm")
-    import pandas as pd
+    from gelforge.csv_table import read_csv  # loads pandas, which a mirrored cell's job does without
 
-    table = pd.read_csv(path, comment="#", dtype={"cell": str})
-    missing = [c for c in ("cell", "x_mm", "y_mm", "depth_mm") if c not in table.columns]
-    if missing:
-        raise ConfigError(f"{path}: columns {missing} are missing; found {list(table.columns)}")
+    table = read_csv(path, numbers=("x_mm", "y_mm", "depth_mm"), texts=("cell",))
     cells = {}
     for name, rows in table.groupby("cell", sort=False):
         if not NAME.fullmatch(str(name)):

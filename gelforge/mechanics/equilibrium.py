@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, gmres
 
 from gelforge.mechanics.body import NO_TANGENT, Body, Response
-from gelforge.mechanics.contact import add_node_blocks, contact_forces
+from gelforge.mechanics.contact import OPEN, add_node_blocks, contact_forces
 from gelforge.mechanics.indenters import Sphere
 from gelforge.mechanics.kernels import symmetric_product
 from gelforge.mechanics.sparse import DirectSolver, NotPositiveDefinite, direct_solver, refined_solve
@@ -19,6 +19,9 @@ STEP_LENGTHS = (1.0, 0.5, 0.25, 0.125, 0.0625)
 # A factorisation is kept while the residual is this small and each correction with it halves the residual at least.
 CHORD_RESIDUAL = 2e-2
 CHORD_RATE = 0.5
+# Below this a symmetric iteration that wins less than CHORD_RATE only creeps to the limit of slipping nodes: the consistent
+# tangent ends it. Further from the solution that one cycles between stick and slip.
+CREEP_RESIDUAL = 1e-4
 GMRES_TOLERANCE = 1e-2  # of a correction with the kept factorisation: the next residual is no smaller anyway
 
 
@@ -169,8 +172,9 @@ class Press:
             if not chord:
                 self._factor(u, pressure, contact)
                 factored_for, factorisations = active, factorisations + 1
+            creeps = residual < CREEP_RESIDUAL and residual > CHORD_RATE * last_residual
             last_residual = residual
-            du = self._correction(response, contact, consistent=chord)
+            du = self._correction(response, contact, consistent=chord or creeps)
             new_pressure = self.body.linearised_pressure(response, du)
             new_lam = np.where(
                 active,
@@ -236,7 +240,7 @@ class Press:
         contact["state"] = np.empty(S, np.int8)
         slip = (u - old.u)[self.surface] - (centre - old.centre)
         contact_forces(
-            gap, normal, turn, slip, lam, active, self.area, old.friction_force, old.gap > 1e-9,
+            gap, normal, turn, slip, lam, active, self.area, old.friction_force, old.contact_state == OPEN,
             self.settings.normal_stiffness, self.settings.tangential_stiffness, self.settings.friction,
             contact["f_mixed"], contact["f_condensed"], contact["f_consistent"], contact["friction"],
             contact["stiffness"], contact["stiffness_consistent"], contact["state"],

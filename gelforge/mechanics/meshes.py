@@ -112,7 +112,10 @@ def _vertical_lines(block: Block, sizes: Sizes) -> np.ndarray:
 
     heights = np.cumsum([0.0] + [thickness for _, thickness in block.layers]) - block.height
     heights[-1] = 0.0
-    breaks = sorted(set(heights) | ({block.flange_height - block.height} if block.flange_width else set()))
+    breaks, flange_top = list(heights), block.flange_height - block.height
+    # A second break one rounding beside an interface would make a layer of elements without thickness.
+    if block.flange_width and np.abs(heights - flange_top).min() > 1e-9:
+        breaks = sorted([*breaks, flange_top])
     return graded_lines(breaks, size, [1] * (len(breaks) - 1))
 
 

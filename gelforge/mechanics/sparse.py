@@ -7,6 +7,7 @@ double precision with conjugate gradients (`refined_solve`). SuperLU (SciPy) wor
 from __future__ import annotations
 
 import ctypes
+import sys
 from typing import Protocol
 
 import numpy as np
@@ -94,7 +95,7 @@ class Pardiso:
         return x.astype(np.float64) * size
 
     def __del__(self):
-        if hasattr(self, "_values"):
+        if hasattr(self, "_values") and not sys.is_finalizing():
             self._call(self.RELEASE, self._zeros(), self._zeros())
 
 
