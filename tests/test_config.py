@@ -42,7 +42,7 @@ def test_paper_has_its_13448_presses():
 
 def test_demo_has_at_least_25_positions_and_8_depths():
     cells = plan_cells(load_study("config/config.yaml"))
-    assert len(cells) == 81
+    assert len({(cell.x_mm, cell.y_mm) for cell in cells.values()}) >= 25
     assert {len(cell.depths_mm) for cell in cells.values()} == {8}
 
 
