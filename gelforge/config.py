@@ -65,7 +65,9 @@ class Material(Section):
     @model_validator(mode="after")
     def _one_source(self):
         if (self.tests is None) == (self.parameters is None):
-            raise ValueError("give either `tests` (a folder to fit) or `parameters` (a law), not both or neither")
+            raise ValueError(
+                "give either `tests` (a folder to fit) or `parameters` (a law), not both or neither"
+            )
         return self
 
 
@@ -106,9 +108,13 @@ class Sensor(Section):
     @model_validator(mode="after")
     def _fits(self):
         if 2 * self.wall_mm >= min(self.width_x_mm, self.width_y_mm):
-            raise ValueError(f"wall_mm {self.wall_mm} leaves no gel inside the sensor's width; make it thinner")
+            raise ValueError(
+                f"wall_mm {self.wall_mm} leaves no gel inside the sensor's width; make it thinner"
+            )
         if self.flange and self.flange.height_mm >= self.height_mm:
-            raise ValueError(f"flange height_mm {self.flange.height_mm} reaches the top ({self.height_mm} mm)")
+            raise ValueError(
+                f"flange height_mm {self.flange.height_mm} reaches the top ({self.height_mm} mm)"
+            )
         return self
 
     @property
@@ -137,7 +143,9 @@ class Plan(Section):
     grid: Grid | None = Field(None, description="regular grid of positions")
     depths_mm: list[Positive] | None = Field(None, description="increasing depths of every position [mm]")
     file: Path | None = Field(None, description="CSV with cell, x_mm, y_mm, depth_mm")
-    symmetry: Literal["d4", "none"] = Field("none", description="reuse cells that mirror and rotate into each other")
+    symmetry: Literal["d4", "none"] = Field(
+        "none", description="reuse cells that mirror and rotate into each other"
+    )
 
     @model_validator(mode="after")
     def _one_source(self):
@@ -157,40 +165,57 @@ class Mesh(Section):
     near_mm: Positive = Field(0.5, description="element size under the contact [mm]")
     near_radius_mm: Positive = Field(3.6, description="half width of the fine region around the contact [mm]")
     far_mm: Positive = Field(1.5, description="largest horizontal element size [mm]")
-    growth: float = Field(1.35, gt=1, le=3, description="growth of horizontal size per mm of distance + 1 [-]")
+    growth: float = Field(
+        1.35, gt=1, le=3, description="growth of horizontal size per mm of distance + 1 [-]"
+    )
     vertical_far_mm: Positive = Field(0.8, description="largest vertical element size, at the base [mm]")
-    vertical_growth: float = Field(1.15, gt=1, le=3, description="growth of vertical size per mm of depth + 1 [-]")
-    wall_elements: int = Field(3, ge=1, le=20, description="least elements through a wall near the contact [-]")
+    vertical_growth: float = Field(
+        1.15, gt=1, le=3, description="growth of vertical size per mm of depth + 1 [-]"
+    )
+    wall_elements: int = Field(
+        3, ge=1, le=20, description="least elements through a wall near the contact [-]"
+    )
 
 
 class Contact(Section):
     """Constants of the contact algorithm; results do not depend on them within the tolerance."""
 
     normal_stiffness_N_per_mm3: Positive = Field(20.0, description="augmentation stiffness [N/mm^3]")
-    tangential_stiffness_N_per_mm3: Positive = Field(3.0, description="elastic slip stiffness of friction [N/mm^3]")
+    tangential_stiffness_N_per_mm3: Positive = Field(
+        3.0, description="elastic slip stiffness of friction [N/mm^3]"
+    )
 
 
 class Solver(Section):
     """Stopping rules of the Newton iteration."""
 
     force_tolerance: float = Field(1e-6, gt=0, le=1e-2, description="unbalanced force over contact force [-]")
-    gap_tolerance_mm: float = Field(1e-4, gt=0, le=1e-2, description="largest penetration of a contact node [mm]")
+    gap_tolerance_mm: float = Field(
+        1e-4, gt=0, le=1e-2, description="largest penetration of a contact node [mm]"
+    )
     max_iterations: int = Field(40, ge=2, le=500, description="Newton iterations of one depth step [-]")
-    max_halvings: int = Field(4, ge=0, le=10, description="times a depth step may be halved before giving up [-]")
+    max_halvings: int = Field(
+        4, ge=0, le=10, description="times a depth step may be halved before giving up [-]"
+    )
     linear_solver: Literal["auto", "pardiso", "superlu"] = Field("auto", description="sparse direct solver")
 
 
 class Mechanics(Section):
     """The finite-element model of one press."""
 
-    strain: Literal["finite", "small"] = Field("finite", description="finite strain, or small-strain linear elasticity")
+    strain: Literal["finite", "small"] = Field(
+        "finite", description="finite strain, or small-strain linear elasticity"
+    )
     contact_normals: Literal["current", "initial"] = Field(
         "current", description="contact normals of the ball (current) or of the undeformed surface (initial)"
     )
     friction: float = Field(0.45, ge=0, le=2, description="Coulomb friction coefficient [-]")
-    bulk_to_shear: float = Field(1000.0, ge=10, le=1e5, description="bulk modulus over shear modulus of each layer [-]")
+    bulk_to_shear: float = Field(
+        1000.0, ge=10, le=1e5, description="bulk modulus over shear modulus of each layer [-]"
+    )
     binning: Literal["shape_function", "node"] = Field(
-        "shape_function", description="share nodal forces by shape functions, or give them to the bin of the node"
+        "shape_function",
+        description="share nodal forces by shape functions, or give them to the bin of the node",
     )
     mesh: Mesh = Field(Mesh(), description="mesh sizes")
     contact: Contact = Field(Contact(), description="contact constants")
@@ -210,9 +235,12 @@ class Features(Section):
 
     regions: int = Field(40, ge=1, le=200, description="image regions along each side; m = regions^2 [-]")
     flow_preset: Literal["ultrafast", "fast", "fine", "medium"] = Field(
-        "fine", description="preset of Dense Inverse Search; fine: fast, but at half resolution without smoothing"
+        "fine",
+        description="preset of Dense Inverse Search; fine: fast, but at half resolution without smoothing",
     )
-    moved_px: NonNegative = Field(0.05, description="pixels that moved less do not vote on the direction [px]")
+    moved_px: NonNegative = Field(
+        0.05, description="pixels that moved less do not vote on the direction [px]"
+    )
 
 
 class Dataset(Section):
@@ -226,14 +254,19 @@ class Learning(Section):
     """The network of Sferrazza et al. 2019, table 2, and how it is trained."""
 
     input_form: Literal["vector", "polar"] = Field(
-        "vector", description="feed each region's flow as components (vector) or as magnitude and direction (polar)"
+        "polar",
+        description="feed each region's magnitude and direction (polar) or the flow's components (vector)",
     )
-    hidden: list[Annotated[int, Field(ge=1)]] = Field([800, 600, 400], description="widths of the hidden layers [-]")
+    hidden: list[Annotated[int, Field(ge=1)]] = Field(
+        [800, 600, 400], description="widths of the hidden layers [-]"
+    )
     dropout: float = Field(0.1, ge=0, lt=1, description="dropout after each hidden layer [-]")
     learning_rate: Positive = Field(1e-4, description="Adam's step size [-]")
     batch_size: int = Field(400, ge=1, description="rows per step [-]")
     epochs: int = Field(400, ge=1, description="passes over the training rows [-]")
-    validation_fraction: float = Field(0.1, gt=0, lt=1, description="share of training cells that watch the loss [-]")
+    validation_fraction: float = Field(
+        0.1, gt=0, lt=1, description="share of training cells that watch the loss [-]"
+    )
 
 
 class Study(Section):
@@ -247,11 +280,15 @@ class Study(Section):
     indenter: Indenter = Field(Indenter(), description="the indenter, or a YAML file that describes it")
     plan: Plan = Field(description="positions and depths")
     mechanics: Mechanics = Field(Mechanics(), description="the finite-element model")
-    sessions: list[Name] = Field([], description="recorded sessions under <data>/recordings; none: labels only")
+    sessions: list[Name] = Field(
+        [], description="recorded sessions under <data>/recordings; none: labels only"
+    )
     features: Features = Field(Features(), description="image features")
     dataset: Dataset = Field(Dataset(), description="shards and splits")
     learning: Learning = Field(Learning(), description="network and training")
-    virtual_lab: Path | None = Field(None, description="YAML of a virtual lab that makes the sessions (synthetic)")
+    virtual_lab: Path | None = Field(
+        None, description="YAML of a virtual lab that makes the sessions (synthetic)"
+    )
 
     @model_validator(mode="after")
     def _consistent(self):
@@ -287,11 +324,16 @@ class Study(Section):
 class ForceSensor(Section):
     """What makes a stranger's force readings readable."""
 
-    acts_on: Literal["sensor", "indenter"] = Field("sensor", description="body on which the recorded force acts")
-    axes: list[list[float]] = Field(
-        [[1, 0, 0], [0, 1, 0], [0, 0, 1]], description="3x3 rotation from the recorded axes to the sensor frame [-]"
+    acts_on: Literal["sensor", "indenter"] = Field(
+        "sensor", description="body on which the recorded force acts"
     )
-    tared: bool = Field(False, description="zero already subtracted; if false each press's zero rows are used")
+    axes: list[list[float]] = Field(
+        [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+        description="3x3 rotation from the recorded axes to the sensor frame [-]",
+    )
+    tared: bool = Field(
+        False, description="zero already subtracted; if false each press's zero rows are used"
+    )
     resolution_N: list[Positive] = Field([0.03, 0.03, 0.06], description="resolution of x, y, z [N]")
     range_N: list[Positive] | None = Field(None, description="largest force of x, y, z [N]")
     repeatability_N: NonNegative | None = Field(None, description="scatter of repeated readings [N]")
@@ -305,7 +347,9 @@ class ForceSensor(Section):
             for j in range(3):
                 dot = sum(A[i][k] * A[j][k] for k in range(3))
                 if abs(dot - (i == j)) > 1e-6:
-                    raise ValueError(f"axes rows {i} and {j} have product {dot:.4g}; the rows must be orthonormal")
+                    raise ValueError(
+                        f"axes rows {i} and {j} have product {dot:.4g}; the rows must be orthonormal"
+                    )
         for name in ("resolution_N", "range_N"):
             if getattr(self, name) is not None and len(getattr(self, name)) != 3:
                 raise ValueError(f"{name} needs three numbers (x, y, z)")
@@ -315,9 +359,13 @@ class ForceSensor(Section):
 class StageToSensor(Section):
     """Commanded stage position -> sensor frame: x_sensor = R(rotation) H x_stage + origin."""
 
-    origin_mm: list[float] = Field([0.0, 0.0], min_length=2, max_length=2, description="stage origin in the frame [mm]")
+    origin_mm: list[float] = Field(
+        [0.0, 0.0], min_length=2, max_length=2, description="stage origin in the frame [mm]"
+    )
     rotation_deg: float = Field(0.0, description="rotation about z, counter-clockwise [deg]")
-    handedness: Literal["right", "left"] = Field("right", description="left: the stage's y axis is flipped first")
+    handedness: Literal["right", "left"] = Field(
+        "right", description="left: the stage's y axis is flipped first"
+    )
 
 
 class DepthZero(Section):
@@ -340,7 +388,9 @@ class Camera(Section):
     mm_per_px: Positive | None = Field(None, description="flat scale, where intrinsics are unknown [mm/px]")
     centre_px: list[float] = Field(min_length=2, max_length=2, description="principal point u, v [px]")
     position_mm: list[float] = Field(
-        min_length=3, max_length=3, description="pinhole, or the point seen at centre_px, in the sensor frame [mm]"
+        min_length=3,
+        max_length=3,
+        description="pinhole, or the point seen at centre_px, in the sensor frame [mm]",
     )
     rotation_deg: list[float] = Field(
         [0.0, 0.0, 0.0],
@@ -349,13 +399,16 @@ class Camera(Section):
         description="turns of the camera about the sensor's x, then y, then z axis, from looking straight up [deg]",
     )
     mirrored: bool = Field(
-        True, description="true: u grows with x as seen from above (the image was flipped); false: as the camera sees it"
+        True,
+        description="true: u grows with x as seen from above (the image was flipped); false: as the camera sees it",
     )
 
     @model_validator(mode="after")
     def _one_scale(self):
         if (self.focal_px is None) == (self.mm_per_px is None):
-            raise ValueError("give either focal_px (a pinhole) or mm_per_px (a flat scale), not both or neither")
+            raise ValueError(
+                "give either focal_px (a pinhole) or mm_per_px (a flat scale), not both or neither"
+            )
         return self
 
 
@@ -408,18 +461,29 @@ class VirtualImaging(Section):
 
     blur_px: NonNegative = Field(0.7, description="Gaussian blur of the optics, standard deviation [px]")
     noise_grey: NonNegative = Field(2.0, description="standard deviation of the sensor noise [grey levels]")
-    background_grey: float = Field(24.0, ge=0, le=255, description="grey level of the skin behind the particles [-]")
-    particle_grey: float = Field(210.0, ge=0, le=255, description="grey level of the nearest particle's middle [-]")
+    background_grey: float = Field(
+        24.0, ge=0, le=255, description="grey level of the skin behind the particles [-]"
+    )
+    particle_grey: float = Field(
+        210.0, ge=0, le=255, description="grey level of the nearest particle's middle [-]"
+    )
     images_per_press: int = Field(5, ge=1, description="images at the commanded depth [-]")
 
 
 class VirtualForce(Section):
     """How the virtual force sensor reads."""
 
-    noise_N: list[NonNegative] = Field([0.008, 0.008, 0.015], min_length=3, max_length=3, description="noise [N]")
-    resolution_N: list[Positive] = Field([0.03, 0.03, 0.06], min_length=3, max_length=3, description="steps [N]")
+    noise_N: list[NonNegative] = Field(
+        [0.008, 0.008, 0.015], min_length=3, max_length=3, description="noise [N]"
+    )
+    resolution_N: list[Positive] = Field(
+        [0.03, 0.03, 0.06], min_length=3, max_length=3, description="steps [N]"
+    )
     offset_N: list[NonNegative] = Field(
-        [0.05, 0.05, 0.1], min_length=3, max_length=3, description="scatter of the untared zero of a session [N]"
+        [0.05, 0.05, 0.1],
+        min_length=3,
+        max_length=3,
+        description="scatter of the untared zero of a session [N]",
     )
     touchdown_mm: NonNegative = Field(0.01, description="scatter of the touchdown of a press [mm]")
 
@@ -429,11 +493,18 @@ class VirtualSession(Section):
 
     session: Name = Field(description="name")
     date: str = Field(description="date written into session.yaml")
-    share: float = Field(gt=0, le=1, description="share of the plan's cells pressed in this session, relative to the others [-]")
+    share: float = Field(
+        gt=0,
+        le=1,
+        description="share of the plan's cells pressed in this session, relative to the others [-]",
+    )
     seed: int = Field(ge=0, description="seed of order, noise and touchdown [-]")
-    acts_on: Literal["sensor", "indenter"] = Field("indenter", description="body on which the recorded force acts")
+    acts_on: Literal["sensor", "indenter"] = Field(
+        "indenter", description="body on which the recorded force acts"
+    )
     axes: list[list[float]] = Field(
-        [[1, 0, 0], [0, 1, 0], [0, 0, 1]], description="rotation from the force sensor's axes to the sensor frame [-]"
+        [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+        description="rotation from the force sensor's axes to the sensor frame [-]",
     )
     stage_to_sensor: StageToSensor = Field(StageToSensor(), description="how the stage stands to the sensor")
 
@@ -452,9 +523,16 @@ class VirtualLab(Section):
 
     serial: Name = Field(description="serial of the virtual sensor; seeds its particles")
     materials: dict[Name, OgdenParameters] = Field(description="true laws of the coupons")
-    stiffness_scale: dict[Name, Positive] = Field({}, description="concealed factor on a layer's stiffness, by layer")
-    mesh: Mesh = Field(Mesh(near_mm=0.45, far_mm=1.2), description="the virtual sensor's own mesh")
-    unload_depths_mm: list[Positive] = Field([1.5, 1.0, 0.5], description="depths visited after the deepest press [mm]")
+    stiffness_scale: dict[Name, Positive] = Field(
+        {}, description="concealed factor on a layer's stiffness, by layer"
+    )
+    mechanics: Mechanics = Field(
+        Mechanics(mesh=Mesh(near_mm=0.55, far_mm=1.2)),
+        description="the virtual sensor's own model, on another mesh",
+    )
+    unload_depths_mm: list[Positive] = Field(
+        [1.5, 1.0, 0.5], description="depths visited after the deepest press [mm]"
+    )
     particles: VirtualParticles = Field(VirtualParticles(), description="tracer particles")
     camera: Camera = Field(description="camera")
     imaging: VirtualImaging = Field(VirtualImaging(), description="drawing")
@@ -495,7 +573,11 @@ def _validated(model: type[Section], content: dict[str, Any], source: str):
         for item in error.errors():
             key = ".".join(str(part) for part in item["loc"]) or "(whole file)"
             found = "" if isinstance(item["input"], dict) else f", found {item['input']!r}"
-            remedy = "unknown key; see config/schema.json for the keys" if item["type"] == "extra_forbidden" else item["msg"]
+            remedy = (
+                "unknown key; see config/schema.json for the keys"
+                if item["type"] == "extra_forbidden"
+                else item["msg"]
+            )
             lines.append(f"{source}: {key}{found}: {remedy}")
         raise ConfigError("\n".join(lines)) from None
 

@@ -14,8 +14,9 @@ from gelforge.characterisation.choice import Comparison, compare_laws
 from gelforge.characterisation.common_form import MaterialTest
 from gelforge.characterisation.curves import MeanCurve, mean_curves, monotonic_loading
 from gelforge.characterisation.fit import FitError, LawFit
-from gelforge.characterisation.law_file import material_table, write_law
+from gelforge.characterisation.law_file import write_law
 from gelforge.characterisation.mapped_files import read_mapped, read_mapped_folder
+from gelforge.characterisation.material_table import material_table
 from gelforge.characterisation.material_tests import declared_synthetic, input_files, read_material_tests
 from gelforge.config_mapping import Mapping, load_mapping
 from gelforge.csv_table import TableError

@@ -10,7 +10,6 @@ from abc import ABC, abstractmethod
 from itertools import combinations
 
 import numpy as np
-from scipy.optimize import lsq_linear, nnls
 
 from gelforge.mechanics.homogeneous import StressPoints
 from gelforge.mechanics.laws import Gent, MooneyRivlin, NeoHooke, Ogden, PrincipalLaw, Yeoh
@@ -133,12 +132,14 @@ class OgdenFamily(Family):
 
     def starts(self, points, weight, stress, stiffness):
         """Try all combinations of start exponents: at fixed exponents the g_k >= 0 are a linear problem."""
+        from scipy import optimize  # slow to import: jobs that only read a law do without
+
         phi = ogden_terms(points, np.array(START_EXPONENTS))[0]
         # the triangle of the weighted columns keeps all their inner products
         R = np.linalg.qr(weight[:, None] * np.column_stack([phi, stress]), mode="r")
         found = []
         for chosen in combinations(range(len(START_EXPONENTS)), self.terms):
-            g, misfit = nnls(R[:, list(chosen)], R[:, -1])
+            g, misfit = optimize.nnls(R[:, list(chosen)], R[:, -1])
             found.append((misfit, chosen, g))
         starts = []
         for _, chosen, g in sorted(found, key=lambda f: f[:2])[:STARTS]:
@@ -173,10 +174,14 @@ class LinearFamily(Family):
         return low, np.full(len(low), np.inf)
 
     def starts(self, points, weight, stress, stiffness):
+        from scipy import optimize  # slow to import: jobs that only read a law do without
+
         columns = weight[:, None] * self.columns(points)
         length = np.linalg.norm(columns, axis=0)
         low, high = (b * length for b in self.bounds(points, stiffness))
-        solution = lsq_linear(columns / length, weight * stress, (low, high), method="bvls", tol=1e-15)
+        solution = optimize.lsq_linear(
+            columns / length, weight * stress, (low, high), method="bvls", tol=1e-15
+        )
         return [np.maximum(solution.x / length, self.bounds(points, stiffness)[0])]
 
     @abstractmethod

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from gelforge.mechanics.homogeneous import principal_stretches
 from gelforge.mechanics.laws import PrincipalLaw
@@ -36,6 +35,8 @@ class ValidRange:
         if not (np.abs(e) > SMALLEST_STRAIN).any():
             raise ValueError("no tested state is stretched; a range needs one at least")
         images = np.concatenate([e[:, list(order)] for order in permutations(range(3))])
+        from scipy.spatial import ConvexHull  # slow to import: jobs that only read a law do without
+
         hull = ConvexHull(images @ PLANE)
         extremes = np.unique(np.round(np.exp(e[np.unique(hull.vertices % len(e))]), 10), axis=0)
         return cls(extremes, hull.equations[:, :2] / -hull.equations[:, 2:])

@@ -32,7 +32,7 @@ def node_shares(lines: np.ndarray, width: float, n: int) -> np.ndarray:
     nearest = np.rint(position)
     on_edge = np.abs(position - nearest) < 1e-9
     for line, (p, edge) in enumerate(zip(position, on_edge)):
-        right = int(round(p)) if edge else int(np.floor(p))
+        right = round(p) if edge else int(np.floor(p))
         bins = [k for k in ({right - 1, right} if edge else {right}) if 0 <= k < n]
         shares[bins, line] = 1 / len(bins)
     return shares
@@ -44,12 +44,15 @@ def bin_forces(forces: np.ndarray, shares_x: np.ndarray, shares_y: np.ndarray) -
     grid = forces.reshape(*forces.shape[:-2], ny_lines, nx_lines, 3)
     binned = np.einsum("bj,...jik->...bik", shares_y, grid)
     binned = np.einsum("ai,...bik->...bak", shares_x, binned)
-    return binned.reshape(*forces.shape[:-2], -1, 3)
+    # The number of bins is given: reshape cannot infer it where no depth converged.
+    return binned.reshape(*forces.shape[:-2], len(shares_y) * len(shares_x), 3)
 
 
 def bin_centres(width_x: float, width_y: float, nx: int, ny: int) -> np.ndarray:
     """Return the centres (ny*nx, 2) [mm] of the bins, k = nx iy + ix."""
-    y, x = np.meshgrid((np.arange(ny) + 0.5) * width_y / ny, (np.arange(nx) + 0.5) * width_x / nx, indexing="ij")
+    y, x = np.meshgrid(
+        (np.arange(ny) + 0.5) * width_y / ny, (np.arange(nx) + 0.5) * width_x / nx, indexing="ij"
+    )
     return np.stack([x.ravel(), y.ravel()], axis=-1)
 
 

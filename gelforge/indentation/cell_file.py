@@ -16,7 +16,10 @@ FORMAT = "gelforge-cell-1"
 DATASETS = {
     "depth_mm": ("mm", "commanded depths (D)"),
     "total_force_N": ("N", "contact force on the sensor (D, 3)"),
-    "reaction_N": ("N", "sum of internal forces at the fixed nodes, the force of the base on the sensor (D, 3)"),
+    "reaction_N": (
+        "N",
+        "sum of internal forces at the fixed nodes, the force of the base on the sensor (D, 3)",
+    ),
     "bin_force_N": ("N", "force on the sensor per surface bin, k = nx iy + ix, undeformed surface (D, B, 3)"),
     "bin_normal_N": ("N", "part of bin_force_N along the contact normal (D, B, 3)"),
     "bin_shear_N": ("N", "part of bin_force_N due to friction (D, B, 3)"),
@@ -26,11 +29,17 @@ DATASETS = {
     "node_shear_N": ("N", "friction force on each surface node (D, S, 3)"),
     "node_state": ("1", "0 open, 1 stick, 2 slip (D, S)"),
     "node_displacement_mm": ("mm", "displacement of the surface nodes (D, S, 3)"),
-    "section_node_mm": ("mm", "undeformed nodes of the vertical mesh plane y = const nearest the cell (P, 3)"),
+    "section_node_mm": (
+        "mm",
+        "undeformed nodes of the vertical mesh plane y = const nearest the cell (P, 3)",
+    ),
     "section_quad": ("1", "4 corners of each face of the plane as rows of section_node_mm (Q, 4)"),
     "section_region": ("1", "region of each face, an index into the attribute regions (Q)"),
     "section_displacement_mm": ("mm", "displacement of section_node_mm (D, P, 3)"),
-    "gel_node_mm": ("mm", "undeformed nodes of the particle-carrying layers, z = 0 at the top surface (G, 3)"),
+    "gel_node_mm": (
+        "mm",
+        "undeformed nodes of the particle-carrying layers, z = 0 at the top surface (G, 3)",
+    ),
     "gel_hex": ("1", "8 corners of each element as rows of gel_node_mm (E, 8)"),
     "gel_displacement_mm": ("mm", "displacement of gel_node_mm (D, G, 3)"),
 }
@@ -66,7 +75,9 @@ def write_cell(path: str | Path, cell: Cell) -> None:
         for name, array in cell.arrays.items():
             unit, description = DATASETS[name]
             large = array.size > 4096
-            data = file.create_dataset(name, data=array, **({"compression": "gzip", "shuffle": True} if large else {}))
+            data = file.create_dataset(
+                name, data=array, **({"compression": "gzip", "shuffle": True} if large else {})
+            )
             data.attrs["units"], data.attrs["description"] = unit, description
 
 
@@ -87,7 +98,11 @@ def read_cell(path: str | Path, arrays: list[str] | None = None) -> Cell:
     except OSError as error:
         raise CellError(f"{path}: not a whole HDF5 file ({error}); delete it and run again") from None
     if attributes.get("format") != FORMAT:
-        raise CellError(f"{path}: format {attributes.get('format')!r}, expected {FORMAT!r}; simulate it again")
+        raise CellError(
+            f"{path}: format {attributes.get('format')!r}, expected {FORMAT!r}; simulate it again"
+        )
     if missing:
-        raise CellError(f"{path}: datasets {missing} are missing; simulate the cell again with the settings that keep them")
+        raise CellError(
+            f"{path}: datasets {missing} are missing; simulate the cell again with the settings that keep them"
+        )
     return Cell(content, attributes)

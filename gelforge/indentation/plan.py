@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from gelforge.config import NAME, ConfigError, Study
 from gelforge.indentation.symmetry import D4, transform_points
+
+if TYPE_CHECKING:  # pandas takes 0.3 s to import: only those who make or read tables pay for it
+    import pandas as pd
 
 POSITION_MATCH_MM = 0.01  # recorded presses join the plan within this distance
 
@@ -29,14 +32,18 @@ class PlannedCell:
 def plan_cells(study: Study) -> dict[str, PlannedCell]:
     """Return the study's cells by name, in the order of the plan, with mirrored cells naming their source."""
     cells = _from_file(study.plan.file) if study.plan.file else _from_grid(study)
-    _check_inside(cells, study)
+    check_inside(cells, study)
     return _with_sources(cells, study) if study.plan.symmetry == "d4" else cells
 
 
 def plan_table(cells: dict[str, PlannedCell]) -> pd.DataFrame:
     """Return the plan as a table, one row per cell and depth."""
+    import pandas as pd
+
     rows = [
-        (c.name, c.x_mm, c.y_mm, depth, c.source or "", c.symmetry or "") for c in cells.values() for depth in c.depths_mm
+        (c.name, c.x_mm, c.y_mm, depth, c.source or "", c.symmetry or "")
+        for c in cells.values()
+        for depth in c.depths_mm
     ]
     return pd.DataFrame(rows, columns=["cell", "x_mm", "y_mm", "depth_mm", "source", "symmetry"])
 
@@ -44,7 +51,9 @@ def plan_table(cells: dict[str, PlannedCell]) -> pd.DataFrame:
 def _axis(width: float, spacing: float, margin: float) -> np.ndarray:
     span = width - 2 * margin
     if span < 0:
-        raise ConfigError(f"plan.grid.margin_mm {margin} exceeds half the sensor's width {width} mm; make it smaller")
+        raise ConfigError(
+            f"plan.grid.margin_mm {margin} exceeds half the sensor's width {width} mm; make it smaller"
+        )
     count = int(np.floor(span / spacing + 1e-9)) + 1
     return width / 2 + spacing * (np.arange(count) - (count - 1) / 2)
 
@@ -64,19 +73,18 @@ def _from_grid(study: Study) -> dict[str, PlannedCell]:
 
 
 def _from_file(path: Path) -> dict[str, PlannedCell]:
-    if not path.is_file():
-        raise ConfigError(f"plan.file {path}: no such file; write a CSV with cell, x_mm, y_mm, depth_mm")
-    table = pd.read_csv(path, comment="#", dtype={"cell": str})
-    missing = [c for c in ("cell", "x_mm", "y_mm", "depth_mm") if c not in table.columns]
-    if missing:
-        raise ConfigError(f"{path}: columns {missing} are missing; found {list(table.columns)}")
+    from gelforge.csv_table import read_csv  # loads pandas, which a mirrored cell's job does without
+
+    table = read_csv(path, numbers=("x_mm", "y_mm", "depth_mm"), texts=("cell",))
     cells = {}
     for name, rows in table.groupby("cell", sort=False):
         if not NAME.fullmatch(str(name)):
             raise ConfigError(f"{path}: cell {name!r} is not a name; use letters, digits, '_' and '-'")
         numbers = rows[["x_mm", "y_mm", "depth_mm"]].to_numpy(float)
         if not np.isfinite(numbers).all():
-            raise ConfigError(f"{path}: cell {name} has an empty or non-finite number; fill x_mm, y_mm and depth_mm")
+            raise ConfigError(
+                f"{path}: cell {name} has an empty or non-finite number; fill x_mm, y_mm and depth_mm"
+            )
         if np.ptp(numbers[:, :2], axis=0).max() > 1e-9:
             raise ConfigError(f"{path}: cell {name} has several positions; give each position its own cell")
         depths = tuple(sorted(numbers[:, 2]))
@@ -86,7 +94,7 @@ def _from_file(path: Path) -> dict[str, PlannedCell]:
     return cells
 
 
-def _check_inside(cells: dict[str, PlannedCell], study: Study) -> None:
+def check_inside(cells: dict[str, PlannedCell], study: Study) -> None:
     sensor = study.sensor
     for cell in cells.values():
         if not (0 <= cell.x_mm <= sensor.width_x_mm and 0 <= cell.y_mm <= sensor.width_y_mm):
@@ -115,7 +123,9 @@ def _with_sources(cells: dict[str, PlannedCell], study: Study) -> dict[str, Plan
     for cell in cells.values():
         position = np.array([cell.x_mm, cell.y_mm])
         images = [tuple(np.round(transform_points(s, position, width), 6)) for s in D4]
-        source = next((solved[image, cell.depths_mm] for image in images if (image, cell.depths_mm) in solved), None)
+        source = next(
+            (solved[image, cell.depths_mm] for image in images if (image, cell.depths_mm) in solved), None
+        )
         if source is None:
             solved[tuple(np.round(position, 6)), cell.depths_mm] = cell.name
             related[cell.name] = cell
@@ -124,5 +134,7 @@ def _with_sources(cells: dict[str, PlannedCell], study: Study) -> dict[str, Plan
         symmetry = next(s for s in D4 if np.abs(transform_points(s, origin, width) - position).max() < 1e-6)
         related[cell.name] = PlannedCell(cell.name, cell.x_mm, cell.y_mm, cell.depths_mm, source, symmetry)
     if len(cells) > 1 and len(solved) == len(cells):
-        raise ConfigError("plan.symmetry: d4, but no two positions of the plan are mirror images; use symmetry: none")
+        raise ConfigError(
+            "plan.symmetry: d4, but no two positions of the plan are mirror images; use symmetry: none"
+        )
     return related

@@ -31,7 +31,9 @@ class Response:
 class Body:
     """A mesh of mean-dilatation hexahedra at finite strain; laws and bulk moduli [MPa] are given per region."""
 
-    def __init__(self, mesh: HexMesh, laws: dict[str, Ogden], bulk_to_shear: float, pattern: Pattern | None = None):
+    def __init__(
+        self, mesh: HexMesh, laws: dict[str, Ogden], bulk_to_shear: float, pattern: Pattern | None = None
+    ):
         self.mesh = mesh
         self.gradient, self.weight = hex8_gradient(mesh.X, mesh.hexahedra)
         self.pattern = pattern or build_pattern(mesh.hexahedra, mesh.fixed)
@@ -75,7 +77,9 @@ class SmallStrainBody(Body):
         self.tangent = np.empty(len(self.pattern.indices))
         super().response(zero, no_pressure, self.tangent)
         # The reaction needs the rows of the fixed nodes too, so the forces come from a pattern in which nothing is fixed.
-        everything = Body(mesh, laws, bulk_to_shear, build_pattern(mesh.hexahedra, np.zeros(len(mesh.X), bool)))
+        everything = Body(
+            mesh, laws, bulk_to_shear, build_pattern(mesh.hexahedra, np.zeros(len(mesh.X), bool))
+        )
         values = np.empty(len(everything.pattern.indices))
         everything.response(zero, no_pressure, values)
         upper = sp.csr_matrix((values, everything.pattern.indices, everything.pattern.indptr))

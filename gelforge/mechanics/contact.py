@@ -97,7 +97,9 @@ def contact_forces(
                 change = factor_next * M[i, j]
                 if slips:
                     pull = (trial[0] * M[0, j] + trial[1] * M[1, j] + trial[2] * M[2, j]) / size**2
-                    change -= factor_next * trial[i] * pull + mu * eps_n * A * trial[i] / size * n[j]
+                    change -= factor_next * trial[i] * pull
+                    if N_next > 0.0:  # else the limit of friction is held at zero
+                        change -= mu * eps_n * A * trial[i] / size * n[j]
                 stiffness_consistent[s, i, j] -= change
 
 

@@ -6,7 +6,8 @@ import numpy as np
 
 # Corners in natural coordinates, in the order of meshio's "hexahedron": bottom face, then top face.
 HEX8_CORNERS = np.array(
-    [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]], dtype=float
+    [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]],
+    dtype=float,
 )
 HEX8_GAUSS = HEX8_CORNERS / np.sqrt(3.0)  # 2 x 2 x 2 points, weight 1 each
 
@@ -19,7 +20,10 @@ def hex8_shape(xi: np.ndarray) -> np.ndarray:
 def hex8_natural_gradient(xi: np.ndarray) -> np.ndarray:
     """Return dN/dxi (..., 8, 3) at natural coordinates xi (..., 3)."""
     factor = 1 + HEX8_CORNERS * xi[..., None, :]
-    others = np.stack([factor[..., 1] * factor[..., 2], factor[..., 0] * factor[..., 2], factor[..., 0] * factor[..., 1]], -1)
+    others = np.stack(
+        [factor[..., 1] * factor[..., 2], factor[..., 0] * factor[..., 2], factor[..., 0] * factor[..., 1]],
+        -1,
+    )
     return HEX8_CORNERS * others / 8
 
 
@@ -33,6 +37,8 @@ def hex8_gradient(X: np.ndarray, hexahedra: np.ndarray) -> tuple[np.ndarray, np.
     weight = np.linalg.det(jacobian)
     if not weight.min() > 0:
         worst = int(np.argmin(weight.min(axis=1)))
-        raise ValueError(f"element {worst} has volume factor {weight.min():.3g} mm^3 at a Gauss point; untangle the mesh")
+        raise ValueError(
+            f"element {worst} has volume factor {weight.min():.3g} mm^3 at a Gauss point; untangle the mesh"
+        )
     gradient = np.einsum("gnk,egkx->egnx", dN, np.linalg.inv(jacobian))
     return np.ascontiguousarray(gradient), weight

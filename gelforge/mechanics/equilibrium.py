@@ -9,17 +9,20 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, gmres
 
 from gelforge.mechanics.body import NO_TANGENT, Body, Response
-from gelforge.mechanics.contact import add_node_blocks, contact_forces
+from gelforge.mechanics.contact import OPEN, add_node_blocks, contact_forces
 from gelforge.mechanics.indenters import Sphere
 from gelforge.mechanics.kernels import symmetric_product
 from gelforge.mechanics.sparse import DirectSolver, NotPositiveDefinite, direct_solver, refined_solve
 
 LEAST_J = 0.05  # an iterate in which an element keeps less of its volume is shortened
 STEP_LENGTHS = (1.0, 0.5, 0.25, 0.125, 0.0625)
-# A factorisation is kept while the residual is this small and each correction with it divides the residual by at least 1 / 0.5.
+# A factorisation is kept while the residual is this small and each correction with it halves the residual at least.
 CHORD_RESIDUAL = 2e-2
 CHORD_RATE = 0.5
-GMRES_TOLERANCE = 1e-2
+# Below this a symmetric iteration that wins less than CHORD_RATE only creeps to the limit of slipping nodes: the consistent
+# tangent ends it. Further from the solution that one cycles between stick and slip.
+CREEP_RESIDUAL = 1e-4
+GMRES_TOLERANCE = 1e-2  # of a correction with the kept factorisation: the next residual is no smaller anyway
 
 
 class NotConverged(ArithmeticError):
@@ -53,7 +56,9 @@ class State:
     normal_force: np.ndarray  # (S, 3) of the indenter on the surface nodes [N]
     friction_force: np.ndarray  # (S, 3) [N]
     contact_state: np.ndarray  # (S,) open, stick, slip
-    fixed_force: np.ndarray  # (n_fixed, 3) internal forces at the fixed nodes, the base's forces on the body [N]
+    fixed_force: (
+        np.ndarray
+    )  # (n_fixed, 3) internal forces at the fixed nodes, the base's forces on the body [N]
     energy: float = 0.0  # mJ
     iterations: int = 0
     factorisations: int = 0
@@ -74,7 +79,9 @@ class State:
 class Press:
     """A body and an indenter; finds equilibrium for positions of the indenter."""
 
-    def __init__(self, body: Body, indenter: Sphere, settings: Settings = Settings(), linear_solver: str = "auto"):
+    def __init__(
+        self, body: Body, indenter: Sphere, settings: Settings = Settings(), linear_solver: str = "auto"
+    ):
         self.body, self.indenter, self.settings = body, indenter, settings
         mesh = body.mesh
         self.surface, self.area = mesh.surface, mesh.surface_area
@@ -139,7 +146,7 @@ class Press:
         factored_for, last_residual, changes, factorisations = None, np.inf, 0, 0
         response, contact = self._evaluate(u, pressure, lam, active, gap, normal, turn, state, centre)
         for iteration in range(s.max_iterations + 1):
-            unbalanced, residual = self._residual(response, contact)
+            residual = self._residual(response, contact)
             penetration = float(np.abs(gap[active]).max(initial=0.0))
             volume_error = self.body.pressure_error(response, pressure)
             if not np.isfinite(residual):
@@ -151,7 +158,9 @@ class Press:
                 and volume_error < s.volume_tolerance
                 and changes == 0
             ):
-                return self._converged(centre, u, pressure, lam, gap, response, contact, iteration, factorisations, residual)
+                return self._converged(
+                    centre, u, pressure, lam, gap, response, contact, iteration, factorisations, residual
+                )
             if iteration == s.max_iterations:
                 break
             chord = (
@@ -163,10 +172,15 @@ class Press:
             if not chord:
                 self._factor(u, pressure, contact)
                 factored_for, factorisations = active, factorisations + 1
+            creeps = residual < CREEP_RESIDUAL and residual > CHORD_RATE * last_residual
             last_residual = residual
-            du = self._correction(response, contact, consistent=chord)
+            du = self._correction(response, contact, consistent=chord or creeps)
             new_pressure = self.body.linearised_pressure(response, du)
-            new_lam = np.where(active, lam - s.normal_stiffness * (gap + np.einsum("si,si->s", normal, du[self.surface])), 0.0)
+            new_lam = np.where(
+                active,
+                lam - s.normal_stiffness * (gap + np.einsum("si,si->s", normal, du[self.surface])),
+                0.0,
+            )
             for length in STEP_LENGTHS:
                 trial_u = u + length * du
                 trial_p = pressure + length * (new_pressure - pressure)
@@ -180,7 +194,14 @@ class Press:
                 if response.smallest_J > LEAST_J:
                     break
             changes = int((trial_active != active).sum())
-            u, pressure, lam, active, gap, normal = trial_u, trial_p, trial_lam, trial_active, trial_gap, normal_at
+            u, pressure, lam, active, gap, normal = (
+                trial_u,
+                trial_p,
+                trial_lam,
+                trial_active,
+                trial_gap,
+                normal_at,
+            )
         raise NotConverged(
             f"no equilibrium at centre {np.round(centre, 4)} mm after {s.max_iterations} iterations: unbalanced force "
             f"{residual:.1e} of the contact force (limit {s.force_tolerance:.0e}), penetration {penetration:.1e} mm "
@@ -192,7 +213,9 @@ class Press:
         if previous is None or previous.contact_pressure.max() == 0:
             return state.u.copy(), state.pressure.copy(), state.contact_pressure.copy()
         move, last = centre - state.centre, state.centre - previous.centre
-        if move @ last < 0.999 * np.linalg.norm(move) * np.linalg.norm(last):  # the path turns: no slope to follow
+        if move @ last < 0.999 * np.linalg.norm(move) * np.linalg.norm(
+            last
+        ):  # the path turns: no slope to follow
             return state.u.copy(), state.pressure.copy(), state.contact_pressure.copy()
         ratio = np.linalg.norm(move) / np.linalg.norm(last)
         return tuple(
@@ -208,26 +231,28 @@ class Press:
             return self.indenter.vertical_gap(moved, centre)
         return self.indenter.gap(moved, centre)
 
-    def _evaluate(self, u, pressure, lam, active, gap, normal, turn, old: State, centre) -> tuple[Response, dict]:
+    def _evaluate(
+        self, u, pressure, lam, active, gap, normal, turn, old: State, centre
+    ) -> tuple[Response, dict]:
         S = len(self.surface)
         contact = {name: np.empty((S, 3)) for name in ("f_mixed", "f_condensed", "f_consistent", "friction")}
         contact |= {name: np.empty((S, 3, 3)) for name in ("stiffness", "stiffness_consistent")}
         contact["state"] = np.empty(S, np.int8)
         slip = (u - old.u)[self.surface] - (centre - old.centre)
         contact_forces(
-            gap, normal, turn, slip, lam, active, self.area, old.friction_force, old.gap > 1e-9,
+            gap, normal, turn, slip, lam, active, self.area, old.friction_force, old.contact_state == OPEN,
             self.settings.normal_stiffness, self.settings.tangential_stiffness, self.settings.friction,
             contact["f_mixed"], contact["f_condensed"], contact["f_consistent"], contact["friction"],
             contact["stiffness"], contact["stiffness_consistent"], contact["state"],
         )  # fmt: skip
         return self.body.response(u, pressure, NO_TANGENT), contact
 
-    def _residual(self, response: Response, contact: dict) -> tuple[np.ndarray, float]:
-        """Return the unbalanced forces (N, 3) [N] and their norm at free nodes over that of the contact forces."""
+    def _residual(self, response: Response, contact: dict) -> float:
+        """Return the norm of the unbalanced forces at the free nodes over that of the contact forces."""
         unbalanced = response.f_mixed.copy()
         unbalanced[self.surface] -= contact["f_mixed"]
         size = max(np.linalg.norm(contact["f_mixed"]), 1e-12)
-        return unbalanced, float(np.linalg.norm(unbalanced[self.free]) / size)
+        return float(np.linalg.norm(unbalanced[self.free]) / size)
 
     def _factor(self, u: np.ndarray, pressure: np.ndarray, contact: dict) -> None:
         self.body.response(u, pressure, self._values)
@@ -245,7 +270,9 @@ class Press:
         rhs = -force[self.free]
         du = np.zeros_like(force)
         if consistent:
-            du[self.free] = self._consistent_solve(rhs, contact["stiffness_consistent"] - self._factored_blocks)
+            du[self.free] = self._consistent_solve(
+                rhs, contact["stiffness_consistent"] - self._factored_blocks
+            )
         else:
             du[self.free], _ = refined_solve(self.solver, self.body.pattern, self._values, rhs, 0.0, 1)
         return du
@@ -270,7 +297,9 @@ class Press:
         solution, _ = gmres(operator, rhs, M=preconditioner, rtol=GMRES_TOLERANCE, restart=20, maxiter=1)
         return solution
 
-    def _converged(self, centre, u, pressure, lam, gap, response, contact, iterations, factorisations, residual) -> State:
+    def _converged(
+        self, centre, u, pressure, lam, gap, response, contact, iterations, factorisations, residual
+    ) -> State:
         return State(
             centre=np.asarray(centre, dtype=float),
             u=u,

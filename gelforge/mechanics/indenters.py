@@ -25,7 +25,9 @@ class Sphere:
         turn = (np.eye(3) - normal[:, :, None] * normal[:, None, :]) / r[:, None, None]
         return r - self.radius, normal, turn
 
-    def vertical_gap(self, points: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def vertical_gap(
+        self, points: np.ndarray, centre: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the same with the vertical distance below the ball and the normal (0, 0, -1) of the undeformed surface.
 
         Points outside the ball's shadow are open by its centre's height above them.

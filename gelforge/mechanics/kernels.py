@@ -157,7 +157,10 @@ def _spatial_tangent(b, V, beta, gamma, pj, M, S, D, tau):
 
 
 @nb.njit(cache=True, fastmath={"reassoc", "contract", "nsz", "arcp"}, error_model="numpy")
-def assemble(gradient, weight, elements, region, u, pressure, mu, alpha, bulk, slots, data, f_mixed, f_condensed, p_volume, coupling):
+def assemble(
+    gradient, weight, elements, region, u, pressure, mu, alpha, bulk, slots,
+    data, f_mixed, f_condensed, p_volume, coupling,
+):  # fmt: skip
     """Assemble a mean-dilatation body; return (energy [mJ], smallest J at a Gauss point).
 
     In: gradient (E, 8, 8, 3) [1/mm], weight (E, 8) [mm^3], elements (E, 8), region (E,), u (N, 3) [mm], pressure (E,)
@@ -296,17 +299,23 @@ def assemble(gradient, weight, elements, region, u, pressure, mu, alpha, bulk, s
                     gy = sy if m == 0 else 0.0
                     gz = sz if m == 0 else 0.0
                     for a in range(NODES):
-                        Ke[0, m, c, a] += g[q, 0, a] * (d0 + gx) + g[q, 1, a] * (d3 + gy) + g[q, 2, a] * (d5 + gz)
+                        Ke[0, m, c, a] += (
+                            g[q, 0, a] * (d0 + gx) + g[q, 1, a] * (d3 + gy) + g[q, 2, a] * (d5 + gz)
+                        )
                     gx = sx if m == 1 else 0.0
                     gy = sy if m == 1 else 0.0
                     gz = sz if m == 1 else 0.0
                     for a in range(NODES):
-                        Ke[1, m, c, a] += g[q, 0, a] * (d3 + gx) + g[q, 1, a] * (d1 + gy) + g[q, 2, a] * (d4 + gz)
+                        Ke[1, m, c, a] += (
+                            g[q, 0, a] * (d3 + gx) + g[q, 1, a] * (d1 + gy) + g[q, 2, a] * (d4 + gz)
+                        )
                     gx = sx if m == 2 else 0.0
                     gy = sy if m == 2 else 0.0
                     gz = sz if m == 2 else 0.0
                     for a in range(NODES):
-                        Ke[2, m, c, a] += g[q, 0, a] * (d5 + gx) + g[q, 1, a] * (d4 + gy) + g[q, 2, a] * (d2 + gz)
+                        Ke[2, m, c, a] += (
+                            g[q, 0, a] * (d5 + gx) + g[q, 1, a] * (d4 + gy) + g[q, 2, a] * (d2 + gz)
+                        )
         for a in range(NODES):
             n = elements[e, a]
             for i in range(3):

@@ -64,18 +64,22 @@ def _hat_integral(lines: np.ndarray) -> np.ndarray:
     return (np.append(size, 0) + np.insert(size, 0, 0)) / 2
 
 
-def _subdivide(start: float, stop: float, size: Callable[[np.ndarray], np.ndarray], least: int = 1) -> np.ndarray:
+def _subdivide(
+    start: float, stop: float, size: Callable[[np.ndarray], np.ndarray], least: int = 1
+) -> np.ndarray:
     """Return points from start to stop (start excluded) spaced as size(x) asks for, as evenly as it allows."""
     x = np.linspace(start, stop, 401)
     density = 1 / size(x)
     count = np.concatenate([[0], np.cumsum((density[1:] + density[:-1]) / 2 * np.diff(x))])
-    n = max(least, int(round(count[-1])))
+    n = max(least, round(count[-1]))
     points = np.interp(np.arange(1, n + 1) * count[-1] / n, count, x)
     points[-1] = stop
     return points
 
 
-def graded_lines(breaks: list[float], size: Callable[[np.ndarray], np.ndarray], least: list[int]) -> np.ndarray:
+def graded_lines(
+    breaks: list[float], size: Callable[[np.ndarray], np.ndarray], least: list[int]
+) -> np.ndarray:
     """Return increasing lines through all breaks, graded by size(x); least[i] elements between breaks i and i + 1."""
     lines = [np.array([breaks[0]])]
     for a, b, n in zip(breaks[:-1], breaks[1:], least):
@@ -108,7 +112,10 @@ def _vertical_lines(block: Block, sizes: Sizes) -> np.ndarray:
 
     heights = np.cumsum([0.0] + [thickness for _, thickness in block.layers]) - block.height
     heights[-1] = 0.0
-    breaks = sorted(set(heights) | ({block.flange_height - block.height} if block.flange_width else set()))
+    breaks, flange_top = list(heights), block.flange_height - block.height
+    # A second break one rounding beside an interface would make a layer of elements without thickness.
+    if block.flange_width and np.abs(heights - flange_top).min() > 1e-9:
+        breaks = sorted([*breaks, flange_top])
     return graded_lines(breaks, size, [1] * (len(breaks) - 1))
 
 
@@ -117,7 +124,10 @@ def layered_block(block: Block, x: float, y: float, sizes: Sizes) -> HexMesh:
 
     Regions are the layers by name, then "wall" and "flange" where they exist; elements above the flange are left out.
     """
-    lx, ly = _horizontal_lines(block.width_x, block, x, sizes), _horizontal_lines(block.width_y, block, y, sizes)
+    lx, ly = (
+        _horizontal_lines(block.width_x, block, x, sizes),
+        _horizontal_lines(block.width_y, block, y, sizes),
+    )
     lz = _vertical_lines(block, sizes)
     nx, ny, nz = len(lx), len(ly), len(lz)
 

@@ -7,6 +7,7 @@ double precision with conjugate gradients (`refined_solve`). SuperLU (SciPy) wor
 from __future__ import annotations
 
 import ctypes
+import sys
 from typing import Protocol
 
 import numpy as np
@@ -94,7 +95,7 @@ class Pardiso:
         return x.astype(np.float64) * size
 
     def __del__(self):
-        if hasattr(self, "_values"):
+        if hasattr(self, "_values") and not sys.is_finalizing():
             self._call(self.RELEASE, self._zeros(), self._zeros())
 
 
@@ -111,7 +112,12 @@ class SuperLU:
         upper = sp.csr_matrix((values, self._indices, self._indptr), shape=(self._n, self._n))
         full = upper + sp.triu(upper, 1).T
         try:
-            self._lu = splu(full.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+            self._lu = splu(
+                full.tocsc(),
+                permc_spec="MMD_AT_PLUS_A",
+                diag_pivot_thresh=0.0,
+                options={"SymmetricMode": True},
+            )
         except RuntimeError as error:
             raise NotPositiveDefinite(str(error)) from None
 
@@ -127,7 +133,9 @@ def direct_solver(pattern: Pattern, choice: str = "auto") -> DirectSolver:
             return Pardiso(pattern)
         except ImportError as error:
             if choice == "pardiso":
-                raise ImportError(f"PARDISO cannot be loaded ({error}); set linear_solver: superlu") from error
+                raise ImportError(
+                    f"PARDISO cannot be loaded ({error}); set linear_solver: superlu"
+                ) from error
     return SuperLU(pattern)
 
 

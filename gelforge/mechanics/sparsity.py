@@ -16,7 +16,9 @@ class Pattern:
     equation: np.ndarray  # (N, 3) int32, number of each degree of freedom, -1 where fixed
     indptr: np.ndarray  # (n + 1,) int32
     indices: np.ndarray  # (nnz,) int32, sorted, the diagonal first in every row
-    element_slots: np.ndarray  # (E, 300) int32 into the values, upper element pairs row by row, -1 where fixed
+    element_slots: (
+        np.ndarray
+    )  # (E, 300) int32 into the values, upper element pairs row by row, -1 where fixed
 
     @property
     def size(self) -> int:
@@ -30,7 +32,9 @@ class Pattern:
                 row, column = self.equation[nodes, i], self.equation[nodes, j]
                 for k in np.flatnonzero((row >= 0) & (column >= 0)):
                     start, stop = self.indptr[row[k]], self.indptr[row[k] + 1]
-                    slots[k, i, j] = slots[k, j, i] = start + np.searchsorted(self.indices[start:stop], column[k])
+                    slots[k, i, j] = slots[k, j, i] = start + np.searchsorted(
+                        self.indices[start:stop], column[k]
+                    )
         return slots
 
 
@@ -40,7 +44,9 @@ def build_pattern(elements: np.ndarray, fixed: np.ndarray) -> Pattern:
     equation = np.full((N, 3), -1, dtype=np.int32)
     equation[~fixed] = np.arange(3 * (~fixed).sum()).reshape(-1, 3)
     E, A = elements.shape
-    incidence = sp.csr_matrix((np.ones(E * A, np.int32), elements.ravel(), np.arange(0, E * A + 1, A)), shape=(E, N))
+    incidence = sp.csr_matrix(
+        (np.ones(E * A, np.int32), elements.ravel(), np.arange(0, E * A + 1, A)), shape=(E, N)
+    )
     neighbours = (incidence.T @ incidence)[~fixed][:, ~fixed]
     neighbours.data = np.ones(len(neighbours.data), np.int8)
     full = sp.kron(neighbours, np.ones((3, 3), np.int8), format="csr")

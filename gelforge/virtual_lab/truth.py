@@ -31,6 +31,6 @@ def simulate_truth_cell(study: Study, lab: VirtualLab, planned: PlannedCell) -> 
         planned.depths_mm + unload,
         ("load",) * len(planned.depths_mm) + ("unload",) * len(unload),
     )
-    mechanics = study.mechanics.model_copy(update={"mesh": lab.mesh, "store_displacement": True})
+    mechanics = lab.mechanics.model_copy(update={"store_displacement": True})
     cell = simulate_trajectory(study.sensor, study.indenter, mechanics, true_laws(study, lab), trajectory)
     return Cell(cell.arrays, cell.attributes | {"cell": planned.name, "synthetic": True})

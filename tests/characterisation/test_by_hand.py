@@ -14,7 +14,8 @@ from gelforge.characterisation.characterise import material_law
 from gelforge.characterisation.curves import mean_curves
 from gelforge.characterisation.families import FAMILIES, parameters_of
 from gelforge.characterisation.fit import FitError, fit_law
-from gelforge.characterisation.law_file import leaves_valid_range, material_table, read_law, write_law
+from gelforge.characterisation.law_file import leaves_valid_range, read_law, write_law
+from gelforge.characterisation.material_table import material_table
 from gelforge.csv_table import TableError
 from gelforge.mechanics.homogeneous import principal_stretches
 

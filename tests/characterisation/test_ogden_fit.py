@@ -13,13 +13,8 @@ from gelforge.characterisation.characterise import CURVE_COLUMNS, characterise
 from gelforge.characterisation.common_form import MaterialTest
 from gelforge.characterisation.curves import MeanCurve, mean_curves
 from gelforge.characterisation.fit import FitError, fit_law
-from gelforge.characterisation.law_file import (
-    LawFileError,
-    MaterialLaw,
-    material_table,
-    read_law,
-    write_law,
-)
+from gelforge.characterisation.law_file import LawFileError, MaterialLaw, read_law, write_law
+from gelforge.characterisation.material_table import material_table
 from gelforge.characterisation.material_tests import read_material_tests
 from gelforge.config import Material, OgdenParameters, load_virtual_lab
 from gelforge.mechanics.homogeneous import LOAD_CASES, nominal_stress

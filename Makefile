@@ -1,0 +1,33 @@
+# make demo: set up and run the demo study.   make test: set up and run the tests.   Needs python3 (>= 3.11) and make.
+PYTHON ?= python3
+CORES ?= 2
+BIN := .venv/bin
+READY := .venv/.gelforge-ready
+
+.PHONY: setup demo test format lint
+
+setup: $(READY)
+
+# The stamp is written last: an interrupted set-up starts again, a finished one does nothing.
+$(READY): requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "gelforge needs Python 3.11 or newer, found " + sys.version.split()[0])'
+	@$(PYTHON) -m venv .venv || { echo "python3 -m venv failed; on Debian and Ubuntu: apt install python3-venv" >&2; exit 1; }
+	$(BIN)/python -m pip install --quiet --requirement requirements.lock
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	$(BIN)/python -m gelforge warm-up
+	@touch $@
+
+demo: $(READY)
+	$(BIN)/python workflow/scripts/unlock.py
+	$(BIN)/snakemake --cores $(CORES) --rerun-incomplete
+	@echo "Open results/demo/report.html"
+
+test: $(READY)
+	$(BIN)/python -m pytest
+
+format: $(READY)
+	$(BIN)/ruff format . && $(BIN)/ruff check --fix . && $(BIN)/snakefmt Snakefile workflow
+
+lint: $(READY)
+	$(BIN)/ruff format --check . && $(BIN)/ruff check . && $(BIN)/snakefmt --check Snakefile workflow
+

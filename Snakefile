@@ -1,0 +1,30 @@
+from snakemake.utils import min_version
+
+min_version("9.27")
+
+# `--configfile FILE` names another study; it replaces the demo instead of being merged into it.
+if "study" not in config:
+
+    configfile: "config/config.yaml"
+
+
+include: "workflow/rules/common.smk"
+include: "workflow/rules/material.smk"
+include: "workflow/rules/simulation.smk"
+include: "workflow/rules/virtual.smk"
+include: "workflow/rules/recording.smk"
+include: "workflow/rules/dataset.smk"
+include: "workflow/rules/learning.smk"
+include: "workflow/rules/report.smk"
+
+
+rule all:
+    """Everything that the study can make; the cells too, so that a deleted one is made again."""
+    default_target: True
+    input:
+        f"{RESULTS}/study.yaml",
+        f"{RESULTS}/plan.csv",
+        cell_files(CELLS),
+        f"{RESULTS}/dataset/manifest.json",
+        *table_files(),
+        f"{RESULTS}/report.html",

@@ -1,0 +1,76 @@
+"""How far the default mesh is from converged: near and far sizes refined separately and together.
+
+Prints Fz [N] per depth, the difference to the finest mesh, and a Richardson estimate of the joint refinement.
+
+usage: python benchmarks/convergence.py [--place centre|corner] [--quick]      (one thread; minutes)
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+import pandas as pd
+
+from gelforge.cli.bench import laws_of, paper_study
+from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.simulate import simulate_cell
+
+DEPTHS = tuple(0.25 * (k + 1) for k in range(8))
+PLACES = {"centre": (16.0, 16.0), "corner": (27.0, 27.0)}
+# (near, far, vertical far) [mm]; the default is the first row
+MESHES = [
+    (0.5, 1.5, 0.8),
+    (0.8, 1.5, 0.8),
+    (0.4, 1.5, 0.8),
+    (0.3, 1.5, 0.8),
+    (0.5, 1.0, 0.5),
+    (0.5, 0.75, 0.4),
+    (0.4, 0.75, 0.4),
+    (0.3, 0.75, 0.4),
+]
+QUICK = [(0.8, 1.5, 0.8), (0.5, 1.5, 0.8), (0.8, 1.0, 0.5)]
+
+
+def forces(place: str, near: float, far: float, vertical_far: float) -> tuple[np.ndarray, dict]:
+    study = paper_study()
+    laws = laws_of(study, [])
+    sizes = {"near_mm": near, "far_mm": far, "vertical_far_mm": vertical_far}
+    mechanics = study.mechanics.model_copy(update={"mesh": study.mechanics.mesh.model_copy(update=sizes)})
+    cell = simulate_cell(
+        study.model_copy(update={"mechanics": mechanics}), laws, PlannedCell(place, *PLACES[place], DEPTHS)
+    )
+    return -cell.arrays["total_force_N"][:, 2], cell.attributes
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--place", choices=PLACES, default="centre")
+    parser.add_argument("--quick", action="store_true")
+    arguments = parser.parse_args()
+    rows, curves = [], []
+    for near, far, vertical in QUICK if arguments.quick else MESHES:
+        curve, attributes = forces(arguments.place, near, far, vertical)
+        curves.append(curve)
+        sizes = {
+            "near": near,
+            "far": far,
+            "z far": vertical,
+            "unknowns": int(attributes["degrees_of_freedom"]),
+        }
+        rows.append(
+            sizes
+            | {f"{d:g} mm": f"{f:.4f}" for d, f in zip(DEPTHS, curve)}
+            | {"s": round(attributes["seconds"])}
+        )
+        print(pd.DataFrame(rows[-1:]).to_markdown(index=False), flush=True)
+    finest = curves[-1]
+    print(f"\nFz [N] at the {arguments.place}; difference to the finest mesh in per cent:\n")
+    for row, curve in zip(rows, curves):
+        difference = 100 * (curve / finest - 1)
+        row.update({f"{d:g} mm": f"{f:.4f} ({e:+.1f})" for d, f, e in zip(DEPTHS, curve, difference)})
+    print(pd.DataFrame(rows).to_markdown(index=False))
+
+
+if __name__ == "__main__":
+    main()

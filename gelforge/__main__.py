@@ -1,0 +1,7 @@
+"""`python -m gelforge`: the command line."""
+
+import sys
+
+from gelforge.cli import main
+
+sys.exit(main())

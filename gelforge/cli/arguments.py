@@ -1,0 +1,237 @@
+"""The commands and their arguments; standard library only."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+
+GROUPS = """\
+a study            init, check, show, explain, report, tables
+by hand            press, characterise
+live               predict
+what the workflow runs
+                   fit-law, plan, simulate, readings, features, join, manifest, agreement, train, evaluate
+synthetic data     virtual-materials, virtual-cell, virtual-session
+"""
+
+
+def depth_list(text: str) -> list[float]:
+    """Return increasing depths [mm] from `0.25:2:0.25` (first:last:step) or `0.5,1,2`."""
+    try:
+        if ":" in text:
+            first, last, step = (float(part) for part in text.split(":"))
+            count = math.floor((last - first) / step + 1e-9) + 1
+            depths = [round(first + i * step, 9) for i in range(count)]
+        else:
+            depths = [float(part) for part in text.split(",")]
+    except (ValueError, ZeroDivisionError):
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: write first:last:step or a comma-separated list"
+        ) from None
+    if not depths or depths[0] <= 0 or any(b <= a for a, b in zip(depths, depths[1:])):
+        raise argparse.ArgumentTypeError(f"{text!r} gives {depths}; depths must be positive and increase")
+    return depths
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of every command."""
+    from gelforge import __version__
+
+    top = argparse.ArgumentParser(
+        prog="gelforge",
+        description="Force-distribution labels, datasets and models for soft, vision-based tactile sensors.",
+        epilog=GROUPS,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    top.add_argument("--version", action="version", version=__version__)
+    commands = top.add_subparsers(metavar="COMMAND", required=True)
+    _studies(commands)
+    _by_hand(commands)
+    _workflow(commands)
+    _virtual(commands)
+    return top
+
+
+def _command(commands, name: str, run: str, text: str) -> argparse.ArgumentParser:
+    command = commands.add_parser(name, help=text, description=text)
+    command.add_argument("--debug", action="store_true", help="show the traceback of an error")
+    command.set_defaults(run=run)
+    return command
+
+
+def _study_command(commands, name: str, run: str, text: str) -> argparse.ArgumentParser:
+    command = _command(commands, name, run, text)
+    command.add_argument(
+        "--study", type=Path, required=True, metavar="YAML", help="the study's configuration"
+    )
+    return command
+
+
+def _studies(commands) -> None:
+    init = _command(
+        commands, "init", "studies.init", "write a commented configuration and sample tables for a new study"
+    )
+    init.add_argument("study", help="name of the new study")
+
+    check = _command(
+        commands, "check", "studies.check", "validate a study; draw it; print cells, minutes and disk"
+    )
+    check.add_argument("study", help="a study's name (config/NAME.yaml) or its YAML file")
+    check.add_argument("--picture", type=Path, help="PNG to write; results/<study>/check.png if not given")
+
+    show = _command(
+        commands, "show", "studies.show", "draw a label: a cell's or a shard's force distribution"
+    )
+    show.add_argument("path", type=Path, metavar="CELL_OR_SHARD", help="an HDF5 file")
+    show.add_argument(
+        "row", type=int, nargs="?", help="depth step of a cell or row of a shard; the last if not given"
+    )
+    show.add_argument(
+        "--out", type=Path, help="PNG to write; beside the working directory's name of the file if not given"
+    )
+
+    explain = _command(
+        commands, "explain", "studies.explain", "say where one row of a shard comes from, down to raw files"
+    )
+    explain.add_argument("path", type=Path, metavar="SHARD", help="a shard")
+    explain.add_argument("row", type=int, help="row of the shard")
+
+
+def _by_hand(commands) -> None:
+    press = _command(
+        commands, "press", "bench.press", "press once on a sensor and print the force-depth table"
+    )
+    press.add_argument("--x", type=float, required=True, help="position along x [mm], origin at the corner")
+    press.add_argument("--y", type=float, required=True, help="position along y [mm]")
+    press.add_argument(
+        "--depths",
+        type=depth_list,
+        required=True,
+        help="depths [mm]: first:last:step, or a comma-separated list",
+    )
+    press.add_argument("--out", type=Path, help="the cell's HDF5 file")
+    press.add_argument(
+        "--study", type=Path, metavar="YAML", help="a study's sensor and settings; else the paper's sensor"
+    )
+    press.add_argument(
+        "--laws", type=Path, nargs="*", default=[], metavar="JSON", help="laws of materials with tests"
+    )
+
+    predict = _command(
+        commands, "predict", "bench.predict", "force distribution of images, frame by frame, timed"
+    )
+    predict.add_argument("source", help="folder of images, video file, or camera number")
+    predict.add_argument("--model", type=Path, required=True, help="model.pt of a study")
+    predict.add_argument(
+        "--reference", type=Path, help="zero-force image; the source's first frame if not given"
+    )
+    predict.add_argument(
+        "--crop",
+        type=int,
+        nargs=4,
+        metavar=("LEFT", "TOP", "WIDTH", "HEIGHT"),
+        help="part of each image to use [px]",
+    )
+    predict.add_argument(
+        "--out", type=Path, help="CSV to write: total force and every bin, one row per frame"
+    )
+    predict.add_argument("--frames", type=int, help="stop after this many frames")
+
+    characterise = _command(
+        commands,
+        "characterise",
+        "characterise.characterise_command",
+        "anybody's material tests to a law and its figure",
+    )
+    characterise.add_argument("sources", type=Path, nargs="+", help="a folder with samples.csv, or files")
+    characterise.add_argument(
+        "--mapping", type=Path, help="YAML that describes the files, see config/mappings"
+    )
+    characterise.add_argument("--laws", default="ogden2", help="laws to fit, e.g. ogden2,yeoh")
+    characterise.add_argument("--out", type=Path, required=True, help="folder to write")
+    characterise.add_argument(
+        "--loss", choices=("linear", "soft_l1"), default="linear", help="soft_l1 forgives outliers"
+    )
+    characterise.add_argument("--bootstrap", type=int, default=0, help="refits over samples, 0 for none")
+    characterise.add_argument("--workers", type=int, default=1, help="processes of the bootstrap")
+
+    _command(commands, "warm-up", "bench.warm_up", "compile the kernels and keep them for later runs")
+
+
+def _workflow(commands) -> None:
+    law = _study_command(commands, "fit-law", "factory.fit_law", "material tests, or parameters, to a law")
+    law.add_argument("--material", required=True)
+    law.add_argument("--law", type=Path, required=True, help="law.json to write")
+    law.add_argument("--curves", type=Path, required=True, help="curves.csv to write")
+
+    plan = _study_command(commands, "plan", "factory.plan", "the study's cells as a table")
+    plan.add_argument("--out", type=Path, required=True)
+
+    simulate = _study_command(commands, "simulate", "factory.simulate", "one cell of a study")
+    simulate.add_argument("--cell", required=True)
+    simulate.add_argument(
+        "--laws", type=Path, nargs="+", required=True, metavar="JSON", help="laws of the materials"
+    )
+    simulate.add_argument(
+        "--mirrored", type=Path, nargs="*", default=[], metavar="H5", help="cell that this one mirrors"
+    )
+    simulate.add_argument("--out", type=Path, required=True)
+
+    for name, text in (
+        ("readings", "a session's forces on the sensor, zero subtracted"),
+        ("features", "optical-flow features of a session's images"),
+    ):
+        command = _study_command(commands, name, f"factory.{name}", text)
+        command.add_argument("--session", required=True)
+        command.add_argument("--out", type=Path, required=True)
+        if name == "features":
+            command.add_argument("--workers", type=int, default=1, help="threads that read and reduce images")
+
+    join = _study_command(commands, "join", "factory.join", "one shard of the dataset")
+    join.add_argument("--shard", type=int, required=True, help="number of the shard")
+    join.add_argument("--out", type=Path, required=True)
+
+    _study_command(commands, "manifest", "factory.manifest", "checksums, provenance and card of the dataset")
+
+    agreement = _study_command(
+        commands, "agreement", "factory.agreement", "simulated beside measured total force, per press"
+    )
+    agreement.add_argument("--out", type=Path, required=True)
+
+    train = _study_command(
+        commands, "train", "factory.train", "train the network; goes on from its last checkpoint"
+    )
+    train.add_argument("--model", type=Path, required=True, help="model.pt to write")
+    train.add_argument("--loss", type=Path, required=True, help="loss.csv to write")
+
+    evaluate = _study_command(commands, "evaluate", "factory.evaluate", "predict the held-out cells")
+    evaluate.add_argument("--model", type=Path, required=True)
+    evaluate.add_argument("--out", type=Path, required=True)
+
+    _study_command(commands, "tables", "factory.tables", "the article's tables from saved predictions")
+
+    report = _study_command(commands, "report", "factory.report", "the study's offline page")
+    report.add_argument("--out", type=Path, required=True)
+
+
+def _virtual(commands) -> None:
+    materials = _study_command(
+        commands,
+        "virtual-materials",
+        "factory.virtual_materials",
+        "SYNTHETIC raw material tests of a virtual lab",
+    )
+    materials.add_argument("--material", help="one material; all of the virtual lab if not given")
+
+    cell = _study_command(
+        commands, "virtual-cell", "factory.virtual_cell", "one cell of the virtual sensor's truth"
+    )
+    cell.add_argument("--cell", required=True)
+    cell.add_argument("--out", type=Path, required=True)
+
+    session = _study_command(
+        commands, "virtual-session", "factory.virtual_session", "one SYNTHETIC session of a virtual lab"
+    )
+    session.add_argument("--session", required=True)
+    session.add_argument("--workers", type=int, default=1, help="threads that draw images")

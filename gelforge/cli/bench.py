@@ -1,0 +1,163 @@
+"""Commands for one's own hands: one press, the live predictor, and the kernels compiled beforehand."""
+
+from __future__ import annotations
+
+import csv
+from contextlib import chdir, contextmanager
+from pathlib import Path
+
+import gelforge
+from gelforge.cli.factory import law_path, read_laws
+from gelforge.config import ConfigError, Study, load_study
+
+
+def press(
+    x: float, y: float, depths: list[float], out: Path | None, study: Path | None, laws: list[Path]
+) -> None:
+    """Press once, print the force-depth table, and write the cell if asked."""
+    from gelforge.indentation.cell_file import CellError, write_cell
+    from gelforge.indentation.plan import PlannedCell, check_inside
+    from gelforge.indentation.simulate import simulate_cell
+
+    described = load_study(study) if study else paper_study()
+    planned = PlannedCell("press", x, y, tuple(depths))
+    check_inside({planned.name: planned}, described)
+    cell = simulate_cell(described, laws_of(described, laws), planned)
+    print_force_depth(described, cell)
+    if out is not None:
+        write_cell(out, cell)
+        print(f"written to {out}")
+    if not cell.converged:
+        raise CellError(f"the press failed: {cell.attributes['reason']}; the depths above are good")
+
+
+def print_force_depth(study: Study, cell) -> None:
+    """Print force on the sensor [N], contact nodes and iterations, depth by depth."""
+    from rich.console import Console
+    from rich.table import Table
+
+    a = cell.attributes
+    table = Table(
+        title=f"Force on the sensor, ball of {study.indenter.radius_mm:g} mm at ({a['x_mm']:g}, {a['y_mm']:g}) mm",
+        caption=f"{a['degrees_of_freedom']} degrees of freedom, {a['linear_solver']}, {a['seconds']:.1f} s",
+    )
+    for name in ("depth [mm]", "Fx [N]", "Fy [N]", "Fz [N]", "nodes in contact", "slipping", "iterations"):
+        table.add_column(name, justify="right")
+    state = cell.arrays["node_state"]
+    for i, (depth, force) in enumerate(zip(cell.arrays["depth_mm"], cell.arrays["total_force_N"])):
+        counts = (state[i] > 0).sum(), (state[i] == 2).sum(), a["iterations"][i]
+        table.add_row(
+            f"{depth:.3g}", *(f"{value:+.4f}" for value in force), *(str(count) for count in counts)
+        )
+    Console().print(table)
+
+
+def paper_study() -> Study:
+    """Return the article's sensor with its published laws, as config/paper.yaml of this checkout describes it."""
+    with chdir(Path(gelforge.__file__).parents[1]):
+        return load_study("config/paper.yaml")
+
+
+def laws_of(study: Study, files: list[Path]) -> dict:
+    """Return laws [MPa] by material: from files, from given parameters, or as the study has fitted them."""
+    from gelforge.characterisation.characterise import given_law
+
+    laws = read_laws(files)
+    for name, material in study.materials.items():
+        if name in laws:
+            continue
+        if material.parameters:
+            laws[name] = given_law(name, material.parameters).law
+        elif law_path(study, name).is_file():
+            laws |= read_laws([law_path(study, name)])
+        else:
+            raise ConfigError(
+                f"material {name} has tests but no law yet; run `snakemake {law_path(study, name)}` or give --laws"
+            )
+    return laws
+
+
+def predict(
+    source: str,
+    model: Path,
+    reference: Path | None,
+    crop: list[int] | None,
+    out: Path | None,
+    frames: int | None,
+) -> None:
+    """Print the total force of each frame, write the distributions, and print how long each step took."""
+    from itertools import islice
+
+    from rich.progress import track
+
+    from gelforge.learning.predictor import Predictor, Timing, predict_frames
+    from gelforge.recording.flow import read_grey
+    from gelforge.recording.frames import frames as frames_of
+
+    zero = read_grey(reference) if reference else None
+    timing = Timing()
+    predictions = islice(predict_frames(Predictor(model), frames_of(source), zero, crop), frames)
+    with distribution_table(out) as write:
+        for prediction in track(predictions, description=str(source), transient=True):
+            timing.add(prediction)
+            write(prediction)
+    print_timing(timing)
+
+
+@contextmanager
+def distribution_table(path: Path | None):
+    """Yield a function that writes a prediction as a row: name, time, total force, then every bin's force [N].
+
+    Rows are written as they come, so that a live run that is interrupted keeps what it has seen; without a path the
+    total force is printed instead.
+    """
+    if path is None:
+        yield lambda p: print(
+            f"{p.name}  F = " + "  ".join(f"{f:+.3f}" for f in p.force_N.sum(axis=0)) + " N"
+        )
+        return
+    with path.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+
+        def write(p) -> None:
+            if file.tell() == 0:
+                bins = [f"f{axis}_{k}_N" for k in range(len(p.force_N)) for axis in "xyz"]
+                rows.writerow(["frame", "time_s", "fx_N", "fy_N", "fz_N", *bins])
+            values = [*p.force_N.sum(axis=0), *p.force_N.ravel()]
+            rows.writerow([p.name, f"{p.time_s:.6f}", *(f"{value:.6g}" for value in values)])
+
+        yield write
+
+
+def print_timing(timing) -> None:
+    """Print p50 and p99 of every step [ms] and the frames per second that they allow."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title="time per frame")
+    for name in ("step", "frames", "p50 [ms]", "p99 [ms]", "frames/s at p50", "frames/s at p99"):
+        table.add_column(name, justify="right")
+    for row in timing.table().itertuples(index=False):
+        table.add_row(
+            row[0],
+            str(row[1]),
+            *(f"{value:.2f}" for value in row[2:4]),
+            *(f"{value:.0f}" for value in row[4:]),
+        )
+    Console().print(table)
+
+
+def warm_up() -> None:
+    """Compile every kernel by a tiny press; later runs load them from the cache."""
+    from gelforge.config import Mesh
+    from gelforge.indentation.plan import PlannedCell
+    from gelforge.indentation.simulate import simulate_cell
+
+    study = paper_study()
+    coarse = Mesh(near_mm=2.0, near_radius_mm=2.0, far_mm=6.0, vertical_far_mm=3.0)
+    laws = laws_of(study, [])
+    for strain in ("finite", "small"):
+        mechanics = study.mechanics.model_copy(update={"mesh": coarse, "strain": strain})
+        tiny = study.model_copy(update={"mechanics": mechanics})
+        cell = simulate_cell(tiny, laws, PlannedCell("warm_up", 16.0, 16.0, (0.5,)))
+        print(f"{strain} strain: {cell.attributes['linear_solver']}, {cell.attributes['seconds']:.1f} s")

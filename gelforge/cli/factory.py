@@ -1,0 +1,264 @@
+"""The commands that the workflow runs: read, one call, write."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gelforge.config import ConfigError, Study, load_study, load_virtual_lab
+
+
+def fit_law(study: Path, material: str, law: Path, curves: Path) -> None:
+    """Write the law of a material and its curves."""
+    from gelforge.characterisation.characterise import characterise
+
+    materials = load_study(study).materials
+    if material not in materials:
+        raise ConfigError(f"{study}: no material {material!r}; it has {sorted(materials)}")
+    characterise(material, materials[material], law, curves)
+
+
+def plan(study: Path, out: Path) -> None:
+    """Write the study's cells as a table."""
+    from gelforge.files import write_text
+    from gelforge.indentation.plan import plan_cells, plan_table
+
+    write_text(out, plan_table(plan_cells(load_study(study))).to_csv(index=False, lineterminator="\n"))
+
+
+def simulate(study: Path, cell: str, laws: list[Path], mirrored: list[Path], out: Path) -> None:
+    """Write one cell, solved or mirrored; a cell that does not converge is written as failed, with its reason."""
+    from gelforge.indentation.cell_file import read_cell, write_cell
+    from gelforge.indentation.mirror import mirror_cell
+
+    described = load_study(study)
+    planned = planned_cell(described, cell)
+    by_material = read_laws(laws)
+    if planned.source:
+        source = mirrored[0] if mirrored else described.results_folder / "cells" / f"{planned.source}.h5"
+        result = mirror_cell(read_cell(source), described, by_material, planned)
+    else:
+        from gelforge.indentation.simulate import simulate_cell  # loads the compiled kernels
+
+        result = simulate_cell(described, by_material, planned)
+    write_cell(out, result)
+    print(f"{cell}: {result.attributes['status']} {result.attributes['reason']}".rstrip())
+
+
+def virtual_materials(study: Path, material: str | None) -> None:
+    """Write the SYNTHETIC raw material tests of the study's virtual lab."""
+    from gelforge.virtual_lab.material_tests import make_material_tests
+
+    described = load_study(study)
+    lab = virtual_lab_of(described, study)
+    if material is not None:
+        lab = lab.model_copy(update={"materials": {material: lab.materials[material]}})
+    make_material_tests(lab, described.data_folder / "materials")
+
+
+def virtual_cell(study: Path, cell: str, out: Path) -> None:
+    """Write one cell of the virtual sensor's truth."""
+    from gelforge.indentation.cell_file import write_cell
+    from gelforge.virtual_lab.truth import simulate_truth_cell
+
+    described = load_study(study)
+    truth = simulate_truth_cell(described, virtual_lab_of(described, study), planned_cell(described, cell))
+    write_cell(out, truth)
+    print(f"{cell}: {truth.attributes['status']} {truth.attributes['reason']}".rstrip())
+
+
+def virtual_session(study: Path, session: str, workers: int) -> None:
+    """Write one SYNTHETIC session folder of the study's virtual lab."""
+    from gelforge.indentation.plan import plan_cells
+    from gelforge.virtual_lab.session import make_session
+
+    described = load_study(study)
+    lab = virtual_lab_of(described, study)
+    by_name = {entry.session: entry for entry in lab.sessions}
+    if session not in by_name:
+        raise ConfigError(f"{described.virtual_lab}: no session {session!r}; it has {sorted(by_name)}")
+    truth = described.data_folder / "virtual_truth" / "cells"
+    folder = described.session_folder(session)
+    make_session(lab, by_name[session], described, plan_cells(described), truth, folder, workers)
+
+
+def readings(study: Path, session: str, out: Path) -> None:
+    """Write a session's readings: force on the sensor in the sensor's frame, zero subtracted."""
+    from gelforge.recording.readings import write_readings
+
+    described = load_study(study)
+    write_readings(out, recording_of(described, session))
+
+
+def features(study: Path, session: str, out: Path, workers: int) -> None:
+    """Write the optical-flow features of a session's images."""
+    from gelforge.recording.features import session_features
+
+    described = load_study(study)
+    count = session_features(recording_of(described, session), described.features, out, workers)
+    print(f"{session}: {count} images")
+
+
+def join(study: Path, shard: int, out: Path) -> None:
+    """Write one shard: a fixed chunk of the plan, every cell checked against the present settings and laws."""
+    from gelforge.dataset.join import join_shard
+    from gelforge.indentation.inputs import inputs_digest
+    from gelforge.indentation.plan import plan_cells
+    from gelforge.recording.features import features_digest
+
+    described = load_study(study)
+    planned, size = plan_cells(described), described.dataset.cells_per_shard
+    chunk = list(planned)[shard * size : (shard + 1) * size]
+    if not chunk:
+        raise ConfigError(
+            f"shard {shard}: the plan's {len(planned)} cells fill {-(-len(planned) // size)} shards of {size}"
+        )
+    laws = read_laws([law_path(described, material) for material in described.materials])
+    features = {name: feature_path(described, name) for name in image_sessions(described)}
+    rows = join_shard(
+        described,
+        chunk,
+        {name: cell_path(described, name) for name in chunk},
+        features,
+        out,
+        {name: inputs_digest(described, laws, planned[name]) for name in chunk},
+        {name: features_digest(session_of(described, name), described.features) for name in features},
+    )
+    print(f"{out}: {rows} rows" + ("" if features else " (labels only: the study has no images)"))
+
+
+def manifest(study: Path) -> None:
+    """Write manifest, checksums, card and Croissant description beside the shards."""
+    from gelforge.dataset.manifest import describe_dataset
+
+    described = load_study(study)
+    features = {name: feature_path(described, name) for name in image_sessions(described)}
+    describe_dataset(described, shard_paths(described), features, described.results_folder / "dataset")
+
+
+def agreement(study: Path, out: Path) -> None:
+    """Write total forces, simulated beside measured, one row per press."""
+    from gelforge.dataset.agreement import agreement_table, write_agreement
+    from gelforge.indentation.plan import plan_cells
+
+    described = load_study(study)
+    recorded = {name: described.results_folder / "recordings" / f"{name}.csv" for name in described.sessions}
+    cells = {name: cell_path(described, name) for name in plan_cells(described)}
+    write_agreement(out, agreement_table(recorded, cells))
+
+
+def train(study: Path, model: Path, loss: Path) -> None:
+    """Train the study's network, or go on from its checkpoint."""
+    from gelforge.learning.training import train
+
+    described = load_study(study)
+    train(described, shard_paths(described), model, loss)
+
+
+def evaluate(study: Path, model: Path, out: Path) -> None:
+    """Write the predictions of every row of the held-out cells."""
+    from gelforge.learning.evaluation import predict_test_rows
+
+    rows = predict_test_rows(model, shard_paths(load_study(study)), out)
+    print(f"{rows} rows of held-out cells")
+
+
+def tables(study: Path) -> None:
+    """Write the article's tables from laws, agreement and predictions; the labels' ranges where nothing is predicted."""
+    from gelforge.characterisation.law_file import read_law
+    from gelforge.characterisation.material_table import material_table
+    from gelforge.dataset.agreement import read_agreement, rmse_gt_table
+    from gelforge.files import write_table
+    from gelforge.learning import evaluation
+
+    described = load_study(study)
+    results, folder = described.results_folder, described.results_folder / "tables"
+    laws = [read_law(law_path(described, material)) for material in described.materials]
+    write_table(folder, "material", material_table(laws))
+    if described.sessions:
+        resolution = {name: session_of(described, name).force.resolution_N for name in described.sessions}
+        write_table(folder, "rmse_gt", rmse_gt_table(read_agreement(results / "agreement.csv"), resolution))
+    if image_sessions(described):
+        predictions = evaluation.Predictions(results / "model" / "predictions.h5")
+        write_table(folder, "rmse", evaluation.rmse_table(predictions))
+        write_table(folder, "baselines", evaluation.baselines_table(predictions))
+        ranges = predictions.label_range
+    else:
+        ranges = evaluation.label_ranges(shard_paths(described))
+    write_table(folder, "force_ranges", evaluation.force_ranges_table(ranges))
+
+
+def report(study: Path, out: Path) -> None:
+    """Write the study's offline page, and say what it had to leave out."""
+    from gelforge.report.page import write_report
+
+    described = load_study(study)
+    for words in write_report(described, described.results_folder, out):
+        print(words)
+
+
+# ------------------------------------------------------------------------------------- what commands share
+def cell_path(study: Study, name: str) -> Path:
+    return study.results_folder / "cells" / f"{name}.h5"
+
+
+def law_path(study: Study, material: str) -> Path:
+    return study.results_folder / "materials" / material / "law.json"
+
+
+def feature_path(study: Study, session: str) -> Path:
+    return study.results_folder / "features" / f"{session}.h5"
+
+
+def shard_paths(study: Study) -> list[Path]:
+    """Return the files of every shard of the plan, in order."""
+    from gelforge.indentation.plan import plan_cells
+
+    count = -(-len(plan_cells(study)) // study.dataset.cells_per_shard)
+    return [study.results_folder / "dataset" / f"shard-{i:05d}.h5" for i in range(count)]
+
+
+def session_of(study: Study, name: str):
+    """Return the description of one of the study's sessions."""
+    from gelforge.config import load_session
+
+    return load_session(study.session_folder(name) / "session.yaml")
+
+
+def image_sessions(study: Study) -> list[str]:
+    """Return the sessions that have a camera; the others measure force only."""
+    return [name for name in study.sessions if session_of(study, name).camera is not None]
+
+
+def virtual_lab_of(study: Study, path: Path):
+    """Return the study's virtual lab, or say that it has none."""
+    if study.virtual_lab is None:
+        raise ConfigError(f"{path}: the study has no virtual_lab; name its YAML file to make synthetic data")
+    return load_virtual_lab(study.virtual_lab)
+
+
+def planned_cell(study: Study, name: str):
+    """Return a cell of the plan by name."""
+    from gelforge.indentation.plan import plan_cells
+
+    cells = plan_cells(study)
+    if name not in cells:
+        raise ConfigError(
+            f"cell {name!r} is not in the plan of study {study.study}; its {len(cells)} cells begin with "
+            f"{', '.join(list(cells)[:3])}"
+        )
+    return cells[name]
+
+
+def read_laws(paths: list[Path]) -> dict:
+    """Return laws [MPa] by material."""
+    from gelforge.characterisation.law_file import read_law
+
+    return {read.material: read.law for read in map(read_law, paths)}
+
+
+def recording_of(study: Study, session: str):
+    """Return a session of the study, checked and joined to the plan."""
+    from gelforge.indentation.plan import plan_cells
+    from gelforge.recording.readings import read_recording
+
+    return read_recording(study.session_folder(session), plan_cells(study), study.sensor)

@@ -1,0 +1,118 @@
+"""The commented files of a new study, for `gelforge init`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+CONFIG = """\
+# Study {study}. Keys, units and limits: config/schema.json. Units: mm, N, kPa, s.
+#   gelforge check {study}                                      validates and draws everything
+#   snakemake --cores 2 --configfile config/{study}.yaml        makes results/{study}/
+study: {study}
+seed: 1
+
+materials: # one entry for each material that the sensor's layers name
+  gel:
+    tests: data/{study}/materials/gel # raw tests, to be fitted
+    ogden_terms: 2
+  skin:
+    parameters: # or a law that is known: W = sum mu/alpha (l1^alpha + l2^alpha + l3^alpha - 3)
+      mu_kPa: [85.1168, -0.0020] # mu and alpha of one term have the same sign
+      alpha: [2.8991, -8.2915]
+
+sensor: data/{study}/sensor.yaml
+indenter:
+  kind: sphere
+  radius_mm: 5.0
+
+plan:
+  file: data/{study}/plan.csv
+  # or a regular grid, centred on the sensor:
+  #   grid: {{spacing_mm: 2.75, margin_mm: 5.0}}
+  #   depths_mm: [0.25, 0.5, 0.75, 1.0]
+  #   symmetry: d4   # solves only cells that no mirror or rotation of the square makes from another
+
+sessions: [session1] # folders under data/{study}/recordings; []: labels only
+"""
+
+SENSOR = """\
+# Frame: x and y along the edges, origin at a corner of the top surface, z up from the camera to the surface,
+# 0 at the undeformed surface. A pressing ball gives negative Fz on the sensor.
+width_x_mm: 32.0
+width_y_mm: 32.0
+layers: # from the rigid base up
+  - name: gel
+    thickness_mm: 4.5
+    material: gel # a key of `materials`
+    particle_volume_fraction: 0.02 # share of the gel's volume
+  - name: skin
+    thickness_mm: 1.5
+    material: skin
+wall_mm: 1.5 # thickness of the side wall (top layer's material) around the lower layers; 0: none
+flange: null # or {width_mm: 2.0, height_mm: 1.0}, a rim on the base
+bins: {nx: 20, ny: 20} # of the label, over the whole top surface
+"""
+
+PLAN = """\
+# One row per position and depth: each cell has one position and all its depths.
+cell,x_mm,y_mm,depth_mm
+centre,16.0,16.0,0.5
+centre,16.0,16.0,1.0
+corner,25.0,25.0,0.5
+corner,25.0,25.0,1.0
+"""
+
+SAMPLES = """\
+# One row per sample; put each sample's file beside this one. Unknown values may stay empty.
+# uniaxial, pure_shear: time_s,force_N,stretch_1[,stretch_2]
+# equibiaxial:          time_s,pressure_kPa,apex_radius_mm,stretch_1[,stretch_2]
+# or a ready-made curve: stretch_1,nominal_stress_kPa
+file,test,sample,width_mm,gauge_length_mm,thickness_mm,strain_rate_per_s,age_days,temperature_C,cycle
+uniaxial_01.csv,uniaxial,s01,10.0,40.0,0.5,0.003,,,
+pure_shear_01.csv,pure_shear,s01,60.0,10.0,0.5,0.003,,,
+equibiaxial_01.csv,equibiaxial,s01,,,0.5,0.003,,,
+"""
+
+SESSION = """\
+# One recording session. Beside this file: indentations.csv, reference.png (the zero-force frame), images/.
+# indentations.csv, one row per reading in the order taken; cell and image may be empty:
+#   press,cell,order,time_s,phase,x_mm,y_mm,depth_mm,speed_mm_per_s,dwell_s,fx_N,fy_N,fz_N,image
+#   phase: zero, approach, load, dwell, unload or touch; five images of a press are five rows
+session: session1
+synthetic: false
+sensor: "" # serial
+indenter: ball 10 mm
+date: ""
+notes: ""
+force:
+  acts_on: sensor # sensor: pressing reads negative Fz; indenter: the force sensor is above and reads the reaction
+  axes: [[1, 0, 0], [0, 1, 0], [0, 0, 1]] # rotation from the recorded axes to the sensor frame
+  tared: false # false: each press's zero rows are subtracted
+  resolution_N: [0.03, 0.03, 0.06]
+stage_to_sensor: # commanded position -> sensor frame
+  origin_mm: [0.0, 0.0]
+  rotation_deg: 0.0
+  handedness: right
+depth_zero: {by: session, how: ""}
+base_parameters: from_fit
+camera: # null for a force-only session
+  width_px: 640
+  height_px: 480
+  focal_px: 430.0 # or mm_per_px, where intrinsics are unknown
+  centre_px: [319.5, 239.5]
+  position_mm: [16.0, 16.0, -41.0] # the pinhole, in the sensor frame
+  mirrored: true # true: u grows with x as seen from above
+crop_px: null # left, top, width, height
+"""
+
+
+def new_study_files(study: str) -> dict[Path, str]:
+    """Return the files of a new study with their text, by path."""
+    data = Path("data") / study
+    return {
+        Path("config") / f"{study}.yaml": CONFIG.format(study=study),
+        data / "sensor.yaml": SENSOR,
+        data / "plan.csv": PLAN,
+        data / "materials" / "gel" / "samples.csv": SAMPLES,
+        data / "recordings" / "session1" / "session.yaml": SESSION,
+    }

@@ -1,0 +1,163 @@
+"""Commands about a study as a whole: begin one, check it, look at a label, trace a row."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from gelforge.cli.factory import virtual_lab_of
+from gelforge.cli.new_study import new_study_files
+from gelforge.config import NAME, ConfigError, Session, Study, load_session, load_study
+from gelforge.files import write_text
+
+SECONDS_35K = (
+    17.0  # CPU of a cell with 35k degrees of freedom and 8 depths (near_mm 0.5), as `gelforge press` prints
+)
+GROWTH = 1.65  # of that time with the number of degrees of freedom: sparse factorisation dominates
+SECONDS_MIRRORED = 1.5  # CPU of a mirrored cell, mostly the start of its process
+
+
+def init(study: str) -> None:
+    """Write the commented files of a new study; an existing file is never replaced."""
+    if not NAME.fullmatch(study):
+        raise ConfigError(f"{study!r} is not a name; use letters, digits, '_' and '-'")
+    files = new_study_files(study)
+    existing = [str(path) for path in files if path.exists()]
+    if existing:
+        raise ConfigError(f"{', '.join(existing)} exist(s) already; choose another name or delete them")
+    for path, text in files.items():
+        write_text(path, text)
+        print(path)
+    print(f"edit them, add your data, then: gelforge check {study}")
+
+
+def check(study: str, picture: Path | None) -> None:
+    """Validate a study and what it reads, draw it, and print cells, minutes and disk; name what is missing."""
+    from gelforge.indentation.plan import plan_cells
+    from gelforge.report.sensor_figure import sensor_figure
+
+    path = Path(study) if study.endswith((".yaml", ".yml")) else Path("config") / f"{study}.yaml"
+    described = load_study(path)
+    cells = plan_cells(described)
+    if described.virtual_lab:
+        virtual_lab_of(described, path)
+    missing = missing_files(described)
+    check_data(described, cells, missing)
+    out = picture or described.results_folder / "check.png"
+    out.parent.mkdir(parents=True, exist_ok=True)
+    sensor_figure(described, cells, pictured_session(described, path)).savefig(out, dpi=110)
+    for line in estimate(described, cells):
+        print(line)
+    print(f"picture    {out}")
+    for name in missing:
+        print(f"missing    {name}")
+    print(f"{path}: valid" + (f", {len(missing)} file(s) to be added" if missing else ""))
+
+
+def missing_files(study: Study) -> list[str]:
+    """Return the raw files that the study needs and that are not there; a virtual lab makes its own."""
+    from gelforge.csv_table import read_csv
+
+    missing = []
+    for material in study.materials.values():
+        if material.tests:
+            samples = material.tests / "samples.csv"
+            names = read_csv(samples, texts=("file",))["file"] if samples.is_file() else ["samples.csv"]
+            missing += [material.tests / name for name in names if not (material.tests / name).is_file()]
+    for name in [] if study.virtual_lab else study.sessions:
+        folder = study.session_folder(name)
+        needed = ["session.yaml", "indentations.csv"]
+        described = folder / "session.yaml"
+        if not described.is_file() or load_session(described).camera:
+            needed += ["reference.png", "images"]
+        missing += [folder / part for part in needed if not (folder / part).exists()]
+    return [path.as_posix() for path in missing]
+
+
+def check_data(study: Study, cells: dict, missing: list[str]) -> None:
+    """Read every material and session that is complete; the first thing that is wrong is raised by its reader."""
+    from gelforge.characterisation.material_tests import read_material_tests
+    from gelforge.recording.readings import read_recording
+
+    for name, material in study.materials.items():
+        if material.tests and not any(path.startswith(material.tests.as_posix() + "/") for path in missing):
+            print(f"material   {name}: {len(read_material_tests(material.tests))} samples")
+    for name in study.sessions:
+        folder = study.session_folder(name)
+        if not folder.is_dir() or any(path.startswith(folder.as_posix() + "/") for path in missing):
+            print(
+                f"session    {name}: {'made by the virtual lab, SYNTHETIC' if study.virtual_lab else 'incomplete'}"
+            )
+            continue
+        readings = read_recording(folder, cells, study.sensor).readings
+        print(
+            f"session    {name}: {readings['press'].nunique()} presses, {(readings['image'] != '').sum()} images"
+        )
+
+
+def pictured_session(study: Study, path: Path) -> Session | None:
+    """Return the session whose camera is drawn: the first that is described, or the virtual lab's."""
+    for name in study.sessions:
+        described = study.session_folder(name) / "session.yaml"
+        if described.is_file():
+            return load_session(described)
+    return (
+        Session(session="virtual", camera=virtual_lab_of(study, path).camera) if study.virtual_lab else None
+    )
+
+
+def estimate(study: Study, cells: dict) -> list[str]:
+    """Return lines with the number of cells, the minutes of finite elements and the disk that a study takes."""
+    from gelforge.config import load_virtual_lab
+    from gelforge.indentation.simulate import sensor_mesh
+
+    solved = [cell for cell in cells.values() if cell.source is None]
+    presses = sum(len(cell.depths_mm) for cell in cells.values())
+    nodes, surface = mesh_size(sensor_mesh, study, study.mechanics.mesh, solved[0])
+    depths = sum(len(cell.depths_mm) for cell in solved)
+    mirrored = len(cells) - len(solved)
+    seconds = cell_seconds(nodes) * depths / 8 + mirrored * SECONDS_MIRRORED
+    lines = [
+        f"cells      {len(cells)} positions, {presses} presses; {len(solved)} solved, {mirrored} mirrored",
+        f"mesh       {3 * nodes} degrees of freedom at ({solved[0].x_mm:g}, {solved[0].y_mm:g}) mm",
+    ]
+    if study.virtual_lab:
+        lab = load_virtual_lab(study.virtual_lab)
+        true_nodes, _ = mesh_size(sensor_mesh, study, lab.mechanics.mesh, solved[0])
+        more = depths + len(solved) * len(lab.unload_depths_mm)
+        seconds += cell_seconds(true_nodes) * more / 8
+    # float64 forces (two of three components each) and float32 displacement on surface nodes, three sets of bins
+    bins = study.sensor.bins.nx * study.sensor.bins.ny
+    disk = presses * (surface * (2 * 3 * 8 + 3 * 4 + 1) + bins * 3 * 3 * 8)
+    lines.append(
+        f"minutes    about {seconds / 120:.1f} on two cores for the finite elements (estimate; images and training add)"
+    )
+    lines.append(f"disk       at most {disk / 1e6:.1f} MB for the cells (before compression)")
+    return lines
+
+
+def mesh_size(sensor_mesh, study: Study, sizes, cell) -> tuple[int, int]:
+    """Return the numbers of nodes and of surface nodes of a cell's mesh."""
+    mesh = sensor_mesh(study.sensor, sizes, cell.x_mm, cell.y_mm)
+    return len(mesh.X), len(mesh.surface)
+
+
+def cell_seconds(nodes: int) -> float:
+    """Return the estimated CPU seconds of a cell with 8 depths."""
+    return SECONDS_35K * (3 * nodes / 35e3) ** GROWTH
+
+
+def show(path: Path, row: int | None, out: Path | None) -> None:
+    """Draw the label of a cell's depth or a shard's row."""
+    from gelforge.report.label_figure import label_figure
+
+    target = out or Path(f"{path.stem}{'' if row is None else f'-{row}'}.png")
+    label_figure(path, row).savefig(target, dpi=110)
+    print(target)
+
+
+def explain(path: Path, row: int) -> None:
+    """Print where one row of a shard comes from."""
+    from gelforge.dataset.shard import lineage
+
+    print(json.dumps(lineage(path, row), indent=2, default=str))

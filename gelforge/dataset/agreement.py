@@ -1,0 +1,123 @@
+"""Simulated beside measured total force, press by press."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from gelforge.dataset.schema import DatasetError
+from gelforge.files import write_text
+from gelforge.indentation.cell_file import read_cell
+from gelforge.indentation.plan import POSITION_MATCH_MM
+
+AXES = ("x", "y", "z")
+COLUMNS = [
+    "session",
+    "press",
+    "cell",
+    "x_mm",
+    "y_mm",
+    "depth_mm",
+    *(f"{kind}_{a}_N" for kind in ("fem", "ft") for a in AXES),
+]
+FORCE = ["fx_N", "fy_N", "fz_N"]
+
+
+def agreement_table(
+    readings_files: Mapping[str, str | Path], cell_files: Mapping[str, str | Path]
+) -> pd.DataFrame:
+    """Return one row per press: total force [N] of the finite elements and the mean of the press's load and dwell readings.
+
+    readings_files: recordings/<session>.csv of each session; images are not needed. cell_files: the file of each cell.
+    Only readings at the deepest depth of a press count. Presses of failed cells are left out, as in the shards. Raises
+    DatasetError for a press without its cell or depth, CellError for a cell that is missing or truncated.
+    """
+    parts = [_measured(session, path) for session, path in readings_files.items()]
+    measured = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=COLUMNS)
+    rows = []
+    for name, presses in measured.groupby("cell", sort=False):
+        if name not in cell_files:
+            press = presses.iloc[0]
+            raise DatasetError(
+                f"{readings_files[press.session]}: press {press.press} belongs to cell {name!r}, which is not in the plan; "
+                "add its position to the plan"
+            )
+        cell = read_cell(cell_files[name], ["depth_mm", "total_force_N"])
+        if cell.converged:
+            rows.append(
+                _with_fem(presses, cell.arrays["depth_mm"], cell.arrays["total_force_N"], cell_files[name])
+            )
+    table = pd.concat(rows).sort_index() if rows else measured.iloc[:0]
+    return table.reindex(columns=COLUMNS).reset_index(drop=True)
+
+
+def _measured(session: str, path: str | Path) -> pd.DataFrame:
+    """Return session, press, cell, position, depth and mean force [N] of each press, in the order taken."""
+    if not Path(path).is_file():
+        raise DatasetError(f"{path}: the readings are missing; make them again (snakemake -R {path})")
+    text = {"press": str, "cell": str}
+    readings = pd.read_csv(
+        path, dtype=text, keep_default_na=False, na_values={name: [""] for name in (*FORCE, "depth_mm")}
+    )
+    held = readings[readings["phase"].isin(["load", "dwell"])]
+    deepest = held.groupby("press")["depth_mm"].transform("max")
+    held = held[deepest - held["depth_mm"] <= POSITION_MATCH_MM]
+    lost = held[held[FORCE].isna().any(axis=1)]
+    if len(lost):
+        raise DatasetError(
+            f"{path}: press {lost.iloc[0]['press']} has an empty force; correct indentations.csv"
+        )
+    first = {name: (name, "first") for name in ("cell", "x_mm", "y_mm", "depth_mm")}
+    mean = {f"ft_{axis}_N": (name, "mean") for axis, name in zip(AXES, FORCE)}
+    return held.groupby("press", sort=False).agg(**first, **mean).reset_index().assign(session=session)
+
+
+def _with_fem(presses: pd.DataFrame, depths: np.ndarray, total: np.ndarray, path: str | Path) -> pd.DataFrame:
+    gap = np.abs(presses["depth_mm"].to_numpy()[:, None] - depths)  # (presses, D)
+    step = gap.argmin(axis=1)
+    far = gap.min(axis=1) > POSITION_MATCH_MM
+    if far.any():
+        press = presses.iloc[far.argmax()]
+        raise DatasetError(
+            f"{path}: press {press.press} of session {press.session} has depth {press.depth_mm} mm, the cell has "
+            f"{depths.tolist()}; add the depth to the plan"
+        )
+    return presses.assign(**{f"fem_{axis}_N": total[step, i] for i, axis in enumerate(AXES)})
+
+
+def write_agreement(path: str | Path, table: pd.DataFrame) -> None:
+    """Write agreement.csv; nine digits, more than any force sensor has."""
+    write_text(path, table.to_csv(index=False, float_format="%.9g", lineterminator="\n"))
+
+
+def read_agreement(path: str | Path) -> pd.DataFrame:
+    """Return agreement.csv; names stay text."""
+    return pd.read_csv(path, dtype={"session": str, "press": str, "cell": str})
+
+
+def rmse_gt_table(agreement: pd.DataFrame, resolution_N: Mapping[str, Sequence[float]]) -> pd.DataFrame:
+    """Return RMSE_GT (Sferrazza et al. 2019, table 1): rms over presses of F/T minus FEM total force [N], per axis.
+
+    One row per axis for all sessions together, then per session; beside it the mean difference and the F/T sensor's
+    resolution_N of each session (the coarsest for all together).
+    """
+    groups = [("all", agreement)] + [(name, rows) for name, rows in agreement.groupby("session", sort=False)]
+    rows = []
+    for session, presses in groups:
+        for i, axis in enumerate(AXES):
+            difference = presses[f"ft_{axis}_N"] - presses[f"fem_{axis}_N"]
+            known = resolution_N.values() if session == "all" else [resolution_N[session]]
+            rows.append(
+                {
+                    "session": session,
+                    "axis": axis,
+                    "presses": len(presses),
+                    "RMSE_GT_N": float(np.sqrt(np.mean(difference**2))),
+                    "mean_difference_N": float(difference.mean()),
+                    "ft_resolution_N": max(values[i] for values in known),
+                }
+            )
+    return pd.DataFrame(rows)

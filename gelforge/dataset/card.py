@@ -1,0 +1,123 @@
+"""The dataset's card (README.md) and its Croissant description."""
+
+from __future__ import annotations
+
+from gelforge import __version__
+from gelforge.config import Study
+from gelforge.dataset.schema import columns
+
+SYNTHETIC = (
+    "> **SYNTHETIC RECORDINGS.** The images and force readings of this dataset were made by a virtual lab, not measured.\n"
+    "> They show that the chain works; they say nothing about any real sensor.\n"
+)
+CROISSANT_CONTEXT = {
+    "@language": "en",
+    "@vocab": "https://schema.org/",
+    "citeAs": "cr:citeAs",
+    "conformsTo": "dct:conformsTo",
+    "cr": "http://mlcommons.org/croissant/",
+    "data": {"@id": "cr:data", "@type": "@json"},
+    "dct": "http://purl.org/dc/terms/",
+    "fileObject": "cr:fileObject",
+    "md5": "cr:md5",
+    "sc": "https://schema.org/",
+    "sha256": "cr:sha256",
+}
+METHOD = (
+    "Sferrazza et al., Ground truth force distribution for learning-based tactile sensing: a finite element approach, "
+    "IEEE Access 2019, doi 10.1109/ACCESS.2019.2956882"
+)
+
+
+def card(study: Study, manifest: dict) -> str:
+    """Return the dataset card as Markdown; synthetic data and datasets of labels only say so first."""
+    rows = manifest["rows"]
+    splits = [cell["split"] for cell in manifest["cells"].values() if cell["status"] == "converged"]
+    bins = study.sensor.bins
+    parts = [
+        f"# Force distributions of study {study.study}",
+        SYNTHETIC if manifest["synthetic"] else "",
+        "**Labels only:** the study has no recordings with images, so there are no features.\n"
+        if manifest["labels_only"]
+        else "",
+        f"{rows['all']} rows ({rows['train']} train, {rows['test']} test) of {len(splits)} cells "
+        f"({splits.count('train')} train, {splits.count('test')} test) in {len(manifest['shards'])} shards. "
+        f"A cell is one position with all its depths.",
+        "## Label",
+        f"The three-dimensional contact force on each of {bins.nx} x {bins.ny} bins of the undeformed surface "
+        f"({study.sensor.width_x_mm:g} x {study.sensor.width_y_mm:g} mm), from a finite-element model ({METHOD}). Bin "
+        f"k = {bins.nx} iy + ix. Frame: x, y along the edges with the origin at a corner of the top surface, z up; a "
+        "pressing ball gives negative Fz. Units: mm, N. The label is a simulation's result, not a measurement; measured "
+        "total forces stand beside it where there are recordings.",
+        "## Split",
+        "By cell, so that no image of a press is on both sides. Where the plan has mirror images, a held-out cell's label "
+        "may mirror a training cell's; its images do not.",
+        "## Columns",
+        "| dataset | type | unit | what |\n|---|---|---|---|\n"
+        + "\n".join(
+            f"| `{name}` {_shape(column.shape)} | {column.kind} | {column.unit} | {column.description} |"
+            for name, column in columns(manifest["labels_only"]).items()
+        ),
+        "## Sessions",
+        _sessions(manifest),
+        "## Failed cells",
+        "\n".join(f"- `{name}`: {reason}" for name, reason in sorted(manifest["failed_cells"].items()))
+        or "None.",
+        "## Provenance",
+        "`manifest.json` names every shard, cell, feature file and raw file with its SHA-256 and all settings; "
+        "`sha256sum -c SHA256SUMS` verifies what lies here. Axis 0 is the sample in every dataset of every shard. "
+        f"Made by gelforge {manifest['code_version']}. No licence is granted by this card: "
+        "the owner of the recordings states it.",
+    ]
+    return "\n\n".join(part.strip() for part in parts if part) + "\n"
+
+
+def _shape(shape: tuple[str, ...]) -> str:
+    return f"({', '.join(('N', *shape))})"
+
+
+def _sessions(manifest: dict) -> str:
+    lines = [
+        f"- `{name}`: {'SYNTHETIC' if session.get('synthetic') else 'measured'}"
+        for name, session in sorted(manifest["sessions"].items())
+    ]
+    return "\n".join(lines) or "None."
+
+
+def croissant(study: Study, manifest: dict) -> dict:
+    """Return the Croissant 1.0 JSON-LD description: one HDF5 FileObject per shard, and the columns as variables.
+
+    Croissant has no way yet to extract records from HDF5, so no record set is declared.
+    """
+    kind = "SYNTHETIC recordings of a virtual lab" if manifest["synthetic"] else "measured recordings"
+    what = "labels only, no recordings" if manifest["labels_only"] else kind
+    return {
+        "@context": CROISSANT_CONTEXT,
+        "@type": "sc:Dataset",
+        "conformsTo": "http://mlcommons.org/croissant/1.0",
+        "name": study.study,
+        "description": f"Contact force distributions of a soft tactile sensor from finite elements; {what}.",
+        "version": __version__,
+        "citeAs": METHOD,
+        "distribution": [
+            {
+                "@type": "cr:FileObject",
+                "@id": shard["file"],
+                "name": shard["file"],
+                "contentUrl": shard["file"],
+                "contentSize": f"{shard['bytes']} B",
+                "encodingFormat": "application/x-hdf5",
+                "sha256": shard["sha256"],
+            }
+            for shard in manifest["shards"]
+        ],
+        "variableMeasured": [
+            {
+                "@type": "sc:PropertyValue",
+                "name": name,
+                "unitText": column.unit,
+                "description": column.description,
+            }
+            for name, column in columns(manifest["labels_only"]).items()
+        ],
+    }

@@ -1,0 +1,341 @@
+"""Labels of simulated cells and features of recorded images, joined row by row into one shard."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from gelforge.config import Study
+from gelforge.dataset.schema import DatasetError
+from gelforge.dataset.shard import writing_shard
+from gelforge.dataset.splits import split_cells
+from gelforge.files import digest, file_sha256
+from gelforge.indentation.cell_file import Cell, read_cell
+from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell, plan_cells
+
+FEATURE_FORMAT = "gelforge-features-1"
+SCAN_ROWS = 4096  # rows of a feature file whose names are in memory at a time
+CLOSURE = (
+    1e-6  # bins against the total force: relative, and as many newtons for bins below 1e-9 N stored as zero
+)
+
+
+@dataclass
+class PressRows:
+    """Where one press's images lie in a session's feature file, in the order of their index."""
+
+    cell: str
+    depth_mm: float
+    row: list[int] = field(default_factory=list)
+    image_index: list[int] = field(default_factory=list)
+    untouched: list[bool] = field(default_factory=list)
+
+
+def join_shard(
+    study: Study,
+    cells_of_chunk: Sequence[str],
+    cell_files: Mapping[str, str | Path],
+    feature_files: Mapping[str, str | Path],
+    out: str | Path,
+    cell_digests: Mapping[str, str] | None = None,
+    feature_digests: Mapping[str, str] | None = None,
+) -> int:
+    """Write the shard of some planned cells and return its number of rows.
+
+    cell_files: the file of each of these cells; feature_files: the features of each session that has images, none for
+    a shard of labels only (one row per cell and depth). cell_digests and feature_digests: what `inputs_digest` of each
+    cell and `digest` of each session's features must be under the study's present settings.
+
+    Rows follow the cells as given, then sessions and presses in the order recorded, then images. Memory holds the rows of
+    one cell. A failed cell is left out and listed with its reason in the attribute `failed_cells`. Raises
+    DatasetError or CellError naming the cell, press, image or file that is missing, truncated or from other settings.
+    """
+    planned = plan_cells(study)
+    unknown = [name for name in cells_of_chunk if name not in planned]
+    if unknown:
+        raise DatasetError(
+            f"cells {unknown} are not in the plan of study {study.study}; join the study's own cells"
+        )
+    split = split_cells(planned, study.dataset.test_fraction, study.seed)
+    bins = study.sensor.bins.nx * study.sensor.bins.ny
+    labels_only = not feature_files
+    attributes = _shard_attributes(study, {name: split[name] for name in cells_of_chunk})
+    sessions = {}
+    for session, path in feature_files.items():
+        _check_features(path, session, study, (feature_digests or {}).get(session))
+        sessions[session] = _presses(path, planned, set(cells_of_chunk))
+        attributes["sessions"][session] = _session_attributes(path)
+    attributes["synthetic"] = any(s["synthetic"] for s in attributes["sessions"].values())
+
+    with writing_shard(out, attributes, labels_only, 2 * study.features.regions**2, bins) as writer:
+        for name in cells_of_chunk:
+            path = cell_files[name]
+            cell = _checked_cell(path, planned[name], bins, (cell_digests or {}).get(name))
+            attributes["cells"][name] = _cell_attributes(path, cell, planned[name], split[name])
+            if not cell.converged:
+                attributes["failed_cells"][name] = str(cell.attributes["reason"])
+                continue
+            if labels_only:
+                writer.append(_label_rows(planned[name], cell, split[name]))
+            blocks = [
+                block
+                for session in sorted(sessions)
+                for block in _session_rows(
+                    feature_files[session], session, sessions[session], planned[name], cell, split[name]
+                )
+            ]
+            if blocks:
+                writer.append({column: np.concatenate([b[column] for b in blocks]) for column in blocks[0]})
+        return writer.rows
+
+
+# -------------------------------------------------------------------------------------------------- cells
+def _checked_cell(path: str | Path, planned: PlannedCell, bins: int, expected: str | None) -> Cell:
+    """Return a cell's label arrays after checking that they belong to the plan and to the present settings."""
+    cell = read_cell(path, ["depth_mm", "total_force_N", "bin_force_N"])
+    found = cell.attributes
+    if found["cell"] != planned.name:
+        raise DatasetError(
+            f"{path}: holds cell {found['cell']!r}, expected {planned.name!r}; simulate it again"
+        )
+    if expected is not None and found["inputs_digest"] != expected:
+        raise DatasetError(
+            f"{path}: cell {planned.name} was made with other settings (inputs_digest {str(found['inputs_digest'])[:12]}, "
+            f"expected {expected[:12]}); simulate it again (snakemake -R {path})"
+        )
+    gap = max(abs(found["x_mm"] - planned.x_mm), abs(found["y_mm"] - planned.y_mm))
+    if gap > 1e-6:  # the plan is rounded to 1e-6 mm
+        raise DatasetError(
+            f"{path}: cell {planned.name} lies at ({found['x_mm']}, {found['y_mm']}) mm, the plan has "
+            f"({planned.x_mm}, {planned.y_mm}) mm; simulate it again"
+        )
+    if cell.converged:
+        _check_label(path, cell, planned, bins)
+    return cell
+
+
+def _check_label(path: str | Path, cell: Cell, planned: PlannedCell, bins: int) -> None:
+    depths, total, label = (cell.arrays[name] for name in ("depth_mm", "total_force_N", "bin_force_N"))
+    if len(depths) != len(planned.depths_mm) or np.abs(depths - planned.depths_mm).max() > 1e-6:
+        raise DatasetError(
+            f"{path}: cell {planned.name} has depths {depths.tolist()} mm, the plan "
+            f"{list(planned.depths_mm)}; simulate it again"
+        )
+    if label.shape != (len(depths), bins, 3):
+        raise DatasetError(
+            f"{path}: bin_force_N has shape {label.shape}, expected {(len(depths), bins, 3)}; simulate the cell again"
+        )
+    error = np.abs(label.sum(axis=1) - total)  # (D, 3)
+    limit = CLOSURE + CLOSURE * np.linalg.norm(total, axis=1, keepdims=True)
+    if not np.all(error <= limit):  # also refuses what is not a number
+        raise DatasetError(
+            f"{path}: cell {planned.name}: bins and total force differ by {np.max(error):.3g} N, limit "
+            f"{np.min(limit):.1g} N; delete the file and simulate the cell again"
+        )
+
+
+def _cell_attributes(path: str | Path, cell: Cell, planned: PlannedCell, split: str) -> dict:
+    return {
+        "file": Path(path).as_posix(),
+        "sha256": file_sha256(path),
+        "inputs_digest": str(cell.attributes["inputs_digest"]),
+        "code_version": str(cell.attributes.get("code_version", "")),
+        "status": str(cell.attributes["status"]),
+        "split": split,
+        "mirrors": planned.source,
+        "symmetry": planned.symmetry,
+    }
+
+
+def _label_rows(planned: PlannedCell, cell: Cell, split: str) -> dict[str, np.ndarray]:
+    count = len(planned.depths_mm)
+    return {
+        "force_distribution_N": cell.arrays["bin_force_N"],
+        "total_force_fem_N": cell.arrays["total_force_N"],
+        "position_mm": np.tile([planned.x_mm, planned.y_mm], (count, 1)),
+        "depth_mm": np.array(planned.depths_mm),
+        "cell": np.full(count, planned.name, object),
+        "split": np.full(count, split, object),
+        "untouched": np.zeros(count, bool),
+    }
+
+
+# ----------------------------------------------------------------------------------------------- features
+def _open_features(path: str | Path) -> h5py.File:
+    if not Path(path).is_file():
+        raise DatasetError(f"{path}: the features are missing; extract them again (snakemake -R {path})")
+    try:
+        return h5py.File(path, "r")
+    except OSError as error:
+        raise DatasetError(
+            f"{path}: not a whole HDF5 file ({error}); delete it and extract the features again"
+        ) from None
+
+
+def _check_features(path: str | Path, session: str, study: Study, expected: str | None) -> None:
+    with _open_features(path) as file:
+        found = file.attrs.get("format")
+        if found != FEATURE_FORMAT:
+            raise DatasetError(
+                f"{path}: format {found!r}, expected {FEATURE_FORMAT!r}; extract the features again"
+            )
+        if expected is not None and file.attrs["digest"] != expected:
+            raise DatasetError(
+                f"{path}: session {session} was reduced with other settings (digest "
+                f"{str(file.attrs['digest'])[:12]}, expected {expected[:12]}); extract the features again "
+                f"(snakemake -R {path})"
+            )
+        width = file["feature"].shape[1]
+        if width != 2 * study.features.regions**2:
+            raise DatasetError(
+                f"{path}: {width} features a row, expected {2 * study.features.regions**2} for features.regions "
+                f"{study.features.regions}; extract the features again"
+            )
+
+
+def _session_attributes(path: str | Path) -> dict:
+    with _open_features(path) as file:
+        return {
+            "features": Path(path).as_posix(),
+            "features_digest": str(file.attrs["digest"]),
+            "synthetic": bool(file.attrs["synthetic"]),
+        }
+
+
+def _scan(path: str | Path) -> Iterator[tuple[int, str, str, str, str, int, float]]:
+    """Yield row, press, cell, phase, image, image_index and depth of a feature file, a block of rows at a time."""
+    with _open_features(path) as file:
+        for start in range(0, len(file["press"]), SCAN_ROWS):
+            block = slice(start, start + SCAN_ROWS)
+            texts = [file[name].asstr()[block] for name in ("press", "cell", "phase", "image")]
+            numbers = [file[name][block] for name in ("image_index", "depth_mm")]
+            for i, values in enumerate(zip(*texts, *numbers)):
+                yield start + i, *values
+
+
+def _presses(path: str | Path, planned: Mapping[str, PlannedCell], chunk: set[str]) -> dict[str, PressRows]:
+    """Return the presses of a chunk's cells, every image of theirs in its place.
+
+    The number of images of a touching press is what most presses of the session have.
+    """
+    presses: dict[str, PressRows] = {}
+    touching: Counter[str] = Counter()  # images per press, of the whole session
+    for row, press, cell, phase, image, index, depth in _scan(path):
+        if cell not in planned:
+            raise DatasetError(
+                f"{path}: press {press}, image {image}: its cell {cell!r} is not in the plan; "
+                "join the recording to the plan again"
+            )
+        touching[press] += phase != "zero"
+        if cell not in chunk:
+            continue
+        rows = presses.setdefault(press, PressRows(cell, 0.0))
+        if rows.cell != cell:
+            raise DatasetError(
+                f"{path}: press {press} has images of cells {rows.cell!r} and {cell!r}; name presses apart"
+            )
+        rows.row.append(row)
+        rows.image_index.append(int(index))
+        rows.untouched.append(phase == "zero")
+        rows.depth_mm = max(rows.depth_mm, float(depth))
+    usual = Counter(touching.values()).most_common(1)[0][0] if touching else 0
+    for press, rows in presses.items():
+        _check_images(path, press, rows, touching[press], usual)
+    return presses
+
+
+def _check_images(path: str | Path, press: str, rows: PressRows, count: int, usual: int) -> None:
+    gaps = sorted(set(range(len(rows.row))) - set(rows.image_index))
+    if gaps or count != usual:
+        what = f"image_index {gaps} missing" if gaps else f"{count} images at depth, {usual} in most presses"
+        raise DatasetError(
+            f"{path}: press {press} of cell {rows.cell}: {what}; restore its images and extract the features again, "
+            "or remove the press from indentations.csv"
+        )
+    order = np.argsort(rows.image_index)
+    rows.row, rows.image_index, rows.untouched = (
+        [values[i] for i in order] for values in (rows.row, rows.image_index, rows.untouched)
+    )
+
+
+def _session_rows(
+    path: str | Path,
+    session: str,
+    presses: Mapping[str, PressRows],
+    planned: PlannedCell,
+    cell: Cell,
+    split: str,
+) -> list[dict[str, np.ndarray]]:
+    """Return the rows of one cell's presses of a session, a block per press."""
+    own = {press: rows for press, rows in presses.items() if rows.cell == planned.name}
+    if not own:
+        return []
+    with _open_features(path) as file:
+        return [
+            _press_rows(file, path, session, press, rows, planned, cell, split) for press, rows in own.items()
+        ]
+
+
+def _press_rows(file, path, session, press, rows: PressRows, planned, cell, split) -> dict[str, np.ndarray]:
+    """Return one press's rows: the label of its depth, or zero where the ball had not touched."""
+    step = int(np.argmin(np.abs(np.array(planned.depths_mm) - rows.depth_mm)))
+    gap = abs(planned.depths_mm[step] - rows.depth_mm)
+    if gap > POSITION_MATCH_MM and not all(rows.untouched):
+        raise DatasetError(
+            f"{path}: press {press}: depth {rows.depth_mm} mm is {gap:.3g} mm from the nearest depth of cell {planned.name} "
+            f"({planned.depths_mm[step]} mm), limit {POSITION_MATCH_MM} mm; add the depth to the plan"
+        )
+    untouched = np.array(rows.untouched)
+    feature, image = _rows_of(file["feature"], rows.row), _rows_of(file["image"].asstr(), rows.row)
+    bad = ~np.isfinite(feature).all(axis=1)
+    if bad.any():
+        raise DatasetError(
+            f"{path}: press {press}, image {image[bad.argmax()]}: features are not finite; extract the features again"
+        )
+    touched = ~untouched
+    count = len(rows.row)
+    return {
+        "feature": feature,
+        "force_distribution_N": np.where(touched[:, None, None], cell.arrays["bin_force_N"][step], 0.0),
+        "total_force_fem_N": np.where(touched[:, None], cell.arrays["total_force_N"][step], 0.0),
+        "total_force_ft_N": _rows_of(file["force_N"], rows.row),
+        "position_mm": np.tile([planned.x_mm, planned.y_mm], (count, 1)),
+        "depth_mm": touched * planned.depths_mm[step],
+        "cell": np.full(count, planned.name, object),
+        "press": np.full(count, press, object),
+        "image_index": np.array(rows.image_index, np.int32),
+        "image": image,
+        "session": np.full(count, session, object),
+        "split": np.full(count, split, object),
+        "untouched": untouched,
+    }
+
+
+def _rows_of(data, rows: list[int]) -> np.ndarray:
+    """Return rows of an HDF5 dataset in the order given; HDF5 itself reads in increasing order only."""
+    order = np.argsort(rows)
+    values = data[np.asarray(rows)[order]]
+    placed = np.empty_like(values)
+    placed[order] = values
+    return placed
+
+
+# --------------------------------------------------------------------------------------------- attributes
+def _shard_attributes(study: Study, split: Mapping[str, str]) -> dict:
+    settings = study.model_dump(mode="json", include={"seed", "dataset", "plan", "sensor", "features"})
+    return {
+        "study": study.study,
+        "split_seed": study.seed,
+        "test_fraction": study.dataset.test_fraction,
+        "settings_digest": digest(settings),
+        "train_cells": sum(value == "train" for value in split.values()),
+        "test_cells": sum(value == "test" for value in split.values()),
+        "cells": {},
+        "failed_cells": {},
+        "sessions": {},
+    }

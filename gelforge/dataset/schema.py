@@ -1,0 +1,65 @@
+"""What a shard holds: names, types, units and descriptions of its datasets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+FORMAT = "gelforge-shard-1"
+
+
+class DatasetError(ValueError):
+    """A dataset that cannot be made or read: file or name, what was found, what to do."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """One dataset of a shard; axis 0 is the sample (N)."""
+
+    shape: tuple[str, ...]  # axes after the first, by symbol: F features, B surface bins, or a number
+    kind: str  # "f4", "f8", "i4", "bool" or "text"
+    unit: str
+    description: str
+    recorded: bool  # True: only where there are images
+
+    def sizes(self, features: int, bins: int) -> tuple[int, ...]:
+        """Return the axes after the first as numbers."""
+        return tuple({"F": features, "B": bins}.get(axis) or int(axis) for axis in self.shape)
+
+
+COLUMNS = {
+    "feature": Column(
+        ("F",),
+        "f4",
+        "px, rad",
+        "m mean flow magnitudes [px], then m directions [rad in (-pi, pi], u right, v down, 0 where nothing moved]; "
+        "regions row by row from the image's top left",
+        True,
+    ),
+    "force_distribution_N": Column(
+        ("B", "3"),
+        "f4",
+        "N",
+        "label: force on the sensor per bin of the undeformed surface, k = nx iy + ix",
+        False,
+    ),
+    "total_force_fem_N": Column(
+        ("3",), "f8", "N", "total force on the sensor of the finite-element model", False
+    ),
+    "total_force_ft_N": Column(
+        ("3",), "f8", "N", "measured force on the sensor, sensor frame, zero subtracted", True
+    ),
+    "position_mm": Column(("2",), "f8", "mm", "planned position x, y in the sensor frame", False),
+    "depth_mm": Column((), "f8", "mm", "planned depth; 0 for untouched rows", False),
+    "cell": Column((), "text", "1", "cell of the plan: one position with all its depths", False),
+    "press": Column((), "text", "1", "press of the session", True),
+    "image_index": Column((), "i4", "1", "number of the image within its press, from 0", True),
+    "image": Column((), "text", "1", "file name of the image in the session's folder images", True),
+    "session": Column((), "text", "1", "recording session", True),
+    "split": Column((), "text", "1", "train or test, by cell", False),
+    "untouched": Column((), "bool", "1", "true: recorded before touch; the label is zero", False),
+}
+
+
+def columns(labels_only: bool) -> dict[str, Column]:
+    """Return the columns of a shard, with or without those that need images."""
+    return {name: column for name, column in COLUMNS.items() if not (labels_only and column.recorded)}

@@ -1,0 +1,89 @@
+"""States of the finite-element model to the arrays of a cell's file."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gelforge.config import Bins, Mechanics, Sensor
+from gelforge.indentation import binning
+from gelforge.mechanics.equilibrium import State
+from gelforge.mechanics.meshes import HexMesh
+
+
+def _stack(states: list[State], name: str, shape: tuple[int, ...]) -> np.ndarray:
+    return np.stack([getattr(state, name) for state in states]) if states else np.zeros((0, *shape))
+
+
+def force_arrays(
+    mesh: HexMesh, states: list[State], sensor: Sensor, mechanics: Mechanics
+) -> dict[str, np.ndarray]:
+    S = len(mesh.surface)
+    normal, shear = _stack(states, "normal_force", (S, 3)), _stack(states, "friction_force", (S, 3))
+    share = binning.hat_shares if mechanics.binning == "shape_function" else binning.node_shares
+    shares_x = share(mesh.surface_x, sensor.width_x_mm, sensor.bins.nx)
+    shares_y = share(mesh.surface_y, sensor.width_y_mm, sensor.bins.ny)
+    bin_normal, bin_shear = (binning.bin_forces(force, shares_x, shares_y) for force in (normal, shear))
+    return {
+        "total_force_N": (normal + shear).sum(axis=1),
+        "reaction_N": _stack(states, "reaction", (3,)),
+        "bin_force_N": binning.without_dust(bin_normal + bin_shear),
+        "bin_normal_N": binning.without_dust(bin_normal),
+        "bin_shear_N": binning.without_dust(bin_shear),
+        "node_xy_mm": mesh.X[mesh.surface, :2],
+        "node_area_mm2": mesh.surface_area,
+        "node_normal_N": normal,
+        "node_shear_N": shear,
+        "node_state": _stack(states, "contact_state", (S,)).astype(np.int8),
+        "node_displacement_mm": _displacement(states, mesh.surface),
+    }
+
+
+def _displacement(states: list[State], nodes: np.ndarray) -> np.ndarray:
+    """Return the displacement (D, n, 3) of some nodes [mm] as float32: 1e-7 mm is beyond any camera."""
+    return np.array([state.u[nodes] for state in states], dtype=np.float32).reshape(
+        len(states), len(nodes), 3
+    )
+
+
+def section_arrays(mesh: HexMesh, states: list[State], y_mm: float) -> dict[str, np.ndarray]:
+    """Return the mesh plane y = const nearest the cell, for drawing."""
+    lines = mesh.surface_y[:-1]
+    plane = lines[np.argmin(np.abs(lines - y_mm))]
+    face = mesh.hexahedra[:, [0, 1, 5, 4]]
+    on_plane = np.isclose(mesh.X[face, 1], plane, atol=1e-9).all(axis=1)
+    nodes, quads = np.unique(face[on_plane], return_inverse=True)
+    return {
+        "section_node_mm": mesh.X[nodes],
+        "section_quad": quads.reshape(-1, 4).astype(np.int32),
+        "section_region": mesh.region[on_plane],
+        "section_displacement_mm": _displacement(states, nodes),
+    }
+
+
+def gel_arrays(mesh: HexMesh, states: list[State], layers: list[str]) -> dict[str, np.ndarray]:
+    """Return mesh and displacement of the layers that carry particles."""
+    chosen = np.isin(mesh.region, [mesh.regions.index(name) for name in layers])
+    nodes, hexahedra = np.unique(mesh.hexahedra[chosen], return_inverse=True)
+    return {
+        "gel_node_mm": mesh.X[nodes],
+        "gel_hex": hexahedra.reshape(-1, 8).astype(np.int32),
+        "gel_displacement_mm": _displacement(states, nodes),
+    }
+
+
+def moment_shift(arrays: dict[str, np.ndarray], sensor: Sensor) -> list[float]:
+    """Return per depth how much the moment about the sensor's centre differs between bins and nodes [N mm]."""
+    bins: Bins = sensor.bins
+    middle = np.array([sensor.width_x_mm, sensor.width_y_mm]) / 2
+    centres = binning.bin_centres(sensor.width_x_mm, sensor.width_y_mm, bins.nx, bins.ny) - middle
+    nodes = arrays["node_xy_mm"] - middle
+
+    def moment(arms, forces):  # of forces in the plane z = 0
+        x, y = arms[:, 0], arms[:, 1]
+        fx, fy, fz = np.moveaxis(forces, -1, 0)
+        return np.stack([(y * fz).sum(-1), (-x * fz).sum(-1), (x * fy - y * fx).sum(-1)], axis=-1)
+
+    shift = moment(centres, arrays["bin_force_N"]) - moment(
+        nodes, arrays["node_normal_N"] + arrays["node_shear_N"]
+    )
+    return [float(value) for value in np.linalg.norm(shift, axis=-1)]

@@ -1,0 +1,99 @@
+"""Force distributions of images as they come, every step of the way timed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import torch
+
+from gelforge.config import Features
+from gelforge.learning.network import load_model
+from gelforge.recording.features import FlowFeatures, flow_features
+from gelforge.recording.flow import crop
+from gelforge.recording.frames import Frame
+
+STEPS = ("read", "flow", "features", "network")
+
+
+class Predictor:
+    """A trained model that turns features into force distributions."""
+
+    def __init__(self, model_file: str | Path, threads: int = 2):
+        torch.set_num_threads(threads)
+        self.model = load_model(model_file)
+
+    @property
+    def features(self) -> Features:
+        """The feature settings that the model was trained with."""
+        return Features.model_validate(self.model.settings["features"])
+
+    def __call__(self, feature: np.ndarray) -> np.ndarray:
+        """Return the force distribution (B, 3) [N] on the sensor of one image's features (F,)."""
+        return self.model.predict(feature)[0]
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """The force distribution of one frame, and the seconds that each step took."""
+
+    name: str
+    time_s: float
+    force_N: np.ndarray  # (B, 3)
+    seconds: dict[str, float]  # by STEPS
+
+
+@dataclass
+class Timing:
+    """Seconds of every frame and step so far."""
+
+    seconds: dict[str, list[float]] = field(default_factory=lambda: {step: [] for step in STEPS})
+
+    def add(self, prediction: Prediction) -> None:
+        for step in STEPS:
+            self.seconds[step].append(prediction.seconds[step])
+
+    def table(self) -> pd.DataFrame:
+        """Return p50 and p99 [ms] of each step and of the whole, and the frames per second that p50 and p99 allow."""
+        rows = []
+        whole = np.sum([self.seconds[step] for step in STEPS], axis=0)
+        for name, values in (*self.seconds.items(), ("whole", whole)):
+            p50, p99 = np.percentile(values, [50, 99]) if len(values) else (np.nan, np.nan)
+            rows.append((name, len(values), 1e3 * p50, 1e3 * p99, 1 / p50, 1 / p99))
+        return pd.DataFrame(rows, columns=["step", "frames", "p50_ms", "p99_ms", "fps_at_p50", "fps_at_p99"])
+
+
+def predict_frames(
+    predictor: Predictor,
+    frames: Iterable[Frame],
+    reference: np.ndarray | None = None,
+    crop_px: list[int] | None = None,
+) -> Iterator[Prediction]:
+    """Yield the prediction of each frame, against a zero-force frame or else the first one.
+
+    Every frame is read, reduced and predicted anew. The first frame pays for what is set up once (search buffers,
+    first call of the network). Raises ImageError for a frame of another size than the reference.
+    """
+    settings = predictor.features
+    extract = None if reference is None else FlowFeatures(crop(reference, crop_px), settings)
+    source = iter(frames)
+    while True:
+        start = time.perf_counter()
+        frame = next(source, None)
+        if frame is None:
+            return
+        image = crop(frame.image, crop_px)
+        if extract is None:
+            extract = FlowFeatures(image, settings)
+        marks = [start, time.perf_counter()]
+        flow = extract.flow(image)
+        marks.append(time.perf_counter())
+        feature = flow_features(flow, settings.regions, settings.moved_px)
+        marks.append(time.perf_counter())
+        force = predictor(feature)
+        marks.append(time.perf_counter())
+        yield Prediction(frame.name, frame.time_s, force, dict(zip(STEPS, np.diff(marks).tolist())))

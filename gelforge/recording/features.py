@@ -1,0 +1,200 @@
+"""Image features: the flow's magnitude and direction averaged over equal regions of the image."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+from itertools import islice
+from pathlib import Path
+
+import cv2
+import h5py
+import numba
+import numpy as np
+import pandas as pd
+
+from gelforge.config import Features, Session
+from gelforge.files import atomic, digest
+from gelforge.recording.flow import Flow, ImageError, read_grey
+from gelforge.recording.readings import Recording, image_path, reference_path, sample_rows
+
+FORMAT = "gelforge-features-1"
+BATCH = 64  # images in memory at a time
+
+# name: (unit, description), N images
+DATASETS = {
+    "session": ("1", "session (N)"),
+    "press": ("1", "press (N)"),
+    "cell": ("1", "cell of the plan (N)"),
+    "order": ("1", "order of the press within the session (N)"),
+    "phase": ("1", "zero, load or dwell (N)"),
+    "image": ("1", "file name of the image (N)"),
+    "image_index": ("1", "number of the image within its press, from 0 (N)"),
+    "position_mm": ("mm", "commanded position in the sensor frame (N, 2)"),
+    "depth_mm": ("mm", "commanded depth, 0 for untouched rows (N)"),
+    "force_N": ("N", "measured force on the sensor in the sensor frame, zero subtracted (N, 3)"),
+    "feature": (
+        "px, rad",
+        "m magnitudes, then m directions; regions row by row from the image's top left (N, 2 m)",
+    ),
+}
+
+
+def flow_features(flow: np.ndarray, regions: int, moved_px: float) -> np.ndarray:
+    """Return m mean magnitudes [px], then m directions [rad in (-pi, pi]] of a flow (H, W, 2), float32.
+
+    The image has regions x regions = m equal parts; a pixel on a border counts in both by its area. The direction of
+    a region is atan2 of the mean sine and the mean cosine over its pixels that moved more than moved_px (u right,
+    v down), 0 where none did.
+    """
+    rows, columns = _pixel_shares(flow.shape[0], regions), _pixel_shares(flow.shape[1], regions)
+    sums = _region_sums(flow, regions, np.float32(moved_px), *rows, *columns)  # (r, r, 3)
+    area = flow.shape[0] * flow.shape[1] / regions**2  # px of a region
+    direction = np.arctan2(sums[..., 2], sums[..., 1]).astype(np.float32)
+    direction[direction == -np.float32(np.pi)] = np.pi  # one name for the direction to the left
+    return np.concatenate([(sums[..., 0] / area).astype(np.float32).ravel(), direction.ravel()])
+
+
+@lru_cache(maxsize=8)
+def _pixel_shares(pixels: int, regions: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the region (pixels,) in which each pixel of an axis begins, and its share (pixels,) there.
+
+    The rest of the pixel lies in the next region; no pixel reaches three, as there are no more regions than pixels.
+    """
+    start = np.arange(pixels)
+    first = start * regions // pixels
+    # the region ends at (first + 1) pixels / regions
+    share = np.minimum(1.0, (first + 1) * pixels / regions - start)
+    return first, share.astype(np.float32)
+
+
+@numba.njit(cache=True, nogil=True)
+def _region_sums(flow, regions, moved_px, row_first, row_share, column_first, column_share):
+    """Return sums (r, r, 3) over each region's pixels, by area: magnitude, and cosine and sine of those that moved."""
+    sums = np.zeros((regions + 1, regions + 1, 3))  # one more takes the empty rest of the last pixels
+    of_row = np.zeros((regions + 1, 3), dtype=np.float32)
+    for y in range(flow.shape[0]):
+        of_row[:] = 0
+        for x in range(flow.shape[1]):
+            u, v = flow[y, x, 0], flow[y, x, 1]
+            magnitude = np.sqrt(u * u + v * v)
+            cosine, sine = np.float32(0), np.float32(0)
+            if magnitude > moved_px:
+                cosine, sine = u / magnitude, v / magnitude
+            i, a = column_first[x], column_share[x]
+            of_row[i, 0] += a * magnitude
+            of_row[i, 1] += a * cosine
+            of_row[i, 2] += a * sine
+            if a < 1:
+                of_row[i + 1, 0] += (1 - a) * magnitude
+                of_row[i + 1, 1] += (1 - a) * cosine
+                of_row[i + 1, 2] += (1 - a) * sine
+        j, b = row_first[y], row_share[y]
+        for i in range(regions):
+            for k in range(3):
+                sums[j, i, k] += b * of_row[i, k]
+                sums[j + 1, i, k] += (1 - b) * of_row[i, k]
+    return sums[:regions, :regions]
+
+
+class FlowFeatures:
+    """The features of images against one reference frame: the path that sessions and the live predictor share.
+
+    Not shared between threads, as `Flow`.
+    """
+
+    def __init__(self, reference: np.ndarray, settings: Features):
+        if min(reference.shape) < settings.regions:
+            raise ImageError(
+                f"image of {reference.shape[1]} x {reference.shape[0]} px is smaller than features.regions "
+                f"{settings.regions}; use fewer regions"
+            )
+        self.flow = Flow(reference, settings.flow_preset)
+        self.settings = settings
+
+    def __call__(self, image: np.ndarray) -> np.ndarray:
+        """Return the features (2 m) float32 of an image (H, W) uint8."""
+        return flow_features(self.flow(image), self.settings.regions, self.settings.moved_px)
+
+
+def session_features(recording: Recording, settings: Features, out: str | Path, workers: int = 1) -> int:
+    """Write the features of a recording's zero, load and dwell images to an HDF5 file; return how many there are.
+
+    Images are read, reduced and written in batches, so that memory does not grow with the session; the result does
+    not depend on the number of worker threads. Raises ImageError naming the image.
+    """
+    if workers > 1:
+        cv2.setNumThreads(1)  # one image per thread is faster than several threads on one image
+    rows = sample_rows(recording.readings)
+    rows = rows[rows["image"] != ""]
+    if rows.empty:
+        raise ImageError(
+            f"{recording.folder}: session {recording.session.session} has no images; it is force-only"
+        )
+    with atomic(out) as temporary, h5py.File(temporary, "w", track_order=True) as file:
+        _write_attributes(file, recording.session, settings)
+        _write_rows(file, rows)
+        m2 = 2 * settings.regions**2
+        feature = file.create_dataset("feature", (len(rows), m2), "f4", chunks=(min(16, len(rows)), m2))
+        _describe(feature, "feature")
+        done = 0
+        for batch in _features_in_batches(recording, settings, rows["image"], workers):
+            feature[done : done + len(batch)] = batch
+            done += len(batch)
+    return len(rows)
+
+
+def features_digest(session: Session, settings: Features) -> str:
+    """Return the digest of the settings that decide a session's features; a join compares it."""
+    return digest({"session": session.model_dump(mode="json"), "features": settings.model_dump(mode="json")})
+
+
+def _features_in_batches(
+    recording: Recording, settings: Features, images: Iterable[str], workers: int
+) -> Iterator[np.ndarray]:
+    """Yield features (up to BATCH, 2 m) of a recording's images in their order."""
+    crop_px = recording.session.crop_px
+    reference = read_grey(reference_path(recording.folder), crop_px)
+    local = threading.local()
+
+    def features(name: str) -> np.ndarray:
+        if not hasattr(local, "extract"):
+            local.extract = FlowFeatures(reference, settings)
+        path = image_path(recording.folder, name)
+        image = read_grey(path, crop_px)
+        try:
+            return local.extract(image)
+        except ImageError as error:
+            raise ImageError(f"{path}: {error}") from None
+
+    names = iter(images)
+    with ThreadPoolExecutor(workers) as pool:
+        while batch := list(islice(names, BATCH)):
+            yield np.stack(list(pool.map(features, batch)))
+
+
+def _write_attributes(file: h5py.File, session: Session, settings: Features) -> None:
+    file.attrs["format"] = FORMAT
+    file.attrs["session"] = session.session
+    file.attrs["synthetic"] = session.synthetic
+    file.attrs["digest"] = features_digest(session, settings)
+
+
+def _write_rows(file: h5py.File, rows: pd.DataFrame) -> None:
+    """Write what is known of each image before its features."""
+    text = h5py.string_dtype()
+    for name in ("session", "press", "cell", "phase", "image"):
+        file.create_dataset(name, data=rows[name].to_numpy(object), dtype=text)
+    file["order"] = rows["order"].to_numpy(np.int64)
+    file["image_index"] = rows.groupby("press", sort=False).cumcount().to_numpy(np.int64)
+    file["position_mm"] = rows[["x_mm", "y_mm"]].to_numpy(float)
+    file["depth_mm"] = rows["depth_mm"].where(rows["phase"] != "zero", 0.0).to_numpy(float)
+    file["force_N"] = rows[["fx_N", "fy_N", "fz_N"]].to_numpy(float)
+    for name in file:
+        _describe(file[name], name)
+
+
+def _describe(data: h5py.Dataset, name: str) -> None:
+    data.attrs["units"], data.attrs["description"] = DATASETS[name]

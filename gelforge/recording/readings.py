@@ -1,0 +1,198 @@
+"""A recorded session: its description and its readings, as force on the sensor in the sensor's frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from gelforge.config import ForceSensor, Sensor, Session, StageToSensor, load_session
+from gelforge.csv_table import read_csv
+from gelforge.files import write_text
+from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell
+from gelforge.recording import checks
+from gelforge.recording.checks import RecordingError
+from gelforge.recording.images import check_images
+from gelforge.recording.join import cells_of_presses
+
+FORCE = ["fx_N", "fy_N", "fz_N"]
+RAW = ["fx_raw_N", "fy_raw_N", "fz_raw_N"]
+COLUMNS = [
+    *("session", "press", "cell", "order", "time_s", "phase", "x_mm", "y_mm", "depth_mm", "dwell_s"),
+    *RAW,
+    *FORCE,
+    "image",
+]
+FT_WINDOW_S = 0.02  # samples of ft.csv this far from a reading are averaged: less than a camera's frame time
+FT_GAP_S = 1.0  # a reading this far from every sample has no force
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A session with its readings, columns as in COLUMNS, in the order taken; images lie in folder/images."""
+
+    session: Session
+    readings: pd.DataFrame
+    folder: Path
+
+
+def read_recording(
+    folder: str | Path, cells: Mapping[str, PlannedCell] | None = None, sensor: Sensor | None = None
+) -> Recording:
+    """Return a checked session: positions in the sensor frame, forces on the sensor, zero subtracted, presses joined.
+
+    Presses join the planned cells by position within 0.01 mm and by depth. Without cells the column `cell` stays as
+    recorded; without a sensor positions are not checked against its outline. Images are checked for presence, size
+    and completeness from their headers, and not decoded. Raises RecordingError naming file, row, value and remedy.
+    """
+    folder = Path(folder)
+    if not (folder / "session.yaml").is_file():
+        raise RecordingError(
+            f"{folder / 'session.yaml'}: missing; describe the session (see docs/file-formats.md)"
+        )
+    session = load_session(folder / "session.yaml")
+    if session.session != folder.resolve().name:
+        raise RecordingError(
+            f"{folder / 'session.yaml'}: session {session.session!r} in a folder named "
+            f"{folder.resolve().name!r}; "
+            "give both the same name"
+        )
+    path = folder / "indentations.csv"
+    table = _read_table(path, folder / "ft.csv")
+    checks.check_rows(path, table)
+    raw = _raw_force(table, folder)
+    checks.check_raw_force(path, table, raw, session.force)
+
+    readings = table.copy()
+    readings["session"] = session.session
+    readings[["x_mm", "y_mm"]] = stage_to_sensor(table[["x_mm", "y_mm"]].to_numpy(), session.stage_to_sensor)
+    checks.check_positions(path, readings, sensor)
+    readings[RAW] = raw
+    readings[FORCE] = force_on_sensor(raw, session.force)
+    if not session.force.tared:
+        readings[FORCE] -= zero_force(path, readings)
+    checks.check_force(path, readings, session.force)
+    if cells is not None:
+        readings["cell"] = cells_of_presses(path, readings, cells)
+    check_images(folder, readings["image"], session)
+    return Recording(session, readings[COLUMNS].reset_index(drop=True), folder)
+
+
+def stage_to_sensor(xy: np.ndarray, stage: StageToSensor) -> np.ndarray:
+    """Return stage positions (N, 2) [mm] in the sensor frame: R(rotation) H x + origin, H flips y of a left-handed stage."""
+    c, s = np.cos(np.deg2rad(stage.rotation_deg)), np.sin(np.deg2rad(stage.rotation_deg))
+    H = np.diag([1.0, -1.0 if stage.handedness == "left" else 1.0])
+    return xy @ (np.array([[c, -s], [s, c]]) @ H).T + stage.origin_mm
+
+
+def force_on_sensor(raw: np.ndarray, force: ForceSensor) -> np.ndarray:
+    """Return recorded forces (N, 3) [N] as force on the sensor in the sensor frame; on the indenter it is opposite."""
+    sign = -1.0 if force.acts_on == "indenter" else 1.0
+    return sign * raw @ np.asarray(force.axes, dtype=float).T
+
+
+def zero_force(path: Path, readings: pd.DataFrame) -> np.ndarray:
+    """Return for each reading the mean force (N, 3) [N] of its press's zero rows.
+
+    Raises RecordingError for a press without a zero row.
+    """
+    zero = readings[readings["phase"] == "zero"].groupby("press")[FORCE].mean()
+    without = ~readings["press"].isin(zero.index)
+    if without.any():
+        line = without.idxmax()
+        raise RecordingError(
+            f"{path}, row {line}: press {readings.at[line, 'press']} has no zero row; record the force "
+            "before touch, "
+            "or set force.tared: true in session.yaml if zero is already subtracted"
+        )
+    return zero.loc[readings["press"]].to_numpy()
+
+
+def at_commanded_depth(readings: pd.DataFrame) -> np.ndarray:
+    """Return (N,) bool: the load and dwell readings at the press's commanded depth, its deepest load or dwell row."""
+    held = readings["phase"].isin(["load", "dwell"])
+    deepest = readings["depth_mm"].where(held).groupby(readings["press"]).transform("max")
+    return (held & ((deepest - readings["depth_mm"]).abs() <= POSITION_MATCH_MM)).to_numpy()
+
+
+def sample_rows(readings: pd.DataFrame) -> pd.DataFrame:
+    """Return the readings that may become samples: zero rows, and load and dwell rows at the commanded depth."""
+    return readings[(readings["phase"] == "zero").to_numpy() | at_commanded_depth(readings)]
+
+
+def image_path(folder: str | Path, name: str) -> Path:
+    """Return the path of a session's image."""
+    return Path(folder) / "images" / name
+
+
+def reference_path(folder: str | Path) -> Path:
+    """Return the path of a session's zero-force frame."""
+    return Path(folder) / "reference.png"
+
+
+def write_readings(path: str | Path, recording: Recording) -> None:
+    """Write all readings of a session, raw and corrected, as CSV."""
+    write_text(path, recording.readings.to_csv(index=False, float_format="%.9g", lineterminator="\n"))
+
+
+def read_readings(path: str | Path) -> pd.DataFrame:
+    """Return the readings that `write_readings` wrote, columns as in COLUMNS; names stay text."""
+    always = ["order", "time_s", "x_mm", "y_mm", *RAW, *FORCE]
+    table = read_csv(
+        path,
+        numbers=always,
+        optional_numbers=["depth_mm", "dwell_s"],
+        texts=["session", "press", "phase"],
+        optional_texts=["cell", "image"],
+    )
+    return table[COLUMNS].astype({"order": int}).reset_index(drop=True)
+
+
+def _read_table(path: Path, ft: Path) -> pd.DataFrame:
+    """Return indentations.csv with every column of the format; forces may be absent where ft.csv holds them."""
+    force_needed = () if ft.is_file() else FORCE
+    force_optional = FORCE if ft.is_file() else ()
+    return read_csv(
+        path,
+        numbers=["order", "time_s", "x_mm", "y_mm", *force_needed],
+        optional_numbers=["depth_mm", "dwell_s", *force_optional],
+        texts=["press", "phase"],
+        optional_texts=["cell", "image"],
+    )
+
+
+def _raw_force(table: pd.DataFrame, folder: Path) -> np.ndarray:
+    """Return the forces as recorded (N, 3) [N], from ft.csv where it stands beside the table."""
+    path = folder / "ft.csv"
+    if not path.is_file():
+        return table[FORCE].to_numpy()
+    samples = read_csv(path, numbers=["time_s", *FORCE])
+    backward = np.flatnonzero(np.diff(samples["time_s"]) <= 0)
+    if len(backward):
+        line = samples.index[backward[0] + 1]
+        raise RecordingError(
+            f"{path}, row {line}: time_s {samples.at[line, 'time_s']} does not increase; sort the file"
+        )
+    return _at_times(path, table, samples["time_s"].to_numpy(), samples[FORCE].to_numpy())
+
+
+def _at_times(path: Path, table: pd.DataFrame, time: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Return forces (N, 3) at the readings' times: the mean of samples within FT_WINDOW_S, or between neighbours."""
+    at = table["time_s"].to_numpy()
+    first, last = np.searchsorted(time, [at - FT_WINDOW_S, at + FT_WINDOW_S])
+    total = np.concatenate([np.zeros((1, 3)), np.cumsum(force, axis=0)])  # (T + 1, 3)
+    count = last - first
+    mean = (total[last] - total[first]) / np.maximum(count, 1)[:, None]
+    between = np.stack([np.interp(at, time, component) for component in force.T], axis=1)
+    after = np.searchsorted(time, at).clip(1, len(time) - 1) if len(time) > 1 else np.zeros(len(at), int)
+    nearest = np.minimum(np.abs(time[after] - at), np.abs(time[np.maximum(after - 1, 0)] - at))
+    if nearest.max() > FT_GAP_S:
+        line = table.index[nearest.argmax()]
+        raise RecordingError(
+            f"{path}: no force sample within {FT_GAP_S} s of the reading at {table.at[line, 'time_s']} s "
+            f"(indentations.csv, row {line}); both files need one clock"
+        )
+    return np.where(count[:, None] > 0, mean, between)

@@ -1,0 +1,122 @@
+"""Chapters about recordings and learning: agreement with F/T, predictions, error tables."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gelforge.report.beside_paper import beside_paper
+from gelforge.report.chapters import Chapter
+from gelforge.report.force_maps import contact_radius_mm, prediction_figure, total_force_figure
+from gelforge.report.residuals import residual_depth_figure, residual_map_figure
+from gelforge.report.results_reader import StudyResults
+from gelforge.report.study_chapters import FORCE_ONLY, LABELS_ONLY
+from gelforge.report.training_figure import loss_figure
+
+
+def agreement(results: StudyResults) -> Chapter:
+    """Return the residual of simulated against measured total force over position and depth."""
+    chapter = Chapter("agreement", "Simulation against force/torque readings")
+    if not results.study.sessions:
+        chapter.miss(f"No comparison with readings: {LABELS_ONLY}")
+        return chapter
+    if results.agreement is None:
+        chapter.miss(
+            f"No comparison with readings: {results.folder / 'agreement.csv'} is not there or empty."
+        )
+        return chapter
+    kind = "SYNTHETIC readings" if "recordings" in results.synthetic_parts else "readings"
+    chapter.show(
+        f"Measured minus simulated force ({kind}) over depth: a mean that leaves the grey band, the sensor's resolution, and"
+        " grows with depth points to physics the simulation lacks.",
+        residual_depth_figure(results.agreement, results.resolution_N),
+    )
+    chapter.show(
+        "The same residual over position: pale means agreement, one colour all over a common cause, a pattern"
+        " towards the edges the walls; positions without a square have no reading or no converged cell.",
+        residual_map_figure(results.agreement, results.widths_mm, results.resolution_N),
+    )
+    return chapter
+
+
+def _deepest_row(predictions: dict, score: np.ndarray) -> int | None:
+    """Return the deepest touched test row among those of the smallest score, or None."""
+    touched = np.flatnonzero(~predictions["untouched"].astype(bool))
+    if not len(touched):
+        return None
+    order = np.lexsort((-predictions["depth_mm"][touched], np.round(score[touched], 3)))
+    return int(touched[order[0]])
+
+
+def predictions(results: StudyResults) -> Chapter:
+    """Return loss curve, force maps predicted and true, and total forces."""
+    chapter = Chapter("predictions", "What the network predicts")
+    if not results.study.sessions:
+        chapter.miss(f"No network: {LABELS_ONLY}")
+        return chapter
+    if not results.features and results.predictions is None:
+        chapter.miss(f"No network: {FORCE_ONLY}")
+        return chapter
+    if results.loss is not None:
+        chapter.show(
+            "Both curves should fall and level out; if only the training curve falls, the network learns by heart.",
+            loss_figure(results.loss),
+        )
+    else:
+        chapter.miss(f"No loss curve: {results.folder / 'model' / 'loss.csv'} is not there.")
+    columns = results.predictions
+    if columns is None:
+        chapter.miss(f"No predictions: {results.folder / 'model' / 'predictions.h5'} is not there.")
+        return chapter
+    position, widths = columns["position_mm"], np.array(results.widths_mm)
+    from_centre = np.linalg.norm(position - results.centre_mm, axis=1)
+    to_edge = np.minimum(position, widths - position).min(axis=1)
+    shown = []
+    for place, score in (("nearest to the centre", from_centre), ("nearest to an edge", to_edge)):
+        row = _deepest_row(columns, score)
+        if row is None or row in shown:
+            chapter.miss(f"No force map {place}: no further test row is touched.")
+            continue
+        shown.append(row)
+        _show_map(chapter, results, row, place)
+    chapter.show(
+        "Total force summed from the predicted map: points on the grey line are exact, a flatter cloud means"
+        " that the network hesitates towards the mean.",
+        total_force_figure(columns["total_predicted_N"], columns["total_true_N"]),
+    )
+    return chapter
+
+
+def _show_map(chapter: Chapter, results: StudyResults, row: int, place: str) -> None:
+    columns, bins = results.predictions, results.study.sensor.bins
+    predicted, true = results.predicted_map(row)
+    x, y = columns["position_mm"][row]
+    depth = float(columns["depth_mm"][row])
+    radius = contact_radius_mm(depth, results.study.indenter.radius_mm)
+    chapter.show(
+        f"Held-out cell {columns['cell'][row]} {place}, ball at ({x:g}, {y:g}) mm, {depth:g} mm deep: left and"
+        " middle should look alike and the right stay pale, on one colour scale per row. The dashed circle is"
+        " where the ball cuts the undeformed surface.",
+        prediction_figure(predicted, true, bins.nx, bins.ny, results.widths_mm, (x, y), radius),
+    )
+
+
+TABLES = {
+    "rmse": "Errors of the network on held-out cells, beside the paper's (another sensor, 13,448 presses).",
+    "baselines": "The network beside baselines; it is of use only where it is clearly below them. Row limit: what is asked.",
+    "rmse_gt": "Measured against simulated total force over presses (difference: F/T − FEM), beside the paper's.",
+    "force_ranges": "Range of the labels, beside the paper's.",
+}
+
+
+def error_tables(results: StudyResults) -> Chapter:
+    """Return the tables of the evaluation with the paper's numbers beside them."""
+    chapter = Chapter("errors", "Error tables")
+    for name, words in TABLES.items():
+        table = results.table(name)
+        if table is not None:
+            chapter.tabulate(words, beside_paper(name, table, results.paper))
+        elif results.study.sessions or name == "force_ranges":
+            chapter.miss(f"No table {name}: {results.folder / 'tables' / name}.csv is not there.")
+    if not results.study.sessions:
+        chapter.miss(f"No errors of a network and none against readings: {LABELS_ONLY}")
+    return chapter

@@ -1,0 +1,72 @@
+"""The offline report: one HTML page that holds its figures and fetches nothing."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+import gelforge
+from gelforge.config import Study
+from gelforge.files import write_text
+from gelforge.report import learning_chapters, study_chapters
+from gelforge.report.chapters import Chapter
+from gelforge.report.results_reader import StudyResults
+
+CHAPTERS = (
+    study_chapters.glance,
+    study_chapters.materials,
+    study_chapters.force_depth,
+    study_chapters.inside,
+    study_chapters.images,
+    learning_chapters.agreement,
+    learning_chapters.predictions,
+    learning_chapters.error_tables,
+    study_chapters.failed_cells,
+    study_chapters.time_per_stage,
+    study_chapters.origin,
+)
+
+
+def write_report(
+    study: Study,
+    results_folder: str | Path,
+    out_html: str | Path,
+    paper_folder: str | Path = "data/paper",
+    written: datetime | None = None,
+) -> list[str]:
+    """Write the report of a study from what its stages left in results_folder; return what is missing.
+
+    paper_folder holds the published numbers (force_depth.csv, paper_tables.json). The page is one file: figures
+    are embedded, and it needs no network. Nothing is recomputed; a part whose files are not there is named in its
+    place.
+    """
+    results = StudyResults(study, Path(results_folder), Path(paper_folder))
+    chapters = [make(results) for make in CHAPTERS]
+    write_text(out_html, render(study, results, chapters, written or datetime.now(UTC)))
+    return [
+        block.words for chapter in chapters for block in chapter.blocks if getattr(block, "missing", False)
+    ]
+
+
+def render(study: Study, results: StudyResults, chapters: list[Chapter], written: datetime) -> str:
+    """Return the page's HTML."""
+    environment = Environment(
+        loader=PackageLoader("gelforge.report", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    style = Markup(environment.get_template("report.css").render())
+    return environment.get_template("report.html").render(
+        study=study,
+        synthetic=" and ".join(results.synthetic_parts),
+        failed=len(results.not_converged()),
+        chapters=chapters,
+        style=style,
+        version=gelforge.__version__,
+        written=written.strftime("%Y-%m-%d %H:%M UTC"),
+    )

@@ -1,0 +1,188 @@
+"""What a finished study left in its results folder, read for the report; nothing is recomputed."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pandas as pd
+
+from gelforge.characterisation.law_file import MaterialLaw, read_law
+from gelforge.config import ConfigError, Session, Study, load_session
+from gelforge.indentation.cell_file import Cell, CellError, read_cell
+from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell, plan_cells
+
+CORNER_MM = 5.0  # the paper's "corner": this far from two edges
+
+
+@dataclass(frozen=True)
+class StudyResults:
+    """The files of one study, read when asked for; what is not there is None or empty."""
+
+    study: Study
+    folder: Path
+    paper_folder: Path
+
+    @cached_property
+    def planned(self) -> dict[str, PlannedCell]:
+        return plan_cells(self.study)
+
+    @cached_property
+    def cell_attributes(self) -> dict[str, dict]:
+        """Attributes of each planned cell; an absent or unreadable file has status "missing" and a reason."""
+        attributes = {}
+        for name in self.planned:
+            try:
+                attributes[name] = read_cell(self.cell_path(name), arrays=[]).attributes
+            except CellError as error:
+                attributes[name] = {"status": "missing", "reason": str(error), "last_good_depth_mm": np.nan}
+        return attributes
+
+    def cell_path(self, name: str) -> Path:
+        return self.folder / "cells" / f"{name}.h5"
+
+    def cell(self, name: str) -> Cell:
+        return read_cell(self.cell_path(name))
+
+    def converged(self) -> list[PlannedCell]:
+        return [c for name, c in self.planned.items() if self.cell_attributes[name]["status"] == "converged"]
+
+    def not_converged(self) -> list[PlannedCell]:
+        return [c for name, c in self.planned.items() if self.cell_attributes[name]["status"] != "converged"]
+
+    @property
+    def widths_mm(self) -> tuple[float, float]:
+        return self.study.sensor.width_x_mm, self.study.sensor.width_y_mm
+
+    @property
+    def centre_mm(self) -> np.ndarray:
+        return np.array(self.widths_mm) / 2
+
+    def centre_cell(self) -> PlannedCell | None:
+        """Return the converged cell at the surface's centre, or None."""
+        return self._cell_at(*self.centre_mm)
+
+    def corner_cell(self) -> PlannedCell | None:
+        """Return a converged cell 5 mm from two edges, or None; the corner of large x and y is preferred."""
+        wx, wy = self.widths_mm
+        places = [(x, y) for x in (wx - CORNER_MM, CORNER_MM) for y in (wy - CORNER_MM, CORNER_MM)]
+        return next((cell for place in places if (cell := self._cell_at(*place))), None)
+
+    def _cell_at(self, x: float, y: float) -> PlannedCell | None:
+        near = [c for c in self.converged() if max(abs(c.x_mm - x), abs(c.y_mm - y)) <= POSITION_MATCH_MM]
+        return near[0] if near else None
+
+    @cached_property
+    def sessions(self) -> dict[str, Session]:
+        """Descriptions of the recorded sessions whose session.yaml can be read."""
+        found = {}
+        for name in self.study.sessions:
+            try:
+                found[name] = load_session(self.study.session_folder(name) / "session.yaml")
+            except ConfigError:
+                continue
+        return found
+
+    @property
+    def resolution_N(self) -> list[float]:
+        """Return the coarsest resolution [N] of x, y, z among the sessions."""
+        values = [s.force.resolution_N for s in self.sessions.values()] or [[0.03, 0.03, 0.06]]
+        return [max(column) for column in zip(*values)]
+
+    @property
+    def synthetic_parts(self) -> list[str]:
+        """Return what a virtual lab made: "recordings", "material tests", both or none."""
+        lab = self.study.virtual_lab is not None and bool(self.study.sessions)
+        recordings = lab or any(session.synthetic for session in self.sessions.values())
+        tests = any(law.synthetic for law in self.laws.values())
+        return ["recordings"] * recordings + ["material tests"] * tests
+
+    @cached_property
+    def laws(self) -> dict[str, MaterialLaw]:
+        """Laws of the materials whose law.json is there."""
+        paths = {name: self.folder / "materials" / name / "law.json" for name in self.study.materials}
+        return {name: read_law(path) for name, path in paths.items() if path.is_file()}
+
+    @cached_property
+    def features(self) -> dict[str, dict[str, np.ndarray]]:
+        """Columns of features/<session>.h5 but for the features themselves, by session."""
+        found = {}
+        for name in self.study.sessions:
+            path = self.folder / "features" / f"{name}.h5"
+            if path.is_file():
+                with h5py.File(path, "r") as file:
+                    found[name] = {key: _column(file[key]) for key in file if key != "feature"}
+        return found
+
+    def feature_row(self, session: str, row: int) -> np.ndarray:
+        with h5py.File(self.folder / "features" / f"{session}.h5", "r") as file:
+            return file["feature"][row]
+
+    @cached_property
+    def agreement(self) -> pd.DataFrame | None:
+        path = self.folder / "agreement.csv"
+        if not path.is_file():
+            return None
+        table = pd.read_csv(path, comment="#", dtype={"cell": str, "press": str, "session": str})
+        return table if len(table) else None
+
+    def published_force_depth(self) -> pd.DataFrame | None:
+        path = self.paper_folder / "force_depth.csv"
+        return pd.read_csv(path, comment="#") if path.is_file() else None
+
+    @cached_property
+    def paper(self) -> dict | None:
+        path = self.paper_folder / "paper_tables.json"
+        return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
+
+    def table(self, name: str) -> pd.DataFrame | None:
+        path = self.folder / "tables" / f"{name}.csv"
+        return pd.read_csv(path) if path.is_file() else None
+
+    @cached_property
+    def manifest(self) -> dict | None:
+        path = self.folder / "dataset" / "manifest.json"
+        return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
+
+    @cached_property
+    def loss(self) -> pd.DataFrame | None:
+        path = self.folder / "model" / "loss.csv"
+        return pd.read_csv(path, comment="#") if path.is_file() else None
+
+    @cached_property
+    def predictions(self) -> dict[str, np.ndarray] | None:
+        """Columns of model/predictions.h5, the two force maps left on disk (see predicted_map)."""
+        path = self.folder / "model" / "predictions.h5"
+        if not path.is_file():
+            return None
+        with h5py.File(path, "r") as file:
+            columns = {key: _column(file[key]) for key in file if key not in ("predicted_N", "true_N")}
+            for key in ("predicted_N", "true_N"):
+                columns[f"total_{key}"] = np.concatenate(
+                    [file[key][i : i + 512].sum(axis=1) for i in range(0, len(file[key]), 512)]
+                )
+        return columns
+
+    def predicted_map(self, row: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return predicted and true force maps (B, 3) of a test row."""
+        with h5py.File(self.folder / "model" / "predictions.h5", "r") as file:
+            return file["predicted_N"][row], file["true_N"][row]
+
+
+def _column(data: h5py.Dataset) -> np.ndarray:
+    return data.asstr()[()] if h5py.check_string_dtype(data.dtype) else data[()]
+
+
+def is_papers_sensor(study: Study) -> bool:
+    """True if size, layers and ball are the paper's, so that its published forces may be compared."""
+    sensor = study.sensor
+    thickness = [layer.thickness_mm for layer in sensor.layers]
+    return (
+        (sensor.width_x_mm, sensor.width_y_mm) == (32.0, 32.0)
+        and thickness == [4.5, 1.5]
+        and study.indenter.radius_mm == 5.0
+    )

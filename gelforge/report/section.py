@@ -1,0 +1,127 @@
+"""A press seen from the side (deformed section) and from above (contact pressure)."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Patch
+from matplotlib.tri import Triangulation
+
+from gelforge.report.style import FAINT, INK, MAGNITUDE, PREDICTED, new_figure, region_colours, styled
+
+QUAD_SIDES = ([0, 1], [1, 2], [2, 3], [3, 0])
+
+
+def contact_pressure_kPa(node_normal_N: np.ndarray, node_area_mm2: np.ndarray) -> np.ndarray:
+    """Return |normal force| (S, 3) over area (S) in kPa; a node without area carries none."""
+    force = np.linalg.norm(node_normal_N, axis=-1)
+    area = np.where(node_area_mm2 > 0, node_area_mm2, np.inf)
+    return 1000.0 * force / area  # N/mm2 = MPa
+
+
+def boundary_edges(quads: np.ndarray, regions: np.ndarray) -> np.ndarray:
+    """Return the edges (M, 2) of a plane of quads (Q, 4) that lie on its outline or between two regions."""
+    sides = np.sort(np.concatenate([quads[:, side] for side in QUAD_SIDES]), axis=1)  # (4Q, 2)
+    edges, index, count = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
+    owner = np.tile(regions, len(QUAD_SIDES)).astype(float)
+    lowest, highest = np.full(len(edges), np.inf), np.full(len(edges), -np.inf)
+    np.minimum.at(lowest, index.ravel(), owner)
+    np.maximum.at(highest, index.ravel(), owner)
+    return edges[(count == 1) | (lowest != highest)]
+
+
+def draw_section(ax: Axes, node_mm, displacement_mm, quads, regions, names: list[str]) -> list[Patch]:
+    """Draw the deformed faces by region and the undeformed outline in x and z; returns legend entries.
+
+    node_mm and displacement_mm (P, 3), quads (Q, 4) rows of node_mm, regions (Q) indices into names.
+    """
+    quads = np.asarray(quads, int)
+    start = np.asarray(node_mm)[:, [0, 2]]
+    moved = start + np.asarray(displacement_mm)[:, [0, 2]]
+    colours = region_colours(names)
+    faces = [colours[r] for r in regions]
+    ax.add_collection(PolyCollection(moved[quads], facecolors=faces, edgecolors="#8E8E8E", linewidths=0.25))
+    edges = boundary_edges(quads, np.asarray(regions))
+    ax.add_collection(LineCollection(moved[edges], colors=INK, linewidths=0.9))
+    ax.add_collection(LineCollection(start[edges], colors=PREDICTED, linewidths=0.8, linestyles=(0, (3, 2))))
+    used = sorted(set(int(r) for r in regions))
+    patches = [Patch(fc=colours[r], ec="#8E8E8E", label=names[r]) for r in used]
+    patches.append(Patch(fc="none", ec=PREDICTED, ls="--", label="before the press"))
+    ax.set_aspect("equal")
+    ax.set_xlabel("x [mm]")
+    ax.set_ylabel("z [mm]")
+    return patches
+
+
+def draw_ball(ax: Axes, x_mm: float, depth_mm: float, radius_mm: float) -> None:
+    """Draw the ball whose lowest point lies depth_mm below the undeformed surface z = 0."""
+    ax.add_patch(Circle((x_mm, radius_mm - depth_mm), radius_mm, fc="#D9D9D9", ec=INK, lw=1, zorder=5))
+    ax.text(
+        x_mm,
+        radius_mm - depth_mm,
+        f"ball\nR {radius_mm:g} mm",
+        ha="center",
+        va="center",
+        zorder=6,
+        clip_on=True,
+    )
+
+
+def draw_pressure(ax: Axes, node_xy_mm, displacement_mm, pressure_kPa, centre_mm, half_width_mm: float):
+    """Draw the contact pressure (S) at the deformed surface nodes from above; returns the coloured artist."""
+    xy = np.asarray(node_xy_mm)
+    triangles = Triangulation(xy[:, 0], xy[:, 1]).triangles  # of the undeformed surface, which has no folds
+    moved = xy + np.asarray(displacement_mm)[:, :2]
+    image = ax.tripcolor(
+        moved[:, 0],
+        moved[:, 1],
+        triangles,
+        pressure_kPa,
+        shading="gouraud",
+        cmap=MAGNITUDE,
+        vmin=0,
+        vmax=max(float(pressure_kPa.max(initial=0.0)), 1e-6),
+        rasterized=True,
+    )
+    ax.plot(moved[:, 0], moved[:, 1], ".", ms=1.2, color=FAINT, rasterized=True)
+    ax.set_aspect("equal")
+    ax.set_xlim(centre_mm[0] - half_width_mm, centre_mm[0] + half_width_mm)
+    ax.set_ylim(centre_mm[1] - half_width_mm, centre_mm[1] + half_width_mm)
+    ax.set_xlabel("x [mm]")
+    ax.set_ylabel("y [mm]")
+    return image
+
+
+@styled
+def section_figure(arrays: dict, row: int, names: list[str], position_mm, ball_radius_mm: float) -> Figure:
+    """Return the deformed section beside the contact pressure from above, for a depth (row) of a cell."""
+    depth = float(arrays["depth_mm"][row])
+    figure, axes = new_figure(9.6, 3.4, nrows=1, ncols=2, width_ratios=[2.1, 1])
+    side, top = axes[0]
+    nodes = np.asarray(arrays["section_node_mm"])
+    entries = draw_section(
+        side,
+        nodes,
+        arrays["section_displacement_mm"][row],
+        arrays["section_quad"],
+        arrays["section_region"],
+        names,
+    )
+    left_of_middle = position_mm[0] <= nodes[:, 0].mean()
+    side.legend(handles=entries, loc="upper right" if left_of_middle else "upper left")
+    draw_ball(side, position_mm[0], depth, ball_radius_mm)
+    side.set_xlim(nodes[:, 0].min() - 0.7, nodes[:, 0].max() + 0.7)
+    side.set_ylim(nodes[:, 2].min() - 0.4, 2 * ball_radius_mm - depth + 0.5)
+    side.set_title(f"cut at y = {nodes[:, 1].mean():.2f} mm, ball pressed {depth:g} mm deep, true scale")
+
+    pressure = contact_pressure_kPa(arrays["node_normal_N"][row], arrays["node_area_mm2"])
+    reach = np.linalg.norm(np.asarray(arrays["node_xy_mm"])[pressure > 0] - np.asarray(position_mm), axis=1)
+    half = 1.35 * float(reach.max(initial=1.0))
+    shown = draw_pressure(
+        top, arrays["node_xy_mm"], arrays["node_displacement_mm"][row], pressure, position_mm, half
+    )
+    figure.colorbar(shown, ax=top, label="contact pressure [kPa]", shrink=0.85)
+    top.set_title(f"from above, largest {pressure.max(initial=0.0):.1f} kPa")
+    return figure

@@ -1,0 +1,164 @@
+"""Tracer particles in the undeformed gel, and where a simulated press moves them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
+
+from gelforge.config import Sensor, VirtualParticles
+from gelforge.indentation.cell_file import Cell
+from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.symmetry import transform_points, transform_vectors
+
+SAME_MM = 1e-4  # coordinates this close are one: cell files may hold float32, and no element is that thin
+
+
+class VirtualLabError(ValueError):
+    """A virtual recording that cannot be made: why, what to do."""
+
+
+def serial_seed(serial: str) -> int:
+    """Return the seed that a sensor's serial stands for."""
+    return int.from_bytes(hashlib.sha256(serial.encode()).digest()[:8], "little")
+
+
+def gel_boxes(sensor: Sensor) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return the lowest and highest corner (3,) [mm] of each layer with particles.
+
+    The wall surrounds every layer but the top one.
+    """
+    boxes, base = [], -sensor.height_mm
+    for number, layer in enumerate(sensor.layers):
+        wall = sensor.wall_mm if number < len(sensor.layers) - 1 else 0.0
+        low = np.array([wall, wall, base])
+        high = np.array([sensor.width_x_mm - wall, sensor.width_y_mm - wall, base + layer.thickness_mm])
+        if layer.particle_volume_fraction > 0:
+            boxes.append((low, high))
+        base += layer.thickness_mm
+    if not boxes:
+        raise VirtualLabError(
+            "no layer has particle_volume_fraction > 0; the virtual camera would see nothing"
+        )
+    return boxes
+
+
+def place_particles(particles: VirtualParticles, sensor: Sensor, serial: str) -> np.ndarray:
+    """Return the centres (P, 3) [mm] of particles wholly inside the gel that do not overlap, seeded by the serial.
+
+    Random sequential addition: uniform candidates, each refused that overlaps an earlier particle.
+    """
+    rng = np.random.default_rng(serial_seed(serial))
+    return np.concatenate([_fill(low, high, particles, rng) for low, high in gel_boxes(sensor)])
+
+
+def _fill(
+    low: np.ndarray, high: np.ndarray, particles: VirtualParticles, rng: np.random.Generator
+) -> np.ndarray:
+    d = particles.diameter_mm
+    if np.min(high - low) <= d:
+        raise VirtualLabError(
+            f"a particle layer of {np.round(high - low, 3)} mm holds no particle of {d} mm; use a smaller "
+            "diameter_mm"
+        )
+    count = round(particles.volume_fraction * np.prod(high - low) / (np.pi / 6 * d**3))
+    centres = np.empty((0, 3))
+    while len(centres) < count:  # volume_fraction <= 0.1 is far below jamming (0.38): a few rounds
+        candidates = rng.uniform(low + d / 2, high - d / 2, size=(count - len(centres), 3))
+        if len(centres):
+            candidates = candidates[cKDTree(centres).query(candidates)[0] >= d]
+        # of two candidates that overlap the later goes
+        later = cKDTree(candidates).query_pairs(d, output_type="ndarray").max(axis=1, initial=-1)
+        centres = np.concatenate([centres, np.delete(candidates, later[later >= 0], axis=0)])
+    return centres
+
+
+def interpolation(nodes: np.ndarray, hexahedra: np.ndarray, points: np.ndarray) -> csr_array:
+    """Return the trilinear weights (P, G) of nodes (G, 3) at points (P, 3) inside axis-aligned hexahedra (E, 8).
+
+    The elements may have any order of corners and leave holes, but each must span one interval of the grid of all node
+    coordinates. Raises VirtualLabError for a mesh that does not, and for a point in no element.
+    """
+    nodes = np.asarray(nodes, dtype=float)
+    corners = nodes[hexahedra]  # (E, 8, 3)
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    axes = [_distinct(nodes[:, k], SAME_MM) for k in range(3)]
+    first = np.stack([np.searchsorted(a, low[:, k] + SAME_MM) - 1 for k, a in enumerate(axes)], axis=1)
+    last = np.stack([np.searchsorted(a, high[:, k] + SAME_MM) - 1 for k, a in enumerate(axes)], axis=1)
+    # a box has every corner at the low or the high end of every axis
+    boxed = np.minimum(np.abs(corners - low[:, None]), np.abs(corners - high[:, None])).max() <= SAME_MM
+    if not boxed or (last - first != 1).any():
+        raise VirtualLabError(
+            "gel_hex: elements are not the boxes of one grid; particles cannot be located in this mesh"
+        )
+    element = np.full([len(a) - 1 for a in axes], -1)
+    element[tuple(first.T)] = np.arange(len(hexahedra))
+    place = [np.searchsorted(a, points[:, k], side="right") - 1 for k, a in enumerate(axes)]
+    place = [
+        np.where(np.abs(points[:, k] - a[-1]) <= SAME_MM, len(a) - 2, p)
+        for k, (a, p) in enumerate(zip(axes, place))
+    ]
+    inside = np.all([(p >= 0) & (p < len(a) - 1) for a, p in zip(axes, place)], axis=0)
+    found = np.where(inside, element[tuple(np.where(inside, p, 0) for p in place)], -1)
+    if (found < 0).any():
+        raise VirtualLabError(
+            f"particle at {np.round(points[found.argmin()], 4)} mm lies in no element of the gel; "
+            "the cell was solved for another sensor"
+        )
+    xi = (points - low[found]) / (high[found] - low[found])  # (P, 3) in [0, 1]
+    at_high = corners[found] - low[found][:, None] > 0.5 * (high[found] - low[found])[:, None]  # (P, 8, 3)
+    weights = np.where(at_high, xi[:, None], 1 - xi[:, None]).prod(axis=2)  # (P, 8)
+    rows = np.repeat(np.arange(len(points)), 8)
+    return csr_array((weights.ravel(), (rows, hexahedra[found].ravel())), shape=(len(points), len(nodes)))
+
+
+def _distinct(values: np.ndarray, tolerance: float) -> np.ndarray:
+    """Return sorted values without those that lie within a tolerance of their predecessor."""
+    ordered = np.sort(values)
+    return ordered[np.concatenate([[True], np.diff(ordered) > tolerance])]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What a truth cell says of one position, smooth in depth: depth [mm] -> displacement (P, 3) [mm], force (3,) [N]."""
+
+    displacement: Callable[[float], np.ndarray]
+    force: Callable[[float], np.ndarray]
+    unload_force: Callable[[float], np.ndarray]  # on the way up from the deepest depth
+    deepest_mm: float
+
+
+def true_motion(cell: Cell, planned: PlannedCell, particles: np.ndarray, width_mm: float) -> Motion:
+    """Return how a press at a planned cell moves the particles (P, 3), from the truth cell of it or of its source.
+
+    A mirrored cell's mesh and fields are the source's carried by the symmetry; the particles stay where they are.
+    Piecewise cubic in depth without overshoot (PCHIP), from zero at depth 0. The unloading path starts at the deepest.
+    """
+    phases = np.array([str(phase) for phase in cell.attributes["phases"]])
+    depth, force = cell.arrays["depth_mm"], cell.arrays["total_force_N"]
+    nodes, moved = cell.arrays["gel_node_mm"], cell.arrays["gel_displacement_mm"]
+    if planned.symmetry is not None:
+        nodes = transform_points(planned.symmetry, nodes, width_mm)
+        force, moved = (transform_vectors(planned.symmetry, field) for field in (force, moved))
+    load = phases == "load"
+    if not load.any() or (np.diff(depth[load]) <= 0).any() or (np.diff(depth[~load]) >= 0).any():
+        raise VirtualLabError(
+            f"cell {cell.attributes.get('cell')}: depths {depth.tolist()} with phases {phases.tolist()}; "
+            "loading depths must increase, then unloading depths decrease"
+        )
+    weights = interpolation(nodes, cell.arrays["gel_hex"], particles)
+    at_particles = np.stack([weights @ moved[d].astype(float) for d in np.flatnonzero(load)])  # (L, P, 3)
+    down = np.concatenate([[0.0], depth[load]])
+    up = np.concatenate([[0.0], depth[~load][::-1], depth[load][-1:]])
+    up_force = np.concatenate([np.zeros((1, 3)), force[~load][::-1], force[load][-1:]])
+    return Motion(
+        displacement=PchipInterpolator(down, np.concatenate([np.zeros_like(at_particles[:1]), at_particles])),
+        force=PchipInterpolator(down, np.concatenate([np.zeros((1, 3)), force[load]])),
+        unload_force=PchipInterpolator(up, up_force),
+        deepest_mm=float(depth[load][-1]),
+    )

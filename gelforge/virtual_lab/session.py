@@ -1,0 +1,289 @@
+"""Synthetic sessions: presses in random order, force/torque readings and images, in the format of a laboratory's own."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pandas as pd
+
+from gelforge.config import (
+    DepthZero,
+    ForceSensor,
+    Session,
+    StageToSensor,
+    Study,
+    VirtualLab,
+    VirtualSession,
+    load_session,
+    write_yaml,
+)
+from gelforge.files import write_text
+from gelforge.indentation.cell_file import read_cell
+from gelforge.indentation.plan import PlannedCell
+from gelforge.recording.readings import FORCE, reference_path
+from gelforge.virtual_lab.imaging import draw, expose
+from gelforge.virtual_lab.particles import Motion, VirtualLabError, place_particles, serial_seed, true_motion
+
+TRUTH = ["depth_mm", "total_force_N", "gel_node_mm", "gel_hex", "gel_displacement_mm"]
+COLUMNS = [
+    "press",
+    "cell",
+    "order",
+    "time_s",
+    "phase",
+    "x_mm",
+    "y_mm",
+    "depth_mm",
+    "speed_mm_per_s",
+    "dwell_s",
+]
+# The course of a press: zero is read above the surface, then the stage goes down, waits, takes images and goes up.
+CLEAR_MM, SPEED_MM_PER_S = 1.0, 1.0
+ZERO_S, LOAD_S, SETTLE_S, FRAME_S, PRESS_S = (0.0, 0.1, 0.2), 4.0, 0.5, 0.1, 12.0
+# Noise has no repeats to be found: Huffman codes alone are smaller and twice as fast as any level of the full search.
+PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY]
+README = """SYNTHETIC session {session}, made by the virtual lab of gelforge, not measured.
+
+Sensor {serial} exists only in simulation: its gel deforms as a finite-element model says whose physics the study does
+not know, its camera and its force sensor are models with seeded noise. The files have the format of a laboratory's own
+session.
+"""
+
+
+@dataclass(frozen=True)
+class Press:
+    """One press of a session."""
+
+    order: int
+    cell: PlannedCell
+    depth_mm: float
+
+    @property
+    def name(self) -> str:
+        return f"p{self.order:05d}"
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What stands on the virtual bench during a session."""
+
+    lab: VirtualLab
+    session: VirtualSession
+    particles: np.ndarray  # (P, 3) undeformed centres [mm]
+    untouched: np.ndarray  # (H, W) noise-free image at zero force
+    offset_N: np.ndarray  # (3,) untared zero in the force sensor's axes
+
+
+def session_cells(lab: VirtualLab, cells: Mapping[str, PlannedCell]) -> dict[str, list[str]]:
+    """Return the cells that each session presses: disjoint, all covered, by share, drawn by the sensor's serial."""
+    names = np.array(list(cells), dtype=object)
+    order = np.random.default_rng(serial_seed(lab.serial)).permutation(len(names))
+    shares = np.cumsum([session.share for session in lab.sessions])
+    ends = np.rint(shares / shares[-1] * len(names)).astype(int)
+    parts = np.split(order, ends[:-1])
+    # within a session the cells stand in the order of the plan
+    return {session.session: list(names[np.sort(part)]) for session, part in zip(lab.sessions, parts)}
+
+
+def make_session(
+    lab: VirtualLab,
+    lab_session: VirtualSession,
+    study: Study,
+    cells: Mapping[str, PlannedCell],
+    truth_folder: str | Path,
+    out_folder: str | Path,
+    workers: int = 1,
+) -> None:
+    """Write a synthetic session folder, whole or not at all, from the truth cells truth_folder/<cell>.h5.
+
+    The same inputs give the same bytes, however many worker threads draw. Raises VirtualLabError when out_folder holds
+    anything but a synthetic session, and for a truth cell that failed or does not reach a depth of the plan.
+    """
+    out_folder = Path(out_folder)
+    _refuse_real(out_folder)
+    cv2.setNumThreads(1)  # the worker threads draw side by side instead
+    bench = _bench(lab, lab_session, study)
+    presses = random_presses(
+        lab_session, [cells[name] for name in session_cells(lab, cells)[lab_session.session]]
+    )
+    by_cell: dict[str, list[Press]] = {}
+    for press in presses:
+        by_cell.setdefault(press.cell.name, []).append(press)
+    temporary = out_folder.with_name(f".{out_folder.name}.{os.getpid()}.tmp")
+    try:
+        (temporary / "images").mkdir(parents=True)
+        record = partial(_record_cell, bench, study, Path(truth_folder), temporary / "images")
+        with ThreadPoolExecutor(workers) as pool:
+            tables = [table for of_cell in pool.map(record, by_cell.values()) for table in of_cell]
+        rng = np.random.default_rng([lab_session.seed, 3])
+        _write_image(reference_path(temporary), expose(bench.untouched, lab.imaging, rng))
+        readings = pd.concat(tables).sort_values(["order", "time_s"], kind="stable")
+        write_text(temporary / "indentations.csv", readings.to_csv(index=False, lineterminator="\n"))
+        write_yaml(temporary / "session.yaml", session_description(lab, lab_session, study))
+        write_text(temporary / "README.txt", README.format(session=lab_session.session, serial=lab.serial))
+        shutil.rmtree(out_folder, ignore_errors=True)
+        os.replace(temporary, out_folder)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def random_presses(lab_session: VirtualSession, cells: list[PlannedCell]) -> list[Press]:
+    """Return the presses of all cells and depths in a random order, so that drift and position do not run together."""
+    every = [(cell, depth) for cell in cells for depth in cell.depths_mm]
+    order = np.random.default_rng([lab_session.seed, 0]).permutation(len(every))
+    return [Press(number, *every[index]) for number, index in enumerate(order)]
+
+
+def session_description(lab: VirtualLab, lab_session: VirtualSession, study: Study) -> Session:
+    """Return what session.yaml says of a synthetic session: nothing of the hidden truth."""
+    return Session(
+        session=lab_session.session,
+        synthetic=True,
+        sensor=lab.serial,
+        indenter=f"{study.indenter.kind}, radius {study.indenter.radius_mm} mm",
+        date=lab_session.date,
+        notes="SYNTHETIC: made by a virtual lab, not measured",
+        force=ForceSensor(
+            acts_on=lab_session.acts_on,
+            axes=lab_session.axes,
+            tared=False,
+            resolution_N=lab.force.resolution_N,
+        ),
+        stage_to_sensor=lab_session.stage_to_sensor,
+        depth_zero=DepthZero(
+            by="press", how=f"touchdown of every press, scatter {lab.force.touchdown_mm} mm"
+        ),
+        camera=lab.camera,
+    )
+
+
+def sensor_to_stage(xy: np.ndarray, stage: StageToSensor) -> np.ndarray:
+    """Return the stage positions (..., 2) [mm] commanded for positions in the sensor frame."""
+    c, s = np.cos(np.deg2rad(stage.rotation_deg)), np.sin(np.deg2rad(stage.rotation_deg))
+    turned_back = (np.asarray(xy) - stage.origin_mm) @ np.array([[c, -s], [s, c]])
+    return turned_back * [1.0, -1.0 if stage.handedness == "left" else 1.0]
+
+
+def press_rows(
+    press: Press, truth: Motion, touchdown_mm: float, bench: Bench
+) -> tuple[pd.DataFrame, np.ndarray]:
+    """Return the rows of a press without forces, and the true force (R, 3) [N] on the sensor at each.
+
+    The stage goes to the commanded depth from a touchdown that is off by touchdown_mm. A press to the cell's deepest
+    depth is followed on its way up; the way up from other depths has not been simulated and is not read.
+    """
+    deepest = np.isclose(press.depth_mm, truth.deepest_mm)
+    unload = [d for d in bench.lab.unload_depths_mm if d < press.depth_mm] if deepest else []
+    images = bench.lab.imaging.images_per_press
+    last = LOAD_S + SETTLE_S + FRAME_S * images
+    # phase, seconds, depth, seconds since arrival, image
+    course = [("zero", t, -CLEAR_MM, np.nan, f"{press.name}_zero.png" if t == 0 else "") for t in ZERO_S]
+    course += [("load", LOAD_S, press.depth_mm, 0.0, "")]
+    waits = [SETTLE_S + FRAME_S * i for i in range(images)]
+    course += [("dwell", LOAD_S + w, press.depth_mm, w, f"{press.name}_{i}.png") for i, w in enumerate(waits)]
+    course += [("unload", last + (press.depth_mm - d) / SPEED_MM_PER_S, d, np.nan, "") for d in unload]
+    rows = pd.DataFrame(course, columns=["phase", "time_s", "depth_mm", "dwell_s", "image"])
+    held = truth.force(max(press.depth_mm + touchdown_mm, 0.0))
+    force = {"zero": np.zeros(3), "load": held, "dwell": held}
+    on_sensor = [
+        truth.unload_force(max(depth + touchdown_mm, 0.0)) if phase == "unload" else force[phase]
+        for phase, depth in zip(rows["phase"], rows["depth_mm"])
+    ]
+    stage = sensor_to_stage([press.cell.x_mm, press.cell.y_mm], bench.session.stage_to_sensor)
+    rows = rows.assign(
+        press=press.name, cell=press.cell.name, order=press.order, speed_mm_per_s=SPEED_MM_PER_S
+    )
+    rows["x_mm"], rows["y_mm"] = np.round(stage, 4) + 0.0
+    rows["time_s"] = (rows["time_s"] + PRESS_S * press.order).round(3)
+    rows["dwell_s"] = rows["dwell_s"].round(3)
+    return rows, np.array(on_sensor)
+
+
+def read_force(on_sensor: np.ndarray, bench: Bench, rng: np.random.Generator) -> np.ndarray:
+    """Return what the force sensor shows (R, 3) [N]: turned to its axes and body, with offset, noise and resolution."""
+    sign = -1.0 if bench.session.acts_on == "indenter" else 1.0
+    recorded = (
+        sign * on_sensor @ np.asarray(bench.session.axes, dtype=float)
+    )  # axes^T F: back to the recorded axes
+    noisy = recorded + bench.offset_N + rng.normal(0, bench.lab.force.noise_N, size=recorded.shape)
+    step = np.array(bench.lab.force.resolution_N)
+    return np.round(np.rint(noisy / step) * step, 9) + 0.0
+
+
+def _bench(lab: VirtualLab, lab_session: VirtualSession, study: Study) -> Bench:
+    particles = place_particles(lab.particles, study.sensor, lab.serial)
+    untouched = draw(lab.camera, lab.imaging, particles, lab.particles.diameter_mm)
+    offset = np.random.default_rng([lab_session.seed, 1]).normal(0, lab.force.offset_N)
+    return Bench(lab, lab_session, particles, untouched, offset)
+
+
+def _record_cell(
+    bench: Bench, study: Study, truth_folder: Path, images: Path, presses: list[Press]
+) -> list[pd.DataFrame]:
+    """Write the images of one cell's presses and return their rows."""
+    truth = _truth(truth_folder, presses[0].cell, bench.particles, study)
+    return [_record_press(bench, truth, images, press) for press in presses]
+
+
+def _record_press(bench: Bench, truth: Motion, images: Path, press: Press) -> pd.DataFrame:
+    lab = bench.lab
+    rng = np.random.default_rng([bench.session.seed, 2, press.order])
+    touchdown = rng.normal(0, lab.force.touchdown_mm)
+    rows, on_sensor = press_rows(press, truth, touchdown, bench)
+    moved = bench.particles + truth.displacement(max(press.depth_mm + touchdown, 0.0))
+    touched = draw(lab.camera, lab.imaging, moved, lab.particles.diameter_mm)
+    for phase, image in zip(rows["phase"], rows["image"]):
+        if image:
+            seen = bench.untouched if phase == "zero" else touched
+            _write_image(images / image, expose(seen, lab.imaging, rng))
+    rows[FORCE] = read_force(on_sensor, bench, rng)
+    return rows[[*COLUMNS, *FORCE, "image"]]
+
+
+def _truth(folder: Path, planned: PlannedCell, particles: np.ndarray, study: Study) -> Motion:
+    """Return the true motion at a planned cell, from its own truth cell or its mirror image's."""
+    path = folder / f"{planned.source or planned.name}.h5"
+    cell = read_cell(path, TRUTH)
+    if not cell.converged:
+        raise VirtualLabError(
+            f"{path}: the truth cell failed ({cell.attributes['reason']}); change the virtual lab's mesh"
+        )
+    truth = true_motion(cell, planned, particles, study.sensor.width_x_mm)
+    if truth.deepest_mm < planned.depths_mm[-1] - 1e-9:
+        raise VirtualLabError(
+            f"{path}: the truth ends at {truth.deepest_mm} mm, but cell {planned.name} is pressed to "
+            f"{planned.depths_mm[-1]} mm; solve the truth cell again"
+        )
+    return truth
+
+
+def _write_image(path: Path, image: np.ndarray) -> None:
+    if not cv2.imwrite(str(path), image, PNG):
+        raise VirtualLabError(f"{path}: cannot be written; is the disk full?")
+
+
+def _refuse_real(folder: Path) -> None:
+    """Raise VirtualLabError unless a folder is absent, empty or a synthetic session: measured data is never replaced."""
+    if not any(path.is_file() and not path.name.startswith(".") for path in folder.rglob("*")):
+        return
+    readme = folder / "README.txt"
+    described = folder / "session.yaml"
+    if described.is_file() and load_session(described).synthetic:
+        return
+    if (
+        not described.is_file()
+        and readme.is_file()
+        and readme.read_text(encoding="utf-8").startswith("SYNTHETIC")
+    ):
+        return
+    raise VirtualLabError(
+        f"{folder}: holds files that are not a synthetic session; name another folder or session"
+    )

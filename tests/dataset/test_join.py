@@ -1,0 +1,348 @@
+"""The join: right rows in, and nothing joined that is missing, damaged or of other settings."""
+
+import json
+import os
+import subprocess
+import sys
+import tracemalloc
+
+import h5py
+import numpy as np
+import pytest
+from small_dataset import (
+    DEPTHS,
+    DWELL,
+    cell_of,
+    feature_rows,
+    label,
+    sample_table,
+    small_study,
+    write_cells,
+    write_features,
+)
+
+from gelforge.dataset.join import join_shard
+from gelforge.dataset.schema import COLUMNS, DatasetError
+from gelforge.dataset.shard import ShardDataset, lineage, shard_attributes
+from gelforge.indentation.cell_file import Cell, CellError, write_cell
+from gelforge.indentation.plan import plan_cells
+
+
+def rows_of(path, *names):
+    rows = ShardDataset([path])
+    return rows.read(np.arange(len(rows)), names or list(COLUMNS))
+
+
+def test_every_image_has_its_row(made):
+    rows = rows_of(made.join())
+    expected = {
+        (session, press, index): (cell, depth, image)
+        for session in made.study.sessions
+        for session, press, cell, depth, image, index in sample_table(made.study, session)[
+            ["session", "press", "cell", "depth_mm", "image", "image_index"]
+        ].itertuples(index=False)
+    }
+    found = {
+        (s, p, i): (c, d, image)
+        for s, p, i, c, d, image in zip(
+            *(rows[name] for name in ("session", "press", "image_index", "cell", "depth_mm", "image"))
+        )
+    }
+    assert found == expected
+    assert len(rows["cell"]) == len(expected)
+
+
+def test_rows_hold_label_features_and_readings_of_their_press(made):
+    rows = rows_of(made.join())
+    planned = plan_cells(made.study)
+    for i in range(len(rows["cell"])):
+        true = label(planned[rows["cell"][i]], rows["depth_mm"][i])
+        # labels are stored in single precision
+        np.testing.assert_allclose(rows["force_distribution_N"][i], true, rtol=1e-6)
+        np.testing.assert_allclose(rows["total_force_fem_N"][i], true.sum(axis=0), rtol=1e-12, atol=1e-15)
+        np.testing.assert_allclose(
+            rows["total_force_ft_N"][i], 1.1 * true.sum(axis=0), rtol=1e-12, atol=1e-15
+        )
+    table = sample_table(made.study, "day2")
+    features = dict(zip(zip(table["press"], table["image_index"]), feature_rows(table)))
+    for i in np.flatnonzero(rows["session"] == "day2"):
+        np.testing.assert_array_equal(rows["feature"][i], features[rows["press"][i], rows["image_index"][i]])
+
+
+def test_untouched_rows_have_zero_label_and_measured_features(made):
+    rows = rows_of(made.join())
+    untouched = rows["untouched"]
+    assert untouched.sum() == len(made.names) * len(DEPTHS)
+    assert (rows["force_distribution_N"][untouched] == 0).all()
+    assert (rows["total_force_fem_N"][untouched] == 0).all()
+    assert (rows["depth_mm"][untouched] <= 0).all()
+    assert (rows["depth_mm"][~untouched] > 0).all()
+    assert (rows["feature"][untouched, :16] > 0).any(axis=1).all()
+
+
+def test_shards_of_chunks_are_the_whole_in_parts(made):
+    whole = rows_of(made.join("whole.h5"), "cell", "feature")
+    parts = [rows_of(made.join(f"part{i}.h5", made.names[i::2]), "cell", "feature") for i in range(2)]
+    assert sorted(whole["cell"]) == sorted(np.concatenate([part["cell"] for part in parts]))
+    for part, first in zip(parts, (0, 1)):
+        chosen = np.isin(whole["cell"], made.names[first::2])
+        np.testing.assert_array_equal(part["feature"], whole["feature"][chosen])
+
+
+def test_the_same_inputs_give_the_same_bytes(made):
+    assert made.join("a.h5").read_bytes() == made.join("b.h5").read_bytes()
+
+
+def test_rows_in_any_order_are_joined(made):
+    names = ("session", "press", "image_index", "feature")
+    expected = rows_of(made.join("ordered.h5"), *names)
+    by_image = dict(zip(zip(*(expected[name] for name in names[:3])), expected["feature"]))
+    table = sample_table(made.study, "day1")
+    shuffled = table.sample(frac=1, random_state=3)
+    write_features(made.features["day1"], made.study, shuffled, feature=feature_rows(table)[shuffled.index])
+    found = rows_of(made.join("shuffled.h5"), *names)
+    assert len(found["press"]) == len(by_image)
+    for *key, feature in zip(*(found[name] for name in names)):
+        np.testing.assert_array_equal(feature, by_image[tuple(key)])
+
+
+def test_labels_only_without_sessions(tmp_path):
+    study = small_study(tmp_path, sessions=())
+    names = list(plan_cells(study))
+    out = tmp_path / "shard.h5"
+    assert join_shard(study, names, write_cells(study, tmp_path), {}, out) == len(names) * len(DEPTHS)
+    assert shard_attributes(out)["labels_only"] is True
+    rows = ShardDataset([out])
+    assert (rows.read(np.arange(len(rows)), ["depth_mm"])["depth_mm"] == np.tile(DEPTHS, len(names))).all()
+    with pytest.raises(DatasetError, match="labels only"):
+        rows.read(np.arange(2), ["feature"])
+
+
+def test_a_failed_cell_is_left_out_by_name(made):
+    failed = made.names[4]
+    write_cells(made.study, made.folder, failed=[failed])
+    path = made.join()
+    assert shard_attributes(path)["failed_cells"] == {failed: "no equilibrium at 1 mm"}
+    assert set(rows_of(path, "cell")["cell"]) == set(made.names) - {failed}
+
+
+# ------------------------------------------------------------------------------------------ what stops it
+def rewrite_cell(made, name, arrays=(), **attributes):
+    cell = cell_of(plan_cells(made.study)[name])
+    write_cell(made.cells[name], Cell(cell.arrays | dict(arrays), cell.attributes | attributes))
+
+
+def test_missing_cell(made):
+    made.cells["x1_y1"].unlink()
+    with pytest.raises(CellError, match=r"x1_y1\.h5.*missing"):
+        made.join()
+
+
+@pytest.mark.parametrize("kept", [0, 100, 3000])
+def test_truncated_cell(made, kept):
+    os.truncate(made.cells["x1_y1"], kept)
+    with pytest.raises(CellError, match=r"x1_y1\.h5.*not a whole HDF5 file"):
+        made.join()
+
+
+def test_cell_of_other_settings(made):
+    rewrite_cell(made, "x1_y1", inputs_digest="another")
+    with pytest.raises(DatasetError, match=r"x1_y1.*other settings"):
+        made.join()
+
+
+def test_cell_of_another_position(made):
+    rewrite_cell(made, "x1_y1", x_mm=16.2)
+    with pytest.raises(DatasetError, match=r"x1_y1 lies at \(16\.2"):
+        made.join()
+
+
+def test_file_of_another_cell(made):
+    made.cells["x1_y1"].write_bytes(made.cells["x0_y1"].read_bytes())
+    with pytest.raises(DatasetError, match=r"x1_y1\.h5: holds cell 'x0_y1'"):
+        made.join()
+
+
+def test_cell_of_other_depths(made):
+    rewrite_cell(made, "x1_y1", {"depth_mm": np.array([0.5, 1.1])})
+    with pytest.raises(DatasetError, match=r"x1_y1 has depths \[0\.5, 1\.1\]"):
+        made.join()
+
+
+@pytest.mark.parametrize("wrong", [1e-3, np.nan])
+def test_cell_whose_bins_do_not_sum_to_its_force(made, wrong):
+    bins = cell_of(plan_cells(made.study)["x1_y1"]).arrays["bin_force_N"]
+    bins[1, 3, 2] += wrong
+    rewrite_cell(made, "x1_y1", {"bin_force_N": bins})
+    with pytest.raises(DatasetError, match="x1_y1: bins and total force differ"):
+        made.join()
+
+
+def test_missing_features(made):
+    made.features["day1"].unlink()
+    with pytest.raises(DatasetError, match=r"day1\.h5: the features are missing"):
+        made.join()
+
+
+def test_truncated_features(made):
+    os.truncate(made.features["day1"], made.features["day1"].stat().st_size // 2)
+    with pytest.raises(DatasetError, match=r"day1\.h5: not a whole HDF5 file"):
+        made.join()
+
+
+def test_features_of_other_settings(made):
+    made.feature_digests["day1"] = "digest of now"
+    with pytest.raises(DatasetError, match="day1 was reduced with other settings"):
+        made.join()
+
+
+def test_features_of_other_regions(made):
+    table = sample_table(made.study, "day1")
+    write_features(made.features["day1"], made.study, table, feature=np.zeros((len(table), 18), np.float32))
+    with pytest.raises(DatasetError, match="18 features a row, expected 32"):
+        made.join()
+
+
+def without(made, **where):
+    """Rewrite the first session without the rows whose columns have these values."""
+    table = sample_table(made.study, "day1")
+    lost = np.logical_and.reduce([table[name] == value for name, value in where.items()])
+    assert lost.any()
+    write_features(made.features["day1"], made.study, table[~lost])
+
+
+def test_missing_image_in_the_middle(made):
+    without(made, press="p002", image_index=2)
+    with pytest.raises(DatasetError, match=r"press p002 .*image_index \[2\] missing"):
+        made.join()
+
+
+def test_missing_last_image(made):
+    without(made, press="p002", image_index=DWELL)
+    with pytest.raises(DatasetError, match="press p002 .*2 images at depth, 3 in most presses"):
+        made.join()
+
+
+def test_missing_zero_image(made):
+    without(made, press="p002", image_index=0)
+    with pytest.raises(DatasetError, match=r"press p002 .*image_index \[0\] missing"):
+        made.join()
+
+
+def test_press_without_its_cell(made):
+    table = sample_table(made.study, "day1")
+    table.loc[table["press"] == "p001", "cell"] = ""
+    write_features(made.features["day1"], made.study, table)
+    with pytest.raises(DatasetError, match="press p001.*cell '' is not in the plan"):
+        made.join()
+
+
+@pytest.mark.parametrize(("offset", "joins"), [(0.009, True), (0.02, False)])
+def test_depths_join_within_a_hundredth(made, offset, joins):
+    table = sample_table(made.study, "day1")
+    table["depth_mm"] += np.where(table["phase"] == "dwell", offset, 0.0)
+    write_features(made.features["day1"], made.study, table)
+    if joins:
+        assert set(rows_of(made.join(), "depth_mm")["depth_mm"]) == {
+            0.0,
+            *DEPTHS,
+        }  # the planned depth, not the recorded
+    else:
+        with pytest.raises(DatasetError, match="depth 0.52 mm is 0.02 mm from the nearest depth"):
+            made.join()
+
+
+def test_features_that_are_not_finite(made):
+    table = sample_table(made.study, "day1")
+    feature = feature_rows(table)
+    feature[5, 3] = np.nan
+    write_features(made.features["day1"], made.study, table, feature=feature)
+    with pytest.raises(DatasetError, match="image p001_1.png: features are not finite"):
+        made.join()
+
+
+def test_an_error_leaves_the_old_shard(made):
+    path = made.join()
+    before = path.read_bytes()
+    made.cells["x2_y2"].unlink()
+    with pytest.raises(CellError):
+        made.join()
+    assert path.read_bytes() == before
+    assert os.listdir(path.parent) == [path.name]
+
+
+# ----------------------------------------------------------------------------------- memory, workers, origin
+def peak_of_join(tmp_path, spacing):
+    study = small_study(tmp_path, ("day1",), spacing, features={"regions": 20})
+    cells = write_cells(study, tmp_path)
+    path = write_features(tmp_path / "features" / "day1.h5", study, sample_table(study, "day1"))
+    tracemalloc.start()
+    rows = join_shard(study, list(cells), cells, {"day1": path}, tmp_path / "shard.h5")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return rows, peak
+
+
+def test_memory_does_not_grow_with_the_rows(tmp_path):
+    """Features alone would be 3.2 kB a row; what may grow are names and row numbers of the shard's own presses."""
+    few, small = peak_of_join(tmp_path / "few", 11.0)
+    many, large = peak_of_join(tmp_path / "many", 2.75)
+    assert many > 8 * few
+    assert (large - small) / (many - few) < 800
+
+
+READ_IN_WORKER = """
+import sys, pickle
+from multiprocessing import get_context
+import numpy as np
+from gelforge.dataset.shard import ShardDataset
+
+def total(rows_and_index):
+    rows, index = rows_and_index
+    return float(rows.read(index, ["feature"])["feature"].sum())
+
+if __name__ == "__main__":
+    rows = ShardDataset(sys.argv[1:])
+    here = total((rows, np.arange(len(rows))))  # opens the files in this process first
+    with get_context("fork").Pool(2) as pool:
+        parts = pool.map(total, [(rows, part) for part in np.array_split(np.arange(len(rows)), 8)])
+    assert abs(sum(parts) - here) < 1e-3 * abs(here), (parts, here)
+"""
+
+
+def test_rows_are_read_in_worker_processes(made, tmp_path):
+    script = tmp_path / "read_in_worker.py"
+    script.write_text(READ_IN_WORKER)
+    subprocess.run([sys.executable, str(script), str(made.join())], check=True, timeout=60)
+
+
+def test_reading_keeps_the_order_asked_for(made):
+    rows = ShardDataset([made.join("a.h5", made.names[:4]), made.join("b.h5", made.names[4:])])
+    everything = rows.read(np.arange(len(rows)), ["cell", "image", "feature"])
+    index = np.random.default_rng(0).integers(0, len(rows), 50)  # with repetitions
+    some = rows.read(index, ["cell", "image", "feature"])
+    for name in some:
+        np.testing.assert_array_equal(some[name], everything[name][index])
+
+
+def test_lineage_names_cell_image_and_files(made):
+    path = made.join()
+    rows = rows_of(path, "cell", "image", "session")
+    found = lineage(path, 7)
+    assert found["cell"] == rows["cell"][7]
+    assert found["image"] == rows["image"][7]
+    assert found["label"]["file"].endswith(f"{rows['cell'][7]}.h5")
+    assert found["label"]["inputs_digest"] == f"digest of {rows['cell'][7]}"
+    assert found["recording"]["features"].endswith(f"{rows['session'][7]}.h5")
+    assert found["synthetic"] is True
+    json.dumps(found)
+    with pytest.raises(DatasetError, match="row 100000 does not exist"):
+        lineage(path, 100000)
+
+
+def test_axis_zero_is_the_sample_with_units_and_description(made):
+    with h5py.File(made.join()) as file:
+        count = file.attrs["rows"]
+        assert {len(file[name]) for name in file} == {count}
+        assert all(file[name].attrs["units"] and file[name].attrs["description"] for name in file)
+        assert file["feature"].chunks[0] <= 256

@@ -1,0 +1,91 @@
+"""Cell files: what is written comes back, what is broken is named."""
+
+import h5py
+import numpy as np
+import pytest
+
+from gelforge.indentation.cell_file import DATASETS, Cell, CellError, read_cell, write_cell
+
+rng = np.random.default_rng(1)
+
+
+def invented_cell() -> Cell:
+    """Return a cell of invented numbers with large and small arrays."""
+    arrays = {
+        "depth_mm": np.array([0.5, 1.0]),
+        "total_force_N": rng.normal(size=(2, 3)),
+        "bin_force_N": rng.normal(size=(2, 2500, 3)),
+        "node_state": rng.integers(0, 3, (2, 30)).astype(np.int8),
+        "node_displacement_mm": rng.normal(size=(2, 30, 3)).astype(np.float32),
+    }
+    attributes = {"cell": "x0_y0", "status": "converged", "reason": "", "x_mm": 5.0, "iterations": [3, 4]}
+    return Cell(arrays, attributes | {"regions": ["gel", "skin"]})
+
+
+@pytest.fixture
+def path(tmp_path):
+    path = tmp_path / "cells" / "x0_y0.h5"
+    write_cell(path, invented_cell())
+    return path
+
+
+def test_round_trip(tmp_path):
+    cell = invented_cell()
+    write_cell(tmp_path / "a.h5", cell)
+    back = read_cell(tmp_path / "a.h5")
+    assert set(back.arrays) == set(cell.arrays)
+    for name, array in cell.arrays.items():
+        assert np.array_equal(back.arrays[name], array)
+        assert back.arrays[name].dtype == array.dtype
+    assert back.attributes["x_mm"] == 5.0
+    assert list(back.attributes["iterations"]) == [3, 4]
+    assert list(back.attributes["regions"]) == ["gel", "skin"]
+    assert back.converged
+
+
+def test_only_what_is_asked_for_is_read(path):
+    assert set(read_cell(path, ["depth_mm"]).arrays) == {"depth_mm"}
+
+
+def test_every_dataset_has_unit_and_description(path):
+    with h5py.File(path) as file:
+        for name, data in file.items():
+            assert (data.attrs["units"], data.attrs["description"]) == DATASETS[name]
+
+
+def test_an_interrupted_write_leaves_the_old_file_and_no_remains(path, monkeypatch):
+    before = path.read_bytes()
+    cell = invented_cell()
+    cell.arrays["unknown_name"] = np.zeros(3)  # a name that DATASETS does not know stops the write half-way
+    with pytest.raises(KeyError):
+        write_cell(path, cell)
+    assert path.read_bytes() == before
+    assert [p.name for p in path.parent.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.9, 0.999])
+def test_a_truncated_file_is_named(path, share):
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(CellError, match=r"x0_y0\.h5: not a whole HDF5 file"):
+        read_cell(path)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(CellError, match=r"gone\.h5: the cell's file is missing; simulate it again"):
+        read_cell(tmp_path / "gone.h5")
+
+
+def test_a_missing_dataset_is_named(path):
+    with pytest.raises(CellError, match=r"x0_y0\.h5: datasets \['gel_hex'\] are missing"):
+        read_cell(path, ["depth_mm", "gel_hex"])
+
+
+@pytest.mark.parametrize("wrong", ["gelforge-cell-0", None])
+def test_another_format_is_refused(path, wrong):
+    with h5py.File(path, "a") as file:
+        del file.attrs["format"]
+        if wrong:
+            file.attrs["format"] = wrong
+    with pytest.raises(CellError, match=r"x0_y0\.h5: format .* expected 'gelforge-cell-1'"):
+        read_cell(path)

@@ -1,0 +1,126 @@
+"""Plans: positions, names, mirrored cells and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import specimens
+from numpy.testing import assert_allclose
+
+from gelforge.config import ConfigError
+from gelforge.indentation.plan import plan_cells, plan_table
+from gelforge.indentation.symmetry import transform_points
+
+GRID = {"grid": {"spacing_mm": 3.0, "margin_mm": 5.0}, "depths_mm": [0.4, 0.8]}
+
+
+def from_csv(folder: Path, text: str, **plan):
+    path = folder / "plan.csv"
+    path.write_text(text)
+    return plan_cells(specimens.study({"file": str(path)} | plan))
+
+
+def test_grid_is_centred_named_and_ordered():
+    cells = plan_cells(specimens.study(GRID))
+    assert list(cells)[:4] == ["x0_y0", "x1_y0", "x2_y0", "x0_y1"]
+    assert [(c.x_mm, c.y_mm) for c in list(cells.values())[:2]] == [(5.0, 5.0), (8.0, 5.0)]
+    assert cells["x1_y1"].depths_mm == (0.4, 0.8)
+    assert all(name == cell.name and cell.source is None for name, cell in cells.items())
+
+
+def test_names_have_as_many_digits_as_the_grid_needs():
+    cells = plan_cells(specimens.study({"grid": {"spacing_mm": 0.6, "margin_mm": 5.0}, "depths_mm": [0.5]}))
+    assert {"x00_y00", "x10_y10"} <= set(cells)
+    assert len(cells) == 121
+
+
+def test_a_grid_that_does_not_fill_its_span_stays_centred():
+    cells = plan_cells(specimens.study({"grid": {"spacing_mm": 4.0, "margin_mm": 5.0}, "depths_mm": [0.5]}))
+    assert sorted({c.x_mm for c in cells.values()}) == [6.0, 10.0]
+
+
+def test_mirrored_cells_name_a_solved_source_and_the_symmetry_that_carries_it_there():
+    cells = plan_cells(specimens.study(GRID | {"symmetry": "d4"}))
+    solved = {name for name, cell in cells.items() if cell.source is None}
+    assert solved == {"x0_y0", "x1_y0", "x1_y1"}
+    for cell in cells.values():
+        if cell.source:
+            source = cells[cell.source]
+            assert source.source is None
+            assert source.depths_mm == cell.depths_mm
+            landing = transform_points(cell.symmetry, np.array([source.x_mm, source.y_mm]), 16.0)
+            assert_allclose(landing, [cell.x_mm, cell.y_mm], atol=1e-9)
+
+
+def test_the_papers_grid_leaves_231_of_1681_cells():
+    sensor = {"width_x_mm": 32.0, "width_y_mm": 32.0}
+    plan = {"grid": {"spacing_mm": 0.55, "margin_mm": 5.0}, "depths_mm": [0.25], "symmetry": "d4"}
+    cells = plan_cells(specimens.study(plan, sensor))
+    assert len(cells) == 1681
+    assert sum(cell.source is None for cell in cells.values()) == 231
+
+
+@pytest.mark.parametrize("sensor", [{"width_y_mm": 18.0}, {"bins": {"nx": 10, "ny": 12}}])
+def test_symmetry_is_refused_where_the_sensor_breaks_it(sensor):
+    with pytest.raises(ConfigError, match=r"needs a square sensor and square bins.*use symmetry: none"):
+        plan_cells(specimens.study(GRID | {"symmetry": "d4"}, sensor))
+
+
+def test_symmetry_is_refused_where_no_positions_mirror(tmp_path):
+    with pytest.raises(ConfigError, match="no two positions"):
+        from_csv(tmp_path, "cell,x_mm,y_mm,depth_mm\na,5,6,0.5\nb,7,6.5,0.5\n", symmetry="d4")
+
+
+def test_cells_with_other_depths_are_no_images(tmp_path):
+    text = "cell,x_mm,y_mm,depth_mm\na,5,6,0.5\nb,11,6,0.7\nc,11,10,0.5\n"
+    cells = from_csv(tmp_path, text, symmetry="d4")
+    assert [cells[name].source for name in "abc"] == [None, None, "a"]
+
+
+def test_plan_file(tmp_path):
+    text = "# by hand\ncell,x_mm,y_mm,depth_mm,note\nedge,4.5,8,1.0,second\nedge,4.5,8,0.5,first\nmiddle,8,8,0.25,\n"
+    cells = from_csv(tmp_path, text)
+    assert list(cells) == ["edge", "middle"]
+    assert (cells["edge"].x_mm, cells["edge"].depths_mm) == (4.5, (0.5, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("cell,x_mm,depth_mm\na,5,0.5\n", ["plan.csv", "y_mm", "missing"]),
+        ("cell,x_mm,y_mm,depth_mm\na b,5,5,0.5\n", ["plan.csv", "a b", "letters"]),
+        ("cell,x_mm,y_mm,depth_mm\na,5,,0.5\n", ["plan.csv"]),
+        ("cell,x_mm,y_mm,depth_mm\na,five,5,0.5\n", ["plan.csv", "five"]),
+        ("cell,x_mm,y_mm,depth_mm\na,5,5,0.5\na,6,5,0.7\n", ["plan.csv", "cell a", "several positions"]),
+        ("cell,x_mm,y_mm,depth_mm\na,5,5,0.5\na,5,5,0.5\n", ["plan.csv", "cell a", "differ"]),
+        ("cell,x_mm,y_mm,depth_mm\na,5,5,-0.5\n", ["plan.csv", "cell a", "-0.5", "positive"]),
+        ("cell,x_mm,y_mm,depth_mm\na,17,5,0.5\n", ["cell a", "17", "outside", "16.0"]),
+        ("cell,x_mm,y_mm,depth_mm\na,5,5,2.5\n", ["cell a", "2.5", "4.0", "press less deep"]),
+    ],
+)
+def test_a_plan_file_that_cannot_be_used_is_refused(tmp_path, text, words):
+    with pytest.raises(ValueError) as error:
+        from_csv(tmp_path, text)
+    assert type(error.value).__module__.startswith("gelforge."), (
+        "an error of a library, without file and remedy"
+    )
+    assert all(word in str(error.value) for word in words), error.value
+
+
+def test_a_missing_plan_file_is_named(tmp_path):
+    with pytest.raises(ValueError, match=r"nowhere\.csv: no such file"):
+        plan_cells(specimens.study({"file": str(tmp_path / "nowhere.csv")}))
+
+
+def test_a_margin_beyond_the_middle_is_refused():
+    with pytest.raises(ConfigError, match="margin_mm 9.0 exceeds half"):
+        plan_cells(specimens.study({"grid": {"spacing_mm": 1.0, "margin_mm": 9.0}, "depths_mm": [0.5]}))
+
+
+def test_table_has_a_row_per_cell_and_depth():
+    cells = plan_cells(specimens.study(GRID | {"symmetry": "d4"}))
+    table = plan_table(cells)
+    assert len(table) == 18
+    row = table[(table.cell == "x2_y2") & (table.depth_mm == 0.8)].iloc[0]
+    assert (row.x_mm, row.y_mm, row.source) == (11.0, 11.0, "x0_y0")
+    assert (table[table.cell == "x0_y0"].source == "").all()

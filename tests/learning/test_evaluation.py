@@ -1,0 +1,142 @@
+"""Predictions and tables: every number against a naive loop, and only from the saved predictions."""
+
+import h5py
+import numpy as np
+import pytest
+from artificial_shards import small_rows, study_of, write_shards
+
+from gelforge.dataset.schema import DatasetError
+from gelforge.dataset.shard import ShardDataset
+from gelforge.learning.evaluation import (
+    Predictions,
+    baselines_table,
+    centre_of_pressure,
+    force_ranges_table,
+    label_ranges,
+    predict_test_rows,
+    rmse_table,
+)
+from gelforge.learning.training import Run, train
+
+SMALL = {
+    "hidden": [24, 16, 12],
+    "batch_size": 8,
+    "epochs": 30,
+    "learning_rate": 1e-3,
+    "validation_fraction": 0.2,
+}
+
+
+@pytest.fixture(scope="module")
+def evaluated(tmp_path_factory):
+    """Return shards and predictions of a small model."""
+    folder, study = tmp_path_factory.mktemp("evaluated"), study_of(regions=4, bins=5, **SMALL)
+    shards = write_shards(folder / "dataset", small_rows(), study)
+    train(study, shards, folder / "model.pt", folder / "loss.csv", Run(threads=1, progress=False))
+    predict_test_rows(folder / "model.pt", shards, folder / "predictions.h5", threads=1)
+    return shards, folder / "predictions.h5"
+
+
+def maps(path):
+    with h5py.File(path) as file:
+        return file["predicted_N"][()].astype(float), file["true_N"][()].astype(float)
+
+
+def naive_rmse(predicted, true, axis, only_contact):
+    total, count = 0.0, 0
+    for row in range(len(true)):
+        for bin_ in range(true.shape[1]):
+            if only_contact and true[row, bin_, axis] == 0:
+                continue
+            total += (predicted[row, bin_, axis] - true[row, bin_, axis]) ** 2
+            count += 1
+    return (total / count) ** 0.5
+
+
+@pytest.mark.parametrize(("error", "only_contact"), [("RMSE", False), ("RMSES", True)])
+def test_rmse_and_rmses_equal_a_double_loop(evaluated, error, only_contact):
+    predicted, true = maps(evaluated[1])
+    row = rmse_table(Predictions(evaluated[1])).set_index("error").loc[error]
+    for axis, name in enumerate(("x_N", "y_N", "z_N")):
+        assert row[name] == pytest.approx(naive_rmse(predicted, true, axis, only_contact), rel=1e-12)
+    assert 0 < (true != 0).mean() < 1  # so that the two errors differ
+
+
+def test_errors_of_the_total_force(evaluated):
+    predicted, true = maps(evaluated[1])
+    table = rmse_table(Predictions(evaluated[1])).set_index("error")
+    with h5py.File(evaluated[1]) as file:
+        measured = file["total_force_ft_N"][()]
+    for axis, name in enumerate(("x_N", "y_N", "z_N")):
+        fem = [sum(predicted[i, :, axis]) - sum(true[i, :, axis]) for i in range(len(true))]
+        ft = [sum(predicted[i, :, axis]) - measured[i, axis] for i in range(len(true))]
+        assert table.loc["RMSET_FEM", name] == pytest.approx(np.sqrt(np.mean(np.square(fem))), rel=1e-9)
+        assert table.loc["RMSET_FT", name] == pytest.approx(np.sqrt(np.mean(np.square(ft))), rel=1e-9)
+
+
+def test_predictions_hold_all_rows_of_the_test_split(evaluated):
+    shards, path = evaluated
+    rows = ShardDataset(shards, "test")
+    expected = rows.read(np.arange(len(rows)), ["cell", "press", "untouched", "force_distribution_N"])
+    with h5py.File(path) as file:
+        assert list(file["cell"].asstr()) == list(expected["cell"])
+        assert list(file["press"].asstr()) == list(expected["press"])
+        np.testing.assert_array_equal(file["untouched"], expected["untouched"])
+        np.testing.assert_array_equal(file["true_N"], expected["force_distribution_N"])
+        assert file.attrs["synthetic"]
+
+
+def test_training_mean_is_that_of_touched_training_rows(evaluated):
+    rows = ShardDataset(evaluated[0], "train")
+    block = rows.read(np.arange(len(rows)), ["force_distribution_N", "untouched"])
+    mean = block["force_distribution_N"][~block["untouched"]].astype(float).mean(axis=0)
+    np.testing.assert_allclose(Predictions(evaluated[1]).training_mean, mean, rtol=1e-12, atol=1e-15)
+
+
+def test_baselines(evaluated):
+    predicted, true = maps(evaluated[1])
+    predictions = Predictions(evaluated[1])
+    table = baselines_table(predictions).set_index("predictor")
+    mean = np.broadcast_to(predictions.training_mean, true.shape)
+    contact = true != 0
+    for name, judged in (("network", predicted), ("training mean", mean), ("zero", np.zeros_like(true))):
+        assert table.loc[name, "RMSES_N"] == pytest.approx(
+            np.sqrt(np.mean((judged - true)[contact] ** 2)), rel=1e-9
+        )
+        assert table.loc[name, "RMSES_z_N"] == pytest.approx(naive_rmse(judged, true, 2, True), rel=1e-9)
+        error = (judged - true)[..., 2].sum(axis=1)
+        rms = np.sqrt(np.mean(error**2)) / np.ptp(true[..., 2].sum(axis=1))
+        assert table.loc[name, "total_Fz_rms_over_range"] == pytest.approx(rms, rel=1e-9)
+    assert table.loc["zero", "centre_of_pressure_median_mm"] == np.inf
+    assert table.loc["limit", "RMSES_N"] == pytest.approx(table.loc["training mean", "RMSES_N"] / 2)
+
+
+def test_centre_of_pressure_of_one_bin_and_of_two():
+    force = np.zeros((3, 6, 3))
+    force[0, 4, 2] = -1.0  # ix 1, iy 1 of 3 x 2 bins
+    force[1, [0, 2], 2] = -1.0, -3.0
+    centres = centre_of_pressure(force, 3, 2, np.array([6.0, 6.0]))
+    np.testing.assert_allclose(centres[:2], [[3.0, 4.5], [4.0, 1.5]], rtol=1e-12)
+    assert np.isnan(centres[2]).all()
+
+
+def test_force_ranges(evaluated):
+    rows = ShardDataset(evaluated[0])
+    label = rows.read(np.arange(len(rows)), ["force_distribution_N"])["force_distribution_N"].astype(float)
+    for ranges in (label_ranges(evaluated[0]), Predictions(evaluated[1]).label_range):
+        table = force_ranges_table(ranges).set_index("quantity")
+        assert table.loc["force per bin", "x_max_N"] == label[..., 0].max()
+        assert table.loc["force per bin", "z_min_N"] == label[..., 2].min()
+        assert table.loc["total force", "z_min_N"] == pytest.approx(
+            min(sum(row[:, 2]) for row in label), rel=1e-12
+        )
+        assert table.loc["total force", "z_max_N"] == 0.0
+
+
+def test_damaged_predictions_are_named(evaluated, tmp_path):
+    with pytest.raises(DatasetError, match=r"none\.h5: the predictions are missing"):
+        Predictions(tmp_path / "none.h5")
+    half = tmp_path / "half.h5"
+    half.write_bytes(evaluated[1].read_bytes()[:2000])
+    with pytest.raises(DatasetError, match=r"half\.h5: not a whole HDF5 file"):
+        Predictions(half)

@@ -1,0 +1,87 @@
+"""The live path: the same features and forces as the dataset's, every step timed."""
+
+import numpy as np
+import pytest
+from artificial_shards import small_rows, study_of, write_shards
+
+from gelforge.learning.predictor import STEPS, Predictor, Timing, predict_frames
+from gelforge.learning.training import Run, train
+from gelforge.recording.features import FlowFeatures
+from gelforge.recording.flow import ImageError
+from gelforge.recording.frames import Frame
+
+SMALL = {"hidden": [24, 16, 12], "batch_size": 8, "epochs": 3, "validation_fraction": 0.2}
+
+
+@pytest.fixture(scope="module")
+def predictor(tmp_path_factory):
+    folder, study = tmp_path_factory.mktemp("predictor"), study_of(regions=4, bins=5, **SMALL)
+    shards = write_shards(folder / "dataset", small_rows(), study)
+    train(study, shards, folder / "model.pt", folder / "loss.csv", Run(threads=1, progress=False))
+    return Predictor(folder / "model.pt", threads=1)
+
+
+def pattern(shift, size=(120, 160)):
+    """Return a smooth random image (H, W) uint8 shifted to the right [px]."""
+    rng = np.random.default_rng(0)
+    v, u = np.mgrid[: size[0], : size[1]]
+    waves = rng.uniform(0.1, 0.5, (40, 2)) * rng.choice([-1, 1], (40, 2))
+    phase = rng.uniform(0, 6, 40)
+    grey = sum(np.sin(k[0] * (u - shift) + k[1] * v + p) for k, p in zip(waves, phase))
+    return (128 + 12 * grey).clip(0, 255).astype(np.uint8)
+
+
+def frames(*shifts):
+    return [Frame(f"{i}.png", 0.1 * i, pattern(shift)) for i, shift in enumerate(shifts)]
+
+
+def test_frames_give_what_the_stages_give_one_by_one(predictor):
+    reference = pattern(0)
+    found = list(predict_frames(predictor, frames(0, 1.5, 3), reference))
+    for frame, prediction in zip(frames(0, 1.5, 3), found, strict=True):
+        feature = FlowFeatures(reference, predictor.features)(frame.image)
+        np.testing.assert_array_equal(prediction.force_N, predictor.model.predict(feature)[0])
+        assert prediction.force_N.shape == (25, 3)
+        assert prediction.name == frame.name
+
+
+def test_the_first_frame_is_the_reference_if_none_is_given(predictor):
+    found = list(predict_frames(predictor, frames(0, 2)))
+    expected = list(predict_frames(predictor, frames(0, 2), pattern(0)))
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(one.force_N, other.force_N)
+
+
+def test_equal_frames_are_worked_out_again(predictor, monkeypatch):
+    """Nothing is cached: four equal frames cost four calls of the flow."""
+    calls = []
+    monkeypatch.setattr(FlowFeatures, "__init__", counted(FlowFeatures.__init__, calls))
+    list(predict_frames(predictor, frames(1, 1, 1, 1), pattern(0)))
+    assert len(calls) == 4
+
+
+def counted(init, calls):
+    def counting(self, reference, settings):
+        init(self, reference, settings)
+        flow = self.flow
+        self.flow = lambda image: calls.append(1) or flow(image)
+
+    return counting
+
+
+def test_every_step_is_timed(predictor):
+    timing = Timing()
+    for prediction in predict_frames(predictor, frames(0, 1, 2, 3), pattern(0)):
+        assert set(prediction.seconds) == set(STEPS)
+        timing.add(prediction)
+    table = timing.table().set_index("step")
+    assert list(table.index) == [*STEPS, "whole"]
+    assert (table["frames"] == 4).all()
+    assert (table["p99_ms"] >= table["p50_ms"]).all()
+    assert table.loc["whole", "p50_ms"] >= table.loc["flow", "p50_ms"]
+    assert table.loc["whole", "fps_at_p50"] == pytest.approx(1000 / table.loc["whole", "p50_ms"])
+
+
+def test_a_frame_of_another_size_stops(predictor):
+    with pytest.raises(ImageError, match="160 x 120"):
+        list(predict_frames(predictor, frames(0), pattern(0, (100, 100))))

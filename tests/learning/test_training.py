@@ -1,0 +1,203 @@
+"""Training: scaling from training rows only, no cell on two sides, resume, and the same result from the same seed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+from artificial_shards import small_rows, study_of, write_shards
+
+from gelforge.dataset.shard import ShardDataset
+from gelforge.learning.data import Batches, TactileRows, cells_of, measure_scaling
+from gelforge.learning.network import ModelError, Scaling, load_model, make_network
+from gelforge.learning.training import Run, _validation_split, train
+
+QUIET = Run(threads=1, progress=False, checkpoint_every=3)
+SMALL = {
+    "hidden": [24, 16, 12],
+    "batch_size": 8,
+    "epochs": 12,
+    "learning_rate": 1e-3,
+    "validation_fraction": 0.2,
+}
+
+
+@pytest.fixture
+def study():
+    return study_of(regions=4, bins=5, **SMALL)
+
+
+@pytest.fixture
+def shards(study, tmp_path):
+    return write_shards(tmp_path / "dataset", small_rows(), study)
+
+
+def weights(path):
+    return [value.numpy() for value in load_model(path).network.state_dict().values()]
+
+
+# -------------------------------------------------------------------------------------------- the network
+def test_the_papers_network():
+    network = make_network(3200, [800, 600, 400], 1200, 0.1, seed=0)
+    shapes = [tuple(layer.weight.shape) for layer in network if isinstance(layer, torch.nn.Linear)]
+    assert shapes == [(800, 3200), (600, 800), (400, 600), (1200, 400)]
+    assert [type(layer).__name__ for layer in network] == ["Linear", "Sigmoid", "Dropout"] * 3 + ["Linear"]
+    assert {layer.p for layer in network if isinstance(layer, torch.nn.Dropout)} == {0.1}
+
+
+def test_the_signal_passes_an_untrained_network():
+    """Unit inputs must not fade: PyTorch's own start leaves some 1e-3 of them after three sigmoids."""
+    network = make_network(3200, [800, 600, 400], 1200, 0.1, seed=0).eval()
+    inputs = torch.randn(64, 3200, generator=torch.Generator().manual_seed(0))
+    outputs = network(inputs).detach()
+    assert 0.1 < float((outputs - outputs.mean(dim=0)).std()) < 3
+    assert abs(float(outputs.mean())) < 0.1
+
+
+# ------------------------------------------------------------------------------------------------ scaling
+def test_scaling_gives_unit_size_and_comes_back(study, shards):
+    rows = ShardDataset(shards, "train")
+    index = np.arange(len(rows))
+    scaling = measure_scaling(rows, index, "vector")
+    block = rows.read(index, ["feature", "force_distribution_N"])
+    inputs, label = scaling.inputs(block["feature"]), block["force_distribution_N"]
+    # single precision
+    np.testing.assert_allclose(inputs.mean(axis=0), 0, atol=1e-6)
+    for half in np.split(inputs, 2, axis=1):
+        assert np.mean(half.astype(float) ** 2) == pytest.approx(1, rel=1e-5)
+    targets = scaling.targets(label)
+    np.testing.assert_allclose(np.mean(targets.reshape(-1, 3) ** 2, axis=0), 1, rtol=1e-5)
+    np.testing.assert_allclose(scaling.newtons(targets), label, atol=1e-7)
+
+
+def test_regions_that_never_move_stay_small(study, shards):
+    rows = small_rows()
+    rows["feature"][:, 0] = 1e-4 * np.random.default_rng(0).normal(size=len(rows["cell"]))
+    scaled = measure_scaling(ShardDataset(shards), np.arange(8), "polar").inputs(rows["feature"])
+    assert np.ptp(scaled[:, 0]) < 0.01
+
+
+def test_vector_inputs_do_not_jump_at_pi():
+    scaling = Scaling("vector", np.zeros(2, np.float32), np.ones(2, np.float32), np.zeros((1, 3)), np.ones(3))
+    near = scaling.inputs(np.array([[2.0, np.pi - 1e-3], [2.0, -np.pi + 1e-3]]))
+    assert np.abs(near[0] - near[1]).max() < 5e-3
+
+
+@pytest.mark.parametrize("form", ["vector", "polar"])
+def test_scaling_does_not_know_the_test_rows(study, tmp_path, form):
+    rows = small_rows()
+    shards = write_shards(tmp_path / "a", rows, study)
+    test_cells = {int(name[1:]) for name in cells_of(ShardDataset(shards, "test"))}
+    changed = np.isin(rows["cell"], list(test_cells))
+    assert 0 < changed.sum() < len(changed)
+    rows["feature"][changed] *= 100
+    rows["label"][changed] *= 100
+    others = write_shards(tmp_path / "b", rows, study)
+    files = [tmp_path / side / "model.pt" for side in "ab"]
+    short = study.model_copy(
+        update={"learning": study.learning.model_copy(update={"epochs": 2, "input_form": form})}
+    )
+    for paths, file in zip((shards, others), files):
+        train(short, paths, file, file.with_name("loss.csv"), QUIET)
+    for one, other in zip(*(weights(file) for file in files)):
+        np.testing.assert_array_equal(one, other)
+    for name in ("input_mean", "input_scale", "output_mean", "output_scale"):
+        one, other = (getattr(load_model(file).scaling, name) for file in files)
+        np.testing.assert_array_equal(one, other)
+
+
+def test_no_cell_is_on_two_sides(study, shards):
+    test, train_rows = (set(cells_of(ShardDataset(shards, side))) for side in ("test", "train"))
+    assert not test & train_rows
+    rows = ShardDataset(shards, "train")
+    training, validation = _validation_split(rows, study)
+    assert sorted([*training, *validation]) == list(range(len(rows)))
+    sides = [set(rows.read(index, ["cell"])["cell"]) for index in (training, validation)]
+    assert not sides[0] & sides[1]
+    assert all(sides)
+
+
+# --------------------------------------------------------------------------------------------------- runs
+def test_resumed_equals_uninterrupted(study, shards, tmp_path):
+    one, other = tmp_path / "one", tmp_path / "other"
+    assert train(study, shards, one / "model.pt", one / "loss.csv", QUIET)
+    for _ in range(2):  # after 5 and after 10 epochs
+        assert not train(study, shards, other / "model.pt", other / "loss.csv", replace(QUIET, stop_after=5))
+        assert not (other / "model.pt").exists()
+        torch.rand(7)  # whatever else drew random numbers in between
+    assert train(study, shards, other / "model.pt", other / "loss.csv", QUIET)
+    assert (one / "loss.csv").read_bytes() == (other / "loss.csv").read_bytes()
+    assert (one / "model.pt").read_bytes() == (other / "model.pt").read_bytes()
+    assert sorted(path.name for path in other.iterdir()) == ["loss.csv", "model.pt"]
+
+
+def test_a_checkpoint_of_other_settings_or_a_damaged_one_is_not_used(study, shards, tmp_path):
+    fresh, other = tmp_path / "fresh", tmp_path / "other"
+    train(study, shards, fresh / "model.pt", fresh / "loss.csv", QUIET)
+    elsewhere = study.model_copy(update={"seed": 9})
+    train(elsewhere, shards, other / "model.pt", other / "loss.csv", replace(QUIET, stop_after=4))
+    train(study, shards, other / "model.pt", other / "loss.csv", QUIET)
+    assert (fresh / "model.pt").read_bytes() == (other / "model.pt").read_bytes()
+    (other / "model.checkpoint.pt").write_bytes(b"half a file")
+    train(study, shards, other / "model.pt", other / "loss.csv", QUIET)
+    assert (fresh / "model.pt").read_bytes() == (other / "model.pt").read_bytes()
+
+
+def test_the_loss_falls(study, shards, tmp_path):
+    longer = study.model_copy(update={"learning": study.learning.model_copy(update={"epochs": 150})})
+    train(longer, shards, tmp_path / "model.pt", tmp_path / "loss.csv", QUIET)
+    loss = pd.read_csv(tmp_path / "loss.csv")
+    assert list(loss["epoch"]) == list(range(1, 151))
+    # the scaled training labels have variance 1, the loss of the training mean; dropout keeps a small network above 0.4
+    assert loss["training"].iloc[-1] < 0.6
+    assert loss["validation"].iloc[-1] < loss["validation"].iloc[0]
+
+
+def test_labels_only_cannot_train(study, tmp_path):
+    from gelforge.dataset.shard import writing_shard
+
+    path = tmp_path / "shard.h5"
+    with writing_shard(path, {"synthetic": False}, True, 32, 25):
+        pass
+    with pytest.raises(ModelError, match="labels only"):
+        train(study, [path], tmp_path / "model.pt", tmp_path / "loss.csv", QUIET)
+
+
+@pytest.mark.parametrize("content", [b"", b"half a file", None])
+def test_a_damaged_model_is_named(tmp_path, content):
+    path = tmp_path / "model.pt"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(ModelError, match=r"model\.pt"):
+        load_model(path)
+
+
+# ------------------------------------------------------------------------------------------------ batches
+@pytest.mark.parametrize("buffer_rows", [1000, 128])
+def test_an_epoch_visits_every_row_once_in_its_own_order(study, tmp_path, buffer_rows):
+    rows = ShardDataset(write_shards(tmp_path, small_rows(cells=80), study, shards=3), "train")
+    index = np.arange(len(rows))
+    scaling = measure_scaling(rows, index, "polar")
+    batches = Batches(rows, index, scaling, 50, seed=1, buffer_rows=buffer_rows)
+    everything = np.concatenate([x.numpy() for x, _ in batches.in_order()])
+
+    def epoch(number):
+        return np.concatenate([x.numpy() for x, _ in batches.epoch(number)])
+
+    for number in (0, 1):
+        np.testing.assert_array_equal(np.unique(epoch(number), axis=0), np.unique(everything, axis=0))
+        np.testing.assert_array_equal(epoch(number), epoch(number))
+    assert len(np.unique(everything, axis=0)) == len(rows) == len(epoch(0))
+    assert not np.array_equal(epoch(0), epoch(1))
+    largest = max(len(inputs) for inputs, _ in batches._buffers(np.random.default_rng(0)))
+    assert largest <= max(buffer_rows, len(rows) if buffer_rows == 1000 else 0)
+
+
+def test_rows_feed_pytorchs_loader_with_workers(shards):
+    rows = TactileRows(ShardDataset(shards))
+    assert rows[0][0].shape == (32,)
+    loader = torch.utils.data.DataLoader(rows, batch_size=5, num_workers=2, multiprocessing_context="fork")
+    loaded = torch.cat([feature for feature, _ in loader])
+    direct = ShardDataset(shards).read(np.arange(len(rows)), ["feature"])["feature"]
+    np.testing.assert_array_equal(loaded.numpy(), direct)

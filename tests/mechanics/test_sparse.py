@@ -1,0 +1,131 @@
+"""The sparse solvers agree with each other and with SciPy, on the tangent of a pressed sensor."""
+
+import sys
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+import specimens
+from numpy.testing import assert_allclose
+from scipy.sparse.linalg import spsolve
+
+from gelforge.mechanics import sparse
+from gelforge.mechanics.sparse import NotPositiveDefinite, Pardiso, SuperLU, direct_solver, refined_solve
+
+rng = np.random.default_rng(8)
+
+
+@pytest.fixture(scope="module")
+def system():
+    """Return a pattern, the values of a tangent at a deformed state, a right-hand side and SciPy's solution."""
+    body = specimens.press().body
+    u = 0.05 * rng.uniform(-1, 1, body.mesh.X.shape)
+    u[body.mesh.fixed] = 0
+    values = np.empty(len(body.pattern.indices))
+    body.response(u, np.zeros(len(body.mesh.hexahedra)), values)
+    upper = sp.csr_matrix((values, body.pattern.indices, body.pattern.indptr))
+    rhs = rng.normal(size=body.pattern.size)
+    return body.pattern, values, rhs, spsolve((upper + sp.triu(upper, 1).T).tocsc(), rhs)
+
+
+@pytest.fixture(params=["pardiso", "superlu"])
+def solver(request, system):
+    if request.param == "superlu":
+        return SuperLU(system[0])
+    try:
+        return Pardiso(system[0])
+    except ImportError:
+        pytest.skip("MKL is not on this machine")
+
+
+def error(x, exact):
+    return np.linalg.norm(x - exact) / np.linalg.norm(exact)
+
+
+def test_direct_solution(system, solver):
+    _, values, rhs, exact = system
+    solver.factor(values)
+    # Rounding times a condition of about 1e4 (K/mu = 1000): 7e-5 in single precision, 4e-13 in double; margin of ten.
+    limit = 1e-11 if solver.name == "superlu" else 1e-3
+    assert error(solver.solve(rhs), exact) < limit
+
+
+def test_refined_solution_is_double_precision(system, solver):
+    """Conjugate gradients make the single-precision factorisation as good as a double one, in a few steps."""
+    pattern, values, rhs, exact = system
+    solver.factor(values)
+    x, steps = refined_solve(solver, pattern, values, rhs, 1e-12, 50)
+    assert error(x, exact) < 1e-11  # as above, in double precision
+    assert steps <= 6  # each wins about four digits; sixteen are there to win
+
+
+def test_every_conjugate_gradient_step_wins_digits(system):
+    """One step finds the best length, the second corrects by the double-precision residual."""
+    pattern, values, rhs, exact = system
+    try:
+        solver = Pardiso(pattern)
+    except ImportError:
+        pytest.skip("MKL is not on this machine")
+    solver.factor(values)
+    errors = []
+    for limit in (1, 2, 3):
+        x, steps = refined_solve(solver, pattern, values, rhs, 0.0, limit)
+        assert steps == limit
+        errors.append(error(x, exact))
+    assert errors[0] <= error(solver.solve(rhs), exact)
+    assert errors[1] < 1e-2 * errors[0]
+    assert errors[2] < 1e-2 * errors[1]
+
+
+def test_tiny_and_zero_right_hand_sides(system, solver):
+    """Forces of 1e-30 N must not fall out of single precision's range."""
+    pattern, values, rhs, _ = system
+    solver.factor(values)
+    assert_allclose(
+        1e30 * solver.solve(1e-30 * rhs), solver.solve(rhs), rtol=1e-4, atol=1e-4 * np.abs(rhs).max()
+    )
+    assert not solver.solve(np.zeros(pattern.size)).any()
+
+
+def test_refactorisation_uses_the_new_values(system, solver):
+    pattern, values, rhs, exact = system
+    solver.factor(2 * values)
+    solver.factor(4 * values)
+    x, _ = refined_solve(solver, pattern, 4 * values, rhs, 1e-12, 50)
+    assert error(4 * x, exact) < 1e-11
+
+
+def test_two_solvers_of_one_pattern_do_not_disturb_each_other(system, solver):
+    pattern, values, rhs, exact = system
+    solver.factor(values)
+    other = direct_solver(pattern, solver.name)
+    other.factor(3 * values)
+    del other
+    x, _ = refined_solve(solver, pattern, values, rhs, 1e-12, 50)
+    assert error(x, exact) < 1e-11
+
+
+def test_cholesky_refuses_an_indefinite_matrix(system):
+    try:
+        solver = Pardiso(system[0])
+    except ImportError:
+        pytest.skip("MKL is not on this machine")
+    with pytest.raises(NotPositiveDefinite, match="pivot"):
+        solver.factor(-system[1])
+
+
+def test_superlu_refuses_a_singular_matrix(system):
+    with pytest.raises(NotPositiveDefinite):
+        SuperLU(system[0]).factor(0 * system[1])
+
+
+def test_machines_without_mkl_get_superlu(system, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pypardiso", None)  # an import of it now fails
+    assert direct_solver(system[0]).name == "superlu"
+    with pytest.raises(ImportError, match="set linear_solver: superlu"):
+        direct_solver(system[0], "pardiso")
+
+
+def test_a_chosen_solver_is_taken(system, monkeypatch):
+    monkeypatch.setattr(sparse, "Pardiso", None)
+    assert direct_solver(system[0], "superlu").name == "superlu"

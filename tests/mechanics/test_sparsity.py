@@ -1,0 +1,73 @@
+"""The pattern of the tangent against a brute-force one."""
+
+import numpy as np
+import pytest
+import specimens
+from numpy.testing import assert_allclose
+
+from gelforge.mechanics.kernels import symmetric_product
+from gelforge.mechanics.sparsity import build_pattern
+
+MESH = specimens.box(2)
+
+
+@pytest.fixture(scope="module")
+def pattern():
+    return build_pattern(MESH.hexahedra, MESH.fixed)
+
+
+def entries(pattern):
+    return [(row, column) for row in range(pattern.size) for column in
+            pattern.indices[pattern.indptr[row] : pattern.indptr[row + 1]]]  # fmt: skip
+
+
+def test_equations_number_the_free_degrees_of_freedom(pattern):
+    assert (pattern.equation[MESH.fixed] == -1).all()
+    assert np.array_equal(pattern.equation[~MESH.fixed].ravel(), np.arange(3 * (~MESH.fixed).sum()))
+
+
+def test_pattern_equals_the_brute_force_one(pattern):
+    expected = set()
+    for nodes in MESH.hexahedra:
+        dofs = [k for k in pattern.equation[nodes].ravel() if k >= 0]
+        expected |= {(i, j) for i in dofs for j in dofs if i <= j}
+    assert entries(pattern) == sorted(expected)  # in row order, columns sorted, so the diagonal comes first
+
+
+def test_element_slots_name_their_entries(pattern):
+    where = entries(pattern)
+    for nodes, slots in zip(MESH.hexahedra, pattern.element_slots):
+        dofs = pattern.equation[nodes].ravel()
+        pairs = [(dofs[a], dofs[b]) for a in range(24) for b in range(a, 24)]
+        assert len(slots) == len(pairs)
+        for (i, j), slot in zip(pairs, slots):
+            if min(i, j) < 0:
+                assert slot == -1
+            else:
+                assert where[slot] == (min(i, j), max(i, j))
+
+
+def test_node_slots_name_the_nodes_own_blocks(pattern):
+    nodes = np.array([0, 26, 13, 20])
+    where = entries(pattern)
+    slots = pattern.node_slots(nodes)
+    for node, block in zip(nodes, slots):
+        for i in range(3):
+            for j in range(3):
+                pair = sorted((pattern.equation[node, i], pattern.equation[node, j]))
+                assert (block[i, j] == -1) if pair[0] < 0 else (where[block[i, j]] == tuple(pair))
+    assert (slots[MESH.fixed[nodes]] == -1).all()
+
+
+def test_symmetric_product_equals_the_dense_one(pattern):
+    rng = np.random.default_rng(0)
+    values, x, y = (
+        rng.normal(size=len(pattern.indices)),
+        rng.normal(size=pattern.size),
+        np.empty(pattern.size),
+    )
+    dense = np.zeros((pattern.size, pattern.size))
+    for (i, j), value in zip(entries(pattern), values):
+        dense[i, j] = dense[j, i] = value
+    symmetric_product(pattern.indptr, pattern.indices, values, x, y)
+    assert_allclose(y, dense @ x, rtol=1e-12, atol=1e-12)  # sums of some 80 terms of order one

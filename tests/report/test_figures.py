@@ -1,0 +1,222 @@
+"""Figures: scales, units and what they show."""
+
+from __future__ import annotations
+
+import fake_results
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.colors import Normalize
+from matplotlib.text import Text
+
+from gelforge.config import Camera, load_session
+from gelforge.indentation.plan import plan_cells
+from gelforge.report.flow_figure import region_flow
+from gelforge.report.force_depth import ForceDepth, deviation_table, force_depth_figure
+from gelforge.report.force_maps import contact_radius_mm, prediction_figure, total_force_figure
+from gelforge.report.residuals import residual_depth_figure, residual_map_figure
+from gelforge.report.section import boundary_edges, contact_pressure_kPa, section_figure
+from gelforge.report.sensor_figure import camera_footprint, sensor_figure
+from gelforge.report.style import region_colours, svg
+from gelforge.report.timing import stage_times, timing_figure
+from gelforge.report.training_figure import loss_figure
+
+
+def texts(figure) -> str:
+    """Return all words of a figure."""
+    return "\n".join(artist.get_text() for artist in figure.findobj(Text))
+
+
+@pytest.fixture(scope="module")
+def cell(whole):
+    return fake_results.fake_cell(plan_cells(whole[0])["x4_y2"])
+
+
+@pytest.fixture(scope="module")
+def maps(cell):
+    true = cell.arrays["bin_force_N"][-1]
+    return 1.3 * true + 0.001, true
+
+
+def test_true_and_predicted_share_colour_limits_centred_at_zero(maps):
+    figure = prediction_figure(*maps, 20, 20, (32.0, 32.0), (27.0, 16.0), 4.0)
+    panels = [ax for ax in figure.axes if ax.collections and ax.get_title()]
+    assert len(panels) == 9
+    for row in range(3):
+        limits = {ax.collections[0].get_clim() for ax in panels[3 * row : 3 * row + 3]}
+        assert len(limits) == 1
+        low, high = limits.pop()
+        assert low == -high
+        largest = max(np.abs(m[:, row]).max() for m in maps)
+        assert high >= largest  # nothing is clipped
+    assert texts(figure).count("[N per bin]") == 3
+
+
+def test_map_puts_bin_k_at_its_place():
+    force = np.zeros((12, 3))
+    force[7, 2] = -1.0  # bin k = nx iy + ix: nx = 4, so ix = 3, iy = 1
+    figure = prediction_figure(force, force, 4, 3, (8.0, 6.0), (7.0, 3.0), 1.0)
+    mesh = figure.axes[6].collections[0]  # row z, predicted
+    values = np.asarray(mesh.get_array()).reshape(3, 4)
+    assert values[1, 3] == -1.0
+    corner = mesh.get_coordinates()[1, 3]
+    np.testing.assert_allclose(corner, [6.0, 2.0])
+
+
+def test_total_force_figure_states_rms():
+    true = np.zeros((4, 3))
+    true[:, 2] = [-1, -2, -3, -4]
+    predicted = true + [0.0, 0.0, 0.1]
+    assert "rms error 0.100 N" in texts(total_force_figure(predicted, true))
+
+
+def test_contact_radius_is_the_chord_of_the_ball():
+    assert contact_radius_mm(2.0, 5.0) == pytest.approx(4.0)  # 3-4-5 triangle
+    assert contact_radius_mm(0.0, 5.0) == 0.0
+
+
+def test_contact_pressure_is_in_kPa():
+    force = np.array([[0.0, 0.0, -0.5], [0.3, 0.0, -0.4], [0.0, 0.0, 0.0]])
+    pressure = contact_pressure_kPa(force, np.array([1.0, 2.0, 0.0]))
+    np.testing.assert_allclose(pressure, [500.0, 250.0, 0.0])  # 1 N/mm2 = 1000 kPa
+
+
+def test_boundary_edges_are_outline_and_interface():
+    quads = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])  # two squares side by side
+    outline = {(0, 1), (1, 2), (2, 5), (4, 5), (3, 4), (0, 3)}
+    same = {tuple(edge) for edge in boundary_edges(quads, np.array([0, 0]))}
+    other = {tuple(edge) for edge in boundary_edges(quads, np.array([0, 1]))}
+    assert same == outline
+    assert other == outline | {(1, 4)}
+
+
+def test_section_draws_ball_at_its_depth(cell):
+    figure = section_figure(cell.arrays, -1, fake_results.REGION_NAMES, (27.0, 16.0), 5.0)
+    side, top = figure.axes[:2]
+    ball = next(patch for patch in side.patches if hasattr(patch, "radius"))
+    assert ball.center == (27.0, 3.0)  # lowest point 2 mm below z = 0
+    assert side.get_aspect() == 1
+    assert "contact pressure [kPa]" in texts(figure)
+    colours = top.collections[0]
+    assert colours.get_clim()[0] == 0
+    words = texts(figure)
+    assert all(name in words for name in (*fake_results.REGION_NAMES, "before the press"))
+
+
+def test_regions_keep_their_colours():
+    assert region_colours(["gel", "skin", "wall"])[2] == region_colours(["wall", "gel"])[0]
+    assert len(set(region_colours(["gel", "skin", "wall", "flange"]))) == 4
+
+
+def test_force_depth_figure_has_all_curves_and_units(whole):
+    published = pd.read_csv(whole[2] / "force_depth.csv")
+    depth = np.array([0.5, 1.0])
+    curve = ForceDepth(
+        "centre", depth, np.array([-0.1, -0.3]), depth, np.array([-0.11, -0.31]), published.iloc[:8]
+    )
+    words = texts(force_depth_figure([curve, curve]))
+    for label in (
+        "paper: FEM",
+        "paper: linear FEM",
+        "paper: F/T",
+        "this study: FEM",
+        "this study: F/T",
+        "[N]",
+        "[mm]",
+    ):
+        assert label in words
+    bare = ForceDepth("centre", depth, np.array([-0.1, -0.3]), np.array([]), np.array([]), None)
+    assert "paper" not in texts(force_depth_figure([bare]))
+
+
+def test_deviation_is_relative_to_the_published_force():
+    published = pd.DataFrame(
+        {"depth_mm": [0.25, 0.5], "fem_N": [-0.1, -0.2], "fem_linear_N": 0.0, "ft_sensor_N": 0.0}
+    )
+    curve = ForceDepth(
+        "", np.array([0.5, 1.0]), np.array([-0.19, -0.5]), np.array([]), np.array([]), published
+    )
+    table = deviation_table(curve)
+    assert len(table) == 1
+    assert table["deviation [%]"][0] == pytest.approx(-5.0)
+
+
+def test_residual_maps_are_centred_at_zero_and_reach_the_resolution(whole):
+    agreement = pd.read_csv(whole[1] / "agreement.csv")
+    figure = residual_map_figure(agreement, (32.0, 32.0), [0.03, 0.03, 0.06])
+    for ax, resolution in zip(figure.axes[:3], [0.03, 0.03, 0.06]):
+        norm = ax.collections[0].norm
+        assert isinstance(norm, Normalize)
+        assert norm.vmin == -norm.vmax
+        assert norm.vmax >= resolution
+    assert len(figure.axes[0].collections[0].get_offsets()) == 24  # the failed cell has no press
+
+
+def test_residual_over_depth_shows_sign_and_band(whole):
+    agreement = pd.read_csv(whole[1] / "agreement.csv")
+    figure = residual_depth_figure(agreement, [0.03, 0.03, 0.06])
+    ax = figure.axes[2]
+    mean = next(line for line in ax.lines if line.get_label() == "mean")
+    assert (np.diff(mean.get_ydata()) < 0).all()  # readings 12 % stronger, negative Fz: F/T - FEM falls
+    band = ax.patches[0].get_extents().transformed(ax.transData.inverted())
+    assert band.height == pytest.approx(0.12)  # twice 0.06 N
+    assert "F/T − FEM [N]" in texts(figure)
+
+
+def test_region_flow_directions():
+    feature = np.zeros(8)  # 2 x 2 regions
+    feature[1], feature[5] = 2.0, np.pi / 2  # region of row 0, column 1: 2 px downwards
+    u, v, du, dv = region_flow(feature, (100, 200))
+    assert (u[1], v[1]) == (149.5, 24.5)  # centre of the right upper quarter of 200 x 100 px
+    np.testing.assert_allclose([du[1], dv[1]], [0.0, 2.0], atol=1e-12)  # cos(pi/2) in rounding
+
+
+def test_camera_footprint():
+    corners = camera_footprint(fake_results.CAMERA)
+    np.testing.assert_allclose(corners.mean(axis=0), [16.0, 16.0])
+    np.testing.assert_allclose(np.ptp(corners, axis=0), 420 * 32 / 400)  # width_px z / f
+    assert (corners[0] == corners.min(axis=0)).tolist() == [
+        True,
+        False,
+    ]  # mirrored: top left is small x, large y
+    seen = Camera(**(fake_results.CAMERA.model_dump() | {"mirrored": False}))
+    assert camera_footprint(seen)[0, 0] == corners[:, 0].max()
+    cropped = camera_footprint(fake_results.CAMERA, [0, 0, 210, 420])
+    np.testing.assert_allclose(np.ptp(cropped, axis=0), [210 * 32 / 400, 420 * 32 / 400])
+
+
+def test_sensor_figure_shows_plan_bins_and_camera(whole):
+    study = whole[0]
+    session = load_session(study.session_folder("day1") / "session.yaml")
+    words = texts(sensor_figure(study, plan_cells(study), session))
+    expected = (
+        "25 positions",
+        "20 x 20 bins of 1.6 x 1.6 mm",
+        "camera at z = -32 mm",
+        "gel: 4.5 mm",
+        "ball R 5 mm",
+    )
+    for part in expected:
+        assert part in words
+    assert "camera" not in texts(sensor_figure(study, plan_cells(study)))
+
+
+def test_loss_figure_marks_the_best_epoch():
+    loss = pd.DataFrame({"epoch": [1, 2, 3], "training": [1.0, 0.5, 0.2], "validation": [1.0, 0.6, 0.7]})
+    assert "best: epoch 2" in texts(loss_figure(loss))
+
+
+def test_stage_times_group_cells(tmp_path):
+    for name, seconds in (("cells/a", 2.0), ("cells/b", 3.0), ("train", 9.0)):
+        path = tmp_path / f"{name}.tsv"
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(f"s\th:m:s\tmax_rss\n{seconds}\t0:00:02\t-\n")
+    stages = stage_times(tmp_path, {"a", "b"}).set_index("stage")
+    assert stages.loc["cells", ["jobs", "total_s", "longest_s"]].tolist() == [2, 5.0, 3.0]
+    assert list(stages.index) == ["train", "cells"]  # longest first
+    assert "5.0 s, 2 jobs" in texts(timing_figure(stages.reset_index()))
+
+
+def test_figures_repeat_to_the_byte(maps):
+    figures = [prediction_figure(*maps, 20, 20, (32.0, 32.0), (27.0, 16.0), 4.0) for _ in range(2)]
+    assert svg(figures[0]) == svg(figures[1])

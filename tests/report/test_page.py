@@ -1,0 +1,227 @@
+"""The page: complete, offline, and honest about what is missing or synthetic."""
+
+from __future__ import annotations
+
+import base64
+import re
+from datetime import UTC, datetime
+from html.parser import HTMLParser
+
+import fake_results
+import numpy as np
+import pytest
+
+from gelforge.report.beside_paper import beside_paper
+from gelforge.report.chapters import cell_text, heading
+from gelforge.report.learning_chapters import TABLES
+from gelforge.report.page import CHAPTERS, write_report
+from gelforge.report.results_reader import StudyResults
+
+FETCHING = {"src", "href", "srcset", "data", "poster", "action"}
+
+
+class Links(HTMLParser):
+    """Collects what a browser would fetch, the headings and the chapters of a page."""
+
+    def __init__(self):
+        super().__init__()
+        self.targets, self.pictures, self.ids, self.text = [], [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        attributes = dict(attrs)
+        self.targets += [value for key, value in attrs if key in FETCHING]
+        self.ids += [attributes["id"]] if "id" in attributes else []
+        self.pictures += [attributes] if tag == "img" else []
+
+    def handle_data(self, data):
+        self.text.append(data)
+
+
+def parsed(html: str) -> Links:
+    links = Links()
+    links.feed(html)
+    return links
+
+
+def test_page_fetches_nothing(page):
+    links = parsed(page[0])
+    assert links.pictures
+    for target in links.targets:
+        assert target.startswith(("#", "data:")), target
+    assert not re.search(r"@import|url\(|<script", page[0])
+
+
+def test_every_chapter_is_in_the_contents(page):
+    links = parsed(page[0])
+    anchors = [target[1:] for target in links.targets if target.startswith("#")]
+    assert len(links.ids) == len(CHAPTERS)
+    assert set(links.ids) <= set(anchors)
+
+
+def test_whole_study_misses_nothing(page):
+    assert page[1] == []
+
+
+def test_every_figure_is_a_picture_under_a_sentence(page):
+    pictures = parsed(page[0]).pictures
+    # sensor, two materials, force-depth, section, flow, two residuals, loss, two force maps, totals, time
+    assert len(pictures) == 13
+    for picture in pictures:
+        head, _, content = picture["src"].partition("base64,")
+        assert head == "data:image/svg+xml;"
+        assert b"<svg" in base64.b64decode(content)
+        assert len(picture["alt"].split()) >= 8
+    assert page[0].count("<figcaption>") >= len(pictures)
+
+
+def test_failed_cell_is_named_with_its_reason(page):
+    failed = page[0].split('<section id="failed">')[1].split("</section>")[0]
+    assert fake_results.FAILED in failed
+    assert "no equilibrium at 1 mm after 4 halvings" in failed
+    assert "0.5" in failed  # the last good depth [mm]
+
+
+def test_synthetic_data_is_labelled_loudly(page):
+    assert 'role="alert"' in page[0]
+    text = " ".join(parsed(page[0]).text)
+    assert "SYNTHETIC DATA." in text
+    assert "The recordings and material tests of this study were made by a virtual lab" in text
+    origin = page[0].split('<section id="origin">')[1]
+    assert origin.count("SYNTHETIC tests") == 2
+    assert origin.count("SYNTHETIC recording") == 1
+    assert {"SYNTHETIC image", "SYNTHETIC readings"} <= set(re.findall(r"SYNTHETIC \w+", page[0]))
+
+
+def test_measured_data_is_not_called_synthetic(tmp_path):
+    study = fake_results.fake_study(tmp_path)
+    folder = tmp_path / "results"
+    fake_results.write_cells(study, folder)
+    fake_results.write_session(study)
+    description = study.session_folder("day1") / "session.yaml"
+    description.write_text(description.read_text().replace("synthetic: true", "synthetic: false"))
+    write_report(study, folder, tmp_path / "page.html", tmp_path / "paper")
+    html = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "SYNTHETIC" not in html
+
+
+def test_labels_only_study_says_what_is_left_out(tmp_path):
+    study = fake_results.fake_study(tmp_path, sessions=False)
+    folder, paper = tmp_path / "results", tmp_path / "paper"
+    fake_results.write_cells(study, folder)
+    fake_results.write_paper(paper)
+    missing = write_report(study, folder, tmp_path / "page.html", paper)
+    said = "\n".join(missing)
+    for what in ("No images", "No comparison with readings", "No network", "No errors of a network"):
+        assert what in said
+    assert "it makes force labels only" in said
+    html = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert all(words.split(":")[0] in html for words in missing)
+    assert len(parsed(html).pictures) == 3  # sensor, force-depth, section
+
+
+def test_plan_without_centre_says_so(tmp_path):
+    study = fake_results.fake_study(
+        tmp_path, sessions=False, spacing=6.5
+    )  # 4 x 4 positions, none at (16, 16)
+    fake_results.write_cells(study, tmp_path / "results")
+    fake_results.write_paper(tmp_path / "paper")
+    missing = write_report(study, tmp_path / "results", tmp_path / "page.html", tmp_path / "paper")
+    assert any("No curve at the centre" in words for words in missing)
+    assert any("No curve at the corner" in words for words in missing)
+
+
+def test_other_sensor_is_not_compared_with_the_paper(tmp_path):
+    study = fake_results.fake_study(tmp_path, sessions=False)
+    study = study.model_copy(update={"indenter": study.indenter.model_copy(update={"radius_mm": 4.0})})
+    fake_results.write_cells(study, tmp_path / "results")
+    fake_results.write_paper(tmp_path / "paper")
+    missing = write_report(study, tmp_path / "results", tmp_path / "page.html", tmp_path / "paper")
+    assert any("differs from the paper's" in words for words in missing)
+    assert "published FEM" not in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+def test_missing_cell_file_is_listed(tmp_path):
+    study = fake_results.fake_study(tmp_path, sessions=False)
+    folder = tmp_path / "results"
+    fake_results.write_cells(study, folder)
+    (folder / "cells" / "x1_y1.h5").unlink()
+    (folder / "cells" / "x3_y3.h5").write_bytes(b"cut short")
+    write_report(study, folder, tmp_path / "page.html", tmp_path / "paper")
+    html = (tmp_path / "page.html").read_text(encoding="utf-8")
+    failed = html.split('<section id="failed">')[1].split("</section>")[0]
+    for part in ("x1_y1", "the cell&#39;s file is missing", "x3_y3", "not a whole HDF5 file"):
+        assert part in failed
+    assert "22 converged, 3 failed or missing" in html
+
+
+def test_empty_results_folder_still_gives_a_page(tmp_path):
+    study = fake_results.fake_study(tmp_path)
+    missing = write_report(study, tmp_path / "nothing", tmp_path / "page.html", tmp_path / "paper")
+    assert len(missing) >= 8
+    assert "25 cells failed or missing" in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+def test_same_inputs_give_the_same_bytes(tmp_path):
+    study = fake_results.fake_study(tmp_path, sessions=False)
+    fake_results.write_cells(study, tmp_path / "results")
+    when = datetime(2026, 1, 1, tzinfo=UTC)
+    for name in ("a", "b"):
+        write_report(study, tmp_path / "results", tmp_path / name, tmp_path / "paper", written=when)
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+def test_time_per_stage_names_stages_and_units(page):
+    time = page[0].split('<section id="time">')[1].split("</section>")[0]
+    assert re.search(r">cells</td>\s*<td[^>]*>25<", time)
+    assert {"all jobs [s]", "largest memory [MB]"} <= set(re.findall(r"<th[^>]*>([^<]*)</th>", time))
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (np.inf, "∞"),
+        (0.123456, "0.1235"),
+        (float("nan"), "–"),
+        (None, "–"),
+        (True, "yes"),
+        ("gel", "gel"),
+        (7, "7"),
+    ],
+)
+def test_cell_text(value, text):
+    assert cell_text(value) == text
+
+
+def test_heading_puts_units_in_brackets():
+    assert heading("x_N") == "x [N]"
+    assert heading("low_95") == "low 95"
+    assert heading("RMSES_x_N") == "RMSES x [N]"
+
+
+def test_tables_have_the_papers_numbers_beside_them(whole):
+    results = StudyResults(*whole)
+    names = [*TABLES, "material"]
+    table = {name: beside_paper(name, results.table(name), results.paper) for name in names}
+    rmse = table["rmse"].set_index("error")
+    for error, published in fake_results.PAPER_ERRORS.items():
+        for axis, value in published.items():
+            assert rmse.loc[error, f"paper_{axis}_N"] == value
+    gt = table["rmse_gt"].set_index("axis")
+    assert gt["paper_RMSE_GT_N"].to_dict() == {"x": 0.02, "y": 0.02, "z": 0.06}
+    ranges = table["force_ranges"].set_index("quantity")
+    assert list(ranges.index) == [
+        "force per bin",
+        "force per bin, paper",
+        "total force",
+        "total force, paper",
+    ]
+    assert ranges.loc["total force, paper", "z_min_N"] == -1.66
+    material = table["material"]
+    row = material[(material.material == "elastosil_25_1") & (material.quantity == "alpha_2")]
+    assert row["paper"].tolist() == [-8.2915]
+    assert material[material.quantity == "E"]["paper"].tolist() == [16.9, 370.2]
+    assert material[material.quantity == "R2 uniaxial"]["paper"].isna().all()
+
+
+def test_glance_counts_rows_of_the_dataset(page):
+    assert "124 rows (100 for training, 24 held out) in 1 shard" in page[0]

@@ -1,0 +1,87 @@
+"""Small sensors and meshes on which the mechanics is verified: coarse, so that one press takes a fraction of a second."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from gelforge.config import study_from
+from gelforge.mechanics.body import Body
+from gelforge.mechanics.equilibrium import Press, Settings
+from gelforge.mechanics.indenters import Sphere
+from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.meshes import Block, HexMesh, Sizes, layered_block
+
+GEL = Ogden((7.9652e-3, 0.3093e-3), (1.2769, 3.5676))  # MPa; Sferrazza et al. 2019, table 1
+SKIN = Ogden((85.1168e-3, -0.0020e-3), (2.8991, -8.2915))
+LAWS = {"gel": GEL, "skin": SKIN, "wall": SKIN, "flange": SKIN}
+
+BLOCK = Block(16.0, 16.0, (("gel", 3.0), ("skin", 1.0)), wall=1.0)
+SIZES = Sizes(near=1.0, near_radius=2.5, far=3.0, vertical_far=1.5)
+CENTRE, CORNER = (8.0, 8.0), (10.9, 10.3)
+BALL = Sphere(5.0)
+
+# Iterated until rounding decides: what still differs is the formulation, not the stopping rule.
+TO_ROUNDING = Settings(force_tolerance=1e-11, gap_tolerance=1e-11, volume_tolerance=1e-12)
+
+
+def press(position=CENTRE, settings=TO_ROUNDING, body=Body, bulk_to_shear=1000.0, block=BLOCK):
+    """Return a press of the small sensor by the ball at a position [mm]."""
+    return Press(body(layered_block(block, *position, SIZES), LAWS, bulk_to_shear), BALL, settings)
+
+
+def follow(press, position, depths, start=None):
+    """Return the states at these depths [mm] in turn."""
+    start = start or press.start(*position)
+    centres = press.indenter.start(*position) - np.outer(depths, [0.0, 0.0, 1.0])
+    return list(press.follow(start, centres))
+
+
+def box(n, length=1.0) -> HexMesh:
+    """Return a cube of n^3 elements of one region "gel", held at its base."""
+    return layered_block(
+        Block(length, length, (("gel", length),)),
+        length / 2,
+        length / 2,
+        Sizes(length / n, length, length, 1.01, length),
+    )
+
+
+def distorted(mesh: HexMesh, share: float, rng: np.random.Generator, boundary: bool = False) -> HexMesh:
+    """Return the mesh with its inner nodes (and, if asked, all others) moved at random by up to share of the least edge."""
+    edges = mesh.X[mesh.hexahedra[:, [1, 3, 4]]] - mesh.X[mesh.hexahedra[:, [0]]]
+    shift = share * np.linalg.norm(edges, axis=-1).min() * rng.uniform(-1, 1, mesh.X.shape)
+    inside = np.ones(len(mesh.X), bool)
+    if not boundary:
+        inside = ((mesh.X > mesh.X.min(axis=0) + 1e-9) & (mesh.X < mesh.X.max(axis=0) - 1e-9)).all(axis=1)
+    return replace(mesh, X=mesh.X + shift * inside[:, None])
+
+
+def study(plan=None, sensor=None, **mechanics):
+    """Return the validated study of the small sensor; plan, sensor and mechanics override its keys."""
+    block = {
+        "width_x_mm": 16.0,
+        "width_y_mm": 16.0,
+        "layers": [
+            {"name": "gel", "thickness_mm": 3.0, "material": "soft", "particle_volume_fraction": 0.02},
+            {"name": "skin", "thickness_mm": 1.0, "material": "stiff"},
+        ],
+        "wall_mm": 1.0,
+        "bins": {"nx": 10, "ny": 10},
+    }
+    mesh = {"near_mm": 1.0, "near_radius_mm": 2.5, "far_mm": 3.0, "vertical_far_mm": 1.5}
+    parameters = {
+        "soft": {"mu_kPa": [7.9652, 0.3093], "alpha": [1.2769, 3.5676]},
+        "stiff": {"mu_kPa": [85.1168, -0.0020], "alpha": [2.8991, -8.2915]},
+    }
+    return study_from(
+        {
+            "study": "small",
+            "materials": {name: {"parameters": value} for name, value in parameters.items()},
+            "sensor": block | (sensor or {}),
+            "plan": plan or {"grid": {"spacing_mm": 3.0, "margin_mm": 5.0}, "depths_mm": [0.4, 0.8]},
+            "mechanics": {"mesh": mesh} | mechanics,
+        }
+    )
+
+
+STUDY_LAWS = {"soft": GEL, "stiff": SKIN}

@@ -1,0 +1,136 @@
+"""Configurations: what is shipped is valid, what is wrong is refused with key, value and limit."""
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gelforge.config import ConfigError, load_study, schema, study_from, write_yaml
+from gelforge.indentation.plan import plan_cells
+
+ROOT = Path(__file__).parents[1]
+STUDIES = ["config/config.yaml", "config/paper.yaml", "config/test.yaml"]
+
+
+@pytest.fixture(autouse=True)
+def in_repository(monkeypatch):
+    monkeypatch.chdir(ROOT)
+
+
+def paper() -> dict:
+    return yaml.safe_load(Path("config/paper.yaml").read_text())
+
+
+@pytest.mark.parametrize("path", STUDIES)
+def test_shipped_studies_are_valid(path):
+    study = load_study(path)
+    assert plan_cells(study)
+
+
+def test_paper_has_its_13448_presses():
+    study = load_study("config/paper.yaml")
+    cells = plan_cells(study)
+    assert len(cells) == 1681
+    assert sum(len(cell.depths_mm) for cell in cells.values()) == 13448
+    solved = [cell for cell in cells.values() if cell.source is None]
+    assert len(solved) == 21 * 22 // 2  # one octant of a 41 x 41 grid, diagonal and axes included
+    assert (solved[0].x_mm, solved[0].y_mm) == (5.0, 5.0)
+
+
+def test_demo_has_at_least_25_positions_and_8_depths():
+    cells = plan_cells(load_study("config/config.yaml"))
+    assert len({(cell.x_mm, cell.y_mm) for cell in cells.values()}) >= 25
+    assert {len(cell.depths_mm) for cell in cells.values()} == {8}
+
+
+def test_schema_file_is_current():
+    assert json.loads(Path("config/schema.json").read_text()) == schema()
+
+
+def test_every_key_of_the_schema_says_what_it_is():
+    """A number's description ends in its unit, written [mm], [-] and the like."""
+    definitions = schema()["$defs"] | {"Study": schema()}
+    for name, definition in definitions.items():
+        for key, content in definition.get("properties", {}).items():
+            assert content.get("description"), f"{name}.{key} has no description"
+            if content.get("type") in ("number", "integer") and key != "seed":
+                assert "[" in content["description"], (
+                    f"{name}.{key}: {content['description']!r} names no unit"
+                )
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"sede": 1}, ["sede", "unknown key"]),
+        ({"mechanics": {"frction": 0.4}}, ["mechanics.frction", "unknown key"]),
+        ({"mechanics": {"friction": -0.1}}, ["mechanics.friction", "-0.1", "greater than or equal to 0"]),
+        ({"mechanics": {"mesh": {"near_mm": 0}}}, ["mechanics.mesh.near_mm", "0", "greater than 0"]),
+        ({"dataset": {"test_fraction": 1.5}}, ["dataset.test_fraction", "1.5", "less than 1"]),
+        ({"learning": {"epochs": "many"}}, ["learning.epochs", "many"]),
+        ({"study": "a b"}, ["study", "a b"]),
+        ({"plan": {"grid": {"spacing_mm": 2}, "depths_mm": [1, 0.5]}}, ["plan", "must increase"]),
+        ({"plan": {"grid": {"spacing_mm": 2}, "depths_mm": [2000.0]}}, ["2000.0", "press less deep"]),
+        ({"plan": {"grid": {"spacing_mm": float("nan")}, "depths_mm": [1]}}, ["plan.grid.spacing_mm", "nan"]),
+        ({"materials": {}}, ["ecoflex_gel", "not among"]),
+        ({"sensor": "config/sensors/none.yaml"}, ["config/sensors/none.yaml", "no such file"]),
+    ],
+)
+def test_wrong_keys_are_refused_with_key_value_and_limit(change, words):
+    with pytest.raises(ConfigError) as refused:
+        study_from(paper() | change, "try.yaml")
+    for word in words:
+        assert word in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"sensor": {"width_x_mm": 30.0}}, "square sensor"),
+        ({"sensor": {"bins": {"nx": 20, "ny": 10}}}, "square bins"),
+        (
+            {
+                "plan": {
+                    "grid": {"spacing_mm": 2.0, "margin_mm": 16.0},
+                    "depths_mm": [1.0],
+                    "symmetry": "none",
+                }
+            },
+            None,
+        ),
+        (
+            {"plan": {"grid": {"spacing_mm": 2.0, "margin_mm": 17.0}, "depths_mm": [1.0]}},
+            "half the sensor's width",
+        ),
+    ],
+)
+def test_plans_that_do_not_fit_the_sensor_are_refused(change, word):
+    content = paper()
+    sensor = yaml.safe_load(Path(content["sensor"]).read_text())
+    content |= {key: value for key, value in change.items() if key != "sensor"}
+    content["sensor"] = sensor | change.get("sensor", {})
+    study = study_from(content)
+    if word is None:
+        assert len(plan_cells(study)) == 1
+    else:
+        with pytest.raises(ConfigError, match=word):
+            plan_cells(study)
+
+
+@given(st.text(min_size=1, max_size=12).filter(lambda text: text not in study_keys()))
+def test_any_key_that_is_not_named_is_refused(key):
+    with pytest.raises(ConfigError, match="unknown key"):
+        study_from(paper() | {key: 1})
+
+
+def study_keys() -> set[str]:
+    return set(schema()["properties"])
+
+
+def test_a_study_written_out_reads_back_the_same(tmp_path):
+    study = load_study("config/paper.yaml")
+    write_yaml(tmp_path / "study.yaml", study)
+    assert load_study(tmp_path / "study.yaml") == study

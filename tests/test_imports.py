@@ -1,0 +1,119 @@
+"""The layers of the package: imports run one way, and heavy libraries stay where they belong."""
+
+import ast
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import gelforge
+
+PACKAGE = Path(gelforge.__file__).parent
+
+# A module may import from its own layer and from lower ones. Folders of one layer do not import each other.
+LAYERS = [
+    {"mechanics"},
+    {"config", "config_mapping", "files", "csv_table"},
+    {"characterisation", "indentation"},
+    {"recording", "virtual_lab"},
+    {"dataset"},
+    {"learning"},
+    {"mismatch"},
+    {"report"},
+    {"cli", "__main__"},
+]
+# The virtual lab draws what the recording stage reads, and judges nothing: it may use the camera and the session's files.
+SIDEWAYS = {("virtual_lab", "recording")}
+
+CONFINED = {
+    "cv2": {"characterisation", "recording", "virtual_lab"},
+    "torch": {"learning"},
+    "yaml": {"config"},
+    "matplotlib": {"report"},
+    "snakemake": set(),
+}
+MECHANICS_KNOWS = {"numpy", "scipy", "numba", "pypardiso"}
+
+
+def layer_of(part: str) -> int:
+    return next(number for number, names in enumerate(LAYERS) if part in names)
+
+
+def imported(source: str) -> set[str]:
+    """Return the full names of everything a module imports, at its top or inside a function."""
+    names = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return names
+
+
+def complaints(part: str, source: str) -> list[str]:
+    """Return what a module of this part of the package imports and must not."""
+    found = []
+    for name in sorted(imported(source)):
+        root = name.split(".")[0]
+        if root == "gelforge":
+            target = name.partition(".")[2].split(".")[0]
+            if target in ("", "__version__", part):  # the package itself: its version and its place
+                continue
+            upward = layer_of(target) > layer_of(part)
+            sideways = layer_of(target) == layer_of(part) and layer_of(part) != layer_of("config")
+            if upward or (sideways and (part, target) not in SIDEWAYS and part != "__main__"):
+                found.append(f"{part} imports {name}, which is not below it")
+        elif root in CONFINED and part not in CONFINED[root]:
+            found.append(
+                f"{part} imports {root}, which belongs to {sorted(CONFINED[root]) or 'the workflow'}"
+            )
+        elif part == "mechanics" and root not in MECHANICS_KNOWS | sys.stdlib_module_names:
+            found.append(f"mechanics imports {root}; it knows {sorted(MECHANICS_KNOWS)} only")
+    return found
+
+
+MODULES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: path.relative_to(PACKAGE).as_posix())
+def test_imports_run_one_way(path):
+    part = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+    assert complaints(part, path.read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.parametrize(
+    ("part", "source"),
+    [
+        ("mechanics", "from gelforge.config import Study"),
+        ("indentation", "from gelforge.recording.camera import project"),
+        ("indentation", "from gelforge.characterisation import fits"),
+        ("dataset", "def f():\n    import gelforge.learning.network"),
+        ("dataset", "import torch"),
+        ("report", "import cv2"),
+        ("learning", "from matplotlib.figure import Figure"),
+        ("mechanics", "import pandas"),
+        ("cli", "import snakemake"),
+    ],
+)
+def test_an_import_that_runs_upward_is_found(part, source):
+    assert len(complaints(part, source)) == 1
+
+
+def test_reference_solutions_stand_alone():
+    """Closed forms judge the package, so they import nothing of it (architecture: imports)."""
+    for path in PACKAGE.rglob("*reference*.py"):
+        if path.parent.name == "mechanics":
+            assert not [name for name in imported(path.read_text()) if name.startswith("gelforge")]
+
+
+def test_help_imports_nothing_heavy():
+    """`gelforge --help` must answer at once: no numerical library is loaded for it."""
+    code = "import sys; from gelforge.cli.arguments import parser; parser(); print(*sys.modules)"
+    start = time.perf_counter()
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout.split()
+    assert not {"numpy", "pydantic", "torch", "cv2", "matplotlib", "numba", "h5py", "pandas"} & set(loaded)
+    assert time.perf_counter() - start < 5  # a start of Python on a busy machine; 0.07 s when it is idle

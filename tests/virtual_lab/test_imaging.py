@@ -1,0 +1,74 @@
+"""The virtual camera draws balls where the pinhole sees them, and the flow finds how they moved."""
+
+import numpy as np
+import pytest
+from artificial_truth import small_study
+from numpy.testing import assert_allclose, assert_array_equal
+
+from gelforge.config import Camera, Features, VirtualImaging, VirtualParticles
+from gelforge.recording.camera import project
+from gelforge.recording.flow import Flow
+from gelforge.virtual_lab.imaging import draw, expose
+from gelforge.virtual_lab.particles import place_particles
+
+CAMERA = Camera(
+    width_px=400, height_px=400, focal_px=545.0, centre_px=[199.5, 199.5], position_mm=[16.0, 16.0, -46.0]
+)
+PLAIN = VirtualImaging(blur_px=0.0, noise_grey=0.0, background_grey=0.0, particle_grey=200.0)
+
+
+def test_a_ball_appears_at_its_projection_with_its_size():
+    centre = np.array([[12.34, 20.56, -2.0]])
+    image = draw(CAMERA, PLAIN, centre, 0.6)
+    (pixel,), (distance,) = project(CAMERA, centre)
+    v, u = np.mgrid[:400, :400]
+    # a disc of 7.4 px with a border of one pixel: its centroid is exact to a few hundredths
+    assert_allclose([(image * u).sum() / image.sum(), (image * v).sum() / image.sum()], pixel, atol=0.03)
+    radius = 545 * 0.3 / distance
+    assert_allclose(
+        (image > 0.45 * image.max() / 2).sum(), np.pi * radius**2, rtol=0.15
+    )  # counted in whole pixels
+
+
+def test_nearer_balls_cover_farther_ones():
+    near, far = [16.0, 16.0, -5.5], [16.0, 16.0, -2.0]
+    alone = draw(CAMERA, PLAIN, np.array([near, [3.0, 3.0, -2.0]]), 0.6)
+    for order in ([near, far], [far, near]):
+        both = draw(CAMERA, PLAIN, np.array([*order, [3.0, 3.0, -2.0]]), 0.6)
+        # the farther ball stands behind the middle of the nearer one: no trace of it but in the smoothed border
+        assert_array_equal(both[197:203, 197:203], alone[197:203, 197:203])
+
+
+def test_balls_beyond_the_image_are_cut_off():
+    image = draw(CAMERA, PLAIN, np.array([[-40.0, 16.0, -3.0], [1.4, 16.0, -6.0]]), 0.6)
+    assert 0 < (image > 0).sum() < 80
+
+
+def test_noise_has_the_asked_spread_and_a_seed():
+    imaging = VirtualImaging(noise_grey=2.0)
+    flat = np.full((400, 400), 100, np.float32)
+    first, again, other = (expose(flat, imaging, np.random.default_rng(seed)) for seed in (1, 1, 2))
+    assert_array_equal(first, again)
+    assert not np.array_equal(first, other)
+    # 160,000 samples: 0.2 %; rounding to grey levels adds 1 / 12 to the variance
+    assert_allclose(first.std(), np.sqrt(4 + 1 / 12), rtol=0.01)
+
+
+@pytest.mark.parametrize("shift_mm", [0.02, 0.1, 0.2])
+def test_flow_finds_a_sub_pixel_shift_of_drawn_particles(shift_mm):
+    # All particles lie in one thin sheet, so that all shift by the same number of pixels.
+    sheet = small_study().sensor
+    layers = [sheet.layers[0].model_copy(update={"thickness_mm": 1.0}), sheet.layers[1]]
+    sheet = sheet.model_copy(update={"layers": layers})
+    P = place_particles(VirtualParticles(diameter_mm=0.3, volume_fraction=0.08), sheet, "a")
+    rng = np.random.default_rng(0)
+    imaging = VirtualImaging()
+    reference, image = (
+        expose(draw(CAMERA, imaging, P + [shift, -shift, 0], 0.3), imaging, rng) for shift in (0, shift_mm)
+    )
+    flow = Flow(reference, Features().flow_preset)(image)[60:340, 60:340]
+    exact = shift_mm * 545 / (46 - 2.35)  # the nearest centres cover the others
+    regions = flow.reshape(28, 10, 28, 10, 2).mean(axis=(1, 3))
+    # v grows downwards and y upwards; the search itself is off by up to 0.042 px, periodic in the shift (measured)
+    assert_allclose(flow.mean(axis=(0, 1)), [exact, exact], atol=0.05)
+    assert regions.std(axis=(0, 1)).max() < 0.04  # measured 0.03, with noise of 2 grey levels

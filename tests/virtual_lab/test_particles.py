@@ -1,0 +1,110 @@
+"""Particles fill the gel as asked, and move as the truth cell says."""
+
+import numpy as np
+import pytest
+from artificial_truth import DEPTHS, displacement_per_mm, force_at, gel_mesh, small_study, truth_cell
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial import cKDTree
+
+from gelforge.config import VirtualParticles
+from gelforge.indentation.cell_file import Cell
+from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.symmetry import D4, transform_points, transform_vectors
+from gelforge.virtual_lab.particles import VirtualLabError, interpolation, place_particles, true_motion
+
+SENSOR = small_study().sensor
+GEL_MM3 = 29 * 29 * 4.5
+
+
+@pytest.mark.parametrize(("diameter", "fraction"), [(0.3, 0.0196), (0.6, 0.0196), (0.6, 0.1)])
+def test_particles_fill_their_share_inside_the_gel_without_overlap(diameter, fraction):
+    P = place_particles(VirtualParticles(diameter_mm=diameter, volume_fraction=fraction), SENSOR, "a")
+    assert_allclose(len(P) * np.pi / 6 * diameter**3 / GEL_MM3, fraction, rtol=0.02)
+    r = diameter / 2
+    assert (P >= [1.5 + r, 1.5 + r, -6 + r]).all()
+    assert (P <= [30.5 - r, 30.5 - r, -1.5 - r]).all()
+    assert cKDTree(P).query(P, k=2)[0][:, 1].min() >= diameter
+    # uniform: the mean of n uniform numbers scatters by width / sqrt(12 n); 5 of these are never exceeded
+    scatter = 5 * (np.array([29, 29, 4.5]) - diameter) / np.sqrt(12 * len(P))
+    assert (np.abs(P.mean(axis=0) - [16, 16, -3.75]) < scatter).all()
+
+
+def test_particles_belong_to_the_serial():
+    particles = VirtualParticles(diameter_mm=0.6)
+    first, again, other = (place_particles(particles, SENSOR, serial) for serial in ("a", "a", "b"))
+    assert_array_equal(first, again)
+    assert not np.array_equal(first, other)
+
+
+def test_a_sensor_without_particle_layer_is_refused():
+    bare = [layer.model_copy(update={"particle_volume_fraction": 0.0}) for layer in SENSOR.layers]
+    with pytest.raises(VirtualLabError, match="particle_volume_fraction"):
+        place_particles(VirtualParticles(), SENSOR.model_copy(update={"layers": bare}), "a")
+
+
+def test_interpolation_reproduces_trilinear_fields_whatever_the_order_of_corners():
+    nodes, hexahedra = gel_mesh((5, 4, 3))
+    rng = np.random.default_rng(0)
+    shuffled = rng.permuted(hexahedra, axis=1)
+    points = rng.uniform([1.5, 1.5, -6], [30.5, 30.5, -1.5], (500, 3))
+    points = np.concatenate([points, nodes])  # nodes lie on the border of several elements
+
+    def field(X):
+        x, y, z = X.T
+        return 1 + x - 2 * y + 3 * z
+
+    for connectivity in (hexahedra, shuffled):
+        weights = interpolation(nodes, connectivity, points)
+        assert_allclose(weights @ field(nodes), field(points), atol=1e-12)  # rounding
+    # a product of the coordinates is trilinear within an element only: compare on one element
+    one = interpolation(nodes, hexahedra[:1], nodes[hexahedra[0]].mean(axis=0, keepdims=True))
+    assert_allclose(one @ nodes.prod(axis=1), nodes[hexahedra[0]].prod(axis=1).mean(), rtol=1e-12)
+
+
+def test_interpolation_accepts_float32_nodes():
+    nodes, hexahedra = gel_mesh()
+    weights = interpolation(nodes.astype(np.float32), hexahedra, np.array([[30.49, 1.51, -1.51]]))
+    assert_allclose(weights.sum(axis=1), 1, atol=1e-12)
+
+
+def test_points_outside_and_meshes_that_are_no_grid_are_named():
+    nodes, hexahedra = gel_mesh((4, 4, 2))
+    with pytest.raises(VirtualLabError, match="lies in no element"):
+        interpolation(nodes, hexahedra, np.array([[16.0, 16.0, -1.0]]))
+    bent = nodes.copy()
+    bent[hexahedra[3, 0]] += 0.1
+    with pytest.raises(VirtualLabError, match="boxes"):
+        interpolation(bent, hexahedra, np.array([[16.0, 16.0, -3.0]]))
+
+
+def test_motion_follows_the_truth_in_depth():
+    P = place_particles(VirtualParticles(diameter_mm=0.6), SENSOR, "a")
+    motion = true_motion(truth_cell("c", 10.0, 22.0), PlannedCell("c", 10.0, 22.0, tuple(DEPTHS)), P, 32.0)
+    assert_array_equal(motion.displacement(0.0), 0)
+    assert motion.deepest_mm == 1.0
+    for depth in (0.5, 0.8, 1.0):  # linear in depth, as the truth is: PCHIP keeps lines
+        exact = depth * displacement_per_mm(P, 10.0, 22.0)
+        # 1.2 mm elements under a bell of 4 mm: h^2 / 8 times its curvature, 0.7 / 16 per mm
+        assert_allclose(motion.displacement(depth), exact, atol=0.02)
+    assert_allclose(motion.force(1.0), force_at(np.array([1.0]), 10, 22)[0], atol=1e-12)
+    assert_allclose(motion.unload_force(0.6), force_at(np.array([0.6]), 10, 22)[0], atol=1e-12)
+
+
+@pytest.mark.parametrize("symmetry", [name for name in D4 if name != "identity"])
+def test_a_mirrored_cell_carries_the_field_and_not_the_particles(symmetry):
+    P = place_particles(VirtualParticles(diameter_mm=0.6), SENSOR, "a")
+    source = truth_cell("s", 10.0, 13.0)
+    x, y = transform_points(symmetry, np.array([10.0, 13.0]), 32.0)
+    planned = PlannedCell("m", x, y, tuple(DEPTHS), "s", symmetry)
+    motion = true_motion(source, planned, P, 32.0)
+    # the bell is round: its image is the bell at the image of the position
+    assert_allclose(motion.displacement(1.0), displacement_per_mm(P, x, y), atol=0.02)  # as above
+    force = source.arrays["total_force_N"][1]
+    assert_allclose(motion.force(1.0), transform_vectors(symmetry, force), atol=1e-12)
+
+
+def test_a_truth_cell_with_mixed_phases_is_refused():
+    cell = truth_cell("c", 10.0, 10.0)
+    mixed = Cell(cell.arrays, cell.attributes | {"phases": ["unload", "load", "load"]})
+    with pytest.raises(VirtualLabError, match="loading depths must increase"):
+        true_motion(mixed, PlannedCell("c", 10.0, 10.0, tuple(DEPTHS)), np.array([[16.0, 16.0, -3.0]]), 32.0)

@@ -1,0 +1,186 @@
+"""A synthetic session is a laboratory's session: repeatable, readable, and true to the truth within its noise."""
+
+import filecmp
+
+import numpy as np
+import pytest
+from artificial_truth import DEPTHS, UNLOAD, force_at, small_study, truth_cell
+from numpy.testing import assert_allclose
+
+from gelforge.config import VirtualLab, load_session
+from gelforge.indentation.cell_file import write_cell
+from gelforge.indentation.plan import plan_cells
+from gelforge.indentation.symmetry import transform_vectors
+from gelforge.recording.flow import read_grey
+from gelforge.recording.readings import at_commanded_depth, read_recording, stage_to_sensor
+from gelforge.virtual_lab.particles import VirtualLabError
+from gelforge.virtual_lab.session import make_session, sensor_to_stage, session_cells
+
+STUDY = small_study()
+CELLS = plan_cells(STUDY)
+LAB = VirtualLab.model_validate(
+    {
+        "serial": "virtual-x",
+        "materials": {"soft": {"mu_kPa": [10.0], "alpha": [2.0]}},
+        "stiffness_scale": {"gel": 1.123},
+        "unload_depths_mm": UNLOAD,
+        "particles": {"diameter_mm": 0.6},
+        "camera": {
+            "width_px": 200,
+            "height_px": 160,
+            "focal_px": 200.0,
+            "centre_px": [99.5, 79.5],
+            "position_mm": [16.0, 16.0, -46.0],
+        },
+        "imaging": {"images_per_press": 2},
+        "sessions": [
+            {
+                "session": "one",
+                "date": "2024-01-01",
+                "share": 0.6,
+                "seed": 1,
+                "axes": [[0, -1, 0], [1, 0, 0], [0, 0, 1]],
+                "stage_to_sensor": {"origin_mm": [16.0, 16.0], "rotation_deg": 90.0},
+            },
+            {
+                "session": "two",
+                "date": "2024-01-02",
+                "share": 0.4,
+                "seed": 2,
+                "acts_on": "sensor",
+                "stage_to_sensor": {"origin_mm": [0.0, 32.0], "handedness": "left"},
+            },
+        ],
+    }
+)
+
+
+@pytest.fixture(scope="module")
+def truth(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("truth")
+    for cell in CELLS.values():
+        if cell.source is None:
+            write_cell(folder / f"{cell.name}.h5", truth_cell(cell.name, cell.x_mm, cell.y_mm))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def made(truth, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recordings")
+    for session in LAB.sessions:
+        make_session(LAB, session, STUDY, CELLS, truth, folder / session.session)
+    return folder
+
+
+def test_sessions_share_the_cells_out():
+    parts = session_cells(LAB, CELLS)
+    assert sorted(parts["one"] + parts["two"]) == sorted(CELLS)
+    assert [len(parts["one"]), len(parts["two"])] == [5, 4]
+
+
+@pytest.mark.parametrize("session", LAB.sessions, ids=lambda s: s.session)
+def test_readings_agree_with_the_truth_through_axes_offset_and_stage(made, session):
+    recording = read_recording(made / session.session, CELLS, STUDY.sensor)
+    readings = recording.readings
+    assert sorted(readings["cell"].unique()) == sorted(session_cells(LAB, CELLS)[session.session])
+    held = readings[at_commanded_depth(readings)]
+    # mirrored cells included: each position has the force of the source carried by the symmetry
+    exact = []
+    for cell, depth in zip(held["cell"], held["depth_mm"]):
+        planned = CELLS[cell]
+        source = CELLS[planned.source] if planned.source else planned
+        force = force_at(np.array([depth]), source.x_mm, source.y_mm)
+        exact.append(transform_vectors(planned.symmetry, force)[0] if planned.symmetry else force[0])
+    # half a step of the reading and of the zero, noise, and 0.03 mm of touchdown times 0.4 N/mm
+    assert_allclose(held[["fx_N", "fy_N", "fz_N"]], exact, atol=0.09)
+    # steps average out over many readings: no offset is left
+    error = held[["fx_N", "fy_N", "fz_N"]].to_numpy() - exact
+    assert np.abs(error.mean(axis=0)).max() < 0.02
+    raw_zero = readings.loc[readings["phase"] == "zero", ["fx_raw_N", "fy_raw_N", "fz_raw_N"]].to_numpy()
+    steps = raw_zero / LAB.force.resolution_N
+    assert_allclose(steps, np.rint(steps), atol=1e-6)  # CSV holds nine decimals
+
+
+def test_the_same_lab_makes_the_same_bytes_with_any_number_of_threads(made, truth, tmp_path):
+    make_session(LAB, LAB.sessions[0], STUDY, CELLS, truth, tmp_path / "one", workers=2)
+    files = sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*") if path.is_file())
+    presses = 5 * len(DEPTHS)
+    assert len(files) == presses * 3 + 4
+    assert filecmp.cmpfiles(tmp_path, made, files, shallow=False)[1:] == ([], [])
+
+
+def test_images_of_a_press_differ_by_noise_only_and_zero_looks_like_the_reference(made):
+    folder = made / "one"
+    first, second = (read_grey(folder / "images" / f"p00000_{i}.png").astype(float) for i in (0, 1))
+    zero, reference = read_grey(folder / "images" / "p00000_zero.png"), read_grey(folder / "reference.png")
+    # two images' noise of 2 grey levels and rounding: sqrt(2 (4 + 1 / 12)) = 2.86, clipped nowhere
+    for a, b in ((first, second), (zero.astype(float), reference.astype(float))):
+        assert_allclose((a - b).std(), 2.86, rtol=0.02)
+    assert (first - reference).std() > 4  # particles moved
+
+
+def test_order_is_random_and_only_the_deepest_press_is_followed_up(made):
+    readings = read_recording(made / "one", CELLS, STUDY.sensor).readings
+    presses = readings[readings["phase"] == "load"]
+    assert list(presses["depth_mm"]) != sorted(presses["depth_mm"])
+    assert presses["cell"].ne(presses["cell"].shift()).sum() > len(presses["cell"].unique())
+    up = readings[readings["phase"] == "unload"]
+    deep = presses.loc[presses["depth_mm"] == DEPTHS[-1], "press"]
+    assert sorted(up["press"]) == sorted(deep)
+    assert set(up["depth_mm"]) == set(UNLOAD)
+
+
+def test_everything_says_synthetic_and_nothing_tells_the_truth(made):
+    for name in ("one", "two"):
+        assert load_session(made / name / "session.yaml").synthetic
+        assert (made / name / "README.txt").read_text().startswith("SYNTHETIC")
+        for path in (made / name).glob("*.*"):
+            assert b"1.123" not in path.read_bytes()
+            assert b"stiffness" not in path.read_bytes()
+
+
+def test_measured_data_is_never_replaced(truth, tmp_path):
+    folder = tmp_path / "one"
+    folder.mkdir()
+    (folder / "indentations.csv").write_text("measured")
+    with pytest.raises(VirtualLabError, match="not a synthetic session"):
+        make_session(LAB, LAB.sessions[0], STUDY, CELLS, truth, folder)
+    (folder / "session.yaml").write_text("session: one\nsynthetic: false\n")
+    with pytest.raises(VirtualLabError, match="not a synthetic session"):
+        make_session(LAB, LAB.sessions[0], STUDY, CELLS, truth, folder)
+    assert (folder / "indentations.csv").read_text() == "measured"
+
+
+def test_an_interrupted_synthetic_session_is_made_again(made, truth, tmp_path):
+    folder = tmp_path / "one"
+    make_session(LAB, LAB.sessions[0], STUDY, CELLS, truth, folder)
+    (folder / "session.yaml").unlink()
+    make_session(LAB, LAB.sessions[0], STUDY, CELLS, truth, folder)
+    assert filecmp.cmp(folder / "indentations.csv", made / "one" / "indentations.csv", shallow=False)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"status": "failed", "reason": "no equilibrium at 0.7 mm"}, "no equilibrium at 0.7 mm"),
+        ({"phases": ["load", "unload", "unload"]}, "ends at 0.5 mm"),
+    ],
+)
+def test_a_truth_cell_that_failed_or_ends_early_is_named(tmp_path, change, message):
+    for cell in CELLS.values():
+        if cell.source is None:
+            truth = truth_cell(cell.name, cell.x_mm, cell.y_mm, **change)
+            if "phases" in change:
+                truth.arrays["depth_mm"] = np.array([0.5, 0.4, 0.3])
+            write_cell(tmp_path / "truth" / f"{cell.name}.h5", truth)
+    with pytest.raises(VirtualLabError, match=message):
+        make_session(LAB, LAB.sessions[0], STUDY, CELLS, tmp_path / "truth", tmp_path / "one")
+    assert not (tmp_path / "one").exists()
+    assert not list(tmp_path.glob(".one*"))
+
+
+def test_stage_positions_turn_back_to_the_sensor():
+    xy = np.array([[5.0, 27.0], [16.0, 11.0]])
+    for session in LAB.sessions:
+        back = stage_to_sensor(sensor_to_stage(xy, session.stage_to_sensor), session.stage_to_sensor)
+        assert_allclose(back, xy, atol=1e-12)

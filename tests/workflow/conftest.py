@@ -1,0 +1,83 @@
+"""A folder with everything a run needs, so that tests run Snakemake beside the checkout and not in it."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+class Checkout:
+    """A copy of the workflow, its configuration and the demo's material tests in a temporary folder."""
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+        shutil.copy(ROOT / "Snakefile", folder)
+        for name in ("workflow", "config"):
+            shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+        (folder / "profiles").symlink_to("workflow/profiles")
+        shutil.copytree(
+            ROOT / "data", folder / "data", ignore=shutil.ignore_patterns("recordings", "virtual_truth")
+        )
+
+    def command(self, *arguments: str) -> list[str]:
+        return [sys.executable, "-m", "snakemake", *arguments]
+
+    def snakemake(self, *arguments: str, check: bool = True) -> subprocess.CompletedProcess:
+        """Run Snakemake here and return what it printed, standard output and errors together."""
+        done = subprocess.run(
+            self.command(*arguments),
+            cwd=self.folder,
+            env=environment(),
+            text=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+        )
+        assert not check or done.returncode == 0, done.stdout[-6000:]
+        return done
+
+    def jobs(self, *arguments: str) -> dict[str, int]:
+        """Return how many jobs of each rule a dry run lists."""
+        printed = self.snakemake(*arguments, "-n", "--quiet", "rules").stdout
+        table = printed.partition("Job stats:")[2].partition("total")[0].splitlines()
+        rows = (line.split() for line in table)
+        return {row[0]: int(row[1]) for row in rows if len(row) == 2 and row[1].isdigit()}
+
+    def files(self, pattern: str) -> dict[str, bytes]:
+        """Return the bytes of files here, by path."""
+        return {
+            path.relative_to(self.folder).as_posix(): path.read_bytes() for path in self.folder.glob(pattern)
+        }
+
+
+def environment() -> dict[str, str]:
+    """Return this environment without what pytest's own parent may have set for Snakemake."""
+    return {
+        key: value for key, value in os.environ.items() if not key.startswith(("SNAKEMAKE", "GELFORGE_RUN"))
+    }
+
+
+@pytest.fixture
+def checkout(tmp_path) -> Checkout:
+    return Checkout(tmp_path)
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory) -> Checkout:
+    """The test study, run to its end once; tests that change it work in a copy (see `again`)."""
+    run = Checkout(tmp_path_factory.mktemp("finished"))
+    run.snakemake("--cores", "2", "--configfile", "config/test.yaml")
+    return run
+
+
+@pytest.fixture
+def again(finished, tmp_path) -> Checkout:
+    """A copy of the finished study, time stamps kept."""
+    shutil.copytree(finished.folder, tmp_path, symlinks=True, dirs_exist_ok=True)
+    run = Checkout.__new__(Checkout)
+    run.folder = tmp_path
+    return run

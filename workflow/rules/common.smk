@@ -1,0 +1,134 @@
+"""What every rule shares: the validated study, the names of its files and the digests of what decides them."""
+
+import math
+import os
+import sys
+from pathlib import Path
+
+from snakemake.exceptions import WorkflowError
+
+from gelforge.config import ConfigError, load_session, load_virtual_lab, study_from, write_yaml
+from gelforge.files import atomic, digest, source_digest
+from gelforge.indentation.plan import plan_cells
+
+
+def _described():
+    """Return study, cells and virtual lab, or stop with one plain message before any job."""
+    try:
+        study = study_from(config)
+        return study, plan_cells(study), load_virtual_lab(study.virtual_lab) if study.virtual_lab else None
+    except ConfigError as error:
+        raise WorkflowError(str(error)) from None
+
+
+STUDY, CELLS, LAB = _described()
+RESULTS = STUDY.results_folder.as_posix()
+DATA = STUDY.data_folder.as_posix()
+LOGS = f"logs/{STUDY.study}"
+BENCHMARKS = f"{RESULTS}/benchmarks"
+GELFORGE = f"{sys.executable} -m gelforge"  # the environment's own interpreter: 18 ms a job
+ONE_THREAD = "OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1"
+os.environ["GELFORGE_RUN"] = os.getcwd()  # marks the jobs of this folder, see workflow/scripts/unlock.py
+
+
+def _study_file():
+    """Return the file that the commands read: this study, whatever happens to the configuration during the run.
+
+    Its name holds its digest. It is no rule's input: an edit of one key must not rerun every rule, and `ancient()`
+    inputs that are about to change make Snakemake 9.27 drop the jobs behind them.
+    """
+    path = Path(".snakemake/studies") / f"{STUDY.study}-{digest(STUDY.model_dump(mode='json'))[:16]}.yaml"
+    if not path.is_file():
+        with atomic(path) as temporary:
+            write_yaml(temporary, STUDY)
+    return path.as_posix()
+
+
+STUDY_FILE = _study_file()
+
+
+wildcard_constraints:
+    cell="[A-Za-z0-9_-]+",
+    material="[A-Za-z0-9_-]+",
+    session="[A-Za-z0-9_-]+",
+    shard=r"\d{5}",
+
+
+def block(*names):
+    """Return the digest of the study's blocks that a rule uses; an edit elsewhere does not rerun the rule."""
+    return digest(STUDY.model_dump(mode="json", include=set(names)))
+
+
+def cell_files(cells):
+    return [f"{RESULTS}/cells/{cell}.h5" for cell in cells]
+
+
+def law_files():
+    return [f"{RESULTS}/materials/{material}/law.json" for material in STUDY.materials]
+
+
+def _has_images(session):
+    """Return whether a session has a camera; a synthetic session that is still to be made has one."""
+    path = STUDY.session_folder(session) / "session.yaml"
+    if LAB or not path.is_file():
+        return True
+    try:
+        return load_session(path).camera is not None
+    except ConfigError as error:
+        raise WorkflowError(str(error)) from None
+
+
+IMAGE_SESSIONS = [session for session in STUDY.sessions if _has_images(session)]
+SHARDS = [f"{i:05d}" for i in range(math.ceil(len(CELLS) / STUDY.dataset.cells_per_shard))]
+
+
+def shard_cells(shard):
+    """Return the names of a shard's cells: a fixed chunk of the plan."""
+    first = int(shard) * STUDY.dataset.cells_per_shard
+    return list(CELLS)[first : first + STUDY.dataset.cells_per_shard]
+
+
+def table_files():
+    """Return the tables that the study's data allow."""
+    names = ["material", "force_ranges"]
+    names += ["rmse_gt"] if STUDY.sessions else []
+    names += ["rmse", "baselines"] if IMAGE_SESSIONS else []
+    return [f"{RESULTS}/tables/{name}.{suffix}" for name in names for suffix in ("csv", "md")]
+
+
+def material_tests(wildcards):
+    """Return samples.csv and every other CSV of the material's folder; nothing where parameters are given."""
+    folder = STUDY.materials[wildcards.material].tests
+    if folder is None:
+        return []
+    return sorted({(folder / "samples.csv").as_posix(), *(path.as_posix() for path in folder.glob("*.csv"))})
+
+
+def mirrored_cell(wildcards):
+    """Return the file of the cell that this one mirrors, if it mirrors one."""
+    source = CELLS[wildcards.cell].source
+    return cell_files([source]) if source else []
+
+
+def planned(wildcards):
+    cell = CELLS[wildcards.cell]
+    return [cell.x_mm, cell.y_mm, list(cell.depths_mm), cell.source or "", cell.symmetry or ""]
+
+
+def session_files(session, *names):
+    """Return files of a session's folder; ft.csv only where there is one."""
+    folder = f"{DATA}/recordings/{session}"
+    return [f"{folder}/{name}" for name in names if name != "ft.csv" or os.path.exists(f"{folder}/{name}")]
+
+
+def true_cells(wildcards):
+    """Return the truth of the cells that a session presses; a mirrored cell is seen through its source."""
+    from gelforge.virtual_lab.session import session_cells
+
+    pressed = session_cells(LAB, CELLS)[wildcards.session]
+    return [f"{TRUTH}/{cell}.h5" for cell in dict.fromkeys(CELLS[name].source or name for name in pressed)]
+
+
+def lab_block(*names):
+    """Return the digest of the virtual lab's blocks that a rule uses."""
+    return digest(LAB.model_dump(mode="json", include=set(names)))

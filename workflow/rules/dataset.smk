@@ -1,0 +1,54 @@
+"""Labels and features joined into shards, and what stands beside the shards."""
+
+
+rule join:
+    """One shard: a fixed chunk of the plan's cells with every recorded image of their presses."""
+    input:
+        laws=law_files(),
+        cells=lambda wildcards: cell_files(shard_cells(wildcards.shard)),
+        features=expand(f"{RESULTS}/features/{{session}}.h5", session=IMAGE_SESSIONS),
+    output:
+        ensure(f"{RESULTS}/dataset/shard-{{shard}}.h5", non_empty=True),
+    log:
+        f"{LOGS}/dataset/shard-{{shard}}.log",
+    params:
+        study=block("seed", "dataset", "plan", "sensor", "sessions"),
+        source=source_digest("dataset"),
+    shell:
+        "{GELFORGE} join --study {STUDY_FILE} --shard {wildcards.shard} --out {output} &> {log}"
+
+
+rule manifest:
+    """What the dataset holds: checksums, provenance, card and Croissant description."""
+    input:
+        shards=expand(f"{RESULTS}/dataset/shard-{{shard}}.h5", shard=SHARDS),
+        features=expand(f"{RESULTS}/features/{{session}}.h5", session=IMAGE_SESSIONS),
+    output:
+        multiext(f"{RESULTS}/dataset/", "manifest.json", "SHA256SUMS", "README.md", "croissant.json"),
+    log:
+        f"{LOGS}/dataset/manifest.log",
+    params:
+        source=source_digest("dataset"),
+    shell:
+        "{GELFORGE} manifest --study {STUDY_FILE} &> {log}"
+
+
+rule labels:
+    """The dataset without training anything."""
+    input:
+        f"{RESULTS}/dataset/manifest.json",
+
+
+rule agreement:
+    """Total force of the finite elements beside the force sensor's, press by press."""
+    input:
+        cells=cell_files(CELLS),
+        readings=expand(f"{RESULTS}/recordings/{{session}}.csv", session=STUDY.sessions),
+    output:
+        ensure(f"{RESULTS}/agreement.csv", non_empty=True),
+    log:
+        f"{LOGS}/agreement.log",
+    params:
+        source=source_digest("dataset"),
+    shell:
+        "{GELFORGE} agreement --study {STUDY_FILE} --out {output} &> {log}"

@@ -1,0 +1,62 @@
+"""Training, prediction of the held-out cells, and the article's tables from what was saved."""
+
+
+rule train:
+    """Train the network; an interrupted training goes on from its last checkpoint."""
+    input:
+        manifest=f"{RESULTS}/dataset/manifest.json",
+        shards=expand(f"{RESULTS}/dataset/shard-{{shard}}.h5", shard=SHARDS),
+    output:
+        model=ensure(f"{RESULTS}/model/model.pt", non_empty=True),
+        loss=ensure(f"{RESULTS}/model/loss.csv", non_empty=True),
+    log:
+        f"{LOGS}/model/train.log",
+    benchmark:
+        f"{BENCHMARKS}/train.tsv"
+    threads: 2
+    resources:
+        mem_mb=4000,
+    params:
+        learning=block("seed", "learning", "sensor"),
+        source=source_digest("learning/data.py", "learning/network.py", "learning/training.py"),
+    shell:
+        "{GELFORGE} train --study {STUDY_FILE} --model {output.model} --loss {output.loss} &> {log}"
+
+
+rule evaluate:
+    """Predict every row of the held-out cells and keep the predictions."""
+    input:
+        model=f"{RESULTS}/model/model.pt",
+        shards=expand(f"{RESULTS}/dataset/shard-{{shard}}.h5", shard=SHARDS),
+    output:
+        ensure(f"{RESULTS}/model/predictions.h5", non_empty=True),
+    log:
+        f"{LOGS}/model/evaluate.log",
+    benchmark:
+        f"{BENCHMARKS}/evaluate.tsv"
+    threads: 2
+    resources:
+        mem_mb=2000,
+    params:
+        source=source_digest("learning/evaluation.py", "learning/network.py"),
+    shell:
+        "{GELFORGE} evaluate --study {STUDY_FILE} --model {input.model} --out {output} &> {log}"
+
+
+rule tables:
+    """The article's tables, from saved predictions, agreement and laws only: seconds, no cell and no training."""
+    input:
+        laws=law_files(),
+        agreement=f"{RESULTS}/agreement.csv" if STUDY.sessions else [],
+        predictions=f"{RESULTS}/model/predictions.h5" if IMAGE_SESSIONS else [],
+        labels=[] if IMAGE_SESSIONS else expand(f"{RESULTS}/dataset/shard-{{shard}}.h5", shard=SHARDS),
+    output:
+        table_files(),
+    log:
+        f"{LOGS}/tables.log",
+    params:
+        source=source_digest(
+            "characterisation/law_file.py", "dataset/agreement.py", "learning/evaluation.py", "files.py"
+        ),
+    shell:
+        "{GELFORGE} tables --study {STUDY_FILE} &> {log}"

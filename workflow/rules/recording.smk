@@ -1,0 +1,40 @@
+"""Recorded sessions, measured or synthetic: readings on the sensor, and features of its images."""
+
+
+rule readings:
+    """Forces on the sensor, in the sensor's frame, zero subtracted."""
+    input:
+        raw=lambda wildcards: session_files(wildcards.session, "session.yaml", "indentations.csv", "ft.csv"),
+    output:
+        ensure(f"{RESULTS}/recordings/{{session}}.csv", non_empty=True),
+    log:
+        f"{LOGS}/recordings/{{session}}.log",
+    params:
+        sensor=block("sensor", "plan"),
+        source=source_digest("recording"),
+    shell:
+        "{GELFORGE} readings --study {STUDY_FILE} --session {wildcards.session} --out {output} &> {log}"
+
+
+rule features:
+    """Optical flow of every image of a session against its reference image, averaged over regions."""
+    input:
+        readings=f"{RESULTS}/recordings/{{session}}.csv",
+        raw=lambda wildcards: session_files(
+            wildcards.session, "session.yaml", "indentations.csv", "reference.png"
+        ),
+    output:
+        ensure(f"{RESULTS}/features/{{session}}.h5", non_empty=True),
+    log:
+        f"{LOGS}/features/{{session}}.log",
+    benchmark:
+        f"{BENCHMARKS}/features/{{session}}.tsv"
+    threads: 2
+    resources:
+        mem_mb=1500,
+    params:
+        features=block("features"),
+        source=source_digest("recording"),
+    shell:
+        "{GELFORGE} features --study {STUDY_FILE} --session {wildcards.session} --workers {threads}"
+        " --out {output} &> {log}"

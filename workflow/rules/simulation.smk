@@ -1,0 +1,56 @@
+"""The plan and its cells: one position with all its depths is one job and one file."""
+
+
+rule study:
+    """The study as it was understood, every default written out."""
+    output:
+        ensure(f"{RESULTS}/study.yaml", non_empty=True),
+    log:
+        f"{LOGS}/study.log",
+    params:
+        study=digest(STUDY.model_dump(mode="json")),
+    shell:
+        "cp {STUDY_FILE} {output} 2> {log}"
+
+
+rule plan:
+    """The plan as a table."""
+    output:
+        ensure(f"{RESULTS}/plan.csv", non_empty=True),
+    log:
+        f"{LOGS}/plan.log",
+    params:
+        cells=block("plan", "sensor", "indenter"),
+    shell:
+        "{GELFORGE} plan --study {STUDY_FILE} --out {output} &> {log}"
+
+
+rule simulate:
+    """Press at one position, depth by depth; a cell that fails is a file that says so."""
+    input:
+        laws=law_files(),
+        mirrored=mirrored_cell,
+    output:
+        ensure(f"{RESULTS}/cells/{{cell}}.h5", non_empty=True),
+    log:
+        f"{LOGS}/cells/{{cell}}.log",
+    benchmark:
+        f"{BENCHMARKS}/cells/{{cell}}.tsv"
+    group:
+        "fem"
+    threads: 1
+    resources:
+        mem_mb=1500,
+    params:
+        planned=planned,
+        model=block("sensor", "indenter", "mechanics"),
+        source=source_digest("mechanics", "indentation"),
+    shell:
+        "{ONE_THREAD} {GELFORGE} simulate --study {STUDY_FILE} --cell {wildcards.cell}"
+        " --laws {input.laws} --mirrored {input.mirrored} --out {output} &> {log}"
+
+
+rule cells:
+    """Every cell of the plan."""
+    input:
+        cell_files(CELLS),
