@@ -64,7 +64,14 @@ def uniform(u, v, size=(40, 60)):
 
 @pytest.mark.parametrize(
     ("u", "v", "direction"),
-    [(2, 0, 0), (0, 2, np.pi / 2), (0, -2, -np.pi / 2), (-2, 0, np.pi), (-2, -1e-20, np.pi), (1, 1, np.pi / 4)],
+    [
+        (2, 0, 0),
+        (0, 2, np.pi / 2),
+        (0, -2, -np.pi / 2),
+        (-2, 0, np.pi),
+        (-2, -1e-20, np.pi),
+        (1, 1, np.pi / 4),
+    ],
 )
 def test_uniform_flow_has_its_length_and_direction_with_v_downwards(u, v, direction):
     features = flow_features(uniform(u, v), 4, 0.05)
