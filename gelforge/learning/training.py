@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -32,6 +33,20 @@ class Run:
     stop_after: int | None = None  # epochs in this run; the next run goes on from there
 
 
+@contextmanager
+def _without_denormals() -> Iterator[None]:
+    """Flush denormal numbers to zero meanwhile: Adam's moments of silent inputs decay into them, and they are slow.
+
+    The mode belongs to the whole process, so it is taken back for whoever computes next.
+    """
+    torch.set_flush_denormal(True)
+    try:
+        yield
+    finally:
+        torch.set_flush_denormal(False)
+
+
+@_without_denormals()
 def train(
     study: Study,
     shards: Sequence[str | Path],
@@ -48,7 +63,6 @@ def train(
     """
     _check_has_images(shards)
     torch.set_num_threads(run.threads)
-    torch.set_flush_denormal(True)  # Adam's moments of silent inputs decay into denormals, which are slow
     checkpoint_path = Path(model_path).with_name(Path(model_path).stem + ".checkpoint.pt")
     settings = _settings(study, shards)
 

@@ -201,3 +201,9 @@ def test_rows_feed_pytorchs_loader_with_workers(shards):
     loaded = torch.cat([feature for feature, _ in loader])
     direct = ShardDataset(shards).read(np.arange(len(rows)), ["feature"])["feature"]
     np.testing.assert_array_equal(loaded.numpy(), direct)
+
+
+def test_training_leaves_denormal_numbers_as_they_were(study, shards, tmp_path):
+    train(study, shards, tmp_path / "model.pt", tmp_path / "loss.csv", QUIET)
+    assert np.finfo(float).tiny / 2 > 0
+    assert np.array([np.finfo(float).tiny]) / np.array([2.0]) > 0
