@@ -100,7 +100,7 @@ class Pardiso:
 
 
 class SuperLU:
-    """LU in float64 by SciPy's SuperLU, for machines without MKL: about ten times slower than PARDISO."""
+    """LU in float64 by SciPy's SuperLU, for machines without MKL: slower than PARDISO."""
 
     name = "superlu"
 
