@@ -1,6 +1,8 @@
 """Cost of one cell at several mesh sizes: unknowns, seconds, iterations, memory. Each size runs in a process of its own.
 
-usage: python benchmarks/cell_cost.py [--near 0.5 0.3] [--repeat 1]      (one thread; prints a Markdown table)
+usage: python benchmarks/cell_cost.py [--near 0.8 0.5 0.3] [--repeat 1] [--update]     (one thread; prints a Markdown table)
+
+--update writes the CPU seconds to gelforge/cli/cell_cost.csv, from which `gelforge check` estimates a study's minutes.
 """
 
 from __future__ import annotations
@@ -8,9 +10,13 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import platform
 import resource
 import subprocess
 import sys
+from datetime import date
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 THREADS = {name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")}
 
@@ -47,10 +53,55 @@ def one_cell(x: float, y: float, near: float) -> dict:
     }
 
 
+def mirrored_cell_seconds() -> float:
+    """Return the CPU seconds of the job of a mirrored cell: its process starts, reads the source, writes the image."""
+    from gelforge.characterisation.characterise import given_law
+    from gelforge.characterisation.law_file import write_law
+    from gelforge.cli.bench import laws_of, paper_study
+    from gelforge.config import write_yaml
+    from gelforge.indentation.cell_file import write_cell
+    from gelforge.indentation.plan import plan_cells
+    from gelforge.indentation.simulate import simulate_cell
+
+    study = paper_study()
+    planned = plan_cells(study)
+    image = next(cell for cell in planned.values() if cell.source)
+    with TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        write_yaml(folder / "study.yaml", study)
+        write_cell(folder / "source.h5", simulate_cell(study, laws_of(study, []), planned[image.source]))
+        laws = [folder / f"{name}.json" for name in study.materials]
+        for (name, material), law in zip(study.materials.items(), laws):
+            write_law(law, given_law(name, material.parameters))
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        run(
+            [sys.executable, "-m", "gelforge", "simulate", "--study", str(folder / "study.yaml")]
+            + ["--cell", image.name, "--out", str(folder / "image.h5")]
+            + ["--laws", *map(str, laws), "--mirrored", str(folder / "source.h5")]
+        )
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def run(command: list[str]) -> str:
+    """Return what a command prints; it has one thread."""
+    done = subprocess.run(command, env=os.environ | THREADS, capture_output=True, text=True, check=True)
+    return done.stdout
+
+
+def machine() -> str:
+    """Return the processor and the date, in words."""
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text().splitlines() if info.is_file() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return f"{names[0] if names else platform.processor()}, {date.today():%Y-%m}"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--near", type=float, nargs="+", default=[0.5, 0.3])
+    parser.add_argument("--near", type=float, nargs="+", default=[0.8, 0.5, 0.3])
     parser.add_argument("--repeat", type=int, default=1)
+    parser.add_argument("--update", action="store_true")
     parser.add_argument("--one", nargs=3, type=float, metavar=("X", "Y", "NEAR"))
     arguments = parser.parse_args()
     if arguments.one:
@@ -63,11 +114,14 @@ def main() -> None:
         for x, y in ((16.0, 16.0), (27.0, 27.0)):
             for _ in range(arguments.repeat):
                 command = [sys.executable, __file__, "--one", str(x), str(y), str(near)]
-                done = subprocess.run(
-                    command, env=os.environ | THREADS, capture_output=True, text=True, check=True
-                )
-                rows.append(json.loads(done.stdout.splitlines()[-1]))
+                rows.append(json.loads(run(command).splitlines()[-1]))
     print(pd.DataFrame(rows).to_markdown(index=False))
+    if arguments.update:
+        from gelforge.cli.cost import MEASURED, write_costs
+
+        measured = [("solved", row["unknowns"], row["CPU [s]"]) for row in rows]
+        write_costs([*measured, ("mirrored", 0, mirrored_cell_seconds())], machine())
+        print(f"written to {MEASURED}")
 
 
 if __name__ == "__main__":

@@ -52,12 +52,18 @@ def digest(content) -> str:
 
 
 def source_digest(*parts: str) -> str:
-    """Return the SHA-256 over Python sources of this package: folders or files, e.g. ("mechanics", "learning/data.py")."""
+    """Return the SHA-256 over files of this package: folders or files, e.g. ("mechanics", "learning/data.py").
+
+    Of a folder every file counts, templates, styles and data too, except what Python compiles and hidden files.
+    """
     package = Path(__file__).parent
     lines = []
     for part in parts:
-        found = [package / part] if part.endswith(".py") else sorted((package / part).rglob("*.py"))
+        found = sorted((package / part).rglob("*")) if (package / part).is_dir() else [package / part]
         for path in found:
+            hidden = any(name.startswith((".", "__pycache__")) for name in path.relative_to(package).parts)
+            if hidden or not path.is_file():
+                continue
             lines.append(f"{path.relative_to(package).as_posix()} {file_sha256(path)}")
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 

@@ -1,6 +1,7 @@
 """Configurations: what is shipped is valid, what is wrong is refused with key, value and limit."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gelforge.config import ConfigError, load_study, schema, study_from, write_yaml
+from gelforge.config import ConfigError, load_study, schema, study_from, variant_study, write_yaml
 from gelforge.indentation.plan import plan_cells
 
 ROOT = Path(__file__).parents[1]
@@ -76,6 +77,15 @@ def test_every_key_of_the_schema_says_what_it_is():
         ({"plan": {"grid": {"spacing_mm": 2}, "depths_mm": [2000.0]}}, ["2000.0", "press less deep"]),
         ({"plan": {"grid": {"spacing_mm": float("nan")}, "depths_mm": [1]}}, ["plan.grid.spacing_mm", "nan"]),
         ({"materials": {}}, ["ecoflex_gel", "not among"]),
+        (
+            {"variants": {"v": {"mechanics": {"frction": 0.4}}}},
+            ["try.yaml: variants.v: mechanics.frction", "unknown key"],
+        ),
+        (
+            {"variants": {"v": {"sensor": {"flange": {"width_mm": -1, "height_mm": 1.5}}}}},
+            ["variants.v: sensor.flange.width_mm", "-1", "greater than 0"],
+        ),
+        ({"variants": {"v": {"learning": {"epochs": 3}}}}, ["variants.v.learning", "unknown key"]),
         ({"sensor": "config/sensors/none.yaml"}, ["config/sensors/none.yaml", "no such file"]),
     ],
 )
@@ -120,10 +130,49 @@ def test_plans_that_do_not_fit_the_sensor_are_refused(change, word):
             plan_cells(study)
 
 
+@pytest.mark.parametrize(
+    ("change", "remedy"),
+    [
+        (
+            {"mechanics": {"frction": 0.4}},
+            "mechanics.frction, found 0.4: unknown key; did you mean friction?",
+        ),
+        (
+            {"mechanics": {"mesh": {"near": 0.4}}},
+            "mechanics.mesh.near, found 0.4: unknown key; did you mean near_mm?",
+        ),
+        (
+            {"materials": {"ecoflex_gel": {"test": "a"}}},
+            "materials.ecoflex_gel.test, found 'a': unknown key; did you mean tests?",
+        ),
+        (
+            {"plan": {"grid": {"q": 1, "spacing_mm": 2}, "depths_mm": [1]}},
+            "plan.grid.q, found 1: unknown key; the keys here are spacing_mm, margin_mm",
+        ),
+    ],
+)
+def test_an_unknown_key_comes_with_the_one_that_was_meant(change, remedy):
+    with pytest.raises(ConfigError, match=re.escape(remedy)):
+        study_from(paper() | change)
+
+
 @given(st.text(min_size=1, max_size=12).filter(lambda text: text not in study_keys()))
 def test_any_key_that_is_not_named_is_refused(key):
     with pytest.raises(ConfigError, match="unknown key"):
         study_from(paper() | {key: 1})
+
+
+def test_a_variant_changes_what_it_names_and_nothing_else():
+    flange = {"width_mm": 6.5, "height_mm": 1.5}
+    change = {"sensor": {"flange": flange}, "mechanics": {"mesh": {"near_mm": 0.6}}}
+    study = study_from(paper() | {"variants": {"v": change}})
+    varied = variant_study(study, "v")
+    base = study.model_dump(mode="json", exclude={"variants"})
+    base["sensor"]["flange"], base["mechanics"]["mesh"]["near_mm"] = flange, 0.6
+    assert varied.model_dump(mode="json", exclude={"variants"}) == base
+    assert study.mechanics.mesh.near_mm == 0.5
+    with pytest.raises(ConfigError, match="no variant 'w'"):
+        variant_study(study, "w")
 
 
 def study_keys() -> set[str]:

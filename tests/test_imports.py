@@ -15,7 +15,7 @@ PACKAGE = Path(gelforge.__file__).parent
 # A module may import from its own layer and from lower ones. Folders of one layer do not import each other.
 LAYERS = [
     {"mechanics"},
-    {"config", "config_mapping", "files", "csv_table"},
+    {"config", "files", "csv_table"},
     {"characterisation", "indentation"},
     {"recording", "virtual_lab"},
     {"dataset"},

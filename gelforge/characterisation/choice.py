@@ -47,11 +47,17 @@ class Comparison:
     candidates: list[Candidate]
     chosen: Candidate
     effective_points: float
+    chosen_by: str  # "aicc", "held_out" or "first"
     widths: list[PredictionWidth]
 
     @property
     def warnings(self) -> list[str]:
         """Return what a person must know of the chosen law before using it."""
+        return self.identifiability + list(self.chosen.fit.notes)
+
+    @property
+    def identifiability(self) -> list[str]:
+        """Return where the chosen law is not determined by the tests, with the width of its prediction there."""
         fit, found = self.chosen.fit, []
         poor = [w for w in self.widths if not w.determined]
         poor = self.widths if len(fit.samples) == 1 else poor  # one load case never shows the others
@@ -60,23 +66,31 @@ class Comparison:
                 "NOT IDENTIFIABLE from " + " and ".join(fit.samples) + " alone; add the missing tests"
             )
             found += [w.text for w in poor]
-        return found + list(fit.notes)
+        return found
 
     @property
     def reason(self) -> str:
         """Return in a sentence why the law was chosen, and whether the two criteria agree."""
         title, usable = self.chosen.fit.family.title, [c for c in self.candidates if c.usable]
-        text = f"{title}: the lowest AICc of {len(usable)} determined and stable laws"
         predicted = [c for c in usable if np.isfinite(c.held_out_error)]
-        if not predicted:
-            return text + "; one kind of test only, so none could be held out"
-        best = min(predicted, key=lambda c: c.held_out_error)
-        if self.chosen.held_out_error <= SAME_ERROR * best.held_out_error:
-            return text + f", and none predicts a test left out better ({self.chosen.held_out_error:.1%})"
-        return text + (
-            f"; a test left out is predicted better by {best.fit.family.title} ({best.held_out_error:.1%} against"
-            f" {self.chosen.held_out_error:.1%}): trust the chosen law only where it was tested"
+        lowest = min(usable, key=lambda c: c.aicc, default=self.chosen)
+        best = min(predicted, key=lambda c: c.held_out_error, default=None)
+        held_out = (
+            f"one kind of test only, so none could be held out{' as asked' * (self.chosen_by == 'held_out')}"
         )
+        if best and self.chosen.held_out_error <= SAME_ERROR * best.held_out_error:
+            held_out = f"none predicts a test left out better ({self.chosen.held_out_error:.1%})"
+        elif best:
+            held_out = (
+                f"a test left out is predicted better by {best.fit.family.title} ({best.held_out_error:.1%} against"
+                f" {self.chosen.held_out_error:.1%}): trust the chosen law only where it was tested"
+            )
+        criterion = f"the lowest AICc of {len(usable)} determined and stable laws"
+        if self.chosen is not lowest:
+            difference = self.chosen.aicc - lowest.aicc
+            criterion = f"its AICc is {difference:.3g} above that of {lowest.fit.family.title}"
+        how = {"aicc": "", "held_out": "chosen by tests left out; ", "first": "chosen as the first named; "}
+        return f"{title}: {how[self.chosen_by]}{criterion}; {held_out}"
 
     def table(self) -> pd.DataFrame:
         """Return one row per law."""
@@ -98,8 +112,13 @@ class Comparison:
         return pd.DataFrame(rows)
 
 
-def compare_laws(curves: list[MeanCurve], names: list[str], loss: str = "linear") -> Comparison:
+def compare_laws(
+    curves: list[MeanCurve], names: list[str], loss: str = "linear", choose: str = "aicc"
+) -> Comparison:
     """Return the comparison of laws by name; raise FitError where none is determined and stable.
+
+    choose: "aicc" (lowest), "held_out" (least error of tests left out; AICc where there is one kind of test only), or
+    "first" (the first name, which must be determined).
 
     AICc = n ln(misfit^2) + 2 q + 2 q (q + 1) / (n - q - 1) with q = parameters + 1 (Hurvich & Tsai 1989), n the number
     of points that the correlated residuals of the closest law are worth.
@@ -126,7 +145,17 @@ def compare_laws(curves: list[MeanCurve], names: list[str], loss: str = "linear"
         reasons = "; ".join(c.refused or f"{c.name}: {', '.join(c.fit.notes)}" for c in candidates)
         raise FitError(f"no law of {', '.join(fits)} is determined and stable: {reasons}")
     chosen = min(usable, key=lambda c: c.aicc)
-    return Comparison(candidates, chosen, n, prediction_widths(curves, chosen.fit))
+    predicted = [c for c in usable if np.isfinite(c.held_out_error)]
+    if choose == "held_out" and predicted:
+        chosen = min(predicted, key=lambda c: c.held_out_error)
+    if choose == "first":
+        chosen = candidates[0]
+        if not chosen.usable:
+            reason = chosen.refused or ", ".join(chosen.fit.notes)
+            raise FitError(
+                f"{chosen.name} is the first law named, but it is not determined and stable: {reason}"
+            )
+    return Comparison(candidates, chosen, n, choose, prediction_widths(curves, chosen.fit))
 
 
 def held_out_errors(curves: list[MeanCurve], name: str) -> dict[str, float]:

@@ -60,6 +60,9 @@ class MaterialTest:
     rate_per_s: float | None = None  # stretch (or shear) rate while loading
     age_days: float | None = None
     temperature_C: float | None = None
+    dose: float | None = (
+        None  # treatments before the test, e.g. irradiations, in the unit of whoever counted them
+    )
     cycle: int | None = None
     segments: tuple[Segment, ...] = ()
     findings: tuple[str, ...] = ()  # what is missing or odd, and what was corrected because it was asked for

@@ -8,8 +8,10 @@ from functools import cached_property
 import numpy as np
 
 from gelforge.characterisation.common_form import LOAD_CASE_OF, MaterialTest
+from gelforge.characterisation.effects import first_loading
 from gelforge.mechanics.homogeneous import StressPoints, stress_points
 
+LEAST_RAMP = 0.02  # of stretch: less does not tell a law from a straight line
 GRID_POINTS = 120  # per test; twice as many change the stress fitted to the demo by 0.01 %
 
 
@@ -88,18 +90,39 @@ def sample_curves(test: MaterialTest) -> list[MeanCurve]:
 def monotonic_loading(tests: list[MaterialTest]) -> tuple[list[MaterialTest], list[str]]:
     """Return the parts of tests to which an elastic law can be fitted, and what was left out, in words.
 
-    Relaxation tests are left out; of a cyclic test only the first loading is taken, for the virgin material.
+    Of a cyclic test only the first loading is taken, for the virgin material, and no test of a later cycle. Relaxation
+    tests are left out, unless there is nothing else: then their ramps are taken, without the holds.
     """
+    held = [t for t in tests if t.history == "relaxation"]
+    kept, notes = _loadings([t for t in tests if t.history != "relaxation"])
+    if kept:
+        notes += [
+            f"{t.test} {t.sample}: a relaxation test is not fitted by an elastic law; left out" for t in held
+        ]
+        return kept, notes
+    ramps, more = _loadings(held)
+    return ramps, [*notes, *more]
+
+
+def _loadings(tests: list[MaterialTest]) -> tuple[list[MaterialTest], list[str]]:
     kept, notes = [], []
     for t in tests:
-        if t.test not in LOAD_CASE_OF or t.history == "relaxation":
-            notes.append(f"{t.test} {t.sample}: a {t.history} test is not fitted by an elastic law; left out")
-            continue
-        loads = t.of_kind("load", 1)
-        if t.history == "monotonic":
+        if t.test not in LOAD_CASE_OF:
+            notes.append(f"{t.test} {t.sample}: not fitted by an elastic law; left out")
+        elif t.cycle is not None and t.cycle > 1:
+            notes.append(f"{t.test} {t.sample}: cycle {t.cycle} of a softened sample is not fitted; left out")
+        elif t.history == "monotonic":
             kept.append(t)
-        elif loads:
-            kept.append(max(loads, key=lambda part: np.ptp(part.stretch)))
+        elif any(s.kind == "load" for s in t.segments):
+            first = first_loading(t)
+            if t.history == "relaxation":  # what follows the largest stress already relaxes
+                first = first.part(slice(0, int(np.nanargmax(np.abs(first.nominal_stress))) + 1))
+            if np.ptp(first.stretch) < LEAST_RAMP:
+                notes.append(
+                    f"{t.test} {t.sample}: its loading is no ramp of {LEAST_RAMP:g} of stretch; left out"
+                )
+                continue
+            kept.append(first)
             notes.append(f"{t.test} {t.sample}: of the {t.history} test only the first loading is fitted")
         else:
             notes.append(f"{t.test} {t.sample}: no loading found in the {t.history} test; left out")

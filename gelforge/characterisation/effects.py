@@ -4,7 +4,8 @@ Each test is reduced to one number, the level: the logarithm of its nominal stre
 that all tests of the comparison reached. Differences of levels are relative differences of stress, whatever the
 shape of the curves. A straight line through the levels (over log10 of the rate, over days, over kelvin) gives the
 effect, and Student's t its interval. The scatter between samples is that of the residuals, or is given from
-repeats (`scatter_between`); two tests alone give no interval, and then no verdict.
+repeats (`scatter_between`). Two tests alone give no interval; then it is said which scatter between samples would
+explain the change by chance, and only a change that needs more than UNLIKELY_SCATTER is called significant.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from scipy import stats
 from gelforge.characterisation.common_form import MaterialTest
 
 NEGLIGIBLE = 0.05  # relative change of stress over the tested span; samples of one sheet scatter by as much
+UNLIKELY_SCATTER = 0.10  # of samples made alike: twice NEGLIGIBLE; what needs more is no chance
 CONFIDENCE = 0.95
 LEVELS = 40  # stretches at which curves are compared
 LOW_STRAIN_SHARE = 0.2  # of the common range: there the stress is small and its offset counts
@@ -24,7 +26,7 @@ LOW_STRAIN_SHARE = 0.2  # of the common range: there the stress is small and its
 
 @dataclass(frozen=True)
 class Effect:
-    """The relative change of stress over the tested span of a circumstance, with its 95 % interval."""
+    """The relative change of a stress over the tested span of a circumstance, with its 95 % interval."""
 
     circumstance: str
     span: tuple[float, float]
@@ -35,18 +37,23 @@ class Effect:
     slope_interval: tuple[float, float] | None
     tests: int
     stretch: tuple[float, float]  # where the curves were compared
+    scatter_to_explain: float  # standard deviation of samples at which the change could be chance (1 in 20)
     unit: str = ""
     abscissa: str = "stretch"
+    quantity: str = "nominal stress"
 
     @property
     def verdict(self) -> str:
         """Return "negligible", "significant stiffening", "significant softening", "small" or "undecided".
 
         negligible: the whole interval within +-5 %; significant: the interval leaves out 0 and the change exceeds
-        5 %; small: it leaves out 0 but the change does not exceed 5 %; undecided: the data do not tell.
+        5 %; small: it leaves out 0 but the change does not exceed 5 %; undecided: the data do not tell. Without an
+        interval only what samples that scatter by UNLIKELY_SCATTER could not show by chance is significant.
         """
         if self.interval is None:
-            return "undecided"
+            if self.scatter_to_explain <= UNLIKELY_SCATTER:
+                return "undecided"
+            return self._significant
         low, high = self.interval
         if -NEGLIGIBLE <= low and high <= NEGLIGIBLE:
             return "negligible"
@@ -54,14 +61,25 @@ class Effect:
             return "undecided"
         if abs(self.change) <= NEGLIGIBLE:
             return "small"
+        return self._significant
+
+    @property
+    def _significant(self) -> str:
+        if self.quantity != "nominal stress":
+            return "significant rise" if self.change > 0 else "significant fall"
         return "significant stiffening" if self.change > 0 else "significant softening"
 
     @property
     def sentence(self) -> str:
         """Return the finding as a paper writes it, with its numbers and threshold."""
         begin, end = self.span
-        where = f"between {self.abscissa} {self.stretch[0]:.3g} and {self.stretch[1]:.3g}"
-        numbers = f"the nominal stress {where} changes by {self.change:+.1%}"
+        low, high = self.stretch
+        where = (
+            f"between {self.abscissa} {low:.3g} and {high:.3g}"
+            if high > low
+            else f"at {self.abscissa} {low:.3g}"
+        )
+        numbers = f"the {self.quantity} {where} changes by {self.change:+.1%}"
         if self.interval:
             numbers += f" (95 % interval {self.interval[0]:+.1%} to {self.interval[1]:+.1%})"
         text = f"From {begin:.3g} to {end:.3g} {self.unit} {numbers} in {self.tests} tests, {self.slope:+.2%} per {self.per}"
@@ -72,7 +90,10 @@ class Effect:
         }
         ending = endings.get(self.verdict, f"{self.verdict} with {self.circumstance}")
         if self.interval is None:
-            ending += ": without repeats the scatter between samples is not known"
+            ending += (
+                ": without repeats the scatter between samples is not known; samples that scatter by"
+                f" {self.scatter_to_explain:.1%} could differ so much by chance"
+            )
         return f"{text}: {ending}."
 
 
@@ -91,6 +112,11 @@ def temperature_effect(tests: list[MaterialTest], scatter: Scatter | None = None
     """Return the effect of the temperature [degC] on the first loading."""
     values = [_known(t, "temperature_C") for t in tests]
     return effect_of(tests, "temperature", values, "degC", "kelvin", scatter)
+
+
+def dose_effect(tests: list[MaterialTest], scatter: Scatter | None = None) -> Effect:
+    """Return the effect of the number of treatments (irradiation, heat) on the first loading."""
+    return effect_of(tests, "treatment", [_known(t, "dose") for t in tests], "doses", "dose", scatter)
 
 
 @dataclass(frozen=True)
@@ -176,21 +202,38 @@ def effect_of(
         )
     y, stretch = levels(tests)
     x = scale(np.array(values, dtype=float))
+    span = (float(min(values)), float(max(values)))
+    return line_effect(y, x, circumstance, span, unit, per, stretch, tests[0].abscissa, scatter)
+
+
+def line_effect(
+    y: np.ndarray,
+    x: np.ndarray,
+    circumstance: str,
+    span: tuple[float, float],
+    unit: str,
+    per: str,
+    stretch: tuple[float, float],
+    abscissa: str,
+    scatter: Scatter | None = None,
+    quantity: str = "nominal stress",
+) -> Effect:
+    """Return the effect from the logarithm y (n,) of a quantity at the scaled circumstance x (n,)."""
     design = np.column_stack([np.ones(len(x)), x - x.mean()])
     beta, *_ = np.linalg.lstsq(design, y, rcond=None)
-    reach = float(np.ptp(x))
-    if scatter is None and len(y) > 2:
+    reach, spread = float(np.ptp(x)), float(np.sqrt(np.sum((x - x.mean()) ** 2)))
+    own = len(y) - 2
+    if own > 0 and (scatter is None or scatter.freedom <= own):
         residual = y - design @ beta
-        scatter = Scatter(float(np.sqrt(residual @ residual / (len(y) - 2))), len(y) - 2)
+        scatter = Scatter(float(np.sqrt(residual @ residual / own)), own)
     slope_interval = interval = None
     if scatter is not None:
-        error = scatter.deviation / np.sqrt(np.sum((x - x.mean()) ** 2))
-        half = stats.t.ppf(0.5 + CONFIDENCE / 2, scatter.freedom) * error
+        half = stats.t.ppf(0.5 + CONFIDENCE / 2, scatter.freedom) * scatter.deviation / spread
         slope_interval = (float(np.expm1(beta[1] - half)), float(np.expm1(beta[1] + half)))
         interval = (float(np.expm1((beta[1] - half) * reach)), float(np.expm1((beta[1] + half) * reach)))
     return Effect(
         circumstance,
-        (float(min(values)), float(max(values))),
+        span,
         float(np.expm1(beta[1] * reach)),
         interval,
         per,
@@ -198,6 +241,8 @@ def effect_of(
         slope_interval,
         len(y),
         stretch,
+        float(abs(beta[1]) * spread / stats.norm.ppf(0.5 + CONFIDENCE / 2)),
         unit,
-        tests[0].abscissa,
+        abscissa,
+        quantity,
     )

@@ -144,31 +144,56 @@ def reloading_softening(test: MaterialTest, later: int = 2) -> float:
         raise ValueError(
             f"{test.source} {test.sample}: no loading in cycle 1 or {later}; softening needs both"
         )
-    first, again = first_loading(test), again[0]
+    return softening_between(first_loading(test), again[0])
+
+
+def softening_between(first: MaterialTest, again: MaterialTest) -> float:
+    """Return the relative change of stress from one loading to another, over the first half of their range."""
     away = np.sign(first.stretch[-1] - first.at_rest)
     strains = [away * (c.stretch - c.at_rest) for c in (first, again)]
     low = max(strains[0].min(), strains[1].min(), 0.1 * strains[0].max())
     high = min(s.max() for s in strains)
+    if not high > low:
+        raise ValueError(f"{first.source}, {again.source}: the loadings share no range of strain")
     grid = np.linspace(low, low + (high - low) / 2, 30)
     once, twice = (_stress_at(grid, s, away * c.nominal_stress) for s, c in zip(strains, (first, again)))
     return float(twice.mean() / once.mean() - 1)
 
 
+def softening_interval(changes: list[float]) -> tuple[float, float] | None:
+    """Return the 95 % interval (Student's t) of the mean change of several samples, None for one."""
+    if len(changes) < 2:
+        return None
+    half = stats.t.ppf(0.975, len(changes) - 1) * np.std(changes, ddof=1) / np.sqrt(len(changes))
+    return float(np.mean(changes) - half), float(np.mean(changes) + half)
+
+
+def softening_verdict(changes: list[float]) -> str:
+    """Return "negligible" (interval within +-5 %), "significant softening" (below 0) or "undecided"."""
+    interval = softening_interval(changes)
+    if interval is None:
+        return "undecided"
+    if -NEGLIGIBLE <= interval[0] and interval[1] <= NEGLIGIBLE:
+        return "negligible"
+    return "significant softening" if interval[1] < 0 else "undecided"
+
+
 def softening_sentence(changes: list[float], later: int = 2) -> str:
     """Return the finding on softening (the changes of several samples) as a paper writes it."""
-    mean = float(np.mean(changes))
     text = (
-        f"From the first to loading {later} the stress in the lower half of the range changes by {mean:+.1%}"
+        f"From the first to loading {later} the stress in the lower half of the range changes by"
+        f" {np.mean(changes):+.1%}"
     )
-    if len(changes) < 2:
+    interval = softening_interval(changes)
+    if interval is None:
         return f"{text} in one sample: without repeats it is not known whether that exceeds their scatter."
-    half = stats.t.ppf(0.975, len(changes) - 1) * np.std(changes, ddof=1) / np.sqrt(len(changes))
-    text += f" (95 % interval {mean - half:+.1%} to {mean + half:+.1%}, {len(changes)} samples)"
-    if -NEGLIGIBLE <= mean - half and mean + half <= NEGLIGIBLE:
-        return f"{text}: softening between cycles is negligible (within {NEGLIGIBLE:.0%})."
-    if mean + half < 0:
-        return f"{text}: significant softening (Mullins effect)."
-    return f"{text}: these tests do not decide whether the material softens."
+    text += f" (95 % interval {interval[0]:+.1%} to {interval[1]:+.1%}, {len(changes)} samples)"
+    endings = {
+        "negligible": f"softening between cycles is negligible (within {NEGLIGIBLE:.0%})",
+        "significant softening": "significant softening (Mullins effect)",
+        "undecided": "these tests do not decide whether the material softens",
+    }
+    return f"{text}: {endings[softening_verdict(changes)]}."
 
 
 def _stress_at(grid, strain, stress):

@@ -63,8 +63,8 @@ def prediction_widths(
     SCANNED are not looked at, so that the width of what is not determined at all is a lower limit.
     """
     tested = {c.test for c in curves}
-    stretch = stretch or max(float(c.stretch[-1]) for c in curves if c.test != "simple_shear")
     problem, widths = Problem.of(curves), []
+    stretch = stretch or float(problem.points.lam.max())  # of any direction: compression stretches sideways
     for case in (c for c in cases if c not in tested):
         point = stress_points(case, np.array([stretch]))
         admitted = []

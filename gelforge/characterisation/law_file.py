@@ -123,7 +123,7 @@ def write_law(path: str | Path, material: MaterialLaw) -> None:
     }
     if isinstance(law, Ogden):
         content |= {"mu_kPa": [m * 1e3 for m in law.mu], "alpha": list(law.alpha)}
-    write_json(path, _rounded(content))
+    write_json(path, rounded(content))
 
 
 def read_law(path: str | Path) -> MaterialLaw:
@@ -178,12 +178,12 @@ def _read_parameters(kind: str, content: dict) -> PrincipalLaw:
     return FAMILIES[kind].law_of([values[name] for name in FAMILIES[kind].parameters])
 
 
-def _rounded(content):
-    """Return the content with every float rounded to DIGITS significant digits."""
+def rounded(content):
+    """Return JSON-able content with every float rounded to DIGITS significant digits, null where it is not finite."""
     if isinstance(content, float):
-        return float(f"{content:.{DIGITS}g}")
+        return float(f"{content:.{DIGITS}g}") if np.isfinite(content) else None
     if isinstance(content, dict):
-        return {key: _rounded(value) for key, value in content.items()}
+        return {key: rounded(value) for key, value in content.items()}
     if isinstance(content, (list, tuple)):
-        return [_rounded(value) for value in content]
+        return [rounded(value) for value in content]
     return content

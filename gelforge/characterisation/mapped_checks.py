@@ -8,7 +8,7 @@ from gelforge.characterisation.common_form import MaterialTest, Segment
 from gelforge.characterisation.mapped_columns import nominal_stress_of, stretch_of
 from gelforge.characterisation.segments import find_segments, first_reversal
 from gelforge.characterisation.stresses import neo_hookean_shape
-from gelforge.config_mapping import Strain
+from gelforge.config.mapping import Strain
 from gelforge.csv_table import TableError
 
 STRETCH = (0.05, 25.0)

@@ -14,7 +14,7 @@ from gelforge.characterisation.stresses import (
     nominal_from_force,
     too_thick,
 )
-from gelforge.config_mapping import UNITS, Column, Strain, Stress, TestMapping
+from gelforge.config.mapping import UNITS, Column, Strain, Stress, TestMapping
 from gelforge.csv_table import TableError
 
 

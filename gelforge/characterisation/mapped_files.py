@@ -26,7 +26,14 @@ from gelforge.characterisation.mapped_columns import (
     values,
 )
 from gelforge.characterisation.mapped_contacts import force_pair, indentation_test
-from gelforge.config_mapping import Column, Mapping, Stress, TestMapping, load_microindentation
+from gelforge.config.mapping import (
+    Column,
+    Mapping,
+    Microindentation,
+    Stress,
+    TestMapping,
+    load_microindentation,
+)
 from gelforge.csv_table import TableError, read_csv
 
 LEAST_ROWS = 5
@@ -57,10 +64,15 @@ def read_mapped(path: str | Path, entry: TestMapping) -> list[Read]:
     return [_test(path, entry, rows, str(value), dict(named)) for value, rows in groups]
 
 
-def read_microindentation(path: str | Path) -> tuple[IndentationTest, float | None]:
-    """Return a press in the project's own format, <name>.csv with <name>.yaml, and the layer's thickness [mm]."""
+def read_microindentation(
+    path: str | Path, like: Microindentation | None = None
+) -> tuple[IndentationTest, Microindentation]:
+    """Return a press in the project's own format, <name>.csv with <name>.yaml, and what that sidecar says.
+
+    like: the sidecar of another press with the same ball; then none is read.
+    """
     path = Path(path)
-    sidecar = load_microindentation(path.with_suffix(".yaml"))
+    sidecar = like or load_microindentation(path.with_suffix(".yaml"))
     entry = TestMapping(
         files=[path.name],
         kind="indentation",
@@ -68,7 +80,7 @@ def read_microindentation(path: str | Path) -> tuple[IndentationTest, float | No
         force=Column(column="force_N", unit="N"),
         ball_radius_mm=sidecar.ball_radius_mm,
     )
-    return read_mapped(path, entry)[0], sidecar.layer_thickness_mm
+    return read_mapped(path, entry)[0], sidecar
 
 
 def _table(path: Path, entry: TestMapping) -> pd.DataFrame:
@@ -186,6 +198,7 @@ def material_test(path, entry, table, sample, time, said, named) -> MaterialTest
             number_in_name(path, entry, named, "temperature_C"),
             None if temperature is None else float(np.median(temperature)),
         ),
+        dose=number_in_name(path, entry, named, "dose"),
         cycle=None if cycle is None else int(cycle),
         findings=tuple(said + gauge_said),
         source=path.name,

@@ -7,12 +7,14 @@ tension and pure shear, p r / (2 h0 lam_3) with lam_3 = 1 / (lam_1 lam_2) at the
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from gelforge.characterisation.common_form import MaterialTest
+from gelforge.characterisation.common_form import HISTORIES, MaterialTest, Segment
+from gelforge.characterisation.findings import corrected, findings, rate_while_loading
 from gelforge.characterisation.piece_pictures import (
     PICTURE_SETTINGS,
     has_pictures,
@@ -20,13 +22,20 @@ from gelforge.characterisation.piece_pictures import (
     tracked_inflation,
     tracked_tension,
 )
-from gelforge.characterisation.segments import first_reversal
+from gelforge.characterisation.segments import find_segments, first_reversal
+from gelforge.characterisation.small_effects import THICKNESS, small_test_files
+from gelforge.characterisation.small_tests import Mean, sheet_thickness
 from gelforge.characterisation.stresses import LEAST_RADIUS_TO_THICKNESS, membrane_cauchy, too_thick
 from gelforge.config import NAME
 from gelforge.csv_table import TableError, read_comments, read_csv
 from gelforge.mechanics.homogeneous import LOAD_CASES, principal_stretches
 
-TESTS_NOT_FITTED = ("relaxation",)
+RELAXATION = "relaxation"  # as a `test` in samples.csv: a strip in uniaxial tension whose stretch is held
+CORRECTIONS = (
+    "toe",
+    "zero_force",
+    "zero_strain",
+)  # made where samples.csv asks for them, stated in the findings
 CIRCUMSTANCES = ("strain_rate_per_s", "age_days", "temperature_C", "cycle")
 
 # Plausible ranges. They are wide enough for silicones, gels and rubbers as thin sheets, and narrow enough
@@ -43,41 +52,46 @@ LATERAL_STRETCH = 0.2  # relative distance of a tracked stretch_2 from the load 
 
 
 def input_files(folder: str | Path) -> list[Path]:
-    """Return samples.csv, the files of all samples that it lists, in its order, and the pictures that these name."""
-    tables = _tables(Path(folder))
+    """Return every file that decides a material's results.
+
+    samples.csv, the files of all samples that it lists, in its order, the pictures that these name, and the small
+    tests beside them; the latter alone where there is no samples.csv.
+    """
+    tables, small = _tables(Path(folder)), small_test_files(folder)
     pictures = [picture for table in tables[1:] if table.is_file() for picture in picture_files(table)]
-    return [*tables, *dict.fromkeys(pictures)]
+    return [*tables, *dict.fromkeys(pictures), *small]
 
 
 def _tables(folder: Path) -> list[Path]:
-    return [folder / "samples.csv", *(folder / name for name in _read_samples(folder)["file"])]
+    path = folder / "samples.csv"
+    if not path.is_file() and small_test_files(folder):
+        return []
+    return [path, *(folder / name for name in _read_samples(folder)["file"])]
 
 
 def declared_synthetic(folder: str | Path) -> bool:
     """Return whether a comment above the header of any file of a material says "synthetic"."""
     return any(
-        "synthetic" in comment.lower() for path in _tables(Path(folder)) for comment in read_comments(path)
+        "synthetic" in comment.lower()
+        for path in (*_tables(Path(folder)), *small_test_files(folder))
+        if path.suffix == ".csv"
+        for comment in read_comments(path)
     )
 
 
 def read_material_tests(folder: str | Path) -> list[MaterialTest]:
-    """Return the curves of a material's uniaxial, pure-shear and equibiaxial samples, as in samples.csv.
+    """Return the tests of a material's samples, as in samples.csv; none where a folder holds small tests only.
 
     Raises TableError with file, row, value, limit and remedy for anything that cannot be right.
     """
     folder = Path(folder)
-    samples = _read_samples(folder)
-    curves, names = [], []
-    for line, row in samples.iterrows():
-        if row.test in TESTS_NOT_FITTED:
-            continue
-        curves.append(_read_sample(folder, line, row))
-        names.append(row.file)
-    if not curves:
-        raise TableError(
-            f"{folder / 'samples.csv'}: no sample of {list(LOAD_CASES)}; one at least is needed for a law"
-        )
-    _check_stress_level(folder, names, curves)
+    if not _tables(folder):
+        return []
+    samples, sections = _read_samples(folder), {}
+    if (folder / THICKNESS).is_file():
+        sections = sheet_thickness(folder / THICKNESS)
+    curves = [_read_sample(folder, line, row, sections) for line, row in samples.iterrows()]
+    _check_stress_level(folder, list(samples["file"]), curves)
     return curves
 
 
@@ -87,8 +101,9 @@ def _read_samples(folder: Path) -> pd.DataFrame:
         path,
         texts=("file", "test", "sample"),
         optional_numbers=("width_mm", "thickness_mm", *CIRCUMSTANCES, *PICTURE_SETTINGS),
+        optional_texts=("history", "corrections"),
     )
-    known = (*LOAD_CASES, *TESTS_NOT_FITTED)
+    known = (*LOAD_CASES, RELAXATION)
     seen: dict[tuple, int] = {}
     for line, row in samples.iterrows():
         if row.test not in known:
@@ -97,16 +112,29 @@ def _read_samples(folder: Path) -> pd.DataFrame:
             raise TableError(
                 f"{path}, row {line}: sample is {row['sample']!r}; use letters, digits, '_', '-', not 'mean'"
             )
-        if (row.test, row["sample"]) in seen:
+        if row.history not in ("", *HISTORIES):
+            raise TableError(
+                f"{path}, row {line}: history is {row.history!r}; one of {list(HISTORIES)} is expected, or empty"
+            )
+        if unknown := set(row.corrections.split()) - set(CORRECTIONS):
+            raise TableError(
+                f"{path}, row {line}: corrections are {row.corrections!r}; {sorted(unknown)} is not among"
+                f" {list(CORRECTIONS)}"
+            )
+        cycle = 1 if np.isnan(row["cycle"]) else int(row["cycle"])
+        if (row.test, row["sample"], cycle) in seen:
             raise TableError(
                 f"{path}, row {line}: {row.test} sample {row['sample']!r} is also in row"
-                f" {seen[row.test, row['sample']]}; give each its own name"
+                f" {seen[row.test, row['sample'], cycle]}; give each its own name (or its `cycle`)"
             )
-        seen[row.test, row["sample"]] = line
+        seen[row.test, row["sample"], cycle] = line
+    samples["history"] = [
+        RELAXATION if row.test == RELAXATION else row.history or HISTORIES[0] for _, row in samples.iterrows()
+    ]
     return samples
 
 
-def _read_sample(folder: Path, line: int, row: pd.Series) -> MaterialTest:
+def _read_sample(folder: Path, line: int, row: pd.Series, sections: dict[str, Mean]) -> MaterialTest:
     path = folder / row.file
     if not path.is_file():
         raise TableError(
@@ -114,66 +142,102 @@ def _read_sample(folder: Path, line: int, row: pd.Series) -> MaterialTest:
             " add it or drop the row"
         )
     if "nominal_stress_kPa" in read_csv(path).columns:
-        table = read_csv(path, numbers=("stretch_1", "nominal_stress_kPa"))
-        stretch = _checked_stretch(path, table)
-        return _material_test(folder, row, stretch, table["nominal_stress_kPa"].to_numpy() * 1e-3)
-    h0 = _dimension(folder, line, row, "thickness_mm", THICKNESS_MM)
-    if row.test == "equibiaxial":
-        stress, stretch, time_s, said = _inflation(path, h0, row)
+        columns = ("stretch_1", "nominal_stress_kPa")
+        table = read_csv(path, numbers=columns, optional_numbers=("time_s", "stretch_2"))
+        stretch, time_s = _checked_stretch(path, table, row.history), table["time_s"].to_numpy()
+        if np.isnan(time_s).any() and row.history == RELAXATION:
+            raise TableError(f"{path}: time_s is missing or empty; a hold needs the time of every row")
+        stress, said = table["nominal_stress_kPa"].to_numpy() * 1e-3 * stretch, []
+        if np.isnan(time_s).any():
+            time_s = None
+        else:
+            _check_time(path, table)
+        _check_lateral(path, row, table)
     else:
-        width = _dimension(folder, line, row, "width_mm", WIDTH_MM)
-        stress, stretch, time_s, said = _tension(path, row.test, width * h0, row)
-    return _material_test(folder, row, stretch, stress / stretch, time_s, said)
+        h0, thickness_said = _thickness(folder, line, row, sections)
+        if row.test == "equibiaxial":
+            table, stress, said = _inflation(path, h0, row)
+        else:
+            width = _dimension(folder, line, row, "width_mm", WIDTH_MM)
+            table, stress, said = _tension(path, width * h0, row)
+        stretch, time_s = table["stretch_1"].to_numpy(), table["time_s"].to_numpy()
+        said = [*said, *thickness_said]
+    return _material_test(folder, row, table, stress / stretch, time_s, said)
+
+
+def _thickness(folder: Path, line: int, row: pd.Series, sections: dict[str, Mean]) -> tuple[float, list[str]]:
+    """Return the thickness h0 [mm] of a sample, from its sections where samples.csv leaves it empty; and findings."""
+    measured = sections.get(row["sample"])
+    if np.isnan(row["thickness_mm"]) and measured:
+        said = f"thickness {measured.value:.4g} mm, the mean of {measured.count} sections in {THICKNESS}"
+        return measured.value, [said]
+    h0 = _dimension(folder, line, row, "thickness_mm", THICKNESS_MM)
+    if measured and not measured.interval[0] <= h0 <= measured.interval[1]:
+        low, high = measured.interval
+        return h0, [
+            f"thickness_mm {h0:g} in samples.csv is used, but its sections in {THICKNESS} say {measured.value:.4g}"
+            f" (95 % interval {low:.4g} to {high:.4g})"
+        ]
+    return h0, []
 
 
 def _material_test(
-    folder: Path, row: pd.Series, stretch, nominal_stress, time_s=None, said: Sequence[str] = ()
+    folder: Path, row: pd.Series, table: pd.DataFrame, nominal_stress, time_s, said: Sequence[str]
 ) -> MaterialTest:
     known = {name: None if np.isnan(row[name]) else float(row[name]) for name in CIRCUMSTANCES}
-    return MaterialTest(
-        row.test,
+    stretch, lateral = table["stretch_1"].to_numpy(), table["stretch_2"].to_numpy()
+    segments = (Segment("load", 0, len(stretch), 1),)
+    if row.history != HISTORIES[0]:
+        segments = find_segments(stretch, time_s)
+    test = MaterialTest(
+        "uniaxial" if row.test == RELAXATION else row.test,
         row["sample"],
         stretch,
         nominal_stress,
         time_s,
+        lateral if np.isfinite(lateral).any() else None,
+        history=row.history,
         material=folder.name,
-        rate_per_s=known["strain_rate_per_s"],
         age_days=known["age_days"],
         temperature_C=known["temperature_C"],
         cycle=None if known["cycle"] is None else int(known["cycle"]),
+        segments=segments,
         findings=tuple(said),
         source=row.file,
     )
+    rate, stated = rate_while_loading(test), known["strain_rate_per_s"]
+    odd = findings(test, stated, "is in samples.csv")
+    used = rate[0] if rate and stated is None else stated
+    test = replace(test, rate_per_s=used, findings=(*test.findings, *odd))
+    return corrected(test, **{name: True for name in row.corrections.split()})
 
 
-Curve = tuple[
-    np.ndarray, np.ndarray, np.ndarray, list[str]
-]  # Cauchy stress [MPa], stretch, time [s], findings
+Curve = tuple[pd.DataFrame, np.ndarray, list[str]]  # table of the sample, Cauchy stress [MPa], findings
 
 
-def _tension(path: Path, test: str, area_mm2: float, row: pd.Series) -> Curve:
-    """Return the Cauchy stress F lam_1 / (w0 h0) [MPa], stretch, time [s] and findings of a strip."""
+def _tension(path: Path, area_mm2: float, row: pd.Series) -> Curve:
+    """Return time_s, stretch_1 and stretch_2 of a strip as a table, its Cauchy stress F lam_1 / (w0 h0), findings."""
     if has_pictures(path):
         table, said = tracked_tension(path, row)
     else:
         columns = ("time_s", "force_N", "stretch_1")
         table, said = read_csv(path, numbers=columns, optional_numbers=("stretch_2",)), []
-    stretch = _checked_stretch(path, table)
+    stretch = _checked_stretch(path, table, row.history)
     _check_time(path, table)
-    _check_lateral(path, test, table)
-    return table["force_N"].to_numpy() * stretch / area_mm2, stretch, table["time_s"].to_numpy(), said
+    _check_lateral(path, row, table)
+    return table, table["force_N"].to_numpy() * stretch / area_mm2, said
 
 
 def _inflation(path: Path, h0: float, row: pd.Series) -> Curve:
-    """Return the Cauchy stress p r / (2 h0 lam_3) [MPa], stretch, time [s] and findings at the apex of a membrane."""
+    """Return the same of the apex of a membrane, its Cauchy stress p r / (2 h0 lam_3)."""
     if has_pictures(path):
         table, said = tracked_inflation(path, row)
     else:
         columns = ("time_s", "pressure_kPa", "apex_radius_mm", "stretch_1")
         table, said = read_csv(path, numbers=columns, optional_numbers=("stretch_2",)), []
-    stretch = _checked_stretch(path, table)
+    stretch = _checked_stretch(path, table, row.history)
     _check_time(path, table)
-    _check_lateral(path, "equibiaxial", table)
+    _check_lateral(path, row, table)
     r = table["apex_radius_mm"].to_numpy()
     if (i := too_thick(r, h0)) is not None:
         raise TableError(
@@ -183,8 +247,7 @@ def _inflation(path: Path, h0: float, row: pd.Series) -> Curve:
         )
     lateral = table["stretch_2"].to_numpy()
     stretch_2 = np.where(np.isfinite(lateral), lateral, stretch)
-    stress = membrane_cauchy(table["pressure_kPa"].to_numpy() * 1e-3, r, h0, stretch, stretch_2)
-    return stress, stretch, table["time_s"].to_numpy(), said
+    return table, membrane_cauchy(table["pressure_kPa"].to_numpy() * 1e-3, r, h0, stretch, stretch_2), said
 
 
 def _dimension(folder: Path, line: int, row: pd.Series, name: str, limits: tuple[float, float]) -> float:
@@ -198,8 +261,8 @@ def _dimension(folder: Path, line: int, row: pd.Series, name: str, limits: tuple
     return value
 
 
-def _checked_stretch(path: Path, table: pd.DataFrame) -> np.ndarray:
-    """Return stretch_1 (n,) of a monotonic test."""
+def _checked_stretch(path: Path, table: pd.DataFrame, history: str) -> np.ndarray:
+    """Return stretch_1 (n,); of a test that is not declared otherwise it must run one way."""
     stretch = table["stretch_1"]
     if (stretch <= 0).any():
         line = stretch.index[stretch <= 0][0]
@@ -215,18 +278,19 @@ def _checked_stretch(path: Path, table: pd.DataFrame) -> np.ndarray:
             " is expected (1 at rest); convert strain or per cent to stretch"
         )
     values = stretch.to_numpy()
-    extent = np.ptp(values)
+    extent = max(np.ptp(values), np.max(np.abs(values - 1))) if history == RELAXATION else np.ptp(values)
     if extent < LEAST_STRETCH_RANGE:
         raise TableError(
             f"{path}: stretch_1 runs from {values.min():g} to {values.max():g}; a range of"
             f" {LEAST_STRETCH_RANGE:g} at least is needed to find a law, test further"
         )
-    i = first_reversal(values)
+    i = first_reversal(values) if history == HISTORIES[0] else None
     if i is not None:
         furthest = values[:i][np.argmax(np.abs(values[:i] - values[0]))]
         raise TableError(
             f"{path}, row {table.index[i]}: stretch_1 {values[i]:g} after {furthest:g};"
-            " a monotonic test is expected, keep one loading and drop the rest"
+            " a monotonic test is expected, keep one loading, or write cyclic or relaxation into the column `history`"
+            " of samples.csv"
         )
     return values
 
@@ -240,8 +304,9 @@ def _check_time(path: Path, table: pd.DataFrame) -> None:
         )
 
 
-def _check_lateral(path: Path, test: str, table: pd.DataFrame) -> None:
+def _check_lateral(path: Path, row: pd.Series, table: pd.DataFrame) -> None:
     """Refuse a tracked stretch_2 that belongs to another load case."""
+    test = "uniaxial" if row.test == RELAXATION else row.test
     expected = principal_stretches(test, table["stretch_1"].to_numpy())[:, 1]
     wrong = (table["stretch_2"] / expected - 1).abs() > LATERAL_STRETCH  # false where stretch_2 is empty
     if wrong.any():

@@ -61,6 +61,18 @@ class Relaxation:
         return "Prony series" if prony < _bic(self.power_rms, self.points, 2) else "power law"
 
     @property
+    def verdict(self) -> str:
+        """Return "negligible", "undecided" or "significant relaxation"; noise of the hold, not scatter of samples."""
+        low, high = self.drop_interval
+        return (
+            "negligible"
+            if high < NEGLIGIBLE
+            else "undecided"
+            if low < NEGLIGIBLE
+            else "significant relaxation"
+        )
+
+    @property
     def sentence(self) -> str:
         """Return the finding as a paper writes it."""
         low, high = self.drop_interval
@@ -68,9 +80,9 @@ class Relaxation:
             f"Held at {self.abscissa} {self.stretch:.3g} for {self.hold_s[1]:.3g} s, the stress drops by {self.drop:.1%}"
             f" (95 % interval {low:.1%} to {high:.1%})"
         )
-        if high < NEGLIGIBLE:
+        if self.verdict == "negligible":
             return f"{text}: relaxation is negligible (below {NEGLIGIBLE:.0%})."
-        if low < NEGLIGIBLE:
+        if self.verdict == "undecided":
             return f"{text}: whether relaxation exceeds {NEGLIGIBLE:.0%} is not decided."
         terms = f"{len(self.shares)} Prony term{'s' if len(self.shares) > 1 else ''}"
         return (

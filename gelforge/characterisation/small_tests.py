@@ -63,28 +63,37 @@ def sheet_thickness(path: str | Path) -> dict[str, Mean]:
     return {sample: mean_of(rows["thickness_mm"]) for sample, rows in table.groupby("sample", sort=False)}
 
 
-def gain_mismatch(pair: ForcePair, loaded_share: float = 0.05) -> Mean:
+def gain_mismatch(pair: ForcePair) -> Mean:
     """Return force_2 / force_1 - 1 of two load cells that carry the same force, with its interval.
 
-    Each press (rows above loaded_share of the largest force) gives one ratio: the slope of its total least squares
-    line through the origin, both forces being measured. Presses at one place share how the force splits there and
-    are no independent readings: where places are named, each counts once.
+    Presses at one place share how the force splits there and are no independent readings: where places are named,
+    each counts once.
+    """
+    gains = gain_by_place(pair)
+    if len(gains) < LEAST_TRIALS:
+        raise ValueError(
+            f"{pair.source}: {sum(map(len, gains.values()))} presses at {len(gains)} places; {LEAST_TRIALS} independent"
+            " ones at least give the scatter of the gain"
+        )
+    return mean_of([np.mean(at_place) for at_place in gains.values()])
+
+
+def gain_by_place(pair: ForcePair, loaded_share: float = 0.05) -> dict[str, list[float]]:
+    """Return force_2 / force_1 - 1 of each press by place; where no places are named each press is its own.
+
+    A press is the rows above loaded_share of the largest force; its gain is the slope of the total least squares
+    line through the origin, both forces being measured.
     """
     one, two = pair.force_1_N - _rest(pair.force_1_N), pair.force_2_N - _rest(pair.force_2_N)
     mean = (one + two) / 2
     loaded = mean > loaded_share * np.max(mean)
     edges = np.flatnonzero(np.diff(np.r_[False, loaded, False].astype(int)))
-    presses = [(a, b) for a, b in zip(edges[::2], edges[1::2]) if b - a >= LEAST_ROWS_OF_PRESS]
-    ratios: dict[str, list[float]] = {}
-    for a, b in presses:
-        place = str(a) if pair.position is None else str(pair.position[a])
-        ratios.setdefault(place, []).append(_slope(one[a:b], two[a:b]))
-    if len(ratios) < LEAST_TRIALS:
-        raise ValueError(
-            f"{pair.source}: {len(presses)} presses at {len(ratios)} places; {LEAST_TRIALS} independent ones at least"
-            " give the scatter of the gain"
-        )
-    return mean_of([np.mean(at_place) - 1 for at_place in ratios.values()])
+    gains: dict[str, list[float]] = {}
+    for a, b in zip(edges[::2], edges[1::2]):
+        if b - a >= LEAST_ROWS_OF_PRESS:
+            place = str(a) if pair.position is None else str(pair.position[a])
+            gains.setdefault(place, []).append(_slope(one[a:b], two[a:b]) - 1)
+    return gains
 
 
 def _rest(force) -> float:

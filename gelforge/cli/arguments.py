@@ -142,13 +142,21 @@ def _by_hand(commands) -> None:
         commands,
         "characterise",
         "characterise.characterise_command",
-        "anybody's material tests to a law and its figure",
+        "anybody's material tests to a law, its figure and measured effects",
     )
-    characterise.add_argument("sources", type=Path, nargs="+", help="a folder with samples.csv, or files")
+    characterise.add_argument(
+        "sources", type=Path, nargs="+", help="folders with samples.csv or small tests, or files"
+    )
     characterise.add_argument(
         "--mapping", type=Path, help="YAML that describes the files, see config/mappings"
     )
     characterise.add_argument("--laws", default="ogden2", help="laws to fit, e.g. ogden2,yeoh")
+    characterise.add_argument(
+        "--choose",
+        choices=("aicc", "held_out", "first"),
+        default="aicc",
+        help="which of the laws is law.json",
+    )
     characterise.add_argument("--out", type=Path, required=True, help="folder to write")
     characterise.add_argument(
         "--loss", choices=("linear", "soft_l1"), default="linear", help="soft_l1 forgives outliers"
@@ -160,10 +168,11 @@ def _by_hand(commands) -> None:
 
 
 def _workflow(commands) -> None:
-    law = _study_command(commands, "fit-law", "factory.fit_law", "material tests, or parameters, to a law")
+    law = _study_command(
+        commands, "fit-law", "factory.fit_law", "material tests, or parameters, to a law and measured effects"
+    )
     law.add_argument("--material", required=True)
-    law.add_argument("--law", type=Path, required=True, help="law.json to write")
-    law.add_argument("--curves", type=Path, required=True, help="curves.csv to write")
+    law.add_argument("--out", type=Path, required=True, help="folder to write")
 
     plan = _study_command(commands, "plan", "factory.plan", "the study's cells as a table")
     plan.add_argument("--out", type=Path, required=True)
@@ -176,6 +185,7 @@ def _workflow(commands) -> None:
     simulate.add_argument(
         "--mirrored", type=Path, nargs="*", default=[], metavar="H5", help="cell that this one mirrors"
     )
+    simulate.add_argument("--variant", help="solve the cell as this variant of the study has it")
     simulate.add_argument("--out", type=Path, required=True)
 
     for name, text in (

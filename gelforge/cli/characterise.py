@@ -1,10 +1,12 @@
-"""`gelforge characterise`: anybody's test files to a law, its figure and its tables."""
+"""`gelforge characterise`: anybody's test files to a law, its figure, its tables, and the effects they measure."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from gelforge.characterisation.by_hand import characterise_tests, read_tests
+from gelforge.characterisation.characterise import characterise_source
+from gelforge.characterisation.material_source import read_sources
+from gelforge.config import Fitting, section_from
 from gelforge.report.material_figure import material_figure
 
 
@@ -13,21 +15,25 @@ def characterise_command(
     mapping: Path | None,
     laws: str,
     out: Path,
+    choose: str = "aicc",
     loss: str = "linear",
     bootstrap: int = 0,
     workers: int = 1,
 ) -> None:
-    """Write law.json, tables, curves and figure of each material in folders or files; print what was chosen and why.
+    """Write the results of each material in folders or files; print what was chosen, why, and what was measured.
 
     laws: names with commas between; bootstrap: refits for the intervals beside the sandwich covariance, 0 for none.
     """
-    materials = read_tests(sources, mapping)
+    names = [name.strip() for name in laws.split(",") if name.strip()]
+    keys = {"laws": names, "choose": choose, "loss": loss, "bootstrap": bootstrap}
+    fitting = section_from(Fitting, keys, "gelforge characterise")
+    materials = read_sources(sources, mapping)
     for material in materials:
         folder = out / material.name if len(materials) > 1 else out
-        names = [name.strip() for name in laws.split(",") if name.strip()]
-        characterised = characterise_tests(material, names, folder, loss, bootstrap, workers)
-        figure = material_figure(folder / "law.json", folder / "curves.csv", characterised.other_laws)
-        for suffix in ("png", "svg"):
-            figure.savefig(folder / f"material.{suffix}", dpi=130)
+        characterised = characterise_source(material, fitting, folder, workers, law_needed=False)
+        if characterised.comparison:
+            figure = material_figure(folder / "law.json", folder / "curves.csv", characterised.other_laws)
+            for suffix in ("png", "svg"):
+                figure.savefig(folder / f"material.{suffix}", dpi=130)
         print(characterised.summary)
         print(f"written to {folder}\n")

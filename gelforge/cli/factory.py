@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
-from gelforge.config import ConfigError, Study, load_study, load_virtual_lab
+from gelforge.config import ConfigError, Study, load_study, load_virtual_lab, variant_study
 
 
-def fit_law(study: Path, material: str, law: Path, curves: Path) -> None:
-    """Write the law of a material and its curves."""
+def fit_law(study: Path, material: str, out: Path) -> None:
+    """Write the law of a material, its curves, tables and measured effects."""
     from gelforge.characterisation.characterise import characterise
 
     materials = load_study(study).materials
     if material not in materials:
         raise ConfigError(f"{study}: no material {material!r}; it has {sorted(materials)}")
-    characterise(material, materials[material], law, curves)
+    characterise(material, materials[material], out)
 
 
 def plan(study: Path, out: Path) -> None:
@@ -25,21 +26,29 @@ def plan(study: Path, out: Path) -> None:
     write_text(out, plan_table(plan_cells(load_study(study))).to_csv(index=False, lineterminator="\n"))
 
 
-def simulate(study: Path, cell: str, laws: list[Path], mirrored: list[Path], out: Path) -> None:
+def simulate(
+    study: Path, cell: str, laws: list[Path], mirrored: list[Path], variant: str | None, out: Path
+) -> None:
     """Write one cell, solved or mirrored; a cell that does not converge is written as failed, with its reason."""
+    from gelforge.characterisation.law_file import read_law
     from gelforge.indentation.cell_file import read_cell, write_cell
     from gelforge.indentation.mirror import mirror_cell
 
     described = load_study(study)
     planned = planned_cell(described, cell)
-    by_material = read_laws(laws)
+    if variant:
+        described, planned = variant_study(described, variant), replace(planned, source=None, symmetry=None)
+    read = {law.material: law for law in map(read_law, laws)}
+    by_material = {name: law.law for name, law in read.items()}
     if planned.source:
         source = mirrored[0] if mirrored else described.results_folder / "cells" / f"{planned.source}.h5"
         result = mirror_cell(read_cell(source), described, by_material, planned)
     else:
         from gelforge.indentation.simulate import simulate_cell  # loads the compiled kernels
 
-        result = simulate_cell(described, by_material, planned)
+        ranges = {name: law.valid_range for name, law in read.items()}
+        outside = {name: valid.outside for name, valid in ranges.items() if valid is not None}
+        result = simulate_cell(described, by_material, planned, outside)
     write_cell(out, result)
     print(f"{cell}: {result.attributes['status']} {result.attributes['reason']}".rstrip())
 

@@ -14,7 +14,7 @@ seed: 1
 materials: # one entry for each material that the sensor's layers name
   gel:
     tests: data/{study}/materials/gel # raw tests, to be fitted
-    ogden_terms: 2
+    laws: [ogden2] # more of neo_hooke, mooney_rivlin, yeoh, gent, ogden1 ... ogden4: all fitted, the best one is used
   skin:
     parameters: # or a law that is known: W = sum mu/alpha (l1^alpha + l2^alpha + l3^alpha - 3)
       mu_kPa: [85.1168, -0.0020] # mu and alpha of one term have the same sign
@@ -33,6 +33,12 @@ plan:
   #   symmetry: d4   # solves only cells that no mirror or rotation of the square makes from another
 
 sessions: [session1] # folders under data/{study}/recordings; []: labels only
+
+# variants: # cells solved again under other assumptions; the report draws them beside the study's own
+#   wide_flange:
+#     describes: with a flange
+#     sensor: {{flange: {{width_mm: 2.0, height_mm: 1.0}}}}
+#     cells: [centre] # of the plan; none: at the centre and 5 mm from two edges
 """
 
 SENSOR = """\

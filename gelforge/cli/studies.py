@@ -5,16 +5,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from gelforge.cli.cost import estimate
 from gelforge.cli.factory import virtual_lab_of
 from gelforge.cli.new_study import new_study_files
 from gelforge.config import NAME, ConfigError, Session, Study, load_session, load_study
 from gelforge.files import write_text
-
-SECONDS_35K = (
-    17.0  # CPU of a cell with 35k degrees of freedom and 8 depths (near_mm 0.5), as `gelforge press` prints
-)
-GROWTH = 1.65  # of that time with the number of degrees of freedom: sparse factorisation dominates
-SECONDS_MIRRORED = 1.5  # CPU of a mirrored cell, mostly the start of its process
 
 
 def init(study: str) -> None:
@@ -104,47 +99,6 @@ def pictured_session(study: Study, path: Path) -> Session | None:
     return (
         Session(session="virtual", camera=virtual_lab_of(study, path).camera) if study.virtual_lab else None
     )
-
-
-def estimate(study: Study, cells: dict) -> list[str]:
-    """Return lines with the number of cells, the minutes of finite elements and the disk that a study takes."""
-    from gelforge.config import load_virtual_lab
-    from gelforge.indentation.simulate import sensor_mesh
-
-    solved = [cell for cell in cells.values() if cell.source is None]
-    presses = sum(len(cell.depths_mm) for cell in cells.values())
-    nodes, surface = mesh_size(sensor_mesh, study, study.mechanics.mesh, solved[0])
-    depths = sum(len(cell.depths_mm) for cell in solved)
-    mirrored = len(cells) - len(solved)
-    seconds = cell_seconds(nodes) * depths / 8 + mirrored * SECONDS_MIRRORED
-    lines = [
-        f"cells      {len(cells)} positions, {presses} presses; {len(solved)} solved, {mirrored} mirrored",
-        f"mesh       {3 * nodes} degrees of freedom at ({solved[0].x_mm:g}, {solved[0].y_mm:g}) mm",
-    ]
-    if study.virtual_lab:
-        lab = load_virtual_lab(study.virtual_lab)
-        true_nodes, _ = mesh_size(sensor_mesh, study, lab.mechanics.mesh, solved[0])
-        more = depths + len(solved) * len(lab.unload_depths_mm)
-        seconds += cell_seconds(true_nodes) * more / 8
-    # float64 forces (two of three components each) and float32 displacement on surface nodes, three sets of bins
-    bins = study.sensor.bins.nx * study.sensor.bins.ny
-    disk = presses * (surface * (2 * 3 * 8 + 3 * 4 + 1) + bins * 3 * 3 * 8)
-    lines.append(
-        f"minutes    about {seconds / 120:.1f} on two cores for the finite elements (estimate; images and training add)"
-    )
-    lines.append(f"disk       at most {disk / 1e6:.1f} MB for the cells (before compression)")
-    return lines
-
-
-def mesh_size(sensor_mesh, study: Study, sizes, cell) -> tuple[int, int]:
-    """Return the numbers of nodes and of surface nodes of a cell's mesh."""
-    mesh = sensor_mesh(study.sensor, sizes, cell.x_mm, cell.y_mm)
-    return len(mesh.X), len(mesh.surface)
-
-
-def cell_seconds(nodes: int) -> float:
-    """Return the estimated CPU seconds of a cell with 8 depths."""
-    return SECONDS_35K * (3 * nodes / 35e3) ** GROWTH
 
 
 def show(path: Path, row: int | None, out: Path | None) -> None:

@@ -43,7 +43,10 @@ DATASETS = {
     "gel_hex": ("1", "8 corners of each element as rows of gel_node_mm (E, 8)"),
     "gel_displacement_mm": ("mm", "displacement of gel_node_mm (D, G, 3)"),
 }
-OPTIONAL = {"gel_node_mm", "gel_hex", "gel_displacement_mm"}
+OPTIONAL = {"gel_node_mm", "gel_hex", "gel_displacement_mm"}  # kept only with mechanics.store_displacement
+SECTION = {
+    name for name in DATASETS if name.startswith("section_")
+}  # a mirrored cell's is that of its source
 
 
 class CellError(ValueError):
@@ -82,7 +85,7 @@ def write_cell(path: str | Path, cell: Cell) -> None:
 
 
 def read_cell(path: str | Path, arrays: list[str] | None = None) -> Cell:
-    """Return a cell (only the named arrays, if given).
+    """Return a cell: the named arrays, or without names all that a cell holds.
 
     Raises CellError naming the file for a file that is missing, truncated, of another format or incomplete.
     """
@@ -92,7 +95,7 @@ def read_cell(path: str | Path, arrays: list[str] | None = None) -> Cell:
     try:
         with h5py.File(path, "r") as file:
             attributes = dict(file.attrs)
-            wanted = [name for name in DATASETS if name in file] if arrays is None else arrays
+            wanted = _held(attributes, file) if arrays is None else arrays
             missing = [name for name in wanted if name not in file]
             content = {name: file[name][()] for name in wanted if name in file}
     except OSError as error:
@@ -106,3 +109,9 @@ def read_cell(path: str | Path, arrays: list[str] | None = None) -> Cell:
             f"{path}: datasets {missing} are missing; simulate the cell again with the settings that keep them"
         )
     return Cell(content, attributes)
+
+
+def _held(attributes: dict, file: h5py.File) -> list[str]:
+    """Return the names of the arrays that a cell must hold, and of the optional ones that it does hold."""
+    absent = OPTIONAL | (SECTION if attributes.get("source") else set())
+    return [name for name in DATASETS if name not in absent or name in file]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 from gelforge.config import Study
 from gelforge.indentation.cell_file import Cell
 from gelforge.indentation.inputs import inputs_digest
@@ -11,7 +13,11 @@ from gelforge.mechanics.laws import Ogden
 
 
 def mirror_cell(source: Cell, study: Study, laws: dict[str, Ogden], planned: PlannedCell) -> Cell:
-    """Return the cell that the symmetry of the plan makes of its source, without section and gel displacement."""
+    """Return the cell that the symmetry of the plan makes of its source, without section and gel displacement.
+
+    Its seconds are those of the mirroring; the iterations and balances are its source's.
+    """
+    wall_clock, cpu_clock = time.perf_counter(), time.process_time()
     name, width, n = planned.symmetry, study.sensor.width_x_mm, study.sensor.bins.nx
     arrays = {"depth_mm": source.arrays["depth_mm"]}
     for key in ("total_force_N", "reaction_N", "node_normal_N", "node_shear_N", "node_displacement_mm"):
@@ -31,5 +37,7 @@ def mirror_cell(source: Cell, study: Study, laws: dict[str, Ogden], planned: Pla
         "symmetry": name,
         "inputs_digest": inputs_digest(study, laws, planned),
         "source_inputs_digest": source.attributes["inputs_digest"],
+        "seconds": time.perf_counter() - wall_clock,
+        "cpu_seconds": time.process_time() - cpu_clock,
     }
     return Cell(arrays, source.attributes | identity)

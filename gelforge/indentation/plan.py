@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,6 +34,39 @@ def plan_cells(study: Study) -> dict[str, PlannedCell]:
     cells = _from_file(study.plan.file) if study.plan.file else _from_grid(study)
     check_inside(cells, study)
     return _with_sources(cells, study) if study.plan.symmetry == "d4" else cells
+
+
+CORNER_MM = 5.0  # the article's "corner": this far from two edges
+
+
+def landmarks(cells: dict[str, PlannedCell], study: Study) -> dict[str, PlannedCell]:
+    """Return the cells at "centre" and "corner" (5 mm from two edges, that of large x and y first) that exist."""
+    wx, wy = study.sensor.width_x_mm, study.sensor.width_y_mm
+    corners = [(x, y) for x in (wx - CORNER_MM, CORNER_MM) for y in (wy - CORNER_MM, CORNER_MM)]
+    found = {}
+    for name, places in (("centre", [(wx / 2, wy / 2)]), ("corner", corners)):
+        there = (
+            cell
+            for x, y in places
+            for cell in cells.values()
+            if max(abs(cell.x_mm - x), abs(cell.y_mm - y)) <= POSITION_MATCH_MM
+        )
+        if cell := next(there, None):
+            found[name] = cell
+    return found
+
+
+def variant_cells(cells: dict[str, PlannedCell], study: Study, variant: str) -> dict[str, PlannedCell]:
+    """Return the cells of a variant, each to be solved itself: a variant need not have the plan's symmetry."""
+    names = study.variants[variant].cells or [cell.name for cell in landmarks(cells, study).values()]
+    unknown = [name for name in names if name not in cells]
+    if unknown:
+        raise ConfigError(f"variants.{variant}.cells: {unknown} are not in the plan; name cells of the plan")
+    if not names:
+        raise ConfigError(
+            f"variants.{variant}: the plan has no cell at the centre or {CORNER_MM:g} mm from two edges; name `cells`"
+        )
+    return {name: replace(cells[name], source=None, symmetry=None) for name in names}
 
 
 def plan_table(cells: dict[str, PlannedCell]) -> pd.DataFrame:

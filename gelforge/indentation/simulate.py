@@ -14,6 +14,7 @@ from gelforge.indentation.cell_arrays import force_arrays, gel_arrays, moment_sh
 from gelforge.indentation.cell_file import Cell
 from gelforge.indentation.inputs import inputs_digest
 from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.stretch_range import Outside, element_stretches, stretch_ranges
 from gelforge.mechanics.balances import force_balance, moment_balance
 from gelforge.mechanics.body import Body, SmallStrainBody
 from gelforge.mechanics.equilibrium import NotConverged, Press, Settings, State
@@ -36,18 +37,29 @@ class Trajectory:
         return cls(planned.x_mm, planned.y_mm, planned.depths_mm, ("load",) * len(planned.depths_mm))
 
 
-def simulate_cell(study: Study, laws: dict[str, Ogden], planned: PlannedCell) -> Cell:
-    """Return the solved cell of a plan; laws are named by material. A cell that fails says so in its attributes."""
-    by_layer = {layer.name: laws[layer.material] for layer in study.sensor.layers}
-    cell = simulate_trajectory(
-        study.sensor, study.indenter, study.mechanics, by_layer, Trajectory.loading(planned)
-    )
+def simulate_cell(
+    study: Study, laws: dict[str, Ogden], planned: PlannedCell, outside: dict[str, Outside] | None = None
+) -> Cell:
+    """Return the solved cell of a plan; laws are named by material. A cell that fails says so in its attributes.
+
+    outside: by material, whether principal stretches leave the range in which its law was tested.
+    """
+    layers = study.sensor.layers
+    by_layer = {layer.name: laws[layer.material] for layer in layers}
+    tested = {layer.name: (outside or {}).get(layer.material) for layer in layers}
+    trajectory = Trajectory.loading(planned)
+    cell = simulate_trajectory(study.sensor, study.indenter, study.mechanics, by_layer, trajectory, tested)
     identity = {"cell": planned.name, "inputs_digest": inputs_digest(study, laws, planned), "source": ""}
     return Cell(cell.arrays, cell.attributes | identity)
 
 
 def simulate_trajectory(
-    sensor: Sensor, indenter: Indenter, mechanics: Mechanics, laws: dict[str, Ogden], trajectory: Trajectory
+    sensor: Sensor,
+    indenter: Indenter,
+    mechanics: Mechanics,
+    laws: dict[str, Ogden],
+    trajectory: Trajectory,
+    outside: dict[str, Outside | None] | None = None,
 ) -> Cell:
     """Return the solution of a trajectory; laws are named by layer. What fails ends the cell, with its reason."""
     wall_clock, cpu_clock = time.perf_counter(), time.process_time()
@@ -72,7 +84,10 @@ def simulate_trajectory(
         arrays |= gel_arrays(
             mesh, states, [layer.name for layer in sensor.layers if layer.particle_volume_fraction > 0]
         )
-    attributes = {
+    top = sensor.layers[-1].name  # its material makes the wall and the flange too
+    tested = [(outside or {}).get(name if name in laws else top) for name in mesh.regions]
+    stretches = [element_stretches(body.gradient, body.weight, mesh.hexahedra, state.u) for state in states]
+    attributes = stretch_ranges(stretches, body.element_volume, mesh.region, tested) | {
         "x_mm": trajectory.x_mm,
         "y_mm": trajectory.y_mm,
         "status": "failed" if reason else "converged",

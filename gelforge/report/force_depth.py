@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import cycle
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from gelforge.report.style import MEASURED, PUBLISHED, PUBLISHED_LINEAR, SIMULATED, new_figure, styled
+from gelforge.report.style import (
+    MEASURED,
+    PUBLISHED,
+    PUBLISHED_LINEAR,
+    SIMULATED,
+    VARIANTS,
+    new_figure,
+    styled,
+)
 
 PAPER_RESOLUTION_N = 0.06  # error bars of the paper's F/T readings, its fig. "force agreement"
 
@@ -23,21 +32,33 @@ class ForceDepth:
     ft_depth_mm: np.ndarray
     ft_N: np.ndarray
     published: pd.DataFrame | None  # depth_mm, fem_N, fem_linear_N, ft_sensor_N of this place
+    variants: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)  # (depth, Fz) by name
 
 
 def deviation_table(curve: ForceDepth) -> pd.DataFrame | None:
-    """Return simulated force beside the published FEM's and their deviation [%], at the depths that both have."""
+    """Return simulated force beside the published FEM's, at the depths that both have, and the variants' forces.
+
+    The deviation [%] is the study's from the published FEM; a variant that did not reach a depth has NaN there.
+    """
     if curve.published is None:
         return None
     rows = []
     for row in curve.published.itertuples():
-        match = np.flatnonzero(np.abs(curve.depth_mm - row.depth_mm) < 1e-6)  # depths are round numbers
-        if len(match):
-            force = float(curve.fem_N[match[0]])
+        force = _at_depth(row.depth_mm, curve.depth_mm, curve.fem_N)
+        if np.isfinite(force):
             deviation = round(100 * (force / row.fem_N - 1), 1)
-            rows.append((curve.title, row.depth_mm, force, row.fem_N, deviation))
-    columns = ["place", "depth [mm]", "simulated Fz [N]", "published FEM Fz [N]", "deviation [%]"]
+            varied = [_at_depth(row.depth_mm, *variant) for variant in curve.variants.values()]
+            published = (row.fem_N, row.fem_linear_N)
+            rows.append((curve.title, row.depth_mm, *published, force, deviation, *varied))
+    columns = ["place", "depth [mm]", "published FEM Fz [N]", "published linear FEM Fz [N]"]
+    columns += ["simulated Fz [N]", "deviation [%]", *(f"variant {name} Fz [N]" for name in curve.variants)]
     return pd.DataFrame(rows, columns=columns)
+
+
+def _at_depth(depth_mm: float, depths_mm: np.ndarray, forces_N: np.ndarray) -> float:
+    """Return the force at a depth, NaN where the curve has no such point; depths are round numbers."""
+    match = np.flatnonzero(np.abs(depths_mm - depth_mm) < 1e-6)
+    return float(forces_N[match[0]]) if len(match) else np.nan
 
 
 @styled
@@ -69,6 +90,9 @@ def force_depth_figure(curves: list[ForceDepth], resolution_N: float = PAPER_RES
                 label="paper: F/T, ± resolution",
             )
         ax.plot(curve.depth_mm, -curve.fem_N, "o-", color=SIMULATED, ms=4, lw=2, label="this study: FEM")
+        for (name, (depth_mm, fem_N)), (colour, marker) in zip(curve.variants.items(), cycle(VARIANTS)):
+            style = {"ls": (0, (4, 1.5)), "ms": 4, "lw": 1.3, "mfc": "white"}
+            ax.plot(depth_mm, -fem_N, marker=marker, color=colour, label=f"variant: {name}", **style)
         if len(curve.ft_N):
             ax.errorbar(
                 curve.ft_depth_mm,

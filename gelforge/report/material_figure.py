@@ -144,7 +144,8 @@ def _measured_kind(
         )
         residual.plot(curve.stretch, error, color=SIMULATED, lw=0.9)
     r2, count = (laws[0].r2_nominal or {}).get(kind), mean.test.nunique()
-    text = f"{count} curve{'s' if count > 1 else ''}" if r2 is None else f"R² = {r2:.4f}\n{count} curves"
+    curves_shown = f"{count} curve{'s' if count > 1 else ''}"
+    text = curves_shown if r2 is None else f"R² = {r2:.4f}\n{curves_shown}"
     ax.text(0.04, 0.97, text, transform=ax.transAxes, va="top", fontsize=9.5, color=INK, bbox=BEHIND)
 
 

@@ -11,13 +11,13 @@ from markupsafe import Markup
 import gelforge
 from gelforge.config import Study
 from gelforge.files import write_text
-from gelforge.report import learning_chapters, study_chapters
+from gelforge.report import learning_chapters, material_chapter, study_chapters
 from gelforge.report.chapters import Chapter
 from gelforge.report.results_reader import StudyResults
 
 CHAPTERS = (
     study_chapters.glance,
-    study_chapters.materials,
+    material_chapter.materials,
     study_chapters.force_depth,
     study_chapters.inside,
     study_chapters.images,

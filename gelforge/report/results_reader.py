@@ -14,9 +14,7 @@ import pandas as pd
 from gelforge.characterisation.law_file import MaterialLaw, read_law
 from gelforge.config import ConfigError, Session, Study, load_session
 from gelforge.indentation.cell_file import Cell, CellError, read_cell
-from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell, plan_cells
-
-CORNER_MM = 5.0  # the paper's "corner": this far from two edges
+from gelforge.indentation.plan import PlannedCell, landmarks, plan_cells
 
 
 @dataclass(frozen=True)
@@ -64,17 +62,23 @@ class StudyResults:
 
     def centre_cell(self) -> PlannedCell | None:
         """Return the converged cell at the surface's centre, or None."""
-        return self._cell_at(*self.centre_mm)
+        return self._landmarks.get("centre")
 
     def corner_cell(self) -> PlannedCell | None:
         """Return a converged cell 5 mm from two edges, or None; the corner of large x and y is preferred."""
-        wx, wy = self.widths_mm
-        places = [(x, y) for x in (wx - CORNER_MM, CORNER_MM) for y in (wy - CORNER_MM, CORNER_MM)]
-        return next((cell for place in places if (cell := self._cell_at(*place))), None)
+        return self._landmarks.get("corner")
 
-    def _cell_at(self, x: float, y: float) -> PlannedCell | None:
-        near = [c for c in self.converged() if max(abs(c.x_mm - x), abs(c.y_mm - y)) <= POSITION_MATCH_MM]
-        return near[0] if near else None
+    @cached_property
+    def _landmarks(self) -> dict[str, PlannedCell]:
+        return landmarks({cell.name: cell for cell in self.converged()}, self.study)
+
+    def variant_cell(self, variant: str, name: str) -> Cell | None:
+        """Return a cell as a variant of the study has it, or None where it is not there or has not converged."""
+        try:
+            cell = read_cell(self.folder / "variants" / variant / f"{name}.h5")
+        except CellError:
+            return None
+        return cell if cell.converged else None
 
     @cached_property
     def sessions(self) -> dict[str, Session]:

@@ -1,15 +1,13 @@
-"""Chapters about the study itself: overview, materials, simulated presses, images, failed cells, time."""
+"""Chapters about the study itself: overview, simulated presses, images, failed cells, time."""
 
 from __future__ import annotations
 
 import numpy as np
 import pandas as pd
 
-from gelforge.report.beside_paper import beside_paper
 from gelforge.report.chapters import Chapter, Facts, count
 from gelforge.report.flow_figure import flow_figure, read_picture
 from gelforge.report.force_depth import ForceDepth, deviation_table, force_depth_figure
-from gelforge.report.material_figure import material_figure
 from gelforge.report.results_reader import StudyResults, is_papers_sensor
 from gelforge.report.section import section_figure
 from gelforge.report.sensor_figure import sensor_figure
@@ -82,35 +80,6 @@ def _recordings(results: StudyResults) -> str:
     return f"{text}, {count(images, 'image')} with features"
 
 
-def materials(results: StudyResults) -> Chapter:
-    """Return the material laws with their fits."""
-    chapter = Chapter("materials", "Materials")
-    for name in results.study.materials:
-        folder = results.folder / "materials" / name
-        if name not in results.laws or not (folder / "curves.csv").is_file():
-            chapter.miss(f"No law of {name}: {folder} lacks law.json or curves.csv.")
-            continue
-        law = results.laws[name]
-        kind = " These tests are SYNTHETIC." if law.synthetic else ""
-        if law.samples:
-            words = (
-                f"{name}: the law's line should run through the mean of the samples in all three tests.{kind}"
-            )
-        else:
-            words = f"{name}: the law's parameters were given in the configuration; no test was fitted."
-        chapter.show(words, material_figure(folder / "law.json", folder / "curves.csv"))
-    table = results.table("material")
-    if table is None:
-        chapter.miss(f"No table of parameters: {results.folder / 'tables' / 'material.csv'} is not there.")
-    else:
-        chapter.tabulate(
-            "Ogden parameters with 95 % intervals, beside the paper's; μ and α alone differ more between equally"
-            " good fits than Young's modulus E does.",
-            beside_paper("material", table, results.paper),
-        )
-    return chapter
-
-
 def force_depth(results: StudyResults) -> Chapter:
     """Return vertical force over depth at centre and corner beside the paper's curves."""
     chapter = Chapter("force-depth", "Force over depth, and the paper's")
@@ -145,6 +114,7 @@ def force_depth(results: StudyResults) -> Chapter:
                 here["depth_mm"].to_numpy(float),
                 here["ft_z_N"].to_numpy(float),
                 published[published.location == location] if published is not None else None,
+                _variant_curves(results, cell.name),
             )
         )
     if not curves:
@@ -159,6 +129,13 @@ def force_depth(results: StudyResults) -> Chapter:
         words += (
             " This study uses SMALL-STRAIN linear elasticity, to be compared with the paper's linear curve."
         )
+    for name, variant in results.study.variants.items():
+        if any(name in curve.variants for curve in curves):
+            words += f" Variant {name}: {variant.describes or 'other settings'}."
+        else:
+            chapter.miss(
+                f"No curve of variant {name}: {results.folder / 'variants' / name} has no such cell."
+            )
     if any(len(c.ft_N) for c in curves) and "recordings" in results.synthetic_parts:
         words += " The study's F/T readings (orange) are SYNTHETIC."
     chapter.show(words, force_depth_figure(curves, results.resolution_N[2]))
@@ -167,6 +144,16 @@ def force_depth(results: StudyResults) -> Chapter:
         words = "Vertical force beside the published FEM's; nothing was tuned to bring them together."
         chapter.tabulate(words, pd.concat(tables))
     return chapter
+
+
+def _variant_curves(results: StudyResults, name: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Return depths [mm] and Fz [N] of a cell by variant, of the variants that have solved it."""
+    found = {variant: results.variant_cell(variant, name) for variant in results.study.variants}
+    return {
+        variant: (cell.arrays["depth_mm"], cell.arrays["total_force_N"][:, 2])
+        for variant, cell in found.items()
+        if cell
+    }
 
 
 def inside(results: StudyResults) -> Chapter:

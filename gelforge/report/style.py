@@ -19,6 +19,12 @@ MEASURED = "#E69F00"  # force/torque readings
 PREDICTED = "#D55E00"  # the network
 PUBLISHED = "#555555"  # the paper's numbers
 PUBLISHED_LINEAR = "#009E73"
+VARIANTS = [
+    ("#CC79A7", "^"),
+    ("#009E73", "v"),
+    ("#56B4E9", "<"),
+    ("#000000", ">"),
+]  # colour and marker, in turn
 LAYERS = ["#F0E6C8", "#9CC9E5", "#B8D8B0", "#F3C59B"]  # soft layers from the base up
 SURROUND = {"wall": "#E8B4C8", "flange": "#D9A7D0", "base": "#CFCFCF"}
 INK = "#222222"

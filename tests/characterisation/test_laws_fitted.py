@@ -6,13 +6,13 @@ from numpy.testing import assert_allclose
 from shared_data import ROOT, SHARED, needs_shared
 
 from gelforge.characterisation.bootstrap import bootstrap
-from gelforge.characterisation.by_hand import read_tests
 from gelforge.characterisation.choice import compare_laws, held_out_errors
 from gelforge.characterisation.common_form import MaterialTest, Segment
 from gelforge.characterisation.curves import mean_curves, monotonic_loading
 from gelforge.characterisation.families import FAMILIES, family_of, parameters_of
 from gelforge.characterisation.fit import FitError, Problem, effective_points, fit_law
 from gelforge.characterisation.identifiability import prediction_widths
+from gelforge.characterisation.material_source import read_sources
 from gelforge.characterisation.valid_range import ValidRange, unstable_from
 from gelforge.mechanics.homogeneous import LOAD_CASES, nominal_stress, principal_stretches, stress_points
 from gelforge.mechanics.laws import Gent, MooneyRivlin, NeoHooke, Ogden, Yeoh
@@ -57,7 +57,7 @@ def scattered(law, largest, seed, samples=6):
 
 def curves_of(*names):
     files = [SHARED / "hyper_literature" / f"{name}.csv" for name in names]
-    [material] = read_tests(files, ROOT / "config" / "mappings" / "hyper_literature.yaml")
+    [material] = read_sources(files, ROOT / "config" / "mappings" / "hyper_literature.yaml")
     return mean_curves(monotonic_loading(list(material.tests))[0])
 
 

@@ -7,7 +7,7 @@ from shared_data import MAPPINGS
 
 from gelforge.characterisation.mapped_files import read_mapped, read_mapped_folder, read_microindentation
 from gelforge.config import ConfigError
-from gelforge.config_mapping import load_mapping
+from gelforge.config.mapping import load_mapping
 from gelforge.csv_table import TableError
 
 G = 0.05  # MPa
@@ -238,5 +238,5 @@ def test_own_microindentation_with_its_sidecar(tmp_path):
     rows = "\n".join(f"{d:.6f},{f:.8f}" for d, f in zip(depth, force))
     (tmp_path / "press.csv").write_text("depth_mm,force_N\n" + rows)
     (tmp_path / "press.yaml").write_text("ball_radius_mm: 3\nlayer_thickness_mm: 4\n")
-    test, thickness = read_microindentation(tmp_path / "press.csv")
-    assert test.ball_radius_mm == 3 and thickness == 4 and len(test.force_N) == 60
+    test, sidecar = read_microindentation(tmp_path / "press.csv")
+    assert test.ball_radius_mm == 3 and sidecar.layer_thickness_mm == 4 and len(test.force_N) == 60

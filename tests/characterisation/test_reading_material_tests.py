@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from gelforge.characterisation.curves import monotonic_loading
 from gelforge.characterisation.material_tests import declared_synthetic, input_files, read_material_tests
 from gelforge.csv_table import TableError
 
@@ -88,10 +89,16 @@ def test_tracking_noise_is_no_reversal(material):
     assert len(read_material_tests(material(ua=uniaxial(lam)))[0].stretch) == 21
 
 
-def test_relaxation_samples_are_left_out(material):
+def test_relaxation_samples_are_read_with_their_hold(material):
     samples = f"{HEADER}\nua.csv,uniaxial,s1,10,0.5\nrelax.csv,relaxation,s1,10,0.5\n"
-    folder = material(samples, relax="anything\n1\n")
-    assert [c.test for c in read_material_tests(folder)] == ["uniaxial"]
+    t = np.r_[np.linspace(0, 5, 20), 5 + np.geomspace(0.1, 200, 60)]
+    lam = np.interp(t, [0, 5, 300], [1, 1.5, 1.5])
+    rows = "".join(f"{a:.6g},{0.1 * (l - 1):.6g},{l:.6g}\n" for a, l in zip(t, lam))
+    folder = material(samples, relax="time_s,force_N,stretch_1\n" + rows)
+    tests = read_material_tests(folder)
+    assert [(c.test, c.history) for c in tests] == [("uniaxial", "monotonic"), ("uniaxial", "relaxation")]
+    assert [s.kind for s in tests[1].segments] == ["load", "hold"]
+    assert monotonic_loading(tests)[0] == tests[:1]  # not fitted where there is another loading
     assert [path.name for path in input_files(folder)] == ["samples.csv", "ua.csv", "relax.csv"]
 
 
@@ -187,7 +194,16 @@ BAD = {
         {},
         r"row 2: file 'ub\.csv' is not in .*add it or drop",
     ),
-    "no fitted test": (f"{HEADER}\nua.csv,relaxation,s1,10,0.5\n", {}, r"no sample of \['uniaxial'"),
+    "unknown history": (
+        f"{HEADER},history\nua.csv,uniaxial,s1,10,0.5,cycles\n",
+        {},
+        r"row 2: history is 'cycles'; one of \['monotonic', 'cyclic', 'relaxation'\]",
+    ),
+    "unknown correction": (
+        f"{HEADER},corrections\nua.csv,uniaxial,s1,10,0.5,zero_force tow\n",
+        {},
+        r"corrections are 'zero_force tow'; \['tow'\] is not among",
+    ),
     "another load case": (
         f"{HEADER}\neb.csv,equibiaxial,s1,,0.5\n",
         {"eb": "time_s,pressure_kPa,apex_radius_mm,stretch_1,stretch_2\n0,0.3,60,1.2,1.2\n9,0.5,40,1.6,1\n"},

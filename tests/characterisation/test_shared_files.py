@@ -14,7 +14,7 @@ from gelforge.characterisation.mapped_files import read_mapped, read_mapped_fold
 from gelforge.characterisation.microindentation import adhesion, fit_modulus
 from gelforge.characterisation.relaxation import relaxation_of
 from gelforge.characterisation.small_tests import gain_mismatch
-from gelforge.config_mapping import load_mapping
+from gelforge.config.mapping import load_mapping
 from gelforge.csv_table import TableError
 
 pytestmark = needs_shared

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from gelforge.characterisation.fit import FitError
 from gelforge.cli.characterise import characterise_command
+from gelforge.config import ConfigError
 
 DEMO = Path(__file__).parents[2] / "data" / "demo" / "materials"
 
@@ -17,11 +17,12 @@ def test_two_materials_get_a_folder_each(tmp_path, capsys):
         assert files == {
             "law.json", "laws/neo_hooke.json", "laws.csv", "laws.md", "parameters.csv", "parameters.md",
             "curves.csv", "notes.txt", "material.png", "material.svg",
+            "effects.json", "effects.csv", "effects.md",
         }  # fmt: skip
     assert "ecoflex_gel: Ogden, K = 2: the lowest AICc of 2" in capsys.readouterr().out
 
 
 def test_an_unknown_law_leaves_nothing_behind(tmp_path):
-    with pytest.raises(FitError, match="law 'ogden7' is not known"):
+    with pytest.raises(ConfigError, match="laws.0, found 'ogden7'"):
         characterise_command([DEMO / "ecoflex_gel"], None, "ogden7", tmp_path / "out")
     assert not (tmp_path / "out").exists()

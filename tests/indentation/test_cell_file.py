@@ -4,14 +4,14 @@ import h5py
 import numpy as np
 import pytest
 
-from gelforge.indentation.cell_file import DATASETS, Cell, CellError, read_cell, write_cell
+from gelforge.indentation.cell_file import DATASETS, OPTIONAL, SECTION, Cell, CellError, read_cell, write_cell
 
 rng = np.random.default_rng(1)
 
 
 def invented_cell() -> Cell:
-    """Return a cell of invented numbers with large and small arrays."""
-    arrays = {
+    """Return a cell of invented numbers with every mandatory array, large and small ones."""
+    arrays = {name: rng.normal(size=(2, 3)) for name in DATASETS if name not in OPTIONAL} | {
         "depth_mm": np.array([0.5, 1.0]),
         "total_force_N": rng.normal(size=(2, 3)),
         "bin_force_N": rng.normal(size=(2, 2500, 3)),
@@ -79,6 +79,21 @@ def test_a_missing_file_is_named(tmp_path):
 def test_a_missing_dataset_is_named(path):
     with pytest.raises(CellError, match=r"x0_y0\.h5: datasets \['gel_hex'\] are missing"):
         read_cell(path, ["depth_mm", "gel_hex"])
+
+
+@pytest.mark.parametrize("name", sorted(set(DATASETS) - OPTIONAL))
+def test_every_mandatory_dataset_is_missed(path, name):
+    with h5py.File(path, "a") as file:
+        del file[name]
+    with pytest.raises(CellError, match=rf"x0_y0\.h5: datasets \['{name}'\] are missing"):
+        read_cell(path)
+
+
+def test_a_mirrored_cell_needs_no_section_of_its_own(path):
+    cell = invented_cell()
+    arrays = {name: array for name, array in cell.arrays.items() if name not in SECTION}
+    write_cell(path, Cell(arrays, cell.attributes | {"source": "x1_y0"}))
+    assert set(read_cell(path).arrays) == set(arrays)
 
 
 @pytest.mark.parametrize("wrong", ["gelforge-cell-0", None])

@@ -7,8 +7,8 @@ import pytest
 import specimens
 from numpy.testing import assert_allclose
 
-from gelforge.config import ConfigError
-from gelforge.indentation.plan import plan_cells, plan_table
+from gelforge.config import ConfigError, Variant
+from gelforge.indentation.plan import landmarks, plan_cells, plan_table, variant_cells
 from gelforge.indentation.symmetry import transform_points
 
 GRID = {"grid": {"spacing_mm": 3.0, "margin_mm": 5.0}, "depths_mm": [0.4, 0.8]}
@@ -124,3 +124,40 @@ def test_table_has_a_row_per_cell_and_depth():
     row = table[(table.cell == "x2_y2") & (table.depth_mm == 0.8)].iloc[0]
     assert (row.x_mm, row.y_mm, row.source) == (11.0, 11.0, "x0_y0")
     assert (table[table.cell == "x0_y0"].source == "").all()
+
+
+# ------------------------------------------------------------------------------------------- variants
+def with_variant(cells=(), plan=None):
+    study = specimens.study(plan or GRID | {"symmetry": "d4"})
+    study = study.model_copy(update={"variants": {"v": Variant(cells=list(cells))}})
+    return plan_cells(study), study
+
+
+def test_landmarks_are_the_centre_and_the_corner_of_large_x_and_y():
+    cells, study = with_variant()
+    assert {name: cell.name for name, cell in landmarks(cells, study).items()} == {
+        "centre": "x1_y1",
+        "corner": "x2_y2",
+    }
+    del cells["x2_y2"]  # (5 mm from two edges: the next corner stands in)
+    assert landmarks(cells, study)["corner"].name == "x2_y0"
+
+
+def test_cells_of_a_variant_are_solved_themselves():
+    cells, study = with_variant()
+    assert cells["x2_y2"].source == "x0_y0"
+    chosen = variant_cells(cells, study, "v")
+    assert {name: (cell.source, cell.symmetry) for name, cell in chosen.items()} == {
+        "x1_y1": (None, None),
+        "x2_y2": (None, None),
+    }
+    assert list(variant_cells(cells, with_variant(["x0_y1"])[1], "v")) == ["x0_y1"]
+
+
+def test_cells_that_the_plan_lacks_are_refused():
+    cells, study = with_variant(["x9_y9"])
+    with pytest.raises(ConfigError, match=r"variants\.v\.cells: \['x9_y9'\] are not in the plan"):
+        variant_cells(cells, study, "v")
+    cells, study = with_variant(plan={"grid": {"spacing_mm": 4.0, "margin_mm": 6.0}, "depths_mm": [0.5]})
+    with pytest.raises(ConfigError, match="no cell at the centre or 5 mm from two edges"):
+        variant_cells(cells, study, "v")

@@ -45,6 +45,22 @@ def test_a_cell_file_holds_everything(cell, tmp_path):
     assert list(back.arrays["depth_mm"]) == [0.4, 0.8]
 
 
+def test_a_cell_says_whether_it_leaves_the_tested_range(cell, tmp_path):
+    """Pressed 0.4 and 0.8 mm deep; "tested" is what the gel alone reaches at half depth."""
+    assert cell.attributes["leaves_valid_range"].tolist() == [-1, -1]  # the laws came without a range
+    extent = cell.attributes["stretch_range"]
+    assert extent.shape == (2, len(cell.attributes["regions"]), 2)
+    assert (extent[1, :, 0] < extent[0, :, 0]).all() and (extent[1, :, 1] > extent[0, :, 1]).all()
+    limit = extent[:, :, 1].max(axis=1).mean()
+    outside = {name: lambda lam: lam.max(axis=1) > limit for name in LAWS}
+    again = simulate_cell(specimens.study(), LAWS, PLANNED, outside)
+    write_cell(tmp_path / "cell.h5", again)
+    back = read_cell(tmp_path / "cell.h5").attributes
+    assert back["leaves_valid_range"].tolist() == [0, 1]
+    assert 0 < back["volume_outside_valid_range"][1].max() < 0.5
+    assert not back["volume_outside_valid_range"][0].any()
+
+
 def test_gel_displacement_only_where_asked():
     short = replace(PLANNED, depths_mm=(0.1,))
     assert set(simulate_cell(specimens.study(), LAWS, short).arrays) == set(DATASETS) - OPTIONAL
@@ -136,6 +152,8 @@ def test_a_mirrored_cell_equals_a_solved_one(name):
     assert mirrored.attributes["source"] == "x0_y0"
     assert mirrored.attributes["source_inputs_digest"] == source.attributes["inputs_digest"]
     assert (mirrored.attributes["cell"], mirrored.attributes["x_mm"]) == ("there", x)
+    for key in ("seconds", "cpu_seconds"):  # its own, milliseconds of copying; solving took 0.1 s or more
+        assert 0 <= mirrored.attributes[key] < 0.5 * source.attributes[key]
     for key in ("total_force_N", "reaction_N", "bin_force_N", "bin_normal_N", "bin_shear_N"):
         assert_allclose(
             mirrored.arrays[key], solved.arrays[key], atol=1e-8, err_msg=key

@@ -15,10 +15,11 @@ from matplotlib.image import imsave
 
 from gelforge.characterisation.law_file import MaterialLaw, write_law
 from gelforge.characterisation.material_table import material_table
+from gelforge.characterisation.measured_effects import MeasuredEffect, MeasuredEffects
 from gelforge.config import Camera, ForceSensor, Session, Study, study_from, write_yaml
 from gelforge.files import write_json, write_table
 from gelforge.indentation.cell_file import Cell, write_cell
-from gelforge.indentation.plan import PlannedCell, plan_cells
+from gelforge.indentation.plan import PlannedCell, plan_cells, variant_cells
 from gelforge.mechanics.homogeneous import cauchy_stress
 from gelforge.mechanics.laws import Ogden
 
@@ -37,7 +38,7 @@ PAPER_ERRORS = {
 }
 
 
-def fake_study(root: Path, sessions: bool = True, spacing: float = 5.5) -> Study:
+def fake_study(root: Path, sessions: bool = True, spacing: float = 5.5, variants=()) -> Study:
     """Return a study of 5 x 5 positions whose data folder lies under root."""
     given = {"mu_kPa": [7.9652, 0.3093], "alpha": [1.2769, 3.5676]}
     return study_from(
@@ -53,6 +54,7 @@ def fake_study(root: Path, sessions: bool = True, spacing: float = 5.5) -> Study
             },
             "plan": {"grid": {"spacing_mm": spacing}, "depths_mm": DEPTHS},
             "sessions": ["day1"] if sessions else [],
+            "variants": {name: {"describes": f"with a {name}"} for name in variants},
         }
     )
 
@@ -88,9 +90,13 @@ def fake_cell(cell: PlannedCell, failed: bool = False) -> Cell:
         "total_force_N": np.array(totals),
         "reaction_N": -np.array(totals),
         "bin_force_N": np.array(bins),
+        "bin_normal_N": np.array(bins),  # without friction
+        "bin_shear_N": np.zeros_like(bins),
         "node_xy_mm": np.stack([x, y], axis=-1),
         "node_area_mm2": area,
         "node_normal_N": np.array(normals),
+        "node_shear_N": np.zeros_like(normals),
+        "node_state": (np.array(normals)[..., 2] < 0).astype(np.int8),
         "node_displacement_mm": np.array(dents),
         **section,
     }
@@ -103,6 +109,9 @@ def fake_cell(cell: PlannedCell, failed: bool = False) -> Cell:
         "last_good_depth_mm": float(depths[-1]),
         "seconds": 9.5 + 0.1 * cell.x_mm,
         "iterations": [4] * len(depths),
+        "leaves_valid_range": (depths > 1.4).astype(np.int8),
+        "stretch_range": np.stack([np.column_stack([1 - 0.2 * depths, 1 + 0.4 * depths])] * 2, axis=1),
+        "volume_outside_valid_range": np.stack([0.0 * depths, 0.01 * (depths > 1.4)], axis=1),
         "code_version": "0.0.0",
         "settings": json.dumps(
             {"sensor": {"width_x_mm": 32.0, "width_y_mm": 32.0, "bins": {"nx": 20, "ny": 20}}}
@@ -164,6 +173,16 @@ def write_cells(study: Study, folder: Path) -> None:
         write_cell(folder / "cells" / f"{name}.h5", fake_cell(cell, failed=name == FAILED))
 
 
+def write_variants(study: Study, folder: Path) -> None:
+    """Write centre and corner of every variant, their forces 3 % larger than the study's."""
+    planned = plan_cells(study)
+    for variant in study.variants:
+        for name in variant_cells(planned, study, variant):
+            cell = fake_cell(planned[name])
+            arrays = cell.arrays | {"total_force_N": 1.03 * cell.arrays["total_force_N"]}
+            write_cell(folder / "variants" / variant / f"{name}.h5", Cell(arrays, cell.attributes))
+
+
 def write_materials(study: Study, folder: Path) -> None:
     """Write the laws as a fit of synthetic tests would leave them, and the table of their parameters."""
     laws = []
@@ -189,6 +208,14 @@ def write_materials(study: Study, folder: Path) -> None:
             "model_nominal_stress_kPa",
         ]
         pd.DataFrame(rows, columns=columns).to_csv(folder / "materials" / name / "curves.csv", index=False)
+        age = MeasuredEffect(
+            "age", "uniaxial", "relative change of the nominal stress", 0.3, (0.2, 0.4), "repeats", "1",
+            "significant stiffening", "From 0 to 63 days: significant stiffening with age.",
+        )  # fmt: skip
+        effects = MeasuredEffects(name, (age,), (("friction", "no friction.csv with tilt trials"),))
+        write_table(folder / "materials" / name, "effects", effects.table())
+        compared = {"law": ["ogden2", "yeoh"], "chosen": [True, False], "AICc difference": [0.0, 12.5]}
+        write_table(folder / "materials" / name, "laws", pd.DataFrame(compared))
     write_table(folder / "tables", "material", material_table(laws))
 
 
@@ -362,8 +389,9 @@ def write_paper(folder: Path) -> None:
 
 def write_everything(root: Path) -> tuple[Study, Path, Path]:
     """Write a whole study with a synthetic session; return it, its results and the paper's folder."""
-    study, folder, paper = fake_study(root), root / "results" / "fake", root / "paper"
+    study, folder, paper = fake_study(root, variants=["flange"]), root / "results" / "fake", root / "paper"
     write_cells(study, folder)
+    write_variants(study, folder)
     write_materials(study, folder)
     write_session(study)
     write_features(study, folder)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import fake_results
 import numpy as np
 import pandas as pd
@@ -125,6 +127,11 @@ def test_force_depth_figure_has_all_curves_and_units(whole):
         "[mm]",
     ):
         assert label in words
+    varied = replace(curve, variants={"flange": (depth, np.array([-0.2, -0.4]))})
+    figure = force_depth_figure([varied])
+    assert "variant: flange" in texts(figure)
+    line = next(line for line in figure.axes[0].lines if line.get_label() == "variant: flange")
+    assert list(line.get_ydata()) == [0.2, 0.4]
     bare = ForceDepth("centre", depth, np.array([-0.1, -0.3]), np.array([]), np.array([]), None)
     assert "paper" not in texts(force_depth_figure([bare]))
 
@@ -139,6 +146,10 @@ def test_deviation_is_relative_to_the_published_force():
     table = deviation_table(curve)
     assert len(table) == 1
     assert table["deviation [%]"][0] == pytest.approx(-5.0)
+    varied = replace(curve, variants={"flange": (np.array([0.25, 0.5]), np.array([-0.11, -0.21]))})
+    assert list(deviation_table(varied)["variant flange Fz [N]"]) == [-0.21]
+    stopped = replace(curve, variants={"flange": (np.array([0.25]), np.array([-0.11]))})
+    assert np.isnan(deviation_table(stopped)["variant flange Fz [N]"][0])
 
 
 def test_residual_maps_are_centred_at_zero_and_reach_the_resolution(whole):

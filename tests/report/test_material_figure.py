@@ -9,8 +9,8 @@ from gelforge.report.material_figure import material_figure
 
 
 def drawn(folder, tests=None, parameters=None):
-    material = Material(tests=tests, parameters=parameters, ogden_terms=1)
-    characterise("gel", material, folder / "law.json", folder / "curves.csv")
+    material = Material(tests=tests, parameters=parameters, laws=["ogden1"])
+    characterise("gel", material, folder)
     return material_figure(folder / "law.json", folder / "curves.csv")
 
 

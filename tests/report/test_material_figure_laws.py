@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from gelforge.characterisation.by_hand import MaterialSource, characterise_tests
+from gelforge.characterisation.characterise import characterise_source
 from gelforge.characterisation.common_form import MaterialTest
+from gelforge.characterisation.material_source import MaterialSource
+from gelforge.config import Fitting
 from gelforge.mechanics.homogeneous import nominal_stress, stress_points
 from gelforge.mechanics.laws import NeoHooke
 from gelforge.report.material_figure import material_figure
@@ -22,9 +24,8 @@ def drawn(tmp_path):
     fixed = np.full(40, 1.5)
     along, across = (stress_points("biaxial", lam, fixed, c).measured_stress(LAW) for c in "12")
     tests.append(MaterialTest("biaxial", "b1", lam, along, stretch_2=fixed, nominal_stress_2=across))
-    result = characterise_tests(
-        MaterialSource("gel", tuple(tests), (), False), ["neo_hooke", "ogden1"], tmp_path
-    )
+    fitting = Fitting(laws=["neo_hooke", "ogden1"])
+    result = characterise_source(MaterialSource("gel", tuple(tests)), fitting, tmp_path)
     return material_figure(tmp_path / "law.json", tmp_path / "curves.csv", result.other_laws)
 
 

@@ -62,6 +62,15 @@ def test_whole_study_misses_nothing(page):
     assert page[1] == []
 
 
+def test_materials_show_effects_laws_and_the_cells_beyond_the_tested_range(page):
+    text = " ".join(parsed(page[0]).text)
+    assert "significant stiffening with age" in text
+    assert "not judged by these tests, which is no proof of absence. friction: no friction.csv" in text
+    assert "laws compared" in text and "12.5" in text
+    assert "tested at stretches 1 to 1.8 in equibiaxial" in text and "Drucker-stable in all of it" in text
+    assert "leave the range in which a law was tested" in text and "share of volume" in text
+
+
 def test_every_figure_is_a_picture_under_a_sentence(page):
     pictures = parsed(page[0]).pictures
     # sensor, two materials, force-depth, section, flow, two residuals, loss, two force maps, totals, time
@@ -72,6 +81,20 @@ def test_every_figure_is_a_picture_under_a_sentence(page):
         assert b"<svg" in base64.b64decode(content)
         assert len(picture["alt"].split()) >= 8
     assert page[0].count("<figcaption>") >= len(pictures)
+
+
+def test_variants_stand_beside_the_study(page):
+    chapter = page[0].split('<section id="force-depth">')[1].split("</section>")[0]
+    assert "Variant flange: with a flange." in chapter
+    assert "variant flange Fz [N]" in chapter
+
+
+def test_a_variant_that_was_not_solved_is_named(tmp_path):
+    study = fake_results.fake_study(tmp_path, sessions=False, variants=["flange"])
+    folder = tmp_path / "results"
+    fake_results.write_cells(study, folder)
+    missing = write_report(study, folder, tmp_path / "page.html", tmp_path / "paper")
+    assert any("No curve of variant flange" in words and "variants" in words for words in missing)
 
 
 def test_failed_cell_is_named_with_its_reason(page):

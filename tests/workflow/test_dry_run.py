@@ -17,6 +17,7 @@ def test_demo_is_the_default_and_not_mixed_into_other_studies(checkout):
     jobs = checkout.jobs()
     assert jobs["simulate"] == 13 * 13 + 4 + 4
     assert jobs["virtual_session"] == 2
+    assert jobs["variant"] == 2 * 2  # two variants at centre and corner
     assert jobs["train"] == jobs["tables"] == jobs["report"] == 1
 
 
@@ -27,6 +28,7 @@ def test_symmetric_cells_are_solved_once_for_the_virtual_sensor(checkout):
 def test_test_study_lists_every_rule(checkout):
     jobs = checkout.jobs(*TEST)
     assert jobs["simulate"] == 9
+    assert jobs["variant"] == 1
     assert jobs["join"] == 3  # 4 + 4 + 1 cells
 
 
@@ -36,6 +38,7 @@ def test_test_study_lists_every_rule(checkout):
         ({"sede": 1}, ["sede", "unknown key"]),
         ({"mechanics": {"friction": -1}}, ["mechanics.friction", "-1", "greater than or equal to 0"]),
         ({"virtual_lab": "config/virtual_lab/none.yaml"}, ["config/virtual_lab/none.yaml", "no such file"]),
+        ({"variants": {"v": {"cells": ["x9_y9"]}}}, ["variants.v.cells", "x9_y9", "not in the plan"]),
         ({"plan": {"file": "nowhere.csv"}}, ["nowhere.csv", "no such file"]),
     ],
 )

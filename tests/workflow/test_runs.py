@@ -73,6 +73,20 @@ def test_training_settings_rerun_training_and_what_follows(again):
     assert not {"simulate", "features", "characterise", "join", "virtual_cell", "virtual_session"} & set(jobs)
 
 
+def test_every_file_of_a_material_reruns_its_characterisation(again):
+    """Whatever decides it: here the sidecar of a press, which is no table; pictures and mappings are listed the same way."""
+    folder, law = again.folder / "data/demo/materials/ecoflex_gel", f"{RESULTS}/materials/ecoflex_gel/law.json"
+    assert "characterise" not in again.jobs(law, *TEST)
+    rows = "".join(f"{k / 100 - 0.1},{max(k - 10, 0) ** 1.5 / 100}\n" for k in range(40))
+    (folder / "ball.csv").write_text("depth_mm,force_N\n" + rows)
+    (folder / "ball.yaml").write_text("ball_radius_mm: 2\n")
+    assert again.jobs(law, *TEST)["characterise"] == 1
+    again.snakemake(law, "--cores", "1", *TEST)
+    assert b"microindentation" in (again.folder / RESULTS / "materials/ecoflex_gel/effects.csv").read_bytes()
+    (folder / "ball.yaml").write_text("ball_radius_mm: 3\n")
+    assert again.jobs(law, *TEST)["characterise"] == 1
+
+
 def test_another_mesh_reruns_cells_and_leaves_the_recordings(again):
     path = again.folder / "config/test.yaml"
     content = yaml.safe_load(path.read_text())

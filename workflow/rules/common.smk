@@ -7,21 +7,24 @@ from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
 
-from gelforge.config import ConfigError, load_session, load_virtual_lab, study_from, write_yaml
+from gelforge.config import ConfigError, load_session, load_virtual_lab, study_from, variant_study, write_yaml
 from gelforge.files import atomic, digest, source_digest
-from gelforge.indentation.plan import plan_cells
+from gelforge.indentation.plan import plan_cells, variant_cells
 
 
 def _described():
-    """Return study, cells and virtual lab, or stop with one plain message before any job."""
+    """Return study, cells, cells by variant and virtual lab, or stop with one plain message before any job."""
     try:
         study = study_from(config)
-        return study, plan_cells(study), load_virtual_lab(study.virtual_lab) if study.virtual_lab else None
+        cells = plan_cells(study)
+        variants = {name: variant_cells(cells, study, name) for name in study.variants}
+        lab = load_virtual_lab(study.virtual_lab) if study.virtual_lab else None
+        return study, cells, variants, lab
     except ConfigError as error:
         raise WorkflowError(str(error)) from None
 
 
-STUDY, CELLS, LAB = _described()
+STUDY, CELLS, VARIANTS, LAB = _described()
 RESULTS = STUDY.results_folder.as_posix()
 DATA = STUDY.data_folder.as_posix()
 LOGS = f"logs/{STUDY.study}"
@@ -51,16 +54,22 @@ wildcard_constraints:
     cell="[A-Za-z0-9_-]+",
     material="[A-Za-z0-9_-]+",
     session="[A-Za-z0-9_-]+",
+    variant="[A-Za-z0-9_-]+",
     shard=r"\d{5}",
 
 
-def block(*names):
-    """Return the digest of the study's blocks that a rule uses; an edit elsewhere does not rerun the rule."""
-    return digest(STUDY.model_dump(mode="json", include=set(names)))
+def block(*names, study=STUDY):
+    """Return the digest of a study's blocks that a rule uses; an edit elsewhere does not rerun the rule."""
+    return digest(study.model_dump(mode="json", include=set(names)))
 
 
 def cell_files(cells):
     return [f"{RESULTS}/cells/{cell}.h5" for cell in cells]
+
+
+def variant_files():
+    """Return the cells of every variant that the study declares."""
+    return [f"{RESULTS}/variants/{name}/{cell}.h5" for name, cells in VARIANTS.items() for cell in cells]
 
 
 def law_files():
@@ -97,11 +106,21 @@ def table_files():
 
 
 def material_tests(wildcards):
-    """Return samples.csv and every other CSV of the material's folder; nothing where parameters are given."""
-    folder = STUDY.materials[wildcards.material].tests
-    if folder is None:
+    """Return every file that decides a material's results, pictures included; nothing where parameters are given.
+
+    What a virtual lab is still to make, and what cannot be read, is left to the job, which says what is wrong.
+    """
+    from gelforge.characterisation.material_source import source_files
+    from gelforge.csv_table import TableError
+
+    material = STUDY.materials[wildcards.material]
+    if material.tests is None:
         return []
-    return sorted({(folder / "samples.csv").as_posix(), *(path.as_posix() for path in folder.glob("*.csv"))})
+    try:
+        files = source_files(material.tests, material.mapping)
+    except TableError:
+        files = [material.tests / "samples.csv", *material.tests.glob("*.csv")]
+    return sorted({path.as_posix() for path in files})
 
 
 def mirrored_cell(wildcards):

@@ -28,6 +28,7 @@ rule manifest:
     log:
         f"{LOGS}/dataset/manifest.log",
     params:
+        study=digest(STUDY.dataset_settings),
         source=source_digest("dataset"),
     shell:
         "{GELFORGE} manifest --study {STUDY_FILE} &> {log}"

@@ -1,13 +1,25 @@
 """Raw material tests, or given parameters, to one law per material."""
 
+MATERIAL = f"{RESULTS}/materials/{{material}}"
+
 
 rule characterise:
-    """Fit a law to the material's tests, or write down the given one. The same inputs give the same bytes."""
+    """Fit laws to the material's tests and measure effects, or write down the given law: the same inputs, the same bytes."""
     input:
         tests=material_tests,
     output:
-        law=ensure(f"{RESULTS}/materials/{{material}}/law.json", non_empty=True),
-        curves=ensure(f"{RESULTS}/materials/{{material}}/curves.csv", non_empty=True),
+        *(
+            ensure(f"{MATERIAL}/{name}", non_empty=True)
+            for name in (
+                "law.json",
+                "curves.csv",
+                "effects.json",
+                "effects.csv",
+                "laws.csv",
+                "parameters.csv",
+            )
+        ),
+        laws=directory(f"{MATERIAL}/laws"),
     log:
         f"{LOGS}/materials/{{material}}.log",
     params:
@@ -15,4 +27,4 @@ rule characterise:
         source=source_digest("characterisation"),
     shell:
         "{GELFORGE} fit-law --study {STUDY_FILE} --material {wildcards.material}"
-        " --law {output.law} --curves {output.curves} &> {log}"
+        " --out {RESULTS}/materials/{wildcards.material} &> {log}"

@@ -6,8 +6,13 @@ rule report:
     input:
         plan=f"{RESULTS}/plan.csv",
         laws=law_files(),
-        curves=expand(f"{RESULTS}/materials/{{material}}/curves.csv", material=STUDY.materials),
+        materials=expand(
+            f"{RESULTS}/materials/{{material}}/{{name}}",
+            material=STUDY.materials,
+            name=["curves.csv", "effects.json", "effects.csv", "laws.csv", "parameters.csv", "laws"],
+        ),
         cells=cell_files(CELLS),
+        variants=variant_files(),
         manifest=f"{RESULTS}/dataset/manifest.json",
         tables=table_files(),
         agreement=f"{RESULTS}/agreement.csv" if STUDY.sessions else [],
@@ -19,6 +24,7 @@ rule report:
     benchmark:
         f"{BENCHMARKS}/report.tsv"
     params:
+        variants=block("variants"),
         source=source_digest("report"),
     shell:
         "{GELFORGE} report --study {STUDY_FILE} --out {output} &> {log}"

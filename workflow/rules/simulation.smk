@@ -50,6 +50,32 @@ rule simulate:
         " --laws {input.laws} --mirrored {input.mirrored} --out {output} &> {log}"
 
 
+rule variant:
+    """Press at one position under the other assumptions of a variant; the report shows it beside the study's own."""
+    input:
+        laws=law_files(),
+    output:
+        ensure(f"{RESULTS}/variants/{{variant}}/{{cell}}.h5", non_empty=True),
+    log:
+        f"{LOGS}/variants/{{variant}}/{{cell}}.log",
+    benchmark:
+        f"{BENCHMARKS}/variants/{{variant}}/{{cell}}.tsv"
+    group:
+        "fem"
+    threads: 1
+    resources:
+        mem_mb=1500,
+    params:
+        planned=lambda wildcards: planned(wildcards)[:3],
+        model=lambda wildcards: block(
+            "sensor", "indenter", "mechanics", study=variant_study(STUDY, wildcards.variant)
+        ),
+        source=source_digest("mechanics", "indentation"),
+    shell:
+        "{ONE_THREAD} {GELFORGE} simulate --study {STUDY_FILE} --variant {wildcards.variant} --cell {wildcards.cell}"
+        " --laws {input.laws} --out {output} &> {log}"
+
+
 rule cells:
     """Every cell of the plan."""
     input:

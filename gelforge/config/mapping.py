@@ -1,8 +1,8 @@
 """Mappings: a declared description of somebody else's files of mechanical tests, YAML in, validated models out.
 
 A mapping says how the table is written and which column is what, in which unit, sign and measure; the readers
-need no code for a new machine. Kept apart from `config` because a study does not contain it: a mapping belongs
-to a folder of raw files, and `config` would grow beyond a readable length.
+need no code for a new machine. `gelforge.config` does not import this module: a study does not contain a mapping, and
+the table reader behind it loads pandas, which a cell's job does without.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from gelforge.config import ConfigError, Name, Positive, Section, load_section
+from gelforge.config.common import ConfigError, Name, Positive, Section
+from gelforge.config.files import load_section
 from gelforge.csv_table import CsvForm
 
 # unit -> (quantity, factor, offset) to mm, N, MPa, s, degC and plain numbers: value * factor + offset
@@ -161,7 +162,7 @@ class FromName(Section):
             groups = set(re.compile(self.pattern).groupindex)
         except re.error as error:
             raise ValueError(f"pattern {self.pattern!r} is no regular expression ({error})") from None
-        known = {"sample", "material", "rate_per_s", "age_days", "temperature_C", "cycle"}
+        known = {"sample", "material", "rate_per_s", "age_days", "temperature_C", "dose", "cycle"}
         if not groups or groups - known:
             raise ValueError(f"pattern names {sorted(groups)}; groups may be {sorted(known)}")
         return self
@@ -303,6 +304,9 @@ class Microindentation(Section):
     ball_radius_mm: Positive = Field(description="radius of the ball [mm]")
     layer_thickness_mm: Positive | None = Field(
         None, description="thickness on a rigid base; null: half space [mm]"
+    )
+    rigid_board: str | None = Field(
+        None, description="CSV beside it of the same press on a rigid board: the machine's own give"
     )
 
 

@@ -1,0 +1,84 @@
+"""Study, session and virtual-lab descriptions: YAML in, validated models out.
+
+This is the only package that names configuration keys and the only one that reads YAML. Keys carry their unit; nothing is
+converted here. An unknown or out-of-range key is refused with its full path, the value found and the limit.
+"""
+
+from gelforge.config.common import NAME, ConfigError, Fraction, Name, NonNegative, Positive, Section
+from gelforge.config.files import (
+    load_section,
+    load_session,
+    load_study,
+    load_virtual_lab,
+    schema,
+    section_from,
+    study_from,
+    variant_study,
+    write_yaml,
+)
+from gelforge.config.learning import Dataset, Features, Learning
+from gelforge.config.materials import LAW_NAMES, Fitting, Material, OgdenParameters
+from gelforge.config.mechanics import Contact, Mechanics, Mesh, Solver
+from gelforge.config.plan import Grid, Plan
+from gelforge.config.sensor import Bins, Flange, Indenter, Layer, Sensor
+from gelforge.config.session import Camera, DepthZero, ForceSensor, Session, StageToSensor
+from gelforge.config.study import Study
+from gelforge.config.variants import Variant
+from gelforge.config.virtual_lab import (
+    VirtualForce,
+    VirtualImaging,
+    VirtualLab,
+    VirtualParticles,
+    VirtualSample,
+    VirtualSession,
+)
+
+__all__ = [
+    "Bins",
+    "Camera",
+    "ConfigError",
+    "Contact",
+    "Dataset",
+    "DepthZero",
+    "Features",
+    "Fitting",
+    "Flange",
+    "ForceSensor",
+    "Fraction",
+    "Grid",
+    "Indenter",
+    "LAW_NAMES",
+    "Layer",
+    "Learning",
+    "Material",
+    "Mechanics",
+    "Mesh",
+    "NAME",
+    "Name",
+    "NonNegative",
+    "OgdenParameters",
+    "Plan",
+    "Positive",
+    "Section",
+    "Sensor",
+    "Session",
+    "Solver",
+    "StageToSensor",
+    "Study",
+    "Variant",
+    "VirtualForce",
+    "VirtualImaging",
+    "VirtualLab",
+    "VirtualParticles",
+    "VirtualSample",
+    "VirtualSession",
+    "load_section",
+    "load_session",
+    "load_study",
+    "load_virtual_lab",
+    "schema",
+    "section_from",
+    "study_from",
+    "variant_study",
+    "write_yaml",
+]

@@ -1,0 +1,79 @@
+"""The finite-element model of one press."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from gelforge.config.common import Positive, Section
+
+
+class Mesh(Section):
+    """Sizes of the graded hexahedral mesh."""
+
+    near_mm: Positive = Field(0.5, description="element size under the contact [mm]")
+    near_radius_mm: Positive = Field(3.6, description="half width of the fine region around the contact [mm]")
+    far_mm: Positive = Field(1.5, description="largest horizontal element size [mm]")
+    growth: float = Field(
+        1.35, gt=1, le=3, description="growth of horizontal size per mm of distance + 1 [-]"
+    )
+    vertical_far_mm: Positive = Field(0.8, description="largest vertical element size, at the base [mm]")
+    vertical_growth: float = Field(
+        1.15, gt=1, le=3, description="growth of vertical size per mm of depth + 1 [-]"
+    )
+    wall_elements: int = Field(
+        3, ge=1, le=20, description="least elements through a wall near the contact [-]"
+    )
+
+
+class Contact(Section):
+    """Constants of the contact algorithm; results do not depend on them within the tolerance."""
+
+    normal_stiffness_N_per_mm3: Positive = Field(20.0, description="augmentation stiffness [N/mm^3]")
+    tangential_stiffness_N_per_mm3: Positive = Field(
+        3.0, description="elastic slip stiffness of friction [N/mm^3]"
+    )
+
+
+class Solver(Section):
+    """Stopping rules of the Newton iteration."""
+
+    force_tolerance: float = Field(1e-6, gt=0, le=1e-2, description="unbalanced force over contact force [-]")
+    gap_tolerance_mm: float = Field(
+        1e-4, gt=0, le=1e-2, description="largest penetration of a contact node [mm]"
+    )
+    max_iterations: int = Field(40, ge=2, le=500, description="Newton iterations of one depth step [-]")
+    max_halvings: int = Field(
+        4, ge=0, le=10, description="times a depth step may be halved before giving up [-]"
+    )
+    linear_solver: Literal["auto", "pardiso", "superlu"] = Field("auto", description="sparse direct solver")
+
+
+class Mechanics(Section):
+    """The finite-element model of one press."""
+
+    strain: Literal["finite", "small"] = Field(
+        "finite", description="finite strain, or small-strain linear elasticity"
+    )
+    contact_normals: Literal["current", "initial"] = Field(
+        "current", description="contact normals of the ball (current) or of the undeformed surface (initial)"
+    )
+    friction: float = Field(0.45, ge=0, le=2, description="Coulomb friction coefficient [-]")
+    bulk_to_shear: float = Field(
+        1000.0, ge=10, le=1e5, description="bulk modulus over shear modulus of each layer [-]"
+    )
+    binning: Literal["shape_function", "node"] = Field(
+        "shape_function",
+        description="share nodal forces by shape functions, or give them to the bin of the node",
+    )
+    mesh: Mesh = Field(Mesh(), description="mesh sizes")
+    contact: Contact = Field(Contact(), description="contact constants")
+    solver: Solver = Field(Solver(), description="stopping rules")
+    store_displacement: bool = Field(False, description="keep the gel's displacement in the cell file")
+
+    @model_validator(mode="after")
+    def _normals(self):
+        if self.contact_normals == "initial" and self.strain == "finite":
+            raise ValueError("contact_normals: initial belongs to strain: small")
+        return self

@@ -1,0 +1,38 @@
+"""Where and how deep the indenter presses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from gelforge.config.common import NonNegative, Positive, Section
+
+
+class Grid(Section):
+    """A regular, centred grid of positions."""
+
+    spacing_mm: Positive = Field(description="distance between neighbours [mm]")
+    margin_mm: NonNegative = Field(5.0, description="distance of the outermost positions from the edges [mm]")
+
+
+class Plan(Section):
+    """Where and how deep the indenter presses: a grid with depths, or a CSV file."""
+
+    grid: Grid | None = Field(None, description="regular grid of positions")
+    depths_mm: list[Positive] | None = Field(None, description="increasing depths of every position [mm]")
+    file: Path | None = Field(None, description="CSV with cell, x_mm, y_mm, depth_mm")
+    symmetry: Literal["d4", "none"] = Field(
+        "none", description="reuse cells that mirror and rotate into each other"
+    )
+
+    @model_validator(mode="after")
+    def _one_source(self):
+        if (self.grid is None) == (self.file is None):
+            raise ValueError("give either `grid` with `depths_mm` or `file`, not both or neither")
+        if (self.grid is None) != (self.depths_mm is None):
+            raise ValueError("`depths_mm` belongs to `grid`; a plan file has its own depths")
+        if self.depths_mm and any(b <= a for a, b in zip(self.depths_mm, self.depths_mm[1:])):
+            raise ValueError(f"depths_mm {self.depths_mm} must increase")
+        return self

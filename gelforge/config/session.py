@@ -1,0 +1,136 @@
+"""A recording session: force sensor, stage and camera."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from gelforge.config.common import Name, NonNegative, Positive, Section
+
+
+class ForceSensor(Section):
+    """What makes a stranger's force readings readable."""
+
+    acts_on: Literal["sensor", "indenter"] = Field(
+        "sensor", description="body on which the recorded force acts"
+    )
+    axes: list[list[float]] = Field(
+        [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+        description="3x3 rotation from the recorded axes to the sensor frame [-]",
+    )
+    tared: bool = Field(
+        False, description="zero already subtracted; if false each press's zero rows are used"
+    )
+    resolution_N: list[Positive] = Field([0.03, 0.03, 0.06], description="resolution of x, y, z [N]")
+    range_N: list[Positive] | None = Field(None, description="largest force of x, y, z [N]")
+    repeatability_N: NonNegative | None = Field(None, description="scatter of repeated readings [N]")
+
+    @model_validator(mode="after")
+    def _axes(self):
+        A = self.axes
+        if len(A) != 3 or any(len(row) != 3 for row in A):
+            raise ValueError("axes must be 3 rows of 3 numbers")
+        for i in range(3):
+            for j in range(3):
+                dot = sum(A[i][k] * A[j][k] for k in range(3))
+                if abs(dot - (i == j)) > 1e-6:
+                    raise ValueError(
+                        f"axes rows {i} and {j} have product {dot:.4g}; the rows must be orthonormal"
+                    )
+        for name in ("resolution_N", "range_N"):
+            if getattr(self, name) is not None and len(getattr(self, name)) != 3:
+                raise ValueError(f"{name} needs three numbers (x, y, z)")
+        return self
+
+
+class StageToSensor(Section):
+    """Commanded stage position -> sensor frame: x_sensor = R(rotation) H x_stage + origin."""
+
+    origin_mm: list[float] = Field(
+        [0.0, 0.0], min_length=2, max_length=2, description="stage origin in the frame [mm]"
+    )
+    rotation_deg: float = Field(0.0, description="rotation about z, counter-clockwise [deg]")
+    handedness: Literal["right", "left"] = Field(
+        "right", description="left: the stage's y axis is flipped first"
+    )
+
+
+class DepthZero(Section):
+    """How depth zero was found."""
+
+    by: Literal["session", "press"] = Field("session", description="once per session or at every press")
+    how: str = Field("", description="procedure in words")
+
+
+class Camera(Section):
+    """A camera under the gel that looks up; pixel (0, 0) is the centre of the image's top left pixel.
+
+    Seen from below with y up, x runs to the left: u = centre - focal x / z. A mirrored image runs with x as from above.
+    Either a pinhole (focal_px, position_mm is the pinhole) or a flat scale (mm_per_px, position_mm is seen at centre_px).
+    """
+
+    width_px: int = Field(gt=0, description="image width [px]")
+    height_px: int = Field(gt=0, description="image height [px]")
+    focal_px: Positive | None = Field(None, description="focal length of a pinhole camera [px]")
+    mm_per_px: Positive | None = Field(None, description="flat scale, where intrinsics are unknown [mm/px]")
+    centre_px: list[float] = Field(min_length=2, max_length=2, description="principal point u, v [px]")
+    position_mm: list[float] = Field(
+        min_length=3,
+        max_length=3,
+        description="pinhole, or the point seen at centre_px, in the sensor frame [mm]",
+    )
+    rotation_deg: list[float] = Field(
+        [0.0, 0.0, 0.0],
+        min_length=3,
+        max_length=3,
+        description="turns of the camera about the sensor's x, then y, then z axis, from looking straight up [deg]",
+    )
+    mirrored: bool = Field(
+        True,
+        description="true: u grows with x as seen from above (the image was flipped); false: as the camera sees it",
+    )
+
+    @model_validator(mode="after")
+    def _one_scale(self):
+        if (self.focal_px is None) == (self.mm_per_px is None):
+            raise ValueError(
+                "give either focal_px (a pinhole) or mm_per_px (a flat scale), not both or neither"
+            )
+        return self
+
+
+class Session(Section):
+    """One recording session: session.yaml."""
+
+    session: Name = Field(description="name of the session, equal to its folder")
+    synthetic: bool = Field(False, description="true: made by a virtual lab, not measured")
+    sensor: str = Field("", description="serial or name of the sensor that was pressed")
+    indenter: str = Field("", description="indenter used")
+    date: str = Field("", description="date of the session")
+    notes: str = Field("", description="anything else")
+    temperature_C: float | None = Field(None, description="room temperature [degC]")
+    sensor_age_days: NonNegative | None = Field(None, description="age of the sensor [d]")
+    force: ForceSensor = Field(ForceSensor(), description="force/torque sensor")
+    stage_to_sensor: StageToSensor = Field(StageToSensor(), description="stage frame")
+    depth_zero: DepthZero = Field(DepthZero(), description="depth zero")
+    base_parameters: Literal["exact", "from_fit"] = Field(
+        "from_fit", description="exact: the material constants carry no uncertainty for this recording"
+    )
+    camera: Camera | None = Field(None, description="camera, null for a force-only recording")
+    crop_px: list[int] | None = Field(
+        None, min_length=4, max_length=4, description="left, top, width, height used of each image [px]"
+    )
+
+    @model_validator(mode="after")
+    def _crop_inside(self):
+        if self.crop_px:
+            left, top, width, height = self.crop_px
+            if left < 0 or top < 0 or width < 1 or height < 1:
+                raise ValueError(f"crop_px {self.crop_px} must be left, top >= 0 and width, height >= 1")
+            camera = self.camera
+            if camera and (left + width > camera.width_px or top + height > camera.height_px):
+                raise ValueError(
+                    f"crop_px {self.crop_px} reaches beyond the image of {camera.width_px} x {camera.height_px} px"
+                )
+        return self

@@ -1,0 +1,75 @@
+"""A study: everything that decides its results."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field, model_validator
+
+from gelforge.config.common import Name, Section
+from gelforge.config.learning import Dataset, Features, Learning
+from gelforge.config.materials import Material
+from gelforge.config.mechanics import Mechanics
+from gelforge.config.plan import Plan
+from gelforge.config.sensor import Indenter, Sensor
+from gelforge.config.variants import Variant
+
+
+class Study(Section):
+    """Everything that decides a study's results."""
+
+    study: Name = Field(description="name; results go to results/<study>")
+    data: Path | None = Field(None, description="folder of raw inputs; data/<study> if null")
+    seed: int = Field(0, ge=0, description="seed of splits and training [-]")
+    materials: dict[Name, Material] = Field(description="materials by name")
+    sensor: Sensor = Field(description="the sensor, or a YAML file that describes it")
+    indenter: Indenter = Field(Indenter(), description="the indenter, or a YAML file that describes it")
+    plan: Plan = Field(description="positions and depths")
+    mechanics: Mechanics = Field(Mechanics(), description="the finite-element model")
+    sessions: list[Name] = Field(
+        [], description="recorded sessions under <data>/recordings; none: labels only"
+    )
+    features: Features = Field(Features(), description="image features")
+    dataset: Dataset = Field(Dataset(), description="shards and splits")
+    learning: Learning = Field(Learning(), description="network and training")
+    variants: dict[Name, Variant] = Field(
+        {}, description="presses under other assumptions, shown in the report beside the study's own"
+    )
+    virtual_lab: Path | None = Field(
+        None, description="YAML of a virtual lab that makes the sessions (synthetic)"
+    )
+
+    @model_validator(mode="after")
+    def _consistent(self):
+        for layer in self.sensor.layers:
+            if layer.material not in self.materials:
+                raise ValueError(
+                    f"layer {layer.name}: material {layer.material!r} is not among {sorted(self.materials)}"
+                )
+        if self.plan.depths_mm and self.plan.depths_mm[-1] >= 0.6 * self.sensor.height_mm:
+            raise ValueError(
+                f"depth {self.plan.depths_mm[-1]} mm is beyond 0.6 of the soft height {self.sensor.height_mm} mm;"
+                " press less deep"
+            )
+        if self.plan.depths_mm and self.plan.depths_mm[-1] > self.indenter.radius_mm:
+            raise ValueError(
+                f"depth {self.plan.depths_mm[-1]} mm exceeds the ball's radius {self.indenter.radius_mm} mm"
+            )
+        return self
+
+    @property
+    def data_folder(self) -> Path:
+        return self.data or Path("data") / self.study
+
+    @property
+    def results_folder(self) -> Path:
+        return Path("results") / self.study
+
+    @property
+    def dataset_settings(self) -> dict[str, Any]:
+        """The settings that decide the dataset's content; how it is learned from and shown is not among them."""
+        return self.model_dump(mode="json", exclude={"learning", "variants"})
+
+    def session_folder(self, session: str) -> Path:
+        return self.data_folder / "recordings" / session

@@ -1,0 +1,115 @@
+"""A virtual lab: true laws, drawing, noise and sessions of synthetic recordings."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from gelforge.config.common import Name, NonNegative, Positive, Section
+from gelforge.config.materials import OgdenParameters
+from gelforge.config.mechanics import Mechanics, Mesh
+from gelforge.config.session import Camera, StageToSensor
+
+
+class VirtualParticles(Section):
+    """Tracer particles in the gel."""
+
+    diameter_mm: float = Field(0.3, ge=0.15, le=0.6, description="particle diameter [mm]")
+    volume_fraction: float = Field(0.0196, gt=0, le=0.1, description="share of the gel's volume [-]")
+
+
+class VirtualImaging(Section):
+    """How the virtual camera draws."""
+
+    blur_px: NonNegative = Field(0.7, description="Gaussian blur of the optics, standard deviation [px]")
+    noise_grey: NonNegative = Field(2.0, description="standard deviation of the sensor noise [grey levels]")
+    background_grey: float = Field(
+        24.0, ge=0, le=255, description="grey level of the skin behind the particles [-]"
+    )
+    particle_grey: float = Field(
+        210.0, ge=0, le=255, description="grey level of the nearest particle's middle [-]"
+    )
+    images_per_press: int = Field(5, ge=1, description="images at the commanded depth [-]")
+
+
+class VirtualForce(Section):
+    """How the virtual force sensor reads."""
+
+    noise_N: list[NonNegative] = Field(
+        [0.008, 0.008, 0.015], min_length=3, max_length=3, description="noise [N]"
+    )
+    resolution_N: list[Positive] = Field(
+        [0.03, 0.03, 0.06], min_length=3, max_length=3, description="steps [N]"
+    )
+    offset_N: list[NonNegative] = Field(
+        [0.05, 0.05, 0.1],
+        min_length=3,
+        max_length=3,
+        description="scatter of the untared zero of a session [N]",
+    )
+    touchdown_mm: NonNegative = Field(0.01, description="scatter of the touchdown of a press [mm]")
+
+
+class VirtualSession(Section):
+    """One session of the virtual lab."""
+
+    session: Name = Field(description="name")
+    date: str = Field(description="date written into session.yaml")
+    share: float = Field(
+        gt=0,
+        le=1,
+        description="share of the plan's cells pressed in this session, relative to the others [-]",
+    )
+    seed: int = Field(ge=0, description="seed of order, noise and touchdown [-]")
+    acts_on: Literal["sensor", "indenter"] = Field(
+        "indenter", description="body on which the recorded force acts"
+    )
+    axes: list[list[float]] = Field(
+        [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+        description="rotation from the force sensor's axes to the sensor frame [-]",
+    )
+    stage_to_sensor: StageToSensor = Field(StageToSensor(), description="how the stage stands to the sensor")
+
+
+class VirtualSample(Section):
+    """Scatter of the virtual material tests."""
+
+    samples: int = Field(6, ge=1, description="samples per test [-]")
+    stiffness_scatter: NonNegative = Field(0.02, description="standard deviation of a sample's stiffness [-]")
+    noise: NonNegative = Field(0.005, description="reading noise over the largest reading [-]")
+    seed: int = Field(7, ge=0, description="seed [-]")
+
+
+class VirtualLab(Section):
+    """A sensor whose true physics is known: makes synthetic recordings and material tests."""
+
+    serial: Name = Field(description="serial of the virtual sensor; seeds its particles")
+    materials: dict[Name, OgdenParameters] = Field(description="true laws of the coupons")
+    stiffness_scale: dict[Name, Positive] = Field(
+        {}, description="concealed factor on a layer's stiffness, by layer"
+    )
+    mechanics: Mechanics = Field(
+        Mechanics(mesh=Mesh(near_mm=0.55, far_mm=1.2)),
+        description="the virtual sensor's own model, on another mesh",
+    )
+    unload_depths_mm: list[Positive] = Field(
+        [1.5, 1.0, 0.5], description="depths visited after the deepest press [mm]"
+    )
+    particles: VirtualParticles = Field(VirtualParticles(), description="tracer particles")
+    camera: Camera = Field(description="camera")
+    imaging: VirtualImaging = Field(VirtualImaging(), description="drawing")
+    force: VirtualForce = Field(VirtualForce(), description="force sensor")
+    sessions: list[VirtualSession] = Field(min_length=1, description="sessions")
+    material_tests: VirtualSample = Field(VirtualSample(), description="material tests")
+
+    @model_validator(mode="after")
+    def _consistent(self):
+        names = [session.session for session in self.sessions]
+        if len(set(names)) < len(names):
+            raise ValueError(f"sessions {names}: each session needs a name of its own")
+        if any(b >= a for a, b in zip(self.unload_depths_mm, self.unload_depths_mm[1:])):
+            raise ValueError(f"unload_depths_mm {self.unload_depths_mm} must decrease")
+        if self.camera.focal_px is None:
+            raise ValueError("camera: the virtual camera is a pinhole; give focal_px")
+        return self

@@ -1,0 +1,64 @@
+"""Stretches of elements and whether they leave a law's tested range, against deformations that are known."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from gelforge.characterisation.valid_range import ValidRange
+from gelforge.indentation.stretch_range import element_stretches, stretch_ranges
+from gelforge.mechanics.elements import hex8_gradient
+from gelforge.mechanics.homogeneous import principal_stretches
+from gelforge.mechanics.meshes import Block, Sizes, layered_block
+
+
+@pytest.fixture(scope="module")
+def mesh():
+    block = Block(width_x=8.0, width_y=8.0, layers=(("gel", 2.0), ("skin", 1.0)), wall=1.0)
+    return layered_block(block, 4.0, 4.0, Sizes(near=1.0, near_radius=2.0, far=2.0, vertical_far=1.0))
+
+
+def stretches(mesh, F):
+    gradient, weight = hex8_gradient(mesh.X, mesh.hexahedra)
+    u = mesh.X @ (np.asarray(F) - np.eye(3)).T
+    return element_stretches(gradient, weight, mesh.hexahedra, u), weight.sum(axis=1)
+
+
+def test_principal_stretches_of_a_rotated_homogeneous_deformation(mesh):
+    Q, _ = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))
+    R, _ = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))
+    lam, _ = stretches(mesh, Q @ np.diag([1.5, 0.9, 0.7]) @ R)
+    assert_allclose(lam, np.broadcast_to([0.7, 0.9, 1.5], lam.shape), rtol=1e-10)  # rounding of X of 10 mm
+
+
+def test_simple_shear_has_reciprocal_stretches(mesh):
+    lam, _ = stretches(mesh, [[1, 0, 0.5], [0, 1, 0], [0, 0, 1]])
+    l = (0.5 + np.sqrt(0.5**2 + 4)) / 2
+    assert_allclose(lam[0], [1 / l, 1, l], rtol=1e-10)
+
+
+def test_the_range_is_judged_by_region_and_depth(mesh):
+    valid = ValidRange.of(principal_stretches("uniaxial", np.array([1.0, 1.5])))
+    states = [stretches(mesh, np.diag(principal_stretches("uniaxial", np.array(v))))[0] for v in (1.4, 1.6)]
+    volume = stretches(mesh, np.eye(3))[1]
+    regions = len(mesh.regions)
+    found = stretch_ranges(states, volume, mesh.region, [valid.outside] * regions)
+    assert found["leaves_valid_range"].tolist() == [0, 1]
+    assert_allclose(found["stretch_range"][:, 0], [[1.4**-0.5, 1.4], [1.6**-0.5, 1.6]], rtol=1e-10)
+    assert_allclose(found["volume_outside_valid_range"], [[0.0] * regions, [1.0] * regions])
+    some = stretch_ranges(states, volume, mesh.region, [valid.outside] + [None] * (regions - 1))
+    assert some["leaves_valid_range"].tolist() == [-1, 1]  # not known of one region, left by another
+    assert np.isnan(some["volume_outside_valid_range"][:, 1:]).all()
+
+
+def test_a_part_of_the_volume_is_counted_by_volume(mesh):
+    lam, volume = stretches(mesh, np.eye(3))
+    lam, marked = lam.copy(), np.flatnonzero(mesh.region == 0)[:3]
+    lam[marked] = [0.5, 1.0, 2.0]
+    found = stretch_ranges([lam], volume, mesh.region, [lambda s: s[:, 2] > 1.5] * len(mesh.regions))
+    share = volume[marked].sum() / volume[mesh.region == 0].sum()
+    assert found["volume_outside_valid_range"][0, 0] == pytest.approx(share)
+
+
+def test_a_cell_without_depths_has_empty_attributes(mesh):
+    found = stretch_ranges([], np.ones(3), np.zeros(3, int), [None])
+    assert found["stretch_range"].shape == (0, 1, 2) and found["leaves_valid_range"].shape == (0,)
