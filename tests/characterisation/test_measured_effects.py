@@ -87,7 +87,8 @@ def test_cycles_in_one_test_give_hysteresis_softening_and_ogden_roxburgh():
 def held(sample, equilibrium=1.0, **known):
     t = np.r_[np.linspace(0, 5, 50, endpoint=False), 5 + np.geomspace(0.02, 500, 300)]
     lam = np.interp(t, [0, 5, 600], [1, 1.5, 1.5])
-    stress = np.where(t < 5, virgin(lam), relaxed(np.maximum(t - 5, 0), 5.0) ** equilibrium)
+    decay = relaxed(np.maximum(t - 5, 0), 5.0)
+    stress = np.where(t < 5, virgin(lam), virgin(1.5) * (decay / decay[0]) ** equilibrium)
     return MaterialTest(
         "uniaxial", sample, lam, stress, t, history="relaxation", segments=find_segments(lam, t), **known
     )
