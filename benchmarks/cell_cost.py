@@ -1,6 +1,10 @@
 """Cost of one cell at several mesh sizes: unknowns, seconds, iterations, memory. Each size runs in a process of its own.
 
-usage: python benchmarks/cell_cost.py [--near 0.8 0.5 0.3] [--repeat 1] [--update]     (one thread; prints a Markdown table)
+The far size is four times the near one.
+
+usage: python benchmarks/cell_cost.py [--near 0.5 0.3 0.2 0.15] [--repeat 1] [--update]
+
+One thread; prints a Markdown table.
 
 --update writes the CPU seconds to gelforge/cli/cell_cost.csv, from which `gelforge check` estimates a study's minutes.
 """
@@ -34,7 +38,7 @@ def one_cell(x: float, y: float, near: float) -> dict:
     simulate_cell(
         study.model_copy(update={"mechanics": warm}), laws, PlannedCell("warm", x, y, (0.1,))
     )  # loads kernels
-    mesh = study.mechanics.mesh.model_copy(update={"near_mm": near})
+    mesh = study.mechanics.mesh.model_copy(update={"near_mm": near, "far_mm": 4 * near})
     study = study.model_copy(update={"mechanics": study.mechanics.model_copy(update={"mesh": mesh})})
     depths = tuple(0.25 * (k + 1) for k in range(8))
     cell = simulate_cell(study, laws, PlannedCell("bench", x, y, depths))
@@ -99,7 +103,7 @@ def machine() -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--near", type=float, nargs="+", default=[0.8, 0.5, 0.3])
+    parser.add_argument("--near", type=float, nargs="+", default=[0.5, 0.3, 0.2, 0.15])
     parser.add_argument("--repeat", type=int, default=1)
     parser.add_argument("--update", action="store_true")
     parser.add_argument("--one", nargs=3, type=float, metavar=("X", "Y", "NEAR"))

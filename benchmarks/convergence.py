@@ -1,6 +1,6 @@
-"""How far the default mesh is from converged: near and far sizes refined separately and together.
+"""How far the default mesh is from converged: near size, growth and far size refined separately and together.
 
-Prints Fz [N] per depth, the difference to the finest mesh, and a Richardson estimate of the joint refinement.
+Prints Fz [N] per depth and the difference to the finest mesh of the list.
 
 usage: python benchmarks/convergence.py [--place centre|corner] [--quick]      (one thread; minutes)
 """
@@ -18,24 +18,26 @@ from gelforge.indentation.simulate import simulate_cell
 
 DEPTHS = tuple(0.25 * (k + 1) for k in range(8))
 PLACES = {"centre": (16.0, 16.0), "corner": (27.0, 27.0)}
-# (near, far, vertical far) [mm]; the default is the first row
+# (near [mm], growth [-], far [mm]); the default is the first row, the last the reference
 MESHES = [
-    (0.5, 1.5, 0.8),
-    (0.8, 1.5, 0.8),
-    (0.4, 1.5, 0.8),
-    (0.3, 1.5, 0.8),
-    (0.5, 1.0, 0.5),
-    (0.5, 0.75, 0.4),
-    (0.4, 0.75, 0.4),
-    (0.3, 0.75, 0.4),
+    (0.3, 0.25, 1.2),
+    (0.6, 0.25, 1.2),
+    (0.15, 0.25, 1.2),
+    (0.3, 0.25, 2.4),
+    (0.3, 0.25, 0.6),
+    (0.3, 0.5, 1.2),
+    (0.3, 0.12, 1.2),
+    (0.6, 0.25, 2.4),
+    (0.2, 0.25, 0.8),
+    (0.15, 0.25, 0.6),
 ]
-QUICK = [(0.8, 1.5, 0.8), (0.5, 1.5, 0.8), (0.8, 1.0, 0.5)]
+QUICK = [(0.3, 0.25, 1.2), (0.6, 0.25, 1.2), (0.6, 0.25, 2.4), (0.4, 0.25, 0.8)]
 
 
-def forces(place: str, near: float, far: float, vertical_far: float) -> tuple[np.ndarray, dict]:
+def forces(place: str, near: float, growth: float, far: float) -> tuple[np.ndarray, dict]:
     study = paper_study()
     laws = laws_of(study, [])
-    sizes = {"near_mm": near, "far_mm": far, "vertical_far_mm": vertical_far}
+    sizes = {"near_mm": near, "growth": growth, "far_mm": far}
     mechanics = study.mechanics.model_copy(update={"mesh": study.mechanics.mesh.model_copy(update=sizes)})
     cell = simulate_cell(
         study.model_copy(update={"mechanics": mechanics}), laws, PlannedCell(place, *PLACES[place], DEPTHS)
@@ -49,13 +51,13 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true")
     arguments = parser.parse_args()
     rows, curves = [], []
-    for near, far, vertical in QUICK if arguments.quick else MESHES:
-        curve, attributes = forces(arguments.place, near, far, vertical)
+    for near, growth, far in QUICK if arguments.quick else MESHES:
+        curve, attributes = forces(arguments.place, near, growth, far)
         curves.append(curve)
         sizes = {
             "near": near,
+            "growth": growth,
             "far": far,
-            "z far": vertical,
             "unknowns": int(attributes["degrees_of_freedom"]),
         }
         rows.append(

@@ -170,7 +170,7 @@ def test_a_variant_changes_what_it_names_and_nothing_else():
     base = study.model_dump(mode="json", exclude={"variants"})
     base["sensor"]["flange"], base["mechanics"]["mesh"]["near_mm"] = flange, 0.6
     assert varied.model_dump(mode="json", exclude={"variants"}) == base
-    assert study.mechanics.mesh.near_mm == 0.5
+    assert study.mechanics.mesh.near_mm == 0.3
     with pytest.raises(ConfigError, match="no variant 'w'"):
         variant_study(study, "w")
 

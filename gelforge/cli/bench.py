@@ -154,7 +154,7 @@ def warm_up() -> None:
     from gelforge.indentation.simulate import simulate_cell
 
     study = paper_study()
-    coarse = Mesh(near_mm=2.0, near_radius_mm=2.0, far_mm=6.0, vertical_far_mm=3.0)
+    coarse = Mesh(near_mm=2.0, near_radius_mm=2.0, far_mm=4.0)
     laws = laws_of(study, [])
     for strain in ("finite", "small"):
         mechanics = study.mechanics.model_copy(update={"mesh": coarse, "strain": strain})

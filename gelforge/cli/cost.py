@@ -50,11 +50,11 @@ def estimate(study: Study, cells: dict) -> list[str]:
 
 
 def mesh_size(study: Study, sizes: Mesh, cell) -> tuple[int, int]:
-    """Return the degrees of freedom and the number of surface nodes of a cell's mesh."""
+    """Return the unknowns and the number of surface nodes of a cell's mesh."""
     from gelforge.indentation.simulate import sensor_mesh
 
     mesh = sensor_mesh(study.sensor, sizes, cell.x_mm, cell.y_mm)
-    return 3 * len(mesh.X), len(mesh.surface)
+    return 3 * int((~mesh.hanging).sum()), len(mesh.surface.nodes)
 
 
 def read_costs(path: Path = MEASURED) -> pd.DataFrame:

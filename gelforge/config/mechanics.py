@@ -10,21 +10,12 @@ from gelforge.config.common import Positive, Section
 
 
 class Mesh(Section):
-    """Sizes of the graded hexahedral mesh."""
+    """Sizes of the hexahedral mesh: an even grid, halved where the contact wants smaller elements."""
 
-    near_mm: Positive = Field(0.5, description="element size under the contact [mm]")
-    near_radius_mm: Positive = Field(3.6, description="half width of the fine region around the contact [mm]")
-    far_mm: Positive = Field(1.5, description="largest horizontal element size [mm]")
-    growth: float = Field(
-        1.35, gt=1, le=3, description="growth of horizontal size per mm of distance + 1 [-]"
-    )
-    vertical_far_mm: Positive = Field(0.8, description="largest vertical element size, at the base [mm]")
-    vertical_growth: float = Field(
-        1.15, gt=1, le=3, description="growth of vertical size per mm of depth + 1 [-]"
-    )
-    wall_elements: int = Field(
-        3, ge=1, le=20, description="least elements through a wall near the contact [-]"
-    )
+    near_mm: Positive = Field(0.3, description="element size under the contact [mm]")
+    near_radius_mm: Positive = Field(3.6, description="radius of the fine region around the contact [mm]")
+    growth: float = Field(0.25, gt=0, le=2, description="growth of the size per mm of distance from it [-]")
+    far_mm: Positive = Field(1.2, description="largest element size; near_mm or less: an even mesh [mm]")
 
 
 class Contact(Section):

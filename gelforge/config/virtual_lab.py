@@ -90,7 +90,7 @@ class VirtualLab(Section):
         {}, description="concealed factor on a layer's stiffness, by layer"
     )
     mechanics: Mechanics = Field(
-        Mechanics(mesh=Mesh(near_mm=0.55, far_mm=1.2)),
+        Mechanics(mesh=Mesh(near_mm=0.35, far_mm=1.4)),
         description="the virtual sensor's own model, on another mesh",
     )
     unload_depths_mm: list[Positive] = Field(

@@ -3,49 +3,103 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
+
+from gelforge.config import Sensor
+from gelforge.mechanics.meshes import HexMesh
 
 ZERO_N = 1e-9  # smaller forces are stored as exact zeros: the sparse RMSE counts entries that are not zero
 
 
-def hat_shares(lines: np.ndarray, width: float, n: int) -> np.ndarray:
-    """Return the share (n, len(lines)) of each line's hat function that lies in each of n equal bins of [0, width].
+def surface_shares(mesh: HexMesh, sensor: Sensor) -> sp.csr_matrix:
+    """Return the share (B, S) of each surface node's shape function that lies in each bin, k = nx iy + ix.
 
-    The integral of the hat over the bin divided by its whole integral; columns sum to 1.
+    The integral of the shape function over the bin divided by its whole integral on the top surface; the columns of nodes
+    of the top sum to 1, those of nodes on the sides are empty.
     """
-    edges = np.linspace(0, width, n + 1)
-    points = np.unique(np.concatenate([lines, edges]))
-    mid = (points[1:] + points[:-1]) / 2
-    inside = (mid > lines[0]) & (mid < lines[-1])
-    mid, size = mid[inside], np.diff(points)[inside]
-    # Hats are linear on every piece between neighbouring points: the value at the middle integrates them exactly.
-    hats = np.stack([np.interp(mid, lines, unit) for unit in np.eye(len(lines))])  # (lines, pieces)
-    owner = np.clip((mid / width * n).astype(int), 0, n - 1)
-    shares = np.zeros((n, len(lines)))
-    np.add.at(shares, owner, (hats * size).T)
-    return shares / shares.sum(axis=0)
+    faces, surface, bins = mesh.surface.faces, mesh.surface, sensor.bins
+    low, high = mesh.X[faces[:, 0], :2], mesh.X[faces[:, 2], :2]
+    share = [
+        _hat_integrals(low[:, axis], high[:, axis], width, n)
+        for axis, width, n in ((0, sensor.width_x_mm, bins.nx), (1, sensor.width_y_mm, bins.ny))
+    ]
+    rows, columns, values = [], [], []
+    for corner, (end_x, end_y) in enumerate([(0, 0), (1, 0), (1, 1), (0, 1)]):
+        (bin_x, part_x), (bin_y, part_y) = (
+            (first, part[end]) for (first, part), end in zip(share, (end_x, end_y))
+        )
+        for i in range(part_x.shape[1]):
+            for j in range(part_y.shape[1]):
+                value = part_x[:, i] * part_y[:, j]
+                some = value > 0
+                rows.append((bins.nx * (bin_y + j) + bin_x + i)[some])
+                columns.append(faces[some, corner])
+                values.append(value[some])
+    rows, columns, values = (np.concatenate(part) for part in (rows, columns, values))
+    shares = sp.csr_matrix((values, (rows, columns)), shape=(bins.nx * bins.ny, len(mesh.X)))
+    if mesh.ties is not None:
+        shares = shares @ mesh.ties
+    return _normalised(shares[:, surface.nodes])
 
 
-def node_shares(lines: np.ndarray, width: float, n: int) -> np.ndarray:
-    """Return shares (n, len(lines)) of the paper's rule: all to the node's bin, a node on an edge to both equally."""
-    position = lines / width * n
-    shares = np.zeros((n, len(lines)))
-    nearest = np.rint(position)
-    on_edge = np.abs(position - nearest) < 1e-9
-    for line, (p, edge) in enumerate(zip(position, on_edge)):
-        right = round(p) if edge else int(np.floor(p))
-        bins = [k for k in ({right - 1, right} if edge else {right}) if 0 <= k < n]
-        shares[bins, line] = 1 / len(bins)
-    return shares
+def _hat_integrals(low: np.ndarray, high: np.ndarray, width: float, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the first bin (Q,) of each interval and the integrals (2, Q, m) [mm] of its falling and rising hat per bin.
+
+    m is the largest number of bins that an interval meets.
+    """
+    edge = width / n
+    first = np.clip(np.floor(low / edge + 1e-9).astype(int), 0, n - 1)
+    last = np.clip(np.ceil(high / edge - 1e-9).astype(int) - 1, first, n - 1)
+    size = high - low
+    parts = []
+    for k in range((last - first).max() + 1):
+        a = np.clip((first + k) * edge, low, high) if k else low
+        b = np.where(first + k >= last, high, np.clip((first + k + 1) * edge, low, high))
+        b = np.where(first + k > last, a, b)
+        rising = ((b - low) ** 2 - (a - low) ** 2) / (2 * size)
+        parts.append(np.stack([(b - a) - rising, rising]))
+    return first, np.moveaxis(np.array(parts), 0, -1)
 
 
-def bin_forces(forces: np.ndarray, shares_x: np.ndarray, shares_y: np.ndarray) -> np.ndarray:
-    """Return bin forces (..., ny*nx, 3), k = nx iy + ix, of surface forces (..., S, 3) with x fastest."""
-    ny_lines, nx_lines = shares_y.shape[1], shares_x.shape[1]
-    grid = forces.reshape(*forces.shape[:-2], ny_lines, nx_lines, 3)
-    binned = np.einsum("bj,...jik->...bik", shares_y, grid)
-    binned = np.einsum("ai,...bik->...bak", shares_x, binned)
-    # The number of bins is given: reshape cannot infer it where no depth converged.
-    return binned.reshape(*forces.shape[:-2], len(shares_y) * len(shares_x), 3)
+def node_shares(mesh: HexMesh, sensor: Sensor) -> sp.csr_matrix:
+    """Return shares (B, S) of the paper's rule: all to the node's bin, a node on an edge to both sides equally."""
+    surface, bins = mesh.surface, sensor.bins
+    rows, columns, values = [], [], []
+    along = [
+        _bins_of(mesh.X[surface.nodes, axis] / width * n, n)
+        for axis, width, n in ((0, sensor.width_x_mm, bins.nx), (1, sensor.width_y_mm, bins.ny))
+    ]
+    for in_x in along[0]:
+        for in_y in along[1]:
+            inside = surface.top & (in_x >= 0) & (in_y >= 0)
+            rows.append((bins.nx * in_y + in_x)[inside])
+            columns.append(np.flatnonzero(inside))
+            values.append(np.ones(inside.sum()))
+    rows, columns, values = (np.concatenate(part) for part in (rows, columns, values))
+    return _normalised(
+        sp.csr_matrix((values, (rows, columns)), shape=(bins.nx * bins.ny, len(surface.nodes)))
+    )
+
+
+def _bins_of(position: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the bin of each position and the other one of a position on an edge, -1 where there is none."""
+    edge = np.rint(position)
+    on_edge = np.abs(position - edge) < 1e-9
+    right = np.where(on_edge, edge, np.floor(position)).astype(int)
+    left = np.where(on_edge, right - 1, -1)
+    return np.where(right < n, right, -1), left
+
+
+def _normalised(shares: sp.csr_matrix) -> sp.csr_matrix:
+    total = np.asarray(shares.sum(axis=0)).ravel()
+    return (shares @ sp.diags(1 / np.where(total > 0, total, 1))).tocsr()
+
+
+def bin_forces(forces: np.ndarray, shares: sp.csr_matrix) -> np.ndarray:
+    """Return bin forces (D, B, 3) of surface forces (D, S, 3)."""
+    D, S, _ = forces.shape
+    binned = shares @ np.moveaxis(forces, 1, 0).reshape(S, D * 3)
+    return np.moveaxis(binned.reshape(shares.shape[0], D, 3), 0, 1)
 
 
 def bin_centres(width_x: float, width_y: float, nx: int, ny: int) -> np.ndarray:

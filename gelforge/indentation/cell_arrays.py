@@ -17,24 +17,25 @@ def _stack(states: list[State], name: str, shape: tuple[int, ...]) -> np.ndarray
 def force_arrays(
     mesh: HexMesh, states: list[State], sensor: Sensor, mechanics: Mechanics
 ) -> dict[str, np.ndarray]:
-    S = len(mesh.surface)
+    surface = mesh.surface
+    top, S = surface.nodes[surface.top], len(surface.nodes)
     normal, shear = _stack(states, "normal_force", (S, 3)), _stack(states, "friction_force", (S, 3))
-    share = binning.hat_shares if mechanics.binning == "shape_function" else binning.node_shares
-    shares_x = share(mesh.surface_x, sensor.width_x_mm, sensor.bins.nx)
-    shares_y = share(mesh.surface_y, sensor.width_y_mm, sensor.bins.ny)
-    bin_normal, bin_shear = (binning.bin_forces(force, shares_x, shares_y) for force in (normal, shear))
+    share = binning.surface_shares if mechanics.binning == "shape_function" else binning.node_shares
+    shares = share(mesh, sensor)
+    bin_normal, bin_shear = (binning.bin_forces(force, shares) for force in (normal, shear))
     return {
         "total_force_N": (normal + shear).sum(axis=1),
         "reaction_N": _stack(states, "reaction", (3,)),
         "bin_force_N": binning.without_dust(bin_normal + bin_shear),
         "bin_normal_N": binning.without_dust(bin_normal),
         "bin_shear_N": binning.without_dust(bin_shear),
-        "node_xy_mm": mesh.X[mesh.surface, :2],
-        "node_area_mm2": mesh.surface_area,
-        "node_normal_N": normal,
-        "node_shear_N": shear,
-        "node_state": _stack(states, "contact_state", (S,)).astype(np.int8),
-        "node_displacement_mm": _displacement(states, mesh.surface),
+        "side_force_N": (normal + shear)[:, ~surface.top].sum(axis=1),
+        "node_xy_mm": mesh.X[top, :2],
+        "node_area_mm2": surface.area[surface.top],
+        "node_normal_N": normal[:, surface.top],
+        "node_shear_N": shear[:, surface.top],
+        "node_state": _stack(states, "contact_state", (S,)).astype(np.int8)[:, surface.top],
+        "node_displacement_mm": _displacement(states, top),
     }
 
 
@@ -47,10 +48,12 @@ def _displacement(states: list[State], nodes: np.ndarray) -> np.ndarray:
 
 def section_arrays(mesh: HexMesh, states: list[State], y_mm: float) -> dict[str, np.ndarray]:
     """Return the mesh plane y = const nearest the cell, for drawing."""
-    lines = mesh.surface_y[:-1]
-    plane = lines[np.argmin(np.abs(lines - y_mm))]
     face = mesh.hexahedra[:, [0, 1, 5, 4]]
-    on_plane = np.isclose(mesh.X[face, 1], plane, atol=1e-9).all(axis=1)
+    side = mesh.X[face, 1].mean(axis=1)
+    # Lines of the base grid run through the whole mesh; the largest cells lie on them alone.
+    size = mesh.X[mesh.hexahedra[:, 3], 1] - mesh.X[mesh.hexahedra[:, 0], 1]
+    lines = np.unique(np.round(side[size > 0.6 * size.max()], 9))
+    on_plane = np.isclose(side, lines[np.argmin(np.abs(lines - y_mm))], atol=1e-8)
     nodes, quads = np.unique(face[on_plane], return_inverse=True)
     return {
         "section_node_mm": mesh.X[nodes],

@@ -127,11 +127,8 @@ def sensor_mesh(sensor: Sensor, mesh: Mesh, x_mm: float, y_mm: float) -> HexMesh
     sizes = Sizes(
         near=mesh.near_mm,
         near_radius=mesh.near_radius_mm,
-        far=mesh.far_mm,
         growth=mesh.growth,
-        vertical_far=mesh.vertical_far_mm,
-        vertical_growth=mesh.vertical_growth,
-        wall_elements=mesh.wall_elements,
+        far=mesh.far_mm,
     )
     return layered_block(block, x_mm, y_mm, sizes)
 

@@ -18,7 +18,7 @@ def moment_balance(mesh: HexMesh, state: State, length: float, deformed: bool = 
 
     length [mm] makes it a number. Contact forces act at the deformed nodes, at small strain at the undeformed ones.
     """
-    surface = mesh.X[mesh.surface] + (state.u[mesh.surface] if deformed else 0.0)
+    surface = mesh.X[mesh.surface.nodes] + (state.u[mesh.surface.nodes] if deformed else 0.0)
     contact = np.cross(surface - state.centre, state.normal_force + state.friction_force).sum(axis=0)
     base = np.cross(mesh.X[mesh.fixed] - state.centre, state.fixed_force).sum(axis=0)
     return float(np.linalg.norm(contact + base) / max(np.linalg.norm(state.force) * length, 1e-12))

@@ -20,7 +20,7 @@ NO_TANGENT = np.empty(0)
 class Response:
     """Internal forces of a body at a displacement and element pressures."""
 
-    f_mixed: np.ndarray  # (N, 3) [N] with the given pressures
+    f_mixed: np.ndarray  # (N, 3) [N] with the given pressures; zero at hanging nodes
     f_condensed: np.ndarray  # (N, 3) [N] with the pressures of the volume change
     p_volume: np.ndarray  # (E,) [MPa] K (theta - 1)
     coupling: np.ndarray  # (E, 8, 3) [mm^2] d(element volume)/du
@@ -36,7 +36,8 @@ class Body:
     ):
         self.mesh = mesh
         self.gradient, self.weight = hex8_gradient(mesh.X, mesh.hexahedra)
-        self.pattern = pattern or build_pattern(mesh.hexahedra, mesh.fixed)
+        self.pattern = pattern or build_pattern(mesh.hexahedra, mesh.fixed, mesh.ties)
+        self._assembled = None if self.pattern.condense is None else np.empty(self.pattern.assembled)
         terms = max(len(laws[name].mu) for name in mesh.regions)
         self.mu = np.zeros((len(mesh.regions), terms))
         self.alpha = np.ones((len(mesh.regions), terms))
@@ -52,11 +53,24 @@ class Body:
         E, N = len(self.mesh.hexahedra), len(self.mesh.X)
         f_mixed, f_condensed = np.empty((N, 3)), np.empty((N, 3))
         p_volume, coupling = np.empty(E), np.empty((E, 8, 3))
+        condensed = len(tangent) > 0 and self.pattern.condense is not None
         energy, smallest_J = assemble(
             self.gradient, self.weight, self.mesh.hexahedra, self.mesh.region, u, pressure, self.mu, self.alpha, self.bulk,
-            self.pattern.element_slots, tangent, f_mixed, f_condensed, p_volume, coupling,
+            self.pattern.element_slots, self._assembled if condensed else tangent, f_mixed, f_condensed, p_volume, coupling,
         )  # fmt: skip
-        return Response(f_mixed, f_condensed, p_volume, coupling, energy, smallest_J)
+        if condensed:
+            tangent[:] = self.pattern.condense @ self._assembled
+        return Response(
+            self.gathered(f_mixed), self.gathered(f_condensed), p_volume, coupling, energy, smallest_J
+        )
+
+    def gathered(self, force: np.ndarray) -> np.ndarray:
+        """Return nodal forces (N, 3) with those of hanging nodes handed to the nodes they hang between."""
+        return force if self.mesh.ties is None else self.mesh.ties.T @ force
+
+    def spread(self, u: np.ndarray) -> np.ndarray:
+        """Return displacements (N, 3) in which hanging nodes follow the nodes they hang between."""
+        return u if self.mesh.ties is None else self.mesh.ties @ u
 
     def linearised_pressure(self, response: Response, du: np.ndarray) -> np.ndarray:
         """Return the element pressures (E,) [MPa] that the linearised volume change of du (N, 3) predicts."""
@@ -78,7 +92,7 @@ class SmallStrainBody(Body):
         super().response(zero, no_pressure, self.tangent)
         # The reaction needs the rows of the fixed nodes too, so the forces come from a pattern in which nothing is fixed.
         everything = Body(
-            mesh, laws, bulk_to_shear, build_pattern(mesh.hexahedra, np.zeros(len(mesh.X), bool))
+            mesh, laws, bulk_to_shear, build_pattern(mesh.hexahedra, np.zeros(len(mesh.X), bool), None)
         )
         values = np.empty(len(everything.pattern.indices))
         everything.response(zero, no_pressure, values)
@@ -87,7 +101,7 @@ class SmallStrainBody(Body):
 
     def response(self, u: np.ndarray, pressure: np.ndarray, tangent: np.ndarray = NO_TANGENT) -> Response:
         """Return the linear response at u (N, 3) [mm]; the element pressures stay zero (they are part of K)."""
-        force = (self._stiffness @ u.ravel()).reshape(u.shape)
+        force = self.gathered((self._stiffness @ u.ravel()).reshape(u.shape))
         if len(tangent):
             tangent[:] = self.tangent
         E = len(self.mesh.hexahedra)

@@ -84,7 +84,7 @@ class Press:
     ):
         self.body, self.indenter, self.settings = body, indenter, settings
         mesh = body.mesh
-        self.surface, self.area = mesh.surface, mesh.surface_area
+        self.surface, self.area = mesh.surface.nodes, mesh.surface.area
         self.free = body.pattern.equation >= 0
         self.slots = body.pattern.node_slots(self.surface)
         self.solver: DirectSolver = direct_solver(body.pattern, linear_solver)
@@ -275,7 +275,7 @@ class Press:
             )
         else:
             du[self.free], _ = refined_solve(self.solver, self.body.pattern, self._values, rhs, 0.0, 1)
-        return du
+        return self.body.spread(du)
 
     def _consistent_solve(self, rhs: np.ndarray, blocks: np.ndarray) -> np.ndarray:
         """Return the solution with the factorised tangent plus unsymmetric blocks (S, 3, 3) at the surface nodes."""

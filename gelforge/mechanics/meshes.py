@@ -1,14 +1,16 @@
-"""Conforming hexahedral meshes of a layered block with side wall and flange, fine under the contact.
+"""Hexahedral meshes of a layered block with side wall and flange, fine under the contact.
 
 Frame: x and y along the edges with the origin at a corner of the top surface, z = 0 at the undeformed top, up positive.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
+
+from gelforge.mechanics.octree import octree
 
 
 @dataclass(frozen=True)
@@ -29,149 +31,173 @@ class Block:
 
 @dataclass(frozen=True)
 class Sizes:
-    """Element sizes of the graded mesh [mm]; growth is d(size)/d(distance) + 1."""
+    """Element sizes [mm]: `near` within near_radius of the contact, then growing with the distance up to about `far`."""
 
-    near: float = 0.5
+    near: float = 0.3
     near_radius: float = 3.6
-    far: float = 1.5
-    growth: float = 1.35
-    vertical_far: float = 0.8
-    vertical_growth: float = 1.15
-    wall_elements: int = 1  # least number through a wall that the fine region touches
+    growth: float = 0.25  # d(size)/d(distance)
+    far: float = 1.2
+
+    @property
+    def halvings(self) -> int:
+        """How often a cell of the base grid is halved to reach `near`."""
+        return max(0, round(np.log2(self.far / self.near)))
+
+    @property
+    def base(self) -> float:
+        """The size of the base grid [mm], nearest to `far`, whose halves end at `near`."""
+        return self.near * 2**self.halvings
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The part of the boundary that an indenter may touch: flat four-sided faces.
+
+    A node that hangs carries no contact of its own: what it would carry belongs to the nodes it hangs between.
+    """
+
+    nodes: np.ndarray  # (S,) numbers of the nodes that do not hang
+    area: np.ndarray  # (S,) [mm^2] integral of each node's shape function over the undeformed faces
+    top: np.ndarray  # (S,) bool, nodes of the top surface (z = 0); the others lie on the sides
+    faces: np.ndarray  # (Q, 4) numbers of the corners of the top surface's faces, hanging ones included
 
 
 @dataclass(frozen=True)
 class HexMesh:
-    """Hexahedra with regions, fixed nodes and a top surface that is a tensor grid of lines."""
+    """Hexahedra with regions, fixed nodes and the surface that is touched."""
 
     X: np.ndarray  # (N, 3) nodes [mm]
     hexahedra: np.ndarray  # (E, 8)
     region: np.ndarray  # (E,) index into regions
     regions: tuple[str, ...]
     fixed: np.ndarray  # (N,) bool, nodes held on the base
-    surface: np.ndarray  # (S,) nodes of the top surface, x fastest
-    surface_x: np.ndarray  # (nx,) lines of the top surface [mm]
-    surface_y: np.ndarray  # (ny,)
+    surface: Surface
+    ties: sp.csr_matrix | None = (
+        None  # (N, N) values at all nodes from those that do not hang; None: no node hangs
+    )
 
     @property
-    def surface_area(self) -> np.ndarray:
-        """The undeformed area (S,) [mm^2] of each surface node: the integral of its shape function."""
-        return np.outer(_hat_integral(self.surface_y), _hat_integral(self.surface_x)).ravel()
+    def hanging(self) -> np.ndarray:
+        """Return which nodes (N,) hang on others."""
+        if self.ties is None:
+            return np.zeros(len(self.X), bool)
+        return np.diff(self.ties.indptr) > 1
 
 
-def _hat_integral(lines: np.ndarray) -> np.ndarray:
-    size = np.diff(lines)
-    return (np.append(size, 0) + np.insert(size, 0, 0)) / 2
+def _spaced(breaks: list[float], size: float) -> np.ndarray:
+    """Return increasing lines through all breaks, evenly spaced by about size between two of them."""
+    pieces = [
+        np.linspace(a, b, max(1, round((b - a) / size)) + 1)[1:] for a, b in zip(breaks[:-1], breaks[1:])
+    ]
+    return np.concatenate([[breaks[0]], *pieces])
 
 
-def _subdivide(
-    start: float, stop: float, size: Callable[[np.ndarray], np.ndarray], least: int = 1
-) -> np.ndarray:
-    """Return points from start to stop (start excluded) spaced as size(x) asks for, as evenly as it allows."""
-    x = np.linspace(start, stop, 401)
-    density = 1 / size(x)
-    count = np.concatenate([[0], np.cumsum((density[1:] + density[:-1]) / 2 * np.diff(x))])
-    n = max(least, round(count[-1]))
-    points = np.interp(np.arange(1, n + 1) * count[-1] / n, count, x)
-    points[-1] = stop
-    return points
-
-
-def graded_lines(
-    breaks: list[float], size: Callable[[np.ndarray], np.ndarray], least: list[int]
-) -> np.ndarray:
-    """Return increasing lines through all breaks, graded by size(x); least[i] elements between breaks i and i + 1."""
-    lines = [np.array([breaks[0]])]
-    for a, b, n in zip(breaks[:-1], breaks[1:], least):
-        lines.append(_subdivide(a, b, size, n))
-    return np.concatenate(lines)
-
-
-def _horizontal_lines(width: float, block: Block, centre: float, sizes: Sizes) -> np.ndarray:
-    def size(x):
-        distance = np.maximum(0.0, np.abs(x - centre) - sizes.near_radius)
-        return np.minimum(sizes.near + (sizes.growth - 1) * distance, sizes.far)
-
+def _horizontal_lines(width: float, block: Block, centre: float, size: float) -> np.ndarray:
     inner = {block.wall, width - block.wall} if block.wall else set()
     outer = {-block.flange_width, width + block.flange_width} if block.flange_width else set()
     breaks = sorted({0.0, width} | inner | outer)
-    least = []
-    for a, b in zip(breaks[:-1], breaks[1:]):
-        is_wall = block.wall > 0 and np.isclose(b - a, block.wall) and a > -1e-9 and b < width + 1e-9
-        near = min(abs(a - centre), abs(b - centre)) < 2 * sizes.near_radius
-        least.append(sizes.wall_elements if is_wall and near else 1)
-    return graded_lines(breaks, size, least)
+    # A line through the contact: every cell of a study then sees the same pattern of elements under its contact.
+    if min(abs(centre - place) for place in breaks) > size / 2:
+        breaks = sorted([*breaks, centre])
+    return _spaced(breaks, size)
 
 
-def _vertical_lines(block: Block, sizes: Sizes) -> np.ndarray:
-    top_layer = block.layers[-1][1]
-
-    def size(z):
-        below = np.maximum(0.0, -z - top_layer)
-        return np.minimum(sizes.near + (sizes.vertical_growth - 1) * below, sizes.vertical_far)
-
+def _vertical_lines(block: Block, size: float) -> np.ndarray:
     heights = np.cumsum([0.0] + [thickness for _, thickness in block.layers]) - block.height
     heights[-1] = 0.0
     breaks, flange_top = list(heights), block.flange_height - block.height
     # A second break one rounding beside an interface would make a layer of elements without thickness.
     if block.flange_width and np.abs(heights - flange_top).min() > 1e-9:
         breaks = sorted([*breaks, flange_top])
-    return graded_lines(breaks, size, [1] * (len(breaks) - 1))
+    return _spaced(breaks, size)
 
 
 def layered_block(block: Block, x: float, y: float, sizes: Sizes) -> HexMesh:
     """Return the mesh of a block, fine around the contact at (x, y) [mm].
 
-    Regions are the layers by name, then "wall" and "flange" where they exist; elements above the flange are left out.
+    The cells of an even grid are halved where the contact wants it. Regions are the layers by name, then "wall"
+    and "flange" where they exist; cells above the flange are left out.
     """
-    lx, ly = (
-        _horizontal_lines(block.width_x, block, x, sizes),
-        _horizontal_lines(block.width_y, block, y, sizes),
+    lines = (
+        _horizontal_lines(block.width_x, block, x, sizes.base),
+        _horizontal_lines(block.width_y, block, y, sizes.base),
+        _vertical_lines(block, sizes.base),
     )
-    lz = _vertical_lines(block, sizes)
-    nx, ny, nz = len(lx), len(ly), len(lz)
+    cells = tuple((line[1:] + line[:-1]) / 2 for line in lines)
+    region, names, present = _regions(block, *cells)
 
-    node = np.arange(nx * ny * nz).reshape(nz, ny, nx)
-    z, yy, xx = np.meshgrid(lz, ly, lx, indexing="ij")
-    X = np.stack([xx, yy, z], axis=-1).reshape(-1, 3)
-    bottom = [node[:-1, :-1, :-1], node[:-1, :-1, 1:], node[:-1, 1:, 1:], node[:-1, 1:, :-1]]
-    top = [node[1:, :-1, :-1], node[1:, :-1, 1:], node[1:, 1:, 1:], node[1:, 1:, :-1]]
-    hexahedra = np.stack(bottom + top, axis=-1).reshape(-1, 8)
+    def wanted(*finer):
+        return _too_large(block, sizes, x, y, *finer)
 
-    mid = X[hexahedra].mean(axis=1)
-    outside = (mid[:, 0] < 0) | (mid[:, 0] > block.width_x) | (mid[:, 1] < 0) | (mid[:, 1] > block.width_y)
-    in_wall = (
-        (mid[:, 0] < block.wall)
-        | (mid[:, 0] > block.width_x - block.wall)
-        | (mid[:, 1] < block.wall)
-        | (mid[:, 1] > block.width_y - block.wall)
+    tree = octree(lines, present, wanted, sizes.halvings)
+    X = tree.X
+    return HexMesh(
+        X=X,
+        hexahedra=tree.hexahedra,
+        region=region[tuple(tree.base_cell.T)].astype(np.int32),
+        regions=names,
+        fixed=X[:, 2] < lines[2][0] + 1e-9,
+        surface=_surface(block, X, tree.hexahedra, tree.ties),
+        ties=tree.ties if sizes.halvings else None,
     )
+
+
+def _regions(block: Block, x: np.ndarray, y: np.ndarray, z: np.ndarray):
+    """Return region (nx, ny, nz), its names and which cells are present, of the base cells with these middles [mm]."""
+    outside_x, outside_y = (x < 0) | (x > block.width_x), (y < 0) | (y > block.width_y)
+    wall_x = (x < block.wall) | (x > block.width_x - block.wall)
+    wall_y = (y < block.wall) | (y > block.width_y - block.wall)
+    outside = (outside_x[:, None] | outside_y[None, :])[:, :, None]
+    in_wall = (wall_x[:, None] | wall_y[None, :])[:, :, None]
     names = [name for name, _ in block.layers]
     interfaces = np.cumsum([thickness for _, thickness in block.layers])[:-1] - block.height
-    region = np.searchsorted(interfaces, mid[:, 2])
+    region = np.broadcast_to(np.searchsorted(interfaces, z), (len(x), len(y), len(z))).copy()
     if block.wall:
         region[in_wall & (region < len(block.layers) - 1)] = len(names)
         names.append("wall")
     if block.flange_width:
-        region[outside] = len(names)
+        region[np.broadcast_to(outside, region.shape)] = len(names)
         names.append("flange")
-    keep = ~outside | (mid[:, 2] < block.flange_height - block.height)
-    hexahedra, region = hexahedra[keep], region[keep]
+    return region, tuple(names), ~outside | (z < block.flange_height - block.height)
 
-    used = np.unique(hexahedra)
-    number = np.full(len(X), -1)
-    number[used] = np.arange(len(used))
-    on_top_x = (lx > -1e-9) & (lx < block.width_x + 1e-9)
-    on_top_y = (ly > -1e-9) & (ly < block.width_y + 1e-9)
-    surface = number[node[-1][np.ix_(on_top_y, on_top_x)].ravel()]
-    X = X[used]
-    return HexMesh(
-        X=X,
-        hexahedra=number[hexahedra].astype(np.int32),
-        region=region.astype(np.int32),
-        regions=tuple(names),
-        fixed=X[:, 2] < lz[0] + 1e-9,
-        surface=surface,
-        surface_x=lx[on_top_x],
-        surface_y=ly[on_top_y],
-    )
+
+def _too_large(block: Block, sizes: Sizes, x: float, y: float, *lines: np.ndarray) -> np.ndarray:
+    """Return which cells (nx, ny, nz) between the lines are larger than the contact at (x, y) wants."""
+    mid = [(line[1:] + line[:-1]) / 2 for line in lines]
+    half = [np.diff(line) / 2 for line in lines]
+    # Horizontal and vertical distance from the nearest point of a cell to the disc that is touched.
+    dx, dy = (np.maximum(np.abs(m - c) - h, 0) for m, h, c in zip(mid, half, (x, y)))
+    radial = np.maximum(np.hypot(dx[:, None], dy[None, :]) - sizes.near_radius, 0)
+    below = np.maximum(-mid[2] - half[2], 0)
+    distance = np.hypot(radial[:, :, None], below[None, None, :])
+    size = 2 * np.maximum(np.maximum(half[0][:, None], half[1][None, :])[:, :, None], half[2])
+    # The lines meet walls and interfaces, so cells are up to a few tenths larger or smaller than asked for.
+    return size > 1.4 * (sizes.near + sizes.growth * distance)
+
+
+def _surface(block: Block, X: np.ndarray, hexahedra: np.ndarray, ties: sp.csr_matrix) -> Surface:
+    """Return the top and the outer sides of the block."""
+    flange_top = block.flange_height - block.height if block.flange_width else -np.inf
+    faces, tops = [], []
+    for corners, axis, place in [
+        ((4, 5, 6, 7), 2, 0.0),
+        ((0, 3, 7, 4), 0, 0.0),
+        ((1, 2, 6, 5), 0, block.width_x),
+        ((0, 1, 5, 4), 1, 0.0),
+        ((3, 2, 6, 7), 1, block.width_y),
+    ]:
+        face = hexahedra[:, corners]
+        outside = np.isclose(X[face, axis], place, atol=1e-9).all(axis=1)
+        outside &= X[face, 2].mean(axis=1) > flange_top
+        faces.append(face[outside])
+        tops.append(np.full(outside.sum(), axis == 2))
+    faces, top = np.concatenate(faces), np.concatenate(tops)
+    corner = X[faces]
+    diagonals = np.cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
+    area = np.zeros(len(X))
+    np.add.at(
+        area, faces, np.linalg.norm(diagonals, axis=1)[:, None] / 8
+    )  # rectangles: a quarter to each corner
+    area = ties.T @ area
+    nodes = np.flatnonzero(area > 0)
+    return Surface(nodes, area[nodes], np.isin(nodes, np.flatnonzero(X[:, 2] > -1e-9)), faces[top])

@@ -81,8 +81,8 @@ def _fill(
 def interpolation(nodes: np.ndarray, hexahedra: np.ndarray, points: np.ndarray) -> csr_array:
     """Return the trilinear weights (P, G) of nodes (G, 3) at points (P, 3) inside axis-aligned hexahedra (E, 8).
 
-    The elements may have any order of corners and leave holes, but each must span one interval of the grid of all node
-    coordinates. Raises VirtualLabError for a mesh that does not, and for a point in no element.
+    The elements may have any order and any size and leave holes, but each must be a box along the axes. Raises
+    VirtualLabError for a mesh of others, and for a point in no element.
     """
     nodes = np.asarray(nodes, dtype=float)
     corners = nodes[hexahedra]  # (E, 8, 3)
@@ -92,12 +92,15 @@ def interpolation(nodes: np.ndarray, hexahedra: np.ndarray, points: np.ndarray) 
     last = np.stack([np.searchsorted(a, high[:, k] + SAME_MM) - 1 for k, a in enumerate(axes)], axis=1)
     # a box has every corner at the low or the high end of every axis
     boxed = np.minimum(np.abs(corners - low[:, None]), np.abs(corners - high[:, None])).max() <= SAME_MM
-    if not boxed or (last - first != 1).any():
+    if not boxed:
         raise VirtualLabError(
-            "gel_hex: elements are not the boxes of one grid; particles cannot be located in this mesh"
+            "gel_hex: elements are not boxes along the axes; particles cannot be located in this mesh"
         )
-    element = np.full([len(a) - 1 for a in axes], -1)
-    element[tuple(first.T)] = np.arange(len(hexahedra))
+    element = np.full([len(a) - 1 for a in axes], -1)  # of each interval of the grid of all node coordinates
+    for span in np.unique(last - first, axis=0):
+        own = np.flatnonzero((last - first == span).all(axis=1))
+        for step in np.ndindex(*span):
+            element[tuple((first[own] + step).T)] = own
     place = [np.searchsorted(a, points[:, k], side="right") - 1 for k, a in enumerate(axes)]
     place = [
         np.where(np.abs(points[:, k] - a[-1]) <= SAME_MM, len(a) - 2, p)

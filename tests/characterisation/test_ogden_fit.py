@@ -39,10 +39,7 @@ def lab():
 def demo(tmp_path_factory):
     """Return the laws fitted to the demo and the folder of their files."""
     folder = tmp_path_factory.mktemp("laws")
-    return folder, {
-        name: fitted(name, Material(tests=DEMO / name), folder / name)
-        for name in TRUTH
-    }
+    return folder, {name: fitted(name, Material(tests=DEMO / name), folder / name) for name in TRUTH}
 
 
 def fitted(name, material, folder):

@@ -104,7 +104,7 @@ def test_press_prints_forces_and_writes_the_cell(empty_folder, capsys):
     given = "    parameters:\n      mu_kPa: [7.9652, 0.3093]\n      alpha: [1.2769, 3.5676]\n"
     tests = "    tests: data/mine/materials/gel # raw tests, to be fitted\n"
     assert tests in path.read_text()
-    mesh = "\nmechanics: {mesh: {near_mm: 1.5, near_radius_mm: 2.5, far_mm: 5.0, vertical_far_mm: 2.0}}\n"
+    mesh = "\nmechanics: {mesh: {near_mm: 1.5, near_radius_mm: 2.5, far_mm: 3.0}}\n"
     written = "".join(line for line in path.read_text().splitlines(True) if "laws: [" not in line)
     path.write_text(written.replace(tests, given) + mesh)
     capsys.readouterr()

@@ -1,73 +1,103 @@
 """Nodal forces to bins: the rule against numerical integration, nothing lost."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gelforge.indentation.binning import bin_centres, bin_forces, hat_shares, node_shares, without_dust
+from gelforge.config import Bins, Layer, Sensor
+from gelforge.indentation.binning import (
+    bin_centres,
+    bin_forces,
+    node_shares,
+    surface_shares,
+    without_dust,
+)
+from gelforge.mechanics.meshes import Block, Sizes, layered_block
 
-WIDTH, N = 8.0, 5
-LINES = np.array(
-    [0.0, 0.5, 1.6, 1.9, 2.0, 4.4, 4.8, 6.0, 7.9, 8.0]
-)  # on edges, several in a bin, one over two bins
+WIDTH, DEPTH, NX, NY = 8.0, 6.0, 5, 4
+SENSOR = Sensor(
+    width_x_mm=WIDTH,
+    width_y_mm=DEPTH,
+    layers=[Layer(name="gel", thickness_mm=2.0, material="soft")],
+    wall_mm=0.0,
+    bins=Bins(nx=NX, ny=NY),
+)
+BLOCK = Block(WIDTH, DEPTH, (("gel", 2.0),))
+MESHES = {
+    "halved": layered_block(BLOCK, 3.1, 2.9, Sizes(near=0.2, near_radius=0.6, growth=0.4, far=0.9)),
+    "even, larger than a bin": layered_block(BLOCK, 3.1, 2.9, Sizes(near=2.5, far=2.5)),
+}
 rng = np.random.default_rng(6)
 
 
-@pytest.mark.parametrize("rule", [hat_shares, node_shares])
-def test_every_node_gives_all_it_has(rule):
-    for lines in (LINES, np.linspace(0, WIDTH, 4), np.linspace(0, WIDTH, 37)):
-        shares = rule(lines, WIDTH, N)
-        assert_allclose(shares.sum(axis=0), 1, rtol=1e-14)
-        assert shares.min() >= 0
+@pytest.fixture(params=MESHES.values(), ids=MESHES.keys())
+def mesh(request):
+    return request.param
 
 
-def test_hat_shares_equal_numerical_integration():
-    fine = (np.arange(400_000) + 0.5) * WIDTH / 400_000
-    bins = (fine / WIDTH * N).astype(int)
-    for line, unit in enumerate(np.eye(len(LINES))):
-        hat = np.interp(fine, LINES, unit)
-        expected = np.bincount(bins, hat, minlength=N) / hat.sum()
-        # midpoint rule, 4 points per 1e-4 of the narrowest hat (0.1 mm): edges cost half a point each
-        assert_allclose(hat_shares(LINES, WIDTH, N)[:, line], expected, atol=1e-6)
+@pytest.mark.parametrize("rule", [surface_shares, node_shares])
+def test_every_top_node_gives_all_it_has(rule, mesh):
+    shares = rule(mesh, SENSOR)
+    assert_allclose(np.asarray(shares.sum(axis=0)).ravel(), mesh.surface.top.astype(float), rtol=1e-13)
+    assert shares.data.min() >= 0
 
 
-def test_hat_share_by_hand():
-    """Hat of 0-1-2 with an edge at 1.6: its right end of length 0.4 holds 0.4^2 / 2 of an area of 1."""
-    shares = hat_shares(np.array([0.0, 1.0, 2.0, 8.0]), WIDTH, N)
-    assert_allclose(shares[:, 1], [0.92, 0.08, 0, 0, 0], atol=1e-14)
+def test_shares_equal_numerical_integration(mesh):
+    """Each node's shape function on the surface, sampled at 100 points a millimetre and ties included."""
+    n = 100
+    x, y = ((np.arange(int(width * n)) + 0.5) / n for width in (WIDTH, DEPTH))
+    owner = NX * (y / DEPTH * NY).astype(int)[:, None] + (x / WIDTH * NX).astype(int)[None, :]
+    integral = np.zeros((NX * NY, len(mesh.X)))
+    for face in mesh.surface.faces:
+        low, high = mesh.X[face[0], :2], mesh.X[face[2], :2]
+        ix, iy = (np.flatnonzero((p > a) & (p < b)) for p, a, b in zip((x, y), low, high))
+        s, t = ((p[i] - a) / (b - a) for p, i, a, b in zip((x, y), (ix, iy), low, high))
+        for corner, (u, v) in zip(face, [(1 - s, 1 - t), (s, 1 - t), (s, t), (1 - s, t)]):
+            np.add.at(integral[:, corner], owner[np.ix_(iy, ix)], np.outer(v, u) / n**2)
+    if mesh.ties is not None:
+        integral = integral @ mesh.ties
+    expected = integral[:, mesh.surface.nodes]
+    expected[:, mesh.surface.top] /= expected[:, mesh.surface.top].sum(axis=0)
+    # an edge of a face or a bin may cut a row of samples: half a row of 0.01 mm on functions 0.4 mm wide, 2.5 %
+    assert_allclose(surface_shares(mesh, SENSOR).toarray(), expected, atol=0.025)
 
 
-def test_a_uniform_pressure_fills_all_bins_alike():
-    """Forces of a uniform pressure are hat integrals; the bins then carry equal forces, whatever the lines."""
-    size = np.diff(LINES)
-    integral = (np.append(size, 0) + np.insert(size, 0, 0)) / 2
-    assert_allclose(hat_shares(LINES, WIDTH, N) @ integral, WIDTH / N, rtol=1e-13)
+def test_a_uniform_pressure_fills_all_bins_alike(mesh):
+    """Forces of a uniform pressure are the integrals of the shape functions: the bins carry equal forces."""
+    top = mesh.surface.top
+    area = layered_area(mesh)
+    assert_allclose(surface_shares(mesh, SENSOR)[:, top] @ area, WIDTH * DEPTH / (NX * NY), rtol=1e-12)
+
+
+def layered_area(mesh):
+    """Return the integrals of the top nodes' shape functions over the top alone."""
+    corner = mesh.X[mesh.surface.faces]
+    size = np.prod(corner[:, 2, :2] - corner[:, 0, :2], axis=1)
+    area = np.zeros(len(mesh.X))
+    np.add.at(area, mesh.surface.faces, size[:, None] / 4)
+    area = area if mesh.ties is None else mesh.ties.T @ area
+    return area[mesh.surface.nodes[mesh.surface.top]]
 
 
 def test_node_rule_gives_a_node_on_an_edge_to_both_bins():
-    shares = node_shares(np.array([0.0, 0.5, 1.6, 1.7, 8.0]), WIDTH, N)
-    expected = [[1, 1, 0.5, 0, 0], [0, 0, 0.5, 1, 0], [0, 0, 0, 0, 0], [0, 0, 0, 0, 0], [0, 0, 0, 0, 1]]
+    X = np.array([[0.0, 0.0], [0.5, 0.7], [1.6 - 1e-13, 0.7], [1.6, 1.5], [8.0, 6.0]])
+    surface = SimpleNamespace(nodes=np.arange(5), top=np.ones(5, bool))
+    shares = node_shares(SimpleNamespace(X=X, surface=surface), SENSOR).toarray()
+    expected = np.zeros((NX * NY, 5))
+    expected[0, [0, 1]] = 1
+    expected[[0, 1], 2] = 0.5
+    expected[[0, 1, NX, NX + 1], 3] = 0.25
+    expected[-1, 4] = 1
     assert_allclose(shares, expected)
 
 
-def test_node_rule_sees_an_edge_through_rounding():
-    lines = np.array([0.0, 1.6 - 1e-13, 4.8 + 1e-13, 8.0])
-    assert_allclose(node_shares(lines, WIDTH, N)[:, 1:3].max(axis=0), 0.5)
-
-
-def test_bins_equal_brute_force_and_keep_the_total():
-    ly = np.array([0.0, 1.0, 3.3, 6.0])
-    forces = rng.normal(size=(2, len(ly) * len(LINES), 3))
-    sx, sy = hat_shares(LINES, WIDTH, N), hat_shares(ly, 6.0, 3)
-    found = bin_forces(forces, sx, sy)
-    expected = np.zeros((2, 3 * N, 3))
-    for j in range(len(ly)):
-        for i in range(len(LINES)):
-            for iy in range(3):
-                for ix in range(N):
-                    expected[:, N * iy + ix] += sx[ix, i] * sy[iy, j] * forces[:, len(LINES) * j + i]
-    assert_allclose(found, expected, atol=1e-14)
-    assert_allclose(found.sum(axis=1), forces.sum(axis=1), atol=1e-12)
+def test_bins_keep_the_total_of_the_top(mesh):
+    forces = rng.normal(size=(2, len(mesh.surface.nodes), 3))
+    found = bin_forces(forces, surface_shares(mesh, SENSOR))
+    assert found.shape == (2, NX * NY, 3)
+    assert_allclose(found.sum(axis=1), forces[:, mesh.surface.top].sum(axis=1), atol=1e-12)
 
 
 def test_bin_centres_count_x_first():

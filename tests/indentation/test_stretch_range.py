@@ -14,7 +14,7 @@ from gelforge.mechanics.meshes import Block, Sizes, layered_block
 @pytest.fixture(scope="module")
 def mesh():
     block = Block(width_x=8.0, width_y=8.0, layers=(("gel", 2.0), ("skin", 1.0)), wall=1.0)
-    return layered_block(block, 4.0, 4.0, Sizes(near=1.0, near_radius=2.0, far=2.0, vertical_far=1.0))
+    return layered_block(block, 4.0, 4.0, Sizes(near=1.0, near_radius=2.0, far=2.0))
 
 
 def stretches(mesh, F):

@@ -96,7 +96,7 @@ def test_regions_take_their_own_law():
         specimens.Block(1.0, 1.0, (("gel", 1.0), ("skin", 1.0))),
         0.5,
         0.5,
-        specimens.Sizes(1.0, 1.0, 1.0, 1.01, 1.0),
+        specimens.Sizes(near=1.0, far=1.0),
     )
     assert len(mesh.hexahedra) == 2
     u = 0.1 * rng.uniform(-1, 1, mesh.X.shape)

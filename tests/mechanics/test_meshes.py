@@ -1,4 +1,4 @@
-"""Meshes of layered blocks: exact regions, conforming, fine where asked, symmetric where the block is."""
+"""Meshes of layered blocks: exact regions, continuous fields, fine where asked, symmetric where the block is."""
 
 from collections import Counter
 
@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gelforge.mechanics.elements import hex8_gradient
-from gelforge.mechanics.meshes import Block, Sizes, graded_lines, layered_block
+from gelforge.mechanics.elements import hex8_gradient, hex8_shape
+from gelforge.mechanics.meshes import Block, Sizes, layered_block
 
 PLAIN = Block(32.0, 32.0, (("gel", 4.5), ("skin", 1.5)), wall=1.5)
 FLANGE = Block(32.0, 30.0, (("gel", 4.5), ("skin", 1.5)), wall=1.1, flange_width=6.5, flange_height=1.5)
 STACK = Block(20.0, 24.0, (("base", 3.0), ("gel", 2.0), ("skin", 0.7)))
-SIZES = Sizes(near=0.9, near_radius=3.0, far=2.5, vertical_far=1.2)
+SIZES = Sizes(near=0.6, near_radius=3.0, growth=0.3, far=2.4)
 CASES = {
     "wall": (PLAIN, (16.0, 16.0)),
     "wall, corner": (PLAIN, (27.0, 6.1)),
@@ -49,9 +49,11 @@ def test_regions_have_their_exact_volumes(case):
     assert found == pytest.approx(expected_volumes(block), rel=1e-12)
 
 
-def test_conforming(case):
+def test_even_mesh_is_conforming(case):
     """Every face belongs to two elements or to the boundary, whose area is that of the body; no node is left over."""
-    block, _, mesh = case
+    block, position, _ = case
+    mesh = layered_block(block, *position, Sizes(near=1.2, far=1.2))
+    assert mesh.ties is None
     corners = np.sort(mesh.hexahedra[:, FACES], axis=-1).reshape(-1, 4)
     shared = Counter(map(tuple, corners))
     assert set(shared.values()) == {1, 2}
@@ -62,8 +64,43 @@ def test_conforming(case):
     wx, wy, f = block.width_x, block.width_y, block.flange_width
     sides = 2 * (wx + wy) * (block.height - block.flange_height) + 2 * (wx + wy + 4 * f) * block.flange_height
     assert area == pytest.approx(2 * (wx + 2 * f) * (wy + 2 * f) + sides, rel=1e-12)
+
+
+def test_every_node_is_used_once(case):
+    _, _, mesh = case
     assert np.array_equal(np.unique(mesh.hexahedra), np.arange(len(mesh.X)))
     assert len(np.unique(np.round(mesh.X, 9), axis=0)) == len(mesh.X)
+
+
+def test_tied_fields_are_continuous(case):
+    """A random field at the nodes that do not hang, spread by the ties, has one value on both sides of every face.
+
+    Each face of an element is seen from the smaller neighbour: where its corners lie inside a larger element's face, the
+    larger one's bilinear interpolation must give what the corners have.
+    """
+    _, _, mesh = case
+    rng = np.random.default_rng(3)
+    field = mesh.ties @ rng.normal(size=len(mesh.X))
+    low, high = mesh.X[mesh.hexahedra[:, 0]], mesh.X[mesh.hexahedra[:, 6]]
+    tested = 0
+    for node in np.flatnonzero(mesh.hanging):
+        x = mesh.X[node]
+        holds = np.flatnonzero(((x > low - 1e-9) & (x < high + 1e-9)).all(axis=1))
+        for e in holds:
+            xi = 2 * (x - low[e]) / (high[e] - low[e]) - 1
+            assert hex8_shape(xi) @ field[mesh.hexahedra[e]] == pytest.approx(field[node], abs=1e-12)
+            tested += node not in mesh.hexahedra[e]
+    assert tested > 100
+
+
+def test_neighbours_differ_by_one_halving(case):
+    _, _, mesh = case
+    size = np.ptp(mesh.X[mesh.hexahedra], axis=1).max(axis=1)
+    largest, smallest = np.zeros(len(mesh.X)), np.full(len(mesh.X), np.inf)
+    np.maximum.at(largest, mesh.hexahedra, size[:, None])
+    np.minimum.at(smallest, mesh.hexahedra, size[:, None])
+    # base cells differ by some tenths, because lines meet walls and interfaces
+    assert (largest / smallest).max() < 2 * 1.5
 
 
 def test_no_element_crosses_an_interface(case):
@@ -74,22 +111,27 @@ def test_no_element_crosses_an_interface(case):
         assert not ((z.min(axis=1) < height - 1e-9) & (z.max(axis=1) > height + 1e-9)).any()
 
 
-def test_surface_is_the_whole_top_in_order(case):
+def test_surface_is_top_and_sides(case):
     block, _, mesh = case
-    y, x = np.meshgrid(mesh.surface_y, mesh.surface_x, indexing="ij")
-    assert_allclose(mesh.X[mesh.surface], np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1), atol=1e-12)
-    assert (mesh.surface_x[0], mesh.surface_x[-1]) == (0.0, block.width_x)
-    assert (mesh.surface_y[0], mesh.surface_y[-1]) == (0.0, block.width_y)
-    assert mesh.surface_area.sum() == pytest.approx(block.width_x * block.width_y, rel=1e-13)
+    X, top = mesh.X[mesh.surface.nodes], mesh.surface.top
+    assert (X[top, 2] == 0).all() and (X[~top, 2] < 0).all()
+    on_side = np.isclose(X[:, :2], 0) | np.isclose(X[:, :2], [block.width_x, block.width_y])
+    assert on_side.any(axis=1)[~top].all()
+    assert not mesh.hanging[mesh.surface.nodes].any()
+    above = block.height - (block.flange_height if block.flange_width else 0.0)
+    sides = 2 * (block.width_x + block.width_y) * above
+    assert mesh.surface.area.sum() == pytest.approx(block.width_x * block.width_y + sides, rel=1e-13)
 
 
 def test_surface_area_integrates_linear_fields(case):
-    """The nodes' areas are integrals of their shape functions: they integrate bilinear fields exactly."""
+    """The nodes' areas are integrals of their shape functions: they integrate linear fields exactly, ties and all."""
     block, _, mesh = case
-    x, y, _ = mesh.X[mesh.surface].T
+    x, _, z = mesh.X[mesh.surface.nodes].T
     wx, wy = block.width_x, block.width_y
-    assert mesh.surface_area @ x == pytest.approx(wx**2 * wy / 2, rel=1e-13)
-    assert mesh.surface_area @ (x * y) == pytest.approx(wx**2 * wy**2 / 4, rel=1e-13)
+    low = block.flange_height - block.height if block.flange_width else -block.height
+    top, sides = wx * wy, 2 * (wx + wy) * -low
+    assert mesh.surface.area @ x == pytest.approx((top + sides) * wx / 2, rel=1e-13)
+    assert mesh.surface.area @ z == pytest.approx(sides * low / 2, rel=1e-13)
 
 
 def test_fixed_is_the_base(case):
@@ -109,40 +151,39 @@ def test_nothing_stands_above_the_flange():
     assert mesh.X[outside, 2].max() == pytest.approx(1.5 - 6.0, abs=1e-12)
 
 
-@pytest.mark.parametrize("x", [16.0, 27.0, 5.55])
+@pytest.mark.parametrize("x", [16.0, 27.0, 5.55, 30.0])
 def test_fine_under_the_contact_and_never_coarser_than_asked(x):
-    mesh = layered_block(PLAIN, x, 16.0, Sizes(near=0.5, near_radius=3.6, far=1.5))
-    lines = mesh.surface_x
-    size, middle = np.diff(lines), (lines[1:] + lines[:-1]) / 2
-    # The size is met on average over a stretch between two breaks, so one element may be larger by 1 / (2 n), n its
-    # number of elements: 5 % for the 29 mm between the walls, two thirds for a 1.5 mm wall at far = 1.5.
-    assert size[np.abs(middle - x) < 3.6].max() < 1.05 * 0.5
-    assert size.max() < 1.05 * 1.5
+    sizes = Sizes(near=0.5, near_radius=3.6, growth=0.3, far=2.0)
+    mesh = layered_block(PLAIN, x, 16.0, sizes)
+    low, high = mesh.X[mesh.hexahedra[:, 0]], mesh.X[mesh.hexahedra[:, 6]]
+    size = (high - low).max(axis=1)
+    nearest = np.clip([x, 16.0, 0.0], low, high) - [x, 16.0, 0.0]
+    radial = np.maximum(np.hypot(nearest[:, 0], nearest[:, 1]) - sizes.near_radius, 0)
+    distance = np.hypot(radial, nearest[:, 2])
+    # a cell is halved when it is 1.4 times too large; the base grid's cells are up to 1.5 times its size
+    assert (size <= np.maximum(1.4 * (sizes.near + sizes.growth * distance), 0) + 1e-9)[size < 1.9].all()
+    assert size.max() <= 1.5 * 2.0
+    assert size[distance == 0].max() <= 1.4 * 0.5
+
+
+def test_a_line_runs_through_the_contact():
+    mesh = layered_block(PLAIN, 13.37, 18.2, SIZES)
+    assert np.isclose(mesh.X[mesh.surface.nodes], [13.37, 18.2, 0.0]).all(axis=1).sum() == 1
 
 
 def test_finer_settings_give_finer_meshes():
     coarse, fine = (
-        layered_block(PLAIN, 16.0, 16.0, Sizes(near=h, far=3 * h, vertical_far=2 * h)) for h in (1.0, 0.5)
+        layered_block(PLAIN, 16.0, 16.0, Sizes(near=h, far=2 * h)).hexahedra for h in (0.75, 0.375)
     )
-    assert 5 < len(fine.hexahedra) / len(coarse.hexahedra) < 11  # 8 at best: breaks and the near radius stay
-
-
-def test_mesh_of_a_centred_contact_is_symmetric():
-    mesh = layered_block(PLAIN, 16.0, 16.0, SIZES)
-    assert_allclose(mesh.surface_x + mesh.surface_x[::-1], 32.0, atol=1e-12)
-    assert_allclose(mesh.surface_x, mesh.surface_y, atol=1e-12)
+    assert 5 < len(fine) / len(coarse) < 9  # 8 where all sizes were halved alike: near_radius and walls stay
 
 
 def test_meshes_of_mirrored_contacts_are_mirrored():
-    one, other = (layered_block(PLAIN, x, 13.0, SIZES).surface_x for x in (24.3, 32 - 24.3))
-    assert_allclose(one, 32 - other[::-1], atol=1e-12)
-
-
-def test_wall_elements_are_kept_where_the_fine_region_is():
-    mesh = layered_block(PLAIN, 27.0, 16.0, Sizes(near=0.9, near_radius=3.0, far=2.5, wall_elements=3))
-    for lines, low, high in [(mesh.surface_x, 1, 3), (mesh.surface_y, 1, 1)]:
-        assert (lines <= 1.5 + 1e-9).sum() - 1 == low
-        assert (lines >= 30.5 - 1e-9).sum() - 1 == high
+    one, other = (layered_block(PLAIN, x, 13.0, SIZES) for x in (24.3, 32 - 24.3))
+    mirrored = other.X * [-1, 1, 1] + [32, 0, 0]
+    order, reverse = (np.lexsort(np.round(X, 9).T) for X in (one.X, mirrored))
+    assert_allclose(one.X[order], mirrored[reverse], atol=1e-12)
+    assert np.array_equal(one.hanging[order], other.hanging[reverse])
 
 
 def test_flange_as_high_as_an_interface_adds_no_sliver():
@@ -150,13 +191,5 @@ def test_flange_as_high_as_an_interface_adds_no_sliver():
     block = Block(
         10.0, 10.0, (("base", 3.9), ("gel", 3.8), ("skin", 1.5)), 1.0, flange_width=2.0, flange_height=7.7
     )
-    mesh = layered_block(block, 5.0, 5.0, Sizes(1.0, 2.0, 2.0))
+    mesh = layered_block(block, 5.0, 5.0, Sizes(near=1.0, near_radius=2.0, far=2.0))
     assert np.diff(np.unique(mesh.X[:, 2])).min() > 0.1
-
-
-def test_graded_lines_pass_through_their_breaks():
-    breaks = [0.0, 1.5, 4.0, 4.2, 9.0]
-    lines = graded_lines(breaks, lambda x: 0.3 + 0.1 * x, [1, 2, 3, 1])
-    assert set(breaks) <= set(lines)
-    assert (np.diff(lines) > 0).all()
-    assert ((lines > 4.0) & (lines < 4.2)).sum() == 2

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 import specimens
 from numpy.testing import assert_allclose
 
@@ -71,3 +72,28 @@ def test_symmetric_product_equals_the_dense_one(pattern):
         dense[i, j] = dense[j, i] = value
     symmetric_product(pattern.indptr, pattern.indices, values, x, y)
     assert_allclose(y, dense @ x, rtol=1e-12, atol=1e-12)  # sums of some 80 terms of order one
+
+
+def test_condensation_equals_the_dense_product():
+    """T^T K T by dense algebra, K the full matrix in which hanging nodes are free."""
+    mesh = specimens.press(specimens.CORNER).body.mesh
+    assert mesh.hanging.sum() > 20
+    tied, free = (
+        build_pattern(mesh.hexahedra, mesh.fixed, mesh.ties),
+        build_pattern(mesh.hexahedra, mesh.fixed),
+    )
+    values = np.random.default_rng(1).normal(size=tied.assembled)
+
+    def dense(pattern, data):
+        upper = sp.csr_matrix((data, pattern.indices, pattern.indptr), shape=(pattern.size,) * 2).toarray()
+        return upper + np.triu(upper, 1).T
+
+    T = np.zeros((free.size, tied.size))
+    ties = mesh.ties.tocoo()
+    for node, master, weight in zip(ties.row, ties.col, ties.data):
+        for i in range(3):
+            row, column = free.equation[node, i], tied.equation[master, i]
+            if row >= 0 and column >= 0:
+                T[row, column] = weight
+    expected = T.T @ dense(free, values) @ T
+    assert_allclose(dense(tied, tied.condense @ values), expected, atol=1e-12)

@@ -89,6 +89,7 @@ def fake_cell(cell: PlannedCell, failed: bool = False) -> Cell:
         "depth_mm": depths,
         "total_force_N": np.array(totals),
         "reaction_N": -np.array(totals),
+        "side_force_N": np.zeros((len(depths), 3)),
         "bin_force_N": np.array(bins),
         "bin_normal_N": np.array(bins),  # without friction
         "bin_shear_N": np.zeros_like(bins),

@@ -16,7 +16,7 @@ FLANGED = Block(4.0, 4.0, (("gel", 1.0), ("skin", 0.5)), wall=0.7, flange_width=
 @pytest.fixture(scope="module")
 def mesh():
     """Return a distorted mesh with every region and no fixed node."""
-    mesh = layered_block(FLANGED, 2.0, 2.0, Sizes(1.3, 2.0, 1.3, vertical_far=1.0))
+    mesh = layered_block(FLANGED, 2.0, 2.0, Sizes(near=0.7, near_radius=2.0, far=1.3))
     mesh = specimens.distorted(mesh, 0.2, np.random.default_rng(4), boundary=True)
     return replace(mesh, fixed=np.zeros(len(mesh.X), bool))
 
@@ -64,7 +64,7 @@ def test_exactly_six_rigid_modes(body, mesh, turn):
     # 1e-16 of the largest one (K) per operation; the softest deformation is a shear of the gel, some 1e-6 of it.
     assert np.abs(eigenvalues[:6]).max() < 1e-13 * size
     assert eigenvalues[6] > 1e-8 * size
-    assert np.abs(K @ rigid_modes(mesh.X @ turn.T)).max() < 1e-13 * size
+    assert np.abs(K @ rigid_modes((mesh.X @ turn.T)[~mesh.hanging])).max() < 1e-13 * size
 
 
 def test_a_finite_rotation_leaves_no_force(body, mesh):
@@ -96,7 +96,7 @@ def test_forces_turn_with_the_body(body, mesh, rng):
 
 
 def test_internal_forces_have_neither_resultant_nor_moment(body, mesh, rng):
-    x = mesh.X + 0.1 * rng.uniform(-1, 1, mesh.X.shape)
+    x = body.spread(mesh.X + 0.1 * rng.uniform(-1, 1, mesh.X.shape))
     response = body.response(x - mesh.X, 0.01 * rng.normal(size=len(mesh.hexahedra)))
     for force in (response.f_mixed, response.f_condensed):
         size = np.abs(force).sum()

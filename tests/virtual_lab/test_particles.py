@@ -10,6 +10,7 @@ from gelforge.config import VirtualParticles
 from gelforge.indentation.cell_file import Cell
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.symmetry import D4, transform_points, transform_vectors
+from gelforge.mechanics.meshes import Block, Sizes, layered_block
 from gelforge.virtual_lab.particles import VirtualLabError, interpolation, place_particles, true_motion
 
 SENSOR = small_study().sensor
@@ -65,6 +66,19 @@ def test_interpolation_accepts_float32_nodes():
     nodes, hexahedra = gel_mesh()
     weights = interpolation(nodes.astype(np.float32), hexahedra, np.array([[30.49, 1.51, -1.51]]))
     assert_allclose(weights.sum(axis=1), 1, atol=1e-12)
+
+
+def test_elements_of_several_sizes_are_found():
+    mesh = layered_block(Block(16.0, 16.0, (("gel", 6.0),)), 8.0, 8.0, Sizes(0.5, 2.0, 0.5, 2.0))
+    assert mesh.hanging.any()
+    points = np.random.default_rng(0).uniform([0, 0, -6], [16, 16, 0], (500, 3))
+    weights = interpolation(mesh.X, mesh.hexahedra, points)
+    assert_allclose(weights @ mesh.X, points, atol=1e-12)  # rounding
+    corners = np.diff(weights.indptr)
+    span = [np.ptp(mesh.X[weights.indices[a:b]], axis=0) for a, b in zip(weights.indptr, weights.indptr[1:])]
+    assert (
+        corners.max() == 8 and len(np.unique(np.round(span, 6), axis=0)) > 2
+    )  # in elements of several sizes
 
 
 def test_points_outside_and_meshes_that_are_no_grid_are_named():

@@ -75,7 +75,10 @@ def test_training_settings_rerun_training_and_what_follows(again):
 
 def test_every_file_of_a_material_reruns_its_characterisation(again):
     """Whatever decides it: here the sidecar of a press, which is no table; pictures and mappings are listed the same way."""
-    folder, law = again.folder / "data/demo/materials/ecoflex_gel", f"{RESULTS}/materials/ecoflex_gel/law.json"
+    folder, law = (
+        again.folder / "data/demo/materials/ecoflex_gel",
+        f"{RESULTS}/materials/ecoflex_gel/law.json",
+    )
     assert "characterise" not in again.jobs(law, *TEST)
     rows = "".join(f"{k / 100 - 0.1},{max(k - 10, 0) ** 1.5 / 100}\n" for k in range(40))
     (folder / "ball.csv").write_text("depth_mm,force_N\n" + rows)
