@@ -46,6 +46,9 @@ CIRCUMSTANCES = (
 )
 
 
+ALIKE_STRAIN = 0.1  # relative: strains of holds that are closer count as one
+
+
 def circumstance_effects(tests: list[MaterialTest]) -> tuple[list[MeasuredEffect], list[tuple[str, str]]]:
     """Return the effects of rate, age, temperature and treatment on the first loading, and what could not be judged.
 
@@ -71,34 +74,64 @@ def circumstance_effects(tests: list[MaterialTest]) -> tuple[list[MeasuredEffect
 
 
 def relaxation_by_circumstance(tests: list[MaterialTest], fits: list[Relaxation]) -> list[MeasuredEffect]:
-    """Return what age, temperature and treatment do to the share of stress that is left after a common hold."""
+    """Return what age, temperature and treatment do to the share of stress that is left after a common hold.
+
+    The share is that of the stress where the hold begins, as measured: compared are holds after ramps of one rate.
+    """
     found = []
     for kind in dict.fromkeys(t.test for t in tests):
         chosen = [i for i, t in enumerate(tests) if t.test == kind]
         group = [tests[i] for i in chosen]
-        keys = _keys(group)
+        keys = [(*key, level) for key, level in zip(_keys(group), _held_levels([fits[i] for i in chosen]))]
         for number, circumstance in enumerate(CIRCUMSTANCES[1:], start=1):
             for members in _groups(keys, number):
                 own, held = [group[i] for i in members], [fits[chosen[i]] for i in members]
-                time = min(fit.hold_s[1] for fit in held)
-                y = np.log([1 - fit.drop_at(time) for fit in held])
+                begin, end = common_hold(held)
+                y = np.log([1 - fit.drop_between(begin, end) for fit in held])
                 values = [getattr(t, circumstance.attribute) for t in own]
                 x, span = np.array([circumstance.scale(v) for v in values]), (min(values), max(values))
                 level = float(np.median([fit.stretch for fit in held]))
                 effect = line_effect(
                     y, x, circumstance.word, span, circumstance.unit, circumstance.unit.rstrip("s"), (level, level),
-                    own[0].abscissa, None, f"share of stress left after {time:.3g} s of hold",
+                    own[0].abscissa, None, f"share of stress left from {begin:.3g} to {end:.3g} s of hold",
                 )  # fmt: skip
                 found.append(_measured(circumstance.effect, kind, effect, own))
     return found
 
 
+def common_hold(held: list[Relaxation]) -> tuple[float, float]:
+    """Return the times [s] since the hold began that all holds contain."""
+    return max(fit.hold_s[0] for fit in held), min(fit.hold_s[1] for fit in held)
+
+
 def alike_groups(tests: list[MaterialTest]) -> list[list[MaterialTest]]:
     """Return the tests of one kind in groups that are alike in every circumstance, as far as it is known."""
-    groups: dict[tuple, list[MaterialTest]] = {}
-    for test, key in zip(tests, _keys(tests)):
-        groups.setdefault((test.test, *key), []).append(test)
+    return _grouped(tests, [(test.test, *key) for test, key in zip(tests, _keys(tests))])
+
+
+def alike_holds(held: list[tuple[MaterialTest, Relaxation]]) -> list[list[tuple[MaterialTest, Relaxation]]]:
+    """Return the holds of one kind of test in groups that are alike in every circumstance and in the held strain."""
+    tests, levels = [test for test, _ in held], _held_levels([fit for _, fit in held])
+    return _grouped(
+        held, [(test.test, *key, level) for test, key, level in zip(tests, _keys(tests), levels)]
+    )
+
+
+def _grouped(items: list, keys: list[tuple]) -> list[list]:
+    groups: dict[tuple, list] = {}
+    for item, key in zip(items, keys):
+        groups.setdefault(key, []).append(item)
     return list(groups.values())
+
+
+def _held_levels(held: list[Relaxation]) -> list[int]:
+    """Return for each hold the number of its cluster of alike strains: relaxation of a soft solid depends on strain."""
+    strains = [fit.stretch - (fit.abscissa == "stretch") for fit in held]
+    levels = [(np.sign(e), np.log(max(abs(e), 1e-6))) for e in strains]
+    known = sorted(set(levels))
+    edges = [0, *(int(b[0] != a[0] or b[1] - a[1] > ALIKE_STRAIN) for a, b in zip(known, known[1:]))]
+    cluster = dict(zip(known, np.cumsum(edges).tolist()))
+    return [cluster[level] for level in levels]
 
 
 def _loads(test: MaterialTest) -> bool:

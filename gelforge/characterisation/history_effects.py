@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from gelforge.characterisation.circumstances import alike_groups, relaxation_by_circumstance
+from gelforge.characterisation.circumstances import (
+    alike_groups,
+    alike_holds,
+    common_hold,
+    relaxation_by_circumstance,
+)
 from gelforge.characterisation.common_form import MaterialTest
 from gelforge.characterisation.effects import first_loading
 from gelforge.characterisation.hysteresis import (
@@ -43,10 +48,9 @@ def relaxation_effects(tests: list[MaterialTest]) -> Found:
             continue
         held.append((test, fit))
         found.append(_relaxation(test, fit))
-    fits = {id(test): fit for test, fit in held}
-    for group in alike_groups([t for t, _ in held]):
+    for group in alike_holds(held):
         if len(group) >= LEAST_SAMPLES:
-            found.append(_mean_relaxation(group[0].test, [(t, fits[id(t)]) for t in group]))
+            found.append(_mean_relaxation(group[0][0].test, group))
     if held:
         found += relaxation_by_circumstance([t for t, _ in held], [f for _, f in held])
     elif not not_judged:
@@ -97,8 +101,9 @@ def _drops(test: MaterialTest) -> list[float]:
 
 
 def _mean_relaxation(kind: str, held: list[tuple[MaterialTest, Relaxation]]) -> MeasuredEffect:
-    time = min(fit.hold_s[1] for _, fit in held)
-    mean = mean_of([fit.drop_at(time) for _, fit in held])
+    begin, end = common_hold([fit for _, fit in held])
+    mean = mean_of([fit.drop_between(begin, end) for _, fit in held])
+    step = mean_of([fit.drop_at(end) for _, fit in held])
     low, high = mean.interval
     verdict = (
         "negligible" if high < NEGLIGIBLE else "significant relaxation" if low > NEGLIGIBLE else "undecided"
@@ -110,16 +115,21 @@ def _mean_relaxation(kind: str, held: list[tuple[MaterialTest, Relaxation]]) -> 
     return MeasuredEffect(
         "relaxation",
         kind,
-        "share of a step's stress lost within the shortest hold, mean of samples",
+        "share of stress lost within the time that all holds share, mean of samples",
         mean.value,
         mean.interval,
         BETWEEN_SAMPLES,
         "1",
         verdict,
-        f"Within {time:.3g} s {len(held)} samples lose {mean.value:.1%} of the stress of an ideal step (95 % interval"
-        f" {low:.1%} to {high:.1%}): {ending}.",
+        f"From {begin:.3g} to {end:.3g} s of the hold {len(held)} samples lose {mean.value:.1%} of their stress (95 %"
+        f" interval {low:.1%} to {high:.1%}): {ending}.",
         tuple(t.sample for t, _ in held),
-        {"time_s": time, "deviation": mean.deviation},
+        {
+            "time_s": [begin, end],
+            "deviation": mean.deviation,
+            "drop_of_an_ideal_step": step.value,  # reaches back to the step by the Prony series
+            "drop_of_an_ideal_step_interval_95": list(step.interval),
+        },
     )
 
 

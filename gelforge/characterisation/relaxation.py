@@ -45,14 +45,35 @@ class Relaxation:
     power_rms: float  # relative to P_0
     points: int
     abscissa: str = "stretch"
+    ramp_s: float = 0.0  # duration of the loading before the hold; 0 where it is not in the file
 
     def drop_at(self, time_s: float) -> float:
-        """Return the share of the step's stress that is gone after a time [s] within the hold (Prony series)."""
+        """Return the share of an ideal step's stress that is gone after a time [s] within the hold (Prony series).
+
+        It reaches back to the step: what relaxed before the first row of the hold is the series' extrapolation.
+        """
+        self._check_within(time_s)
+        return float(np.sum(self.shares * -np.expm1(-time_s / self.times_s)))
+
+    def drop_between(self, begin_s: float, end_s: float) -> float:
+        """Return the share of the stress at one time [s] of the hold that is gone at a later one; nothing is extrapolated."""
+        self._check_within(end_s)
+        if not begin_s >= self.hold_s[0]:
+            raise ValueError(
+                f"{begin_s:g} s is before the hold's first row at {self.hold_s[0]:g} s; ask for a later time"
+            )
+        return float(1 - self._stress(end_s) / self._stress(begin_s))
+
+    def _check_within(self, time_s: float) -> None:
         if not time_s <= self.hold_s[1]:
             raise ValueError(
                 f"{time_s:g} s is beyond the hold of {self.hold_s[1]:g} s; ask for a time within it"
             )
-        return float(np.sum(self.shares * -np.expm1(-time_s / self.times_s)))
+
+    def _stress(self, time_s: float) -> float:
+        """Return the stress of the hold over that of an ideal step."""
+        held = self.shares * _reduced(self.times_s, self.ramp_s) * np.exp(-time_s / self.times_s)
+        return float(self.equilibrium_share + held.sum())
 
     @property
     def better(self) -> str:
@@ -140,6 +161,7 @@ def fit_relaxation(time_s, nominal_stress, stretch: float = np.nan, ramp_s: floa
         _interval(draws[:, 2]),
         float(np.sqrt(np.mean((stress - log_fit) ** 2)) / P0),
         len(time),
+        ramp_s=float(ramp_s),
     )
 
 
@@ -197,10 +219,14 @@ def _bic(rms: float, points: int, parameters: int) -> float:
     return 2 * points * np.log(max(rms, 1e-6)) + parameters * np.log(points)
 
 
+def _reduced(times, ramp) -> np.ndarray:
+    """Return what a ramp leaves of each mode's step response (k,)."""
+    return times / ramp * -np.expm1(-ramp / times) if ramp else np.ones(len(times))
+
+
 def _prony(time, stress, times, ramp) -> tuple[np.ndarray, np.ndarray]:
     """Return (P_inf, P_1, ..., P_k) and the modelled stress (n,)."""
-    reduced = times / ramp * -np.expm1(-ramp / times) if ramp else np.ones(len(times))
-    design = np.column_stack([np.ones(len(time)), reduced * np.exp(-time[:, None] / times)])
+    design = np.column_stack([np.ones(len(time)), _reduced(times, ramp) * np.exp(-time[:, None] / times)])
     amplitudes, _ = nnls(design, stress)
     return amplitudes, design @ amplitudes
 

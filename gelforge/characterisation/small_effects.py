@@ -13,15 +13,17 @@ from gelforge.characterisation.measured_effects import MeasuredEffect
 from gelforge.characterisation.microindentation import adhesion, fit_modulus
 from gelforge.characterisation.small_tests import (
     Mean,
-    gain_by_place,
+    by_place,
     gain_mismatch,
     mean_of,
+    pressed_pairs,
     sheet_thickness,
     static_friction,
 )
 
 FRICTION, THICKNESS = "friction.csv", "thickness.csv"
 T_INTERVAL = "Student's t over the trials"
+NOTABLE_OFFSET = 0.01  # of the largest force of a press: as much as load cells of one per cent are off anyway
 
 
 @dataclass(frozen=True)
@@ -217,26 +219,40 @@ def _adhesion(test: IndentationTest) -> MeasuredEffect:
 
 
 def _gain(pair: ForcePair) -> MeasuredEffect:
-    mean, places = gain_mismatch(pair), gain_by_place(pair)
+    mean, presses = gain_mismatch(pair), pressed_pairs(pair)
     low, high = mean.interval
-    by_place = {place: float(np.mean(values)) for place, values in places.items()}
-    within = max((float(np.std(v, ddof=1)) for v in places.values() if len(v) > 1), default=float("nan"))
+    gains = by_place([(p.place, p.gain) for p in presses])
+    ratios = by_place([(p.place, p.ratio) for p in presses])
+    offsets = [p.offset_N / p.largest_N for p in presses]
+    single = [float(np.std(v, ddof=1)) for v in gains.values() if len(v) > 1]
+    within = max(single, default=float("nan"))
     text = (
-        f"The second load cell reads {mean.value:+.1%} against the first (95 % interval {low:+.1%} to {high:+.1%},"
-        f" {mean.count} independent places)"
+        f"The second load cell's gain is {mean.value:+.1%} off that of the first (95 % interval {low:+.1%} to"
+        f" {high:+.1%}, {mean.count} independent places; slope of force over force, both measured)"
     )
     place_matters = pair.position is not None and mean.deviation > 3 * within
     if place_matters:
-        listed = ", ".join(f"{value:+.1%} at {place}" for place, value in by_place.items())
+        listed = ", ".join(f"{np.mean(v):+.1%} at {place}" for place, v in gains.items())
         text += (
             f": it depends on where the body is pressed ({listed}; within {within:.1%} at one place), so one gain does"
             " not describe it; part of the force bypasses a cell, or the cells feel moments"
+        )
+    if max(map(abs, offsets)) > NOTABLE_OFFSET:
+        text += (
+            f"; an offset of {min(offsets):+.1%} to {max(offsets):+.1%} of the force comes with the load and is no gain"
         )
     verdict = (
         "depends on the place" if place_matters else "undecided" if low <= 0 <= high else "significant gain"
     )
     return MeasuredEffect(
-        "load_cell_gain", "force_pair", "force of the second load cell over the first, less 1", mean.value,
+        "load_cell_gain", "force_pair", "force of the second load cell over the first (slope), less 1", mean.value,
         mean.interval, "Student's t over the places", "1", verdict, f"{text}.", (pair.sample,),
-        {"gain_by_place": by_place, "deviation_within_a_place": within if np.isfinite(within) else None},
+        {
+            "gain_by_place": {place: float(np.mean(v)) for place, v in gains.items()},
+            "ratio_at_largest_force_by_place": {place: float(np.mean(v)) for place, v in ratios.items()},
+            "offset_under_load_N_by_place": {
+                place: float(np.mean(v)) for place, v in by_place([(p.place, p.offset_N) for p in presses]).items()
+            },
+            "deviation_within_a_place": within if np.isfinite(within) else None,
+        },
     )  # fmt: skip

@@ -15,6 +15,7 @@ TILT_DEG = (0.5, 80.0)
 THICKNESS_MM = (0.02, 15.0)
 LEAST_TRIALS = 3
 LEAST_ROWS_OF_PRESS = 5
+LEAST_RISE = 0.5  # of the largest force of a press
 
 
 @dataclass(frozen=True)
@@ -63,13 +64,25 @@ def sheet_thickness(path: str | Path) -> dict[str, Mean]:
     return {sample: mean_of(rows["thickness_mm"]) for sample, rows in table.groupby("sample", sort=False)}
 
 
+@dataclass(frozen=True)
+class PressedPair:
+    """One press between two load cells: force_2 = (1 + gain) force_1 + offset while it lasts."""
+
+    place: str
+    gain: float
+    offset_N: float  # 0 at rest by definition: what is left comes with the load (friction, a force that bypasses)
+    ratio: float  # force_2 / force_1 - 1 at the largest force: gain and offset together
+    largest_N: float
+
+
 def gain_mismatch(pair: ForcePair) -> Mean:
-    """Return force_2 / force_1 - 1 of two load cells that carry the same force, with its interval.
+    """Return the gain of the second of two load cells that carry the same force, less 1, with its interval.
 
     Presses at one place share how the force splits there and are no independent readings: where places are named,
-    each counts once.
+    each counts once. All presses in one regression would weigh places by their rows, and the line of one force over
+    the other would differ from the converse, as the scatter is that between places and in both.
     """
-    gains = gain_by_place(pair)
+    gains = by_place([(press.place, press.gain) for press in pressed_pairs(pair)])
     if len(gains) < LEAST_TRIALS:
         raise ValueError(
             f"{pair.source}: {sum(map(len, gains.values()))} presses at {len(gains)} places; {LEAST_TRIALS} independent"
@@ -78,22 +91,34 @@ def gain_mismatch(pair: ForcePair) -> Mean:
     return mean_of([np.mean(at_place) for at_place in gains.values()])
 
 
-def gain_by_place(pair: ForcePair, loaded_share: float = 0.05) -> dict[str, list[float]]:
-    """Return force_2 / force_1 - 1 of each press by place; where no places are named each press is its own.
+def by_place(values: list[tuple[str, float]]) -> dict[str, list[float]]:
+    """Return the values of each place, in the order of their first appearance."""
+    found: dict[str, list[float]] = {}
+    for place, value in values:
+        found.setdefault(place, []).append(value)
+    return found
 
-    A press is the rows above loaded_share of the largest force; its gain is the slope of the total least squares
-    line through the origin, both forces being measured.
+
+def pressed_pairs(pair: ForcePair, loaded_share: float = 0.05) -> list[PressedPair]:
+    """Return the presses of a pair; where no places are named each is a place of its own.
+
+    A press is the rows above loaded_share of the largest force; its line is that of total least squares, both forces
+    being measured. The line is not forced through the origin: an offset that comes with the load is no gain.
     """
     one, two = pair.force_1_N - _rest(pair.force_1_N), pair.force_2_N - _rest(pair.force_2_N)
     mean = (one + two) / 2
     loaded = mean > loaded_share * np.max(mean)
     edges = np.flatnonzero(np.diff(np.r_[False, loaded, False].astype(int)))
-    gains: dict[str, list[float]] = {}
+    presses = []
     for a, b in zip(edges[::2], edges[1::2]):
-        if b - a >= LEAST_ROWS_OF_PRESS:
-            place = str(a) if pair.position is None else str(pair.position[a])
-            gains.setdefault(place, []).append(_slope(one[a:b], two[a:b]) - 1)
-    return gains
+        x, y, largest = one[a:b], two[a:b], float(mean[a:b].max())
+        if b - a < LEAST_ROWS_OF_PRESS or np.ptp(mean[a:b]) < LEAST_RISE * largest:
+            continue  # the slope of a press that hardly rises is noise
+        place = str(a) if pair.position is None else str(pair.position[a])
+        slope, top = _slope(x - x.mean(), y - y.mean()), int(np.argmax(mean[a:b]))
+        offset = float(y.mean() - slope * x.mean())
+        presses.append(PressedPair(place, slope - 1, offset, float(y[top] / x[top] - 1), largest))
+    return presses
 
 
 def _rest(force) -> float:
@@ -102,7 +127,7 @@ def _rest(force) -> float:
 
 
 def _slope(x, y) -> float:
-    """Return the slope of the line through the origin with the least squared distance to the points."""
+    """Return the slope of the line with the least squared distance to the points (n,) about their mean."""
     xx, yy, xy = x @ x, y @ y, x @ y
     return float((yy - xx + np.sqrt((yy - xx) ** 2 + 4 * xy**2)) / (2 * xy))
 
