@@ -18,6 +18,10 @@ include: "workflow/rules/learning.smk"
 include: "workflow/rules/report.smk"
 
 
+onstart:
+    check_raw_data(list(workflow.dag.needrun_jobs()))
+
+
 rule all:
     """Everything that the study can make; the cells too, so that a deleted one is made again."""
     default_target: True

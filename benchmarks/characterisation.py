@@ -1,4 +1,4 @@
-"""Characterisation: seconds of all fits and of a bootstrap, R2 on Treloar's rubber, coverage of the intervals.
+"""Characterisation: seconds of all fits and of a bootstrap, R2 on Treloar's rubber, the article's two materials, coverage.
 
     python benchmarks/characterisation.py [--replicates 200] [--treloar FOLDER]
 
@@ -33,13 +33,20 @@ TRUTH = {  # Sferrazza et al. 2019, table 1, and the largest stretch tested
 SAMPLES, STIFFNESS, SLOPE, NOISE, READINGS = 6, 0.02, 0.01, 0.005, 60
 
 
-def synthetic_tests(law: Ogden, largest: float, rng: np.random.Generator) -> list[MaterialTest]:
+def synthetic_tests(
+    law: Ogden,
+    largest: float,
+    rng: np.random.Generator,
+    stiffness: float = STIFFNESS,
+    slope: float = SLOPE,
+    noise: float = NOISE,
+) -> list[MaterialTest]:
     """Return SYNTHETIC samples of the three tests."""
     lam, tests = np.linspace(1.0, largest, READINGS), []
     for case in LOAD_CASES:
         for k in range(SAMPLES):
-            factor = np.exp(STIFFNESS * rng.normal() + SLOPE * rng.normal() * np.linspace(-1, 1, READINGS))
-            stress = nominal_stress(law, case, lam) * factor * (1 + NOISE * rng.normal(size=READINGS))
+            factor = np.exp(stiffness * rng.normal() + slope * rng.normal() * np.linspace(-1, 1, READINGS))
+            stress = nominal_stress(law, case, lam) * factor * (1 + noise * rng.normal(size=READINGS))
             tests.append(MaterialTest(case, f"s{k}", lam, stress))
     return tests
 
@@ -134,6 +141,40 @@ def speed(folder: Path | None) -> None:
     print(", ".join(f"{case} {value:.4f}" for case, value in r2.items()))
 
 
+def recovery(replicates: int) -> None:
+    """Print by how much the stress fitted to SYNTHETIC tests of the article's materials is off the true one."""
+    print(
+        "\nThe article's materials from SYNTHETIC tests: largest error of the fitted stress over the tested range"
+    )
+    print(
+        f"(limit 2 %; |model - truth| / truth from a strain of 5 % on; worst of {replicates} sets of samples)"
+    )
+    for name, (law, largest) in TRUTH.items():
+        lam, worst = np.linspace(1.05, largest, 100), {}
+        for case in LOAD_CASES:
+            worst[case] = {"exact": 0.0, "noise": 0.0, "all scatter": 0.0}
+        for kind in ("exact", "noise", "all scatter"):
+            for seed in range(1 if kind == "exact" else replicates):
+                scatter = {
+                    "exact": (0, 0, 0),
+                    "noise": (0, 0, NOISE),
+                    "all scatter": (STIFFNESS, SLOPE, NOISE),
+                }[kind]
+                tests = synthetic_tests(law, largest, np.random.default_rng(seed), *scatter)
+                fitted = fit_law(mean_curves(tests), "ogden2").law
+                for case in LOAD_CASES:
+                    error = nominal_stress(fitted, case, lam) / nominal_stress(law, case, lam) - 1
+                    worst[case][kind] = max(worst[case][kind], float(np.abs(error).max()))
+        table = pd.DataFrame(worst).T.rename(
+            columns={
+                "noise": f"noise of {NOISE:.1%}",
+                "all scatter": f"samples that differ by {STIFFNESS:.0%} too",
+            }
+        )
+        print(f"{name}, to stretch {largest:g}")
+        print(table.to_string(float_format=lambda v: f"{v:.2%}"))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--replicates", type=int, default=200)
@@ -144,6 +185,7 @@ def main() -> None:
     arguments = parser.parse_args()
     shared = Path(os.environ.get("GELFORGE_SHARED", Path(__file__).parents[1] / ".." / "shared"))
     speed(arguments.treloar or shared / "data" / "hyper_literature")
+    recovery(arguments.replicates)
     for name, (law, largest) in TRUTH.items():
         print(f"\n{name}, SYNTHETIC: share of {arguments.replicates} intervals of 95 % that hold the truth")
         table = coverage(law, largest, arguments.replicates, arguments.refits)

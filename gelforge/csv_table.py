@@ -52,7 +52,8 @@ def read_csv(
     missing = [name for name in (*numbers, *texts) if name not in header]
     if missing:
         raise TableError(
-            f"{path}, row {rows[0][0] if rows else 1}: columns {missing} are missing; found {header}"
+            f"{path}, row {rows[0][0] if rows else 1}: columns {missing} are missing; found {header},"
+            " name them so in the header or add them"
         )
     table = pd.DataFrame(
         [cells for _, cells in rows[1:]], columns=header, index=[line for line, _ in rows[1:]], dtype=str

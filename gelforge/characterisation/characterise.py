@@ -114,6 +114,7 @@ def characterise_source(
     tests, notes = monotonic_loading(list(source.tests))
     notes = _gathered(
         [*notes, *(f"{t.test} {t.sample}: {text}" for t in source.tests for text in t.findings)]
+        + [f"{t.sample}: {text}" for t in source.small.contacts for text in t.findings]
     )
     if not tests and law_needed:
         raise FitError(f"{source.name}: no loading to fit a law to; {'; '.join(notes) or 'add samples.csv'}")
@@ -260,7 +261,7 @@ def _write_laws(
     for candidate in (c for c in comparison.candidates if c.fit):
         chosen = candidate is comparison.chosen
         path = folder / ("law.json" if chosen else f"laws/{candidate.name}.json")
-        kept = (*notes, *comparison.identifiability) if chosen else notes
+        kept = (*notes, *comparison.misfit, *comparison.identifiability) if chosen else notes
         write_law(path, material_law(source.name, candidate.fit, inputs, source.synthetic, kept))
         others += [] if chosen else [path]
     return others

@@ -13,6 +13,7 @@ from gelforge.characterisation.fit import FitError, LawFit, Problem, effective_p
 from gelforge.characterisation.identifiability import PredictionWidth, prediction_widths
 
 SAME_ERROR = 1.1  # ratio of errors of prediction that are called equal
+POOR_R2 = 0.98  # of the nominal stress: residuals of 14 % of the curve's spread, several times the scatter of samples
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,11 @@ class Candidate:
         )
 
     @property
+    def describes(self) -> bool:
+        """Return whether the law describes every kind of test, whatever its number of parameters."""
+        return self.fit is not None and min(self.fit.r2_nominal.values()) >= POOR_R2
+
+    @property
     def usable(self) -> bool:
         """Return whether the law is determined by the tests and Drucker-stable in their range."""
         return self.fit is not None and self.fit.unstable_from is None
@@ -53,7 +59,28 @@ class Comparison:
     @property
     def warnings(self) -> list[str]:
         """Return what a person must know of the chosen law before using it."""
-        return self.identifiability + list(self.chosen.fit.notes)
+        return self.misfit + self.identifiability + list(self.chosen.fit.notes)
+
+    @property
+    def misfit(self) -> list[str]:
+        """Return which tests the chosen law does not describe."""
+        poor = {kind: r2 for kind, r2 in self.chosen.fit.r2_nominal.items() if r2 < POOR_R2}
+        if not poor:
+            return []
+        listed = ", ".join(f"{kind} {r2:.3f}" for kind, r2 in poor.items())
+        unstable = [c for c in self.candidates if c.describes and not c.usable]
+        closest = min(unstable, key=lambda c: c.fit.misfit, default=None)
+        rejected = (
+            f" {closest.fit.family.title} comes closer (R2 {', '.join(f'{v:.3f}' for v in closest.fit.r2_nominal.values())})"
+            f" but is Drucker-stable only to {closest.fit.unstable_from:.0%} of the range."
+            if closest
+            else ""
+        )
+        return [
+            f"DOES NOT DESCRIBE THE TESTS: R2 of the nominal stress {listed}; {POOR_R2:g} at least is expected."
+            f"{rejected} All laws here are elastic, isotropic and incompressible: look for samples that differ, an"
+            " offset or a toe, a foam, or rates and ages in one fit, or try other laws"
+        ]
 
     @property
     def identifiability(self) -> list[str]:
@@ -89,6 +116,9 @@ class Comparison:
         if self.chosen is not lowest:
             difference = self.chosen.aicc - lowest.aicc
             criterion = f"its AICc is {difference:.3g} above that of {lowest.fit.family.title}"
+            if self.chosen.describes and not lowest.describes:
+                worst = min(lowest.fit.r2_nominal.values())
+                criterion += f", which has fewer parameters but does not describe the tests (R2 {worst:.3f})"
         how = {"aicc": "", "held_out": "chosen by tests left out; ", "first": "chosen as the first named; "}
         return f"{title}: {how[self.chosen_by]}{criterion}; {held_out}"
 
@@ -117,8 +147,9 @@ def compare_laws(
 ) -> Comparison:
     """Return the comparison of laws by name; raise FitError where none is determined and stable.
 
-    choose: "aicc" (lowest), "held_out" (least error of tests left out; AICc where there is one kind of test only), or
-    "first" (the first name, which must be determined).
+    choose: "aicc" (lowest among the laws that describe the tests, where any does: the few points that a smooth
+    misfit is worth would let a straight line win over a curve), "held_out" (least error of tests left out; AICc where
+    there is one kind of test only), or "first" (the first name, which must be determined).
 
     AICc = n ln(misfit^2) + 2 q + 2 q (q + 1) / (n - q - 1) with q = parameters + 1 (Hurvich & Tsai 1989), n the number
     of points that the correlated residuals of the closest law are worth.
@@ -144,7 +175,7 @@ def compare_laws(
     if not usable:
         reasons = "; ".join(c.refused or f"{c.name}: {', '.join(c.fit.notes)}" for c in candidates)
         raise FitError(f"no law of {', '.join(fits)} is determined and stable: {reasons}")
-    chosen = min(usable, key=lambda c: c.aicc)
+    chosen = min([c for c in usable if c.describes] or usable, key=lambda c: c.aicc)
     predicted = [c for c in usable if np.isfinite(c.held_out_error)]
     if choose == "held_out" and predicted:
         chosen = min(predicted, key=lambda c: c.held_out_error)

@@ -112,9 +112,7 @@ def alike_groups(tests: list[MaterialTest]) -> list[list[MaterialTest]]:
 def alike_holds(held: list[tuple[MaterialTest, Relaxation]]) -> list[list[tuple[MaterialTest, Relaxation]]]:
     """Return the holds of one kind of test in groups that are alike in every circumstance and in the held strain."""
     tests, levels = [test for test, _ in held], _held_levels([fit for _, fit in held])
-    return _grouped(
-        held, [(test.test, *key, level) for test, key, level in zip(tests, _keys(tests), levels)]
-    )
+    return _grouped(held, [(test.test, *key, level) for test, key, level in zip(tests, _keys(tests), levels)])
 
 
 def _grouped(items: list, keys: list[tuple]) -> list[list]:
@@ -208,6 +206,7 @@ def _measured(name: str, kind: str, effect: Effect, tests: list[MaterialTest]) -
             "slope_per": effect.per,
             "slope_interval_95": slope,
             "stretch": list(effect.stretch),
+            "change_at_smallest_and_largest_strain": None if effect.at_ends is None else list(effect.at_ends),
             "scatter_to_explain": effect.scatter_to_explain,
         },
     )

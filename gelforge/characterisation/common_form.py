@@ -115,6 +115,8 @@ class IndentationTest:
     ball_radius_mm: float | None = None
     findings: tuple[str, ...] = ()
     source: str = ""
+    layer_thickness_mm: float | None = None  # on a rigid base; None: half space
+    rigid_board: str | None = None  # name of the file of the same press on a rigid board
 
     def in_segment(self, name: str) -> IndentationTest:
         """Return the rows of one named segment."""

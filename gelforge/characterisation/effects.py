@@ -10,13 +10,16 @@ explain the change by chance, and only a change that needs more than UNLIKELY_SC
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
 
 from gelforge.characterisation.common_form import MaterialTest
 
+NOTABLE_TURN = (
+    0.1  # of ln stress between both ends of the comparison: the curves differ in shape, not by a factor
+)
 NEGLIGIBLE = 0.05  # relative change of stress over the tested span; samples of one sheet scatter by as much
 UNLIKELY_SCATTER = 0.10  # of samples made alike: twice NEGLIGIBLE; what needs more is no chance
 CONFIDENCE = 0.95
@@ -41,6 +44,9 @@ class Effect:
     unit: str = ""
     abscissa: str = "stretch"
     quantity: str = "nominal stress"
+    at_ends: tuple[float, float] | None = (
+        None  # the change at the small and at the large strain of the comparison
+    )
 
     @property
     def verdict(self) -> str:
@@ -82,6 +88,9 @@ class Effect:
         numbers = f"the {self.quantity} {where} changes by {self.change:+.1%}"
         if self.interval:
             numbers += f" (95 % interval {self.interval[0]:+.1%} to {self.interval[1]:+.1%})"
+        if self.at_ends and np.ptp(np.log1p(self.at_ends)) > NOTABLE_TURN:
+            small, large = self.at_ends
+            numbers += f" on average, by {small:+.1%} at the smallest strain and {large:+.1%} at the largest,"
         text = f"From {begin:.3g} to {end:.3g} {self.unit} {numbers} in {self.tests} tests, {self.slope:+.2%} per {self.per}"
         endings = {
             "negligible": f"the influence of {self.circumstance} is negligible (within {NEGLIGIBLE:.0%})",
@@ -90,9 +99,10 @@ class Effect:
         }
         ending = endings.get(self.verdict, f"{self.verdict} with {self.circumstance}")
         if self.interval is None:
+            compared = "more" if self.verdict.startswith("significant") else "no more"
             ending += (
-                ": without repeats the scatter between samples is not known; samples that scatter by"
-                f" {self.scatter_to_explain:.1%} could differ so much by chance"
+                f", judged without repeats: samples that scatter by {self.scatter_to_explain:.1%} could differ so much by"
+                f" chance, {compared} than the {UNLIKELY_SCATTER:.0%} that samples made alike may scatter by"
             )
         return f"{text}: {ending}."
 
@@ -154,6 +164,12 @@ def first_loading(test: MaterialTest) -> MaterialTest:
 
 def levels(tests: list[MaterialTest]) -> tuple[np.ndarray, tuple[float, float]]:
     """Return the level of each test (n,) and the range of stretch in which they are compared."""
+    curves, stretch = log_stresses(tests)
+    return curves.mean(axis=1), stretch
+
+
+def log_stresses(tests: list[MaterialTest]) -> tuple[np.ndarray, tuple[float, float]]:
+    """Return ln of the nominal stress of each test (n, LEVELS) from small to large strain, and the range of stretch."""
     kinds = {test.test for test in tests}
     if len(kinds) != 1:
         raise ValueError(f"tests of kinds {sorted(kinds)} cannot be compared; give those of one kind")
@@ -174,7 +190,7 @@ def levels(tests: list[MaterialTest]) -> tuple[np.ndarray, tuple[float, float]]:
                 f"{test.source} {test.sample}: the loading stress is not above 0 at strain"
                 f" {grid[np.argmax(stress <= 0)]:.3g}; correct the offset of the force"
             )
-        values.append(np.log(stress).mean())
+        values.append(np.log(stress))
     rest = curves[0].at_rest
     return np.array(values), tuple(sorted((float(rest + away * low), float(rest + away * high))))
 
@@ -200,10 +216,14 @@ def effect_of(
         raise ValueError(
             f"{len(tests)} tests with {circumstance} {values}; two values that differ are needed"
         )
-    y, stretch = levels(tests)
+    curves, stretch = log_stresses(tests)
     x = scale(np.array(values, dtype=float))
     span = (float(min(values)), float(max(values)))
-    return line_effect(y, x, circumstance, span, unit, per, stretch, tests[0].abscissa, scatter)
+    effect = line_effect(
+        curves.mean(axis=1), x, circumstance, span, unit, per, stretch, tests[0].abscissa, scatter
+    )
+    slopes = np.polyfit(x, curves[:, [0, -1]], 1)[0]
+    return replace(effect, at_ends=tuple(float(c) for c in np.expm1(slopes * np.ptp(x))))
 
 
 def line_effect(

@@ -21,6 +21,7 @@ RATE_DIFFERS = 0.1  # relative
 RATE_SECTIONS = 10  # of a loading
 RATE_SPREAD = 1.5  # between the slow and the fast tenth of a loading
 INTERVAL_SPREAD = 3.0  # between the sampling intervals of one test
+LEFT_STRESS = 5e-3  # of the largest: the drift that a load cell of half a per cent may have
 REST = 1e-3  # strain within which a row counts as being at rest
 SIGMAS = 3.0  # an offset smaller than this many standard errors is noise
 
@@ -32,6 +33,7 @@ def findings(test: MaterialTest, stated_rate: float | None = None, stated_by: st
         _start(test),
         _toe(test),
         _rest_stress(test),
+        _end_stress(test),
         _order(test),
         _back_steps(test),
         _time(test),
@@ -179,6 +181,20 @@ def _rest_stress(test):
         yield (
             f"{found[0] * 1e3:.4g} kPa ({abs(found[0]) / largest:.2%} of the largest) at rest: offset of the force"
             " (`zero_force` subtracts it)"
+        )
+
+
+def _end_stress(test):
+    """Say where a stress of the other sign is left after the unloading: a body that has come free has none."""
+    if not test.segments or test.segments[-1].kind != "unload" or not np.isfinite(test.nominal_stress).all():
+        return
+    stress = test.nominal_stress[test.segments[-1].rows]
+    end, largest = float(np.median(stress[-max(len(stress) // 10, 3) :])), np.max(np.abs(test.nominal_stress))
+    load = test.nominal_stress[np.argmax(np.abs(test.nominal_stress))]
+    if end * load < 0 and abs(end) > LEFT_STRESS * largest:
+        yield (
+            f"{end * 1e3:.3g} kPa ({abs(end) / largest:.2%} of the largest) of the other sign are left after the"
+            " unloading: the zero of the force drifted, the sample sticks, or it is bent back"
         )
 
 

@@ -35,6 +35,7 @@ class Loop:
     quadrature_error: float  # of lost_share: from every other row
     residual_strain: float | None  # strain left at zero stress; None if unloading ended before
     abscissa: str = "stretch"
+    held: bool = False  # the cycle contains holds, so that relaxation in them is part of the loss
 
     @property
     def sentence(self) -> str:
@@ -42,6 +43,7 @@ class Loop:
         text = (
             f"Cycle {self.cycle} to {self.abscissa} {self.largest_stretch:.3g} loses {self.lost_share:.1%} of the"
             f" loading work (+- {self.quadrature_error:.1%} from the spacing of rows)"
+            f"{', relaxation in its holds included' if self.held else ''}"
         )
         left = (
             ""
@@ -113,6 +115,7 @@ def _loop(test: MaterialTest, cycle: int) -> Loop | None:
         float(abs(lost[0] - lost[1]) / 3),  # the trapezoid rule is of second order
         residual,
         test.abscissa,
+        any(s.kind == "hold" for s in own),
     )
 
 

@@ -11,11 +11,15 @@ from gelforge.characterisation.stresses import neo_hookean_shape
 from gelforge.config.mapping import Strain
 from gelforge.csv_table import TableError
 
+# The softest silicones break below a stretch of 20, foams densify at 0.1: per cent read as a number, or a length
+# read as a stretch, fall out. Adhesives are sheared up to 10.
 STRETCH = (0.05, 25.0)
 SHEAR = (-12.0, 12.0)
 LEAST_STRAIN = 0.02  # less does not tell a law from a straight line
 SAME_SIGN = 0.8  # of the strained rows: the stress has the sign of the strain
-DECLARED_RATE = 5.0  # a person's rate that is off by this factor: a wrong unit of time
+# a person's rate: crosshead and gauge differ by up to 3, minutes and seconds by 60, milliseconds by 1000
+DECLARED_RATE = 5.0
+WRONG_UNIT = 1000.0  # between MPa, kPa and Pa, N and mN, mm and um
 AGREES = 0.02  # of the largest value, between two measures of the same test
 DISAGREEING_ROWS = 0.1
 
@@ -58,8 +62,11 @@ def checked_segments(path, entry, table, test, at_rest) -> tuple[Segment, ...]:
     return (Segment("load", 0, len(test.stretch), 1),)
 
 
-def check_stiffness(path, entry, test: MaterialTest) -> None:
-    """Refuse a stress of the wrong sign or of a size that no material of the declared kind has."""
+def check_stiffness(path, entry, test: MaterialTest) -> list[str]:
+    """Refuse a stress of the wrong sign or of a size that no material of the declared kind has.
+
+    Return a sentence where the declared range is too wide to show a unit that is off by a thousand.
+    """
     strained = np.abs(test.stretch - test.at_rest) > LEAST_STRAIN / 2
     if test.cauchy_difference is not None:
         stress, shape = test.cauchy_difference, test.stretch**2 - test.stretch_2**2
@@ -85,6 +92,22 @@ def check_stiffness(path, entry, test: MaterialTest) -> None:
             f"{path}: {test.sample}: all rows together give a shear modulus of {typical:.3g} kPa; {low:g} to {high:g}"
             " kPa is declared plausible: check the units and columns of strain and stress"
         )
+    return unnoticed_unit(typical, (low, high), "a shear modulus", "kPa", "plausible_shear_modulus_kPa")
+
+
+def unnoticed_unit(
+    value: float, plausible: tuple[float, float], what: str, unit: str, key: str = ""
+) -> list[str]:
+    """Return a sentence where a value and its thousandfold or thousandth are both in the plausible range."""
+    low, high = plausible
+    others = [v for v in (value / WRONG_UNIT, value * WRONG_UNIT) if low <= v <= high]
+    if not others:
+        return []
+    remedy = f"; narrow `{key}`" if key else "; compare it with the maker's data"
+    return [
+        f"units are not checked: {what} of {value:.3g} {unit} is plausible, and so is {others[0]:.3g} {unit}, as a unit"
+        f" wrong by a thousand would give{remedy}"
+    ]
 
 
 def check_also(path, entry, table, test: MaterialTest) -> list[str]:

@@ -6,9 +6,14 @@ import numpy as np
 
 from gelforge.characterisation.common_form import ForcePair, IndentationTest
 from gelforge.characterisation.findings import few_rows
+from gelforge.characterisation.mapped_checks import unnoticed_unit
 from gelforge.characterisation.mapped_columns import values
 from gelforge.characterisation.segments import first_reversal
 from gelforge.csv_table import TableError
+
+LARGEST_TRAVEL = (
+    50.0  # of the ball's radius: the way to the contact included; um read as mm are 1000 times more
+)
 
 
 def indentation_test(path, entry, table, sample, time, said, named) -> IndentationTest:
@@ -25,6 +30,11 @@ def indentation_test(path, entry, table, sample, time, said, named) -> Indentati
             f"{path}, row {table.index[backward]}: {entry.height.column} turns back; name the segments with `segment`,"
             " or check the columns"
         )
+    if entry.ball_radius_mm and travel > LARGEST_TRAVEL * entry.ball_radius_mm:
+        raise TableError(
+            f"{path}: {entry.height.column} travels {travel:.4g} mm with a ball of {entry.ball_radius_mm:g} mm radius;"
+            f" {LARGEST_TRAVEL:g} radii at most are a press: check the units of both"
+        )
     _check_press(path, entry, position, force, segment)
     stiffness = push / travel * 1e3
     low, high = entry.plausible_stiffness_N_per_m
@@ -33,6 +43,10 @@ def indentation_test(path, entry, table, sample, time, said, named) -> Indentati
             f"{path}: force range over travel is {stiffness:.3g} N/m; {low:g} to {high:g} N/m is declared plausible:"
             f" check the units of {entry.height.column} and {entry.force.column}"
         )
+    said = [
+        *said,
+        *unnoticed_unit(stiffness, (low, high), "a force over travel", "N/m", "plausible_stiffness_N_per_m"),
+    ]
     said = [*said, *few_rows(len(force)), "the contact point is not in the file: it must be searched for"]
     if entry.spring_constant_N_per_m:
         bending = force / entry.spring_constant_N_per_m * 1e3
@@ -54,6 +68,8 @@ def indentation_test(path, entry, table, sample, time, said, named) -> Indentati
         entry.ball_radius_mm,
         tuple(said),
         path.name,
+        entry.layer_thickness_mm,
+        entry.rigid_board,
     )
 
 
@@ -82,7 +98,11 @@ def force_pair(path, entry, table, sample, time, said) -> ForcePair:
             f"{path}: {entry.force.column} and {entry.force_2.column} do not go together (correlation"
             f" {np.corrcoef(one, two)[0, 1]:.2f}); the same force is expected in both: check the columns"
         )
-    odd = [*said, *few_rows(len(one))]
+    odd = [
+        *said,
+        *few_rows(len(one)),
+        *unnoticed_unit(largest, (low, high), "a force", "N", "plausible_force_N"),
+    ]
     repeated = 0 if time is None else int((np.diff(time) == 0).sum())
     if repeated:
         odd.append(f"{repeated} of {len(time)} rows repeat the time stamp of the row before (coarse clock)")

@@ -15,6 +15,7 @@ from gelforge.characterisation.small_effects import (
     THICKNESS,
     Press,
     SmallTests,
+    press_files,
     read_press,
     read_small_tests,
 )
@@ -109,35 +110,54 @@ def _read(source: Path, mapping: Mapping | None) -> list[MaterialSource]:
             )
         ]
     if source.is_dir():
-        return [_mapped(test, source.name, source) for test in read_mapped_folder(source, mapping)]
+        return [_mapped(test, source.name, source, mapping) for test in read_mapped_folder(source, mapping)]
     if mapping is not None:
         entry = mapping.entry_for(source.name)
         if entry is None:
             raise TableError(f"{source}: the mapping ignores this file; name a test, or change `ignore`")
-        return [_mapped(test, source.stem, source.parent) for test in read_mapped(source, entry)]
+        return [_mapped(test, source.stem, source.parent, mapping) for test in read_mapped(source, entry)]
     return [_small_file(source)]
 
 
 def _small_file(path: Path) -> MaterialSource:
     """Return a small test in the project's format: friction.csv, thickness.csv, or a press with its sidecar."""
+    files = [path]
     if path.name == FRICTION:
         small = SmallTests(friction=static_friction(path))
     elif path.name == THICKNESS:
         small = SmallTests(thickness=sheet_thickness(path))
     elif path.with_suffix(".yaml").is_file():
-        small = SmallTests(presses=(read_press(path),))
+        small, files = SmallTests(presses=(read_press(path),)), press_files(path)
     else:
         raise TableError(
             f"{path}: a single file needs a mapping that says what its columns are; give --mapping"
         )
-    return MaterialSource(path.resolve().parent.name, files=(path,), small=small)
+    return MaterialSource(path.resolve().parent.name, files=tuple(files), small=small)
 
 
-def _mapped(test: Read, otherwise: str, folder: Path) -> MaterialSource:
+def _mapped(test: Read, otherwise: str, folder: Path, mapping: Mapping) -> MaterialSource:
     name = re.sub(r"[^A-Za-z0-9_-]+", "_", getattr(test, "material", "") or otherwise)  # a folder's name
     files = tuple(path for path in sorted(folder.rglob(test.source)) if path.is_file())
     if isinstance(test, IndentationTest):
-        return MaterialSource(name, files=files, small=SmallTests(presses=(Press(test),)))
+        board, more = _board(test, folder, mapping)
+        press = Press(test, test.layer_thickness_mm, board)
+        return MaterialSource(name, files=(*files, *more), small=SmallTests(presses=(press,)))
     if isinstance(test, ForcePair):
         return MaterialSource(name, files=files, small=SmallTests(force_pairs=(test,)))
     return MaterialSource(name, (test,), files)
+
+
+def _board(
+    test: IndentationTest, folder: Path, mapping: Mapping
+) -> tuple[IndentationTest | None, list[Path]]:
+    """Return the press on a rigid board that a mapping names for a press, and its file; none for the board itself."""
+    if test.rigid_board in (None, test.source):
+        return None, []
+    found = [path for path in sorted(folder.rglob(test.rigid_board)) if path.is_file()]
+    entry = mapping.entry_for(test.rigid_board)
+    if not found or entry is None:
+        raise TableError(
+            f"{folder / test.source}: rigid_board {test.rigid_board!r} is {'ignored' if found else 'not there'}; name the"
+            " file of a press that the mapping reads"
+        )
+    return read_mapped(found[0], entry)[0], found[:1]

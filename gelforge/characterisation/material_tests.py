@@ -15,6 +15,7 @@ import pandas as pd
 
 from gelforge.characterisation.common_form import HISTORIES, MaterialTest, Segment
 from gelforge.characterisation.findings import corrected, findings, rate_while_loading
+from gelforge.characterisation.mapped_checks import unnoticed_unit
 from gelforge.characterisation.piece_pictures import (
     PICTURE_SETTINGS,
     has_pictures,
@@ -38,8 +39,9 @@ CORRECTIONS = (
 )  # made where samples.csv asks for them, stated in the findings
 CIRCUMSTANCES = ("strain_rate_per_s", "age_days", "temperature_C", "cycle")
 
-# Plausible ranges. They are wide enough for silicones, gels and rubbers as thin sheets, and narrow enough
-# that a value in the wrong unit (factor 1000) falls out.
+# Plausible ranges of sheets and strips. Their ends are less than a factor of 1000 apart, so that a length in m or um
+# falls out. The shear modulus spans more, from gels (0.5 kPa) to filled rubber (Shore A 90, 5 MPa): where a unit wrong
+# by 1000 would stay inside, a finding says so.
 THICKNESS_MM = (0.02, 15.0)
 WIDTH_MM = (1.0, 300.0)
 STRETCH = (0.2, 15.0)
@@ -91,8 +93,15 @@ def read_material_tests(folder: str | Path) -> list[MaterialTest]:
     if (folder / THICKNESS).is_file():
         sections = sheet_thickness(folder / THICKNESS)
     curves = [_read_sample(folder, line, row, sections) for line, row in samples.iterrows()]
-    _check_stress_level(folder, list(samples["file"]), curves)
-    return curves
+    moduli = _check_stress_level(folder, list(samples["file"]), curves)
+    limits = tuple(1e3 * limit for limit in SHEAR_MODULUS_MPA)
+    return [
+        replace(
+            curve,
+            findings=(*curve.findings, *unnoticed_unit(1e3 * modulus, limits, "a shear modulus", "kPa")),
+        )
+        for curve, modulus in zip(curves, moduli)
+    ]
 
 
 def _read_samples(folder: Path) -> pd.DataFrame:
@@ -324,8 +333,8 @@ def _secant_shear_modulus(curve: MaterialTest) -> float:
     return float(np.median(curve.cauchy_stress[strained] / (lam[:, 0] ** 2 - lam[:, 2] ** 2)))
 
 
-def _check_stress_level(folder: Path, names: list[str], curves: list[MaterialTest]) -> None:
-    """Refuse samples whose stiffness is out of the range of soft elastomers or far from the other samples."""
+def _check_stress_level(folder: Path, names: list[str], curves: list[MaterialTest]) -> np.ndarray:
+    """Return the samples' shear moduli (n,) [MPa]; refuse those of no soft elastomer or far from the other samples."""
     moduli = np.array([_secant_shear_modulus(curve) for curve in curves])
     low, high = SHEAR_MODULUS_MPA
     typical = float(np.median(moduli))
@@ -343,3 +352,4 @@ def _check_stress_level(folder: Path, names: list[str], curves: list[MaterialTes
                 f"{text}, the median of the samples {typical * 1e3:.3g} kPa; within a factor of"
                 f" {LARGEST_MODULUS_RATIO:g} is expected, {remedy}"
             )
+    return moduli

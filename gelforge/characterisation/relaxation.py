@@ -56,7 +56,7 @@ class Relaxation:
         return float(np.sum(self.shares * -np.expm1(-time_s / self.times_s)))
 
     def drop_between(self, begin_s: float, end_s: float) -> float:
-        """Return the share of the stress at one time [s] of the hold that is gone at a later one; nothing is extrapolated."""
+        """Return the share of the stress at one time [s] of the hold that is gone at a later one, as measured."""
         self._check_within(end_s)
         if not begin_s >= self.hold_s[0]:
             raise ValueError(

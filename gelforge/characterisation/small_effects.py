@@ -20,6 +20,8 @@ from gelforge.characterisation.small_tests import (
     sheet_thickness,
     static_friction,
 )
+from gelforge.config import ConfigError
+from gelforge.config.mapping import load_microindentation
 
 FRICTION, THICKNESS = "friction.csv", "thickness.csv"
 T_INTERVAL = "Student's t over the trials"
@@ -44,13 +46,30 @@ class SmallTests:
     presses: tuple[Press, ...] = ()
     force_pairs: tuple[ForcePair, ...] = ()
 
+    @property
+    def contacts(self) -> list[IndentationTest | ForcePair]:
+        """Return the tests that are read from tables of rows: presses and pairs of load cells."""
+        return [*(press.test for press in self.presses), *self.force_pairs]
+
 
 def small_test_files(folder: str | Path) -> list[Path]:
-    """Return the small tests of a folder: friction.csv, thickness.csv, and <name>.csv with <name>.yaml of presses."""
+    """Return the small tests of a folder: friction.csv, thickness.csv, and the files of presses."""
     folder = Path(folder)
     named = [folder / name for name in (FRICTION, THICKNESS) if (folder / name).is_file()]
-    presses = [p for p in sorted(folder.glob("*.yaml")) if p.with_suffix(".csv").is_file()]
-    return [*named, *(file for p in presses for file in (p.with_suffix(".csv"), p))]
+    presses = [
+        p.with_suffix(".csv") for p in sorted(folder.glob("*.yaml")) if p.with_suffix(".csv").is_file()
+    ]
+    return list(dict.fromkeys([*named, *(file for press in presses for file in press_files(press))]))
+
+
+def press_files(path: Path) -> list[Path]:
+    """Return the files of a press <name>.csv: itself, <name>.yaml, and the press on a rigid board named there."""
+    sidecar = path.with_suffix(".yaml")
+    try:
+        board = load_microindentation(sidecar).rigid_board
+    except ConfigError:
+        board = None  # reading the press says what is wrong with its sidecar
+    return [path, sidecar, *([path.with_name(board)] if board else [])]
 
 
 def read_small_tests(folder: str | Path) -> SmallTests:
@@ -85,7 +104,11 @@ def small_effects(small: SmallTests) -> tuple[list[MeasuredEffect], list[tuple[s
     if small.thickness:
         found.append(_thickness(small.thickness))
     for press in small.presses:
-        if press.test.ball_radius_mm is not None:
+        if press.test.rigid_board == press.test.source != "":
+            not_judged.append(
+                ("microindentation", f"{press.test.source} is the press on the rigid board itself")
+            )
+        elif press.test.ball_radius_mm is not None:
             _keep(found, not_judged, "microindentation", lambda press=press: _modulus(press))
         if press.test.segment is not None:
             _keep(found, not_judged, "adhesion", lambda press=press: _adhesion(press.test))
@@ -238,9 +261,7 @@ def _gain(pair: ForcePair) -> MeasuredEffect:
             " not describe it; part of the force bypasses a cell, or the cells feel moments"
         )
     if max(map(abs, offsets)) > NOTABLE_OFFSET:
-        text += (
-            f"; an offset of {min(offsets):+.1%} to {max(offsets):+.1%} of the force comes with the load and is no gain"
-        )
+        text += f"; an offset of {min(offsets):+.1%} to {max(offsets):+.1%} of the force comes with the load and is no gain"
     verdict = (
         "depends on the place" if place_matters else "undecided" if low <= 0 <= high else "significant gain"
     )

@@ -11,8 +11,8 @@ from scipy import stats
 from gelforge.characterisation.common_form import ForcePair
 from gelforge.csv_table import TableError, read_csv
 
-TILT_DEG = (0.5, 80.0)
-THICKNESS_MM = (0.02, 15.0)
+TILT_DEG = (1.6, 80.0)  # radians end at pi / 2 = 1.571; a friction of 0.028 is no elastomer's
+THICKNESS_MM = (0.02, 15.0)  # a sheet of 20 um in um, and one of 15 mm in m, fall out
 LEAST_TRIALS = 3
 LEAST_ROWS_OF_PRESS = 5
 LEAST_RISE = 0.5  # of the largest force of a press
@@ -70,7 +70,9 @@ class PressedPair:
 
     place: str
     gain: float
-    offset_N: float  # 0 at rest by definition: what is left comes with the load (friction, a force that bypasses)
+    offset_N: (
+        float  # 0 at rest by definition: what is left comes with the load (friction, a force that bypasses)
+    )
     ratio: float  # force_2 / force_1 - 1 at the largest force: gain and offset together
     largest_N: float
 

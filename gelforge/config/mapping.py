@@ -220,6 +220,13 @@ class TestMapping(Section):
     cross_section_mm2: Positive | None = None
     thickness_mm: Positive | None = Field(None, description="membrane: undeformed thickness")
     ball_radius_mm: Positive | None = None
+    layer_thickness_mm: Positive | None = Field(
+        None, description="indentation: thickness on a rigid base; null: half space"
+    )
+    rigid_board: str | None = Field(
+        None,
+        description="indentation: name of the file of the same press on a rigid board (the machine's own give)",
+    )
     spring_constant_N_per_m: Positive | None = Field(None, description="AFM: bending F/k leaves the depth")
     rate_per_s: Positive | None = Field(None, description="stretch rate of the loading, as declared")
     age_days: float | None = None

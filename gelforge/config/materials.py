@@ -38,7 +38,8 @@ class Fitting(Section):
     )
     choose: Literal["aicc", "held_out", "first"] = Field(
         "aicc",
-        description="law.json is the law of lowest AICc, the one that predicts tests left out best, or the first named",
+        description="law.json is the law of lowest AICc among those that describe the tests, the one that predicts"
+        " tests left out best, or the first named",
     )
     loss: Literal["linear", "soft_l1"] = Field("linear", description="soft_l1 forgives outliers")
     bootstrap: int = Field(0, ge=0, le=100_000, description="refits over samples for further intervals [-]")

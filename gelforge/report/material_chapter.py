@@ -64,8 +64,10 @@ def _material(chapter: Chapter, name: str, law: MaterialLaw, folder: Path) -> No
         return
     judged, rest = effects[effects.verdict != "not judged"], effects[effects.verdict == "not judged"]
     if len(judged):
-        shown = ["effect", "test", "quantity", "value", "low_95", "high_95", "unit", "verdict", "sentence"]
-        chapter.tabulate(f"{name}: what its tests say beyond the law, with 95 % intervals.", judged[shown])
+        # the sentence holds value and interval; columns of their own would squeeze it to a word a line
+        shown = judged[["effect", "test", "verdict", "sentence"]].copy()
+        shown[["effect", "test"]] = shown[["effect", "test"]].replace("_", " ", regex=True)
+        chapter.tabulate(f"{name}: what its tests say beyond the law (numbers apart: effects.csv).", shown)
     if len(rest):
         reasons = "; ".join(f"{row.effect.replace('_', ' ')}: {row.sentence}" for row in rest.itertuples())
         chapter.say(f"{name}: not judged by these tests, which is no proof of absence. {reasons}.")

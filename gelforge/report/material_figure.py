@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from gelforge.characterisation.characterise import MEAN
+from gelforge.characterisation.common_form import LOAD_CASE_OF
 from gelforge.characterisation.law_file import MaterialLaw, read_law
 from gelforge.mechanics.homogeneous import LOAD_CASES, stress_points
 from gelforge.mechanics.laws import PrincipalLaw
@@ -34,6 +35,7 @@ TITLES = {
     "compression": "Compression",
     "simple_shear": "Simple shear",
 }
+BESIDE = {"compression", "simple_shear"}  # without a standard test beside them, its empty panels say nothing
 SHOWN_STRETCH = (1.0, 2.0)  # where no test was made at all and the law stands alone
 MEAN_MARKS = 14  # of the averaged curve; more would hide the model's line
 OTHER_LAWS = [
@@ -42,7 +44,10 @@ OTHER_LAWS = [
     ("#CC79A7", ":"),
     ("#56B4E9", "--"),
     ("#8C6D1F", "-."),
-]
+    ("#555555", ":"),
+    (PREDICTED, (0, (6, 1.5, 1, 1.5, 1, 1.5))),
+]  # one for each law beside the chosen one
+NARROWEST = 6.5  # of the figure, so that its title fits
 HEADROOM = 1.08  # of the axes over the largest measured stress
 RESIDUAL_AXIS = 15.0  # per cent, at most: worse laws leave the picture
 BEHIND = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}  # of text on a curve
@@ -55,22 +60,26 @@ def material_figure(
 ) -> Figure:
     """Return Cauchy stress over stretch in the three load cases, one scale for all, as in the paper's fig. 4.
 
-    others: law files of the same tests, drawn beside the law. Further kinds of test have panels of their own. Below,
-    the model minus the mean of the samples. R2 in the panels is that of the nominal stress, which was fitted.
+    others: law files of the same tests, drawn beside the law. Further kinds of test have panels of their own, and the
+    only ones where no test is in tension. Below, the model minus the mean of the samples. R2 in the panels is that
+    of the nominal stress, which was fitted.
     """
     material, curves = read_law(law_json), pd.read_csv(curves_csv, dtype={"sample": str, "test": str})
     beside = [read_law(path) for path in others]
     curves["kind"] = curves.test.str.split(" ").str[0]
     further = [k for k in TITLES if k not in LOAD_CASES and k in set(curves.kind)]
-    kinds, rows = [*LOAD_CASES, *further], 2 if len(curves) else 1
+    standard = (
+        () if set(further) <= BESIDE and further and not set(LOAD_CASES) & set(curves.kind) else LOAD_CASES
+    )
+    kinds, rows = [*standard, *further], 2 if len(curves) else 1
     ratios = {"height_ratios": [3, 1.25]} if rows == 2 else None
-    size = (3.0 * len(kinds), 3.5 if rows == 1 else 5.1)
+    size = (max(3.0 * len(kinds), NARROWEST), 3.5 if rows == 1 else 5.1)
     figure, axes = new_figure(
         *size, nrows=rows, ncols=len(kinds), sharey="row", sharex="col", gridspec_kw=ratios
     )
     laws = [material, *beside]
     for column, kind in enumerate(kinds):
-        measured, draw = curves[curves.kind == kind], _load_case if kind in LOAD_CASES else _measured_kind
+        measured, draw = curves[curves.kind == kind], _biaxial if kind == "biaxial" else _load_case
         residual = axes[1][column] if rows == 2 else None
         draw(axes[0][column], residual, kind, measured, laws, _reach(curves))
         axes[0][column].set_title(TITLES[kind], loc="left", fontweight="bold")
@@ -82,9 +91,8 @@ def material_figure(
     for ax in axes[0]:
         for handle, label in zip(*ax.get_legend_handles_labels()):
             shown.setdefault(label, handle)
-    figure.legend(
-        shown.values(), shown.keys(), loc="outside lower center", ncols=min(len(shown), 5), handlelength=2.4
-    )
+    columns = min(len(shown), 5 if len(kinds) > 2 else 3)
+    figure.legend(shown.values(), shown.keys(), loc="outside lower center", ncols=columns, handlelength=2.4)
     figure.suptitle(_title(material), fontsize=11, x=0.01, ha="left", linespacing=1.5)
     return figure
 
@@ -103,9 +111,8 @@ def _load_case(
     for number, (m, colour, line) in enumerate(_drawn(laws)):
         style = {"color": colour, "ls": line if valid or number else "--", "lw": 1.1 if number else 1.8}
         label = _label(m, len(laws))
-        ax.plot(
-            stretch, _nominal(m.law, test, stretch) * stretch, label=label, zorder=3 - 0.1 * number, **style
-        )
+        model = _cauchy(test, _nominal(m.law, test, stretch), stretch)
+        ax.plot(stretch, model, label=label, zorder=3 - 0.1 * number, **style)
         if residual is not None and len(mean):
             error = _nominal(m.law, test, mean.stretch.to_numpy()) - mean.nominal_stress_kPa
             residual.plot(mean.stretch, 100 * error / mean.nominal_stress_kPa.abs().max(), **style)
@@ -122,10 +129,10 @@ def _load_case(
     _sketch(ax, test)
 
 
-def _measured_kind(
+def _biaxial(
     ax: Axes, residual: Axes | None, kind: str, curves: pd.DataFrame, laws: list[MaterialLaw], reach: float
 ) -> None:
-    """Draw a kind of test with curves of its own, the law where it was measured; hollow marks: across the load."""
+    """Draw tests whose second stretch is one's own, the law where it was measured; hollow marks: across the load."""
     mean = curves[curves["sample"] == MEAN]
     parts = list(dict.fromkeys(label.removesuffix(" P22") for label in mean.test))
     for label, curve in mean.groupby("test", sort=False):
@@ -163,7 +170,12 @@ def _label(material: MaterialLaw, laws: int) -> str:
 
 def _nominal(law: PrincipalLaw, test: str, stretch: np.ndarray) -> np.ndarray:
     """Return the nominal stress [kPa], NaN beyond a limiting stretch."""
-    return stress_points(test, stretch).measured_stress(law) * 1e3
+    return stress_points(LOAD_CASE_OF[test], stretch).measured_stress(law) * 1e3
+
+
+def _cauchy(test: str, nominal: np.ndarray, stretch: np.ndarray) -> np.ndarray:
+    """Return the stress per current area; the sheared plane keeps its area."""
+    return nominal if test == "simple_shear" else nominal * stretch
 
 
 def _reach(curves: pd.DataFrame) -> float:
@@ -191,6 +203,8 @@ def _scale(axes: np.ndarray, curves: pd.DataFrame) -> None:
 
 def _sketch(ax: Axes, test: str) -> None:
     """Draw a square of material with the arrows of its load case below R2, in units of a small inset."""
+    if test not in LOAD_CASES:
+        return
     inset = ax.inset_axes((0.02, 0.54, 0.26, 0.26))
     inset.set_axis_off()
     inset.set_aspect("equal")

@@ -21,15 +21,35 @@ def contact_pressure_kPa(node_normal_N: np.ndarray, node_area_mm2: np.ndarray) -
     return 1000.0 * force / area  # N/mm2 = MPa
 
 
-def boundary_edges(quads: np.ndarray, regions: np.ndarray) -> np.ndarray:
-    """Return the edges (M, 2) of a plane of quads (Q, 4) that lie on its outline or between two regions."""
+def boundary_edges(xz: np.ndarray, quads: np.ndarray, regions: np.ndarray) -> np.ndarray:
+    """Return the edges (M, 2) of a plane of quads (Q, 4) that lie on its outline or between two regions.
+
+    xz (P, 2) are undeformed nodes: there the quads are upright rectangles. Where a quad meets two smaller ones they
+    share no edge; such an edge is no boundary if just beyond it lies the same region.
+    """
     sides = np.sort(np.concatenate([quads[:, side] for side in QUAD_SIDES]), axis=1)  # (4Q, 2)
     edges, index, count = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
     owner = np.tile(regions, len(QUAD_SIDES)).astype(float)
     lowest, highest = np.full(len(edges), np.inf), np.full(len(edges), -np.inf)
     np.minimum.at(lowest, index.ravel(), owner)
     np.maximum.at(highest, index.ravel(), owner)
-    return edges[(count == 1) | (lowest != highest)]
+    single = np.flatnonzero(count == 1)
+    quad = np.empty(len(edges), int)
+    quad[index.ravel()] = np.tile(np.arange(len(quads)), len(QUAD_SIDES))
+    beyond = _region_beyond(xz, edges[single], quads, quad[single], regions)
+    kept = (count == 1) | (lowest != highest)
+    kept[single] = beyond != lowest[single]
+    return edges[kept]
+
+
+def _region_beyond(xz, edges, quads, quad, regions) -> np.ndarray:
+    """Return for each edge (M, 2) of its quad (M) the region just beyond it, -1 where there is none."""
+    low, high = xz[quads].min(axis=1), xz[quads].max(axis=1)  # (Q, 2)
+    # off the middle, where the corner of two smaller quads may be; a hundredth is inside any of them
+    on_edge = 0.6 * xz[edges[:, 0]] + 0.4 * xz[edges[:, 1]]
+    point = on_edge + 0.01 * (on_edge - 0.5 * (low + high)[quad])
+    inside = ((point[:, None] > low) & (point[:, None] < high)).all(axis=2)  # (M, Q)
+    return np.where(inside.any(axis=1), np.asarray(regions)[inside.argmax(axis=1)], -1)
 
 
 def draw_section(ax: Axes, node_mm, displacement_mm, quads, regions, names: list[str]) -> list[Patch]:
@@ -43,7 +63,7 @@ def draw_section(ax: Axes, node_mm, displacement_mm, quads, regions, names: list
     colours = region_colours(names)
     faces = [colours[r] for r in regions]
     ax.add_collection(PolyCollection(moved[quads], facecolors=faces, edgecolors="#8E8E8E", linewidths=0.25))
-    edges = boundary_edges(quads, np.asarray(regions))
+    edges = boundary_edges(start, quads, np.asarray(regions))
     ax.add_collection(LineCollection(moved[edges], colors=INK, linewidths=0.9))
     ax.add_collection(LineCollection(start[edges], colors=PREDICTED, linewidths=0.8, linestyles=(0, (3, 2))))
     used = sorted(set(int(r) for r in regions))

@@ -70,7 +70,7 @@ def test_interval_of_an_effect_holds_the_truth_in_95_percent():
 def test_two_tests_decide_only_with_the_scatter_of_repeats():
     tests = [loading(1.0, age_days=0), loading(1.3, age_days=60)]
     assert ageing_effect(tests).verdict == "undecided"
-    assert "scatter between samples is not known" in ageing_effect(tests).sentence
+    assert "judged without repeats: samples that scatter by 9.5%" in ageing_effect(tests).sentence
     rng = np.random.default_rng(5)
     scatter = scatter_between([[loading(rng=rng) for _ in range(6)]])
     assert 0.01 < scatter.deviation < 0.04 and scatter.freedom == 5

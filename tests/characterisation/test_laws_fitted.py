@@ -351,3 +351,39 @@ def test_problem_weights_make_every_kind_count_the_same():
     problem = Problem.of(curves)
     parts = np.split(problem.weight * problem.mean, np.cumsum(problem.curve_sizes)[:-1])
     assert_allclose([((p - p.mean()) ** 2).sum() for p in parts], 1, rtol=1e-12)
+
+
+def test_tests_that_no_incompressible_law_describes_are_said_not_to_be_described():
+    """A foam: stiff in tension, yielding in compression; and a law that comes close but is unstable is named."""
+    lam = np.linspace(1.0, 1.3, 30)
+    tension = MaterialTest("uniaxial", "t", lam, 0.3 * (lam - 1) + 2.0 * (lam - 1) ** 2)
+    lam = np.linspace(1.0, 0.5, 30)
+    plateau = MaterialTest("compression", "c", lam, -0.02 * np.tanh((1 - lam) / 0.05))
+    comparison = compare_laws(mean_curves([tension, plateau]), ["neo_hooke", "ogden1", "ogden2", "yeoh"])
+    [text] = comparison.misfit
+    assert text in comparison.warnings and "DOES NOT DESCRIBE THE TESTS: R2 of the nominal stress" in text
+    assert "compression" in text and "incompressible" in text
+    well = compare_laws(mean_curves(exact(GEL)), ["ogden2", "neo_hooke"])
+    assert well.misfit == []
+
+
+def test_a_law_that_describes_the_tests_wins_over_one_with_fewer_parameters():
+    lam = np.linspace(1.0, 0.9, 40)
+    flattens = MaterialTest("compression", "c", lam, -0.06 * np.tanh((1 - lam) / 0.06))
+    comparison = compare_laws(mean_curves([flattens]), ["neo_hooke", "yeoh"])
+    by_name = {c.name: c for c in comparison.candidates}
+    assert by_name["neo_hooke"].aicc < by_name["yeoh"].aicc  # a smooth misfit is worth few points
+    assert by_name["neo_hooke"].fit.r2_nominal["compression"] < 0.9
+    assert comparison.chosen.name == "yeoh" and not comparison.misfit
+    assert "above that of Neo-Hooke, which has fewer parameters but does not describe" in comparison.reason
+
+
+def test_a_closer_law_that_is_unstable_is_named_beside_a_poor_fit():
+    lam = np.linspace(1.0, 1.5, 60)
+    falls = MaterialTest(
+        "uniaxial", "t", lam, 0.1 * np.sin((lam - 1) * 4)
+    )  # past its maximum at a stretch of 1.39
+    comparison = compare_laws(mean_curves([falls]), ["neo_hooke", "yeoh"])
+    assert comparison.chosen.name == "neo_hooke"
+    [text] = comparison.misfit
+    assert "Yeoh comes closer" in text and "Drucker-stable only to" in text

@@ -5,8 +5,10 @@ import pytest
 import yaml
 from shared_data import MAPPINGS
 
+from gelforge.characterisation.characterise import characterise_source, measured_effects
 from gelforge.characterisation.mapped_files import read_mapped, read_mapped_folder, read_microindentation
-from gelforge.config import ConfigError
+from gelforge.characterisation.material_source import read_sources
+from gelforge.config import ConfigError, Fitting
 from gelforge.config.mapping import load_mapping
 from gelforge.csv_table import TableError
 
@@ -38,7 +40,8 @@ def read(tmp_path):
             for row in rows
         ]
         (tmp_path / name).write_bytes((above + "\n".join(lines) + "\n").encode(encoding))
-        text = yaml.safe_dump({"describes": "made here", "tests": [{**ENTRY, **changes}]})
+        entry = {key: value for key, value in {**ENTRY, **changes}.items() if value is not None}
+        text = yaml.safe_dump({"describes": "made here", "tests": [entry]})
         (tmp_path / "mapping.yaml").write_text(text)
         entry = load_mapping(tmp_path / "mapping.yaml").entry_for(name)
         return read_mapped(tmp_path / name, entry)
@@ -240,3 +243,73 @@ def test_own_microindentation_with_its_sidecar(tmp_path):
     (tmp_path / "press.yaml").write_text("ball_radius_mm: 3\nlayer_thickness_mm: 4\n")
     test, sidecar = read_microindentation(tmp_path / "press.csv")
     assert test.ball_radius_mm == 3 and sidecar.layer_thickness_mm == 4 and len(test.force_N) == 60
+
+
+def test_a_range_too_wide_to_show_a_unit_wrong_by_a_thousand_is_said(read):
+    wide = {"plausible_shear_modulus_kPa": [0.5, 5000]}
+    soft = read({"stretch": LAM, "P": 0.04 * P(LAM)}, **wide)[0]  # 2 kPa; as kPa for Pa it would be 2000
+    assert any(s.startswith("units are not checked: a shear modulus of 2 kPa") for s in soft.findings)
+    assert not any(
+        "units are not checked" in s for s in read(PLAIN, **wide)[0].findings
+    )  # 50 kPa: both fall out
+    assert not any("units are not checked" in s for s in read(PLAIN)[0].findings)
+
+
+BALL = {
+    "kind": "indentation",
+    "strain": None,
+    "stress": None,
+    "height": {"column": "z", "unit": "mm"},
+    "force": {"column": "F", "unit": "N"},
+    "ball_radius_mm": 2,
+}
+
+
+def pressed(give=0.0):
+    """Return a press of a ball of 2 mm into a half space of 3 MPa on a machine that gives `give` mm per N."""
+    d = np.linspace(-0.1, 0.3, 160)
+    force = 16 / 9 * 3 * np.sqrt(2) * np.maximum(d, 0) ** 1.5
+    return {"z": d + give * force, "F": force}
+
+
+def test_layer_and_rigid_board_are_declared_in_a_mapping(read, tmp_path):
+    z = np.linspace(-0.1, 0.1, 120)
+    board = {"z": z, "F": np.maximum(z, 0) / 0.05}
+    declared = {**BALL, "rigid_board": "board.csv", "plausible_stiffness_N_per_m": [100, 50000]}
+    read(board, name="board.csv", **declared)
+    read(pressed(0.05), name="soft.csv", **declared)
+    mapping = (tmp_path / "mapping.yaml").rename(tmp_path.with_suffix(".yaml"))
+    [both] = map(
+        measured_effects, read_sources([tmp_path], mapping)
+    )  # no material is named: both files are of the folder's
+    [modulus] = both.effects
+    assert modulus.samples == ("soft",) and modulus.value == pytest.approx(
+        3.0, rel=0.02
+    )  # touch of the board: a row
+    assert dict(both.not_judged)["microindentation"] == "board.csv is the press on the rigid board itself"
+    [alone] = read_sources([tmp_path / "soft.csv"], mapping)
+    assert measured_effects(alone).effects[0].value == pytest.approx(modulus.value, rel=1e-9)
+    assert {p.name for p in alone.files} == {"soft.csv", "board.csv", mapping.name}
+    (tmp_path / "board.csv").unlink()
+    with pytest.raises(TableError, match=r"soft\.csv: rigid_board 'board\.csv' is not there"):
+        read_sources([tmp_path / "soft.csv"], mapping)
+    thin = read(pressed(), name="thin.csv", **BALL, layer_thickness_mm=1.5)[0]
+    assert thin.layer_thickness_mm == 1.5
+    [layer] = read_sources([tmp_path / "thin.csv"], tmp_path / "mapping.yaml")
+    [effect] = measured_effects(layer).effects
+    assert effect.value < 0.7 * 3.0  # a thin layer needs less modulus for the same force
+    assert "the layer's thickness raises the force by" in effect.sentence
+
+
+def test_micrometres_as_millimetres_are_no_press(read):
+    table = pressed()
+    with pytest.raises(TableError, match=r"travels 400 mm with a ball of 2 mm radius; 50 radii at most"):
+        read({**table, "z": 1e3 * table["z"]}, **BALL)
+
+
+def test_what_is_odd_about_a_press_is_in_the_notes(read, tmp_path):
+    read(pressed(), name="soft.csv", **BALL)
+    [material] = read_sources([tmp_path / "soft.csv"], tmp_path / "mapping.yaml")
+    result = characterise_source(material, Fitting(), tmp_path / "out", law_needed=False)
+    notes = (tmp_path / "out" / "notes.txt").read_text()
+    assert "soft: the contact point is not in the file" in notes and "no time column" in result.summary

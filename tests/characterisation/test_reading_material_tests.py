@@ -221,3 +221,11 @@ def test_bad_input_stops_with_file_row_value_limit_and_remedy(material, samples,
 def test_a_folder_without_samples_is_named(tmp_path):
     with pytest.raises(TableError, match=r"samples\.csv: no such file"):
         read_material_tests(tmp_path)
+
+
+def test_a_gel_so_soft_that_a_unit_wrong_by_a_thousand_stays_plausible_is_said(material):
+    soft = uniaxial(force=neo_hooke_force(STRETCHES, 5.0, 0.002))  # 2 kPa, or 2 MPa with a force in mN
+    found = read_material_tests(material(f"{HEADER}\nua.csv,uniaxial,s1,10,0.5\n", ua=soft))[0].findings
+    assert any("units are not checked: a shear modulus of 2 kPa" in text for text in found)
+    usual = read_material_tests(material())  # 20 kPa
+    assert not any("units are not checked" in text for test in usual for text in test.findings)

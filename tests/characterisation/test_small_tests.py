@@ -5,7 +5,13 @@ import pytest
 
 from gelforge.characterisation.common_form import ForcePair, IndentationTest
 from gelforge.characterisation.microindentation import adhesion, contact_point, fit_modulus, layer_factor
-from gelforge.characterisation.small_tests import gain_mismatch, sheet_thickness, static_friction
+from gelforge.characterisation.small_effects import SmallTests, small_effects
+from gelforge.characterisation.small_tests import (
+    gain_mismatch,
+    pressed_pairs,
+    sheet_thickness,
+    static_friction,
+)
 from gelforge.csv_table import TableError
 
 
@@ -28,7 +34,7 @@ def test_friction_is_the_tangent_of_the_tilt_with_students_interval(tmp_path):
     ("text", "message"),
     [
         ("trial,tilt_deg\na,45\nb,44\n", "2 trials; 3 at least"),
-        ("trial,tilt_deg\na,0.4\nb,0.41\nc,0.42\n", "row 2: tilt_deg is 0.4; between 0.5 and 80"),
+        ("trial,tilt_deg\na,0.7\nb,0.72\nc,0.69\n", "row 2: tilt_deg is 0.7; between 1.6 and 80"),  # radians
         ("trial\na\n", "tilt_deg"),
         ("", "no header"),
     ],
@@ -49,9 +55,9 @@ def test_thickness_by_sample(tmp_path):
         sheet_thickness(written(tmp_path, "sample,section,thickness_mm\na,1,510\na,2,500\na,3,505\n"))
 
 
-def presses(gains, places=None):
+def presses(gains, places=None, offsets=0.0):
     one = np.tile(np.r_[np.zeros(10), 10 * np.sin(np.linspace(0, np.pi, 40)), np.zeros(10)], len(gains))
-    two = one * np.repeat(gains, 60)
+    two = one * np.repeat(gains, 60) + (one > 0) * np.repeat(np.broadcast_to(offsets, len(gains)), 60)
     rng = np.random.default_rng(0)
     noise = rng.normal(0, 0.02, (2, len(one)))
     position = None if places is None else np.repeat(places, 60)
@@ -62,6 +68,30 @@ def test_gain_mismatch_with_offsets_and_noise():
     gain = gain_mismatch(presses([0.97, 0.98, 0.976, 0.974, 0.98]))
     assert gain.value == pytest.approx(-0.024, abs=0.003)  # noise of 0.2 % of the force over 38 rows
     assert gain.interval[0] < -0.024 < gain.interval[1] and gain.count == 5
+
+
+def test_an_offset_that_comes_with_the_load_is_no_gain():
+    pair = presses([0.976] * 5, offsets=[0.5, -0.4, 0.1, 0.6, -0.6])
+    gain = gain_mismatch(pair)
+    assert gain.value == pytest.approx(-0.024, abs=0.003)  # noise of 0.2 % of the force over 38 rows
+    found = [press.offset_N for press in pressed_pairs(pair)]
+    np.testing.assert_allclose(
+        found, [0.5, -0.4, 0.1, 0.6, -0.6], atol=0.03
+    )  # three errors of 0.02 / sqrt(5)
+    [effect] = small_effects(SmallTests(force_pairs=(pair,)))[0]
+    assert effect.effect == "load_cell_gain" and effect.verdict == "significant gain"
+    assert "comes with the load and is no gain" in effect.sentence
+
+
+def test_a_gain_that_depends_on_the_place_is_said_to():
+    pair = presses([0.95, 0.95, 1.0, 1.0, 1.05, 1.05], list("aabbcc"))
+    [effect] = small_effects(SmallTests(force_pairs=(pair,)))[0]
+    assert effect.verdict == "depends on the place"
+    assert effect.parameters["gain_by_place"] == pytest.approx({"a": -0.05, "b": 0.0, "c": 0.05}, abs=0.003)
+    undecided = small_effects(SmallTests(force_pairs=(presses([0.99, 1.01, 0.995, 1.005]),)))[0][0]
+    assert undecided.verdict == "undecided"
+    few = small_effects(SmallTests(force_pairs=(presses([1.0, 1.0]),)))
+    assert not few[0] and "2 places; 3 independent" in dict(few[1])["load_cell_gain"]
 
 
 def test_presses_at_one_place_count_once():

@@ -85,11 +85,23 @@ def test_contact_pressure_is_in_kPa():
 
 def test_boundary_edges_are_outline_and_interface():
     quads = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])  # two squares side by side
+    xz = np.array([[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [2, 1]], float)
     outline = {(0, 1), (1, 2), (2, 5), (4, 5), (3, 4), (0, 3)}
-    same = {tuple(edge) for edge in boundary_edges(quads, np.array([0, 0]))}
-    other = {tuple(edge) for edge in boundary_edges(quads, np.array([0, 1]))}
+    same = {tuple(edge) for edge in boundary_edges(xz, quads, np.array([0, 0]))}
+    other = {tuple(edge) for edge in boundary_edges(xz, quads, np.array([0, 1]))}
     assert same == outline
     assert other == outline | {(1, 4)}
+
+
+def test_a_finer_neighbour_is_no_boundary_unless_it_is_another_region():
+    """A square of side 2 beside two of side 1: node 4 hangs on its edge (1, 2)."""
+    xz = np.array([[0, 0], [2, 0], [2, 2], [0, 2], [2, 1], [3, 0], [3, 1], [3, 2]], float)
+    quads = np.array([[0, 1, 2, 3], [1, 5, 6, 4], [4, 6, 7, 2]])
+    outline = {(0, 1), (2, 3), (0, 3), (1, 5), (5, 6), (6, 7), (2, 7)}
+    same = {tuple(edge) for edge in boundary_edges(xz, quads, np.array([0, 0, 0]))}
+    other = {tuple(edge) for edge in boundary_edges(xz, quads, np.array([0, 1, 1]))}
+    assert same == outline
+    assert other == outline | {(1, 2), (1, 4), (2, 4)}
 
 
 def test_section_draws_ball_at_its_depth(cell):

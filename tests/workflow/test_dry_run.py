@@ -1,8 +1,12 @@
 """Which jobs a run would do, and what is refused before any job."""
 
+import cv2
+import numpy as np
 import pytest
 import yaml
+from session_folder import HEADER, press_lines, write_images, write_session
 
+CAMERA = "camera: {width_px: 140, height_px: 120, mm_per_px: 0.2, centre_px: [70, 60], position_mm: [16, 16, -40]}\n"
 TEST = ("--configfile", "config/test.yaml")
 
 
@@ -52,6 +56,13 @@ def test_wrong_configurations_stop_before_any_job(checkout, change, words):
     assert not (checkout.folder / "results").exists()
 
 
+def test_wrong_keys_are_named_with_their_file(checkout):
+    content = yaml.safe_load((checkout.folder / "config/test.yaml").read_text()) | {"sede": 1}
+    (checkout.folder / "config/wrong.yaml").write_text(yaml.safe_dump(content))
+    refused = checkout.snakemake("-n", "--configfile", "config/wrong.yaml", check=False)
+    assert "config/wrong.yaml: sede, found 1: unknown key; did you mean seed?" in refused.stdout
+
+
 def test_a_missing_recording_is_named_before_any_job(checkout):
     """A study of one's own: no virtual lab, a session whose folder is empty."""
     content = yaml.safe_load((checkout.folder / "config/test.yaml").read_text()) | {"virtual_lab": None}
@@ -60,3 +71,63 @@ def test_a_missing_recording_is_named_before_any_job(checkout):
     assert refused.returncode == 1
     assert "data/test/recordings/morning/indentations.csv" in refused.stdout
     assert not (checkout.folder / "results").exists()
+
+
+def own_study(checkout):
+    """Write a study without virtual lab, and its recording of one press at the centre; return the recording's folder."""
+    content = yaml.safe_load((checkout.folder / "config/test.yaml").read_text())
+    content |= {"virtual_lab": None, "sessions": ["mine"]}
+    (checkout.folder / "config/own.yaml").write_text(yaml.safe_dump(content))
+    lines = [HEADER, *press_lines("a", 0, 16, 16, 0.8, images=True)]
+    folder = write_session(checkout.folder / "data/test/recordings/mine", lines=lines, extra=CAMERA)
+    write_images(folder, ["a"])
+    return folder
+
+
+def smaller_image(folder):
+    cv2.imwrite(str(folder / "images/a_1.png"), np.zeros((60, 70), np.uint8))
+
+
+def edited(folder, name, old, new):
+    text = (folder / name).read_text()
+    assert old in text
+    (folder / name).write_text(text.replace(old, new))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (
+            lambda folder: (folder / "reference.png").unlink(),
+            ["reference.png: the reference frame is missing"],
+        ),
+        (smaller_image, ["images/a_1.png: 70 x 60 px", "140 x 120 px"]),
+        (
+            lambda folder: edited(folder, "indentations.csv", ",16,16,", ",17,16,"),
+            ["row 2: press a", "no planned cell"],
+        ),
+        (
+            lambda folder: edited(folder, "indentations.csv", ",0.8,1,0,", ",0.8,1,x,"),
+            ["row 4: dwell_s is 'x'"],
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_recording_stops_before_any_job(checkout, spoil, words):
+    """With keep-going the cells would go on for hours beside the reading that failed."""
+    spoil(own_study(checkout))
+    refused = checkout.snakemake("--cores", "1", "--configfile", "config/own.yaml", check=False)
+    assert refused.returncode == 1
+    for word in words:
+        assert word in refused.stdout
+    assert not (checkout.folder / "results").exists()
+
+
+def test_a_material_test_that_cannot_be_used_stops_before_its_law_is_deleted(checkout):
+    law = checkout.folder / "results/test/materials/ecoflex_gel/law.json"
+    law.parent.mkdir(parents=True)
+    law.write_text("made before")
+    edited(checkout.folder / "data/demo/materials/ecoflex_gel", "uniaxial_01.csv", "force_N", "force")
+    refused = checkout.snakemake("--cores", "1", *TEST, check=False)
+    assert refused.returncode == 1
+    assert "uniaxial_01.csv, row 2: columns ['force_N'] are missing" in refused.stdout
+    assert law.read_text() == "made before"

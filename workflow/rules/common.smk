@@ -14,8 +14,9 @@ from gelforge.indentation.plan import plan_cells, variant_cells
 
 def _described():
     """Return study, cells, cells by variant and virtual lab, or stop with one plain message before any job."""
+    files = map(str, workflow.config_settings.configfiles or ["config/config.yaml"])
     try:
-        study = study_from(config)
+        study = study_from(config, ", ".join(files))
         cells = plan_cells(study)
         variants = {name: variant_cells(cells, study, name) for name in study.variants}
         lab = load_virtual_lab(study.virtual_lab) if study.virtual_lab else None
@@ -135,9 +136,39 @@ def planned(wildcards):
 
 
 def session_files(session, *names):
-    """Return files of a session's folder; ft.csv only where there is one."""
-    folder = f"{DATA}/recordings/{session}"
-    return [f"{folder}/{name}" for name in names if name != "ft.csv" or os.path.exists(f"{folder}/{name}")]
+    """Return files of a session's folder. What a measured session lacks beside its tables is left to its reader,
+
+    which knows whether it is needed and says what to do.
+    """
+    folder, needed = f"{DATA}/recordings/{session}", ("session.yaml", "indentations.csv")
+    made = (*needed, "reference.png", "images") if LAB else needed
+    return [f"{folder}/{name}" for name in names if name in made or os.path.exists(f"{folder}/{name}")]
+
+
+TABLES = {".csv", ".txt", ".tsv", ".yaml", ".yml", ".md"}
+
+
+def check_raw_data(jobs):
+    """Read what these jobs are about to read of a laboratory's own data; stop with one plain message at what is wrong.
+
+    Snakemake deletes a job's former results before the job finds out, and with keep-going spends hours on cells
+    beside it. Material tests with pictures are left to their job, which takes minutes to track them.
+    """
+    from gelforge.characterisation.material_source import source_of
+    from gelforge.csv_table import TableError
+    from gelforge.recording.readings import RecordingError, read_recording
+
+    try:
+        for job in jobs:
+            if job.rule.name == "characterise" and {Path(name).suffix for name in job.input} <= TABLES:
+                material = STUDY.materials[job.wildcards.material]
+                if material.tests:
+                    source_of(job.wildcards.material, material.tests, material.mapping)
+        recorded = {job.wildcards.session for job in jobs if job.rule.name in ("readings", "features")}
+        for session in [] if LAB else sorted(recorded):
+            read_recording(STUDY.session_folder(session), CELLS, STUDY.sensor)
+    except (ConfigError, RecordingError, TableError) as error:
+        raise WorkflowError(str(error)) from None
 
 
 def true_cells(wildcards):

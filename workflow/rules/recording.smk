@@ -21,7 +21,7 @@ rule features:
     input:
         readings=f"{RESULTS}/recordings/{{session}}.csv",
         raw=lambda wildcards: session_files(
-            wildcards.session, "session.yaml", "indentations.csv", "reference.png"
+            wildcards.session, "session.yaml", "indentations.csv", "reference.png", "images"
         ),
     output:
         ensure(f"{RESULTS}/features/{{session}}.h5", non_empty=True),
