@@ -44,9 +44,14 @@ def estimate(study: Study, cells: dict) -> list[str]:
     return [
         f"cells      {len(cells)} positions, {presses} presses; {len(solved)} solved, {mirrored} mirrored",
         f"mesh       {unknowns} degrees of freedom at ({solved[0].x_mm:g}, {solved[0].y_mm:g}) mm",
-        f"minutes    about {seconds / 120:.1f} on two cores for the finite elements (estimate; images and training add)",
+        f"time       about {duration(seconds / 2)} on two cores for the finite elements (estimate; images and training add)",
         f"disk       at most {disk / 1e6:.1f} MB for the cells (before compression)",
     ]
+
+
+def duration(seconds: float) -> str:
+    """Return a time in words: seconds below two minutes."""
+    return f"{max(round(seconds), 1)} seconds" if seconds < 120 else f"{seconds / 60:.0f} minutes"
 
 
 def mesh_size(study: Study, sizes: Mesh, cell) -> tuple[int, int]:
