@@ -27,21 +27,21 @@ THREADS = {name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_N
 
 def one_cell(x: float, y: float, near: float) -> dict:
     from gelforge.cli.bench import laws_of, paper_study
+    from gelforge.indentation.companion import simulate_label
     from gelforge.indentation.plan import PlannedCell
-    from gelforge.indentation.simulate import simulate_cell
 
     study = paper_study()
     laws = laws_of(study, [])
     warm = study.mechanics.model_copy(
         update={"mesh": study.mechanics.mesh.model_copy(update={"near_mm": 3.0})}
     )
-    simulate_cell(
-        study.model_copy(update={"mechanics": warm}), laws, PlannedCell("warm", x, y, (0.1,))
+    simulate_label(
+        study.model_copy(update={"mechanics": warm}), laws, {}, PlannedCell("warm", x, y, (0.1,))
     )  # loads kernels
     mesh = study.mechanics.mesh.model_copy(update={"near_mm": near, "far_mm": 4 * near})
     study = study.model_copy(update={"mechanics": study.mechanics.model_copy(update={"mesh": mesh})})
     depths = tuple(0.25 * (k + 1) for k in range(8))
-    cell = simulate_cell(study, laws, PlannedCell("bench", x, y, depths))
+    cell = simulate_label(study, laws, {}, PlannedCell("bench", x, y, depths))
     a = cell.attributes
     return {
         "position": f"({x:g}, {y:g})",
@@ -64,8 +64,8 @@ def mirrored_cell_seconds() -> float:
     from gelforge.cli.bench import laws_of, paper_study
     from gelforge.config import write_yaml
     from gelforge.indentation.cell_file import write_cell
+    from gelforge.indentation.companion import simulate_label
     from gelforge.indentation.plan import plan_cells
-    from gelforge.indentation.simulate import simulate_cell
 
     study = paper_study()
     planned = plan_cells(study)
@@ -73,7 +73,7 @@ def mirrored_cell_seconds() -> float:
     with TemporaryDirectory() as temporary:
         folder = Path(temporary)
         write_yaml(folder / "study.yaml", study)
-        write_cell(folder / "source.h5", simulate_cell(study, laws_of(study, []), planned[image.source]))
+        write_cell(folder / "source.h5", simulate_label(study, laws_of(study, []), {}, planned[image.source]))
         laws = [folder / f"{name}.json" for name in study.materials]
         for (name, material), law in zip(study.materials.items(), laws):
             write_law(law, given_law(name, material.parameters))

@@ -6,10 +6,11 @@ import numpy as np
 
 from gelforge.config import study_from
 from gelforge.mechanics.body import Body
+from gelforge.mechanics.elements import TET10_FACES, lumped_area, quadratic_tetrahedra
 from gelforge.mechanics.equilibrium import Press, Settings
 from gelforge.mechanics.indenters import Sphere
 from gelforge.mechanics.laws import Ogden
-from gelforge.mechanics.meshes import Block, HexMesh, Sizes, layered_block
+from gelforge.mechanics.meshes import Block, Mesh, Sizes, Surface, layered_block
 
 GEL = Ogden((7.9652e-3, 0.3093e-3), (1.2769, 3.5676))  # MPa; Sferrazza et al. 2019, table 1
 SKIN = Ogden((85.1168e-3, -0.0020e-3), (2.8991, -8.2915))
@@ -36,7 +37,7 @@ def follow(press, position, depths, start=None):
     return list(press.follow(start, centres))
 
 
-def box(n, length=1.0) -> HexMesh:
+def box(n, length=1.0) -> Mesh:
     """Return a cube of n^3 elements of one region "gel", held at its base."""
     return layered_block(
         Block(length, length, (("gel", length),)),
@@ -46,9 +47,41 @@ def box(n, length=1.0) -> HexMesh:
     )
 
 
-def distorted(mesh: HexMesh, share: float, rng: np.random.Generator, boundary: bool = False) -> HexMesh:
+def tetrahedral(mesh: Mesh) -> Mesh:
+    """Return the mesh of quadratic tetrahedra, six (Kuhn's) in every hexahedron of a block without hanging nodes."""
+    # From corner 0 along two edges and on to corner 6.
+    paths = [(1, 2), (2, 3), (3, 7), (7, 4), (4, 5), (5, 1)]
+    corners = mesh.elements[:, [(0, a, b, 6) for a, b in paths]].reshape(-1, 4)
+    X, elements = quadratic_tetrahedra(mesh.X, corners)
+    faces = elements[:, TET10_FACES].reshape(-1, 6)
+    _, first, uses = np.unique(np.sort(faces[:, :3]), axis=0, return_index=True, return_counts=True)
+    faces = faces[first[uses == 1]]
+    faces = faces[X[faces, 2].max(axis=1) > X[:, 2].min() + 1e-9]  # all but the base
+    area = lumped_area(X, faces)
+    nodes = np.flatnonzero(area)
+    return Mesh(
+        X=X,
+        elements=elements,
+        region=np.repeat(mesh.region, 6),
+        regions=mesh.regions,
+        fixed=X[:, 2] < X[:, 2].min() + 1e-9,
+        surface=Surface(
+            nodes,
+            area[nodes],
+            X[nodes, 2] > -1e-9,
+            faces[(X[faces, 2] > -1e-9).all(axis=1)],
+        ),
+    )
+
+
+def distorted(mesh: Mesh, share: float, rng: np.random.Generator, boundary: bool = False) -> Mesh:
     """Return the mesh with its inner nodes (and, if asked, all others) moved at random by up to share of the least edge."""
-    edges = mesh.X[mesh.hexahedra[:, [1, 3, 4]]] - mesh.X[mesh.hexahedra[:, [0]]]
+    if mesh.elements.shape[1] == 10:  # corners move, edges stay straight
+        N = mesh.elements[:, :4].max() + 1
+        corners = replace(mesh, X=mesh.X[:N], elements=mesh.elements[:, [0, 1, 1, 2, 3]])
+        X, _ = quadratic_tetrahedra(distorted(corners, share, rng, boundary).X, mesh.elements[:, :4])
+        return replace(mesh, X=X)
+    edges = mesh.X[mesh.elements[:, [1, 3, 4]]] - mesh.X[mesh.elements[:, [0]]]
     shift = share * np.linalg.norm(edges, axis=-1).min() * rng.uniform(-1, 1, mesh.X.shape)
     inside = np.ones(len(mesh.X), bool)
     if not boundary:
@@ -59,8 +92,8 @@ def distorted(mesh: HexMesh, share: float, rng: np.random.Generator, boundary: b
     )  # hanging nodes stay on their edges and faces
 
 
-def study(plan=None, sensor=None, **mechanics):
-    """Return the validated study of the small sensor; plan, sensor and mechanics override its keys."""
+def study(plan=None, sensor=None, indenter=None, **mechanics):
+    """Return the validated study of the small sensor; plan, sensor, indenter and mechanics override its keys."""
     block = {
         "width_x_mm": 16.0,
         "width_y_mm": 16.0,
@@ -81,6 +114,7 @@ def study(plan=None, sensor=None, **mechanics):
             "study": "small",
             "materials": {name: {"parameters": value} for name, value in parameters.items()},
             "sensor": block | (sensor or {}),
+            "indenter": indenter or {},
             "plan": plan or {"grid": {"spacing_mm": 3.0, "margin_mm": 5.0}, "depths_mm": [0.4, 0.8]},
             "mechanics": {"mesh": mesh} | mechanics,
         }

@@ -15,8 +15,9 @@ PACKAGE = Path(gelforge.__file__).parent
 # A module may import from its own layer and from lower ones. Folders of one layer do not import each other.
 LAYERS = [
     {"mechanics"},
+    {"meshing"},
     {"config", "files", "csv_table"},
-    {"characterisation", "indentation"},
+    {"characterisation", "indentation", "verification"},
     {"recording", "virtual_lab"},
     {"dataset"},
     {"learning"},
@@ -33,6 +34,8 @@ CONFINED = {
     "yaml": {"config"},
     "matplotlib": {"report"},
     "snakemake": set(),
+    "pytetwild": {"meshing"},
+    "meshio": {"meshing", "indentation"},
 }
 MECHANICS_KNOWS = {"numpy", "scipy", "numba", "pypardiso"}
 

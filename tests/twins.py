@@ -2,71 +2,105 @@
 
 import numpy as np
 
-# Corners of the hexahedron in meshio's order, and its trilinear monomials 1, r, s, t, rs, st, tr, rst.
-CORNERS = np.array(
+# Nodes of the hexahedron and of the quadratic tetrahedron in meshio's order.
+HEXAHEDRON = np.array(
     [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]],
     float,
 )
+TETRAHEDRON = np.array(
+    [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1],
+     [0.5, 0, 0], [0.5, 0.5, 0], [0, 0.5, 0], [0, 0, 0.5], [0.5, 0, 0.5], [0, 0.5, 0.5]],
+    float,
+)  # fmt: skip
+# Exponents of r, s, t in the monomials that span the shape functions.
+TRILINEAR = np.array(list(np.ndindex(2, 2, 2)))
+QUADRATIC = np.array([e for e in np.ndindex(3, 3, 3) if sum(e) <= 2])
 
 
-def monomials(xi):
-    r, s, t = xi
-    return np.array([1, r, s, t, r * s, s * t, t * r, r * s * t])
+def monomials(exponents, xi):
+    """Return the monomials (M,) of these exponents (M, 3) at xi (3,)."""
+    return np.prod(xi**exponents, axis=1)
 
 
-def monomial_slopes(xi):
-    """Return d(monomial)/d(r, s, t) (8, 3)."""
-    r, s, t = xi
-    return np.array(
-        [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [s, r, 0], [0, t, s], [t, 0, r], [s * t, r * t, r * s]]
-    )
+def monomial_slopes(exponents, xi):
+    """Return d(monomial)/d(r, s, t) (M, 3)."""
+    lower = [np.maximum(exponents - np.eye(3, dtype=int)[k], 0) for k in range(3)]
+    return np.stack([exponents[:, k] * monomials(lower[k], xi) for k in range(3)], axis=1)
 
 
-NODAL = np.linalg.inv([monomials(corner) for corner in CORNERS])  # monomial coefficients of N_a in column a
+class Basis:
+    """Shape functions as the monomials that are 1 at one node, and points with weights on the natural element."""
+
+    def __init__(self, nodes, exponents, points, weights):
+        self.exponents, self.points, self.weights = exponents, points, weights
+        self.nodal = np.linalg.inv(
+            [monomials(exponents, xi) for xi in nodes]
+        )  # coefficients of N_a in column a
+
+    def shape(self, xi):
+        """Return N (A,) at natural coordinates xi (3,)."""
+        return monomials(self.exponents, xi) @ self.nodal
+
+    def slopes(self, xi):
+        """Return dN/dxi (A, 3) at natural coordinates xi (3,)."""
+        return self.nodal.T @ monomial_slopes(self.exponents, xi)
+
+
 ABSCISSA, WEIGHT = np.polynomial.legendre.leggauss(2)
 GAUSS = np.array([(r, s, t) for t in ABSCISSA for s in ABSCISSA for r in ABSCISSA])
-
-
-def shape(xi):
-    """Return N (8,) at natural coordinates xi (3,)."""
-    return monomials(xi) @ NODAL
+# The 4-point rule of degree 2 in volume coordinates: one of them 1 - 3 b, three b with 20 b = 5 - sqrt(5).
+B = (5 - 5**0.5) / 20
+SIMPLEX = np.array([(B, B, B), (1 - 3 * B, B, B), (B, 1 - 3 * B, B), (B, B, 1 - 3 * B)])
+BASES = {
+    8: Basis(HEXAHEDRON, TRILINEAR, GAUSS, np.ones(8)),
+    10: Basis(TETRAHEDRON, QUADRATIC, SIMPLEX, np.full(4, 1 / 24)),
+}
 
 
 def points(X):
-    """Return dN/dX (8 points, 8 nodes, 3) and the weights (8,) [mm^3] of one element X (8, 3)."""
+    """Return dN/dX (points, nodes, 3) and the weights (points,) [mm^3] of one element X (8 or 10, 3)."""
+    basis = BASES[len(X)]
     gradients, weights = [], []
-    for xi in GAUSS:
-        dN = NODAL.T @ monomial_slopes(xi)  # (nodes, 3)
+    for xi, weight in zip(basis.points, basis.weights):
+        dN = basis.slopes(xi)
         jacobian = X.T @ dN  # dX_x / dxi_k
         gradients.append(dN @ np.linalg.inv(jacobian))
-        weights.append(np.linalg.det(jacobian) * np.prod([WEIGHT[0]] * 3))
+        weights.append(np.linalg.det(jacobian) * weight)
     return np.array(gradients), np.array(weights)
 
 
-def element(X, u, p, law, bulk):
-    """Return what one mean-dilatation element does at nodes X (8, 3), displacement u (8, 3), given pressure p [MPa].
+def element(X, u, p, law, bulk, local=0.0):
+    """Return what one mean-dilatation element does at nodes X (A, 3), displacement u (A, 3), given pressure p [MPa].
 
-    With W(F) isochoric, v = sum w J and c = dv/du, the energy is sum w W + K/2 (v/V - 1)^2 V; keys: f_mixed and
-    f_condensed (8, 3), p_volume, coupling (8, 3), energy, tangent (24, 24) = d f_mixed/du at fixed p + K/V c c^T.
+    With W(F) isochoric, v = sum w J, theta = v/V and c = dv/du, the energy is
+    sum w W + K/2 (theta - 1)^2 V + local/2 sum w (J - theta)^2; keys: f_mixed and f_condensed (A, 3), p_volume,
+    coupling (A, 3), energy, tangent (3 A, 3 A) = d f_mixed/du at fixed p + K/V c c^T.
     """
     G, w = points(X)
     F = np.eye(3) + np.einsum("ai,qaj->qij", u, G)
     J, Finv = np.linalg.det(F), np.linalg.inv(F)
     cofactor = J[:, None, None] * np.swapaxes(Finv, 1, 2)  # dJ/dF
     V, v = w.sum(), w @ J
-    c = np.einsum("q,qij,qaj->ai", w, cofactor, G)
-    f = np.einsum("q,qij,qaj->ai", w, law.nominal_stress(F), G)
+    growth = np.einsum("qij,qaj->qai", cofactor, G)  # dJ/du at each point
+    c = np.einsum("q,qai->ai", w, growth)
+    departure = local * (J - v / V)
+    f = np.einsum("q,qij,qaj->ai", w, law.nominal_stress(F), G) + np.einsum(
+        "q,qai->ai", w * departure, growth
+    )
     p_volume = bulk * (v / V - 1)
     A = law.tangent(F)
     # d cof_ij / dF_kl = J (F^-1_ji F^-1_lk - F^-1_li F^-1_jk)
-    A = A + p * (np.einsum("q,qji,qlk->qijkl", J, Finv, Finv) - np.einsum("q,qli,qjk->qijkl", J, Finv, Finv))
-    K = np.einsum("q,qijkl,qaj,qbl->aibk", w, A, G, G).reshape(24, 24) + bulk / V * np.outer(c, c)
+    turn = np.einsum("q,qji,qlk->qijkl", J, Finv, Finv) - np.einsum("q,qli,qjk->qijkl", J, Finv, Finv)
+    A = A + (p + departure)[:, None, None, None, None] * turn
+    K = np.einsum("q,qijkl,qaj,qbl->aibk", w, A, G, G).reshape(u.size, u.size)
+    points_alone = np.einsum("q,qm,qn->mn", w, growth.reshape(len(w), -1), growth.reshape(len(w), -1))
+    K = K + bulk / V * np.outer(c, c) + local * (points_alone - np.outer(c, c) / V)
     return {
         "f_mixed": f + p * c,
         "f_condensed": f + p_volume * c,
         "p_volume": p_volume,
         "coupling": c,
-        "energy": w @ law.energy(F) + bulk / 2 * (v / V - 1) ** 2 * V,
+        "energy": w @ law.energy(F) + bulk / 2 * (v / V - 1) ** 2 * V + local / 2 * w @ (J - v / V) ** 2,
         "tangent": K,
     }
 

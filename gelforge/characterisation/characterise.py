@@ -23,6 +23,7 @@ from gelforge.characterisation.choice import Comparison, compare_laws
 from gelforge.characterisation.circumstances import CIRCUMSTANCES, circumstance_effects
 from gelforge.characterisation.common_form import MaterialTest
 from gelforge.characterisation.curves import MeanCurve, mean_curves, monotonic_loading, sample_curves
+from gelforge.characterisation.families import FAMILIES
 from gelforge.characterisation.fit import WEIGHTS, FitError, LawFit
 from gelforge.characterisation.history_effects import cycle_effects, lateral_effects, relaxation_effects
 from gelforge.characterisation.law_file import MaterialLaw, rounded, write_law
@@ -30,7 +31,7 @@ from gelforge.characterisation.material_source import MaterialSource, source_of
 from gelforge.characterisation.material_table import material_table
 from gelforge.characterisation.measured_effects import MeasuredEffects
 from gelforge.characterisation.small_effects import small_effects
-from gelforge.config import Fitting, Material, OgdenParameters
+from gelforge.config import Fitting, LawParameters, Material
 from gelforge.files import digest, file_sha256, write_json, write_table, write_text
 from gelforge.mechanics.laws import Ogden, PrincipalLaw
 
@@ -96,12 +97,14 @@ def characterise(name: str, material: Material, folder: Path) -> None:
     write_law(folder / "law.json", law)
 
 
-def given_law(name: str, parameters: OgdenParameters) -> MaterialLaw:
+def given_law(name: str, parameters: LawParameters) -> MaterialLaw:
     """Return the law whose parameters are given; nothing is known of its uncertainty."""
-    mu = tuple(m * 1e-3 for m in parameters.mu_kPa)
-    return MaterialLaw(
-        name, Ogden(mu, tuple(parameters.alpha)), digest({"parameters": parameters.model_dump()})
-    )
+    if parameters.law == "ogden":
+        law = Ogden(tuple(m * 1e-3 for m in parameters.mu_kPa), tuple(parameters.alpha))
+    else:
+        family = FAMILIES[parameters.law]
+        law = family.law_of(np.array([getattr(parameters, name) for name in family.parameters]))
+    return MaterialLaw(name, law, digest({"parameters": parameters.model_dump()}))
 
 
 def characterise_source(

@@ -80,6 +80,32 @@ class MaterialLaw:
         return None if states is None else ValidRange.of(states)
 
 
+def moved_laws(material: MaterialLaw, amount: float) -> list[PrincipalLaw]:
+    """Return the law moved by `amount` standard deviations along each independent direction of its parameters.
+
+    The squares of what a small move changes, over amount, sum to the variance of anything that follows from the law. Empty
+    for a law that was given: nothing is known of its uncertainty.
+    """
+    if material.covariance is None:
+        return []
+    scale = np.abs(
+        material.values
+    )  # parameters have units of their own; directions are those of relative changes
+    variance, directions = np.linalg.eigh(material.covariance / np.outer(scale, scale))
+    moves = directions.T * np.sqrt(np.maximum(variance, 0.0))[:, None] * scale
+    return [_moved(material, amount * move) for move in moves if move.any()]
+
+
+def _moved(material: MaterialLaw, move: np.ndarray) -> PrincipalLaw:
+    try:
+        return material.family.law_of(material.values + move)
+    except ValueError as error:
+        raise LawFileError(
+            f"{material.material}: the covariance of its law reaches parameters that are no law ({error}); repeat the tests"
+            " or choose a law with fewer parameters"
+        ) from None
+
+
 def leaves_valid_range(material: MaterialLaw, lam: np.ndarray) -> np.ndarray | None:
     """Return whether deformations with principal stretches lam (..., 3), in any order, leave the tested range.
 

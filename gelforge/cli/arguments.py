@@ -8,7 +8,7 @@ from pathlib import Path
 
 GROUPS = """\
 a study            init, check, show, explain, report, tables
-by hand            press, characterise
+by hand            press, characterise, verify
 live               predict
 what the workflow runs
                    fit-law, plan, simulate, readings, features, join, manifest, agreement, train, evaluate
@@ -110,6 +110,22 @@ def _by_hand(commands) -> None:
         required=True,
         help="depths [mm]: first:last:step, or a comma-separated list",
     )
+    press.add_argument(
+        "--indenter", type=Path, metavar="YAML", help="any indenter, see config/indenters; else the study's"
+    )
+    press.add_argument(
+        "--shear",
+        type=float,
+        nargs=2,
+        metavar=("X", "Y"),
+        help="then move sideways by this [mm] at the last depth",
+    )
+    press.add_argument(
+        "--unload", action="store_true", help="then take the indenter away again, by the same depths"
+    )
+    press.add_argument(
+        "--sensitivities", metavar="NAMES", help="derivatives to effects: comma-separated names, or all"
+    )
     press.add_argument("--out", type=Path, help="the cell's HDF5 file")
     press.add_argument(
         "--study", type=Path, metavar="YAML", help="a study's sensor and settings; else the paper's sensor"
@@ -163,6 +179,14 @@ def _by_hand(commands) -> None:
     )
     characterise.add_argument("--bootstrap", type=int, default=0, help="refits over samples, 0 for none")
     characterise.add_argument("--workers", type=int, default=1, help="processes of the bootstrap")
+
+    verify = _command(
+        commands,
+        "verify",
+        "bench.verify",
+        "check the finite elements against solutions from outside; a minute",
+    )
+    verify.add_argument("--out", type=Path, help="folder for verification.csv and verification.md")
 
     _command(commands, "warm-up", "bench.warm_up", "compile the kernels and keep them for later runs")
 

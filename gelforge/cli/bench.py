@@ -7,23 +7,40 @@ from contextlib import chdir, contextmanager
 from pathlib import Path
 
 import gelforge
-from gelforge.cli.factory import law_path, read_laws
-from gelforge.config import ConfigError, Study, load_study
+from gelforge.cli.factory import law_path, laws_and_doubts
+from gelforge.config import ConfigError, Indenter, Study, load_section, load_study
 
 
 def press(
-    x: float, y: float, depths: list[float], out: Path | None, study: Path | None, laws: list[Path]
+    x: float,
+    y: float,
+    depths: list[float],
+    indenter: Path | None,
+    shear: list[float] | None,
+    unload: bool,
+    sensitivities: str | None,
+    out: Path | None,
+    study: Path | None,
+    laws: list[Path],
 ) -> None:
     """Press once, print the force-depth table, and write the cell if asked."""
     from gelforge.indentation.cell_file import CellError, write_cell
-    from gelforge.indentation.plan import PlannedCell, check_inside
-    from gelforge.indentation.simulate import simulate_cell
+    from gelforge.indentation.companion import simulate_label
+    from gelforge.indentation.plan import check_inside, press_path
 
     described = load_study(study) if study else paper_study()
-    planned = PlannedCell("press", x, y, tuple(depths))
+    if indenter is not None:
+        described = described.model_copy(update={"indenter": load_section(indenter, Indenter)})
+    if sensitivities:
+        names = derivable_effects() if sensitivities == "all" else sensitivities.split(",")
+        mechanics = described.mechanics.model_copy(update={"sensitivities": names})
+        described = described.model_copy(update={"mechanics": mechanics})
+    planned = press_path("press", x, y, depths, shear, unload)
     check_inside({planned.name: planned}, described)
-    cell = simulate_cell(described, laws_of(described, laws), planned)
+    cell = simulate_label(described, *laws_and_doubts(material_laws_of(described, laws)), planned)
     print_force_depth(described, cell)
+    if sensitivities and cell.converged:
+        print_sensitivities(cell)
     if out is not None:
         write_cell(out, cell)
         print(f"written to {out}")
@@ -32,23 +49,60 @@ def press(
 
 
 def print_force_depth(study: Study, cell) -> None:
-    """Print force on the sensor [N], contact nodes and iterations, depth by depth."""
+    """Print force on the sensor and standard deviations of Fz [N], contact nodes and iterations, depth by depth."""
+    from rich import box
     from rich.console import Console
     from rich.table import Table
 
     a = cell.attributes
     table = Table(
-        title=f"Force on the sensor, ball of {study.indenter.radius_mm:g} mm at ({a['x_mm']:g}, {a['y_mm']:g}) mm",
-        caption=f"{a['degrees_of_freedom']} degrees of freedom, {a['linear_solver']}, {a['seconds']:.1f} s",
+        box=box.SIMPLE,
+        padding=(0, 1, 0, 0),  # ten columns in 80 characters
+        title=f"Force on the sensor, {study.indenter.words} at ({a['x_mm']:g}, {a['y_mm']:g}) mm",
+        caption=f"{a['degrees_of_freedom']} degrees of freedom, {a['linear_solver']}, {a['seconds']:.1f} s; mm, N; "
+        "± standard deviations of Fz from the mesh and from the law",
     )
-    for name in ("depth [mm]", "Fx [N]", "Fy [N]", "Fz [N]", "nodes in contact", "slipping", "iterations"):
-        table.add_column(name, justify="right")
-    state = cell.arrays["node_state"]
+    for name in ("phase", "depth", "Fx [N]", "Fy [N]", "Fz [N]", "± mesh", "± law", "touch", "slip", "steps"):
+        table.add_column(name, justify="right", no_wrap=True)
+    state, arrays = cell.arrays["node_state"], cell.arrays
+    bars = [arrays.get(f"total_sigma_{part}_N") for part in ("mesh", "material")]
     for i, (depth, force) in enumerate(zip(cell.arrays["depth_mm"], cell.arrays["total_force_N"])):
         counts = (state[i] > 0).sum(), (state[i] == 2).sum(), a["iterations"][i]
         table.add_row(
-            f"{depth:.3g}", *(f"{value:+.4f}" for value in force), *(str(count) for count in counts)
+            a["phases"][i],
+            f"{depth:.3g}",
+            *(f"{value:+.4f}" for value in force),
+            *("" if bar is None else f"{bar[i, 2]:.4f}" for bar in bars),
+            *(str(count) for count in counts),
         )
+    Console().print(table)
+
+
+def derivable_effects() -> list[str]:
+    """Return the names of the effects with a derivative."""
+    from gelforge.indentation.effects.catalogue import CATALOGUE
+    from gelforge.indentation.sensitivities import derivable
+
+    return [name for name in CATALOGUE if derivable(name)]
+
+
+def print_sensitivities(cell) -> None:
+    """Print how the force at the last depth follows each effect, and what finding that cost."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE, title="Derivatives of the force at the last depth")
+    for name in ("effect", "dFx", "dFy", "dFz", "unit", "seconds"):
+        table.add_column(name, justify="left" if name in ("effect", "unit") else "right")
+    a = cell.attributes
+    for name, unit, seconds, force in zip(
+        a["sensitivity_names"],
+        a["sensitivity_units"],
+        a["sensitivity_seconds"],
+        cell.arrays["sensitivity_total"][:, -1],
+    ):
+        table.add_row(str(name), *(f"{value:+.4g}" for value in force), str(unit), f"{seconds:.1f}")
     Console().print(table)
 
 
@@ -60,16 +114,22 @@ def paper_study() -> Study:
 
 def laws_of(study: Study, files: list[Path]) -> dict:
     """Return laws [MPa] by material: from files, from given parameters, or as the study has fitted them."""
-    from gelforge.characterisation.characterise import given_law
+    return {name: material.law for name, material in material_laws_of(study, files).items()}
 
-    laws = read_laws(files)
+
+def material_laws_of(study: Study, files: list[Path]) -> dict:
+    """Return the same with what is known of them: covariance, tested range."""
+    from gelforge.characterisation.characterise import given_law
+    from gelforge.characterisation.law_file import read_law
+
+    laws = {law.material: law for law in map(read_law, files)}
     for name, material in study.materials.items():
         if name in laws:
             continue
         if material.parameters:
-            laws[name] = given_law(name, material.parameters).law
+            laws[name] = given_law(name, material.parameters)
         elif law_path(study, name).is_file():
-            laws |= read_laws([law_path(study, name)])
+            laws[name] = read_law(law_path(study, name))
         else:
             raise ConfigError(
                 f"material {name} has tests but no law yet; run `snakemake {law_path(study, name)}` or give --laws"
@@ -145,6 +205,25 @@ def print_timing(timing) -> None:
             *(f"{value:.0f}" for value in row[4:]),
         )
     Console().print(table)
+
+
+def verify(out: Path | None) -> None:
+    """Run every check of the finite elements, print and write the table; fail if one is beyond its limit."""
+    from gelforge.files import write_table
+    from gelforge.verification.check import VerificationFailed, check_table
+    from gelforge.verification.run import run_checks
+
+    checks = []
+    for check in run_checks():
+        checks.append(check)
+        print(
+            f"{'ok' if check.passed else 'FAILED':8}{check.quantity}: {check.found:.6g}, error {check.error:.1e}"
+        )
+    if out is not None:
+        write_table(out, "verification", check_table(checks))
+    failed = [f"{c.quantity} (error {c.error:.1e}, limit {c.limit:.1e})" for c in checks if not c.passed]
+    if failed:
+        raise VerificationFailed(f"{len(failed)} of {len(checks)} checks failed: {'; '.join(failed)}")
 
 
 def warm_up() -> None:

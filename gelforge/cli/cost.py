@@ -56,7 +56,7 @@ def duration(seconds: float) -> str:
 
 def mesh_size(study: Study, sizes: Mesh, cell) -> tuple[int, int]:
     """Return the unknowns and the number of surface nodes of a cell's mesh."""
-    from gelforge.indentation.simulate import sensor_mesh
+    from gelforge.indentation.sensor_mesh import sensor_mesh
 
     mesh = sensor_mesh(study.sensor, sizes, cell.x_mm, cell.y_mm)
     return 3 * int((~mesh.hanging).sum()), len(mesh.surface.nodes)

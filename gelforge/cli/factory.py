@@ -39,16 +39,16 @@ def simulate(
     if variant:
         described, planned = variant_study(described, variant), replace(planned, source=None, symmetry=None)
     read = {law.material: law for law in map(read_law, laws)}
-    by_material = {name: law.law for name, law in read.items()}
+    by_material, uncertain = laws_and_doubts(read)
     if planned.source:
         source = mirrored[0] if mirrored else described.results_folder / "cells" / f"{planned.source}.h5"
         result = mirror_cell(read_cell(source), described, by_material, planned)
     else:
-        from gelforge.indentation.simulate import simulate_cell  # loads the compiled kernels
+        from gelforge.indentation.companion import simulate_label  # loads the compiled kernels
 
         ranges = {name: law.valid_range for name, law in read.items()}
         outside = {name: valid.outside for name, valid in ranges.items() if valid is not None}
-        result = simulate_cell(described, by_material, planned, outside)
+        result = simulate_label(described, by_material, uncertain, planned, outside)
     write_cell(out, result)
     print(f"{cell}: {result.attributes['status']} {result.attributes['reason']}".rstrip())
 
@@ -256,6 +256,16 @@ def planned_cell(study: Study, name: str):
             f"{', '.join(list(cells)[:3])}"
         )
     return cells[name]
+
+
+def laws_and_doubts(read: dict) -> tuple[dict, dict]:
+    """Return by material the laws [MPa], and of those with a covariance the laws moved along its directions."""
+    from gelforge.characterisation.law_file import moved_laws
+    from gelforge.indentation.error_bars import AMOUNT
+
+    laws = {name: material.law for name, material in read.items()}
+    known = {name: material for name, material in read.items() if material.covariance is not None}
+    return laws, {name: moved_laws(material, AMOUNT) for name, material in known.items()}
 
 
 def read_laws(paths: list[Path]) -> dict:

@@ -5,6 +5,7 @@ converted here. An unknown or out-of-range key is refused with its full path, th
 """
 
 from gelforge.config.common import NAME, ConfigError, Fraction, Name, NonNegative, Positive, Section
+from gelforge.config.effects import Effects
 from gelforge.config.files import (
     load_section,
     load_session,
@@ -17,10 +18,10 @@ from gelforge.config.files import (
     write_yaml,
 )
 from gelforge.config.learning import Dataset, Features, Learning
-from gelforge.config.materials import LAW_NAMES, Fitting, Material, OgdenParameters
+from gelforge.config.materials import LAW_NAMES, Fitting, LawParameters, Material, OgdenParameters
 from gelforge.config.mechanics import Contact, Mechanics, Mesh, Solver
 from gelforge.config.plan import Grid, Plan
-from gelforge.config.sensor import Bins, Flange, Indenter, Layer, Sensor
+from gelforge.config.sensor import Bins, Flange, Indenter, IndenterPart, Layer, Sensor, Shape
 from gelforge.config.session import Camera, DepthZero, ForceSensor, Session, StageToSensor
 from gelforge.config.study import Study
 from gelforge.config.variants import Variant
@@ -40,6 +41,7 @@ __all__ = [
     "Contact",
     "Dataset",
     "DepthZero",
+    "Effects",
     "Features",
     "Fitting",
     "Flange",
@@ -47,7 +49,9 @@ __all__ = [
     "Fraction",
     "Grid",
     "Indenter",
+    "IndenterPart",
     "LAW_NAMES",
+    "LawParameters",
     "Layer",
     "Learning",
     "Material",
@@ -61,6 +65,7 @@ __all__ = [
     "Positive",
     "Section",
     "Sensor",
+    "Shape",
     "Session",
     "Solver",
     "StageToSensor",

@@ -6,12 +6,17 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from gelforge.config.common import Positive, Section
+from gelforge.config.common import Name, Positive, Section
+from gelforge.config.effects import Effects
 
 
 class Mesh(Section):
-    """Sizes of the hexahedral mesh: an even grid, halved where the contact wants smaller elements."""
+    """Elements and their sizes: hexahedra of an even grid, halved where the contact wants it, or quadratic tetrahedra."""
 
+    elements: Literal["auto", "hexahedra", "tetrahedra"] = Field(
+        "auto",
+        description="auto: hexahedra for a block, 10-node tetrahedra (sizes between their nodes) for other shapes",
+    )
     near_mm: Positive = Field(0.3, description="element size under the contact [mm]")
     near_radius_mm: Positive = Field(3.6, description="radius of the fine region around the contact [mm]")
     growth: float = Field(0.25, gt=0, le=2, description="growth of the size per mm of distance from it [-]")
@@ -61,10 +66,20 @@ class Mechanics(Section):
     mesh: Mesh = Field(Mesh(), description="mesh sizes")
     contact: Contact = Field(Contact(), description="contact constants")
     solver: Solver = Field(Solver(), description="stopping rules")
+    error_bars: bool = Field(
+        True, description="store the error bars of forces, from a companion on a mesh of twice the sizes"
+    )
+    sensitivities: list[Name] = Field(
+        [], description="effects whose derivatives of total and bin forces are stored, e.g. gel_stiffness"
+    )
     store_displacement: bool = Field(False, description="keep the gel's displacement in the cell file")
+    effects: Effects = Field(Effects(), description="physics that the plain model leaves out")
 
     @model_validator(mode="after")
     def _normals(self):
         if self.contact_normals == "initial" and self.strain == "finite":
             raise ValueError("contact_normals: initial belongs to strain: small")
+        finite_only = self.effects.history.any or self.effects.geometry.prestretch
+        if self.strain == "small" and finite_only:
+            raise ValueError("effects.history and effects.geometry.prestretch need strain: finite")
         return self

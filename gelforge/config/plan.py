@@ -22,9 +22,16 @@ class Plan(Section):
 
     grid: Grid | None = Field(None, description="regular grid of positions")
     depths_mm: list[Positive] | None = Field(None, description="increasing depths of every position [mm]")
-    file: Path | None = Field(None, description="CSV with cell, x_mm, y_mm, depth_mm")
+    file: Path | None = Field(
+        None,
+        description="CSV with cell, x_mm, y_mm, depth_mm, for a path also phase, shear_x_mm, shear_y_mm and tilts",
+    )
     symmetry: Literal["d4", "none"] = Field(
         "none", description="reuse cells that mirror and rotate into each other"
+    )
+    approach: Literal["vertical", "normal"] = Field(
+        "vertical",
+        description="the indenter comes down, or along the normal of the undeformed surface at the position",
     )
 
     @model_validator(mode="after")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Literal
 
 from pydantic import Field, model_validator
@@ -32,14 +33,47 @@ class Bins(Section):
     ny: int = Field(20, ge=1, le=200, description="number of bins along y [-]")
 
 
+class Shape(Section):
+    """The outer form of a sensor: a block, a half-ellipsoid, or any closed surfaces."""
+
+    kind: Literal["block", "dome", "surfaces"] = Field(
+        "block",
+        description="block; dome: half-ellipsoid over width_x_mm x width_y_mm, a core under layers; surfaces: any",
+    )
+    files: dict[Name, Path] = Field(
+        {},
+        description="of surfaces: each layer's closed surface (STL, PLY, OBJ; sensor frame, mm), from the inside out; "
+        "a point belongs to the first that encloses it",
+    )
+    base_mm: float | None = Field(
+        None,
+        description="of surfaces: boundary at or below this z is held; null: minus the layers' height [mm]",
+    )
+
+    @model_validator(mode="after")
+    def _files(self):
+        if (self.kind == "surfaces") != bool(self.files):
+            raise ValueError("kind: surfaces and `files`, one closed surface per layer, belong together")
+        if self.base_mm is not None and self.kind != "surfaces":
+            raise ValueError(f"base_mm belongs to kind: surfaces; a {self.kind} stands on its lower face")
+        return self
+
+
 class Sensor(Section):
-    """A layered block on a rigid base; the frame's origin is a corner of the undeformed top surface."""
+    """A layered body on a rigid base; the frame's origin is a corner of the rectangle around it, z = 0 its highest point."""
 
     width_x_mm: Positive = Field(32.0, description="outer width along x [mm]")
     width_y_mm: Positive = Field(32.0, description="outer width along y [mm]")
-    layers: list[Layer] = Field(min_length=1, description="soft layers from the base up")
-    wall_mm: NonNegative = Field(1.5, description="thickness of the side wall around the lower layers [mm]")
-    flange: Flange | None = Field(None, description="rim of the wall's material on the base, or null")
+    shape: Shape = Field(Shape(), description="outer form")
+    layers: list[Layer] = Field(
+        min_length=1, description="soft layers from the base up; thickness at the highest point"
+    )
+    wall_mm: NonNegative = Field(
+        1.5, description="of a block: thickness of the side wall around the lower layers [mm]"
+    )
+    flange: Flange | None = Field(
+        None, description="of a block: rim of the wall's material on the base, or null"
+    )
     bins: Bins = Field(Bins(), description="surface bins of the label")
 
     @model_validator(mode="after")
@@ -52,6 +86,15 @@ class Sensor(Section):
             raise ValueError(
                 f"flange height_mm {self.flange.height_mm} reaches the top ({self.height_mm} mm)"
             )
+        if self.flange and self.shape.kind != "block":
+            raise ValueError(
+                f"a flange belongs to a block, not to shape.kind: {self.shape.kind}; use flange: null"
+            )
+        names = [layer.name for layer in self.layers]
+        if self.shape.kind == "surfaces" and list(self.shape.files) != names:
+            raise ValueError(
+                f"shape.files names {list(self.shape.files)}, the layers are {names}; name one surface for each, in order"
+            )
         return self
 
     @property
@@ -59,8 +102,101 @@ class Sensor(Section):
         return sum(layer.thickness_mm for layer in self.layers)
 
 
-class Indenter(Section):
-    """The rigid body that presses."""
+class IndenterPart(Section):
+    """One rigid shape: a ball about its middle, a cylinder or box on its lower face, or the inside of a closed surface."""
 
-    kind: Literal["sphere"] = Field("sphere", description="shape")
-    radius_mm: Positive = Field(5.0, description="radius of the ball [mm]")
+    kind: Literal["sphere", "cylinder", "box", "mesh"] = Field("sphere", description="shape")
+    radius_mm: Positive = Field(5.0, description="radius of a ball or cylinder [mm]")
+    length_mm: Positive = Field(10.0, description="length of a cylinder [mm]")
+    size_mm: list[Positive] = Field(
+        [6.0, 6.0, 10.0], min_length=3, max_length=3, description="sizes of a box along x, y, z [mm]"
+    )
+    edge_radius_mm: Positive = Field(
+        0.5, description="rounding of the edges of a cylinder, box or mesh; faces stay where they are [mm]"
+    )
+    file: Path | None = Field(
+        None, description="closed surface of a mesh: STL, PLY or OBJ; its origin is over the position"
+    )
+    mm_per_unit: Positive = Field(1.0, description="length of the file's unit [mm]")
+    orientation_deg: list[float] = Field(
+        [0.0, 0.0, 0.0],
+        min_length=3,
+        max_length=3,
+        description="turns about the sensor's x, then y, then z axis, about the shape's origin [deg]",
+    )
+    offset_mm: list[float] = Field(
+        [0.0, 0.0, 0.0],
+        min_length=3,
+        max_length=3,
+        description="x, y from the position, and height of the lowest point over that of the lowest part [mm]",
+    )
+
+    @model_validator(mode="after")
+    def _sizes(self):
+        belongs = SHAPE_KEYS.get(self.kind, {"parts"})
+        others = set().union(*SHAPE_KEYS.values()) - belongs
+        foreign = sorted(key for key in others if getattr(self, key) != type(self).model_fields[key].default)
+        if foreign:
+            raise ValueError(f"{foreign} do not belong to kind: {self.kind}, which has {sorted(belongs)}")
+        if (self.kind == "mesh") != (self.file is not None):
+            raise ValueError("kind: mesh needs `file`, the STL, PLY or OBJ of a closed surface")
+        least = {"cylinder": min(self.radius_mm, self.length_mm / 2), "box": min(self.size_mm) / 2}.get(
+            self.kind
+        )
+        if least is not None and self.edge_radius_mm > least:
+            raise ValueError(
+                f"edge_radius_mm {self.edge_radius_mm} is more than half of the {self.kind}'s least size ({least} mm); "
+                "make it smaller"
+            )
+        return self
+
+    @property
+    def words(self) -> str:
+        """The shape in words, for tables and figures."""
+        edges = f", edges rounded by {self.edge_radius_mm:g} mm"
+        text = {
+            "sphere": f"ball of radius {self.radius_mm:g} mm",
+            "cylinder": f"cylinder of radius {self.radius_mm:g} mm{edges}",
+            "box": f"box of {' x '.join(f'{size:g}' for size in self.size_mm)} mm{edges}",
+            "mesh": f"surface {self.file.name if self.file else ''}{edges}",
+        }.get(self.kind, "")
+        turned = f", turned by {self.orientation_deg} deg" if any(self.orientation_deg) else ""
+        return text + (turned if self.kind != "sphere" else "")
+
+
+SHAPE_KEYS = {
+    "sphere": {"radius_mm"},
+    "cylinder": {"radius_mm", "length_mm", "edge_radius_mm"},
+    "box": {"size_mm", "edge_radius_mm"},
+    "mesh": {"file", "mm_per_unit", "edge_radius_mm"},
+}
+
+
+class Indenter(IndenterPart):
+    """The rigid body that presses: one shape, or several that move together."""
+
+    kind: Literal["sphere", "cylinder", "box", "mesh", "several"] = Field("sphere", description="shape")
+    parts: list[IndenterPart] = Field([], description="the shapes of kind: several")
+
+    @model_validator(mode="after")
+    def _parts(self):
+        if (self.kind == "several") != bool(self.parts):
+            raise ValueError("kind: several and `parts`, a list of shapes, belong together")
+        if self.kind != "several" and any(self.offset_mm):
+            raise ValueError(
+                f"offset_mm {self.offset_mm} is for one of several parts; move the plan's positions instead"
+            )
+        return self
+
+    @property
+    def shapes(self) -> list[IndenterPart]:
+        return self.parts or [self]
+
+    @property
+    def words(self) -> str:
+        return "; ".join(part.words for part in self.parts) or super().words
+
+    @property
+    def is_upright_and_round(self) -> bool:
+        """Whether it looks the same from all sides, as reused mirrored cells need."""
+        return self.kind == "sphere" or (self.kind == "cylinder" and not any(self.orientation_deg[:2]))

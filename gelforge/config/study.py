@@ -47,16 +47,49 @@ class Study(Section):
                 raise ValueError(
                     f"layer {layer.name}: material {layer.material!r} is not among {sorted(self.materials)}"
                 )
+        self._shape_consistent()
         if self.plan.depths_mm and self.plan.depths_mm[-1] >= 0.6 * self.sensor.height_mm:
             raise ValueError(
                 f"depth {self.plan.depths_mm[-1]} mm is beyond 0.6 of the soft height {self.sensor.height_mm} mm;"
                 " press less deep"
             )
-        if self.plan.depths_mm and self.plan.depths_mm[-1] > self.indenter.radius_mm:
+        if self.mechanics.contact_normals == "initial" and self.indenter.kind != "sphere":
             raise ValueError(
-                f"depth {self.plan.depths_mm[-1]} mm exceeds the ball's radius {self.indenter.radius_mm} mm"
+                f"contact_normals: initial is for a sphere, not for kind: {self.indenter.kind}; use current"
+            )
+        if self.plan.symmetry == "d4" and not self.indenter.is_upright_and_round:
+            raise ValueError(
+                f"plan.symmetry: d4 needs a ball or an upright cylinder, found {self.indenter.words}; use symmetry: none"
+            )
+        self.mechanics.effects.check(self.sensor)
+        if self.plan.symmetry == "d4" and not self.mechanics.effects.has_symmetry_of_square:
+            raise ValueError(
+                "plan.symmetry: d4 does not hold for mechanics.effects that have a place, a direction or an order; "
+                "use symmetry: none"
             )
         return self
+
+    def _shape_consistent(self) -> None:
+        kind, elements = self.sensor.shape.kind, self.mechanics.mesh.elements
+        if kind != "block" and elements == "hexahedra":
+            raise ValueError(
+                f"mechanics.mesh.elements: hexahedra mesh blocks only, found shape.kind: {kind}; use auto"
+            )
+        if self.sensor.flange and elements == "tetrahedra":
+            raise ValueError("a flange is meshed by hexahedra only; use mechanics.mesh.elements: auto")
+        if kind == "surfaces" and self.plan.symmetry == "d4":
+            raise ValueError(
+                "plan.symmetry: d4 is not known to hold for shape.kind: surfaces; use symmetry: none"
+            )
+        if self.virtual_lab and (kind != "block" or elements == "tetrahedra"):
+            raise ValueError("the virtual lab draws particles in hexahedra of a block; leave virtual_lab out")
+        if self.plan.approach == "normal" and self.mechanics.contact_normals == "initial":
+            raise ValueError("contact_normals: initial is for a vertical approach; use current")
+
+    @property
+    def tetrahedra(self) -> bool:
+        """Whether the sensor is meshed by tetrahedra."""
+        return self.sensor.shape.kind != "block" or self.mechanics.mesh.elements == "tetrahedra"
 
     @property
     def data_folder(self) -> Path:

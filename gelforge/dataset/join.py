@@ -15,7 +15,7 @@ from gelforge.dataset.schema import DatasetError
 from gelforge.dataset.shard import writing_shard
 from gelforge.dataset.splits import split_cells
 from gelforge.files import digest, file_sha256
-from gelforge.indentation.cell_file import Cell, read_cell
+from gelforge.indentation.cell_file import ERROR_BARS, Cell, read_cell
 from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell, plan_cells
 
 FEATURE_FORMAT = "gelforge-features-1"
@@ -97,7 +97,7 @@ def join_shard(
 # -------------------------------------------------------------------------------------------------- cells
 def _checked_cell(path: str | Path, planned: PlannedCell, bins: int, expected: str | None) -> Cell:
     """Return a cell's label arrays after checking that they belong to the plan and to the present settings."""
-    cell = read_cell(path, ["depth_mm", "total_force_N", "bin_force_N"])
+    cell = read_cell(path, ["depth_mm", "total_force_N", "bin_force_N"], ERROR_BARS)
     found = cell.attributes
     if found["cell"] != planned.name:
         raise DatasetError(
@@ -152,11 +152,21 @@ def _cell_attributes(path: str | Path, cell: Cell, planned: PlannedCell, split: 
     }
 
 
+def _sigma(cell: Cell, quantity: str) -> np.ndarray:
+    """Return the standard deviation of a cell's "bin" or "total" forces, NaN for a cell without error bars."""
+    parts = [cell.arrays.get(f"{quantity}_sigma_{part}_N") for part in ("mesh", "material")]
+    if parts[0] is None:
+        return np.full_like(cell.arrays[f"{quantity}_force_N"], np.nan)
+    return np.hypot(*parts)
+
+
 def _label_rows(planned: PlannedCell, cell: Cell, split: str) -> dict[str, np.ndarray]:
     count = len(planned.depths_mm)
     return {
         "force_distribution_N": cell.arrays["bin_force_N"],
+        "force_sigma_N": _sigma(cell, "bin"),
         "total_force_fem_N": cell.arrays["total_force_N"],
+        "total_force_fem_sigma_N": _sigma(cell, "total"),
         "position_mm": np.tile([planned.x_mm, planned.y_mm], (count, 1)),
         "depth_mm": np.array(planned.depths_mm),
         "cell": np.full(count, planned.name, object),
@@ -302,7 +312,9 @@ def _press_rows(file, path, session, press, rows: PressRows, planned, cell, spli
     return {
         "feature": feature,
         "force_distribution_N": np.where(touched[:, None, None], cell.arrays["bin_force_N"][step], 0.0),
+        "force_sigma_N": np.where(touched[:, None, None], _sigma(cell, "bin")[step], 0.0),
         "total_force_fem_N": np.where(touched[:, None], cell.arrays["total_force_N"][step], 0.0),
+        "total_force_fem_sigma_N": np.where(touched[:, None], _sigma(cell, "total")[step], 0.0),
         "total_force_ft_N": _rows_of(file["force_N"], rows.row),
         "position_mm": np.tile([planned.x_mm, planned.y_mm], (count, 1)),
         "depth_mm": touched * planned.depths_mm[step],

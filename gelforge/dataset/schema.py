@@ -42,8 +42,18 @@ COLUMNS = {
         "label: force on the sensor per bin of the undeformed surface, k = nx iy + ix",
         False,
     ),
+    "force_sigma_N": Column(
+        ("B", "3"),
+        "f4",
+        "N",
+        "standard deviation of force_distribution_N: discretisation and law; NaN where cells have no error bars",
+        False,
+    ),
     "total_force_fem_N": Column(
         ("3",), "f8", "N", "total force on the sensor of the finite-element model", False
+    ),
+    "total_force_fem_sigma_N": Column(
+        ("3",), "f8", "N", "standard deviation of total_force_fem_N, as force_sigma_N", False
     ),
     "total_force_ft_N": Column(
         ("3",), "f8", "N", "measured force on the sensor, sensor frame, zero subtracted", True

@@ -6,17 +6,26 @@ import numpy as np
 import scipy.sparse as sp
 
 from gelforge.config import Sensor
-from gelforge.mechanics.meshes import HexMesh
+from gelforge.mechanics.elements import TRIANGLE6_PARTS
+from gelforge.mechanics.meshes import Mesh
 
+PARTS = 24  # of a triangle's side: a node's share of a bin is then known to 1e-2 where the bin's edge cuts its faces
 ZERO_N = 1e-9  # smaller forces are stored as exact zeros: the sparse RMSE counts entries that are not zero
 
 
-def surface_shares(mesh: HexMesh, sensor: Sensor) -> sp.csr_matrix:
+def bin_shares(mesh: Mesh, sensor: Sensor, rule: str) -> sp.csr_matrix:
+    """Return the share (B, S) of each surface node's force that each bin gets, by the rule mechanics.binning."""
+    return surface_shares(mesh, sensor) if rule == "shape_function" else node_shares(mesh, sensor)
+
+
+def surface_shares(mesh: Mesh, sensor: Sensor) -> sp.csr_matrix:
     """Return the share (B, S) of each surface node's shape function that lies in each bin, k = nx iy + ix.
 
     The integral of the shape function over the bin divided by its whole integral on the top surface; the columns of nodes
     of the top sum to 1, those of nodes on the sides are empty.
     """
+    if mesh.surface.faces.shape[1] == 6:
+        return _triangle_shares(mesh, sensor)
     faces, surface, bins = mesh.surface.faces, mesh.surface, sensor.bins
     low, high = mesh.X[faces[:, 0], :2], mesh.X[faces[:, 2], :2]
     share = [
@@ -42,6 +51,58 @@ def surface_shares(mesh: HexMesh, sensor: Sensor) -> sp.csr_matrix:
     return _normalised(shares[:, surface.nodes])
 
 
+def _triangle_shares(mesh: Mesh, sensor: Sensor) -> sp.csr_matrix:
+    """Return surface_shares of six-node triangles by quadrature: PARTS^2 equal parts of each, binned by their x and y.
+
+    The integral of a corner's shape function over a flat face is zero, so that what little force a corner carries acts at
+    no place of its own: it is shared as by the linear function of the corner.
+    """
+    bins, width = sensor.bins, np.array([sensor.width_x_mm, sensor.width_y_mm])
+    faces = mesh.surface.faces
+    L = _midpoints(PARTS)  # (parts, 3) area coordinates
+    a, b = np.array([[0, 1], [1, 2], [2, 0]]).T
+    middle = 4 * L[:, a] * L[:, b]
+    position = np.concatenate([L * (2 * L - 1), middle], axis=1)  # the curved face's own shape functions
+    place = np.einsum("pk,fki->fpi", position, mesh.X[faces, :2])
+    index = np.clip((place / width * [bins.nx, bins.ny]).astype(int), 0, [bins.nx - 1, bins.ny - 1])
+    value = face_areas(mesh)[:, None, None] * np.concatenate([L, middle], axis=1)  # (F, parts, 6)
+    rows = np.broadcast_to((bins.nx * index[..., 1] + index[..., 0])[..., None], value.shape)
+    columns = np.broadcast_to(faces[:, None, :], value.shape)
+    shares = sp.csr_matrix(
+        (value.ravel(), (rows.ravel(), columns.ravel())), shape=(bins.nx * bins.ny, len(mesh.X))
+    )
+    return _normalised(shares[:, mesh.surface.nodes])
+
+
+def face_areas(mesh: Mesh) -> np.ndarray:
+    """Return the areas (F,) [mm^2] of the top surface's six-node faces, each as four flat triangles."""
+    corner = mesh.X[mesh.surface.faces[:, TRIANGLE6_PARTS]]  # (F, 4, 3, 3)
+    normal = np.cross(corner[:, :, 1] - corner[:, :, 0], corner[:, :, 2] - corner[:, :, 0])
+    return np.linalg.norm(normal, axis=-1).sum(axis=1) / 2
+
+
+def node_areas(mesh: Mesh) -> np.ndarray:
+    """Return the area (S,) [mm^2] over which each surface node's force acts: the integral of its shape function.
+
+    At a corner of six-node triangles it is zero, at the middle of an edge a third of the two faces.
+    """
+    surface = mesh.surface
+    if surface.faces.shape[1] == 4:
+        return surface.area
+    area = np.zeros(len(mesh.X))
+    np.add.at(area, surface.faces[:, 3:], face_areas(mesh)[:, None] / 3)
+    return area[surface.nodes]
+
+
+def _midpoints(n: int) -> np.ndarray:
+    """Return the middles (n^2, 3), in volume coordinates, of the n^2 equal triangles that a triangle divides into."""
+    i, j = (w.ravel() for w in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
+    upright, turned = i + j < n, i + j < n - 1
+    a = np.concatenate([i[upright] + 1 / 3, i[turned] + 2 / 3]) / n
+    b = np.concatenate([j[upright] + 1 / 3, j[turned] + 2 / 3]) / n
+    return np.stack([1 - a - b, a, b], axis=-1)
+
+
 def _hat_integrals(low: np.ndarray, high: np.ndarray, width: float, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the first bin (Q,) of each interval and the integrals (2, Q, m) [mm] of its falling and rising hat per bin.
 
@@ -61,7 +122,7 @@ def _hat_integrals(low: np.ndarray, high: np.ndarray, width: float, n: int) -> t
     return first, np.moveaxis(np.array(parts), 0, -1)
 
 
-def node_shares(mesh: HexMesh, sensor: Sensor) -> sp.csr_matrix:
+def node_shares(mesh: Mesh, sensor: Sensor) -> sp.csr_matrix:
     """Return shares (B, S) of the paper's rule: all to the node's bin, a node on an edge to both sides equally."""
     surface, bins = mesh.surface, sensor.bins
     rows, columns, values = [], [], []

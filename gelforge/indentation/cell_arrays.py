@@ -6,8 +6,9 @@ import numpy as np
 
 from gelforge.config import Bins, Mechanics, Sensor
 from gelforge.indentation import binning
+from gelforge.indentation.cut import plane_cut
 from gelforge.mechanics.equilibrium import State
-from gelforge.mechanics.meshes import HexMesh
+from gelforge.mechanics.meshes import Mesh
 
 
 def _stack(states: list[State], name: str, shape: tuple[int, ...]) -> np.ndarray:
@@ -15,13 +16,12 @@ def _stack(states: list[State], name: str, shape: tuple[int, ...]) -> np.ndarray
 
 
 def force_arrays(
-    mesh: HexMesh, states: list[State], sensor: Sensor, mechanics: Mechanics
+    mesh: Mesh, states: list[State], sensor: Sensor, mechanics: Mechanics
 ) -> dict[str, np.ndarray]:
     surface = mesh.surface
     top, S = surface.nodes[surface.top], len(surface.nodes)
     normal, shear = _stack(states, "normal_force", (S, 3)), _stack(states, "friction_force", (S, 3))
-    share = binning.surface_shares if mechanics.binning == "shape_function" else binning.node_shares
-    shares = share(mesh, sensor)
+    shares = binning.bin_shares(mesh, sensor, mechanics.binning)
     bin_normal, bin_shear = (binning.bin_forces(force, shares) for force in (normal, shear))
     return {
         "total_force_N": (normal + shear).sum(axis=1),
@@ -31,7 +31,7 @@ def force_arrays(
         "bin_shear_N": binning.without_dust(bin_shear),
         "side_force_N": (normal + shear)[:, ~surface.top].sum(axis=1),
         "node_xy_mm": mesh.X[top, :2],
-        "node_area_mm2": surface.area[surface.top],
+        "node_area_mm2": binning.node_areas(mesh)[surface.top],
         "node_normal_N": normal[:, surface.top],
         "node_shear_N": shear[:, surface.top],
         "node_state": _stack(states, "contact_state", (S,)).astype(np.int8)[:, surface.top],
@@ -46,12 +46,21 @@ def _displacement(states: list[State], nodes: np.ndarray) -> np.ndarray:
     )
 
 
-def section_arrays(mesh: HexMesh, states: list[State], y_mm: float) -> dict[str, np.ndarray]:
-    """Return the mesh plane y = const nearest the cell, for drawing."""
-    face = mesh.hexahedra[:, [0, 1, 5, 4]]
+def section_arrays(mesh: Mesh, states: list[State], y_mm: float) -> dict[str, np.ndarray]:
+    """Return the mesh plane y = const nearest the cell, for drawing; a cut through the cell itself otherwise."""
+    if mesh.elements.shape[1] == 10:
+        polygons, element, values = plane_cut(mesh.X, mesh.elements, y_mm)
+        displacement = [values @ state.u for state in states]
+        return {
+            "section_node_mm": values @ mesh.X,
+            "section_quad": polygons.astype(np.int32),
+            "section_region": mesh.region[element],
+            "section_displacement_mm": np.array(displacement, np.float32).reshape(len(states), -1, 3),
+        }
+    face = mesh.elements[:, [0, 1, 5, 4]]
     side = mesh.X[face, 1].mean(axis=1)
     # Lines of the base grid run through the whole mesh; the largest cells lie on them alone.
-    size = mesh.X[mesh.hexahedra[:, 3], 1] - mesh.X[mesh.hexahedra[:, 0], 1]
+    size = mesh.X[mesh.elements[:, 3], 1] - mesh.X[mesh.elements[:, 0], 1]
     lines = np.unique(np.round(side[size > 0.6 * size.max()], 9))
     on_plane = np.isclose(side, lines[np.argmin(np.abs(lines - y_mm))], atol=1e-8)
     nodes, quads = np.unique(face[on_plane], return_inverse=True)
@@ -63,13 +72,14 @@ def section_arrays(mesh: HexMesh, states: list[State], y_mm: float) -> dict[str,
     }
 
 
-def gel_arrays(mesh: HexMesh, states: list[State], layers: list[str]) -> dict[str, np.ndarray]:
+def gel_arrays(mesh: Mesh, states: list[State], layers: list[str]) -> dict[str, np.ndarray]:
     """Return mesh and displacement of the layers that carry particles."""
     chosen = np.isin(mesh.region, [mesh.regions.index(name) for name in layers])
-    nodes, hexahedra = np.unique(mesh.hexahedra[chosen], return_inverse=True)
+    nodes, elements = np.unique(mesh.elements[chosen], return_inverse=True)
+    corners = mesh.elements.shape[1]
     return {
         "gel_node_mm": mesh.X[nodes],
-        "gel_hex": hexahedra.reshape(-1, 8).astype(np.int32),
+        {8: "gel_hex", 10: "gel_tet"}[corners]: elements.reshape(-1, corners).astype(np.int32),
         "gel_displacement_mm": _displacement(states, nodes),
     }
 

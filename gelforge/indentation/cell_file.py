@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,6 +16,9 @@ FORMAT = "gelforge-cell-1"
 # name: (unit, description); D depths, B bins, S surface nodes, G gel nodes, E gel elements
 DATASETS = {
     "depth_mm": ("mm", "commanded depths (D)"),
+    "shear_mm": ("mm", "displacement of the indenter along x and y from the cell's position (D, 2)"),
+    "tilt_deg": ("deg", "turns of the indenter about the sensor's x and y axes since the first touch (D, 2)"),
+    "indenter_mm": ("mm", "the indenter's centre (D, 3)"),
     "total_force_N": ("N", "contact force on the sensor (D, 3)"),
     "reaction_N": (
         "N",
@@ -23,9 +27,21 @@ DATASETS = {
     "bin_force_N": ("N", "force on the sensor per surface bin, k = nx iy + ix, undeformed surface (D, B, 3)"),
     "bin_normal_N": ("N", "part of bin_force_N along the contact normal (D, B, 3)"),
     "bin_shear_N": ("N", "part of bin_force_N due to friction (D, B, 3)"),
+    "bin_sigma_mesh_N": ("N", "standard deviation of bin_force_N from discretisation (D, B, 3)"),
+    "bin_sigma_material_N": (
+        "N",
+        "standard deviation of bin_force_N from the covariance of the laws' parameters (D, B, 3)",
+    ),
+    "total_sigma_mesh_N": ("N", "standard deviation of total_force_N from discretisation (D, 3)"),
+    "total_sigma_material_N": ("N", "standard deviation of total_force_N from the laws (D, 3)"),
+    "sensitivity_total": ("N/unit", "d total_force_N / d amount of each of sensitivity_names (P, D, 3)"),
+    "sensitivity_bin": ("N/unit", "d bin_force_N / d amount of each of sensitivity_names (P, D, B, 3)"),
     "side_force_N": ("N", "contact force on the side faces, part of the total but of no bin (D, 3)"),
     "node_xy_mm": ("mm", "undeformed positions of the nodes of the top surface (S, 2)"),
-    "node_area_mm2": ("mm2", "undeformed area that each surface node stands for (S)"),
+    "node_area_mm2": (
+        "mm2",
+        "undeformed area over which each surface node's force acts, 0 at corners of tetrahedra (S)",
+    ),
     "node_normal_N": ("N", "normal contact force on each surface node (D, S, 3)"),
     "node_shear_N": ("N", "friction force on each surface node (D, S, 3)"),
     "node_state": ("1", "0 open, 1 stick, 2 slip (D, S)"),
@@ -42,9 +58,16 @@ DATASETS = {
         "undeformed nodes of the particle-carrying layers, z = 0 at the top surface (G, 3)",
     ),
     "gel_hex": ("1", "8 corners of each element as rows of gel_node_mm (E, 8)"),
+    "gel_tet": (
+        "1",
+        "10 nodes of each quadratic tetrahedron as rows of gel_node_mm, instead of gel_hex (E, 10)",
+    ),
     "gel_displacement_mm": ("mm", "displacement of gel_node_mm (D, G, 3)"),
 }
-OPTIONAL = {"gel_node_mm", "gel_hex", "gel_displacement_mm"}  # kept only with mechanics.store_displacement
+ERROR_BARS = {name for name in DATASETS if "_sigma_" in name}
+# kept only with mechanics.store_displacement, error_bars, sensitivities
+SENSITIVITIES = {"sensitivity_total", "sensitivity_bin"}
+OPTIONAL = {"gel_node_mm", "gel_hex", "gel_tet", "gel_displacement_mm"} | ERROR_BARS | SENSITIVITIES
 SECTION = {
     name for name in DATASETS if name.startswith("section_")
 }  # a mirrored cell's is that of its source
@@ -85,8 +108,8 @@ def write_cell(path: str | Path, cell: Cell) -> None:
             data.attrs["units"], data.attrs["description"] = unit, description
 
 
-def read_cell(path: str | Path, arrays: list[str] | None = None) -> Cell:
-    """Return a cell: the named arrays, or without names all that a cell holds.
+def read_cell(path: str | Path, arrays: list[str] | None = None, if_held: Collection[str] = ()) -> Cell:
+    """Return a cell: the named arrays and those of if_held that it holds, or without names all that a cell holds.
 
     Raises CellError naming the file for a file that is missing, truncated, of another format or incomplete.
     """
@@ -97,6 +120,7 @@ def read_cell(path: str | Path, arrays: list[str] | None = None) -> Cell:
         with h5py.File(path, "r") as file:
             attributes = dict(file.attrs)
             wanted = _held(attributes, file) if arrays is None else arrays
+            wanted = [*wanted, *sorted(name for name in if_held if name in file and name not in wanted)]
             missing = [name for name in wanted if name not in file]
             content = {name: file[name][()] for name in wanted if name in file}
     except OSError as error:

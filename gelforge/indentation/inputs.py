@@ -4,20 +4,26 @@ from __future__ import annotations
 
 from gelforge.config import Study
 from gelforge.files import digest, source_digest
+from gelforge.indentation.indenter_shapes import file_digests
 from gelforge.indentation.plan import PlannedCell
-from gelforge.mechanics.laws import Ogden
+from gelforge.indentation.sensor_mesh import surface_digests
+from gelforge.mechanics.laws import PrincipalLaw
 
 
-def inputs_digest(study: Study, laws: dict[str, Ogden], planned: PlannedCell) -> str:
+def inputs_digest(study: Study, laws: dict[str, PrincipalLaw], planned: PlannedCell) -> str:
     """Return the digest of everything that decides a cell's numbers: settings, laws, position, depths, sources."""
     materials = {layer.material for layer in study.sensor.layers}
     return digest(
         {
             "sensor": study.sensor.model_dump(mode="json"),
+            "sensor_files": surface_digests(study.sensor),
+            "approach": study.plan.approach,
             "indenter": study.indenter.model_dump(mode="json"),
+            "indenter_files": file_digests(study.indenter),
             "mechanics": study.mechanics.model_dump(mode="json"),
-            "laws": {name: [laws[name].mu, laws[name].alpha] for name in materials},
+            "laws": {name: laws[name].description() for name in materials},
             "cell": [planned.x_mm, planned.y_mm, planned.depths_mm, planned.source, planned.symmetry],
-            "sources": source_digest("mechanics", "indentation"),
+            "path": [planned.phases, planned.shears_mm, planned.tilts_deg],
+            "sources": source_digest("mechanics", "meshing", "indentation"),
         }
     )

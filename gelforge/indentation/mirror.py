@@ -4,27 +4,41 @@ from __future__ import annotations
 
 import time
 
+import numpy as np
+
 from gelforge.config import Study
-from gelforge.indentation.cell_file import Cell
+from gelforge.indentation.cell_file import ERROR_BARS, Cell
 from gelforge.indentation.inputs import inputs_digest
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.symmetry import transform_bins, transform_points, transform_vectors
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.laws import PrincipalLaw
 
 
-def mirror_cell(source: Cell, study: Study, laws: dict[str, Ogden], planned: PlannedCell) -> Cell:
-    """Return the cell that the symmetry of the plan makes of its source, without section and gel displacement.
+def mirror_cell(source: Cell, study: Study, laws: dict[str, PrincipalLaw], planned: PlannedCell) -> Cell:
+    """Return the cell that the symmetry of the plan makes of its source, without section, gel displacement and derivatives.
 
     Its seconds are those of the mirroring; the iterations and balances are its source's.
     """
     wall_clock, cpu_clock = time.perf_counter(), time.process_time()
     name, width, n = planned.symmetry, study.sensor.width_x_mm, study.sensor.bins.nx
-    arrays = {"depth_mm": source.arrays["depth_mm"]}
-    for key in ("total_force_N", "reaction_N", "node_normal_N", "node_shear_N", "node_displacement_mm"):
+    arrays = {"depth_mm": source.arrays["depth_mm"], "shear_mm": source.arrays["shear_mm"]}
+    arrays["tilt_deg"] = source.arrays["tilt_deg"]  # both zero: a cell that shears or tilts is solved itself
+    for key in (
+        "total_force_N",
+        "reaction_N",
+        "side_force_N",
+        "node_normal_N",
+        "node_shear_N",
+        "node_displacement_mm",
+    ):
         arrays[key] = transform_vectors(name, source.arrays[key])
     for key in ("bin_force_N", "bin_normal_N", "bin_shear_N"):
         arrays[key] = transform_bins(name, source.arrays[key], n)
-    arrays["node_xy_mm"] = transform_points(name, source.arrays["node_xy_mm"], width)
+    for key in ERROR_BARS & set(source.arrays):
+        moved = transform_bins(name, source.arrays[key], n) if key.startswith("bin") else None
+        arrays[key] = np.abs(transform_vectors(name, source.arrays[key]) if moved is None else moved)
+    for key in ("node_xy_mm", "indenter_mm"):
+        arrays[key] = transform_points(name, source.arrays[key], width)
     arrays["node_area_mm2"], arrays["node_state"] = (
         source.arrays["node_area_mm2"],
         source.arrays["node_state"],
@@ -40,4 +54,6 @@ def mirror_cell(source: Cell, study: Study, laws: dict[str, Ogden], planned: Pla
         "seconds": time.perf_counter() - wall_clock,
         "cpu_seconds": time.process_time() - cpu_clock,
     }
-    return Cell(arrays, source.attributes | identity)
+    # Effects have places and directions: their derivatives are not mirrored.
+    kept = {key: value for key, value in source.attributes.items() if not key.startswith("sensitivity_")}
+    return Cell(arrays, kept | identity)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,17 +10,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gelforge.config import NAME, ConfigError, Study
+from gelforge.indentation.indenter_shapes import check_press, shape_of
 from gelforge.indentation.symmetry import D4, transform_points
 
 if TYPE_CHECKING:  # pandas takes 0.3 s to import: only those who make or read tables pay for it
     import pandas as pd
 
+PHASES = ("load", "shear", "tilt", "dwell", "unload")
+SHEAR_STEP_MM = 0.1  # of a press by hand: friction is followed step by step
+PATH_NUMBERS = ("shear_x_mm", "shear_y_mm", "tilt_x_deg", "tilt_y_deg")
 POSITION_MATCH_MM = 0.01  # recorded presses join the plan within this distance
 
 
 @dataclass(frozen=True)
 class PlannedCell:
-    """One position [mm] in the sensor's frame with its increasing depths [mm]."""
+    """One position [mm] in the sensor's frame with its depths [mm]: increasing, or a path of several phases.
+
+    A path may also shear and tilt the indenter: then every depth has its displacement along x and y from the position
+    and its turns about the sensor's x and y axes.
+    """
 
     name: str
     x_mm: float
@@ -27,6 +36,17 @@ class PlannedCell:
     depths_mm: tuple[float, ...]
     source: str | None = None  # the cell that this one mirrors
     symmetry: str | None = None  # the element of D4 that carries the source here
+    phases: tuple[str, ...] = ()  # one of PHASES per depth; none: all "load"
+    shears_mm: tuple[tuple[float, float], ...] = ()
+    tilts_deg: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def deepest_mm(self) -> float:
+        return max(self.depths_mm)
+
+    @property
+    def follows_a_path(self) -> bool:
+        return bool(self.phases)
 
 
 def plan_cells(study: Study) -> dict[str, PlannedCell]:
@@ -78,7 +98,21 @@ def plan_table(cells: dict[str, PlannedCell]) -> pd.DataFrame:
         for c in cells.values()
         for depth in c.depths_mm
     ]
-    return pd.DataFrame(rows, columns=["cell", "x_mm", "y_mm", "depth_mm", "source", "symmetry"])
+    table = pd.DataFrame(rows, columns=["cell", "x_mm", "y_mm", "depth_mm", "source", "symmetry"])
+    if any(c.follows_a_path for c in cells.values()):
+        path = [step for c in cells.values() for step in _steps(c)]
+        table = table.join(pd.DataFrame(path, columns=["phase", *PATH_NUMBERS]))
+    return table
+
+
+def _steps(cell: PlannedCell) -> list[tuple]:
+    """Return phase, shears and tilts of each depth of a cell."""
+    count = len(cell.depths_mm)
+    phases, none = cell.phases or ("load",) * count, ((0.0, 0.0),) * count
+    return [
+        (phase, *shear, *tilt)
+        for phase, shear, tilt in zip(phases, cell.shears_mm or none, cell.tilts_deg or none)
+    ]
 
 
 def _axis(width: float, spacing: float, margin: float) -> np.ndarray:
@@ -108,7 +142,13 @@ def _from_grid(study: Study) -> dict[str, PlannedCell]:
 def _from_file(path: Path) -> dict[str, PlannedCell]:
     from gelforge.csv_table import read_csv  # loads pandas, which a mirrored cell's job does without
 
-    table = read_csv(path, numbers=("x_mm", "y_mm", "depth_mm"), texts=("cell",))
+    table = read_csv(
+        path,
+        numbers=("x_mm", "y_mm", "depth_mm"),
+        optional_numbers=PATH_NUMBERS,
+        texts=("cell",),
+        optional_texts=("phase",),
+    )
     cells = {}
     for name, rows in table.groupby("cell", sort=False):
         if not NAME.fullmatch(str(name)):
@@ -120,27 +160,85 @@ def _from_file(path: Path) -> dict[str, PlannedCell]:
             )
         if np.ptp(numbers[:, :2], axis=0).max() > 1e-9:
             raise ConfigError(f"{path}: cell {name} has several positions; give each position its own cell")
+        place = (str(name), float(numbers[0, 0]), float(numbers[0, 1]))
+        turns = rows[list(PATH_NUMBERS)].fillna(0.0).to_numpy(float)
+        if turns.any() or (rows["phase"] != "").any():
+            cells[str(name)] = _path(path, place, numbers[:, 2], turns, list(rows["phase"]))
+            continue
         depths = tuple(sorted(numbers[:, 2]))
         if depths[0] <= 0 or len(set(depths)) < len(depths):
-            raise ConfigError(f"{path}: cell {name} has depths {depths}; they must be positive and differ")
-        cells[str(name)] = PlannedCell(str(name), float(numbers[0, 0]), float(numbers[0, 1]), depths)
+            raise ConfigError(
+                f"{path}: cell {name} has depths {depths}; they must be positive and differ, unless phase or shear_x_mm, "
+                "shear_y_mm make its rows a path"
+            )
+        cells[str(name)] = PlannedCell(*place, depths)
     return cells
 
 
+def _path(file: Path, place: tuple, depths: np.ndarray, turns: np.ndarray, phases: list[str]) -> PlannedCell:
+    """Return a cell whose rows are followed in the order of the file; an empty phase is told from what moves."""
+    if depths[0] <= 0:
+        raise ConfigError(
+            f"{file}: cell {place[0]}: its path begins at depth {depths[0]:g} mm; begin with a positive depth"
+        )
+    before = np.vstack([np.zeros(5), np.column_stack([depths, turns])[:-1]])
+    moves = np.column_stack([depths, turns]) - before
+    for row, move in enumerate(moves):
+        phases[row] = phases[row] or _phase(move)
+        if phases[row] not in PHASES:
+            raise ConfigError(
+                f"{file}: cell {place[0]}: phase {phases[row]!r} is not one of {', '.join(PHASES)}"
+            )
+    shears, tilts = ([tuple(map(float, pair)) for pair in turns[:, k : k + 2]] for k in (0, 2))
+    return PlannedCell(
+        *place,
+        tuple(map(float, depths)),
+        phases=tuple(phases),
+        shears_mm=tuple(shears) if turns[:, :2].any() else (),
+        tilts_deg=tuple(tilts) if turns[:, 2:].any() else (),
+    )
+
+
+def press_path(
+    name: str, x: float, y: float, depths: list[float], shear: list[float] | None, unload: bool
+) -> PlannedCell:
+    """Return a cell that is pressed by increasing depths, then moved by shear (2,) [mm] and unloaded, if asked."""
+    if shear is None and not unload:
+        return PlannedCell(name, x, y, tuple(depths))
+    move = (0.0, 0.0) if shear is None else (float(shear[0]), float(shear[1]))
+    steps = [("load", depth, (0.0, 0.0)) for depth in depths]
+    if shear is not None:
+        parts = max(1, math.ceil(math.hypot(*move) / SHEAR_STEP_MM - 1e-9))
+        steps += [
+            ("shear", depths[-1], (move[0] * k / parts, move[1] * k / parts)) for k in range(1, parts + 1)
+        ]
+    if unload:
+        steps += [("unload", depth, move) for depth in [*reversed(depths[:-1]), 0.0]]
+    phases, path, shears = zip(*steps)
+    return PlannedCell(name, x, y, path, phases=phases, shears_mm=shears if any(move) else ())
+
+
+def _phase(move: np.ndarray) -> str:
+    """Return what a step (depth, shear x, y, tilt x, y) is called."""
+    if move[0]:
+        return "load" if move[0] > 0 else "unload"
+    return "shear" if move[1:3].any() else "tilt" if move[3:].any() else "dwell"
+
+
 def check_inside(cells: dict[str, PlannedCell], study: Study) -> None:
-    sensor = study.sensor
+    sensor, shape = study.sensor, shape_of(study.indenter)
+    checked = set()
     for cell in cells.values():
-        if not (0 <= cell.x_mm <= sensor.width_x_mm and 0 <= cell.y_mm <= sensor.width_y_mm):
-            raise ConfigError(
-                f"cell {cell.name}: position ({cell.x_mm}, {cell.y_mm}) mm lies outside the sensor "
-                f"({sensor.width_x_mm} x {sensor.width_y_mm} mm); correct the plan"
-            )
-        deepest = cell.depths_mm[-1]
-        if deepest >= 0.6 * sensor.height_mm or deepest > study.indenter.radius_mm:
-            raise ConfigError(
-                f"cell {cell.name}: depth {deepest} mm is beyond 0.6 of the soft height {sensor.height_mm} mm "
-                f"or the ball's radius {study.indenter.radius_mm} mm; press less deep"
-            )
+        for shear in cell.shears_mm or ((0.0, 0.0),):
+            x, y = cell.x_mm + shear[0], cell.y_mm + shear[1]
+            if not (0 <= x <= sensor.width_x_mm and 0 <= y <= sensor.width_y_mm):
+                raise ConfigError(
+                    f"cell {cell.name}: position ({x:g}, {y:g}) mm lies outside the sensor "
+                    f"({sensor.width_x_mm} x {sensor.width_y_mm} mm); correct the plan"
+                )
+        if cell.deepest_mm not in checked:  # most cells of a plan press equally deep
+            check_press(study, shape, cell.deepest_mm, f"cell {cell.name}")
+            checked.add(cell.deepest_mm)
 
 
 def _with_sources(cells: dict[str, PlannedCell], study: Study) -> dict[str, PlannedCell]:
@@ -154,6 +252,9 @@ def _with_sources(cells: dict[str, PlannedCell], study: Study) -> dict[str, Plan
     solved: dict[tuple, str] = {}
     related = {}
     for cell in cells.values():
+        if cell.follows_a_path:  # solved itself: its moves have directions of their own
+            related[cell.name] = cell
+            continue
         position = np.array([cell.x_mm, cell.y_mm])
         images = [tuple(np.round(transform_points(s, position, width), 6)) for s in D4]
         source = next(
@@ -166,7 +267,7 @@ def _with_sources(cells: dict[str, PlannedCell], study: Study) -> dict[str, Plan
         origin = np.array([cells[source].x_mm, cells[source].y_mm])
         symmetry = next(s for s in D4 if np.abs(transform_points(s, origin, width) - position).max() < 1e-6)
         related[cell.name] = PlannedCell(cell.name, cell.x_mm, cell.y_mm, cell.depths_mm, source, symmetry)
-    if len(cells) > 1 and len(solved) == len(cells):
+    if len(cells) > 1 and all(cell.source is None for cell in related.values()):
         raise ConfigError(
             "plan.symmetry: d4, but no two positions of the plan are mirror images; use symmetry: none"
         )

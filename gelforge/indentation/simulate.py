@@ -4,41 +4,58 @@ from __future__ import annotations
 
 import json
 import time
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 import gelforge
-from gelforge.config import Indenter, Mechanics, Mesh, Sensor, Study
+from gelforge.config import ConfigError, Effects, Indenter, Mechanics, Sensor, Study
 from gelforge.indentation.cell_arrays import force_arrays, gel_arrays, moment_shift, section_arrays
 from gelforge.indentation.cell_file import Cell
+from gelforge.indentation.effects.fields import element_stiffness
+from gelforge.indentation.effects.geometry import moved_mesh, real_indenter, region_prestretch
+from gelforge.indentation.effects.history import (
+    TimedPath,
+    empty_grid,
+    in_time,
+    quadrature_points,
+    relaxation_of,
+    softening_of,
+)
+from gelforge.indentation.effects.kinematics import (
+    machine_frame,
+    plane_touch,
+    real_place,
+    touches_a_slope,
+    yielding,
+)
+from gelforge.indentation.effects.material import check_laws, region_bulk, region_laws
+from gelforge.indentation.indenter_shapes import file_digests, shape_of
 from gelforge.indentation.inputs import inputs_digest
 from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.sensor_mesh import sensor_mesh, surface_digests
 from gelforge.indentation.stretch_range import Outside, element_stretches, stretch_ranges
+from gelforge.indentation.touchdown import surface_point, touchdown
+from gelforge.indentation.trajectory import Trajectory
 from gelforge.mechanics.balances import force_balance, moment_balance
 from gelforge.mechanics.body import Body, SmallStrainBody
 from gelforge.mechanics.equilibrium import NotConverged, Press, Settings, State
-from gelforge.mechanics.indenters import Sphere
-from gelforge.mechanics.laws import Ogden
-from gelforge.mechanics.meshes import Block, HexMesh, Sizes, layered_block
-
-
-@dataclass(frozen=True)
-class Trajectory:
-    """The depths [mm] that one indenter visits in turn at one position, with their phases ("load" or "unload")."""
-
-    x_mm: float
-    y_mm: float
-    depths_mm: tuple[float, ...]
-    phases: tuple[str, ...]
-
-    @classmethod
-    def loading(cls, planned: PlannedCell) -> Trajectory:
-        return cls(planned.x_mm, planned.y_mm, planned.depths_mm, ("load",) * len(planned.depths_mm))
+from gelforge.mechanics.indenters import DOWN, Sphere, Turned
+from gelforge.mechanics.indenters import Indenter as Shape
+from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.mechanics.memory import RememberingBody
+from gelforge.mechanics.meshes import Mesh
+from gelforge.mechanics.peak_grid import PeakGrid
+from gelforge.mechanics.sparsity import Pattern
+from gelforge.mechanics.yielding import follow_yielding
 
 
 def simulate_cell(
-    study: Study, laws: dict[str, Ogden], planned: PlannedCell, outside: dict[str, Outside] | None = None
+    study: Study,
+    laws: dict[str, PrincipalLaw],
+    planned: PlannedCell,
+    outside: dict[str, Outside] | None = None,
 ) -> Cell:
     """Return the solved cell of a plan; laws are named by material. A cell that fails says so in its attributes.
 
@@ -47,37 +64,203 @@ def simulate_cell(
     layers = study.sensor.layers
     by_layer = {layer.name: laws[layer.material] for layer in layers}
     tested = {layer.name: (outside or {}).get(layer.material) for layer in layers}
-    trajectory = Trajectory.loading(planned)
+    trajectory = Trajectory.of(planned, study.plan.approach)
     cell = simulate_trajectory(study.sensor, study.indenter, study.mechanics, by_layer, trajectory, tested)
     identity = {"cell": planned.name, "inputs_digest": inputs_digest(study, laws, planned), "source": ""}
     return Cell(cell.arrays, cell.attributes | identity)
+
+
+AWAY_MM = 1.0  # the indenter's distance while a residual stretch finds its balance
+TOUCH_STEPS = 20
+
+
+@dataclass(frozen=True)
+class Model:
+    """The finite-element model of a trajectory, before anything is solved."""
+
+    mesh: Mesh
+    body: Body
+    shape: Shape
+    settings: Settings
+    start: np.ndarray  # (3,) the indenter's centre at the first touch [mm]
+    centres: (
+        np.ndarray
+    )  # (D, 3) or (D, 6) poses, see Trajectory.centres; where the machine yields, the commanded ones
+    yielding: np.ndarray | None = None  # (3,) [mm/N] of machine and base plate, along the path
+
+
+def model_of(
+    sensor: Sensor,
+    indenter: Indenter,
+    mechanics: Mechanics,
+    laws: dict[str, PrincipalLaw],
+    trajectory: Trajectory,
+    pattern: Pattern | None = None,
+) -> Model:
+    """Return the model of a trajectory; laws are named by layer. pattern: that of a mesh with the same elements."""
+    effects = mechanics.effects
+    effects.check(sensor)
+    described = shape_of(indenter)
+    drawn = sensor_mesh(
+        sensor,
+        mechanics.mesh,
+        trajectory.x_mm,
+        trajectory.y_mm,
+        touched_discs(described, trajectory),
+        effects.geometry.base,
+    )
+    mesh, shape = moved_mesh(drawn, sensor, effects), real_indenter(described, effects)
+    body = _body(mesh, drawn, sensor, mechanics, laws, pattern)
+    start, centres, shape = _path(mesh, shape, sensor, effects, trajectory)
+    place = real_place(sensor, effects, trajectory.x_mm, trajectory.y_mm)
+    check_laws(body.laws, max(trajectory.depths_mm), sensor.height_mm)
+    return Model(mesh, body, shape, _settings(mechanics), start, centres, yielding(sensor, effects, *place))
+
+
+def _body(
+    mesh: Mesh,
+    drawn: Mesh,
+    sensor: Sensor,
+    mechanics: Mechanics,
+    laws: dict[str, PrincipalLaw],
+    pattern: Pattern | None,
+) -> Body:
+    """Return the body of a mesh; drawn is the mesh of the sensor as drawn, in which effects have their places."""
+    by_region = region_laws(sensor, mechanics.effects, mesh.regions, laws)
+    bulk = region_bulk(sensor, mechanics, mesh.regions)
+    stiffness, bulk_stiffness = element_stiffness(drawn, sensor, mechanics.effects)
+    if mechanics.strain == "small":
+        return SmallStrainBody(mesh, by_region, bulk, stiffness, bulk_stiffness)
+    keys = {
+        "pattern": pattern,
+        "stiffness": stiffness,
+        "bulk_stiffness": bulk_stiffness,
+        "prestretch": region_prestretch(sensor, mechanics.effects, mesh.regions),
+    }
+    relaxation = relaxation_of(sensor, mechanics.effects, mesh.regions)
+    softening = softening_of(sensor, mechanics.effects, mesh.regions)
+    if relaxation or softening:
+        return RememberingBody(mesh, by_region, bulk, relaxation, softening, **keys)
+    return Body(mesh, by_region, bulk, **keys)
+
+
+def _path(
+    mesh: Mesh, shape: Shape, sensor: Sensor, effects: Effects, trajectory: Trajectory
+) -> tuple[np.ndarray, np.ndarray, Shape]:
+    """Return the indenter's centre at the first touch, its path, and its shape as it stands in the sensor's frame."""
+    place = real_place(sensor, effects, trajectory.x_mm, trajectory.y_mm)
+    tilted = any(effects.kinematics.tilt_deg)
+    frame = machine_frame(effects) if tilted else None
+    along = _direction(mesh, trajectory, place)
+    along = frame @ along if tilted else along
+    lead = 0.0
+    if sensor.shape.kind != "block" or trajectory.approach == "normal":
+        shape = Turned(shape, frame) if tilted and not isinstance(shape, Sphere) else shape
+        start = touchdown(shape, mesh, *place, along)
+    elif touches_a_slope(effects):
+        start, lead = plane_touch(sensor, effects, shape, *place)
+        shape = Turned(shape, frame) if tilted and not isinstance(shape, Sphere) else shape
+    else:
+        start = shape.start(*place)
+    lead += effects.kinematics.contact_zero_mm
+    return start, trajectory.centres(start, along, lead, frame), shape
 
 
 def simulate_trajectory(
     sensor: Sensor,
     indenter: Indenter,
     mechanics: Mechanics,
-    laws: dict[str, Ogden],
+    laws: dict[str, PrincipalLaw],
     trajectory: Trajectory,
     outside: dict[str, Outside | None] | None = None,
 ) -> Cell:
     """Return the solution of a trajectory; laws are named by layer. What fails ends the cell, with its reason."""
-    wall_clock, cpu_clock = time.perf_counter(), time.process_time()
-    mesh = sensor_mesh(sensor, mechanics.mesh, trajectory.x_mm, trajectory.y_mm)
-    small = mechanics.strain == "small"
-    region_laws = {name: laws.get(name, laws[sensor.layers[-1].name]) for name in mesh.regions}
-    body = (SmallStrainBody if small else Body)(mesh, region_laws, mechanics.bulk_to_shear)
-    press = Press(body, Sphere(indenter.radius_mm), _settings(mechanics), mechanics.solver.linear_solver)
-    start = press.start(trajectory.x_mm, trajectory.y_mm)
-    centres = start.centre - np.outer(trajectory.depths_mm, [0.0, 0.0, 1.0])
+    return _simulated(sensor, indenter, mechanics, laws, trajectory, outside, None)[0]
+
+
+def simulate_in_order(
+    sensor: Sensor,
+    indenter: Indenter,
+    mechanics: Mechanics,
+    laws: dict[str, PrincipalLaw],
+    trajectories: Iterable[Trajectory],
+    grid: PeakGrid | None = None,
+) -> Iterator[tuple[Cell, PeakGrid | None]]:
+    """Yield the solution of each trajectory in the order recorded, and the softening that is left after it.
+
+    Each begins relaxed, with the softening of all before it: grid is what was left by others, None for an untouched sensor.
+    """
+    for trajectory in trajectories:
+        cell, grid = _simulated(sensor, indenter, mechanics, laws, trajectory, None, grid)
+        yield cell, grid
+
+
+def _solved(
+    model: Model,
+    press: Press,
+    start: State,
+    sensor: Sensor,
+    mechanics: Mechanics,
+    path: TimedPath | None,
+    grid: PeakGrid | None,
+) -> tuple[list[State], str, PeakGrid | None]:
+    """Return the states that were reached, why no more, and the softening left; path: where history matters."""
     states: list[State] = []
-    reason = ""
+    body, mesh, effects = model.body, model.mesh, mechanics.effects
+    presses = path.presses if path else (slice(0, len(model.centres)),)
+    times = np.array(path.trajectory.times_s) if path and body.remembers else None
+    grid = grid or empty_grid(sensor, effects, mesh.regions)
+    points = None if grid is None else quadrature_points(mesh)
     try:
-        states.extend(press.follow(start, centres))
+        for poses in presses:
+            if grid is not None:
+                body.forget(grid.read(points, mesh.region, mesh.regions))
+                start = replace(start, memory=body.initial)
+            steps = follow_yielding(
+                press, start, model.centres[poses], model.yielding, None if times is None else times[poses]
+            )
+            last = start
+            for number, last in enumerate(steps, start=poses.start):
+                if path is None or number in path.readings:
+                    states.append(last)
+            if grid is not None:
+                grid = grid.updated(points, mesh.region, mesh.regions, body.initial.peak, last.memory.peak)
     except NotConverged as failure:
-        reason = str(failure)
+        return states, str(failure), grid
+    return states, "", grid
+
+
+def _simulated(
+    sensor: Sensor,
+    indenter: Indenter,
+    mechanics: Mechanics,
+    laws: dict[str, PrincipalLaw],
+    trajectory: Trajectory,
+    outside: dict[str, Outside | None] | None,
+    grid: PeakGrid | None,
+) -> tuple[Cell, PeakGrid | None]:
+    wall_clock, cpu_clock = time.perf_counter(), time.process_time()
+    history = mechanics.effects.history
+    path = in_time(trajectory, history.timing) if history.any else None
+    model = model_of(sensor, indenter, mechanics, laws, path.trajectory if path else trajectory)
+    mesh, body, shape = model.mesh, model.body, model.shape
+    small = mechanics.strain == "small"
+    press = Press(body, shape, model.settings, mechanics.solver.linear_solver)
+    start = press.start_at(model.start)
+    _check_start(start)
+    model, start, reason = (
+        _balanced(model, press, start) if mechanics.effects.geometry.prestretch else (model, start, "")
+    )
+    states: list[State] = []
+    if not reason:
+        states, reason, grid = _solved(model, press, start, sensor, mechanics, path, grid)
     done = len(states)
-    arrays = {"depth_mm": np.array(trajectory.depths_mm[:done])}
+    arrays = {
+        "depth_mm": np.array(trajectory.depths_mm[:done]),
+        "shear_mm": trajectory.shears[:done],
+        "tilt_deg": trajectory.tilts[:done],
+        "indenter_mm": np.array([state.centre[:3] for state in states]).reshape(done, 3),
+    }
     arrays |= force_arrays(mesh, states, sensor, mechanics)
     arrays |= section_arrays(mesh, states, trajectory.y_mm)
     if mechanics.store_displacement:
@@ -86,7 +269,10 @@ def simulate_trajectory(
         )
     top = sensor.layers[-1].name  # its material makes the wall and the flange too
     tested = [(outside or {}).get(name if name in laws else top) for name in mesh.regions]
-    stretches = [element_stretches(body.gradient, body.weight, mesh.hexahedra, state.u) for state in states]
+    rest = body.rest[mesh.region]
+    stretches = [
+        element_stretches(body.gradient, body.weight, mesh.elements, state.u, rest) for state in states
+    ]
     attributes = stretch_ranges(stretches, body.element_volume, mesh.region, tested) | {
         "x_mm": trajectory.x_mm,
         "y_mm": trajectory.y_mm,
@@ -94,6 +280,7 @@ def simulate_trajectory(
         "reason": reason,
         "last_good_depth_mm": trajectory.depths_mm[done - 1] if done else 0.0,
         "phases": list(trajectory.phases[:done]),
+        "side_contact": [bool(force.any()) for force in arrays["side_force_N"]],
         "regions": list(mesh.regions),
         "code_version": gelforge.__version__,
         "settings": _settings_text(sensor, indenter, mechanics, laws),
@@ -103,37 +290,64 @@ def simulate_trajectory(
         "factorisations": [state.factorisations for state in states],
         "residual": [state.residual for state in states],
         "force_balance": [force_balance(state) for state in states],
-        "moment_balance": [moment_balance(mesh, state, indenter.radius_mm, not small) for state in states],
+        "moment_balance": [moment_balance(mesh, state, shape.size, not small) for state in states],
         "energy_mJ": [state.energy for state in states],
         "smallest_J": [state.smallest_J for state in states],
         "binning_moment_shift_Nmm": moment_shift(arrays, sensor),
         "seconds": time.perf_counter() - wall_clock,
         "cpu_seconds": time.process_time() - cpu_clock,
     }
-    return Cell(arrays, attributes)
+    if path:
+        attributes["time_s"] = [path.trajectory.times_s[number] for number in path.readings[:done]]
+    return Cell(arrays, attributes), grid
 
 
-def sensor_mesh(sensor: Sensor, mesh: Mesh, x_mm: float, y_mm: float) -> HexMesh:
-    """Return the sensor's mesh, fine around (x, y)."""
-    flange = sensor.flange
-    block = Block(
-        width_x=sensor.width_x_mm,
-        width_y=sensor.width_y_mm,
-        layers=tuple((layer.name, layer.thickness_mm) for layer in sensor.layers),
-        wall=sensor.wall_mm,
-        flange_width=flange.width_mm if flange else 0.0,
-        flange_height=flange.height_mm if flange else 0.0,
-    )
-    sizes = Sizes(
-        near=mesh.near_mm,
-        near_radius=mesh.near_radius_mm,
-        growth=mesh.growth,
-        far=mesh.far_mm,
-    )
-    return layered_block(block, x_mm, y_mm, sizes)
+def _balanced(model: Model, press: Press, start: State) -> tuple[Model, State, str]:
+    """Return the model and its start after the residual stretch has found its balance; why it has not, if so.
+
+    The indenter's path begins where it touches the surface as that then is.
+    """
+    away = start.centre + [0.0, 0.0, AWAY_MM]
+    try:
+        relaxed = press.step(None, replace(start, centre=away), away)
+    except NotConverged as failure:
+        return model, start, f"the residual stretch finds no balance: {failure}"
+    centre = start.centre
+    for _ in range(
+        TOUCH_STEPS
+    ):  # the surface has moved: so does the touch, by what the smallest gap has changed
+        gap = model.shape.gap((model.mesh.X + relaxed.u)[press.surface], centre)[0]
+        centre = centre + (gap.min() - start.gap.min()) * DOWN
+    moved = centre - start.centre
+    gap = model.shape.gap((model.mesh.X + relaxed.u)[press.surface], centre)[0]
+    centres = model.centres + np.pad(moved, (0, model.centres.shape[1] - 3))
+    return replace(model, start=centre, centres=centres), replace(relaxed, centre=centre, gap=gap), ""
+
+
+def touched_discs(shape: Shape, trajectory: Trajectory) -> np.ndarray:
+    """Return discs (n, 3) = (x, y, radius) [mm] of the top surface that a trajectory touches, over-estimated a little."""
+    footprint = shape.footprint(max(trajectory.depths_mm))
+    moves = np.unique(trajectory.shears + [trajectory.x_mm, trajectory.y_mm], axis=0)
+    return np.concatenate([footprint + [*move, 0.0] for move in moves])
+
+
+def _direction(mesh: Mesh, trajectory: Trajectory, place: tuple[float, float]) -> np.ndarray:
+    """Return the unit vector (3,) along which the indenter comes."""
+    if trajectory.approach == "vertical":
+        return DOWN
+    return -surface_point(mesh, *place)[1]
+
+
+def _check_start(start: State) -> None:
+    if start.gap.min() < -1e-9:
+        raise ConfigError(
+            f"the indenter starts {-start.gap.min():.3g} mm inside the gel at the first touch of its lowest point; "
+            "correct its offset_mm or the sensor's surface"
+        )
 
 
 def _settings(mechanics: Mechanics) -> Settings:
+    contact = mechanics.effects.contact
     return Settings(
         friction=mechanics.friction,
         normal_stiffness=mechanics.contact.normal_stiffness_N_per_mm3,
@@ -143,15 +357,21 @@ def _settings(mechanics: Mechanics) -> Settings:
         max_iterations=mechanics.solver.max_iterations,
         max_halvings=mechanics.solver.max_halvings,
         initial_normals=mechanics.contact_normals == "initial",
+        friction_exponent=contact.pressure_exponent,
+        friction_pressure=contact.reference_pressure_MPa,
+        adhesion_work=contact.adhesion.work_N_per_mm,
+        adhesion_approach=contact.adhesion.approach_N_per_mm,
+        adhesion_range=contact.adhesion.range_mm,
     )
 
 
-def _settings_text(sensor: Sensor, indenter: Indenter, mechanics: Mechanics, laws: dict[str, Ogden]) -> str:
+def _settings_text(
+    sensor: Sensor, indenter: Indenter, mechanics: Mechanics, laws: dict[str, PrincipalLaw]
+) -> str:
     content = {
         name: part.model_dump(mode="json") for name, part in [("sensor", sensor), ("indenter", indenter)]
     }
+    content["indenter_files"], content["sensor_files"] = file_digests(indenter), surface_digests(sensor)
     content["mechanics"] = mechanics.model_dump(mode="json")
-    content["laws_by_layer"] = {
-        name: {"law": "ogden", "mu_MPa": law.mu, "alpha": law.alpha} for name, law in laws.items()
-    }
+    content["laws_by_layer"] = {name: law.description() for name, law in laws.items()}
     return json.dumps(content, sort_keys=True)

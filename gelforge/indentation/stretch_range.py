@@ -13,16 +13,20 @@ NOT_KNOWN, INSIDE, LEAVES = -1, 0, 1
 
 
 def element_stretches(
-    gradient: np.ndarray, weight: np.ndarray, hexahedra: np.ndarray, u: np.ndarray
+    gradient: np.ndarray,
+    weight: np.ndarray,
+    elements: np.ndarray,
+    u: np.ndarray,
+    rest: np.ndarray | None = None,
 ) -> np.ndarray:
     """Return the principal stretches (E, 3), smallest first, of the elements' mean deformation gradient.
 
-    gradient (E, G, n, 3) is dN/dX [1/mm] at the Gauss points, weight (E, G) [mm^3], u (N, 3) [mm] the displacement. The
-    mean over an element and not a Gauss point: at the clamped edge and under the contact's edge single points follow
-    the mesh, and not the material.
+    gradient (E, G, n, 3) is dN/dX [1/mm] at the Gauss points, weight (E, G) [mm^3], elements (E, n), u (N, 3) [mm] the
+    displacement, rest (E, 3, 3) F at u = 0 where it is not 1. The mean over an element and not a Gauss point: at the
+    clamped edge and under the contact's edge single points follow the mesh, and not the material.
     """
     mean = np.einsum("eg,egnx->enx", weight, gradient) / weight.sum(axis=1)[:, None, None]
-    F = np.eye(3) + np.einsum("enx,eny->exy", u[hexahedra], mean)
+    F = (np.eye(3) if rest is None else rest) + np.einsum("enx,eny->exy", u[elements], mean)
     return np.sqrt(np.maximum(np.linalg.eigvalsh(np.swapaxes(F, 1, 2) @ F), 0.0))
 
 

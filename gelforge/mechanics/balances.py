@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from gelforge.mechanics.equilibrium import State
-from gelforge.mechanics.meshes import HexMesh
+from gelforge.mechanics.equilibrium import LEAST_FORCE, State
+from gelforge.mechanics.meshes import Mesh
 
 
 def force_balance(state: State) -> float:
     """Return |contact force + reaction| / |contact force| [-]; the reaction comes from internal forces."""
-    return float(np.linalg.norm(state.force + state.reaction) / max(np.linalg.norm(state.force), 1e-12))
+    return float(np.linalg.norm(state.force + state.reaction) / max(np.linalg.norm(state.force), LEAST_FORCE))
 
 
-def moment_balance(mesh: HexMesh, state: State, length: float, deformed: bool = True) -> float:
+def moment_balance(mesh: Mesh, state: State, length: float, deformed: bool = True) -> float:
     """Return |moment of contact and base forces| / (|contact force| length) [-], about the indenter's centre.
 
     length [mm] makes it a number. Contact forces act at the deformed nodes, at small strain at the undeformed ones.
     """
     surface = mesh.X[mesh.surface.nodes] + (state.u[mesh.surface.nodes] if deformed else 0.0)
-    contact = np.cross(surface - state.centre, state.normal_force + state.friction_force).sum(axis=0)
-    base = np.cross(mesh.X[mesh.fixed] - state.centre, state.fixed_force).sum(axis=0)
-    return float(np.linalg.norm(contact + base) / max(np.linalg.norm(state.force) * length, 1e-12))
+    contact = np.cross(surface - state.centre[:3], state.normal_force + state.friction_force).sum(axis=0)
+    base = np.cross(mesh.X[mesh.fixed] - state.centre[:3], state.fixed_force).sum(axis=0)
+    return float(np.linalg.norm(contact + base) / max(np.linalg.norm(state.force) * length, LEAST_FORCE))

@@ -23,13 +23,14 @@ SLIP_TANGENT = 0.5  # 0: secant, 1: consistent
 def contact_forces(
     gap, normal, turn, slip, pressure, active, area, t_old, new_contact, eps_n, eps_t, mu,
     f_mixed, f_condensed, f_consistent, friction, stiffness, stiffness_consistent, state,
+    exponent=0.0, reference=1.0,
 ):  # fmt: skip
     """Fill the forces of the indenter on the nodes and their tangents; return nothing.
 
     In: gap (S,) [mm], normal (S, 3) from the indenter into the body, turn (S, 3, 3) = dn/dx [1/mm], slip (S, 3) motion
     relative to the indenter since the last converged state [mm], pressure (S,) lam_n [MPa], active (S,) bool, area (S,)
     [mm^2], t_old (S, 3) friction forces of the last converged state [N], new_contact (S,) bool: open at the last converged
-    state, eps_n, eps_t [N/mm^3], mu [-].
+    state, eps_n, eps_t [N/mm^3], mu [-], exponent n [-] and reference p_0 [MPa] of mu (1 + p/p_0)^-n.
     Out: f_mixed (S, 3) [N] with the pressure given; f_condensed (S, 3) with lam_n - eps_n g; friction (S, 3) the tangential
     part of both; stiffness (S, 3, 3) [N/mm], about -d f_condensed/dx, symmetric positive; f_consistent (S, 3) and
     stiffness_consistent (S, 3, 3) = -d f_consistent/dx exactly, the limit of friction following lam_n - eps_n g; state (S,).
@@ -80,10 +81,18 @@ def contact_forces(
             for j in range(3):
                 plane = (1.0 if i == j else 0.0) - n[i] * n[j]
                 M[i, j] = -eps_t * A * share * plane - n[i] * turned[j] - along * H[i, j]
-        slips = size > mu * N
+        mu_now = mu
+        mu_next = mu
+        slope = mu  # of the limit of friction with N_next
+        if exponent > 0.0:
+            p = max(N_next, 0.0) / A
+            mu_now = mu * (1.0 + pressure[s] / reference) ** -exponent
+            mu_next = mu * (1.0 + p / reference) ** -exponent
+            slope = mu_next * (1.0 - exponent * p / (reference + p))
+        slips = size > mu_now * N
         state[s] = SLIP if slips else STICK
-        factor = mu * N / size if slips else 1.0
-        factor_next = mu * max(N_next, 0.0) / size if slips else 1.0
+        factor = mu_now * N / size if slips else 1.0
+        factor_next = mu_next * max(N_next, 0.0) / size if slips else 1.0
         for i in range(3):
             friction[s, i] = factor * trial[i]
             f_mixed[s, i] += friction[s, i]
@@ -99,8 +108,23 @@ def contact_forces(
                     pull = (trial[0] * M[0, j] + trial[1] * M[1, j] + trial[2] * M[2, j]) / size**2
                     change -= factor_next * trial[i] * pull
                     if N_next > 0.0:  # else the limit of friction is held at zero
-                        change -= mu * eps_n * A * trial[i] / size * n[j]
+                        change -= slope * eps_n * A * trial[i] / size * n[j]
                 stiffness_consistent[s, i, j] -= change
+
+
+def adhesive_traction(
+    gap: np.ndarray, closed: np.ndarray, work: np.ndarray, reach: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the traction (S,) [MPa] that draws nodes to the indenter, and its slope (S,) [MPa/mm] with the gap.
+
+    It is 2 w / reach in contact and falls linearly to nothing at the gap `reach` [mm]; work (S,) [N/mm] is the area under
+    it (a cohesive law as in Dugdale 1960, Xu & Needleman 1993, with the simplest shape).
+    """
+    largest = 2 * work / reach
+    open_gap = np.where(closed, 0.0, np.maximum(gap, 0.0))
+    traction = largest * np.maximum(1 - open_gap / reach, 0.0)
+    falls = ~closed & (gap > 0) & (gap < reach)
+    return traction, np.where(falls, -largest / reach, 0.0)
 
 
 @nb.njit(cache=True)

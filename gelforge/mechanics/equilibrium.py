@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, gmres
 
 from gelforge.mechanics.body import NO_TANGENT, Body, Response
-from gelforge.mechanics.contact import OPEN, add_node_blocks, contact_forces
-from gelforge.mechanics.indenters import Sphere
+from gelforge.mechanics.contact import OPEN, add_node_blocks, adhesive_traction, contact_forces
+from gelforge.mechanics.indenters import Indenter, rotation_of
 from gelforge.mechanics.kernels import symmetric_product
 from gelforge.mechanics.sparse import DirectSolver, NotPositiveDefinite, direct_solver, refined_solve
 
-LEAST_J = 0.05  # an iterate in which an element keeps less of its volume is shortened
 STEP_LENGTHS = (1.0, 0.5, 0.25, 0.125, 0.0625)
 # A factorisation is kept while the residual is this small and each correction with it halves the residual at least.
 CHORD_RESIDUAL = 2e-2
 CHORD_RATE = 0.5
 # Below this a symmetric iteration that wins less than CHORD_RATE only creeps to the limit of slipping nodes: the consistent
-# tangent ends it. Further from the solution that one cycles between stick and slip.
+# tangent ends it. Further from the solution that one cycles between stick and slip, unless no node has changed between
+# open, stick and slip in this many iterations.
 CREEP_RESIDUAL = 1e-4
+STEADY = 2
+LEAST_FORCE = (
+    1e-5  # N; a contact force below this is measured by it: after release there is none, only rounding
+)
 GMRES_TOLERANCE = 1e-2  # of a correction with the kept factorisation: the next residual is no smaller anyway
 
 
@@ -42,13 +47,18 @@ class Settings:
     max_iterations: int = 40
     max_halvings: int = 4
     initial_normals: bool = False
+    friction_exponent: float = 0.0  # n of mu (1 + p / friction_pressure)^-n
+    friction_pressure: float = 0.01  # MPa
+    adhesion_work: float = 0.0  # N/mm, of separation
+    adhesion_approach: float = 0.0  # N/mm, before the first touch
+    adhesion_range: float = 0.05  # mm
 
 
 @dataclass(frozen=True)
 class State:
     """A converged state (or the undeformed start)."""
 
-    centre: np.ndarray  # (3,) the indenter [mm]
+    centre: np.ndarray  # (3,) of the indenter [mm], or (6,) with its rotation vector [rad] after it
     u: np.ndarray  # (N, 3) displacement [mm]
     pressure: np.ndarray  # (E,) element pressure [MPa]
     contact_pressure: np.ndarray  # (S,) per undeformed area [MPa]
@@ -64,6 +74,8 @@ class State:
     factorisations: int = 0
     residual: float = 0.0  # norm of unbalanced over norm of contact forces
     smallest_J: float = 1.0
+    touched: np.ndarray | None = None  # (S,) bool, nodes that have been in contact; None: none has
+    memory: Any = None  # of a body that remembers (mechanics.memory.Memory)
 
     @property
     def force(self) -> np.ndarray:
@@ -76,11 +88,14 @@ class State:
         return self.fixed_force.sum(axis=0)
 
 
+Watch = Callable[[State, State], None]
+
+
 class Press:
     """A body and an indenter; finds equilibrium for positions of the indenter."""
 
     def __init__(
-        self, body: Body, indenter: Sphere, settings: Settings = Settings(), linear_solver: str = "auto"
+        self, body: Body, indenter: Indenter, settings: Settings = Settings(), linear_solver: str = "auto"
     ):
         self.body, self.indenter, self.settings = body, indenter, settings
         mesh = body.mesh
@@ -91,8 +106,11 @@ class Press:
         self._values = np.empty(len(body.pattern.indices))
 
     def start(self, x: float, y: float) -> State:
-        """Return the undeformed state with the indenter touching at (x, y) [mm]."""
-        centre = self.indenter.start(x, y)
+        """Return the undeformed state with the indenter touching the plane z = 0 at (x, y) [mm]."""
+        return self.start_at(self.indenter.start(x, y))
+
+    def start_at(self, centre: np.ndarray) -> State:
+        """Return the undeformed state with the indenter at a centre (3,) [mm]."""
         S = len(self.surface)
         u = np.zeros_like(self.body.mesh.X)
         gap = self._gap(u, centre)[0]
@@ -100,35 +118,43 @@ class Press:
         return State(
             centre=centre,
             u=u,
-            pressure=np.zeros(len(self.body.mesh.hexahedra)),
+            pressure=np.zeros(len(self.body.mesh.elements)),
             contact_pressure=np.zeros(S),
             gap=gap,
             normal_force=none,
             friction_force=none,
             contact_state=np.zeros(S, np.int8),
             fixed_force=np.zeros((self.body.mesh.fixed.sum(), 3)),
+            memory=self.body.initial if self.body.remembers else None,
         )
 
-    def follow(self, start: State, centres: np.ndarray) -> Iterator[State]:
+    def follow(
+        self, start: State, centres: np.ndarray, watch: Watch | None = None, times: np.ndarray | None = None
+    ) -> Iterator[State]:
         """Yield the state at each centre (n, 3) [mm] in turn; a step that fails is halved.
 
+        Centres (n, 6) hold a rotation vector [rad] too: the indenter turns about its centre. watch is called with the
+        states before and after every step, halves included. times (n,) [s]: when it is there, for a body that remembers.
         Raises NotConverged, with the position reached, after max_halvings.
         """
-        previous, state = None, start
-        for centre in centres:
+        previous, state = None, replace(start, centre=_padded(start.centre, np.shape(centres)[-1]))
+        for number, centre in enumerate(centres):
             iterations = factorisations = 0
-            pending = [(np.asarray(centre, dtype=float), 0)]
+            pending = [(np.asarray(centre, dtype=float), 0, None if times is None else float(times[number]))]
             while pending:
-                target, halvings = pending[-1]
+                target, halvings, time = pending[-1]
                 try:
-                    new = self.step(previous, state, target)
+                    new = self.step(previous, state, target, **({} if time is None else {"time": time}))
                 except NotConverged as failure:
                     if halvings == self.settings.max_halvings:
                         raise NotConverged(f"{failure}; step halved {halvings} times") from None
-                    pending[-1] = (target, halvings + 1)
-                    pending.append(((state.centre + target) / 2, halvings + 1))
+                    pending[-1] = (target, halvings + 1, time)
+                    between = None if time is None else (state.memory.time + time) / 2
+                    pending.append(((state.centre + target) / 2, halvings + 1, between))
                     continue
                 pending.pop()
+                if watch is not None:
+                    watch(state, new)
                 previous, state = state, new
                 iterations += new.iterations
                 factorisations += new.factorisations
@@ -136,14 +162,32 @@ class Press:
             yield state
 
     # ------------------------------------------------------------------------------------------ one step
-    def step(self, previous: State | None, state: State, centre: np.ndarray) -> State:
-        """Return the equilibrium with the indenter at centre, from state; previous gives the predictor its slope."""
+    def step(
+        self,
+        previous: State | None,
+        state: State,
+        centre: np.ndarray,
+        guess: State | None = None,
+        time: float | None = None,
+    ) -> State:
+        """Return the equilibrium with the indenter at centre, from state; previous gives the predictor its slope.
+
+        guess: a state to begin the iteration at instead of the prediction. time [s]: the end of the step, for a body that
+        remembers; without, the step takes no time.
+        """
         s = self.settings
-        u, pressure, lam = self._predict(previous, state, centre)
+        if self.body.remembers:
+            self.body.begin(state.memory, state.memory.time if time is None else time)
+        u, pressure, lam = (
+            self._predict(previous, state, centre)
+            if guess is None
+            else (guess.u.copy(), guess.pressure.copy(), guess.contact_pressure.copy())
+        )
         gap, normal, turn = self._gap(u, centre)
         active = (lam > 0) | ((lam == 0) & (gap < 0))
         lam = np.where(active, lam, 0.0)
         factored_for, last_residual, changes, factorisations = None, np.inf, 0, 0
+        last_contact, steady = None, 0
         response, contact = self._evaluate(u, pressure, lam, active, gap, normal, turn, state, centre)
         for iteration in range(s.max_iterations + 1):
             residual = self._residual(response, contact)
@@ -157,6 +201,7 @@ class Press:
                 and penetration < s.gap_tolerance
                 and volume_error < s.volume_tolerance
                 and changes == 0
+                and response.admissible
             ):
                 return self._converged(
                     centre, u, pressure, lam, gap, response, contact, iteration, factorisations, residual
@@ -172,9 +217,15 @@ class Press:
             if not chord:
                 self._factor(u, pressure, contact)
                 factored_for, factorisations = active, factorisations + 1
-            creeps = residual < CREEP_RESIDUAL and residual > CHORD_RATE * last_residual
+            same = (
+                changes == 0 and residual <= last_residual and np.array_equal(contact["state"], last_contact)
+            )
+            steady, last_contact = (steady + 1 if same else 0), contact["state"]
+            settled = residual < CREEP_RESIDUAL or (steady >= STEADY and residual < CHORD_RESIDUAL)
+            creeps = settled and residual > CHORD_RATE * last_residual
             last_residual = residual
-            du = self._correction(response, contact, consistent=chord or creeps)
+            exact = chord or creeps
+            du = self._correction(response, contact, consistent=exact)
             new_pressure = self.body.linearised_pressure(response, du)
             new_lam = np.where(
                 active,
@@ -191,8 +242,10 @@ class Press:
                 response, contact = self._evaluate(
                     trial_u, trial_p, trial_lam, trial_active, trial_gap, normal_at, turn_at, state, centre
                 )
-                if response.smallest_J > LEAST_J:
-                    break
+                # A consistent step across the limit of friction may overshoot, and cycle with the symmetric ones.
+                allowed = max(residual, CREEP_RESIDUAL) if exact else np.inf
+                if response.admissible and self._residual(response, contact) < allowed:
+                    break  # else the iterate is shortened
             changes = int((trial_active != active).sum())
             u, pressure, lam, active, gap, normal = (
                 trial_u,
@@ -206,6 +259,11 @@ class Press:
             f"no equilibrium at centre {np.round(centre, 4)} mm after {s.max_iterations} iterations: unbalanced force "
             f"{residual:.1e} of the contact force (limit {s.force_tolerance:.0e}), penetration {penetration:.1e} mm "
             f"(limit {s.gap_tolerance:.0e}), {changes} nodes still changing contact, smallest J {response.smallest_J:.3f}"
+            + (
+                f", a point at {response.largest_extension:.3g} of its law's limit of extension"
+                if response.largest_extension
+                else ""
+            )
         )
 
     def _predict(self, previous: State | None, state: State, centre: np.ndarray):
@@ -213,9 +271,8 @@ class Press:
         if previous is None or previous.contact_pressure.max() == 0:
             return state.u.copy(), state.pressure.copy(), state.contact_pressure.copy()
         move, last = centre - state.centre, state.centre - previous.centre
-        if move @ last < 0.999 * np.linalg.norm(move) * np.linalg.norm(
-            last
-        ):  # the path turns: no slope to follow
+        # The path turns or rests: no slope to follow.
+        if move @ last <= 0.999 * np.linalg.norm(move) * np.linalg.norm(last):
             return state.u.copy(), state.pressure.copy(), state.contact_pressure.copy()
         ratio = np.linalg.norm(move) / np.linalg.norm(last)
         return tuple(
@@ -231,6 +288,15 @@ class Press:
             return self.indenter.vertical_gap(moved, centre)
         return self.indenter.gap(moved, centre)
 
+    def _carried(self, old: State, centre: np.ndarray) -> np.ndarray:
+        """Return the motion (S, 3) or (3,) [mm] since the old state of the indenter's points at the surface nodes."""
+        shift = (centre - old.centre)[:3]
+        if len(centre) == 3 or np.array_equal(centre[3:], old.centre[3:]):
+            return shift
+        arm = (self.body.mesh.X + old.u)[self.surface] - old.centre[:3]
+        turned = rotation_of(centre[3:]) @ rotation_of(old.centre[3:]).T
+        return shift + arm @ (turned - np.eye(3)).T
+
     def _evaluate(
         self, u, pressure, lam, active, gap, normal, turn, old: State, centre
     ) -> tuple[Response, dict]:
@@ -238,20 +304,38 @@ class Press:
         contact = {name: np.empty((S, 3)) for name in ("f_mixed", "f_condensed", "f_consistent", "friction")}
         contact |= {name: np.empty((S, 3, 3)) for name in ("stiffness", "stiffness_consistent")}
         contact["state"] = np.empty(S, np.int8)
-        slip = (u - old.u)[self.surface] - (centre - old.centre)
+        slip = (u - old.u)[self.surface] - self._carried(old, centre)
         contact_forces(
             gap, normal, turn, slip, lam, active, self.area, old.friction_force, old.contact_state == OPEN,
             self.settings.normal_stiffness, self.settings.tangential_stiffness, self.settings.friction,
             contact["f_mixed"], contact["f_condensed"], contact["f_consistent"], contact["friction"],
             contact["stiffness"], contact["stiffness_consistent"], contact["state"],
+            self.settings.friction_exponent, self.settings.friction_pressure,
         )  # fmt: skip
+        touches = contact["state"] != OPEN
+        contact["touched"] = touches if old.touched is None else touches | old.touched
+        if max(self.settings.adhesion_work, self.settings.adhesion_approach) > 0:
+            self._adhere(contact, gap, normal, turn, active, old)
         return self.body.response(u, pressure, NO_TANGENT), contact
+
+    def _adhere(self, contact: dict, gap, normal, turn, active, old: State) -> None:
+        """Add the cohesive pull to the contact's forces; its tangent is not positive and enters the consistent one only."""
+        s = self.settings
+        touched = np.zeros(len(gap), bool) if old.touched is None else old.touched
+        work = np.where(touched, s.adhesion_work, s.adhesion_approach)
+        traction, slope = adhesive_traction(gap, active, work, s.adhesion_range)
+        pull = -(self.area * traction)[:, None] * normal
+        for name in ("f_mixed", "f_condensed", "f_consistent"):
+            contact[name] += pull
+        contact["stiffness_consistent"] += (self.area * slope)[:, None, None] * (
+            normal[:, :, None] * normal[:, None, :]
+        ) + (self.area * traction)[:, None, None] * turn
 
     def _residual(self, response: Response, contact: dict) -> float:
         """Return the norm of the unbalanced forces at the free nodes over that of the contact forces."""
         unbalanced = response.f_mixed.copy()
         unbalanced[self.surface] -= contact["f_mixed"]
-        size = max(np.linalg.norm(contact["f_mixed"]), 1e-12)
+        size = max(np.linalg.norm(contact["f_mixed"]), LEAST_FORCE)
         return float(np.linalg.norm(unbalanced[self.free]) / size)
 
     def _factor(self, u: np.ndarray, pressure: np.ndarray, contact: dict) -> None:
@@ -315,4 +399,11 @@ class Press:
             factorisations=factorisations,
             residual=residual,
             smallest_J=response.smallest_J,
+            touched=contact["touched"],
+            memory=self.body.remember(u) if self.body.remembers else None,
         )
+
+
+def _padded(centre: np.ndarray, length: int) -> np.ndarray:
+    """Return a centre with zeros for the rotation vector where a path has one."""
+    return np.concatenate([centre, np.zeros(length - len(centre))])

@@ -1,24 +1,24 @@
-"""Compiled element loops: internal forces, tangent and energy of mean-dilatation hexahedra (Q1P0), Ogden's law.
+"""Compiled element loops: internal forces, tangent and energy of mean-dilatation elements (Q1P0 hexahedra, P2P0 tetrahedra).
 
-The energy per undeformed volume is the isochoric Ogden energy of F_bar = J^(-1/3) F at each of the 8 Gauss points plus
+The energy per undeformed volume is the law's isochoric energy of F_bar = J^(-1/3) F at each quadrature point plus
 K/2 (theta - 1)^2 with theta = v/V, the mean volume ratio of the element. The element pressure p is an unknown of its own,
 condensed out: the tangent's geometric terms use the p that is given, not K (theta - 1), which is what lets Newton's
 iteration converge at K/mu = 1000 (Nagtegaal, Parks & Rice 1974, doi 10.1016/0045-7825(74)90032-2; Simo, Taylor & Pister
-1985, doi 10.1016/0045-7825(85)90033-7). The spectral tangent follows Simo & Taylor 1991 (doi 10.1016/0045-7825(91)90100-K).
-The NumPy twins are laws.Ogden (point level) and the tests' element loop.
+1985, doi 10.1016/0045-7825(85)90033-7). Where an element asks for it, kappa/2 (J - theta)^2 is added, and the pressure of a
+point is p + kappa (J - theta): nothing for the exact solution, whose J is smooth, but it holds what a mean cannot
+(elements.LOCAL_BULK_TO_SHEAR). The spectral tangent follows Simo & Taylor 1991 (doi 10.1016/0045-7825(91)90100-K).
+The NumPy twins are the laws (point level) and the tests' element loop.
 """
 
 from __future__ import annotations
 
-from math import sqrt
+from math import erf, exp, pi, sqrt
 
 import numba as nb
 import numpy as np
 
-NODES = 8
-POINTS = 8
-DOFS = 3 * NODES
-PAIRS = DOFS * (DOFS + 1) // 2
+from gelforge.mechanics.point_laws import principal_stress
+
 SMALLEST_J = 1e-3  # guards powers of J while an iterate is inverted; such an iterate is never accepted
 
 
@@ -59,43 +59,6 @@ def _eigen_symmetric(A, V):
                     y = V[k, q]
                     V[k, p] = c * x - s * y
                     V[k, q] = s * x + c * y
-
-
-@nb.njit(cache=True, inline="always")
-def _ogden(lam, mu, alpha, beta, gamma):
-    """Fill principal isochoric Kirchhoff stresses beta_i and gamma_ij = d beta_i / d ln lam_j; return the energy.
-
-    lam (3,) are the isochoric stretches; mu, alpha (K,) with mu = 0 for absent terms.
-    """
-    energy = 0.0
-    for i in range(3):
-        beta[i] = 0.0
-        for j in range(3):
-            gamma[i, j] = 0.0
-    for k in range(mu.shape[0]):
-        m = mu[k]
-        if m == 0.0:
-            continue
-        a = alpha[k]
-        p0 = lam[0] ** a
-        p1 = lam[1] ** a
-        p2 = lam[2] ** a
-        mean = (p0 + p1 + p2) / 3.0
-        energy += m / a * (3.0 * mean - 3.0)
-        beta[0] += m * (p0 - mean)
-        beta[1] += m * (p1 - mean)
-        beta[2] += m * (p2 - mean)
-        c = m * a / 3.0
-        gamma[0, 0] += c * (p0 + mean)
-        gamma[1, 1] += c * (p1 + mean)
-        gamma[2, 2] += c * (p2 + mean)
-        gamma[0, 1] += c * (mean - p0 - p1)
-        gamma[0, 2] += c * (mean - p0 - p2)
-        gamma[1, 2] += c * (mean - p1 - p2)
-    gamma[1, 0] = gamma[0, 1]
-    gamma[2, 0] = gamma[0, 2]
-    gamma[2, 1] = gamma[1, 2]
-    return energy
 
 
 @nb.njit(cache=True, inline="always")
@@ -156,185 +119,290 @@ def _spatial_tangent(b, V, beta, gamma, pj, M, S, D, tau):
         D[i + 3, i + 3] -= pj
 
 
-@nb.njit(cache=True, fastmath={"reassoc", "contract", "nsz", "arcp"}, error_model="numpy")
-def assemble(
-    gradient, weight, elements, region, u, pressure, mu, alpha, bulk, slots,
-    data, f_mixed, f_condensed, p_volume, coupling,
-):  # fmt: skip
-    """Assemble a mean-dilatation body; return (energy [mJ], smallest J at a Gauss point).
+@nb.njit(cache=True, inline="always")
+def _soften(W, peak, amount, m, share, beta, gamma):
+    """Soften beta (3,) and gamma (3, 3) in place below the largest energy density so far; return the energy density.
 
-    In: gradient (E, 8, 8, 3) [1/mm], weight (E, 8) [mm^3], elements (E, 8), region (E,), u (N, 3) [mm], pressure (E,)
-    [MPa] in force, mu, alpha (R, K), bulk (R,) [MPa], slots (E, 300) positions of the upper element pairs in data (-1:
-    fixed). Out: data (nnz,) upper CSR values of the condensed tangent, left alone if of length 0; f_mixed (N, 3) [N]
-    internal force with the given pressure; f_condensed (N, 3) the same with p_volume; p_volume (E,) = K (theta - 1);
-    coupling (E, 8, 3) = dv/du [mm^2].
+    eta = 1 - amount erf((peak - W) / (m + share peak)), 1 beyond the peak (Ogden & Roxburgh 1999, doi
+    10.1098/rspa.1999.0431, eqs. 27, 50); the energy is the integral of eta over W.
     """
-    tangent = data.shape[0] > 0
-    F = np.empty((POINTS, 3, 3))
-    Js = np.empty(POINTS)
-    g = np.empty((POINTS, 3, NODES))  # spatial gradients, nodes last so that the loops over them vectorise
-    b = np.empty((3, 3))
-    V = np.empty((3, 3))
-    lam = np.empty(3)
-    beta = np.empty(3)
-    gamma = np.empty((3, 3))
-    M = np.empty((3, 6))
-    S = np.empty(6)
-    D = np.empty((6, 6))
-    tau = np.empty(6)
-    ue = np.empty((3, NODES))
-    fe = np.empty((3, NODES))
-    ce = np.empty((3, NODES))
-    Ke = np.empty((3, 3, NODES, NODES))  # [i, l, b, a] = dF_ai / du_bl
-    energy = 0.0
-    smallest = 1e300
-    data[:] = 0.0
-    f_mixed[:] = 0.0
-    f_condensed[:] = 0.0
-    for e in range(elements.shape[0]):
-        r = region[e]
-        for a in range(NODES):
-            n = elements[e, a]
-            for i in range(3):
-                ue[i, a] = u[n, i]
-                fe[i, a] = 0.0
-                ce[i, a] = 0.0
-        V0 = 0.0
-        v = 0.0
-        for q in range(POINTS):
-            for i in range(3):
-                for j in range(3):
-                    s = 0.0
-                    for a in range(NODES):
-                        s += ue[i, a] * gradient[e, q, a, j]
-                    F[q, i, j] = s
-                F[q, i, i] += 1.0
-            f = F[q]
-            c00 = f[1, 1] * f[2, 2] - f[1, 2] * f[2, 1]
-            c01 = f[1, 2] * f[2, 0] - f[1, 0] * f[2, 2]
-            c02 = f[1, 0] * f[2, 1] - f[1, 1] * f[2, 0]
-            J = f[0, 0] * c00 + f[0, 1] * c01 + f[0, 2] * c02
-            smallest = min(smallest, J)
-            w = weight[e, q]
-            V0 += w
-            v += J * w
-            J = max(J, SMALLEST_J)
-            Js[q] = J
-            c10 = f[0, 2] * f[2, 1] - f[0, 1] * f[2, 2]
-            c11 = f[0, 0] * f[2, 2] - f[0, 2] * f[2, 0]
-            c12 = f[0, 1] * f[2, 0] - f[0, 0] * f[2, 1]
-            c20 = f[0, 1] * f[1, 2] - f[0, 2] * f[1, 1]
-            c21 = f[0, 2] * f[1, 0] - f[0, 0] * f[1, 2]
-            c22 = f[0, 0] * f[1, 1] - f[0, 1] * f[1, 0]
-            for a in range(NODES):  # F^-T dN/dX
-                x = gradient[e, q, a, 0] / J
-                y = gradient[e, q, a, 1] / J
-                z = gradient[e, q, a, 2] / J
-                g[q, 0, a] = c00 * x + c01 * y + c02 * z
-                g[q, 1, a] = c10 * x + c11 * y + c12 * z
-                g[q, 2, a] = c20 * x + c21 * y + c22 * z
-        p = pressure[e]
-        p_volume[e] = bulk[r] * (v / V0 - 1.0)
-        energy += 0.5 * bulk[r] * (v / V0 - 1.0) ** 2 * V0
-        if tangent:
-            Ke[:] = 0.0
-        for q in range(POINTS):
-            f = F[q]
-            J = Js[q]
-            w = weight[e, q]
-            for i in range(3):
-                for j in range(3):
-                    b[i, j] = f[i, 0] * f[j, 0] + f[i, 1] * f[j, 1] + f[i, 2] * f[j, 2]
-            _eigen_symmetric(b, V)
-            scale = J ** (-1.0 / 3.0)
-            for i in range(3):
-                lam[i] = sqrt(b[i, i]) * scale
-            energy += w * _ogden(lam, mu[r], alpha[r], beta, gamma)
-            _kirchhoff_stress(V, beta, M, tau)
-            t0 = w * tau[0]
-            t1 = w * tau[1]
-            t2 = w * tau[2]
-            t3 = w * tau[3]
-            t4 = w * tau[4]
-            t5 = w * tau[5]
-            wj = w * J
+    if amount == 0.0:
+        return W
+    width = m + share * peak
+    top = peak / width
+    x = max(peak - W, 0.0) / width
+    root = sqrt(pi)
+    lost = top * erf(top) + (exp(-top * top) - exp(-x * x)) / root - x * erf(x)
+    if W < peak:
+        eta = 1.0 - amount * erf(x)
+        slope = 2.0 * amount / (root * width) * exp(-x * x)  # d eta / dW
+        for i in range(3):
+            for j in range(3):
+                gamma[i, j] = eta * gamma[i, j] + slope * beta[i] * beta[j]
+        for i in range(3):
+            beta[i] *= eta
+    return W - amount * width * lost
+
+
+@nb.njit(cache=True, inline="always")
+def _frozen_stress(f, J, size, H, T):
+    """Fill T (6,) = size F_bar H F_bar^T of a frozen stress H (6,), order xx yy zz xy yz xz; return a third of its trace.
+
+    It is the Kirchhoff stress of the energy H : (C_bar - I) / 2, but for its mean.
+    """
+    scale = size * J ** (-2.0 / 3.0)
+    for k in range(6):
+        i, j = (k, k) if k < 3 else ((k - 3, k - 2) if k < 5 else (0, 2))
+        s = 0.0
+        for a in range(3):
+            x = H[0 if a == 0 else (3 if a == 1 else 5)] * f[j, 0]
+            x += H[3 if a == 0 else (1 if a == 1 else 4)] * f[j, 1]
+            x += H[5 if a == 0 else (4 if a == 1 else 2)] * f[j, 2]
+            s += f[i, a] * x
+        T[k] = scale * s
+    return (T[0] + T[1] + T[2]) / 3.0
+
+
+@nb.njit(cache=True, inline="always")
+def _add_frozen_modulus(T, mean, D):
+    """Add the spatial modulus of a frozen stress to D (6, 6): 2/3 tr T (I - 1/3 1 x 1) - 2/3 (dev T x 1 + 1 x dev T)."""
+    for k in range(6):
+        D[k, k] += 2.0 * mean if k < 3 else mean
+        dk = T[k] - mean if k < 3 else T[k]
+        for j in range(3):
+            D[k, j] -= 2.0 / 3.0 * dk
+            D[j, k] -= 2.0 / 3.0 * dk
+    for i in range(3):
+        for j in range(3):
+            D[i, j] -= 2.0 / 3.0 * mean
+
+
+def _assembler(NODES: int, POINTS: int, LOCAL: bool, MEMORY: bool):
+    """Return `assemble` compiled for elements of this many nodes and quadrature points: constant loops vectorise.
+
+    LOCAL: part of the bulk modulus resists the volume change of every point rather than that of the element.
+    MEMORY: the points soften and carry frozen stresses; without, gain, frozen, peak and softening are not read.
+    """
+
+    @nb.njit(cache=True, fastmath={"reassoc", "contract", "nsz", "arcp"}, error_model="numpy")
+    def assemble(
+        gradient, weight, elements, region, u, pressure, law, constants, stiffness, bulk, local_bulk, rest, slots,
+        gain, frozen, peak, softening, data, f_mixed, f_condensed, p_volume, coupling,
+    ):  # fmt: skip
+        """Assemble a mean-dilatation body; return energy [mJ], smallest J, largest extension over its limit.
+
+        In, with A nodes and Q points: gradient (E, Q, A, 3) [1/mm], weight (E, Q) [mm^3], elements (E, A), region (E,),
+        u (N, 3) [mm], pressure (E,) [MPa] in force, law (R,) and constants (R, C) of the point routines, stiffness (E,)
+        factor on the law, bulk (E,) [MPa], local_bulk (E,) the part of it at the points, rest (R, 3, 3) F at u = 0, slots
+        (E, pairs) positions of the upper element pairs in data (-1: fixed); with memory: gain (R,) on the law's stress in
+        this step, frozen (E, Q, 6) [MPa] material stresses beside it, peak (E, Q) [MPa] the largest energy density so far,
+        softening (R, 3) = amount, m [MPa], beta. The energy is without gain and frozen stress.
+        Out: data (nnz,) upper CSR values of the condensed tangent, left alone if
+        of length 0; f_mixed (N, 3) [N] internal force with the given pressure; f_condensed (N, 3) the same with p_volume;
+        p_volume (E,) = K (theta - 1); coupling (E, A, 3) = dv/du [mm^2].
+        """
+        tangent = data.shape[0] > 0
+        F = np.empty((POINTS, 3, 3))
+        Js = np.empty(POINTS)
+        g = np.empty(
+            (POINTS, 3, NODES)
+        )  # spatial gradients, nodes last so that the loops over them vectorise
+        b = np.empty((3, 3))
+        V = np.empty((3, 3))
+        lam = np.empty(3)
+        beta = np.empty(3)
+        gamma = np.empty((3, 3))
+        M = np.empty((3, 6))
+        S = np.empty(6)
+        D = np.empty((6, 6))
+        tau = np.empty(6)
+        T = np.zeros(6)
+        mean = 0.0
+        ue = np.empty((3, NODES))
+        fe = np.empty((3, NODES))
+        ce = np.empty((3, NODES))
+        Ke = np.empty((3, 3, NODES, NODES))  # [i, l, b, a] = dF_ai / du_bl
+        energy = 0.0
+        smallest = 1e300
+        largest = 0.0
+        data[:] = 0.0
+        f_mixed[:] = 0.0
+        f_condensed[:] = 0.0
+        for e in range(elements.shape[0]):
+            r = region[e]
             for a in range(NODES):
-                x = g[q, 0, a]
-                y = g[q, 1, a]
-                z = g[q, 2, a]
-                fe[0, a] += t0 * x + t3 * y + t5 * z
-                fe[1, a] += t3 * x + t1 * y + t4 * z
-                fe[2, a] += t5 * x + t4 * y + t2 * z
-                ce[0, a] += wj * x
-                ce[1, a] += wj * y
-                ce[2, a] += wj * z
-            if not tangent:
-                continue
-            _spatial_tangent(b, V, beta, gamma, p * J, M, S, D, tau)
-            for k in range(6):
-                tau[k] *= w
-                for m in range(6):
-                    D[k, m] *= w
-            for c in range(NODES):
-                x = g[q, 0, c]
-                y = g[q, 1, c]
-                z = g[q, 2, c]
-                sx = tau[0] * x + tau[3] * y + tau[5] * z
-                sy = tau[3] * x + tau[1] * y + tau[4] * z
-                sz = tau[5] * x + tau[4] * y + tau[2] * z
-                for m in range(3):
-                    if m == 0:
-                        k0, k1, k2 = 0, 3, 5
-                    elif m == 1:
-                        k0, k1, k2 = 3, 1, 4
-                    else:
-                        k0, k1, k2 = 5, 4, 2
-                    d0 = D[0, k0] * x + D[0, k1] * y + D[0, k2] * z
-                    d1 = D[1, k0] * x + D[1, k1] * y + D[1, k2] * z
-                    d2 = D[2, k0] * x + D[2, k1] * y + D[2, k2] * z
-                    d3 = D[3, k0] * x + D[3, k1] * y + D[3, k2] * z
-                    d4 = D[4, k0] * x + D[4, k1] * y + D[4, k2] * z
-                    d5 = D[5, k0] * x + D[5, k1] * y + D[5, k2] * z
-                    gx = sx if m == 0 else 0.0
-                    gy = sy if m == 0 else 0.0
-                    gz = sz if m == 0 else 0.0
-                    for a in range(NODES):
-                        Ke[0, m, c, a] += (
-                            g[q, 0, a] * (d0 + gx) + g[q, 1, a] * (d3 + gy) + g[q, 2, a] * (d5 + gz)
-                        )
-                    gx = sx if m == 1 else 0.0
-                    gy = sy if m == 1 else 0.0
-                    gz = sz if m == 1 else 0.0
-                    for a in range(NODES):
-                        Ke[1, m, c, a] += (
-                            g[q, 0, a] * (d3 + gx) + g[q, 1, a] * (d1 + gy) + g[q, 2, a] * (d4 + gz)
-                        )
-                    gx = sx if m == 2 else 0.0
-                    gy = sy if m == 2 else 0.0
-                    gz = sz if m == 2 else 0.0
-                    for a in range(NODES):
-                        Ke[2, m, c, a] += (
-                            g[q, 0, a] * (d5 + gx) + g[q, 1, a] * (d4 + gy) + g[q, 2, a] * (d2 + gz)
-                        )
-        for a in range(NODES):
-            n = elements[e, a]
-            for i in range(3):
-                coupling[e, a, i] = ce[i, a]
-                f_mixed[n, i] += fe[i, a] + p * ce[i, a]
-                f_condensed[n, i] += fe[i, a] + p_volume[e] * ce[i, a]
-        if tangent:
-            stiff = bulk[r] / V0
-            k = 0
-            for a in range(NODES):
+                n = elements[e, a]
                 for i in range(3):
-                    ca = stiff * ce[i, a]
-                    for c in range(a, NODES):
-                        for m in range(i if c == a else 0, 3):
-                            s = slots[e, k]
-                            if s >= 0:
-                                data[s] += Ke[i, m, c, a] + ca * ce[m, c]
-                            k += 1
-    return energy, smallest
+                    ue[i, a] = u[n, i]
+                    fe[i, a] = 0.0
+                    ce[i, a] = 0.0
+            V0 = 0.0
+            v = 0.0
+            for q in range(POINTS):
+                for i in range(3):
+                    for j in range(3):
+                        s = 0.0
+                        for a in range(NODES):
+                            s += ue[i, a] * gradient[e, q, a, j]
+                        F[q, i, j] = s + rest[r, i, j]
+                f = F[q]
+                c00 = f[1, 1] * f[2, 2] - f[1, 2] * f[2, 1]
+                c01 = f[1, 2] * f[2, 0] - f[1, 0] * f[2, 2]
+                c02 = f[1, 0] * f[2, 1] - f[1, 1] * f[2, 0]
+                J = f[0, 0] * c00 + f[0, 1] * c01 + f[0, 2] * c02
+                smallest = min(smallest, J)
+                w = weight[e, q]
+                V0 += w
+                v += J * w
+                J = max(J, SMALLEST_J)
+                Js[q] = J
+                c10 = f[0, 2] * f[2, 1] - f[0, 1] * f[2, 2]
+                c11 = f[0, 0] * f[2, 2] - f[0, 2] * f[2, 0]
+                c12 = f[0, 1] * f[2, 0] - f[0, 0] * f[2, 1]
+                c20 = f[0, 1] * f[1, 2] - f[0, 2] * f[1, 1]
+                c21 = f[0, 2] * f[1, 0] - f[0, 0] * f[1, 2]
+                c22 = f[0, 0] * f[1, 1] - f[0, 1] * f[1, 0]
+                for a in range(NODES):  # F^-T dN/dX
+                    x = gradient[e, q, a, 0] / J
+                    y = gradient[e, q, a, 1] / J
+                    z = gradient[e, q, a, 2] / J
+                    g[q, 0, a] = c00 * x + c01 * y + c02 * z
+                    g[q, 1, a] = c10 * x + c11 * y + c12 * z
+                    g[q, 2, a] = c20 * x + c21 * y + c22 * z
+            p = pressure[e]
+            p_volume[e] = bulk[e] * (v / V0 - 1.0)
+            energy += 0.5 * bulk[e] * (v / V0 - 1.0) ** 2 * V0
+            factor = stiffness[e]
+            kappa = local_bulk[e] if LOCAL else 0.0
+            if tangent:
+                Ke[:] = 0.0
+            for q in range(POINTS):
+                f = F[q]
+                J = Js[q]
+                w = weight[e, q]
+                for i in range(3):
+                    for j in range(3):
+                        b[i, j] = f[i, 0] * f[j, 0] + f[i, 1] * f[j, 1] + f[i, 2] * f[j, 2]
+                _eigen_symmetric(b, V)
+                scale = J ** (-1.0 / 3.0)
+                for i in range(3):
+                    lam[i] = sqrt(b[i, i]) * scale
+                density, extension = principal_stress(law[r], constants[r], lam, beta, gamma)
+                if MEMORY:
+                    density = _soften(
+                        density, peak[e, q], softening[r, 0], softening[r, 1], softening[r, 2], beta, gamma
+                    )
+                energy += w * factor * density
+                largest = max(largest, extension)
+                size = factor * gain[r] if MEMORY else factor
+                for i in range(3):
+                    beta[i] *= size
+                    for j in range(3):
+                        gamma[i, j] *= size
+                _kirchhoff_stress(V, beta, M, tau)
+                if MEMORY:
+                    mean = _frozen_stress(f, J, factor, frozen[e, q], T)
+                    for k in range(6):
+                        tau[k] += T[k] - mean if k < 3 else T[k]
+                departure = kappa * (J - v / V0)  # of the point's pressure from the element's
+                energy += 0.5 * w * departure * (J - v / V0)
+                t0 = w * (tau[0] + departure * J)
+                t1 = w * (tau[1] + departure * J)
+                t2 = w * (tau[2] + departure * J)
+                t3 = w * tau[3]
+                t4 = w * tau[4]
+                t5 = w * tau[5]
+                wj = w * J
+                for a in range(NODES):
+                    x = g[q, 0, a]
+                    y = g[q, 1, a]
+                    z = g[q, 2, a]
+                    fe[0, a] += t0 * x + t3 * y + t5 * z
+                    fe[1, a] += t3 * x + t1 * y + t4 * z
+                    fe[2, a] += t5 * x + t4 * y + t2 * z
+                    ce[0, a] += wj * x
+                    ce[1, a] += wj * y
+                    ce[2, a] += wj * z
+                if not tangent:
+                    continue
+                _spatial_tangent(b, V, beta, gamma, (p + departure) * J, M, S, D, tau)
+                if MEMORY:
+                    _add_frozen_modulus(T, mean, D)
+                if LOCAL:
+                    for i in range(3):
+                        for j in range(3):
+                            D[i, j] += kappa * J * J
+                for k in range(6):
+                    tau[k] *= w
+                    for m in range(6):
+                        D[k, m] *= w
+                for c in range(NODES):
+                    x = g[q, 0, c]
+                    y = g[q, 1, c]
+                    z = g[q, 2, c]
+                    sx = tau[0] * x + tau[3] * y + tau[5] * z
+                    sy = tau[3] * x + tau[1] * y + tau[4] * z
+                    sz = tau[5] * x + tau[4] * y + tau[2] * z
+                    for m in range(3):
+                        if m == 0:
+                            k0, k1, k2 = 0, 3, 5
+                        elif m == 1:
+                            k0, k1, k2 = 3, 1, 4
+                        else:
+                            k0, k1, k2 = 5, 4, 2
+                        d0 = D[0, k0] * x + D[0, k1] * y + D[0, k2] * z
+                        d1 = D[1, k0] * x + D[1, k1] * y + D[1, k2] * z
+                        d2 = D[2, k0] * x + D[2, k1] * y + D[2, k2] * z
+                        d3 = D[3, k0] * x + D[3, k1] * y + D[3, k2] * z
+                        d4 = D[4, k0] * x + D[4, k1] * y + D[4, k2] * z
+                        d5 = D[5, k0] * x + D[5, k1] * y + D[5, k2] * z
+                        gx = sx if m == 0 else 0.0
+                        gy = sy if m == 0 else 0.0
+                        gz = sz if m == 0 else 0.0
+                        for a in range(NODES):
+                            Ke[0, m, c, a] += (
+                                g[q, 0, a] * (d0 + gx) + g[q, 1, a] * (d3 + gy) + g[q, 2, a] * (d5 + gz)
+                            )
+                        gx = sx if m == 1 else 0.0
+                        gy = sy if m == 1 else 0.0
+                        gz = sz if m == 1 else 0.0
+                        for a in range(NODES):
+                            Ke[1, m, c, a] += (
+                                g[q, 0, a] * (d3 + gx) + g[q, 1, a] * (d1 + gy) + g[q, 2, a] * (d4 + gz)
+                            )
+                        gx = sx if m == 2 else 0.0
+                        gy = sy if m == 2 else 0.0
+                        gz = sz if m == 2 else 0.0
+                        for a in range(NODES):
+                            Ke[2, m, c, a] += (
+                                g[q, 0, a] * (d5 + gx) + g[q, 1, a] * (d4 + gy) + g[q, 2, a] * (d2 + gz)
+                            )
+            for a in range(NODES):
+                n = elements[e, a]
+                for i in range(3):
+                    coupling[e, a, i] = ce[i, a]
+                    f_mixed[n, i] += fe[i, a] + p * ce[i, a]
+                    f_condensed[n, i] += fe[i, a] + p_volume[e] * ce[i, a]
+            if tangent:
+                stiff = (bulk[e] - kappa) / V0
+                k = 0
+                for a in range(NODES):
+                    for i in range(3):
+                        ca = stiff * ce[i, a]
+                        for c in range(a, NODES):
+                            for m in range(i if c == a else 0, 3):
+                                s = slots[e, k]
+                                if s >= 0:
+                                    data[s] += Ke[i, m, c, a] + ca * ce[m, c]
+                                k += 1
+        return energy, smallest, largest
+
+    return assemble
+
+
+# By the number of nodes; compiled when first called.
+ASSEMBLE = {8: _assembler(8, 8, False, False), 10: _assembler(10, 4, True, False)}
+ASSEMBLE_WITH_MEMORY = {8: _assembler(8, 8, False, True), 10: _assembler(10, 4, True, True)}
 
 
 @nb.njit(cache=True)

@@ -6,15 +6,19 @@ F_bar = J^(-1/3) F,
 .. math::
     W_{iso}(F) = W(\bar\lambda_1, \bar\lambda_2, \bar\lambda_3), \qquad \bar\lambda_i = J^{-1/3} \lambda_i .
 
-These plain NumPy forms are the twin of the compiled finite-element kernel, which is tested against them.
+These plain NumPy forms are the twins of the compiled point routines (`point_laws`), which are tested against them: a new
+law is a class here, naming one of those routines and its constants.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import ClassVar
 
 import numpy as np
+
+from gelforge.mechanics.point_laws import GENT, OGDEN, POLYNOMIAL
 
 DEVIATOR = np.eye(3) - 1 / 3  # takes the mean off a triple of principal values
 
@@ -27,10 +31,22 @@ class PrincipalLaw(ABC):
     conjugate.
     """
 
+    name: ClassVar[str]  # in files
+    point_law: ClassVar[int]  # the compiled routine that knows this law
+
+    @property
+    @abstractmethod
+    def point_constants(self) -> tuple[float, ...]:
+        """Return the constants in the order in which the compiled routine takes them."""
+
     @property
     @abstractmethod
     def shear_modulus(self) -> float:
         """Return the shear modulus of the undeformed state [MPa]."""
+
+    def description(self) -> dict:
+        """Return name and constants (moduli in MPa) under plain keys, as files state them."""
+        return {"law": self.name} | asdict(self)
 
     @abstractmethod
     def principal_energy(self, lam: np.ndarray) -> np.ndarray:
@@ -125,6 +141,9 @@ class Ogden(PrincipalLaw):
     mu: tuple[float, ...]  # MPa
     alpha: tuple[float, ...]
 
+    name = "ogden"
+    point_law = OGDEN
+
     def __post_init__(self):
         object.__setattr__(self, "mu", tuple(float(m) for m in self.mu))
         object.__setattr__(self, "alpha", tuple(float(a) for a in self.alpha))
@@ -137,6 +156,10 @@ class Ogden(PrincipalLaw):
                 raise ValueError(
                     f"Ogden: mu_{k} {m} MPa and alpha_{k} {a}; mu_k alpha_k > 0 is needed, give both one sign"
                 )
+
+    @property
+    def point_constants(self):
+        return tuple(value for term in zip(self.mu, self.alpha) for value in term)
 
     @property
     def shear_modulus(self) -> float:
@@ -211,8 +234,15 @@ class NeoHooke(InvariantLaw):
 
     mu: float
 
+    name = "neo_hooke"
+    point_law = POLYNOMIAL
+
     def __post_init__(self):
         _check_constants("Neo-Hooke", positive={"mu": self.mu})
+
+    @property
+    def point_constants(self):
+        return self.mu / 2, 0.0, 0.0, 0.0
 
     def invariant_energy(self, I1, I2):
         return self.mu / 2 * (I1 - 3)
@@ -231,8 +261,15 @@ class MooneyRivlin(InvariantLaw):
     C10: float
     C01: float
 
+    name = "mooney_rivlin"
+    point_law = POLYNOMIAL
+
     def __post_init__(self):
         _check_constants("Mooney-Rivlin", positive={"C10": self.C10}, not_negative={"C01": self.C01})
+
+    @property
+    def point_constants(self):
+        return self.C10, self.C01, 0.0, 0.0
 
     def invariant_energy(self, I1, I2):
         return self.C10 * (I1 - 3) + self.C01 * (I2 - 3)
@@ -253,10 +290,17 @@ class Yeoh(InvariantLaw):
     C20: float
     C30: float
 
+    name = "yeoh"
+    point_law = POLYNOMIAL
+
     def __post_init__(self):
         _check_constants(
             "Yeoh", positive={"C10": self.C10}, not_negative={"C30": self.C30}, free={"C20": self.C20}
         )
+
+    @property
+    def point_constants(self):
+        return self.C10, 0.0, self.C20, self.C30
 
     def invariant_energy(self, I1, I2):
         x = I1 - 3
@@ -282,8 +326,15 @@ class Gent(InvariantLaw):
     mu: float
     Jm: float
 
+    name = "gent"
+    point_law = GENT
+
     def __post_init__(self):
         _check_constants("Gent", positive={"mu": self.mu, "Jm": self.Jm})
+
+    @property
+    def point_constants(self):
+        return self.mu, self.Jm
 
     def admissible(self, lam):
         lam = np.asarray(lam, dtype=float)

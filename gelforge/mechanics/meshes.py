@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from gelforge.mechanics.elements import lumped_area
 from gelforge.mechanics.octree import octree
 
 
@@ -23,6 +24,8 @@ class Block:
     wall: float = 0.0  # mm, around every layer but the top one
     flange_width: float = 0.0  # mm, on the base, outside the wall
     flange_height: float = 0.0  # mm
+    base: float = 0.0  # mm, a slab below all of this, held at its own bottom
+    base_is_rigid: bool = False  # the slab is held everywhere
 
     @property
     def height(self) -> float:
@@ -51,23 +54,25 @@ class Sizes:
 
 @dataclass(frozen=True)
 class Surface:
-    """The part of the boundary that an indenter may touch: flat four-sided faces.
+    """The part of the boundary that an indenter may touch: flat four-sided faces, or triangles with edge middles.
 
     A node that hangs carries no contact of its own: what it would carry belongs to the nodes it hangs between.
     """
 
     nodes: np.ndarray  # (S,) numbers of the nodes that do not hang
-    area: np.ndarray  # (S,) [mm^2] integral of each node's shape function over the undeformed faces
+    area: np.ndarray  # (S,) [mm^2] each node's share of the undeformed faces (elements.lumped_area), positive
     top: np.ndarray  # (S,) bool, nodes of the top surface (z = 0); the others lie on the sides
-    faces: np.ndarray  # (Q, 4) numbers of the corners of the top surface's faces, hanging ones included
+    faces: (
+        np.ndarray
+    )  # (Q, 4) corners, or (Q, 6) corners and edge middles, of the top surface's faces, hanging ones included
 
 
 @dataclass(frozen=True)
-class HexMesh:
-    """Hexahedra with regions, fixed nodes and the surface that is touched."""
+class Mesh:
+    """Elements of one kind with regions, fixed nodes and the surface that is touched."""
 
     X: np.ndarray  # (N, 3) nodes [mm]
-    hexahedra: np.ndarray  # (E, 8)
+    elements: np.ndarray  # (E, 8) hexahedra or (E, 10) tetrahedra, nodes in meshio's order
     region: np.ndarray  # (E,) index into regions
     regions: tuple[str, ...]
     fixed: np.ndarray  # (N,) bool, nodes held on the base
@@ -102,41 +107,56 @@ def _horizontal_lines(width: float, block: Block, centre: float, size: float) ->
     return _spaced(breaks, size)
 
 
-def _vertical_lines(block: Block, size: float) -> np.ndarray:
+def _vertical_lines(block: Block, sizes: Sizes) -> np.ndarray:
+    size = sizes.base
     heights = np.cumsum([0.0] + [thickness for _, thickness in block.layers]) - block.height
     heights[-1] = 0.0
     breaks, flange_top = list(heights), block.flange_height - block.height
     # A second break one rounding beside an interface would make a layer of elements without thickness.
     if block.flange_width and np.abs(heights - flange_top).min() > 1e-9:
         breaks = sorted([*breaks, flange_top])
-    return _spaced(breaks, size)
+    lines = _spaced(breaks, size)
+    return np.concatenate([_slab_lines(block, sizes), lines])
 
 
-def layered_block(block: Block, x: float, y: float, sizes: Sizes) -> HexMesh:
+def _slab_lines(block: Block, sizes: Sizes) -> np.ndarray:
+    """Return the lines of the slab below its top, bottom first: as far apart as their distance from the contact allows."""
+    z, lines = 0.0, []
+    while block.base - z > 1e-9:
+        step = max(sizes.base, sizes.near + sizes.growth * (block.height + z))
+        parts = max(1, round((block.base - z) / step))
+        z = block.base if parts == 1 else z + step
+        lines.append(-block.height - z)
+    return np.array(lines[::-1])
+
+
+def layered_block(block: Block, x: float, y: float, sizes: Sizes, touched: np.ndarray | None = None) -> Mesh:
     """Return the mesh of a block, fine around the contact at (x, y) [mm].
 
-    The cells of an even grid are halved where the contact wants it. Regions are the layers by name, then "wall"
-    and "flange" where they exist; cells above the flange are left out.
+    touched (n, 3) are discs (x, y, radius) [mm] of the top surface, none of which counts for smaller than near_radius; the
+    disc of that radius at (x, y) if not given. The cells of an even grid are halved where the contact wants it. Regions
+    are the layers by name, then "wall", "flange" and "base" where they exist; cells above the flange are left out.
     """
     lines = (
         _horizontal_lines(block.width_x, block, x, sizes.base),
         _horizontal_lines(block.width_y, block, y, sizes.base),
-        _vertical_lines(block, sizes.base),
+        _vertical_lines(block, sizes),
     )
     cells = tuple((line[1:] + line[:-1]) / 2 for line in lines)
     region, names, present = _regions(block, *cells)
+    touched = np.array([[x, y, 0.0]]) if touched is None else touched
 
     def wanted(*finer):
-        return _too_large(block, sizes, x, y, *finer)
+        return _too_large(sizes, touched, *finer)
 
     tree = octree(lines, present, wanted, sizes.halvings)
     X = tree.X
-    return HexMesh(
+    return Mesh(
         X=X,
-        hexahedra=tree.hexahedra,
+        elements=tree.hexahedra,
         region=region[tuple(tree.base_cell.T)].astype(np.int32),
         regions=names,
-        fixed=X[:, 2] < lines[2][0] + 1e-9,
+        fixed=X[:, 2] < (-block.height if block.base_is_rigid else lines[2][0]) + 1e-9,
         surface=_surface(block, X, tree.hexahedra, tree.ties),
         ties=tree.ties if sizes.halvings else None,
     )
@@ -158,16 +178,22 @@ def _regions(block: Block, x: np.ndarray, y: np.ndarray, z: np.ndarray):
     if block.flange_width:
         region[np.broadcast_to(outside, region.shape)] = len(names)
         names.append("flange")
+    if block.base:
+        region[:, :, z < -block.height] = len(names)
+        names.append("base")
     return region, tuple(names), ~outside | (z < block.flange_height - block.height)
 
 
-def _too_large(block: Block, sizes: Sizes, x: float, y: float, *lines: np.ndarray) -> np.ndarray:
-    """Return which cells (nx, ny, nz) between the lines are larger than the contact at (x, y) wants."""
+def _too_large(sizes: Sizes, touched: np.ndarray, *lines: np.ndarray) -> np.ndarray:
+    """Return which cells (nx, ny, nz) between the lines are larger than the contact on the touched discs wants."""
     mid = [(line[1:] + line[:-1]) / 2 for line in lines]
     half = [np.diff(line) / 2 for line in lines]
-    # Horizontal and vertical distance from the nearest point of a cell to the disc that is touched.
-    dx, dy = (np.maximum(np.abs(m - c) - h, 0) for m, h, c in zip(mid, half, (x, y)))
-    radial = np.maximum(np.hypot(dx[:, None], dy[None, :]) - sizes.near_radius, 0)
+    # Horizontal and vertical distance from the nearest point of a cell to the nearest disc that is touched.
+    radial = np.full((len(mid[0]), len(mid[1])), np.inf)
+    for *place, radius in touched:
+        dx, dy = (np.maximum(np.abs(m - c) - h, 0) for m, h, c in zip(mid, half, place))
+        beyond = np.maximum(np.hypot(dx[:, None], dy[None, :]) - max(radius, sizes.near_radius), 0)
+        radial = np.minimum(radial, beyond)
     below = np.maximum(-mid[2] - half[2], 0)
     distance = np.hypot(radial[:, :, None], below[None, None, :])
     size = 2 * np.maximum(np.maximum(half[0][:, None], half[1][None, :])[:, :, None], half[2])
@@ -178,6 +204,8 @@ def _too_large(block: Block, sizes: Sizes, x: float, y: float, *lines: np.ndarra
 def _surface(block: Block, X: np.ndarray, hexahedra: np.ndarray, ties: sp.csr_matrix) -> Surface:
     """Return the top and the outer sides of the block."""
     flange_top = block.flange_height - block.height if block.flange_width else -np.inf
+    if block.base:  # its sides are no place of contact
+        flange_top = max(flange_top, -block.height)
     faces, tops = [], []
     for corners, axis, place in [
         ((4, 5, 6, 7), 2, 0.0),
@@ -192,12 +220,6 @@ def _surface(block: Block, X: np.ndarray, hexahedra: np.ndarray, ties: sp.csr_ma
         faces.append(face[outside])
         tops.append(np.full(outside.sum(), axis == 2))
     faces, top = np.concatenate(faces), np.concatenate(tops)
-    corner = X[faces]
-    diagonals = np.cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
-    area = np.zeros(len(X))
-    np.add.at(
-        area, faces, np.linalg.norm(diagonals, axis=1)[:, None] / 8
-    )  # rectangles: a quarter to each corner
-    area = ties.T @ area
+    area = ties.T @ lumped_area(X, faces)
     nodes = np.flatnonzero(area > 0)
     return Surface(nodes, area[nodes], np.isin(nodes, np.flatnonzero(X[:, 2] > -1e-9)), faces[top])

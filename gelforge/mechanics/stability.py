@@ -28,3 +28,29 @@ def drucker_margin(law: PrincipalLaw, lam: np.ndarray) -> np.ndarray:
     margin = np.full(lam.shape[:-1], np.nan)
     margin[has] = np.linalg.eigvalsh(PLANE.T @ law.principal_tangent(lam[has]) @ PLANE)[..., 0]
     return margin
+
+
+class UnstableLaw(ValueError):
+    """A law that is unstable, or has no stress, within the stretches that it is used at."""
+
+
+def check_stable(law: PrincipalLaw, largest_stretch: float, name: str) -> None:
+    """Refuse a law that is not Drucker-stable up to a principal stretch in extension, compression and pure shear.
+
+    Raises UnstableLaw with the first stretch at which it is unstable.
+    """
+    lam = np.linspace(1.0, largest_stretch, 101)
+    for case, exponents in (
+        ("extension", (1.0, -0.5, -0.5)),
+        ("compression", (-1.0, 0.5, 0.5)),
+        ("pure shear", (1.0, 0.0, -1.0)),
+    ):
+        margin = drucker_margin(law, lam[:, None] ** np.array(exponents))
+        bad = ~(margin > 0)
+        if bad.any():
+            first = lam[np.argmax(bad)] ** (1 if exponents[0] > 0 else -1)
+            reason = "has no stress" if np.isnan(margin[bad][0]) else "is unstable (Drucker)"
+            raise UnstableLaw(
+                f"the law of {name} {reason} in {case} from stretch {first:.3g}; this press uses it up to"
+                f" {largest_stretch ** (1 if exponents[0] > 0 else -1):.3g}: press less deep or fit another law"
+            )

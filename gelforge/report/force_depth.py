@@ -49,7 +49,8 @@ def deviation_table(curve: ForceDepth) -> pd.DataFrame | None:
             deviation = round(100 * (force / row.fem_N - 1), 1)
             varied = [_at_depth(row.depth_mm, *variant) for variant in curve.variants.values()]
             published = (row.fem_N, row.fem_linear_N)
-            rows.append((curve.title.partition(",")[0].partition(" (")[0], row.depth_mm, *published, force, deviation, *varied))
+            place = curve.title.partition(",")[0].partition(" (")[0]
+            rows.append((place, row.depth_mm, *published, force, deviation, *varied))
     columns = ["place", "depth [mm]", "published FEM Fz [N]", "published linear FEM Fz [N]"]
     columns += ["simulated Fz [N]", "deviation [%]", *(f"variant {name} Fz [N]" for name in curve.variants)]
     return pd.DataFrame(rows, columns=columns)

@@ -12,11 +12,6 @@ from gelforge.report.style import PREDICTED, SIGNED, new_figure, signed_limit, s
 AXES = ("x", "y", "z")
 
 
-def contact_radius_mm(depth_mm: float, ball_radius_mm: float) -> float:
-    """Return the radius of the circle in which the undeformed surface cuts a ball at this depth."""
-    return float(np.sqrt(max(0.0, 2 * ball_radius_mm * depth_mm - depth_mm**2)))
-
-
 def draw_force_map(ax: Axes, bin_force_N, nx: int, ny: int, widths_mm: tuple[float, float], limit_N: float):
     """Draw one component (nx*ny,) of a label, bin k = nx iy + ix, from above; returns the colour mesh."""
     x = np.linspace(0, widths_mm[0], nx + 1)

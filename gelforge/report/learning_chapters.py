@@ -6,9 +6,10 @@ import numpy as np
 
 from gelforge.report.beside_paper import beside_paper
 from gelforge.report.chapters import Chapter
-from gelforge.report.force_maps import contact_radius_mm, prediction_figure, total_force_figure
+from gelforge.report.force_maps import prediction_figure, total_force_figure
 from gelforge.report.residuals import residual_depth_figure, residual_map_figure
 from gelforge.report.results_reader import StudyResults
+from gelforge.report.silhouette import touched_radius_mm
 from gelforge.report.study_chapters import FORCE_ONLY, LABELS_ONLY
 from gelforge.report.training_figure import loss_figure
 
@@ -91,11 +92,11 @@ def _show_map(chapter: Chapter, results: StudyResults, row: int, place: str) -> 
     predicted, true = results.predicted_map(row)
     x, y = columns["position_mm"][row]
     depth = float(columns["depth_mm"][row])
-    radius = contact_radius_mm(depth, results.study.indenter.radius_mm)
+    radius = touched_radius_mm(results.study.indenter, depth)
     chapter.show(
-        f"Held-out cell {columns['cell'][row]} {place}, ball at ({x:g}, {y:g}) mm, {depth:g} mm deep: left and"
+        f"Held-out cell {columns['cell'][row]} {place}, indenter at ({x:g}, {y:g}) mm, {depth:g} mm deep: left and"
         " middle should look alike and the right stay pale, on one colour scale per row. The dashed circle is"
-        " where the ball cuts the undeformed surface.",
+        " where the indenter cuts the undeformed surface.",
         prediction_figure(predicted, true, bins.nx, bins.ny, results.widths_mm, (x, y), radius),
     )
 

@@ -11,7 +11,7 @@ from markupsafe import Markup
 import gelforge
 from gelforge.config import Study
 from gelforge.files import write_text
-from gelforge.report import learning_chapters, material_chapter, study_chapters
+from gelforge.report import learning_chapters, material_chapter, study_chapters, verification_chapter
 from gelforge.report.chapters import Chapter
 from gelforge.report.results_reader import StudyResults
 
@@ -25,6 +25,7 @@ CHAPTERS = (
     learning_chapters.predictions,
     learning_chapters.error_tables,
     study_chapters.failed_cells,
+    verification_chapter.verification,
     study_chapters.time_per_stage,
     study_chapters.origin,
 )

@@ -188,5 +188,5 @@ def is_papers_sensor(study: Study) -> bool:
     return (
         (sensor.width_x_mm, sensor.width_y_mm) == (32.0, 32.0)
         and thickness == [4.5, 1.5]
-        and study.indenter.radius_mm == 5.0
+        and (study.indenter.kind, study.indenter.radius_mm) == ("sphere", 5.0)
     )

@@ -6,9 +6,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Patch
+from matplotlib.patches import Patch
 from matplotlib.tri import Triangulation
 
+from gelforge.config import Indenter
+from gelforge.report.silhouette import draw_indenter
 from gelforge.report.style import FAINT, INK, MAGNITUDE, PREDICTED, new_figure, region_colours, styled
 
 QUAD_SIDES = ([0, 1], [1, 2], [2, 3], [3, 0])
@@ -24,8 +26,8 @@ def contact_pressure_kPa(node_normal_N: np.ndarray, node_area_mm2: np.ndarray) -
 def boundary_edges(xz: np.ndarray, quads: np.ndarray, regions: np.ndarray) -> np.ndarray:
     """Return the edges (M, 2) of a plane of quads (Q, 4) that lie on its outline or between two regions.
 
-    xz (P, 2) are undeformed nodes: there the quads are upright rectangles. Where a quad meets two smaller ones they
-    share no edge; such an edge is no boundary if just beyond it lies the same region.
+    xz (P, 2) are undeformed nodes: there the quads of hexahedra are upright rectangles. Where one meets two smaller ones
+    they share no edge; such an edge is no boundary if just beyond it lies the same region.
     """
     sides = np.sort(np.concatenate([quads[:, side] for side in QUAD_SIDES]), axis=1)  # (4Q, 2)
     edges, index, count = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
@@ -33,13 +35,22 @@ def boundary_edges(xz: np.ndarray, quads: np.ndarray, regions: np.ndarray) -> np
     lowest, highest = np.full(len(edges), np.inf), np.full(len(edges), -np.inf)
     np.minimum.at(lowest, index.ravel(), owner)
     np.maximum.at(highest, index.ravel(), owner)
+    kept = (count == 1) | (lowest != highest)
+    if not _upright(xz, quads):  # cut through tetrahedra: neighbours share whole edges
+        return edges[kept]
     single = np.flatnonzero(count == 1)
     quad = np.empty(len(edges), int)
     quad[index.ravel()] = np.tile(np.arange(len(quads)), len(QUAD_SIDES))
     beyond = _region_beyond(xz, edges[single], quads, quad[single], regions)
-    kept = (count == 1) | (lowest != highest)
     kept[single] = beyond != lowest[single]
     return edges[kept]
+
+
+def _upright(xz, quads) -> bool:
+    """Return whether all quads (Q, 4) are rectangles along the axes."""
+    corners = xz[quads]
+    ends = corners.min(axis=1, keepdims=True), corners.max(axis=1, keepdims=True)
+    return bool(np.minimum(*(np.abs(corners - end) for end in ends)).max(initial=0.0) < 1e-9)
 
 
 def _region_beyond(xz, edges, quads, quad, regions) -> np.ndarray:
@@ -75,20 +86,6 @@ def draw_section(ax: Axes, node_mm, displacement_mm, quads, regions, names: list
     return patches
 
 
-def draw_ball(ax: Axes, x_mm: float, depth_mm: float, radius_mm: float) -> None:
-    """Draw the ball whose lowest point lies depth_mm below the undeformed surface z = 0."""
-    ax.add_patch(Circle((x_mm, radius_mm - depth_mm), radius_mm, fc="#D9D9D9", ec=INK, lw=1, zorder=5))
-    ax.text(
-        x_mm,
-        radius_mm - depth_mm,
-        f"ball\nR {radius_mm:g} mm",
-        ha="center",
-        va="center",
-        zorder=6,
-        clip_on=True,
-    )
-
-
 def draw_pressure(ax: Axes, node_xy_mm, displacement_mm, pressure_kPa, centre_mm, half_width_mm: float):
     """Draw the contact pressure (S) at the deformed surface nodes from above; returns the coloured artist."""
     xy = np.asarray(node_xy_mm)
@@ -115,7 +112,7 @@ def draw_pressure(ax: Axes, node_xy_mm, displacement_mm, pressure_kPa, centre_mm
 
 
 @styled
-def section_figure(arrays: dict, row: int, names: list[str], position_mm, ball_radius_mm: float) -> Figure:
+def section_figure(arrays: dict, row: int, names: list[str], position_mm, indenter: Indenter) -> Figure:
     """Return the deformed section beside the contact pressure from above, for a depth (row) of a cell."""
     depth = float(arrays["depth_mm"][row])
     figure, axes = new_figure(9.6, 3.4, nrows=1, ncols=2, width_ratios=[2.1, 1])
@@ -129,18 +126,23 @@ def section_figure(arrays: dict, row: int, names: list[str], position_mm, ball_r
         arrays["section_region"],
         names,
     )
-    left_of_middle = position_mm[0] <= nodes[:, 0].mean()
-    side.legend(handles=entries, loc="upper right" if left_of_middle else "upper left")
-    draw_ball(side, position_mm[0], depth, ball_radius_mm)
+    # Below the drawing: above it the indenter may stand anywhere.
+    side.legend(handles=entries, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=len(entries))
+    x, _, z = arrays["indenter_mm"][row]
+    top_mm = draw_indenter(side, indenter, x, z, arrays["tilt_deg"][row])
     side.set_xlim(nodes[:, 0].min() - 0.7, nodes[:, 0].max() + 0.7)
-    side.set_ylim(nodes[:, 2].min() - 0.4, 2 * ball_radius_mm - depth + 0.5)
-    side.set_title(f"cut at y = {nodes[:, 1].mean():.2f} mm, ball pressed {depth:g} mm deep, true scale")
+    side.set_ylim(nodes[:, 2].min() - 0.4, top_mm + 0.5)
+    side.set_title(f"cut at y = {nodes[:, 1].mean():.2f} mm, indenter {depth:g} mm deep, true scale")
 
-    pressure = contact_pressure_kPa(arrays["node_normal_N"][row], arrays["node_area_mm2"])
-    reach = np.linalg.norm(np.asarray(arrays["node_xy_mm"])[pressure > 0] - np.asarray(position_mm), axis=1)
+    carries = np.asarray(arrays["node_area_mm2"]) > 0  # corners of quadratic tetrahedra stand for no area
+    node_xy = np.asarray(arrays["node_xy_mm"])[carries]
+    pressure = contact_pressure_kPa(
+        arrays["node_normal_N"][row][carries], np.asarray(arrays["node_area_mm2"])[carries]
+    )
+    reach = np.linalg.norm(node_xy[pressure > 0] - np.asarray(position_mm), axis=1)
     half = 1.35 * float(reach.max(initial=1.0))
     shown = draw_pressure(
-        top, arrays["node_xy_mm"], arrays["node_displacement_mm"][row], pressure, position_mm, half
+        top, node_xy, arrays["node_displacement_mm"][row][carries], pressure, position_mm, half
     )
     figure.colorbar(shown, ax=top, label="contact pressure [kPa]", shrink=0.85)
     top.set_title(f"from above, largest {pressure.max(initial=0.0):.1f} kPa")

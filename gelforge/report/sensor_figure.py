@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Polygon, Rectangle
+from matplotlib.patches import Polygon, Rectangle
 
 from gelforge.config import Camera, Sensor, Session, Study
+from gelforge.indentation.indenter_shapes import shape_of
 from gelforge.indentation.plan import PlannedCell
+from gelforge.mechanics.indenters import DOWN
 from gelforge.recording.camera import unproject
+from gelforge.report.silhouette import draw_indenter
 from gelforge.report.style import (
     INK,
     PREDICTED,
@@ -22,6 +26,7 @@ from gelforge.report.style import (
 )
 
 WALL_COLOUR = SURROUND["wall"]
+OUTSIDE = "#E9E6DC"  # of a shape seen from above: the positions' blues must stand out
 
 
 def camera_footprint(camera: Camera, crop_px: list[int] | None = None, z_mm: float = 0.0) -> np.ndarray:
@@ -48,25 +53,16 @@ def sensor_figure(study: Study, cells: dict[str, PlannedCell], session: Session 
 
 def _draw_above(ax: Axes, study: Study, cells: dict[str, PlannedCell], camera: Camera | None, crop) -> None:
     sensor = study.sensor
-    wx, wy, wall = sensor.width_x_mm, sensor.width_y_mm, sensor.wall_mm
-    colours = region_colours([layer.name for layer in sensor.layers])
+    wx, wy = sensor.width_x_mm, sensor.width_y_mm
     if sensor.flange:
         w = sensor.flange.width_mm
         ax.add_patch(
             Rectangle((-w, -w), wx + 2 * w, wy + 2 * w, fc="#F6E3EA", ec="#999999", label=f"flange {w:g} mm")
         )
-    wall_label = f"wall {wall:g} mm, below the top layer" if wall else "no wall"
-    ax.add_patch(Rectangle((0, 0), wx, wy, fc=WALL_COLOUR, ec=INK, lw=1.4, label=wall_label))
-    ax.add_patch(
-        Rectangle(
-            (wall, wall),
-            wx - 2 * wall,
-            wy - 2 * wall,
-            fc=colours[0],
-            ec="none",
-            label=f"{sensor.layers[0].name} inside the wall",
-        )
-    )
+    if sensor.shape.kind == "block":
+        _draw_block_above(ax, sensor)
+    else:
+        _draw_surface_above(ax, sensor)
     for edge in np.linspace(0, wx, sensor.bins.nx + 1):
         ax.plot([edge, edge], [0, wy], color="#00000022", lw=0.5)
     for edge in np.linspace(0, wy, sensor.bins.ny + 1):
@@ -94,15 +90,59 @@ def _draw_above(ax: Axes, study: Study, cells: dict[str, PlannedCell], camera: C
     ax.set_ylabel("y [mm]")
 
 
+def _draw_block_above(ax: Axes, sensor: Sensor) -> None:
+    wx, wy, wall = sensor.width_x_mm, sensor.width_y_mm, sensor.wall_mm
+    colours = region_colours([layer.name for layer in sensor.layers])
+    wall_label = f"wall {wall:g} mm, below the top layer" if wall else "no wall"
+    ax.add_patch(Rectangle((0, 0), wx, wy, fc=WALL_COLOUR, ec=INK, lw=1.4, label=wall_label))
+    ax.add_patch(
+        Rectangle(
+            (wall, wall),
+            wx - 2 * wall,
+            wy - 2 * wall,
+            fc=colours[0],
+            ec="none",
+            label=f"{sensor.layers[0].name} inside the wall",
+        )
+    )
+
+
+def _draw_surface_above(ax: Axes, sensor: Sensor) -> None:
+    """Draw the outer surface of a sensor that is no block."""
+    from gelforge.indentation.sensor_mesh import sensor_solids  # loads the mesher's files
+
+    outer = sensor_solids(sensor).surfaces[-1]
+    triangles = outer.vertices[outer.triangles][:, :, :2]
+    ax.add_collection(PolyCollection(triangles, facecolors=OUTSIDE, edgecolors=OUTSIDE, linewidths=0.4))
+    ax.add_patch(Rectangle((0, 0), 0, 0, fc=OUTSIDE, label=f"outer surface, a {sensor.shape.kind}"))
+
+
+def _draw_surfaces_cut(ax: Axes, sensor: Sensor) -> None:
+    """Draw the solids of a sensor that is no block, cut at the middle of y."""
+    from gelforge.indentation.sensor_mesh import sensor_solids
+
+    solids, colours = sensor_solids(sensor), region_colours([layer.name for layer in sensor.layers])
+    low, high = (f(solids.surfaces[-1].vertices, axis=0) for f in (np.min, np.max))
+    x, z = (np.linspace(a - 0.1, b + 0.1, 241) for a, b in zip(low[[0, 2]], high[[0, 2]]))
+    points = np.stack(np.meshgrid(x, [(low[1] + high[1]) / 2], z, indexing="ij"), axis=-1).reshape(-1, 3)
+    for surface, colour in reversed(list(zip(solids.surfaces, colours))):
+        gap = surface.distance(points)[0].reshape(len(x), len(z)).T
+        ax.contourf(x, z, gap, levels=[gap.min() - 1, 0.0], colors=[colour])
+        ax.contour(x, z, gap, levels=[0.0], colors=[INK], linewidths=0.7)
+
+
 def _draw_layers(ax: Axes, sensor: Sensor, text_x_mm: float) -> None:
     wx, wall, height = sensor.width_x_mm, sensor.wall_mm, sensor.height_mm
     bottom = -height
     colours = region_colours([layer.name for layer in sensor.layers])
+    block = sensor.shape.kind == "block"
+    if not block:
+        _draw_surfaces_cut(ax, sensor)
     for number, layer in enumerate(sensor.layers):
         inset = 0 if number == len(sensor.layers) - 1 else wall  # the top layer caps the wall
-        ax.add_patch(
-            Rectangle((inset, bottom), wx - 2 * inset, layer.thickness_mm, fc=colours[number], ec=INK, lw=0.7)
-        )
+        if block:
+            corner, width = (inset, bottom), wx - 2 * inset
+            ax.add_patch(Rectangle(corner, width, layer.thickness_mm, fc=colours[number], ec=INK, lw=0.7))
         ax.annotate(
             f"{layer.name}: {layer.thickness_mm:g} mm, {layer.material}",
             (text_x_mm, bottom + layer.thickness_mm / 2),
@@ -114,7 +154,7 @@ def _draw_layers(ax: Axes, sensor: Sensor, text_x_mm: float) -> None:
         )
         bottom += layer.thickness_mm
     under = height - sensor.layers[-1].thickness_mm
-    if wall and len(sensor.layers) > 1:
+    if block and wall and len(sensor.layers) > 1:
         for x in (0, wx - wall):
             ax.add_patch(Rectangle((x, -height), wall, under, fc=WALL_COLOUR, ec=INK, lw=0.7))
     if sensor.flange:
@@ -124,7 +164,7 @@ def _draw_layers(ax: Axes, sensor: Sensor, text_x_mm: float) -> None:
 
 
 def _draw_side(ax: Axes, study: Study, cells: dict[str, PlannedCell], camera: Camera | None, crop) -> None:
-    sensor, radius = study.sensor, study.indenter.radius_mm
+    sensor = study.sensor
     wx, height = sensor.width_x_mm, sensor.height_mm
     depths = sorted({depth for cell in cells.values() for depth in cell.depths_mm})
     rim = sensor.flange.width_mm if sensor.flange else 0.0
@@ -144,9 +184,12 @@ def _draw_side(ax: Axes, study: Study, cells: dict[str, PlannedCell], camera: Ca
     )
     _draw_layers(ax, sensor, text_x)
     deepest = depths[-1]
-    ax.add_patch(Circle((wx / 2, radius - deepest), radius, fc="#FFFFFFCC", ec=INK, lw=1.2))
-    text = f"ball R {radius:g} mm, {deepest:g} mm deep"
-    ax.text(wx / 2 + 1.15 * radius, radius, text, va="center", fontsize=8.5)
+    shape = shape_of(study.indenter)
+    top = draw_indenter(
+        ax, study.indenter, wx / 2, shape.support(DOWN) - deepest, fc="#FFFFFFCC", lw=1.2, zorder=1
+    )
+    text = f"{study.indenter.words},\n{deepest:g} mm deep"
+    ax.text(wx / 2 + shape.support(np.eye(3)[0]) + 0.02 * wx, top / 2, text, va="center", fontsize=8.5)
     ax.plot([0, wx], [0, 0], color=INK, lw=0.8, ls=":")
     if camera:
         _draw_view(ax, camera, crop, text_x, -height - base)
@@ -154,7 +197,7 @@ def _draw_side(ax: Axes, study: Study, cells: dict[str, PlannedCell], camera: Ca
     ax.set_aspect("equal")
     ax.autoscale_view()
     low = -height - base - 0.35 * wx
-    ax.set_ylim(low, 2 * radius - deepest + 0.06 * wx)
+    ax.set_ylim(low, top + 0.06 * wx)
     ax.set_xlim(-rim - 0.08 * wx, text_x + 0.6 * wx)
     steps = (
         f"{len(depths)} depths, {depths[0]:g} to {deepest:g} mm"

@@ -32,7 +32,7 @@ def glance(results: StudyResults) -> Chapter:
     facts = [
         ("Sensor", f"{sensor.width_x_mm:g} x {sensor.width_y_mm:g} x {sensor.height_mm:g} mm"),
         ("Layers from the base up", f"{layers}; wall {sensor.wall_mm:g} mm"),
-        ("Indenter", f"ball of radius {study.indenter.radius_mm:g} mm"),
+        ("Indenter", study.indenter.words),
         ("Plan", f"{cells}; {steps}"),
         ("Cells", f"{len(good)} converged, {len(planned) - len(good)} failed or missing"),
         ("Label", f"force on {sensor.bins.nx} x {sensor.bins.ny} surface bins, x, y and z, in N"),
@@ -174,9 +174,7 @@ def inside(results: StudyResults) -> Chapter:
     chapter.show(
         f"Cell {good[0].name} at its deepest: left, the layers cut under the ball (dashed: before the press);"
         " right, the pressure between ball and skin seen from above, darkest where it is largest.",
-        section_figure(
-            cell.arrays, -1, names, (good[0].x_mm, good[0].y_mm), results.study.indenter.radius_mm
-        ),
+        section_figure(cell.arrays, -1, names, (good[0].x_mm, good[0].y_mm), results.study.indenter),
     )
     return chapter
 

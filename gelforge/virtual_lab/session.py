@@ -148,7 +148,7 @@ def session_description(lab: VirtualLab, lab_session: VirtualSession, study: Stu
         session=lab_session.session,
         synthetic=True,
         sensor=lab.serial,
-        indenter=f"{study.indenter.kind}, radius {study.indenter.radius_mm} mm",
+        indenter=study.indenter.words,
         date=lab_session.date,
         notes="SYNTHETIC: made by a virtual lab, not measured",
         force=ForceSensor(

@@ -115,3 +115,18 @@ def test_press_prints_forces_and_writes_the_cell(empty_folder, capsys):
     assert 0 > vertical[0] > vertical[1]
     assert main(["show", "press.h5", "0"]) == 0
     assert (empty_folder / "press-0.png").is_file()
+
+
+def test_verify_writes_its_table_and_fails_with_a_failed_check(empty_folder, capsys, monkeypatch):
+    from gelforge.verification import run
+    from gelforge.verification.check import relative
+
+    checks = {"good": lambda: [relative("force", "known", 2.0, 2.01, 0.02)]}
+    monkeypatch.setattr(run, "CHECKS", checks)
+    assert main(["verify", "--out", "tables"]) == 0
+    checks["bad"] = lambda: [relative("moment", "known", 2.0, 2.3, 0.02)]
+    assert main(["verify", "--out", "tables"]) == 1
+    assert "1 of 2 checks failed: moment (error 1.5e-01, limit 2.0e-02)" in capsys.readouterr().err
+    rows = (empty_folder / "tables" / "verification.csv").read_text().splitlines()
+    assert [row.split(",")[-1] for row in rows] == ["passed", "True", "False"]
+    assert (empty_folder / "tables" / "verification.md").is_file()

@@ -107,6 +107,34 @@ def test_a_plan_file_that_cannot_be_used_is_refused(tmp_path, text, words):
     assert all(word in str(error.value) for word in words), error.value
 
 
+def test_rows_with_phases_or_moves_are_a_path_in_the_order_of_the_file(tmp_path):
+    text = (
+        "cell,x_mm,y_mm,depth_mm,phase,shear_x_mm,tilt_y_deg\n"
+        "a,8,8,0.4,,,\na,8,8,0.8,,,\na,8,8,0.8,,0.2,\na,8,8,0.8,,0.2,3\na,8,8,0.8,dwell,0.2,3\na,8,8,0.0,,0.2,3\n"
+    )
+    cell = from_csv(tmp_path, text)["a"]
+    assert cell.depths_mm == (0.4, 0.8, 0.8, 0.8, 0.8, 0.0)
+    assert cell.phases == ("load", "load", "shear", "tilt", "dwell", "unload")
+    assert cell.shears_mm[1:3] == ((0.0, 0.0), (0.2, 0.0))
+    assert cell.tilts_deg[2:4] == ((0.0, 0.0), (0.0, 3.0))
+    table = plan_table({"a": cell})
+    assert list(table["phase"]) == list(cell.phases)
+    assert list(table["shear_x_mm"]) == [0.0, 0.0, 0.2, 0.2, 0.2, 0.2]
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ("a,8,8,0.4,press,0\n", "phase 'press' is not one of load, shear, tilt, dwell, unload"),
+        ("a,8,8,0.0,load,0\n", "its path begins at depth 0 mm; begin with a positive depth"),
+        ("a,8,8,0.4,load,0\na,8,8,0.4,shear,9\n", r"position \(17, 8\) mm lies outside the sensor"),
+    ],
+)
+def test_a_path_that_cannot_be_followed_is_refused(tmp_path, rows, words):
+    with pytest.raises(ConfigError, match=words):
+        from_csv(tmp_path, "cell,x_mm,y_mm,depth_mm,phase,shear_x_mm\n" + rows)
+
+
 def test_a_missing_plan_file_is_named(tmp_path):
     with pytest.raises(ValueError, match=r"nowhere\.csv: no such file"):
         plan_cells(specimens.study({"file": str(tmp_path / "nowhere.csv")}))

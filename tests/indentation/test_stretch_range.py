@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from gelforge.characterisation.valid_range import ValidRange
 from gelforge.indentation.stretch_range import element_stretches, stretch_ranges
-from gelforge.mechanics.elements import hex8_gradient
+from gelforge.mechanics.elements import element_gradient
 from gelforge.mechanics.homogeneous import principal_stretches
 from gelforge.mechanics.meshes import Block, Sizes, layered_block
 
@@ -18,9 +18,9 @@ def mesh():
 
 
 def stretches(mesh, F):
-    gradient, weight = hex8_gradient(mesh.X, mesh.hexahedra)
+    gradient, weight = element_gradient(mesh.X, mesh.elements)
     u = mesh.X @ (np.asarray(F) - np.eye(3)).T
-    return element_stretches(gradient, weight, mesh.hexahedra, u), weight.sum(axis=1)
+    return element_stretches(gradient, weight, mesh.elements, u), weight.sum(axis=1)
 
 
 def test_principal_stretches_of_a_rotated_homogeneous_deformation(mesh):

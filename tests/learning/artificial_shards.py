@@ -82,7 +82,9 @@ def write_shards(
                     {
                         "feature": rows["feature"][own],
                         "force_distribution_N": rows["label"][own],
+                        "force_sigma_N": np.zeros_like(rows["label"][own]),
                         "total_force_fem_N": total,
+                        "total_force_fem_sigma_N": np.zeros_like(total),
                         "total_force_ft_N": ft_scale * total,
                         "position_mm": rows["position"][own],
                         "depth_mm": rows["depth"][own],

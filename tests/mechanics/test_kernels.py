@@ -1,65 +1,93 @@
 """The compiled element loop against its NumPy twin, on distorted elements and at stretches that coincide."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import specimens
 import twins
 from numpy.testing import assert_allclose
 
-from gelforge.mechanics.body import Body
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.body import Body, bulk_to_shear_of
+from gelforge.mechanics.elements import ELEMENTS
+from gelforge.mechanics.laws import Gent, MooneyRivlin, NeoHooke, Ogden, Yeoh
 from gelforge.mechanics.sparsity import build_pattern
 
 rng = np.random.default_rng(11)
 LAWS = {
     "gel": specimens.GEL,
     "skin": specimens.SKIN,
-    "neo_hooke": Ogden((0.1,), (2.0,)),
+    "neo_hooke_of_ogden": Ogden((0.1,), (2.0,)),
     "three_terms": Ogden((0.63, 0.0012, -0.01), (1.3, 5.0, -2.0)),
+    "neo_hooke": NeoHooke(0.1),
+    "mooney_rivlin": MooneyRivlin(0.08, 0.02),
+    "yeoh": Yeoh(0.05, -1e-3, 5e-5),
+    "gent": Gent(0.1, 60.0),
+    "gent_close": Gent(0.1, 2.0),  # the states below reach up to 0.98 of its limit
 }
-MESH = specimens.distorted(specimens.box(1), 0.2, rng, boundary=True)
-X = MESH.X[MESH.hexahedra[0]]
-
-
-def affine(F):
-    return X @ (np.asarray(F, float) - np.eye(3)).T
-
+HEXAHEDRON = specimens.distorted(specimens.box(1), 0.2, rng, boundary=True)
+KUHN = specimens.distorted(specimens.tetrahedral(specimens.box(1)), 0.2, rng, boundary=True)
+_used, _renumbered = np.unique(KUHN.elements[2], return_inverse=True)
+TETRAHEDRON = replace(
+    KUHN,
+    X=KUHN.X[_used] + 0.03 * rng.uniform(-1, 1, (10, 3)),  # edges not straight
+    elements=_renumbered[None].astype(np.int32),
+    region=KUHN.region[:1],
+    fixed=np.zeros(10, bool),
+)
+MESHES = {"hexahedron": HEXAHEDRON, "tetra10": TETRAHEDRON}
 
 TURN = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
+# An affine part and the size of a random one, of the element's.
 DISPLACEMENTS = {
-    "none": 0 * X,
-    "random": 0.15 * rng.uniform(-1, 1, (8, 3)),
-    "turned and random": affine(TURN) + 0.15 * rng.uniform(-1, 1, (8, 3)),
-    "two stretches equal": affine(np.diag([1.3, 1.3, 0.6])),
-    "nearly equal": affine(np.diag([1.3, 1.3 + 1e-6, 0.6])),
-    "barely apart": affine(np.diag([1.3, 1.3 + 1e-4, 0.6])),
-    "three equal": affine(1.1 * TURN),
+    "none": (np.eye(3), 0.0),
+    "random": (np.eye(3), 0.15),
+    "turned and random": (TURN, 0.15),
+    "two stretches equal": (np.diag([1.3, 1.3, 0.6]), 0.0),
+    "nearly equal": (np.diag([1.3, 1.3 + 1e-6, 0.6]), 0.0),
+    "barely apart": (np.diag([1.3, 1.3 + 1e-4, 0.6]), 0.0),
+    "three equal": (1.1 * TURN, 0.0),
 }
+elements = pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES.keys())
 
 
-def kernel(law, u, p, bulk_to_shear=1000.0):
-    """Return the compiled element's response and its dense tangent (24, 24)."""
-    free = build_pattern(MESH.hexahedra, np.zeros(8, bool))
-    body = Body(MESH, {"gel": law}, bulk_to_shear, free)
+def displacement(mesh, name):
+    """Return u (A, 3) at the nodes of the only element."""
+    X = mesh.X[mesh.elements[0]]
+    F, size = DISPLACEMENTS[name]
+    random = np.random.default_rng(5).uniform(-1, 1, X.shape)
+    if len(X) == 10:  # the slopes of a quadratic field are four times those of the same values at corners
+        random /= 4
+    return X @ (F - np.eye(3)).T + size * random
+
+
+def kernel(mesh, law, u, p, bulk_to_shear=1000.0, stiffness=None):
+    """Return the compiled element's response and its dense tangent (3 A, 3 A)."""
+    A = len(mesh.X)
+    free = build_pattern(mesh.elements, np.zeros(A, bool))
+    body = Body(mesh, {"gel": law}, bulk_to_shear, free, stiffness)
     values = np.empty(len(free.indices))
-    at_nodes = np.empty((8, 3))
-    at_nodes[MESH.hexahedra[0]] = u
+    at_nodes = np.empty((A, 3))
+    at_nodes[mesh.elements[0]] = u
     response = body.response(at_nodes, np.array([p]), values)
-    dense = np.zeros((24, 24))
-    rows = np.repeat(np.arange(24), np.diff(free.indptr))
+    dense = np.zeros((3 * A, 3 * A))
+    rows = np.repeat(np.arange(3 * A), np.diff(free.indptr))
     dense[rows, free.indices] = dense[free.indices, rows] = values
-    order = free.equation[MESH.hexahedra[0]].ravel()
+    order = free.equation[mesh.elements[0]].ravel()
     return response, dense[np.ix_(order, order)]
 
 
-@pytest.mark.parametrize("u", DISPLACEMENTS.values(), ids=DISPLACEMENTS.keys())
+@elements
+@pytest.mark.parametrize("state", DISPLACEMENTS)
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
-def test_kernel_equals_its_twin(law, u):
+def test_kernel_equals_its_twin(mesh, law, state):
+    u = displacement(mesh, state)
     p = -0.3 * law.shear_modulus
     bulk = 1000.0 * law.shear_modulus
-    response, tangent = kernel(law, u, p)
-    twin = twins.element(X, u, p, law, bulk)
-    node = MESH.hexahedra[0]
+    response, tangent = kernel(mesh, law, u, p)
+    node = mesh.elements[0]
+    local = ELEMENTS[len(node)].local_bulk_to_shear * law.shear_modulus
+    twin = twins.element(mesh.X[node], u, p, law, bulk, local)
     # Forces: stresses of size mu; f_condensed and p_volume carry the rounding of K (theta - 1), K = 1000 mu.
     mu = law.shear_modulus
     assert_allclose(response.f_mixed[node], twin["f_mixed"], rtol=1e-10, atol=1e-12 * mu)
@@ -72,38 +100,100 @@ def test_kernel_equals_its_twin(law, u):
     assert_allclose(tangent, twin["tangent"], rtol=1e-9, atol=1e-9 * min(scale, mu))
 
 
-def test_pressure_of_each_node_force_is_its_own():
-    """f_mixed follows the given pressure, f_condensed does not: what makes the iteration a mixed one."""
-    u = DISPLACEMENTS["random"]
-    (one, _), (other, _) = kernel(specimens.GEL, u, 0.0), kernel(specimens.GEL, u, 0.02)
-    assert_allclose(
-        other.f_mixed - one.f_mixed, 0.02 * one.coupling[0][np.argsort(MESH.hexahedra[0])], atol=1e-15
+@elements
+def test_a_factor_on_the_stiffness_is_a_stiffer_law(mesh):
+    """The element with factor 2.5 is the one whose moduli are all 2.5 times larger, its bulk modulus too."""
+    u, p = displacement(mesh, "random"), -2e-3
+    scaled = Ogden([2.5 * m for m in specimens.GEL.mu], specimens.GEL.alpha)
+    one, tangent = kernel(mesh, specimens.GEL, u, p, stiffness=np.array([2.5]))
+    other, expected = kernel(mesh, scaled, u, p)
+    size = np.abs(expected).max()
+    for name in ("f_mixed", "f_condensed", "p_volume", "coupling", "energy"):
+        a, b = getattr(one, name), getattr(other, name)
+        assert_allclose(a, b, rtol=1e-13, atol=1e-15 * size)  # the order of two products
+    assert_allclose(tangent, expected, rtol=1e-12, atol=1e-14 * size)
+
+
+@elements
+def test_factor_one_changes_no_bit(mesh):
+    u, p = displacement(mesh, "random"), -2e-3
+    (one, tangent), (other, expected) = (
+        kernel(mesh, specimens.GEL, u, p, stiffness=factor) for factor in (None, np.ones(1))
     )
+    assert np.array_equal(tangent, expected)
+    for name in ("f_mixed", "f_condensed", "p_volume", "coupling", "energy"):
+        assert np.array_equal(getattr(one, name), getattr(other, name))
+
+
+@pytest.mark.parametrize(
+    ("factor", "message"),
+    [
+        (np.ones(3), r"shape \(3,\); one factor for each of 1 elements"),
+        (np.zeros(1), "element 0 is 0; > 0"),
+        (np.array([np.nan]), "element 0 is nan"),
+    ],
+)
+def test_factors_without_a_meaning_are_refused(factor, message):
+    with pytest.raises(ValueError, match=message):
+        Body(HEXAHEDRON, {"gel": specimens.GEL}, 1000.0, stiffness=factor)
+
+
+def test_beyond_a_limiting_extension_numbers_stay_finite_and_are_not_admissible():
+    law = Gent(0.1, 0.5)
+    for amount, inside in ((1.3, True), (1.6, False), (5.0, False)):
+        stretch = np.diag([amount, amount**-0.5, amount**-0.5])
+        u = HEXAHEDRON.X[HEXAHEDRON.elements[0]] @ (stretch - np.eye(3)).T
+        response, tangent = kernel(HEXAHEDRON, law, u, 0.0)
+        extension = (amount**2 + 2 / amount - 3) / 0.5
+        assert response.largest_extension == pytest.approx(extension, rel=1e-10)
+        assert response.admissible == inside
+        for values in (response.f_mixed, response.f_condensed, response.energy, tangent):
+            assert np.isfinite(values).all()
+
+
+@elements
+def test_pressure_of_each_node_force_is_its_own(mesh):
+    """f_mixed follows the given pressure, f_condensed does not: what makes the iteration a mixed one."""
+    u = displacement(mesh, "random")
+    (one, _), (other, _) = kernel(mesh, specimens.GEL, u, 0.0), kernel(mesh, specimens.GEL, u, 0.02)
+    by_number = one.coupling[0][np.argsort(mesh.elements[0])]
+    assert_allclose(other.f_mixed - one.f_mixed, 0.02 * by_number, atol=1e-15)
     assert np.array_equal(one.f_condensed, other.f_condensed)
 
 
-def test_smallest_volume_ratio():
-    squeezed = affine(np.diag([1.0, 1.0, 0.4]))
-    assert kernel(specimens.GEL, squeezed, 0.0)[0].smallest_J == pytest.approx(0.4, rel=1e-12)
-    assert kernel(specimens.GEL, affine(np.diag([1.0, 1.0, -0.4])), 0.0)[0].smallest_J == pytest.approx(
-        -0.4, rel=1e-12
-    )
+@elements
+@pytest.mark.parametrize("J", [0.4, -0.4])
+def test_smallest_volume_ratio(mesh, J):
+    u = mesh.X[mesh.elements[0]] * [0, 0, J - 1]
+    response, _ = kernel(mesh, specimens.GEL, u, 0.0)
+    assert response.smallest_J == pytest.approx(J, rel=1e-12)
+    assert response.admissible == (J > 0)
 
 
-def test_regions_take_their_own_law():
-    """Two elements of different regions: each with the forces that its own law gives alone, bulk modulus included."""
+@pytest.mark.parametrize("bulk_to_shear", [50.0, {"gel": 50.0, "skin": 3.0}], ids=["one", "by region"])
+def test_regions_take_their_own_law_and_bulk_modulus(bulk_to_shear):
+    """Two elements of different regions: each with the forces that its own law gives alone."""
     mesh = specimens.layered_block(
         specimens.Block(1.0, 1.0, (("gel", 1.0), ("skin", 1.0))),
         0.5,
         0.5,
         specimens.Sizes(near=1.0, far=1.0),
     )
-    assert len(mesh.hexahedra) == 2
+    assert len(mesh.elements) == 2
+    laws = {"gel": specimens.GEL, "skin": LAWS["gent"]}  # of two families
     u = 0.1 * rng.uniform(-1, 1, mesh.X.shape)
-    response = Body(mesh, specimens.LAWS, 50.0).response(u, np.zeros(2))
+    response = Body(mesh, laws, bulk_to_shear).response(u, np.zeros(2))
     expected = np.zeros_like(u)
-    for nodes, region in zip(mesh.hexahedra, mesh.region):
-        law = specimens.LAWS[mesh.regions[region]]
-        twin = twins.element(mesh.X[nodes], u[nodes], 0.0, law, 50.0 * law.shear_modulus)
+    for nodes, region in zip(mesh.elements, mesh.region):
+        name = mesh.regions[region]
+        ratio = bulk_to_shear[name] if isinstance(bulk_to_shear, dict) else bulk_to_shear
+        twin = twins.element(mesh.X[nodes], u[nodes], 0.0, laws[name], ratio * laws[name].shear_modulus)
         expected[nodes] += twin["f_condensed"]
     assert_allclose(response.f_condensed, expected, rtol=1e-10, atol=1e-14)
+
+
+def test_bulk_to_shear_is_that_of_poissons_ratio():
+    assert bulk_to_shear_of(0.0) == pytest.approx(2 / 3)  # K = E/3, mu = E/2
+    assert bulk_to_shear_of(0.4995) == pytest.approx(1000, rel=1e-3)
+    with pytest.raises(ValueError, match=r"Poisson's ratio is 0.5"):
+        bulk_to_shear_of(0.5)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gelforge.mechanics.elements import hex8_gradient, hex8_shape
+from gelforge.mechanics.elements import element_gradient, hex8_shape
 from gelforge.mechanics.meshes import Block, Sizes, layered_block
 
 PLAIN = Block(32.0, 32.0, (("gel", 4.5), ("skin", 1.5)), wall=1.5)
@@ -44,7 +44,7 @@ def expected_volumes(block):
 
 def test_regions_have_their_exact_volumes(case):
     block, _, mesh = case
-    _, weight = hex8_gradient(mesh.X, mesh.hexahedra)
+    _, weight = element_gradient(mesh.X, mesh.elements)
     found = {name: weight[mesh.region == r].sum() for r, name in enumerate(mesh.regions)}
     assert found == pytest.approx(expected_volumes(block), rel=1e-12)
 
@@ -54,10 +54,10 @@ def test_even_mesh_is_conforming(case):
     block, position, _ = case
     mesh = layered_block(block, *position, Sizes(near=1.2, far=1.2))
     assert mesh.ties is None
-    corners = np.sort(mesh.hexahedra[:, FACES], axis=-1).reshape(-1, 4)
+    corners = np.sort(mesh.elements[:, FACES], axis=-1).reshape(-1, 4)
     shared = Counter(map(tuple, corners))
     assert set(shared.values()) == {1, 2}
-    ordered = {tuple(sorted(face)): face for face in mesh.hexahedra[:, FACES].reshape(-1, 4)}
+    ordered = {tuple(sorted(face)): face for face in mesh.elements[:, FACES].reshape(-1, 4)}
     outer = np.array([ordered[face] for face, count in shared.items() if count == 1])
     a, b, _, d = np.moveaxis(mesh.X[outer], 1, 0)
     area = np.linalg.norm(np.cross(b - a, d - a), axis=1).sum()
@@ -68,7 +68,7 @@ def test_even_mesh_is_conforming(case):
 
 def test_every_node_is_used_once(case):
     _, _, mesh = case
-    assert np.array_equal(np.unique(mesh.hexahedra), np.arange(len(mesh.X)))
+    assert np.array_equal(np.unique(mesh.elements), np.arange(len(mesh.X)))
     assert len(np.unique(np.round(mesh.X, 9), axis=0)) == len(mesh.X)
 
 
@@ -81,24 +81,24 @@ def test_tied_fields_are_continuous(case):
     _, _, mesh = case
     rng = np.random.default_rng(3)
     field = mesh.ties @ rng.normal(size=len(mesh.X))
-    low, high = mesh.X[mesh.hexahedra[:, 0]], mesh.X[mesh.hexahedra[:, 6]]
+    low, high = mesh.X[mesh.elements[:, 0]], mesh.X[mesh.elements[:, 6]]
     tested = 0
     for node in np.flatnonzero(mesh.hanging):
         x = mesh.X[node]
         holds = np.flatnonzero(((x > low - 1e-9) & (x < high + 1e-9)).all(axis=1))
         for e in holds:
             xi = 2 * (x - low[e]) / (high[e] - low[e]) - 1
-            assert hex8_shape(xi) @ field[mesh.hexahedra[e]] == pytest.approx(field[node], abs=1e-12)
-            tested += node not in mesh.hexahedra[e]
+            assert hex8_shape(xi) @ field[mesh.elements[e]] == pytest.approx(field[node], abs=1e-12)
+            tested += node not in mesh.elements[e]
     assert tested > 100
 
 
 def test_neighbours_differ_by_one_halving(case):
     _, _, mesh = case
-    size = np.ptp(mesh.X[mesh.hexahedra], axis=1).max(axis=1)
+    size = np.ptp(mesh.X[mesh.elements], axis=1).max(axis=1)
     largest, smallest = np.zeros(len(mesh.X)), np.full(len(mesh.X), np.inf)
-    np.maximum.at(largest, mesh.hexahedra, size[:, None])
-    np.minimum.at(smallest, mesh.hexahedra, size[:, None])
+    np.maximum.at(largest, mesh.elements, size[:, None])
+    np.minimum.at(smallest, mesh.elements, size[:, None])
     # base cells differ by some tenths, because lines meet walls and interfaces
     assert (largest / smallest).max() < 2 * 1.5
 
@@ -106,7 +106,7 @@ def test_neighbours_differ_by_one_halving(case):
 def test_no_element_crosses_an_interface(case):
     block, _, mesh = case
     interfaces = np.cumsum([thickness for _, thickness in block.layers])[:-1] - block.height
-    z = mesh.X[mesh.hexahedra, 2]
+    z = mesh.X[mesh.elements, 2]
     for height in interfaces:
         assert not ((z.min(axis=1) < height - 1e-9) & (z.max(axis=1) > height + 1e-9)).any()
 
@@ -155,7 +155,7 @@ def test_nothing_stands_above_the_flange():
 def test_fine_under_the_contact_and_never_coarser_than_asked(x):
     sizes = Sizes(near=0.5, near_radius=3.6, growth=0.3, far=2.0)
     mesh = layered_block(PLAIN, x, 16.0, sizes)
-    low, high = mesh.X[mesh.hexahedra[:, 0]], mesh.X[mesh.hexahedra[:, 6]]
+    low, high = mesh.X[mesh.elements[:, 0]], mesh.X[mesh.elements[:, 6]]
     size = (high - low).max(axis=1)
     nearest = np.clip([x, 16.0, 0.0], low, high) - [x, 16.0, 0.0]
     radial = np.maximum(np.hypot(nearest[:, 0], nearest[:, 1]) - sizes.near_radius, 0)
@@ -173,7 +173,7 @@ def test_a_line_runs_through_the_contact():
 
 def test_finer_settings_give_finer_meshes():
     coarse, fine = (
-        layered_block(PLAIN, 16.0, 16.0, Sizes(near=h, far=2 * h)).hexahedra for h in (0.75, 0.375)
+        layered_block(PLAIN, 16.0, 16.0, Sizes(near=h, far=2 * h)).elements for h in (0.75, 0.375)
     )
     assert 5 < len(fine) / len(coarse) < 9  # 8 where all sizes were halved alike: near_radius and walls stay
 

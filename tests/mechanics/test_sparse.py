@@ -22,7 +22,7 @@ def system():
     u = 0.05 * rng.uniform(-1, 1, body.mesh.X.shape)
     u[body.mesh.fixed] = 0
     values = np.empty(len(body.pattern.indices))
-    body.response(u, np.zeros(len(body.mesh.hexahedra)), values)
+    body.response(u, np.zeros(len(body.mesh.elements)), values)
     upper = sp.csr_matrix((values, body.pattern.indices, body.pattern.indptr))
     rhs = rng.normal(size=body.pattern.size)
     return body.pattern, values, rhs, spsolve((upper + sp.triu(upper, 1).T).tocsc(), rhs)

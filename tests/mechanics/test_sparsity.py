@@ -14,7 +14,7 @@ MESH = specimens.box(2)
 
 @pytest.fixture(scope="module")
 def pattern():
-    return build_pattern(MESH.hexahedra, MESH.fixed)
+    return build_pattern(MESH.elements, MESH.fixed)
 
 
 def entries(pattern):
@@ -29,7 +29,7 @@ def test_equations_number_the_free_degrees_of_freedom(pattern):
 
 def test_pattern_equals_the_brute_force_one(pattern):
     expected = set()
-    for nodes in MESH.hexahedra:
+    for nodes in MESH.elements:
         dofs = [k for k in pattern.equation[nodes].ravel() if k >= 0]
         expected |= {(i, j) for i in dofs for j in dofs if i <= j}
     assert entries(pattern) == sorted(expected)  # in row order, columns sorted, so the diagonal comes first
@@ -37,7 +37,7 @@ def test_pattern_equals_the_brute_force_one(pattern):
 
 def test_element_slots_name_their_entries(pattern):
     where = entries(pattern)
-    for nodes, slots in zip(MESH.hexahedra, pattern.element_slots):
+    for nodes, slots in zip(MESH.elements, pattern.element_slots):
         dofs = pattern.equation[nodes].ravel()
         pairs = [(dofs[a], dofs[b]) for a in range(24) for b in range(a, 24)]
         assert len(slots) == len(pairs)
@@ -79,8 +79,8 @@ def test_condensation_equals_the_dense_product():
     mesh = specimens.press(specimens.CORNER).body.mesh
     assert mesh.hanging.sum() > 20
     tied, free = (
-        build_pattern(mesh.hexahedra, mesh.fixed, mesh.ties),
-        build_pattern(mesh.hexahedra, mesh.fixed),
+        build_pattern(mesh.elements, mesh.fixed, mesh.ties),
+        build_pattern(mesh.elements, mesh.fixed),
     )
     values = np.random.default_rng(1).normal(size=tied.assembled)
 

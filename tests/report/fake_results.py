@@ -87,6 +87,9 @@ def fake_cell(cell: PlannedCell, failed: bool = False) -> Cell:
     section = _fake_section(cell, depths, axis_x)
     arrays = {
         "depth_mm": depths,
+        "shear_mm": np.zeros((len(depths), 2)),
+        "tilt_deg": np.zeros((len(depths), 2)),
+        "indenter_mm": np.array([[cell.x_mm, cell.y_mm, RADIUS - depth] for depth in depths]),
         "total_force_N": np.array(totals),
         "reaction_N": -np.array(totals),
         "side_force_N": np.zeros((len(depths), 3)),
@@ -333,6 +336,14 @@ def write_error_tables(folder: Path) -> None:
         write_table(folder / "tables", name, table)
 
 
+def write_verification(folder: Path) -> None:
+    """Write the table of the finite elements' checks."""
+    columns = ["quantity", "source", "reference", "found", "error", "limit", "passed"]
+    rows = [("Hertz: force [N]", "Hertz 1882", 1.0, 1.01, 0.01, 0.02, True)]
+    rows += [("motions without force", "rigid motions", 6.0, 7.0, 1.0, 0.0, False)]
+    write_table(folder / "tables", "verification", pd.DataFrame(rows, columns=columns))
+
+
 def write_manifest(study: Study, folder: Path) -> None:
     """Write the part of the dataset's manifest that the report reads."""
     rows = {"train": 100, "test": 24, "all": 124}
@@ -399,6 +410,7 @@ def write_everything(root: Path) -> tuple[Study, Path, Path]:
     write_agreement(study, folder)
     write_model(study, folder)
     write_error_tables(folder)
+    write_verification(folder)
     write_manifest(study, folder)
     write_benchmarks(study, folder)
     write_paper(paper)

@@ -11,14 +11,15 @@ import pytest
 from matplotlib.colors import Normalize
 from matplotlib.text import Text
 
-from gelforge.config import Camera, load_session
+from gelforge.config import Camera, Indenter, load_session, load_study
 from gelforge.indentation.plan import plan_cells
 from gelforge.report.flow_figure import region_flow
 from gelforge.report.force_depth import ForceDepth, deviation_table, force_depth_figure
-from gelforge.report.force_maps import contact_radius_mm, prediction_figure, total_force_figure
+from gelforge.report.force_maps import prediction_figure, total_force_figure
 from gelforge.report.residuals import residual_depth_figure, residual_map_figure
 from gelforge.report.section import boundary_edges, contact_pressure_kPa, section_figure
 from gelforge.report.sensor_figure import camera_footprint, sensor_figure
+from gelforge.report.silhouette import touched_radius_mm
 from gelforge.report.style import region_colours, svg
 from gelforge.report.timing import stage_times, timing_figure
 from gelforge.report.training_figure import loss_figure
@@ -73,8 +74,8 @@ def test_total_force_figure_states_rms():
 
 
 def test_contact_radius_is_the_chord_of_the_ball():
-    assert contact_radius_mm(2.0, 5.0) == pytest.approx(4.0)  # 3-4-5 triangle
-    assert contact_radius_mm(0.0, 5.0) == 0.0
+    assert touched_radius_mm(Indenter(), 2.0) == pytest.approx(4.0)  # 3-4-5 triangle
+    assert touched_radius_mm(Indenter(), 0.0) == 0.0
 
 
 def test_contact_pressure_is_in_kPa():
@@ -105,10 +106,12 @@ def test_a_finer_neighbour_is_no_boundary_unless_it_is_another_region():
 
 
 def test_section_draws_ball_at_its_depth(cell):
-    figure = section_figure(cell.arrays, -1, fake_results.REGION_NAMES, (27.0, 16.0), 5.0)
+    figure = section_figure(cell.arrays, -1, fake_results.REGION_NAMES, (27.0, 16.0), Indenter())
     side, top = figure.axes[:2]
-    ball = next(patch for patch in side.patches if hasattr(patch, "radius"))
-    assert ball.center == (27.0, 3.0)  # lowest point 2 mm below z = 0
+    (ball,) = side.patches
+    low, high = ball.get_xy().min(axis=0), ball.get_xy().max(axis=0)
+    np.testing.assert_allclose((low + high) / 2, [27.0, 3.0], atol=0.01)  # lowest point 2 mm below z = 0
+    np.testing.assert_allclose(high - low, 10.0, atol=0.02)  # of a polygon's corners on the circle
     assert side.get_aspect() == 1
     assert "contact pressure [kPa]" in texts(figure)
     colours = top.collections[0]
@@ -217,11 +220,26 @@ def test_sensor_figure_shows_plan_bins_and_camera(whole):
         "20 x 20 bins of 1.6 x 1.6 mm",
         "camera at z = -32 mm",
         "gel: 4.5 mm",
-        "ball R 5 mm",
+        "ball of radius 5 mm",
     )
     for part in expected:
         assert part in words
     assert "camera" not in texts(sensor_figure(study, plan_cells(study)))
+
+
+def test_sensor_figure_of_a_dome_shows_the_dome(whole):
+    sensor = load_study("config/dome.yaml").sensor
+    study = whole[0].model_copy(update={"sensor": sensor})
+    figure = sensor_figure(study, plan_cells(whole[0]))
+    words = texts(figure)
+    assert "outer surface, a dome" in words
+    assert "wall" not in words
+    above, side = figure.axes
+    reach = np.concatenate([path.vertices for path in above.collections[0].get_paths()]) - 12.0
+    assert np.linalg.norm(reach, axis=1).max() == pytest.approx(12.0)  # a disc, no square
+    low, high = (np.array(side.dataLim.get_points())[k, 0] for k in (0, 1))
+    assert low < 1.0
+    assert high > 23.0
 
 
 def test_loss_figure_marks_the_best_epoch():

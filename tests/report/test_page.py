@@ -97,6 +97,12 @@ def test_a_variant_that_was_not_solved_is_named(tmp_path):
     assert any("No curve of variant flange" in words and "variants" in words for words in missing)
 
 
+def test_verification_says_what_failed(page):
+    chapter = page[0].split('<section id="verification">')[1].split("</section>")[0]
+    assert "1 check FAILED" in chapter
+    assert "Hertz: force [N]" in chapter
+
+
 def test_failed_cell_is_named_with_its_reason(page):
     failed = page[0].split('<section id="failed">')[1].split("</section>")[0]
     assert fake_results.FAILED in failed

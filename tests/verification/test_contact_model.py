@@ -81,7 +81,7 @@ def small():
 
 def test_small_strain_force_is_linear(small, rng):
     body = small["current"].body
-    none = np.zeros(len(body.mesh.hexahedra))
+    none = np.zeros(len(body.mesh.elements))
     u, v = rng.normal(size=(2, *body.mesh.X.shape))
     fu, fv, both = (body.response(w, none).f_condensed for w in (u, v, 2 * u - 3 * v))
     assert_allclose(both, 2 * fu - 3 * fv, atol=1e-11 * np.abs(both).max())  # sums of 81 terms that cancel
@@ -90,7 +90,7 @@ def test_small_strain_force_is_linear(small, rng):
 def test_small_strain_is_the_limit_of_finite_strain(small, rng):
     """The difference of the forces falls with the square of the displacement."""
     body, finite = small["current"].body, specimens.press(CORNER).body
-    none, u = np.zeros(len(body.mesh.hexahedra)), rng.uniform(-1, 1, body.mesh.X.shape)
+    none, u = np.zeros(len(body.mesh.elements)), rng.uniform(-1, 1, body.mesh.X.shape)
     differences = [
         np.linalg.norm(finite.response(h * u, none).f_condensed - body.response(h * u, none).f_condensed)
         for h in (1e-3, 5e-4, 2.5e-4)

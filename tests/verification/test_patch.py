@@ -8,18 +8,26 @@ import specimens
 from numpy.testing import assert_allclose
 
 from gelforge.mechanics.body import Body
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.laws import Gent, MooneyRivlin, NeoHooke, Yeoh
 from gelforge.mechanics.sparse import SuperLU, refined_solve
 
-LAWS = {"gel": specimens.GEL, "skin": specimens.SKIN, "neo_hooke": Ogden((0.1,), (2.0,))}
+LAWS = {
+    "gel": specimens.GEL,
+    "skin": specimens.SKIN,
+    "neo_hooke": NeoHooke(0.1),
+    "mooney_rivlin": MooneyRivlin(0.08, 0.02),
+    "yeoh": Yeoh(0.05, -1e-3, 5e-5),
+    "gent": Gent(0.1, 10.0),
+}
+BOXES = {"hexahedra": lambda: specimens.box(4), "tetrahedra": lambda: specimens.tetrahedral(specimens.box(2))}
 GENERAL = np.array([[1.25, 0.2, 0.0], [0.1, 0.9, -0.15], [-0.05, 0.1, 0.8]])
 ISOCHORIC = GENERAL / np.cbrt(np.linalg.det(GENERAL))
 DEFORMATIONS = {"general": GENERAL, "isochoric": ISOCHORIC}
 
 
-def patch(law, bulk_to_shear, rng):
-    """Return a body of 4^3 distorted elements whose whole boundary is held."""
-    mesh = specimens.distorted(specimens.box(4), 0.3, rng)
+def patch(box, law, bulk_to_shear, rng):
+    """Return a body of 4^3 distorted hexahedra, or tetrahedra of as many nodes, whose whole boundary is held."""
+    mesh = specimens.distorted(box, 0.3, rng)
     edge = ((mesh.X < mesh.X.min(axis=0) + 1e-9) | (mesh.X > mesh.X.max(axis=0) - 1e-9)).any(axis=1)
     return Body(replace(mesh, fixed=edge), {"gel": law}, bulk_to_shear)
 
@@ -34,11 +42,16 @@ def F(request):
     return request.param
 
 
+@pytest.fixture(params=BOXES.values(), ids=BOXES.keys())
+def box(request):
+    return request.param()
+
+
 @pytest.mark.parametrize("bulk_to_shear", [10.0, 1e4])
-def test_an_affine_displacement_leaves_no_inner_force(law, F, bulk_to_shear, rng):
-    body = patch(law, bulk_to_shear, rng)
+def test_an_affine_displacement_leaves_no_inner_force(box, law, F, bulk_to_shear, rng):
+    body = patch(box, law, bulk_to_shear, rng)
     u = body.mesh.X @ (F - np.eye(3)).T
-    response = body.response(u, np.zeros(len(body.mesh.hexahedra)))
+    response = body.response(u, np.zeros(len(body.mesh.elements)))
     bulk = bulk_to_shear * law.shear_modulus
     # Rounding of the volume ratio, 1e-16 per operation, times K; forces are stresses times faces of 1/16 mm^2.
     assert_allclose(response.p_volume, bulk * (np.linalg.det(F) - 1), atol=1e-13 * bulk)
@@ -48,12 +61,12 @@ def test_an_affine_displacement_leaves_no_inner_force(law, F, bulk_to_shear, rng
 
 
 @pytest.mark.parametrize("bulk_to_shear", [10.0, 1e4])
-def test_the_affine_solution_is_found_at_a_quadratic_rate(law, F, bulk_to_shear, rng):
+def test_the_affine_solution_is_found_at_a_quadratic_rate(box, law, F, bulk_to_shear, rng):
     """Held affinely at the boundary and started from elsewhere, the mixed Newton iteration finds the affine field."""
-    body = patch(law, bulk_to_shear, rng)
+    body = patch(box, law, bulk_to_shear, rng)
     exact = body.mesh.X @ (F - np.eye(3)).T
     free = body.pattern.equation >= 0
-    u, pressure = exact.copy(), np.zeros(len(body.mesh.hexahedra))
+    u, pressure = exact.copy(), np.zeros(len(body.mesh.elements))
     u[free] += 0.02 * rng.uniform(-1, 1, free.sum())
     values, solver = np.empty(len(body.pattern.indices)), SuperLU(body.pattern)
     errors = []
@@ -69,6 +82,7 @@ def test_the_affine_solution_is_found_at_a_quadratic_rate(law, F, bulk_to_shear,
     assert errors[-1] < floor
     bulk = bulk_to_shear * law.shear_modulus
     assert_allclose(pressure, bulk * (np.linalg.det(F) - 1), atol=floor * bulk)
-    seen = [e for e in errors if e > 10 * floor]
-    order = np.log(seen[-1] / seen[-2]) / np.log(seen[-2] / seen[-3])
-    assert order > 1.7, errors  # 2 in the limit, 1 for a wrong tangent; the last three errors reach 1.78
+    # e_k+1 < C e_k^2 at the last step above rounding; C is 10 to 750 per mm here. With a wrong tangent e_k+1 is a share of
+    # e_k, however small that is, and the quotient grows without end.
+    before, after = [e for e in errors if e > 10 * floor][-2:]
+    assert after < 5e3 * before**2, errors

@@ -72,7 +72,7 @@ def test_elements_of_several_sizes_are_found():
     mesh = layered_block(Block(16.0, 16.0, (("gel", 6.0),)), 8.0, 8.0, Sizes(0.5, 2.0, 0.5, 2.0))
     assert mesh.hanging.any()
     points = np.random.default_rng(0).uniform([0, 0, -6], [16, 16, 0], (500, 3))
-    weights = interpolation(mesh.X, mesh.hexahedra, points)
+    weights = interpolation(mesh.X, mesh.elements, points)
     assert_allclose(weights @ mesh.X, points, atol=1e-12)  # rounding
     corners = np.diff(weights.indptr)
     span = [np.ptp(mesh.X[weights.indices[a:b]], axis=0) for a, b in zip(weights.indptr, weights.indptr[1:])]

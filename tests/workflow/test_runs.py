@@ -31,7 +31,7 @@ def test_the_study_runs_to_its_report(finished):
     ):
         assert (finished.folder / RESULTS / name).stat().st_size > 0, name
     assert len(finished.files(f"{RESULTS}/cells/*.h5")) == 9
-    for table in ("material", "rmse_gt", "rmse", "force_ranges", "baselines"):
+    for table in ("material", "rmse_gt", "rmse", "force_ranges", "baselines", "verification"):
         for suffix in ("csv", "md"):
             assert (finished.folder / RESULTS / "tables" / f"{table}.{suffix}").is_file(), table
 

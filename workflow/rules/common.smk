@@ -132,7 +132,13 @@ def mirrored_cell(wildcards):
 
 def planned(wildcards):
     cell = CELLS[wildcards.cell]
-    return [cell.x_mm, cell.y_mm, list(cell.depths_mm), cell.source or "", cell.symmetry or ""]
+    path = [list(cell.phases), list(cell.shears_mm), list(cell.tilts_deg)] if cell.follows_a_path else []
+    return [cell.x_mm, cell.y_mm, list(cell.depths_mm), cell.source or "", cell.symmetry or "", *path]
+
+
+def indenter_files():
+    """Return the surfaces from which the indenter is read."""
+    return [str(part.file) for part in STUDY.indenter.shapes if part.file]
 
 
 def session_files(session, *names):

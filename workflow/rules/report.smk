@@ -1,4 +1,19 @@
-"""One offline page with every figure."""
+"""One offline page with every figure, and the table that says how far the finite elements are to be trusted."""
+
+
+rule verify:
+    """The finite elements beside solutions from outside; the same for every study."""
+    output:
+        expand(f"{RESULTS}/tables/verification.{{suffix}}", suffix=("csv", "md")),
+    log:
+        f"{LOGS}/verify.log",
+    benchmark:
+        f"{BENCHMARKS}/verify.tsv"
+    threads: 1
+    params:
+        source=source_digest("mechanics", "verification"),
+    shell:
+        "{ONE_THREAD} {GELFORGE} verify --out {RESULTS}/tables &> {log}"
 
 
 rule report:
@@ -15,6 +30,7 @@ rule report:
         variants=variant_files(),
         manifest=f"{RESULTS}/dataset/manifest.json",
         tables=table_files(),
+        verification=f"{RESULTS}/tables/verification.csv",
         agreement=f"{RESULTS}/agreement.csv" if STUDY.sessions else [],
         predictions=f"{RESULTS}/model/predictions.h5" if IMAGE_SESSIONS else [],
     output:

@@ -30,6 +30,7 @@ rule simulate:
     input:
         laws=law_files(),
         mirrored=mirrored_cell,
+        indenter=indenter_files(),
     output:
         ensure(f"{RESULTS}/cells/{{cell}}.h5", non_empty=True),
     log:
@@ -44,7 +45,7 @@ rule simulate:
     params:
         planned=planned,
         model=block("sensor", "indenter", "mechanics"),
-        source=source_digest("mechanics", "indentation"),
+        source=source_digest("mechanics", "meshing", "indentation"),
     shell:
         "{ONE_THREAD} {GELFORGE} simulate --study {STUDY_FILE} --cell {wildcards.cell}"
         " --laws {input.laws} --mirrored {input.mirrored} --out {output} &> {log}"

@@ -23,7 +23,7 @@ if LAB:
             planned=planned,
             model=block("sensor", "indenter"),
             truth=lab_block("mechanics", "materials", "stiffness_scale", "unload_depths_mm"),
-            source=source_digest("mechanics", "indentation"),
+            source=source_digest("mechanics", "meshing", "indentation"),
         shell:
             "{ONE_THREAD} {GELFORGE} virtual-cell --study {STUDY_FILE} --cell {wildcards.cell} --out {output} &> {log}"
 

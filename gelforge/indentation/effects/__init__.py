@@ -1,0 +1,1 @@
+"""Effects: how each setting of `mechanics.effects` enters the model, one module per family, and their catalogue."""

@@ -1,0 +1,300 @@
+"""The effects that the finite elements know, by the names that a verdict uses: parameter, unit, plausible width, entry.
+
+`apply(study, amount, place)` returns the study with an amount of the effect; amount 0 gives the plain study's forces bit
+for bit (where the mesh changes: those of the plain study on the same mesh). Effects of the force sensor, the clock and the
+camera are no matter of the finite elements and not here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from gelforge.config import Study, study_from
+from gelforge.config.variants import merged
+
+
+@dataclass(frozen=True)
+class Place:
+    """A ball in the sensor's frame [mm] where a located effect sits."""
+
+    x_mm: float
+    y_mm: float
+    z_mm: float
+    radius_mm: float
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One effect with one amount."""
+
+    name: str
+    family: str  # material, history, contact, geometry or kinematics
+    parameter: str  # what the amount is
+    unit: str
+    width: float  # a plausible amount
+    enters: str  # the keys of the configuration
+    apply: Callable[[Study, float, Place], Study]
+    mesh_changes: bool = False
+    history: bool = False  # every press is a path of its own
+    located: bool = False  # the place counts
+    switch: bool = False  # amounts are 0 and 1 only
+    unloading: bool = False  # seen on the way up only
+
+    def __call__(self, study: Study, amount: float, place: Place | None = None) -> Study:
+        """Return the study with this amount of the effect, located ones by default in the middle of the soft layers."""
+        if self.switch and amount not in (0, 1):
+            raise ValueError(f"{self.name} is on (1) or off (0), found {amount:g}")
+        return self.apply(study, amount, place or middle_of(study))
+
+
+def middle_of(study: Study) -> Place:
+    """Return a ball of half the height in the middle of the lowest layer."""
+    sensor = study.sensor
+    lowest = sensor.layers[0].thickness_mm
+    return Place(
+        sensor.width_x_mm / 2, sensor.width_y_mm / 2, lowest / 2 - sensor.height_mm, sensor.height_mm / 4
+    )
+
+
+def with_keys(study: Study, **families) -> Study:
+    """Return the study with other keys of mechanics.effects, e.g. kinematics={"yaw_deg": 1.0}, checked anew."""
+    return _changed(study, {"mechanics": {"effects": families}})
+
+
+def _changed(study: Study, changes: dict) -> Study:
+    return study_from(merged(study.model_dump(mode="json"), changes))
+
+
+def gel_layers(study: Study) -> list[str]:
+    """Return the layers under the skin; of a sensor with one layer, that one."""
+    names = [layer.name for layer in study.sensor.layers]
+    return names[:-1] or names
+
+
+def skin_layer(study: Study) -> str:
+    return study.sensor.layers[-1].name
+
+
+def _stiffness(study: Study, layers: list[str], amount: float) -> Study:
+    factors = study.mechanics.effects.material.stiffness_factor
+    changed = {name: (1 + amount) * factors.get(name, 1.0) for name in layers}
+    return with_keys(study, material={"stiffness_factor": changed})
+
+
+def _exponent(study, amount, place):
+    factors = {layer.name: 1 + amount for layer in study.sensor.layers}
+    return with_keys(study, material={"exponent_factor": factors})
+
+
+def _compressibility(study, amount, place):
+    K = study.mechanics.bulk_to_shear
+    ratios = {layer.name: K / (1 + amount * K) for layer in study.sensor.layers}
+    return with_keys(study, material={"bulk_to_shear": ratios})
+
+
+def _elastic_base(study, amount, place):
+    modulus = 1 / amount if amount else None
+    return with_keys(study, geometry={"base": {"youngs_modulus_MPa": modulus}})
+
+
+def _rate(key):
+    def apply(study, amount, place):
+        return with_keys(study, material={"circumstances": {key: {n: amount for n in gel_layers(study)}}})
+
+    return apply
+
+
+def _ball(study, place, factor):
+    here = {
+        "centre_mm": [place.x_mm, place.y_mm, place.z_mm],
+        "radius_mm": place.radius_mm,
+        "factor": factor,
+    }
+    others = [i.model_dump() for i in study.mechanics.effects.geometry.inclusions]
+    return with_keys(study, geometry={"inclusions": [*others, here]})
+
+
+def _delamination(study, amount, place):
+    here = {"centre_mm": [place.x_mm, place.y_mm], "radius_mm": place.radius_mm, "loss": amount}
+    layer = {"layer": gel_layers(study)[-1], "face": "top"}
+    return with_keys(study, geometry={"delaminations": [here | layer]})
+
+
+def _thickness(study, layer, **keys):
+    return with_keys(study, geometry={"thickness": {layer: keys}})
+
+
+def _overstress(study, amount, place):
+    branch = {"relative_moduli": [amount], "times_s": [1.0]}
+    return with_keys(study, history={"viscoelastic": {name: branch for name in gel_layers(study)}})
+
+
+def _softening(study, amount, place):
+    softening = {"amount": amount, "m_kPa": 0.5, "beta": 0.1}
+    return with_keys(study, history={"mullins": {name: softening for name in gel_layers(study)}})
+
+
+def _one(family: str, key: str, pair: bool = False, of: Callable[[float], float] = float):
+    """Return the function that sets one number, or the first of a pair, of a family."""
+
+    def apply(study, amount, place):
+        return with_keys(study, **{family: {key: [of(amount), 0.0] if pair else of(amount)}})
+
+    return apply
+
+
+VOID = 1e-3  # a void's share of the stiffness
+
+CATALOGUE: dict[str, Effect] = {
+    effect.name: effect
+    for effect in [
+        Effect(
+            "gel_stiffness", "material", "growth of the moduli under the skin", "1", 0.2,
+            "material.stiffness_factor; particles: material.particles.stiffening",
+            lambda study, amount, place: _stiffness(study, gel_layers(study), amount),
+        ),
+        Effect(
+            "skin_stiffness", "material", "growth of the moduli of top layer, wall and flange", "1", 0.2,
+            "material.stiffness_factor", lambda study, amount, place: _stiffness(study, [skin_layer(study)], amount),
+        ),
+        Effect(
+            "law_exponent", "material", "growth of the laws' exponents, moduli kept", "1", 0.3,
+            "material.exponent_factor", _exponent,
+        ),
+        Effect(
+            "compressibility", "material", "mu/K more than mechanics.bulk_to_shear says", "1", 0.02,
+            "material.bulk_to_shear or poissons_ratio", _compressibility,
+        ),
+        Effect(
+            "elastic_base", "material", "1/E of a slab of 17 mm below", "1/MPa", 1.0,
+            "geometry.base", _elastic_base, mesh_changes=True,
+        ),
+        Effect(
+            "linear_elasticity", "material", "neo-Hookean laws in place of the fitted ones", "1", 1.0,
+            "material.linear_law", lambda study, amount, place: with_keys(study, material={"linear_law": bool(amount)}),
+            switch=True,
+        ),
+        Effect(
+            "small_strain", "material", "small-strain elasticity in place of finite strain", "1", 1.0,
+            "mechanics.strain",
+            lambda study, amount, place: _changed(study, {"mechanics": {"strain": "small"}}) if amount else study,
+            switch=True,
+        ),
+        Effect(
+            "viscoelastic", "history", "overstress modulus of the soft layers over the law's, time 1 s", "1", 0.2,
+            "history.viscoelastic", _overstress, history=True,
+        ),
+        Effect(
+            "mullins", "history", "largest lost share of the soft layers' stress", "1", 0.3,
+            "history.mullins", _softening, history=True,
+        ),
+        Effect(
+            "ageing", "history", "growth of the gel's stiffness per day of age", "1/d", 0.01,
+            "material.circumstances", _rate("ageing_per_day"),
+        ),
+        Effect(
+            "temperature", "history", "growth of the gel's stiffness per kelvin", "1/K", 0.01,
+            "material.circumstances", _rate("stiffening_per_K"),
+        ),
+        Effect(
+            "friction", "contact", "coefficient more than mechanics.friction", "1", 0.2, "mechanics.friction",
+            lambda study, amount, place: _changed(
+                study, {"mechanics": {"friction": study.mechanics.friction + amount}}
+            ),
+        ),
+        Effect(
+            "frictionless", "contact", "no friction", "1", 1.0, "mechanics.friction",
+            lambda study, amount, place: _changed(study, {"mechanics": {"friction": 0.0}}) if amount else study,
+            switch=True,
+        ),
+        Effect(
+            "friction_law", "contact", "exponent of its fall with the pressure", "1", 0.33,
+            "contact.pressure_exponent", _one("contact", "pressure_exponent"),
+        ),
+        Effect(
+            "adhesion", "contact", "work of separation", "N/mm", 1e-4, "contact.adhesion",
+            lambda study, amount, place: with_keys(study, contact={"adhesion": {"work_N_per_mm": amount}}),
+            unloading=True,
+        ),
+        Effect(
+            "toe_region", "contact", "compliance of the topmost 0.1 mm over the skin's, less 1", "1", 9.0,
+            "geometry.toe",
+            lambda study, amount, place: with_keys(study, geometry={"toe": {"factor": 1 / (1 + amount)}}),
+        ),
+        Effect(
+            "layer_thickness", "geometry", "thickness more than drawn of the layer under the skin", "mm", 0.5,
+            "geometry.thickness.<layer>.change_mm",
+            lambda study, amount, place: _thickness(study, gel_layers(study)[-1], change_mm=amount),
+        ),
+        Effect(
+            "thickness_gradient", "geometry", "its growth along x", "mm/mm", 0.02,
+            "geometry.thickness.<layer>.gradient",
+            lambda study, amount, place: _thickness(study, gel_layers(study)[-1], gradient=[amount, 0.0]),
+        ),
+        Effect(
+            "wall_stiffness", "geometry", "growth of the wall's moduli", "1", 0.5, "material.stiffness_factor.wall",
+            lambda study, amount, place: _stiffness(study, ["wall"], amount),
+        ),
+        Effect(
+            "wall_gap", "geometry", "lost share of the bond along the wall", "1", 1.0, "geometry.wall_gap",
+            lambda study, amount, place: with_keys(study, geometry={"wall_gap": {"loss": amount}}),
+        ),
+        Effect(
+            "delamination", "geometry", "lost share of the shear stiffness of a film under the skin", "1", 1.0,
+            "geometry.delaminations", _delamination, located=True,
+        ),
+        Effect(
+            "void", "geometry", "lost share of the stiffness of a ball", "1", 1.0, "geometry.inclusions",
+            lambda study, amount, place: _ball(study, place, 1 - (1 - VOID) * amount), located=True,
+        ),
+        Effect(
+            "inclusion", "geometry", "growth of the stiffness of a ball", "1", 10.0, "geometry.inclusions",
+            lambda study, amount, place: _ball(study, place, 1 + amount), located=True,
+        ),
+        Effect(
+            "prestretch", "geometry", "residual stretch of the skin along x and y, less 1", "1", 0.05,
+            "geometry.prestretch",
+            lambda study, amount, place: with_keys(
+                study, geometry={"prestretch": {skin_layer(study): [1 + amount, 1 + amount]}}
+            ),
+        ),
+        Effect(
+            "indenter_radius", "geometry", "radius more than described", "mm", 0.25,
+            "geometry.indenter_radius_change_mm", _one("geometry", "indenter_radius_change_mm"),
+        ),
+        Effect(
+            "particle_settling", "geometry", "share of the particles' concentration that has sunk", "1", 0.5,
+            "material.particles.settling",
+            lambda study, amount, place: with_keys(study, material={"particles": {"settling": amount}}),
+        ),
+        Effect(
+            "contact_zero", "kinematics", "pressed deeper than commanded", "mm", 0.1,
+            "kinematics.contact_zero_mm", _one("kinematics", "contact_zero_mm"),
+        ),
+        Effect(
+            "tilt", "kinematics", "turn of the sensor about x", "deg", 1.0,
+            "kinematics.tilt_deg, zero_by", _one("kinematics", "tilt_deg", pair=True),
+        ),
+        Effect(
+            "misregistration", "kinematics", "shift of all positions along x", "mm", 0.5,
+            "kinematics.misregistration_mm", _one("kinematics", "misregistration_mm", pair=True),
+        ),
+        Effect(
+            "yaw", "kinematics", "turn of the grid about the middle", "deg", 2.0,
+            "kinematics.yaw_deg", _one("kinematics", "yaw_deg"),
+        ),
+        Effect(
+            "grid_scale", "kinematics", "growth of the grid from the middle", "1", 0.01,
+            "kinematics.grid_scale", _one("kinematics", "grid_scale"),
+        ),
+        Effect(
+            "frame_compliance", "kinematics", "yielding of the frame along the path", "mm/N", 0.05,
+            "kinematics.frame_compliance_mm_per_N", _one("kinematics", "frame_compliance_mm_per_N"),
+        ),
+        Effect(
+            "base_bending", "kinematics", "yielding of the base plate at its middle", "mm/N", 0.05,
+            "kinematics.base_bending_mm_per_N", _one("kinematics", "base_bending_mm_per_N"),
+        ),
+    ]
+}  # fmt: skip

@@ -1,0 +1,129 @@
+"""Stiffness of every element: factors of layers, particles, age, temperature, and what is soft or hard in places.
+
+Places are those of the sensor as drawn. An element that an edge cuts takes part by its share of volume, so that nothing
+jumps as an edge moves.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gelforge.config import ConfigError, Effects, Sensor
+from gelforge.config.effects import Circumstances, Delamination, Inclusion
+from gelforge.indentation.effects.material import by_region
+from gelforge.mechanics.elements import ELEMENTS
+from gelforge.mechanics.meshes import Mesh
+
+LEAST = 1e-3  # share of its stiffness that what is wholly lost keeps, so that every node is held
+PARTS = 6  # sample points along an element's side: a share of volume to about 1e-2
+
+
+def element_stiffness(
+    mesh: Mesh, sensor: Sensor, effects: Effects
+) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Return the factors (E,) on the elements' moduli, shear and bulk; None where nothing changes any."""
+    material, geometry = effects.material, effects.geometry
+    top = sensor.layers[-1].name
+    factor = np.ones(len(mesh.elements))
+    for values in (material.stiffness_factor, circumstance_factors(material.circumstances)):
+        if values:
+            factor *= np.array(list(by_region(values, mesh.regions, top, 1.0).values()))[mesh.region]
+    if material.particles.stiffening or material.particles.settling:
+        factor *= _particle_factor(mesh, sensor, effects)
+    if geometry.toe.factor != 1:
+        # Parts stacked along z are loaded in series: their compliances add.
+        factor *= 1 / (1 + _overlap(mesh, 2, -geometry.toe.thickness_mm, 0.0) * (1 / geometry.toe.factor - 1))
+    if geometry.wall_gap.loss:
+        factor *= 1 - geometry.wall_gap.loss * (1 - LEAST) * _wall_strip(mesh, sensor, effects)
+    for inclusion in geometry.inclusions:
+        factor *= 1 + (inclusion.factor - 1) * _ball_share(mesh, inclusion)
+    shear = factor
+    for patch in geometry.delaminations:
+        shear = shear * (1 - patch.loss * (1 - LEAST) * _film_share(mesh, sensor, patch))
+    if shear is factor and (factor == 1).all():
+        return None, None
+    return shear, factor
+
+
+def eshelby_factor(phi):
+    """Return the stiffness over that of the matrix at the volume share phi of rigid balls, 1 / (1 - 5 phi / 2).
+
+    Eshelby 1957 (doi 10.1098/rspa.1957.0133): a dilute share of rigid balls in an incompressible matrix takes 5/2 phi off
+    its compliance; to first order Smallwood's 1 + 5/2 phi (1944, doi 10.1063/1.1707385).
+    """
+    return 1 / (1 - 2.5 * phi)
+
+
+def circumstance_factors(c: Circumstances) -> dict[str, float]:
+    """Return the factor of each region that ages or feels the temperature."""
+    days, kelvin = c.age_days - c.reference_age_days, c.temperature_C - c.reference_temperature_C
+    named = {*c.ageing_per_day, *c.stiffening_per_K}
+    factors = {
+        name: (1 + c.ageing_per_day.get(name, 0.0) * days) * (1 + c.stiffening_per_K.get(name, 0.0) * kelvin)
+        for name in sorted(named)
+    }
+    for name, factor in factors.items():
+        if not factor > 0:
+            raise ConfigError(
+                f"age and temperature give {name} a stiffness factor of {factor:g}; > 0 is needed"
+            )
+    return factors
+
+
+def _particle_factor(mesh: Mesh, sensor: Sensor, effects: Effects) -> np.ndarray:
+    """Return the factor (E,) of tracer particles, evenly spread or partly sunk."""
+    particles, z = effects.material.particles, mesh.X[mesh.elements, 2].mean(axis=1)
+    phi, bottom = np.zeros(len(mesh.elements)), -sensor.height_mm
+    for number, layer in enumerate(sensor.layers):
+        depth = 1 - 2 * (z - bottom) / layer.thickness_mm  # 1 at the layer's bottom, -1 at its top
+        own = layer.particle_volume_fraction * (particles.stiffening + particles.settling * depth)
+        phi += own * (mesh.region == number)
+        bottom += layer.thickness_mm
+    return eshelby_factor(phi)
+
+
+def _samples(mesh: Mesh) -> np.ndarray:
+    """Return points (E, P, 3) [mm] evenly spread in every element."""
+    kind = ELEMENTS[mesh.elements.shape[1]]
+    line = (np.arange(PARTS) + 0.5) / PARTS
+    grid = np.stack(np.meshgrid(line, line, line, indexing="ij"), axis=-1).reshape(-1, 3)
+    natural = 2 * grid - 1 if len(kind.nodes) == 8 else grid[grid.sum(axis=1) < 1]
+    return np.einsum("pa,eai->epi", kind.shape(natural), mesh.X[mesh.elements])
+
+
+def _overlap(mesh: Mesh, axis: int, low: float, high: float) -> np.ndarray:
+    """Return the share (E,) of each element's extent along an axis that lies within low and high [mm]."""
+    x = mesh.X[mesh.elements, axis]
+    first, last = x.min(axis=1), x.max(axis=1)
+    return np.clip(np.minimum(last, high) - np.maximum(first, low), 0, None) / (last - first)
+
+
+def _wall_strip(mesh: Mesh, sensor: Sensor, effects: Effects) -> np.ndarray:
+    """Return the share (E,) of the lower layers' elements within the strip along the wall."""
+    edge = sensor.wall_mm + effects.geometry.wall_gap.width_mm
+    inner = _overlap(mesh, 0, edge, sensor.width_x_mm - edge) * _overlap(
+        mesh, 1, edge, sensor.width_y_mm - edge
+    )
+    return (1 - inner) * (mesh.region < len(sensor.layers) - 1)
+
+
+def _ball_share(mesh: Mesh, inclusion: Inclusion) -> np.ndarray:
+    """Return the share (E,) of each element inside the ball; its edge is as wide as the samples lie apart."""
+    points = _samples(mesh)
+    apart = np.ptp(mesh.X[mesh.elements], axis=1).max(axis=1)[:, None] / PARTS
+    inside = inclusion.radius_mm - np.linalg.norm(points - inclusion.centre_mm, axis=-1)
+    return np.clip(inside / apart + 0.5, 0, 1).mean(axis=1)
+
+
+def _film_share(mesh: Mesh, sensor: Sensor, patch: Delamination) -> np.ndarray:
+    """Return the share (E,) of each element inside the loose film."""
+    names = [layer.name for layer in sensor.layers]
+    number = names.index(patch.layer)
+    bottom = sum(layer.thickness_mm for layer in sensor.layers[:number]) - sensor.height_mm
+    top = bottom + sensor.layers[number].thickness_mm
+    low, high = (top - patch.film_mm, top) if patch.face == "top" else (bottom, bottom + patch.film_mm)
+    points = _samples(mesh)
+    apart = np.ptp(mesh.X[mesh.elements], axis=1).max(axis=1)[:, None] / PARTS
+    away = np.linalg.norm(points[..., :2] - patch.centre_mm, axis=-1)
+    disc = np.clip((patch.radius_mm - away) / apart + 0.5, 0, 1).mean(axis=1)
+    return disc * _overlap(mesh, 2, low, high) * (mesh.region == number)

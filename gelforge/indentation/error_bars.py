@@ -1,0 +1,99 @@
+"""The error bar of every label: discretisation from a coarser companion, material from the covariance of the laws.
+
+Both are standard deviations per force component, of bins and of the total. The companion is the same press on a mesh with
+all sizes doubled. What it differs by is no error bar yet: near the contact's rim the difference of a bin changes sign from
+place to place. Its mean square over a bin, its neighbours and the depths before and after does not, and the true error is
+a stable part of its root, beside a small share of the bin's own force. The parts below were found on some positions of the
+article's sensor and checked on others (benchmarks/error_bars.py, docs/accuracy.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+COARSER = 2.0  # the companion's sizes over the cell's
+SMOOTHING = 0.6  # standard deviation of the weights of the mean square: of bins along x and y, and of depths
+PART_BINS = np.array([0.24, 0.24, 0.34])  # x, y, z: of the root mean square difference of bins
+SHARE_BINS = np.array([0.003, 0.003, 0.007])  # of the force of the bin itself
+LEAST_BINS = 5e-4  # of the largest bin
+PART_TOTALS = 0.3  # of the difference of the total, root mean square over depths
+CROSS_TOTALS = 0.04  # of the vertical difference, on horizontal totals: near a wall they lean on it
+AMOUNT = 0.05  # of a standard deviation, by which a law is moved: its effect is then still a straight line
+
+
+@dataclass(frozen=True)
+class Companion:
+    """What the coarser solution says of the same depths: forces, and how they follow the laws' uncertain directions."""
+
+    total: np.ndarray  # (D, 3) [N]
+    bins: np.ndarray  # (D, B, 3) [N]
+    total_slopes: (
+        np.ndarray
+    )  # (n, D, 3) [N per standard deviation], one per independent direction of the laws' parameters
+    bin_slopes: np.ndarray  # (n, D, B, 3)
+
+
+def error_bars(
+    total: np.ndarray, bins: np.ndarray, shape: tuple[int, int], companion: Companion
+) -> dict[str, np.ndarray]:
+    """Return the error bars of a cell's totals (D, 3) and bins (D, B, 3) [N] on a grid of (ny, nx) bins.
+
+    Depths that the companion did not reach take its last depth's bars, grown with the force.
+    """
+    reached = len(companion.total)
+    if reached == 0:
+        size = {"bin": np.abs(bins), "total": np.abs(total)}  # nothing is known: as large as the force
+        names = [f"{quantity}_sigma_{part}_N" for quantity in size for part in ("mesh", "material")]
+        return {name: size[name.partition("_")[0]] for name in names}
+    found = {
+        "bin_sigma_mesh_N": _mesh_bins(bins[:reached], companion.bins, shape),
+        "total_sigma_mesh_N": _mesh_total(total[:reached], companion.total),
+        "bin_sigma_material_N": np.sqrt((companion.bin_slopes**2).sum(axis=0)),
+        "total_sigma_material_N": np.sqrt((companion.total_slopes**2).sum(axis=0)),
+    }
+    if reached == len(total):
+        return found
+    growth = np.linalg.norm(total[reached:], axis=1) / np.linalg.norm(total[reached - 1])
+    return {
+        name: np.concatenate([values, growth.reshape(-1, *[1] * (values.ndim - 1)) * values[-1]])
+        for name, values in found.items()
+    }
+
+
+def _mesh_bins(bins: np.ndarray, coarse: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """Return the discretisation error bars (D, B, 3) [N] of bins from those of the companion."""
+    square = ((bins - coarse) ** 2).reshape(len(bins), *shape, 3)
+    borders = ("nearest", "constant", "constant", "nearest")  # no force beyond the surface
+    mean = gaussian_filter(square, (SMOOTHING, SMOOTHING, SMOOTHING, 0), mode=borders).reshape(bins.shape)
+    sigma = PART_BINS * np.sqrt(np.maximum(mean, 0.0))
+    size = np.linalg.norm(bins, axis=-1, keepdims=True)
+    loaded = (size > 0) | (np.abs(coarse).max(axis=-1, keepdims=True) > 0)
+    least = LEAST_BINS * np.abs(bins).max(axis=(1, 2), keepdims=True) * loaded
+    return np.sqrt(sigma**2 + (SHARE_BINS * size) ** 2 + least**2)
+
+
+def _mesh_total(total: np.ndarray, coarse: np.ndarray) -> np.ndarray:
+    """Return the discretisation error bars (D, 3) [N] of totals: the same share of the force at all depths."""
+    size = np.linalg.norm(total, axis=1, keepdims=True)
+    x, y, z = (((total - coarse) / np.maximum(size, 1e-300)) ** 2).mean(axis=0)
+    horizontal = np.sqrt(PART_TOTALS**2 * (x + y) / 2 + CROSS_TOTALS**2 * z)
+    return np.array([horizontal, horizontal, PART_TOTALS * np.sqrt(z)]) * size
+
+
+def laws_moved(
+    uncertain: Mapping[str, Sequence], laws: Mapping[str, object], materials: Mapping[str, str]
+) -> list[dict[str, object]]:
+    """Return per uncertain direction the laws by layer with one material's law moved.
+
+    uncertain: by material, its law moved by AMOUNT of a standard deviation along each independent direction; laws by layer;
+    materials: the material of each layer.
+    """
+    return [
+        {layer: law if materials[layer] == material else own for layer, own in laws.items()}
+        for material in sorted(set(materials.values()))
+        for law in uncertain.get(material, ())
+    ]

@@ -1,0 +1,134 @@
+"""Indenters from their descriptions, and what is checked of a press before anything is solved."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from gelforge.config import ConfigError, Indenter, IndenterPart, Study
+from gelforge.files import file_sha256
+from gelforge.mechanics.indenters import (
+    DOWN,
+    Box,
+    Cylinder,
+    Several,
+    Sphere,
+    Turned,
+    rotation_about_axes,
+)
+from gelforge.mechanics.indenters import Indenter as Shape
+
+SOFT_SHARE = 0.6  # of the soft height, beyond which a press would pierce the layers
+# An edge rounded by less than this share of the element size is a jump for Newton's method: at a tenth it still converges,
+# in two to three times the iterations.
+EDGE_SHARE = 0.2
+
+
+def shape_of(section: Indenter) -> Shape:
+    """Return the rigid body that a section describes. Raises ConfigError for a file that bounds no body."""
+    shapes = [_part(part) for part in section.shapes]
+    if not section.parts:
+        return shapes[0]
+    offsets = [
+        [part.offset_mm[0], part.offset_mm[1], part.offset_mm[2] + shape.support(DOWN)]
+        for part, shape in zip(section.parts, shapes)
+    ]
+    return _turned(Several(tuple(shapes), np.array(offsets)), section)
+
+
+def _part(part: IndenterPart) -> Shape:
+    if part.kind == "sphere":
+        return Sphere(part.radius_mm)
+    if part.kind == "cylinder":
+        return _turned(Cylinder(part.radius_mm, part.length_mm, part.edge_radius_mm), part)
+    if part.kind == "box":
+        return _turned(Box(tuple(part.size_mm), part.edge_radius_mm), part)
+    return _turned(_surface(part), part)
+
+
+def _turned(shape: Shape, part: IndenterPart) -> Shape:
+    return Turned(shape, rotation_about_axes(part.orientation_deg)) if any(part.orientation_deg) else shape
+
+
+def _surface(part: IndenterPart) -> Shape:
+    """Return the body inside the closed surface of a file."""
+    from gelforge.mechanics.closed_surface import SurfaceError, closed_surface  # loads compiled kernels
+
+    vertices, triangles = read_triangles(part.file)
+    try:
+        return closed_surface(part.mm_per_unit * vertices, triangles, part.edge_radius_mm)
+    except SurfaceError as error:
+        raise ConfigError(f"{part.file}: {error}") from None
+
+
+def read_triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Return vertices (V, 3) in the file's unit and triangles (T, 3) of an STL, PLY or OBJ file, quads cut in two."""
+    import meshio
+
+    if not path.is_file():
+        raise ConfigError(f"{path}: no such file; name an STL, PLY or OBJ file that exists")
+    try:
+        read = meshio.read(path)
+    except (
+        meshio.ReadError,
+        ValueError,
+        IndexError,
+        KeyError,
+        SystemExit,
+    ) as error:  # meshio exits where it gives up
+        raise ConfigError(
+            f"{path}: meshio cannot read it ({error or 'unknown format'}); save it as STL, PLY or OBJ"
+        ) from None
+    faces = [np.empty((0, 3), int)]
+    for block in read.cells:
+        if block.type == "triangle":
+            faces.append(block.data)
+        elif block.type == "quad":
+            faces += [block.data[:, [0, 1, 2]], block.data[:, [0, 2, 3]]]
+    triangles = np.concatenate(faces).astype(np.int64)
+    if not len(triangles):
+        found = sorted({block.type for block in read.cells}) or "nothing"
+        raise ConfigError(f"{path}: no triangles, found {found}; save the body's surface as triangles")
+    return np.asarray(read.points, dtype=float), triangles
+
+
+def file_digests(section: Indenter) -> dict[str, str]:
+    """Return the SHA-256 of each surface file that decides the indenter's shape."""
+    return {
+        str(part.file): file_sha256(part.file) for part in section.shapes if part.file and part.file.is_file()
+    }
+
+
+def check_press(study: Study, shape: Shape, depth_mm: float, where: str) -> None:
+    """Refuse a press that would pierce the layers or sink the indenter, or that the mesh cannot resolve."""
+    near, words = study.mechanics.mesh.near_mm, study.indenter.words
+    limit = SOFT_SHARE * study.sensor.height_mm
+    if depth_mm >= limit:
+        raise ConfigError(
+            f"{where}: depth {depth_mm:g} mm would pierce the soft layers: it is beyond {SOFT_SHARE} of their height "
+            f"{study.sensor.height_mm} mm ({limit:.3g} mm); press less deep"
+        )
+    if depth_mm > shape.reach + 1e-9:
+        raise ConfigError(
+            f"{where}: depth {depth_mm:g} mm is beyond the widest part of the {words}, {shape.reach:.3g} mm above its "
+            "lowest point: the gel would close over it; press less deep or take a larger indenter"
+        )
+    for part in study.indenter.shapes:
+        if part.kind != "sphere" and part.edge_radius_mm < EDGE_SHARE * near - 1e-12:
+            raise ConfigError(
+                f"{where}: edge_radius_mm {part.edge_radius_mm:g} of the {part.kind} is sharp for elements of "
+                f"mechanics.mesh.near_mm {near:g} mm (limit {EDGE_SHARE * near:.3g} mm); round the edge more or refine"
+            )
+    touched = shape.footprint(depth_mm)[:, 2].min()
+    if touched < near:
+        turned = any(any(part.orientation_deg) for part in (study.indenter, *study.indenter.parts))
+        raise ConfigError(
+            f"{where}: at its deepest, {depth_mm:g} mm, the {words} touches only {touched:.2g} mm to each side, less than "
+            f"one element (mechanics.mesh.near_mm {near:g} mm); take a finer mesh"
+            + (
+                ", or an orientation_deg in which no edge or corner comes first"
+                if turned
+                else " or press deeper"
+            )
+        )

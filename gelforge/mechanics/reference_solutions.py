@@ -1,0 +1,138 @@
+r"""Solutions from outside that judge the finite elements: Hertz, the bonded layer, homogeneous stresses.
+
+This module imports nothing of the package, so that no mistake of ours can enter it.
+
+Contact is frictionless and of small strain; the rigid indenter is the paraboloid z = r^2 / (2 R), to which a ball of
+radius R comes down for a contact radius a much smaller than R (their profiles differ by r^4 / (8 R^3)).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+# Quadrature of the integral equation: the kernel is smooth, so both converge geometrically. 40 points suffice for 12 digits
+# up to a/h = 4; the transform's integrand falls as u^2 exp(-2 u) and is below 1e-17 at u = 25.
+LAYER_POINTS = 64
+TRANSFORM_POINTS = 400
+TRANSFORM_END = 25.0
+
+
+# ------------------------------------------------------------------------------------------------ elastic constants
+def poissons_ratio(bulk_to_shear: float) -> float:
+    """Return Poisson's ratio nu = (3 K - 2 mu) / (2 (3 K + mu)) of K/mu."""
+    return (3 * bulk_to_shear - 2) / (2 * (3 * bulk_to_shear + 1))
+
+
+def contact_modulus(shear_modulus: float, nu: float) -> float:
+    """Return E* = E / (1 - nu^2) = 2 mu / (1 - nu) [MPa]."""
+    return 2 * shear_modulus / (1 - nu)
+
+
+# ------------------------------------------------------------------------------------------------------------- Hertz
+@dataclass(frozen=True)
+class PressedSurface:
+    """A rigid paraboloid pressed into an elastic surface."""
+
+    depth: float  # mm
+    force: float  # N
+    contact_radius: float  # mm
+
+
+def hertz(depth: float, radius: float, modulus: float) -> PressedSurface:
+    """Return the press of a half space, F = 4/3 E* sqrt(R) depth^(3/2), a = sqrt(R depth) (Hertz 1882; Johnson 1985, 4.2).
+
+    depth and radius R [mm], modulus E* [MPa].
+    """
+    return PressedSurface(
+        depth, 4 / 3 * modulus * np.sqrt(radius) * depth**1.5, float(np.sqrt(radius * depth))
+    )
+
+
+def hertz_pressure(r: np.ndarray, contact_radius: float, radius: float, modulus: float) -> np.ndarray:
+    """Return the contact pressure 2 E* / (pi R) sqrt(a^2 - r^2) [MPa] at distances r [mm] from the axis."""
+    inside = np.maximum(contact_radius**2 - np.asarray(r) ** 2, 0.0)
+    return 2 * modulus / (np.pi * radius) * np.sqrt(inside)
+
+
+# ------------------------------------------------------------------------------------------------------ bonded layer
+def layer_compliance(u: np.ndarray, nu: float) -> np.ndarray:
+    r"""Return L(u), u = xi h: the surface compliance of a layer bonded to a rigid base over that of the half space.
+
+    A surface pressure of Hankel transform p(xi) moves the surface by (1 - nu) L / (mu xi) p,
+
+    .. math:: L = \frac{2 \kappa \sinh 2u - 4u}{2 \kappa \cosh 2u + 1 + \kappa^2 + 4 u^2}, \quad \kappa = 3 - 4 \nu
+
+    (Vorovich, Aleksandrov & Babeshko 1974; Gladwell 1980, ch. 5).
+    """
+    kappa = 3 - 4 * nu
+    u = np.asarray(u, dtype=float)
+    # times exp(-2u), so that it does not overflow
+    decay = np.exp(-2 * u)
+    above = kappa * (1 - decay**2) - 4 * u * decay
+    below = kappa * (1 + decay**2) + (1 + kappa**2 + 4 * u**2) * decay
+    return above / below
+
+
+def bonded_layer_at_radius(
+    contact_radius: float, radius: float, thickness: float, shear_modulus: float, nu: float
+) -> PressedSurface:
+    r"""Return the press of a layer bonded to a rigid base whose contact radius a is given [mm].
+
+    With p(xi) = \int_0^a phi(t) cos(xi t) dt the pressure vanishes outside a, and the contact condition
+    w = depth - r^2 / (2 R) becomes the Fredholm equation of the second kind (Sneddon 1966, ch. 4; Gladwell 1980)
+
+    .. math::
+        \phi(t) - \frac{2}{\pi} \int_0^a \phi(s) \int_0^\infty (1 - L(\xi h)) \cos \xi t \cos \xi s \, d\xi \, ds
+        = \frac{2 \mu}{\pi (1 - \nu)} \left( \mathrm{depth} - \frac{t^2}{R} \right), \qquad F = 2 \pi \int_0^a \phi \, dt .
+
+    A smooth edge asks for phi(a) = 0, which fixes the depth. Lengths in mm, shear_modulus in MPa.
+    """
+    t, weight = _gauss(0.0, contact_radius, LAYER_POINTS)
+    u, transform_weight = _gauss(0.0, TRANSFORM_END, TRANSFORM_POINTS)
+    # The last row and column are the edge t = a, where no quadrature point lies.
+    points = np.append(t, contact_radius)
+    cosine = np.cos(np.outer(points, u / thickness))
+    kernel = (
+        2 / np.pi * (cosine * (transform_weight / thickness * (1 - layer_compliance(u, nu)))) @ cosine[:-1].T
+    )
+    system = np.eye(len(t)) - kernel[:-1] * weight
+    scale = 2 * shear_modulus / (np.pi * (1 - nu))
+    unit, curved = np.linalg.solve(system, scale * np.stack([np.ones_like(t), t**2 / radius], axis=1)).T
+    # phi at the edge, by the equation itself, of a unit depth and of the profile
+    edge_unit = scale + kernel[-1] @ (weight * unit)
+    edge_curved = scale * contact_radius**2 / radius + kernel[-1] @ (weight * curved)
+    depth = edge_curved / edge_unit
+    force = 2 * np.pi * weight @ (depth * unit - curved)
+    return PressedSurface(float(depth), float(force), contact_radius)
+
+
+def bonded_layer(
+    depth: float, radius: float, thickness: float, shear_modulus: float, nu: float
+) -> PressedSurface:
+    """Return the press of a bonded layer [mm, MPa] to a depth; see bonded_layer_at_radius."""
+
+    def too_deep(contact_radius):
+        return (
+            bonded_layer_at_radius(contact_radius, radius, thickness, shear_modulus, nu).depth / depth - 1.0
+        )
+
+    # From the half space's a = sqrt(R d) to that of a thin incompressible layer, 2 sqrt(R d): what is pressed down inside
+    # the contact comes up inside it.
+    half_space = np.sqrt(radius * depth)
+    found = brentq(too_deep, 0.9 * half_space, 2.1 * half_space, xtol=1e-13 * half_space)
+    return bonded_layer_at_radius(found, radius, thickness, shear_modulus, nu)
+
+
+def _gauss(start: float, stop: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return points and weights of Gauss-Legendre quadrature on an interval."""
+    x, w = np.polynomial.legendre.leggauss(count)
+    return start + (stop - start) * (x + 1) / 2, (stop - start) / 2 * w
+
+
+# ----------------------------------------------------------------------------------------------- homogeneous stresses
+def ogden_uniaxial(lam: float, mu: tuple[float, ...], alpha: tuple[float, ...]) -> float:
+    """Return the nominal stress [MPa] of an incompressible bar, sum mu (lam^(alpha-1) - lam^(-alpha/2-1)) (Ogden 1972)."""
+    return sum(m * (lam ** (a - 1) - lam ** (-a / 2 - 1)) for m, a in zip(mu, alpha))

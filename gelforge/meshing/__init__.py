@@ -1,0 +1,1 @@
+"""Tetrahedral meshes of bodies bounded by closed surfaces."""

@@ -1,0 +1,175 @@
+"""fTetWild (Hu et al. 2020, doi 10.1145/3386569.3392385) through pytetwild's compiled module, repeatable to the byte.
+
+Two things make its meshes differ from call to call even with one thread: the order in which it inserts triangles is shuffled
+by a generator seeded from std::random_device, and another generator keeps its state between calls. So every mesh is made
+in a process of its own, in which the reads of that device return a constant. The package around the compiled module
+asks for PyVista as soon as it is imported (0.4.2), although the module itself needs NumPy only: it is loaded without it.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.machinery
+import importlib.util
+import itertools
+import os
+import struct
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+SEED = 5489
+RANDOM_READ = b"_ZNSt13random_device9_M_getvalEv"  # std::random_device::operator() of libstdc++
+STOP_ENERGY = 10.0  # fTetWild's own: mean quality at which it stops improving
+GRID = 40  # intervals of the sizing field along the longest side
+
+
+class TetwildError(RuntimeError):
+    """fTetWild made no mesh: what it said, what to do."""
+
+
+def tetrahedralize(
+    vertices: np.ndarray,
+    triangles: np.ndarray,
+    size: Callable[[np.ndarray], np.ndarray],
+    largest: float,
+    envelope: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return nodes (N, 3) [mm] and tetrahedra (E, 4), positively oriented, of the box around triangles (T, 3).
+
+    The triangles may cross and coincide; faces of the mesh follow them within the envelope [mm]. size maps points (n, 3)
+    to the edge length wanted there [mm], at most `largest`. What lies outside every surface is part of the mesh.
+    """
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    points, tetrahedra = _background(low - 2 * largest, high + 2 * largest)
+    with tempfile.TemporaryDirectory(prefix="gelforge-mesh-") as folder:
+        job, made = Path(folder) / "job.npz", Path(folder) / "mesh.npz"
+        np.savez(
+            job,
+            vertices=np.ascontiguousarray(vertices, dtype=float),
+            triangles=triangles.astype(np.uint32),
+            largest=largest,
+            envelope=envelope / np.linalg.norm(high - low),
+            points=points,
+            tetrahedra=tetrahedra.astype(np.int32),
+            size=np.minimum(size(points), largest),
+        )
+        command = [sys.executable, "-m", "gelforge.meshing.tetwild", str(job), str(made)]
+        paths = [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]
+        environment = os.environ | {
+            "OMP_NUM_THREADS": "1",
+            "PYTHONPATH": os.pathsep.join(filter(None, paths)),
+        }
+        done = subprocess.run(command, capture_output=True, text=True, env=environment)
+        if done.returncode or not made.is_file():
+            raise TetwildError(
+                f"fTetWild made no mesh (exit {done.returncode}): {done.stderr.strip()[-300:] or 'it said nothing'}; "
+                "check the surfaces, or ask for other sizes"
+            )
+        with np.load(made) as mesh:
+            nodes, tetrahedra = mesh["nodes"].astype(float), mesh["tetrahedra"].astype(np.int64)
+    return nodes, tetrahedra[:, [0, 2, 1, 3]]  # fTetWild's own orientation is the opposite one
+
+
+def _background(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return points and tetrahedra (six to a cell) of a regular grid of a box, on which sizes are given."""
+    n = np.maximum(np.ceil(GRID * (high - low) / (high - low).max()).astype(int), 2)
+    lines = [np.linspace(a, b, m + 1) for a, b, m in zip(low, high, n)]
+    points = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
+    cell = np.stack(np.meshgrid(*[np.arange(m) for m in n], indexing="ij"), axis=-1).reshape(-1, 3)
+    parts = []
+    for order in itertools.permutations(
+        range(3)
+    ):  # Kuhn's six: one path along the axes from corner to corner each
+        path = np.cumsum([np.zeros(3, int), *np.eye(3, dtype=int)[list(order)]], axis=0)
+        corners = np.stack([np.ravel_multi_index((cell + step).T, tuple(n + 1)) for step in path], axis=-1)
+        even = np.linalg.det(np.eye(3)[list(order)]) > 0
+        parts.append(corners if even else corners[:, [0, 1, 3, 2]])
+    return points, np.concatenate(parts)
+
+
+# --------------------------------------------------------------------------------------- the mesher's own process
+def _compiled_module():
+    """Return pytetwild's compiled module without the package around it."""
+    package = importlib.util.find_spec("pytetwild")
+    if package is None:
+        raise TetwildError("pytetwild is not installed; pip install pytetwild")
+    name = "PyfTetWildWrapper"
+    spec = importlib.machinery.PathFinder.find_spec(name, list(package.submodule_search_locations))
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def _fix_random_device(library: str):
+    """Let the loaded ELF library's calls of std::random_device return SEED; return what must be kept alive.
+
+    The library calls it through a slot of its own table of addresses; the slot is overwritten. Raises TetwildError where
+    the library has none: its meshes would not repeat.
+    """
+    content = Path(library).read_bytes()
+    if content[:6] != b"\x7fELF\x02\x01":
+        raise TetwildError(
+            f"{library} is no 64-bit ELF library; meshes repeat on Linux only, make them there"
+        )
+    slot = _slot_of(content, RANDOM_READ)
+    with open("/proc/self/maps") as maps:
+        base = next(int(line.split("-")[0], 16) for line in maps if line.rstrip().endswith(library))
+    constant = ctypes.CFUNCTYPE(ctypes.c_uint, ctypes.c_void_p)(lambda device: SEED)
+    ctypes.c_void_p.from_address(base + slot).value = ctypes.cast(constant, ctypes.c_void_p).value
+    return constant
+
+
+def _slot_of(content: bytes, symbol: bytes) -> int:
+    """Return the address, relative to the library's start, of the slot through which an ELF library calls a symbol."""
+    (table,), (width, count) = struct.unpack_from("<Q", content, 40), struct.unpack_from("<HH", content, 58)
+    fields = ("name", "type", "flags", "address", "offset", "size", "link", "info", "align", "entry")
+    sections = [
+        dict(zip(fields, struct.unpack_from("<IIQQQQIIQQ", content, table + width * k))) for k in range(count)
+    ]
+    for relocations in (
+        s for s in sections if s["type"] == 4
+    ):  # SHT_RELA: (address, symbol and kind, addend)
+        symbols = sections[relocations["link"]]
+        if symbols["entry"] != 24:
+            continue
+        strings = sections[symbols["link"]]["offset"]
+        entries = np.frombuffer(content, "<u8", relocations["size"] // 8, relocations["offset"]).reshape(
+            -1, 3
+        )
+        for address, info, _ in entries.tolist():
+            number = info >> 32
+            if number:
+                (name,) = struct.unpack_from("<I", content, symbols["offset"] + 24 * number)
+                if content.startswith(symbol + b"\0", strings + name):
+                    return address
+    raise TetwildError(f"no call of {symbol.decode()} found in fTetWild's library; use pytetwild 0.4.2")
+
+
+def _mesh(job: str, made: str) -> None:
+    module = _compiled_module()
+    kept = _fix_random_device(str(Path(module.__file__).resolve()))
+    with np.load(job) as given:
+        nodes, tetrahedra = module.tetrahedralize_mesh(
+            given["vertices"], given["triangles"],
+            True,  # optimise: without it sizes are not used
+            False,  # simplify the surface within the envelope first
+            0.05, float(given["largest"]), float(given["envelope"]), STOP_ENERGY,
+            False,  # do not coarsen
+            1,  # thread
+            80,  # its usual number of passes
+            6, True,  # say nothing
+            False,  # its own order of nodes
+            True,  # keep what lies outside: the caller decides by distance
+            given["points"], given["tetrahedra"], given["size"],
+        )  # fmt: skip
+    del kept
+    np.savez(made, nodes=nodes, tetrahedra=tetrahedra)
+
+
+if __name__ == "__main__":
+    _mesh(*sys.argv[1:])

@@ -1,0 +1,31 @@
+"""All checks in the order of the table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from gelforge.verification import elements, presses
+from gelforge.verification.check import Check
+
+CHECKS: dict[str, Callable[[], list[Check]]] = {
+    function.__name__: function
+    for function in (
+        elements.uniaxial_stress,
+        elements.patch_test,
+        elements.rigid_modes,
+        elements.manufactured_orders,
+        presses.contact_patch,
+        presses.hertz_presses,
+        presses.bonded_layers,
+        presses.balances,
+        presses.energy_and_cycle,
+        presses.penalty_independence,
+        presses.quarter_turn,
+    )
+}
+
+
+def run_checks() -> Iterator[Check]:
+    """Yield every check as it is done; about a minute on one core."""
+    for function in CHECKS.values():
+        yield from function()

@@ -1,0 +1,405 @@
+"""Where effects enter, one by one, against closed forms and limits."""
+
+import numpy as np
+import pytest
+import specimens
+from numpy.testing import assert_allclose
+
+from gelforge.characterisation.characterise import given_law
+from gelforge.characterisation.law_file import read_law, write_law
+from gelforge.config import ConfigError, study_from
+from gelforge.config.materials import Material
+from gelforge.config.variants import merged
+from gelforge.indentation.effects.catalogue import CATALOGUE, Place, with_keys
+from gelforge.indentation.effects.fields import element_stiffness, eshelby_factor
+from gelforge.indentation.effects.geometry import moved_mesh
+from gelforge.indentation.effects.kinematics import plane_touch, real_place, yielding
+from gelforge.indentation.effects.material import check_laws, region_bulk, region_laws
+from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.sensor_mesh import sensor_mesh
+from gelforge.indentation.simulate import Trajectory, model_of, simulate_cell
+from gelforge.mechanics.body import Body
+from gelforge.mechanics.indenters import Sphere
+from gelforge.mechanics.law_changes import neo_hookean, with_exponents
+from gelforge.mechanics.laws import Gent, MooneyRivlin, NeoHooke, Ogden, Yeoh
+from gelforge.mechanics.sparsity import build_pattern
+
+LAWS = specimens.STUDY_LAWS
+BY_LAYER = {"gel": specimens.GEL, "skin": specimens.SKIN}
+TIGHT = {"solver": {"force_tolerance": 1e-9, "gap_tolerance_mm": 1e-9, "max_iterations": 80}}
+PLANNED = PlannedCell("place", *specimens.CORNER, (0.4,))
+
+
+def study(**mechanics):
+    return specimens.study(**(TIGHT | mechanics))
+
+
+def force(described, laws=LAWS, planned=PLANNED):
+    cell = simulate_cell(described, laws, planned)
+    assert cell.converged, cell.attributes["reason"]
+    return cell.arrays["total_force_N"][-1]
+
+
+def mesh_of(described):
+    return sensor_mesh(
+        described.sensor,
+        described.mechanics.mesh,
+        *specimens.CORNER,
+        base=described.mechanics.effects.geometry.base,
+    )
+
+
+def factors(**families):
+    """Return the mesh of the small sensor and the factors on its elements' shear and bulk moduli."""
+    described = with_keys(study(), **families)
+    mesh = mesh_of(described)
+    return mesh, *element_stiffness(mesh, described.sensor, described.mechanics.effects)
+
+
+def volumes(mesh):
+    corner = mesh.X[mesh.elements]
+    return (corner.max(axis=1) - corner.min(axis=1)).prod(axis=1)  # boxes along the axes
+
+
+# ------------------------------------------------------------------------------------------------------- laws
+@pytest.mark.parametrize(
+    ("law", "same"),
+    [
+        ({"law": "neo_hooke", "mu_kPa": 12.0}, Ogden((12e-3,), (2.0,))),
+        ({"law": "mooney_rivlin", "C10_kPa": 5.0, "C01_kPa": 1.0}, Ogden((10e-3, -2e-3), (2.0, -2.0))),
+        ({"law": "yeoh", "C10_kPa": 6.0}, Ogden((12e-3,), (2.0,))),
+        ({"law": "gent", "mu_kPa": 12.0, "Jm": 1e9}, Ogden((12e-3,), (2.0,))),
+        (
+            {"mu_kPa": [10.0, 0.3, -1.0], "alpha": [1.3, 3.6, -2.0]},
+            Ogden((10e-3, 0.3e-3, -1e-3), (1.3, 3.6, -2.0)),
+        ),
+    ],
+)
+def test_a_law_of_any_kind_goes_from_the_configuration_through_its_file_into_the_elements(
+    law, same, tmp_path
+):
+    given = given_law("soft", Material(parameters=law).parameters)
+    write_law(tmp_path / "law.json", given)
+    read = read_law(tmp_path / "law.json").law
+    assert type(read).__name__ == type(given.law).__name__
+    # Ogden's form of the same law; 1e-6 for the limits Jm and the stopping rule
+    assert_allclose(force(study(), LAWS | {"soft": read}), force(study(), LAWS | {"soft": same}), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "law", [specimens.GEL, NeoHooke(0.01), MooneyRivlin(0.01, 0.002), Yeoh(0.01, 1e-3, 1e-4), Gent(0.01, 5.0)]
+)
+def test_other_exponents_keep_the_modulus_and_stiffen_in_tension(law):
+    faster = with_exponents(law, 1.2)
+    assert faster.shear_modulus == pytest.approx(law.shear_modulus, rel=1e-12)
+    assert with_exponents(law, 1.0) is law
+    lam = np.array([2.0, 2**-0.5, 2**-0.5])
+    stress = [(b := kind.principal_stress(lam))[0] - b[2] for kind in (law, faster)]
+    assert stress[1] > 1.01 * stress[0]
+    assert neo_hookean(law) == NeoHooke(law.shear_modulus)
+
+
+def test_an_unstable_law_is_refused_before_anything_is_solved():
+    falling = Yeoh(0.01, -0.006, 0.0)
+    check_laws({"gel": falling}, 0.4, 4.0)  # stable as far as this press goes
+    with pytest.raises(ConfigError, match=r"gel is unstable .* from stretch 0?\.?\d.* press less deep"):
+        check_laws({"gel": falling}, 2.0, 4.0)
+    with pytest.raises(ConfigError, match="has no stress in extension from stretch"):
+        check_laws({"gel": Gent(0.01, 0.1)}, 2.0, 4.0)
+    with pytest.raises(ConfigError, match="unstable"):
+        force(study(), LAWS | {"soft": Yeoh(0.01, -0.05, 0.0)})
+
+
+def test_compressibility_is_by_region_and_poissons_ratio_says_the_same():
+    by_ratio = with_keys(study(), material={"poissons_ratio": {"gel": 0.49, "skin": 0.4}})
+    ratios = region_bulk(by_ratio.sensor, by_ratio.mechanics, ("gel", "skin", "wall"))
+    assert ratios == {
+        "gel": pytest.approx(149 / 3),
+        "skin": pytest.approx(14 / 3),
+        "wall": pytest.approx(14 / 3),
+    }
+    by_bulk = with_keys(study(), material={"bulk_to_shear": {"gel": ratios["gel"], "skin": ratios["skin"]}})
+    assert_allclose(force(by_ratio), force(by_bulk), rtol=1e-12)
+    with pytest.raises(ConfigError, match="give one"):
+        with_keys(by_ratio, material={"bulk_to_shear": {"gel": 10.0}})
+
+
+# ------------------------------------------------------------------------------------- stiffness of elements
+def test_scaling_every_layer_scales_the_force():
+    """Exactly so under displacement control: physics.md; to the stopping rule here."""
+    scaled = with_keys(study(), material={"stiffness_factor": {"gel": 1.3, "skin": 1.3}})
+    free = {"mechanics": {"friction": 0.0}}  # the elastic slip of friction is a constant of the algorithm
+    scaled, plain = (study_from(merged(s.model_dump(mode="json"), free)) for s in (scaled, study()))
+    assert_allclose(force(scaled), 1.3 * force(plain), rtol=1e-6)
+
+
+def test_particles_stiffen_by_eshelby_and_settle_downwards():
+    assert eshelby_factor(0.02) == pytest.approx(1 / 0.95)
+    mesh, shear, bulk = factors(material={"particles": {"stiffening": 1.0}})
+    gel = mesh.region == mesh.regions.index("gel")
+    assert_allclose(shear[gel], 1 / (1 - 2.5 * 0.02), rtol=1e-14)
+    assert (shear[~gel] == 1).all() and bulk is shear
+    mesh, shear, _ = factors(material={"particles": {"settling": 0.5}})
+    z = mesh.X[mesh.elements, 2].mean(axis=1)  # gel from -4 to -1
+    assert_allclose(shear[gel], 1 / (1 - 2.5 * 0.02 * 0.5 * (-2.5 - z[gel]) / 1.5), rtol=1e-14)
+    v = volumes(mesh)[gel]
+    assert ((1 - 1 / shear[gel]) * v).sum() == pytest.approx(0, abs=1e-12)  # none are lost
+
+
+def test_age_and_temperature_multiply():
+    circumstances = {
+        "ageing_per_day": {"gel": 0.01}, "age_days": 12.0, "reference_age_days": 2.0,
+        "stiffening_per_K": {"gel": -0.002, "wall": 0.01}, "temperature_C": 28.0,
+    }  # fmt: skip
+    mesh, shear, _ = factors(material={"circumstances": circumstances})
+    known = {"gel": 1.1 * 0.99, "skin": 1.0, "wall": 1.05}
+    assert_allclose(shear, [known[mesh.regions[r]] for r in mesh.region], rtol=1e-14)
+    with pytest.raises(ConfigError, match="stiffness factor of -1"):
+        factors(material={"circumstances": {"ageing_per_day": {"gel": -0.2}, "age_days": 10.0}})
+
+
+def test_a_toe_is_in_series_with_the_rest_of_its_element():
+    mesh, shear, _ = factors(geometry={"toe": {"thickness_mm": 0.2, "factor": 0.1}})
+    z = mesh.X[mesh.elements, 2]
+    height = np.ptp(z, axis=1)
+    top = np.isclose(z.max(axis=1), 0)
+    assert_allclose(shear[top], 1 / (1 - 0.2 / height[top] + 0.2 / height[top] / 0.1), rtol=1e-12)
+    assert (shear[~top] == 1).all()
+
+
+def test_a_ball_weakens_its_own_volume():
+    ball = {"centre_mm": [8.0, 8.0, -2.4], "radius_mm": 1.2, "factor": 0.25}
+    mesh, shear, bulk = factors(geometry={"inclusions": [ball]})
+    lost = ((1 - shear) / 0.75 * volumes(mesh)).sum()
+    assert lost == pytest.approx(4 / 3 * np.pi * 1.2**3, rel=0.02)  # samples 0.17 mm apart
+    assert bulk is shear and (shear > 0.249).all()
+
+
+def test_a_wall_gap_weakens_a_strip_of_the_gel_along_the_wall():
+    mesh, shear, _ = factors(geometry={"wall_gap": {"width_mm": 0.5, "loss": 0.4}})
+    gel = mesh.region == mesh.regions.index("gel")
+    lost = ((1 - shear) / (0.4 * 0.999) * volumes(mesh)).sum()
+    assert lost == pytest.approx((14**2 - 13**2) * 3, rel=1e-9)
+    assert (shear[~gel] == 1).all()
+
+
+def test_a_loose_film_keeps_its_bulk_and_loses_its_shear():
+    patch = {"centre_mm": [8.0, 8.0], "radius_mm": 2.0, "layer": "gel", "film_mm": 0.5, "loss": 1.0}
+    mesh, shear, bulk = factors(geometry={"delaminations": [patch]})
+    assert (bulk == 1).all()
+    lost = ((1 - shear) / 0.999 * volumes(mesh)).sum()
+    assert lost == pytest.approx(np.pi * 2**2 * 0.5, rel=0.03)
+    touched = mesh.X[mesh.elements[shear < 1]][..., 2]
+    assert touched.max() == pytest.approx(-1.0)  # under the gel's top face
+
+
+def test_shear_and_bulk_of_an_element_scale_apart():
+    """One element of 1 mm3: simple shear meets 0.1 mu, a change of volume the whole K."""
+    mu, ratio, small = 0.02, 50.0, 1e-5
+    cube = specimens.box(1)
+    free = build_pattern(cube.elements, np.zeros(8, bool))
+    body = Body(cube, {"gel": NeoHooke(mu)}, ratio, free, np.array([0.1]), np.array([1.0]))
+    shear = small * np.outer(cube.X[:, 2], [1.0, 0.0, 0.0])
+    top = np.isclose(cube.X[:, 2], cube.X[:, 2].max())
+    force = body.response(shear, np.zeros(1)).f_condensed[top, 0].sum()
+    assert force == pytest.approx(0.1 * mu * small, rel=1e-6)
+    assert body.response(small * cube.X, np.zeros(1)).p_volume == pytest.approx(
+        3 * small * ratio * mu, rel=1e-4
+    )
+
+
+# ---------------------------------------------------------------------------------------------------- geometry
+def test_a_thicker_layer_is_the_mesh_of_the_thicker_sensor():
+    """3 mm of gel in three elements moved to 3.3 mm: the nodes of the sensor drawn with 3.3 mm, in three elements too."""
+    even = {"mesh": {"near_mm": 1.0, "far_mm": 1.0}}
+    nominal = with_keys(specimens.study(**even), geometry={"thickness": {"gel": {"change_mm": 0.3}}})
+    layers = [layer.model_dump() for layer in nominal.sensor.layers]
+    layers[0]["thickness_mm"] = 3.3
+    drawn = specimens.study(sensor={"layers": layers}, **even)
+    moved = moved_mesh(mesh_of(nominal), nominal.sensor, nominal.mechanics.effects)
+    assert_allclose(moved.X, mesh_of(drawn).X, atol=1e-12)
+    assert np.array_equal(moved.fixed, mesh_of(drawn).fixed)
+
+
+def test_a_graded_layer_stands_on_a_flat_base_under_a_plane_top():
+    graded = with_keys(study(), geometry={"thickness": {"gel": {"gradient": [0.02, -0.01]}}})
+    mesh = mesh_of(graded)
+    moved = moved_mesh(mesh, graded.sensor, graded.mechanics.effects)
+    plane = (moved.X[:, :2] - 8.0) @ [0.02, -0.01]
+    top, base = np.isclose(mesh.X[:, 2], 0), np.isclose(mesh.X[:, 2], -4)
+    interface = np.isclose(mesh.X[:, 2], -1)
+    assert_allclose(moved.X[top, 2], plane[top], atol=1e-14)
+    assert_allclose(moved.X[interface, 2], -1 + plane[interface], atol=1e-14)
+    assert (moved.X[base, 2] == -4).all()
+    assert_allclose(mesh.ties @ moved.X, moved.X, atol=1e-14)  # hanging nodes hang where they did
+    with pytest.raises(ConfigError, match="leaves gel .* of its nominal"):
+        force(with_keys(study(), geometry={"thickness": {"gel": {"change_mm": -2.8}}}))
+
+
+def test_a_slab_of_the_gel_s_own_law_is_a_thicker_gel():
+    """Neo-Hookean gel of 3 mm over 2 mm of the same as a slab, against 5 mm of gel; 1 %: the slab's elements are longer."""
+    laws = LAWS | {"soft": NeoHooke(0.01)}
+    even = {"near_mm": 1.0, "far_mm": 1.0, "growth": 0.02}
+    sensor = {"wall_mm": 0.0}
+    on_slab = with_keys(
+        specimens.study(sensor=sensor, mesh=even),
+        geometry={"base": {"thickness_mm": 2.0, "youngs_modulus_MPa": 0.03}},
+    )
+    layers = [layer.model_dump() for layer in on_slab.sensor.layers]
+    layers[0]["thickness_mm"] = 5.0
+    thick = specimens.study(sensor=sensor | {"layers": layers}, mesh=even)
+    assert_allclose(force(on_slab, laws), force(thick, laws), rtol=0.01, atol=1e-4)
+    rigid = with_keys(on_slab, geometry={"base": {"thickness_mm": 2.0, "youngs_modulus_MPa": None}})
+    stiff = with_keys(on_slab, geometry={"base": {"thickness_mm": 2.0, "youngs_modulus_MPa": 1e4}})
+    assert_allclose(force(stiff, laws), force(rigid, laws), rtol=1e-3)
+    assert np.array_equal(force(rigid, laws), force(specimens.study(sensor=sensor, mesh=even), laws))
+    slab = region_laws(on_slab.sensor, on_slab.mechanics.effects, ("gel", "skin", "base"), BY_LAYER)["base"]
+    assert slab.mu == pytest.approx(0.01)
+
+
+def test_a_uniform_prestretch_of_a_lone_free_layer_is_not_felt_but_a_held_one_pulls():
+    """Layer and base: stretched gel on its base draws the base's nodes inwards, by mu (lam^2 - lam^-4) per area of a cut."""
+    lam = 1.1
+    stretched = with_keys(study(), geometry={"prestretch": {"gel": [lam, lam], "skin": [lam, lam]}})
+    model = model_of(
+        stretched.sensor,
+        stretched.indenter,
+        stretched.mechanics,
+        BY_LAYER,
+        Trajectory(*specimens.CENTRE, (0.1,), ("load",)),
+    )
+    F = model.body.deformation_gradient(np.zeros_like(model.mesh.X))
+    gel = model.mesh.region == model.mesh.regions.index("gel")
+    assert_allclose(F[gel], np.broadcast_to(np.diag([lam, lam, lam**-2]), F[gel].shape))
+    cell = simulate_cell(stretched, LAWS, PlannedCell("c", *specimens.CENTRE, (0.2, 0.4)))
+    assert cell.converged
+    assert max(cell.attributes["force_balance"]) < 1e-6
+    assert (np.diff(cell.arrays["total_force_N"][:, 2], prepend=0) < 0).all()
+
+
+# -------------------------------------------------------------------------------------------- pose and machine
+def test_where_the_indenter_really_is():
+    k = {"misregistration_mm": [0.3, -0.1], "yaw_deg": 90.0 / 2, "grid_scale": 0.01}
+    moved = with_keys(study(), kinematics=k)
+    x, y = real_place(moved.sensor, moved.mechanics.effects, 10.0, 8.0)
+    assert (x, y) == pytest.approx((8 + 1.01 * 2**0.5 + 0.3, 8 + 1.01 * 2**0.5 - 0.1))
+    # the same place commanded; the mesh is fine around another place, so to its error
+    shifted = with_keys(study(), kinematics={"misregistration_mm": [0.2, 0.0]})
+    there = PlannedCell("b", specimens.CORNER[0] + 0.2, specimens.CORNER[1], (0.4,))
+    assert force(shifted)[2] == pytest.approx(force(study(), planned=there)[2], rel=0.03)
+
+
+def test_contact_zero_is_depth():
+    deeper = with_keys(study(), kinematics={"contact_zero_mm": 0.05})
+    planned = PlannedCell("a", *specimens.CORNER, (0.35,))
+    # the same pose reached in one step on the same mesh: only what the fine region's size does differs
+    assert_allclose(force(deeper, planned=planned), force(study()), rtol=1e-6)
+
+
+def test_a_tilted_ball_touches_its_plane():
+    tilted = with_keys(study(), kinematics={"tilt_deg": [2.0, -1.0], "zero_by": "session"})
+    effects, ball = tilted.mechanics.effects, Sphere(5.0)
+    start, lead = plane_touch(tilted.sensor, effects, ball, 10.0, 9.0)
+    assert start[2] == pytest.approx(5.0, abs=1e-12)  # a ball of 5 mm on z = 0, whatever its path
+    _, none = plane_touch(tilted.sensor, effects, ball, 8.0, 8.0)
+    assert none == pytest.approx(0, abs=1e-12)
+    # sin(2 deg) 1 mm along y and sin(-1 deg) 2 mm along x lift or lower the place by the first order
+    assert abs(lead) == pytest.approx(abs(np.sin(np.radians(2)) * 1 + np.sin(np.radians(1)) * 2), rel=2e-3)
+    by_press = with_keys(tilted, kinematics={"zero_by": "press"}).mechanics.effects
+    assert plane_touch(tilted.sensor, by_press, ball, 10.0, 9.0)[1] == 0
+
+
+def test_tilting_is_pressing_obliquely():
+    """Frictionless, the ball only feels where it ends: 0.4 mm at 10 degrees are 0.4 cos down and 0.4 sin aside."""
+    tilt = 10.0
+    tilted = with_keys(study(friction=0.0), kinematics={"tilt_deg": [0.0, tilt]})
+    turned = force(tilted)
+    a = np.radians(tilt)
+    x, y = specimens.CORNER
+    model = model_of(
+        tilted.sensor, tilted.indenter, tilted.mechanics, BY_LAYER, Trajectory(x, y, (0.4,), ("load",))
+    )
+    assert_allclose(np.abs(model.centres[0] - model.start), [0.4 * np.sin(a), 0, 0.4 * np.cos(a)], atol=1e-12)
+    # Turned about +y the sensor's x axis points down, so a vertical path runs towards it.
+    assert model.centres[0, 0] > model.start[0]
+    moved = {"misregistration_mm": [float(model.centres[0, 0]) - x, 0.0]}
+    upright = with_keys(study(friction=0.0), kinematics=moved)  # on the same mesh
+    same = force(upright, planned=PlannedCell("p", x, y, (0.4 * np.cos(a),)))
+    assert_allclose(turned, same, rtol=1e-6, atol=1e-9)
+
+
+def test_a_yielding_frame_is_solved_with_the_force():
+    c = 0.1
+    soft = with_keys(study(), kinematics={"frame_compliance_mm_per_N": c})
+    cell = simulate_cell(soft, LAWS, PlannedCell("a", *specimens.CORNER, (0.4, 0.8)))
+    centre, Fz = cell.arrays["indenter_mm"][:, 2], cell.arrays["total_force_N"][:, 2]
+    assert_allclose(5.0 - centre, np.array([0.4, 0.8]) + c * Fz, atol=1e-9)
+    reached = PlannedCell("b", *specimens.CORNER, tuple(5.0 - centre))
+    at_depth = simulate_cell(study(), LAWS, reached).arrays["total_force_N"]
+    # the plain press at the depths reached; friction counts its path from the same two states
+    assert_allclose(cell.arrays["total_force_N"], at_depth, rtol=2e-4, atol=1e-6)
+
+
+def test_a_base_plate_yields_most_in_its_middle():
+    bent = with_keys(study(), kinematics={"base_bending_mm_per_N": 0.1})
+    effects = bent.mechanics.effects
+    assert_allclose(yielding(bent.sensor, effects, 8.0, 8.0), [0, 0, -0.1], atol=1e-15)
+    assert_allclose(yielding(bent.sensor, effects, 4.0, 8.0), [0, 0, -0.05], atol=1e-15)
+    assert np.linalg.norm(yielding(bent.sensor, effects, 16.0, 8.0)) < 1e-15
+
+
+# --------------------------------------------------------------------------------------- catalogue and refusals
+def test_the_catalogue_says_what_a_reader_needs():
+    families = {"material", "history", "contact", "geometry", "kinematics"}
+    for name, effect in CATALOGUE.items():
+        assert effect.name == name and effect.family in families
+        assert effect.parameter and effect.unit and effect.enters and effect.width > 0
+    with pytest.raises(ValueError, match="on .1. or off .0."):
+        CATALOGUE["frictionless"](study(), 0.5)
+
+
+def test_an_effect_is_added_to_what_the_study_has():
+    both = CATALOGUE["void"](CATALOGUE["inclusion"](study(), 5.0), 0.5, Place(5.0, 5.0, -2.0, 0.8))
+    assert [i.factor for i in both.mechanics.effects.geometry.inclusions] == [6.0, pytest.approx(0.5005)]
+    twice = CATALOGUE["gel_stiffness"](CATALOGUE["gel_stiffness"](study(), 0.1), 0.1)
+    assert twice.mechanics.effects.material.stiffness_factor == {"gel": pytest.approx(1.21)}
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"effects": {"material": {"stiffness_factor": {"glue": 2.0}}}}, ["glue", "are not regions", "gel"]),
+        ({"effects": {"history": {"mullins": {"base": {}}}}}, ["base", "are not regions"]),
+        ({"effects": {"geometry": {"wall_gap": {"loss": 1.5}}}}, ["wall_gap.loss", "1.5"]),
+        (
+            {
+                "effects": {
+                    "history": {"viscoelastic": {"gel": {"relative_moduli": [0.1], "times_s": [1, 2]}}}
+                }
+            },
+            ["pairs"],
+        ),
+        ({"strain": "small", "effects": {"history": {"mullins": {"gel": {}}}}}, ["strain: finite"]),
+        ({"effects": {"kinematics": {"tilt": 1.0}}}, ["tilt", "unknown key"]),
+        ({"effects": {"geometry": {"prestretch": {"gel": [0.0, 1.0]}}}}, ["stretch <= 0"]),
+    ],
+)
+def test_effects_that_cannot_be_are_refused(change, words):
+    with pytest.raises(ConfigError) as refused:
+        study_from(merged(study().model_dump(mode="json"), {"mechanics": change}))
+    for word in words:
+        assert word in str(refused.value)
+
+
+def test_mirrored_cells_need_effects_that_mirror():
+    plan = {"grid": {"spacing_mm": 3.0, "margin_mm": 5.0}, "depths_mm": [0.4], "symmetry": "d4"}
+    square = specimens.study(plan=plan)
+    with_keys(square, material={"stiffness_factor": {"gel": 1.1}})
+    for families in (
+        {"kinematics": {"tilt_deg": [1.0, 0.0]}},
+        {"geometry": {"thickness": {"gel": {"gradient": [0.01, 0.0]}}}},
+        {"geometry": {"inclusions": [{"centre_mm": [5, 5, -2], "radius_mm": 1.0}]}},
+        {"history": {"mullins": {"gel": {"amount": 0.2}}}},
+    ):
+        with pytest.raises(ConfigError, match="plan.symmetry: d4 .* use symmetry: none"):
+            with_keys(square, **families)

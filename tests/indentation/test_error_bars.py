@@ -1,0 +1,201 @@
+"""Error bars: their parts against what they are made of, and what becomes of them in files and images."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import specimens
+from numpy.testing import assert_allclose
+
+from gelforge.characterisation.law_file import MaterialLaw, moved_laws
+from gelforge.indentation.companion import simulate_label, solve_companion
+from gelforge.indentation.error_bars import (
+    AMOUNT,
+    COARSER,
+    LEAST_BINS,
+    PART_BINS,
+    SHARE_BINS,
+    Companion,
+    error_bars,
+)
+from gelforge.indentation.mirror import mirror_cell
+from gelforge.indentation.plan import PlannedCell, plan_cells
+from gelforge.indentation.simulate import simulate_cell
+
+# mu [kPa], alpha of the soft material: correlated, as two terms of one law always are
+DEVIATION = np.array([0.16, 0.03, 0.05, 0.1])
+CORRELATION = 0.6 ** np.abs(np.subtract.outer(range(4), range(4)))
+COVARIANCE = CORRELATION * np.outer(DEVIATION, DEVIATION)
+SOFT = MaterialLaw("soft", specimens.GEL, "", covariance=COVARIANCE)
+PLANNED = PlannedCell("x", 10.8, 9.6, (0.4, 0.8))
+
+
+def bars_of(bins, coarse, reached=None, slopes=0):
+    rng = np.random.default_rng(5)
+    D, B = bins.shape[:2]
+    reached = D if reached is None else reached
+    companion = Companion(
+        coarse.sum(axis=1)[:reached],
+        coarse[:reached],
+        rng.normal(size=(slopes, reached, 3)),
+        rng.normal(size=(slopes, reached, B, 3)),
+    )
+    return error_bars(bins.sum(axis=1), bins, (10, 10), companion), companion
+
+
+@pytest.fixture
+def bins():
+    field = np.zeros((3, 10, 10, 3))
+    field[:, 3:7, 4:8] = np.random.default_rng(1).normal(size=(3, 4, 4, 3)) * [[[[1]]], [[[2]]], [[[3]]]]
+    return field.reshape(3, 100, 3)
+
+
+def test_equal_solutions_leave_the_least_bars_on_loaded_bins_alone(bins):
+    bars, _ = bars_of(bins, bins)
+    size, largest = np.linalg.norm(bins, axis=-1, keepdims=True), np.abs(bins).max(axis=(1, 2), keepdims=True)
+    expected = np.hypot(SHARE_BINS * size, LEAST_BINS * largest * (size > 0))
+    assert_allclose(bars["bin_sigma_mesh_N"], expected, rtol=1e-12)
+    assert_allclose(bars["total_sigma_mesh_N"], 0, atol=0)
+
+
+def test_a_uniform_difference_gives_its_part(bins):
+    """Inside a field that differs by the same vector everywhere the mean square is that of the vector."""
+    vector = np.array([0.3, -0.1, 0.5])
+    bars, _ = bars_of(bins, bins + vector)
+    middle = bars["bin_sigma_mesh_N"].reshape(3, 10, 10, 3)[:, 5, 5]
+    none, _ = bars_of(bins, bins)
+    least = none["bin_sigma_mesh_N"].reshape(3, 10, 10, 3)[:, 5, 5]
+    assert_allclose(middle, np.hypot(PART_BINS * np.abs(vector), least), rtol=1e-12)
+
+
+def test_bars_do_not_depend_on_the_names_of_the_axes(bins):
+    """x and y changed over: bars are changed over."""
+    rng = np.random.default_rng(7)
+    coarse = bins + 0.1 * rng.normal(size=bins.shape)
+
+    def swapped(field):
+        return field.reshape(3, 10, 10, 3).swapaxes(1, 2)[..., [1, 0, 2]].reshape(3, 100, 3)
+
+    straight, _ = bars_of(bins, coarse)
+    turned, _ = bars_of(swapped(bins), swapped(coarse))
+    assert_allclose(turned["bin_sigma_mesh_N"], swapped(straight["bin_sigma_mesh_N"]), rtol=1e-12)
+    assert_allclose(turned["total_sigma_mesh_N"], straight["total_sigma_mesh_N"][:, [1, 0, 2]], rtol=1e-12)
+
+
+def test_the_bar_of_a_total_is_the_same_share_of_the_force_at_every_depth(bins):
+    grown = bins[:1] * np.array([1.0, 2.0, 4.0])[:, None, None]
+    bars, _ = bars_of(grown, 1.1 * grown)
+    sigma = bars["total_sigma_mesh_N"]
+    assert_allclose(sigma, sigma[0] * np.array([1.0, 2.0, 4.0])[:, None], rtol=1e-12)
+    assert (sigma > 0).all()
+
+
+def test_independent_directions_add_in_squares(bins):
+    bars, companion = bars_of(bins, bins, slopes=3)
+    assert_allclose(bars["bin_sigma_material_N"] ** 2, (companion.bin_slopes**2).sum(axis=0), rtol=1e-12)
+    assert_allclose(bars["total_sigma_material_N"] ** 2, (companion.total_slopes**2).sum(axis=0), rtol=1e-12)
+
+
+@pytest.mark.parametrize("reached", [0, 1, 2])
+def test_a_companion_that_ends_early_leaves_no_depth_without_a_bar(bins, reached):
+    bars, _ = bars_of(bins, 1.05 * bins, reached)
+    total = np.linalg.norm(bins.sum(axis=1), axis=1)
+    for name, values in bars.items():
+        assert np.isfinite(values).all() and values.shape[0] == 3, name
+    if reached:
+        share = bars["total_sigma_mesh_N"] / total[:, None]
+        assert_allclose(
+            share[reached:], np.broadcast_to(share[reached - 1], share[reached:].shape), rtol=1e-12
+        )
+    else:
+        assert_allclose(bars["bin_sigma_mesh_N"], np.abs(bins), rtol=0)
+
+
+def test_moved_laws_carry_the_covariance():
+    moves = [MaterialLaw("soft", law, "").values - SOFT.values for law in moved_laws(SOFT, AMOUNT)]
+    found = sum(np.outer(move, move) for move in moves) / AMOUNT**2
+    assert_allclose(found, COVARIANCE, rtol=1e-9, atol=1e-12 * COVARIANCE.max())
+    assert moved_laws(replace(SOFT, covariance=None), AMOUNT) == []
+
+
+def test_the_companion_is_the_coarser_solution_and_its_slopes_those_of_full_solutions():
+    fine = {"near_mm": 0.6, "near_radius_mm": 2.5, "growth": 0.3, "far_mm": 1.2}
+    exact = {"force_tolerance": 1e-9, "gap_tolerance_mm": 1e-7}
+    place = PlannedCell("x", 10.3, 9.2, (0.4, 0.8))
+    study = specimens.study(mesh=fine, solver=exact)
+    companion, reason, _ = solve_companion(
+        study, specimens.STUDY_LAWS, place, {"soft": moved_laws(SOFT, AMOUNT)}
+    )
+    assert reason == "" and companion.bin_slopes.shape == (4, 2, 100, 3)
+    coarse = fine | {name: COARSER * fine[name] for name in ("near_mm", "far_mm")}
+    coarser = specimens.study(mesh=coarse, solver=exact)
+
+    def bins(law):
+        return simulate_cell(coarser, specimens.STUDY_LAWS | {"soft": law}, place).arrays["bin_force_N"]
+
+    own = bins(specimens.GEL)
+    assert_allclose(companion.bins, own, atol=1e-8 * np.abs(own).max())  # both converged to 1e-9 of the force
+    for found, law in zip(companion.bin_slopes, moved_laws(SOFT, AMOUNT)):
+        expected = (bins(law) - own) / AMOUNT
+        # Far below the 5 % that derivatives of bins are promised to; nodes that join the contact would make it more.
+        assert_allclose(found, expected, atol=5e-3 * np.abs(expected).max())
+
+
+def test_a_label_has_bars_of_both_kinds_and_says_which_laws_are_uncertain():
+    study = specimens.study()
+    uncertain = {"soft": moved_laws(SOFT, AMOUNT)}
+    cell = simulate_label(study, specimens.STUDY_LAWS, uncertain, PLANNED)
+    a = cell.arrays
+    for quantity, values in (("bin", a["bin_force_N"]), ("total", a["total_force_N"])):
+        for part in ("mesh", "material"):
+            sigma = a[f"{quantity}_sigma_{part}_N"]
+            assert sigma.shape == values.shape and (sigma >= 0).all()
+            assert sigma[-1, ..., 2].max() > 1e-3 * np.abs(values).max()
+    assert cell.attributes["uncertain_materials"] == ["soft"] and cell.attributes["companion_reason"] == ""
+    plain = study.model_copy(update={"mechanics": study.mechanics.model_copy(update={"error_bars": False})})
+    given = simulate_label(study, specimens.STUDY_LAWS, {}, PLANNED)
+    assert given.attributes["uncertain_materials"] == []
+    assert_allclose(given.arrays["bin_sigma_material_N"], np.zeros((2, 100, 3)), rtol=0, atol=0)
+    without = simulate_label(plain, specimens.STUDY_LAWS, uncertain, PLANNED)
+    assert not any("sigma" in name for name in without.arrays)
+    assert_allclose(without.arrays["bin_force_N"], a["bin_force_N"], rtol=0, atol=0)
+
+
+def test_bars_are_mirrored_with_their_cell():
+    plan = {"grid": {"spacing_mm": 3.0, "margin_mm": 5.0}, "depths_mm": [0.4], "symmetry": "d4"}
+    study = specimens.study(plan=plan)
+    planned = plan_cells(study)
+    image = next(cell for cell in planned.values() if cell.symmetry == "rotate_90")
+    uncertain = {"soft": moved_laws(SOFT, AMOUNT)}
+    source = simulate_label(study, specimens.STUDY_LAWS, uncertain, planned[image.source])
+    mirrored = mirror_cell(source, study, specimens.STUDY_LAWS, image)
+    solved = simulate_label(
+        study, specimens.STUDY_LAWS, uncertain, replace(image, source=None, symmetry=None)
+    )
+    for name in (n for n in source.arrays if "sigma" in n):
+        size = solved.arrays[name].max()
+        # bars follow from differences of two solutions, each converged to 1e-6 of the force
+        assert_allclose(mirrored.arrays[name], solved.arrays[name], atol=2e-3 * size, err_msg=name)
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        {"kinematics": {"frame_compliance_mm_per_N": 0.3}},
+        {"geometry": {"prestretch": {"skin": [1.02, 1.02]}}},
+        {"history": {"viscoelastic": {"gel": {"relative_moduli": [0.3], "times_s": [1.0]}}}},
+    ],
+    ids=["yielding", "prestretch", "viscoelastic"],
+)
+def test_the_companion_has_the_effects_of_its_cell(effects):
+    """Otherwise an effect would be taken for an error of the mesh."""
+    study = specimens.study(effects=effects)
+    uncertain = {"soft": moved_laws(SOFT, AMOUNT)[:1]}
+    companion, _, _ = solve_companion(study, specimens.STUDY_LAWS, PLANNED, uncertain)
+    plain, _, _ = solve_companion(specimens.study(), specimens.STUDY_LAWS, PLANNED, uncertain)
+    with_effects = simulate_cell(study, specimens.STUDY_LAWS, PLANNED).arrays["total_force_N"]
+    without = simulate_cell(specimens.study(), specimens.STUDY_LAWS, PLANNED).arrays["total_force_N"]
+    change = (with_effects - without)[-1, 2]
+    # Elements of half the ball's radius see the effect to some ten per cent; without it the ratio would be 0.
+    assert 0.5 < (companion.total - plain.total)[-1, 2] / change < 2
+    assert companion.total_slopes.shape == (1, 2, 3) and np.abs(companion.total_slopes).max() > 0

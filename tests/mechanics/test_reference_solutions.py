@@ -1,0 +1,83 @@
+"""The reference solutions beside published numbers and limits: what judges must itself be judged."""
+
+import closed_forms
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.integrate import quad
+
+from gelforge.mechanics import reference_solutions as known
+
+# F / F_Hertz(depth) at contact radius over thickness a/h; converged to 11 digits by another program.
+RATIOS = (0.1, 0.3, 0.5, 1.0, 2.0)
+TABLE = {
+    0.5: (1.1235, 1.4400, 1.8571, 3.3711, 8.4680),
+    0.4995: (1.1234, 1.4395, 1.8558, 3.3655, 8.4335),
+    0.49: (1.1210, 1.4293, 1.8320, 3.2655, 7.8433),
+}
+
+
+@pytest.mark.parametrize("nu", TABLE)
+def test_bonded_layer_reproduces_the_table(nu):
+    radius, mu = 7.0, 0.3
+    found = []
+    for ratio in RATIOS:
+        press = known.bonded_layer_at_radius(ratio * 2.0, radius, 2.0, mu, nu)
+        found.append(press.force / known.hertz(press.depth, radius, known.contact_modulus(mu, nu)).force)
+    assert_allclose(found, TABLE[nu], atol=0.51e-4)  # the digits given
+
+
+def test_a_thick_layer_is_a_half_space():
+    """The base adds in proportion to a/h."""
+    modulus = known.contact_modulus(0.3, 0.4)
+    excess = []
+    for thickness in (200.0, 400.0):
+        press = known.bonded_layer_at_radius(1.0, 50.0, thickness, 0.3, 0.4)
+        excess.append(press.force / known.hertz(press.depth, 50.0, modulus).force - 1)
+    assert 0 < excess[0] < 0.01
+    assert excess[0] / excess[1] == pytest.approx(2, rel=0.02)
+
+
+def test_a_thin_compressible_layer_is_a_winkler_bed():
+    """Pressure = confined modulus x strain: F = pi M R d^2 / h, a = sqrt(2 R d) (Johnson 1985, sec. 5.8)."""
+    radius, thickness, mu, nu = 100.0, 1.0, 0.3, 0.2
+    press = known.bonded_layer_at_radius(16.0, radius, thickness, mu, nu)
+    confined = 2 * mu * (1 - nu) / (1 - 2 * nu)
+    # The edge adds a zone about as wide as the layer is thick, a sixteenth of the contact.
+    assert press.contact_radius == pytest.approx(np.sqrt(2 * radius * press.depth), rel=0.05)
+    assert press.force == pytest.approx(np.pi * confined * radius * press.depth**2 / thickness, rel=0.1)
+
+
+def test_depth_and_radius_are_inverse():
+    press = known.bonded_layer_at_radius(1.7, 20.0, 2.0, 0.3, 0.4995)
+    again = known.bonded_layer(press.depth, 20.0, 2.0, 0.3, 0.4995)
+    assert again.contact_radius == pytest.approx(1.7, rel=1e-11)
+    assert again.force == pytest.approx(press.force, rel=1e-11)
+
+
+@pytest.mark.parametrize("nu", [0.3, 0.4995])
+def test_layer_compliance_is_that_of_a_half_space_far_up_and_of_a_column_far_down(nu):
+    assert known.layer_compliance(np.array([20.0, 500.0]), nu) == pytest.approx([1.0, 1.0], abs=1e-14)
+    u = 1e-6  # a column held at its sides: u (1 - 2 nu) / (2 (1 - nu)^2)
+    assert known.layer_compliance(u, nu) == pytest.approx(u * (1 - 2 * nu) / (2 * (1 - nu) ** 2), rel=1e-6)
+
+
+def test_hertz_force_is_the_integral_of_its_pressure():
+    press = known.hertz(0.02, 5.0, 0.1)
+    a = press.contact_radius
+    total, _ = quad(lambda r: 2 * np.pi * r * known.hertz_pressure(r, a, 5.0, 0.1), 0, a)
+    assert total == pytest.approx(press.force, rel=1e-8)
+    assert a == pytest.approx(np.sqrt(5.0 * 0.02))
+
+
+def test_poissons_ratio():
+    assert known.poissons_ratio(1000.0) == pytest.approx(0.4995, abs=1e-6)
+    assert known.poissons_ratio(2 / 3) == pytest.approx(0.0, abs=1e-15)
+    assert known.contact_modulus(1.0, 0.5) == pytest.approx(3.0 / 0.75)  # E / (1 - nu^2), E = 3 mu
+
+
+def test_uniaxial_stress_agrees_with_the_tests_closed_forms():
+    mu, alpha = (0.08, -0.002), (2.9, -8.3)
+    assert known.ogden_uniaxial(1.7, mu, alpha) == pytest.approx(
+        closed_forms.ogden("uniaxial", 1.7, mu, alpha), rel=1e-14
+    )

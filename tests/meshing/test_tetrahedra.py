@@ -1,0 +1,124 @@
+"""Tetrahedral meshes of layered solids: on the surfaces, one side each, of the wanted sizes, the same every time."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+from small_shapes import SHAPES, SIZES
+
+from gelforge.mechanics.closed_surface import closed_surface
+from gelforge.mechanics.elements import element_gradient, lumped_area
+from gelforge.mechanics.meshes import Sizes
+from gelforge.meshing import tetrahedra
+from gelforge.meshing.solids import Solids, area, enclosed_volume
+from gelforge.meshing.tetrahedra import MeshingError, faces_between, read_mesh, tetrahedral_mesh, write_mesh
+
+ON_SURFACE_MM = 0.005  # what the sensor's maker can tell from the true surface
+
+
+def region_is(meshed, name):
+    return meshed.mesh.region == meshed.mesh.regions.index(name)
+
+
+def test_the_interface_is_a_surface_of_the_mesh(meshed):
+    """Its area within 1 %, its nodes on it, the volume inside it within 0.5 %."""
+    inner, mesh = meshed.solids.surfaces[0], meshed.mesh
+    faces = faces_between(mesh.elements, region_is(meshed, "gel"))
+    assert lumped_area(mesh.X, faces).sum() == pytest.approx(area(inner), rel=0.01)
+    assert np.abs(inner.distance(mesh.X[np.unique(faces)])[0]).max() < ON_SURFACE_MM
+    volume = element_gradient(mesh.X, mesh.elements)[1].sum(axis=1)
+    assert volume[region_is(meshed, "gel")].sum() == pytest.approx(enclosed_volume(inner), rel=5e-3)
+    assert volume.sum() == pytest.approx(enclosed_volume(meshed.solids.surfaces[-1]), rel=5e-3)
+
+
+def test_every_tetrahedron_lies_on_one_side(meshed):
+    """No corner of the skin lies deeper in the gel, no corner of the gel further out, than nodes lie off the interface."""
+    inner, mesh = meshed.solids.surfaces[0], meshed.mesh
+    gap = inner.distance(mesh.X)[0]
+    inside = region_is(meshed, "gel")
+    assert gap[mesh.elements[inside]].max() < ON_SURFACE_MM
+    assert gap[mesh.elements[~inside]].min() > -ON_SURFACE_MM
+
+
+def test_boundary_nodes_lie_on_the_given_surface(meshed):
+    mesh = meshed.mesh
+    boundary = np.unique(faces_between(mesh.elements, np.ones(len(mesh.elements), bool)))
+    assert np.abs(meshed.solids.surfaces[-1].distance(mesh.X[boundary])[0]).max() < ON_SURFACE_MM
+
+
+def test_edges_are_curved_and_no_element_is_spoilt(meshed):
+    mesh = meshed.mesh
+    ratio = tetrahedra._jacobian_ratio(mesh.X, mesh.elements)
+    assert ratio.min() >= tetrahedra.LEAST_JACOBIAN
+    if meshed.name == "dome":
+        corners = mesh.X[mesh.surface.faces[:, :2]].mean(axis=1)
+        assert np.linalg.norm(mesh.X[mesh.surface.faces[:, 3]] - corners, axis=1).max() > 0.005
+
+
+def test_sizes_are_used_under_the_contact(meshed):
+    """Half an edge is about near within near_radius; fTetWild's edges scatter by a third about what is wanted."""
+    mesh = meshed.mesh
+    ends = mesh.X[mesh.surface.faces[:, [[0, 1], [1, 2], [2, 0]]]]
+    distance = np.linalg.norm(ends.mean(axis=2) - meshed.touched[0, :3], axis=-1)
+    half = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=-1) / 2
+    near, away = half[distance < SIZES.near_radius].mean(), half[distance > 4.0].mean()
+    assert near == pytest.approx(SIZES.near, rel=0.35)
+    assert away > 1.5 * near
+
+
+def test_base_and_touched_surface(meshed):
+    mesh, surface = meshed.mesh, meshed.mesh.surface
+    low = mesh.X[:, 2].min()
+    assert mesh.X[mesh.fixed, 2].max() <= low + tetrahedra.ON_BASE
+    assert mesh.fixed[mesh.X[:, 2] < low + 1e-9].all()
+    corner = mesh.X[surface.faces[:, :3]]
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    assert (normal[:, 2] > 0).all()  # all of the top faces look up, so outwards
+    assert surface.area.min() > 0
+    if meshed.name == "block":
+        height = mesh.X[surface.nodes, 2]
+        assert surface.top[height > -1e-9].all()
+        assert not surface.top[height < -tetrahedra.ENVELOPE].any()  # within it the rim is cut off
+        assert surface.area.sum() == pytest.approx(
+            10 * 8 + 36 * 3.5, rel=2e-3
+        )  # edges are cut by the envelope
+
+
+def test_meshes_repeat_to_the_byte():
+    solids, touched = SHAPES["block"]
+    sizes = Sizes(near=1.0, near_radius=1.0, far=2.0)
+    first, second = (tetrahedral_mesh(solids, sizes, np.array([touched])) for _ in range(2))
+    assert first.X.tobytes() == second.X.tobytes()
+    assert first.elements.tobytes() == second.elements.tobytes()
+
+
+def test_a_surface_that_crosses_itself_is_refused():
+    """Two overlapping blocks as one surface: the mesh has no surface where one lies inside the other."""
+    vertices, triangles = SHAPES["block"][0].drafts[-1]
+    twice = np.concatenate([vertices, vertices * [0.5, 0.5, 0.5] + [3.0, 2.0, -0.5]])
+    both = closed_surface(twice, np.concatenate([triangles, triangles + len(vertices)]))
+    solids = Solids(("gel",), (both,), ((both.vertices, both.triangles),), -3.5)
+    with pytest.raises(MeshingError, match=r"lie up to 1\.\d mm beside.*crosses itself"):
+        tetrahedral_mesh(solids, Sizes(near=1.0, far=2.0), np.array([[5.0, 4.0, 0.0, 0.0]]))
+
+
+def test_a_base_below_the_body_is_refused(meshed):
+    with pytest.raises(MeshingError, match=r"no node of the mesh lies at or below the base z = -20"):
+        tetrahedra._boundary(meshed.mesh.X, meshed.mesh.elements, -20.0)
+
+
+@pytest.mark.parametrize("suffix", [".vtu", ".msh"])
+def test_a_written_mesh_is_read_as_it_was(meshed, tmp_path, suffix):
+    path, mesh = tmp_path / f"mesh{suffix}", meshed.mesh
+    write_mesh(path, mesh)
+    read = read_mesh(path, mesh.regions, meshed.solids.base)
+    assert_array_equal(read.elements, mesh.elements)
+    assert_array_equal(read.region, mesh.region)
+    assert np.abs(read.X - mesh.X).max() < 1e-12  # .msh is text
+    assert_array_equal(read.fixed, mesh.fixed)
+    assert_array_equal(read.surface.nodes, mesh.surface.nodes)
+
+
+def test_a_file_with_unknown_regions_is_refused(meshed, tmp_path):
+    write_mesh(tmp_path / "mesh.vtu", meshed.mesh)
+    with pytest.raises(MeshingError, match=r"region numbers \[0 1\], but the layers are \['gel'\]"):
+        read_mesh(tmp_path / "mesh.vtu", ("gel",), meshed.solids.base)

@@ -1,0 +1,40 @@
+"""The mesher's process: what it is asked, and what it says when it cannot."""
+
+import numpy as np
+import pytest
+from small_shapes import SHAPES
+
+from gelforge.meshing import tetwild
+from gelforge.meshing.tetwild import TetwildError, tetrahedralize
+
+
+def test_the_sizing_field_covers_the_box_without_overlap():
+    points, tetrahedra = tetwild._background(np.array([-1.0, 0.0, -2.0]), np.array([3.0, 1.0, 0.5]))
+    corner = points[tetrahedra]
+    volume = np.linalg.det(corner[:, 1:] - corner[:, :1]) / 6
+    assert volume.min() > 0
+    assert volume.sum() == pytest.approx(4 * 1 * 2.5)
+
+
+def test_tetrahedra_fill_the_box_around_and_are_upright():
+    vertices, triangles = SHAPES["block"][0].drafts[-1]
+    X, tetrahedra = tetrahedralize(vertices, triangles, lambda p: np.full(len(p), 3.0), 3.0, 0.05)
+    corner = X[tetrahedra]
+    volume = np.linalg.det(corner[:, 1:] - corner[:, :1]) / 6
+    assert volume.min() > 0
+    assert volume.sum() == pytest.approx(np.prod(np.ptp(X, axis=0)))
+
+
+def test_a_library_without_the_call_is_refused(tmp_path):
+    """Where std::random_device cannot be held the mesh would not repeat."""
+    library = tmp_path / "library.so"
+    library.write_bytes(b"MZ" + bytes(100))
+    with pytest.raises(TetwildError, match="meshes repeat on Linux only"):
+        tetwild._fix_random_device(str(library))
+
+
+def test_what_the_mesher_says_is_passed_on(monkeypatch):
+    monkeypatch.setattr(tetwild.sys, "executable", "/bin/false")
+    vertices, triangles = SHAPES["block"][0].drafts[-1]
+    with pytest.raises(TetwildError, match=r"exit 1.*it said nothing"):
+        tetrahedralize(vertices, triangles, lambda p: np.full(len(p), 3.0), 3.0, 0.05)

@@ -1,0 +1,30 @@
+"""The checks behind the report's verification table, run by the same functions."""
+
+import numpy as np
+import pytest
+
+from gelforge.verification.check import Check, absolute, check_table, relative, vanishing
+from gelforge.verification.run import CHECKS
+
+
+@pytest.mark.parametrize("name", CHECKS)
+def test_check(name):
+    """Each function argues its own limits."""
+    for check in CHECKS[name]():
+        assert check.passed, check
+
+
+def test_a_check_fails_beyond_its_limit_and_without_a_number():
+    assert relative("F", "Hertz", 2.0, 2.03, 0.02).passed
+    assert not relative("F", "Hertz", 2.0, 2.05, 0.02).passed
+    assert absolute("n", "six", 6, 6, 0).passed
+    assert not absolute("n", "six", 6, 7, 0).passed
+    assert not vanishing("R", "zero", -1e-3, 1e-4).passed
+    assert not Check("F", "Hertz", 1.0, np.nan, np.nan, 0.02).passed
+
+
+def test_table_has_a_row_per_check():
+    table = check_table([relative("F", "Hertz", 2.0, 2.05, 0.02), vanishing("R", "zero", 1e-9, 1e-6)])
+    assert list(table.columns) == ["quantity", "source", "reference", "found", "error", "limit", "passed"]
+    assert list(table["passed"]) == [False, True]
+    assert table["error"][0] == pytest.approx(0.025)
