@@ -23,6 +23,14 @@ CONVENTIONS = {
     Yeoh: "W = C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3, l1 l2 l3 = 1; E = 6 C10",
     Gent: "W = -mu Jm/2 ln(1 - (I1 - 3)/Jm), l1 l2 l3 = 1; E = 3 mu",
 }
+# As a press strains gel and skin, and half as far again.
+STATES = np.concatenate(
+    [
+        principal_stretches(test, np.array([1.03, 1.1, 1.2, 1.4]))
+        for test in ("uniaxial", "pure_shear", "equibiaxial")
+    ]
+)
+NEGLIGIBLE = 1e-3  # of the variance: the error bar is then short by less than a thousandth
 DIGITS = 10  # of every stored number: beyond the convergence of a fit, within what another machine reproduces
 
 
@@ -81,19 +89,29 @@ class MaterialLaw:
 
 
 def moved_laws(material: MaterialLaw, amount: float) -> list[PrincipalLaw]:
-    """Return the law moved by `amount` standard deviations along each independent direction of its parameters.
+    """Return the law moved by `amount` standard deviations along independent directions of its parameters.
 
-    The squares of what a small move changes, over amount, sum to the variance of anything that follows from the law. Empty
-    for a law that was given: nothing is known of its uncertainty.
+    The squares of what a small move changes, over amount, sum to the variance of anything that follows from the law.
+    Directions are those of the stresses at STATES, the most uncertain first; along the others parameters make up for
+    each other, and what they leave of the stresses' variance, less than NEGLIGIBLE, is left out. Empty for a law that was
+    given: nothing is known of its uncertainty.
     """
     if material.covariance is None:
         return []
-    scale = np.abs(
-        material.values
-    )  # parameters have units of their own; directions are those of relative changes
+    scale = np.abs(material.values)  # parameters have units of their own
     variance, directions = np.linalg.eigh(material.covariance / np.outer(scale, scale))
-    moves = directions.T * np.sqrt(np.maximum(variance, 0.0))[:, None] * scale
-    return [_moved(material, amount * move) for move in moves if move.any()]
+    moves = (directions * np.sqrt(np.maximum(variance, 0.0))).T * scale  # (p, p), one in each row
+    plain = _stresses(material.law)
+    changes = np.array([_stresses(_moved(material, amount * move)) / plain - 1 for move in moves]) / amount
+    turn, sizes, _ = np.linalg.svd(changes, full_matrices=False)
+    kept = sizes**2 > NEGLIGIBLE * (sizes**2).sum()
+    return [_moved(material, amount * move) for move in turn.T[kept] @ moves]
+
+
+def _stresses(law: PrincipalLaw) -> np.ndarray:
+    """Return the Cauchy stresses of a law at STATES, n numbers."""
+    beta = law.principal_stress(STATES)
+    return beta[:, 0] - beta[:, 2]
 
 
 def _moved(material: MaterialLaw, move: np.ndarray) -> PrincipalLaw:
