@@ -11,8 +11,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import pandas as pd
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 class TableError(ValueError):
@@ -55,6 +57,8 @@ def read_csv(
             f"{path}, row {rows[0][0] if rows else 1}: columns {missing} are missing; found {header},"
             " name them so in the header or add them"
         )
+    import pandas as pd  # a third of a second, which a mirrored cell's job, that reads no table, does without
+
     table = pd.DataFrame(
         [cells for _, cells in rows[1:]], columns=header, index=[line for line, _ in rows[1:]], dtype=str
     )

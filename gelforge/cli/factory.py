@@ -39,7 +39,7 @@ def simulate(
     if variant:
         described, planned = variant_study(described, variant), replace(planned, source=None, symmetry=None)
     read = {law.material: law for law in map(read_law, laws)}
-    by_material, uncertain = laws_and_doubts(read)
+    by_material = {name: law.law for name, law in read.items()}
     if planned.source:
         source = mirrored[0] if mirrored else described.results_folder / "cells" / f"{planned.source}.h5"
         result = mirror_cell(read_cell(source), described, by_material, planned)
@@ -48,7 +48,7 @@ def simulate(
 
         ranges = {name: law.valid_range for name, law in read.items()}
         outside = {name: valid.outside for name, valid in ranges.items() if valid is not None}
-        result = simulate_label(described, by_material, uncertain, planned, outside)
+        result = simulate_label(described, *laws_and_doubts(read), planned, outside)
     write_cell(out, result)
     print(f"{cell}: {result.attributes['status']} {result.attributes['reason']}".rstrip())
 

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from gelforge.config import ConfigError, Indenter, IndenterPart, Study
-from gelforge.files import file_sha256
 from gelforge.mechanics.indenters import (
     DOWN,
     Box,
@@ -91,13 +90,6 @@ def read_triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
         found = sorted({block.type for block in read.cells}) or "nothing"
         raise ConfigError(f"{path}: no triangles, found {found}; save the body's surface as triangles")
     return np.asarray(read.points, dtype=float), triangles
-
-
-def file_digests(section: Indenter) -> dict[str, str]:
-    """Return the SHA-256 of each surface file that decides the indenter's shape."""
-    return {
-        str(part.file): file_sha256(part.file) for part in section.shapes if part.file and part.file.is_file()
-    }
 
 
 def check_press(study: Study, shape: Shape, depth_mm: float, where: str) -> None:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from gelforge.config import Study
 from gelforge.files import digest, source_digest
-from gelforge.indentation.indenter_shapes import file_digests
 from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.sensor_mesh import surface_digests
+from gelforge.indentation.surface_files import file_digests, surface_digests
 from gelforge.mechanics.laws import PrincipalLaw
 
 

@@ -11,8 +11,8 @@ import numpy as np
 from gelforge.config import ConfigError, Sensor
 from gelforge.config import Mesh as MeshSizes
 from gelforge.config.effects import Base
-from gelforge.files import file_sha256
 from gelforge.indentation.indenter_shapes import read_triangles
+from gelforge.indentation.surface_files import surface_digests
 from gelforge.mechanics.closed_surface import ClosedSurface, SurfaceError, closed_surface
 from gelforge.mechanics.meshes import Block, Mesh, Sizes, layered_block
 from gelforge.meshing.solids import Solids, block_solids, dome_solids, given_solids
@@ -108,14 +108,6 @@ def sensor_solids(sensor: Sensor) -> Solids:
             f"by {np.round(-np.array([low[0], low[1], high[2]]), 3)} mm or correct width_x_mm and width_y_mm"
         )
     return solids
-
-
-def surface_digests(sensor: Sensor) -> dict[str, str]:
-    """Return the SHA-256 of each surface file that decides the sensor's shape."""
-    missing = [str(path) for path in sensor.shape.files.values() if not path.is_file()]
-    if missing:
-        raise ConfigError(f"sensor.shape.files: {missing} do not exist; name STL, PLY or OBJ files that do")
-    return {name: file_sha256(path) for name, path in sensor.shape.files.items()}
 
 
 def _height(surface: ClosedSurface, x: float, y: float) -> float:

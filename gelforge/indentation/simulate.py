@@ -31,11 +31,12 @@ from gelforge.indentation.effects.kinematics import (
     yielding,
 )
 from gelforge.indentation.effects.material import check_laws, region_bulk, region_laws
-from gelforge.indentation.indenter_shapes import file_digests, shape_of
+from gelforge.indentation.indenter_shapes import shape_of
 from gelforge.indentation.inputs import inputs_digest
 from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.sensor_mesh import sensor_mesh, surface_digests
+from gelforge.indentation.sensor_mesh import sensor_mesh
 from gelforge.indentation.stretch_range import Outside, element_stretches, stretch_ranges
+from gelforge.indentation.surface_files import file_digests, surface_digests
 from gelforge.indentation.touchdown import surface_point, touchdown
 from gelforge.indentation.trajectory import Trajectory
 from gelforge.mechanics.balances import force_balance, moment_balance

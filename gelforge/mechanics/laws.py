@@ -18,8 +18,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from gelforge.mechanics.point_laws import GENT, OGDEN, POLYNOMIAL
-
+# Families of laws that share a compiled routine, and its constants.
+OGDEN = 0  # mu_1, alpha_1, mu_2, alpha_2, ... with mu = 0 for absent terms
+POLYNOMIAL = 1  # C10, C01, C20, C30: neo-Hooke, Mooney-Rivlin, Yeoh
+GENT = 2  # mu, Jm
 DEVIATOR = np.eye(3) - 1 / 3  # takes the mean off a triple of principal values
 
 

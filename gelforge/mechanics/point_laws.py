@@ -14,9 +14,8 @@ from math import log
 
 import numba as nb
 
-OGDEN = 0  # constants mu_1, alpha_1, mu_2, alpha_2, ... with mu = 0 for absent terms
-POLYNOMIAL = 1  # C10, C01, C20, C30: neo-Hooke, Mooney-Rivlin, Yeoh
-GENT = 2  # mu, Jm
+from gelforge.mechanics.laws import OGDEN, POLYNOMIAL
+
 # Beyond this share of a limiting extension stress and slope stay what they are there: finite numbers for an iterate that
 # is never accepted. A state so close to the limit has 10^4 times the modulus at rest.
 NEAREST_LIMIT = 1 - 1e-4
