@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gelforge.config import Study
+from gelforge.config import ConfigError, Study
 from gelforge.indentation.binning import bin_forces, bin_shares
 from gelforge.indentation.cell_file import Cell
 from gelforge.indentation.error_bars import AMOUNT, COARSER, Companion, error_bars, laws_moved
@@ -33,15 +33,18 @@ def simulate_label(
     laws by material; uncertain: by material, its law moved by error_bars.AMOUNT of a standard deviation along each
     independent direction of its parameters (characterisation.law_file.moved_laws); outside: see simulate_cell.
     """
-    cell = simulate_cell(study, laws, planned, outside)
-    names = study.mechanics.sensitivities
-    if names and cell.converged:
-        cell = with_sensitivities(cell, sensitivities(study, laws, planned, names))
+    cell = _with_derivatives(simulate_cell(study, laws, planned, outside), study, laws, planned)
     if not study.mechanics.error_bars or not len(cell.arrays["depth_mm"]):
         return cell
     wall_clock, cpu_clock = time.perf_counter(), time.process_time()
-    companion, reason, unknowns = solve_companion(study, laws, planned, uncertain)
     bins = study.sensor.bins
+    try:
+        companion, reason, unknowns = solve_companion(study, laws, planned, uncertain)
+    except (
+        ConfigError,
+        NotConverged,
+    ) as failure:  # the cell itself is solved: its bars are as large as its force
+        companion, reason, unknowns = _unknown(bins.nx * bins.ny), str(failure), 0
     done = min(len(companion.total), len(cell.arrays["depth_mm"]))  # either may have ended early
     companion = Companion(
         companion.total[:done],
@@ -60,6 +63,22 @@ def simulate_label(
         "cpu_seconds": cell.attributes["cpu_seconds"] + time.process_time() - cpu_clock,
     }
     return Cell(cell.arrays | bars, cell.attributes | attributes)
+
+
+def _with_derivatives(cell: Cell, study: Study, laws: dict[str, PrincipalLaw], planned: PlannedCell) -> Cell:
+    """Return a cell with the derivatives asked for, or with the reason why they could not be followed."""
+    names = study.mechanics.sensitivities
+    if not (names and cell.converged):
+        return cell
+    try:
+        return with_sensitivities(cell, sensitivities(study, laws, planned, names))
+    except NotConverged as failure:
+        return Cell(cell.arrays, cell.attributes | {"sensitivity_reason": str(failure)})
+
+
+def _unknown(bins: int) -> Companion:
+    """Return the companion that reached no depth."""
+    return Companion(np.empty((0, 3)), np.empty((0, bins, 3)), np.empty((0, 0, 3)), np.empty((0, 0, bins, 3)))
 
 
 def solve_companion(

@@ -7,7 +7,7 @@ change the mesh or turn every press into a path of its own, two solutions are su
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,19 +19,28 @@ from gelforge.indentation.effects.catalogue import CATALOGUE
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.simulate import Model, model_of, simulate_cell
 from gelforge.indentation.trajectory import Trajectory
-from gelforge.mechanics.equilibrium import Press
+from gelforge.mechanics.equilibrium import NotConverged, Press
 from gelforge.mechanics.laws import PrincipalLaw
-from gelforge.mechanics.sensitivity import Neighbour, follow_beside
+from gelforge.mechanics.sensitivity import DIFFERENCE_TOLERANCE, Neighbour, follow_beside
 
 AMOUNT = 1e-2  # of an effect's plausible width
 
 
 @dataclass(frozen=True)
-class Derivative:
-    """d force / d amount of one effect."""
+class Variation:
+    """A study a little beside another one: what a derivative is taken along."""
 
-    name: str
-    unit: str  # of the amount
+    study: Study
+    laws: Mapping[str, PrincipalLaw]  # by material
+    amount: float  # by which it differs, in the derivative's unit
+    alone: bool = False  # solved by itself, not beside the base: its mesh or its paths are others
+    without: Study | None = None  # what an `alone` one is compared with; None: the base
+
+
+@dataclass(frozen=True)
+class Derivative:
+    """d force / d amount along a variation."""
+
     total: np.ndarray  # (D, 3) [N/unit]
     bins: np.ndarray  # (D, B, 3) [N/unit]
     seconds: float  # wall seconds beyond the base run
@@ -45,7 +54,7 @@ def derivable(name: str) -> bool:
 
 def sensitivities(
     study: Study, laws: dict[str, PrincipalLaw], planned: PlannedCell, names: Sequence[str]
-) -> list[Derivative]:
+) -> dict[str, Derivative]:
     """Return the derivatives of a cell's forces with respect to the named effects of the catalogue, in their order.
 
     Raises ConfigError for a name that is not there or has no derivative, NotConverged as the solver does.
@@ -54,25 +63,52 @@ def sensitivities(
     if unknown:
         known = sorted(name for name in CATALOGUE if derivable(name))
         raise ConfigError(f"mechanics.sensitivities: {unknown} have no derivative; choose among {known}")
-    # One cell is solved here; whether its images could be mirrored with the effect does not matter.
-    study = study.model_copy(update={"plan": study.plan.model_copy(update={"symmetry": "none"})})
-    base = _model(study, laws, planned)
-    neighbours, found = {}, {}
+    study, variations = unmirrored(study), {}
     for name in names:
-        effect, clock = CATALOGUE[name], time.perf_counter()
+        effect = CATALOGUE[name]
         amount = AMOUNT * effect.width
+        alone = effect.history or effect.mesh_changes
+        without = effect(study, 0.0) if alone else None
+        variations[name] = Variation(effect(study, amount), laws, amount, alone, without)
+    return derivatives(study, laws, planned, variations)[1]
+
+
+def derivatives(
+    study: Study,
+    laws: Mapping[str, PrincipalLaw],
+    planned: PlannedCell,
+    variations: Mapping[str, Variation],
+    tolerance: float = DIFFERENCE_TOLERANCE,
+) -> tuple[np.ndarray, dict[str, Derivative]]:
+    """Return the forces (D, 3) of a cell along its path with their derivatives along variations, in their order.
+
+    tolerance: share of a neighbour's difference that may be left. Raises NotConverged.
+    """
+    study = unmirrored(study)
+    base = _model(study, laws, planned)
+    beside, others = {}, []
+    for name, variation in variations.items():
         varied = None
-        if not (effect.history or effect.mesh_changes):
-            varied = _model(effect(study, amount), laws, planned, base)
+        if not variation.alone:
+            varied = _model(unmirrored(variation.study), variation.laws, planned, base)
         if varied is None or not _beside_it(base, varied):
-            found[name] = _subtracted(study, laws, planned, name, amount, clock)
+            others.append(name)
         else:
-            neighbours[name] = (varied, amount)
-    found |= _beside(study, base, neighbours)
-    return [found[name] for name in names]
+            beside[name] = (varied, variation.amount)
+    cell, found = _beside(study, base, beside, tolerance)
+    for name in others:
+        found[name] = _subtracted(cell, laws, planned, variations[name])
+    return cell.arrays["total_force_N"], {name: found[name] for name in variations}
 
 
-def _model(study: Study, laws, planned: PlannedCell, base: Model | None = None) -> Model:
+def unmirrored(study: Study) -> Study:
+    """Return the study for one cell by itself: whether its images could be mirrored with an effect does not matter."""
+    return study.model_copy(update={"plan": study.plan.model_copy(update={"symmetry": "none"})})
+
+
+def _model(
+    study: Study, laws: Mapping[str, PrincipalLaw], planned: PlannedCell, base: Model | None = None
+) -> Model:
     by_layer = {layer.name: laws[layer.material] for layer in study.sensor.layers}
     trajectory = Trajectory.of(planned, study.plan.approach)
     pattern = base.body.pattern if base else None
@@ -85,53 +121,55 @@ def _beside_it(base: Model, varied: Model) -> bool:
     return not yields and varied.body.at_rest and np.array_equal(base.mesh.elements, varied.mesh.elements)
 
 
-def _beside(study: Study, base: Model, varied: dict[str, tuple[Model, float]]) -> dict[str, Derivative]:
-    if not varied:
-        return {}
+def _beside(
+    study: Study, base: Model, varied: dict[str, tuple[Model, float]], tolerance: float
+) -> tuple[Cell, dict[str, Derivative]]:
     press = Press(base.body, base.shape, base.settings, study.mechanics.solver.linear_solver)
     near = [
-        Neighbour(press, model.body, model.shape, model.settings, model.start, model.centres)
+        Neighbour(press, model.body, model.shape, model.settings, model.start, model.centres, tolerance)
         for model, _ in varied.values()
     ]
     slopes: dict[str, list] = {name: [] for name in varied}
-    start = press.start_at(base.start)
+    forces, start = [], press.start_at(base.start)
     for state, states in follow_beside(press, start, base.centres, near):
         own = state.normal_force + state.friction_force
+        forces.append(own)
         for (name, (_, amount)), beside in zip(varied.items(), states):
             slopes[name].append((beside.normal_force + beside.friction_force - own) / amount)
     shares = bin_shares(base.mesh, study.sensor, study.mechanics.binning)
     seconds = {name: one.seconds for name, one in zip(varied, near)}
-    return {
-        name: Derivative(
-            name,
-            CATALOGUE[name].unit,
-            np.sum(nodal, axis=1),
-            bin_forces(np.array(nodal), shares),
-            seconds[name],
-        )
+    found = {
+        name: Derivative(np.sum(nodal, axis=1), bin_forces(np.array(nodal), shares), seconds[name])
         for name, nodal in slopes.items()
     }
+    total = np.sum(forces, axis=1)
+    return Cell({"total_force_N": total, "bin_force_N": bin_forces(np.array(forces), shares)}, {}), found
 
 
-def _subtracted(study: Study, laws, planned, name: str, amount: float, clock: float) -> Derivative:
-    effect = CATALOGUE[name]
-    with_effect, without = (simulate_cell(effect(study, a), laws, planned) for a in (amount, 0.0))
+def _subtracted(base: Cell, laws, planned: PlannedCell, variation: Variation) -> Derivative:
+    """Return the difference of two solutions: the varied one less the base, or less what it is to be compared with."""
+    clock = time.perf_counter()
+    with_it = simulate_cell(variation.study, variation.laws, planned)
+    without = simulate_cell(variation.without, laws, planned) if variation.without else base
+    for cell in (with_it, without):
+        if not cell.attributes.get("status", "converged") == "converged":
+            raise NotConverged(cell.attributes["reason"])
     total, bins = (
-        (with_effect.arrays[array] - without.arrays[array]) / amount
+        (with_it.arrays[array] - without.arrays[array]) / variation.amount
         for array in ("total_force_N", "bin_force_N")
     )
-    return Derivative(name, effect.unit, total, bins, time.perf_counter() - clock)
+    return Derivative(total, bins, time.perf_counter() - clock)
 
 
-def with_sensitivities(cell: Cell, derivatives: Sequence[Derivative]) -> Cell:
-    """Return a cell with derivatives stored in the order of the attribute sensitivity_names."""
+def with_sensitivities(cell: Cell, derivatives: Mapping[str, Derivative]) -> Cell:
+    """Return a cell with derivatives by effect stored in the order of the attribute sensitivity_names."""
     arrays = {
-        "sensitivity_total": np.array([d.total for d in derivatives]),
-        "sensitivity_bin": np.array([d.bins for d in derivatives], np.float32),
+        "sensitivity_total": np.array([d.total for d in derivatives.values()]),
+        "sensitivity_bin": np.array([d.bins for d in derivatives.values()], np.float32),
     }
     attributes = {
-        "sensitivity_names": [d.name for d in derivatives],
-        "sensitivity_units": [f"N per {d.unit}" for d in derivatives],
-        "sensitivity_seconds": [d.seconds for d in derivatives],
+        "sensitivity_names": list(derivatives),
+        "sensitivity_units": [f"N per {CATALOGUE[name].unit}" for name in derivatives],
+        "sensitivity_seconds": [d.seconds for d in derivatives.values()],
     }
     return Cell(cell.arrays | arrays, cell.attributes | attributes)

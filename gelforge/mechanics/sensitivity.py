@@ -36,6 +36,7 @@ class Neighbour(Press):
         settings: Settings,
         start: np.ndarray,
         centres: np.ndarray,
+        tolerance: float = DIFFERENCE_TOLERANCE,
     ):
         if not np.array_equal(body.mesh.elements, base.body.mesh.elements):
             raise ValueError(
@@ -44,7 +45,7 @@ class Neighbour(Press):
         vars(self).update(vars(base))  # shares the linear solver and what it has factorised
         self.base, self.body, self.area = base, body, body.mesh.surface.area
         self.indenter, self.settings = indenter, settings
-        self.centres = np.asarray(centres, dtype=float)
+        self.centres, self.tolerance = np.asarray(centres, dtype=float), tolerance
         self.undeformed = self.start_at(_as_long(start, self.centres[0]))
         self.seconds = 0.0  # wall seconds spent beside the base
 
@@ -63,7 +64,7 @@ class Neighbour(Press):
         for iteration in range(MAX_CORRECTIONS):
             gap, normal, turn = self._gap(u, centre)
             response, contact = self._evaluate(u, pressure, lam, active, gap, normal, turn, old, centre)
-            if last <= DIFFERENCE_TOLERANCE * max(moved, np.linalg.norm(u - after.u)):
+            if last <= self.tolerance * max(moved, np.linalg.norm(u - after.u)):
                 residual = self._residual(response, contact)
                 return self._converged(
                     centre, u, pressure, lam, gap, response, contact, iteration, 0, residual

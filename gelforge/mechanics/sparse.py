@@ -7,7 +7,10 @@ double precision with conjugate gradients (`refined_solve`). SuperLU (SciPy) wor
 from __future__ import annotations
 
 import ctypes
+import os
 import sys
+from functools import cache
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -32,6 +35,20 @@ class DirectSolver(Protocol):
     def solve(self, rhs: np.ndarray) -> np.ndarray: ...
 
 
+@cache
+def _math_kernel_library() -> ctypes.CDLL:
+    """Return MKL, which pypardiso only finds and opens: its own interface is float64 and one-shot.
+
+    Left to itself it searches every folder of the environment at its import and for every solver, a second each time.
+    """
+    own = sorted(Path(sys.prefix, "lib").glob("libmkl_rt.so*"))
+    if own:
+        os.environ.setdefault("PYPARDISO_MKL_RT", str(own[0]))
+    from pypardiso import PyPardisoSolver
+
+    return PyPardisoSolver().libmkl
+
+
 class Pardiso:
     """Cholesky in float32 by MKL PARDISO; the symbolic analysis is done once per pattern."""
 
@@ -39,10 +56,7 @@ class Pardiso:
     ANALYSE, FACTOR, SOLVE, RELEASE = 11, 22, 33, -1
 
     def __init__(self, pattern: Pattern, threads: int = 1):
-        from pypardiso import PyPardisoSolver
-
-        # PyPardisoSolver only finds and opens the MKL library: its own interface is float64 and one-shot.
-        mkl = PyPardisoSolver().libmkl
+        mkl = _math_kernel_library()
         mkl.MKL_Set_Num_Threads(threads)
         self._pardiso = mkl["pardiso"]  # by index: a fresh handle without pypardiso's argument types
         self._indptr, self._indices, self._n = pattern.indptr, pattern.indices, pattern.size

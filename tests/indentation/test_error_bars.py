@@ -8,6 +8,8 @@ import specimens
 from numpy.testing import assert_allclose
 
 from gelforge.characterisation.law_file import MaterialLaw, moved_laws
+from gelforge.config import ConfigError
+from gelforge.indentation import companion
 from gelforge.indentation.companion import simulate_label, solve_companion
 from gelforge.indentation.error_bars import (
     AMOUNT,
@@ -21,6 +23,7 @@ from gelforge.indentation.error_bars import (
 from gelforge.indentation.mirror import mirror_cell
 from gelforge.indentation.plan import PlannedCell, plan_cells
 from gelforge.indentation.simulate import simulate_cell
+from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mechanics.homogeneous import principal_stretches
 
 # mu [kPa], alpha of the soft material: correlated, as two terms of one law always are
@@ -211,3 +214,28 @@ def test_the_companion_has_the_effects_of_its_cell(effects):
     # Elements of half the ball's radius see the effect to some ten per cent; without it the ratio would be 0.
     assert 0.5 < (companion.total - plain.total)[-1, 2] / change < 2
     assert companion.total_slopes.shape == (1, 2, 3) and np.abs(companion.total_slopes).max() > 0
+
+
+def test_a_coarser_mesh_that_cannot_be_made_is_recorded_and_the_cell_stays(monkeypatch):
+    """The cell itself is solved: nothing is known of its errors, so its bars are as large as its forces."""
+
+    def unmeshable(*_):
+        raise ConfigError("the mesher fails")
+
+    monkeypatch.setattr(companion, "solve_companion", unmeshable)
+    cell = simulate_label(specimens.study(), specimens.STUDY_LAWS, {}, PLANNED)
+    assert cell.converged
+    assert cell.attributes["companion_reason"] == "the mesher fails"
+    assert cell.attributes["companion_unknowns"] == 0
+    assert_allclose(cell.arrays["total_sigma_mesh_N"], np.abs(cell.arrays["total_force_N"]))
+
+
+def test_derivatives_that_do_not_converge_are_recorded_and_the_cell_stays(monkeypatch):
+    def lost(*_):
+        raise NotConverged("no equilibrium beside it")
+
+    monkeypatch.setattr(companion, "sensitivities", lost)
+    study = specimens.study(sensitivities=["gel_stiffness"], error_bars=False)
+    cell = simulate_label(study, specimens.STUDY_LAWS, {}, PLANNED)
+    assert cell.converged and "sensitivity_total" not in cell.arrays
+    assert cell.attributes["sensitivity_reason"] == "no equilibrium beside it"

@@ -27,8 +27,7 @@ DERIVABLE = [name for name in CATALOGUE if derivable(name)]
 def stored():
     """Return derivatives by name of all effects that have one, and the study."""
     study = specimens.study(**TIGHT)
-    found = sensitivities(study, specimens.STUDY_LAWS, PLANNED, DERIVABLE)
-    return {d.name: d for d in found}, study
+    return sensitivities(study, specimens.STUDY_LAWS, PLANNED, DERIVABLE), study
 
 
 @pytest.mark.parametrize("name", DERIVABLE)
@@ -46,10 +45,9 @@ def test_a_derivative_predicts_what_a_little_of_the_effect_does(stored, name):
     assert_allclose(predicted, change, atol=0.05 * size)
 
 
-def test_units_and_shapes(stored):
+def test_shapes_and_sums(stored):
     derivatives, _ = stored
-    for name, derivative in derivatives.items():
-        assert derivative.unit == CATALOGUE[name].unit
+    for derivative in derivatives.values():
         assert derivative.total.shape == (2, 3) and derivative.bins.shape == (2, 100, 3)
         size = np.abs(derivative.total).max()
         assert_allclose(derivative.bins.sum(axis=1), derivative.total, atol=1e-6 * size + 1e-7)
