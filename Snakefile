@@ -15,6 +15,7 @@ include: "workflow/rules/virtual.smk"
 include: "workflow/rules/recording.smk"
 include: "workflow/rules/dataset.smk"
 include: "workflow/rules/learning.smk"
+include: "workflow/rules/mismatch.smk"
 include: "workflow/rules/report.smk"
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 GROUPS = """\
 a study            init, check, show, explain, report, tables
-by hand            press, characterise, verify
+by hand            press, characterise, verify, mismatch, mismatch-materials
 live               predict
 what the workflow runs
                    fit-law, plan, simulate, readings, features, join, manifest, agreement, train, evaluate
@@ -187,6 +187,48 @@ def _by_hand(commands) -> None:
         "check the finite elements against solutions from outside; a minute",
     )
     verify.add_argument("--out", type=Path, help="folder for verification.csv and verification.md")
+
+    tests = _command(
+        commands,
+        "mismatch-materials",
+        "mismatch_materials.mismatch_materials",
+        "what a law fitted to the fastest loading leaves out of a material's other tests",
+    )
+    tests.add_argument(
+        "sources", type=Path, nargs="+", help="folders with samples.csv or small tests, or files"
+    )
+    tests.add_argument("--mapping", type=Path, help="YAML that describes the files, see config/mappings")
+    tests.add_argument("--out", type=Path, required=True, help="folder to write")
+
+    mismatch = _command(
+        commands,
+        "mismatch",
+        "mismatch.mismatch",
+        "which physics was left out: judge a recording; `limits`: what the plan could show; `plan`: what to record next",
+    )
+    mismatch.add_argument(
+        "what",
+        help="a session's folder, a folder of sessions, or `limits`, or `plan` (after a verdict in --out)",
+    )
+    mismatch.add_argument(
+        "--config", type=Path, required=True, metavar="YAML", help="the study it is judged against"
+    )
+    mismatch.add_argument("--out", type=Path, help="folder to write; results/<study>/mismatch if not given")
+    mismatch.add_argument(
+        "--laws", type=Path, nargs="*", default=[], metavar="JSON", help="laws of materials with tests"
+    )
+    mismatch.add_argument("--kept", type=Path, help="folder of kept solutions; solves in --out if not given")
+    mismatch.add_argument("--workers", type=int, default=1, help="presses that are solved side by side")
+
+    published = _command(
+        commands,
+        "mismatch-published",
+        "mismatch.published",
+        "judge the article's own readings against its two curves and against our cells",
+    )
+    published.add_argument("--config", type=Path, required=True, metavar="YAML", help="the article's study")
+    published.add_argument("--out", type=Path, required=True, help="folder to write")
+    published.add_argument("--workers", type=int, default=1, help="presses that are solved side by side")
 
     _command(commands, "warm-up", "bench.warm_up", "compile the kernels and keep them for later runs")
 

@@ -114,9 +114,10 @@ def load_section(path: str | Path, model: type[Section]) -> Any:
     return _validated(model, _read_yaml(Path(path)), str(path))
 
 
-def write_yaml(path: str | Path, section: Section) -> None:
-    """Write a section as YAML, keys in the order of the model."""
-    Path(path).write_text(yaml.safe_dump(section.model_dump(mode="json"), sort_keys=False), encoding="utf-8")
+def write_yaml(path: str | Path, content: Section | dict[str, Any]) -> None:
+    """Write a section, or some of its keys, as YAML in the order of the model."""
+    keys = content.model_dump(mode="json") if isinstance(content, Section) else content
+    Path(path).write_text(yaml.safe_dump(keys, sort_keys=False), encoding="utf-8")
 
 
 def schema() -> dict[str, Any]:

@@ -61,6 +61,9 @@ class DepthZero(Section):
 
     by: Literal["session", "press"] = Field("session", description="once per session or at every press")
     how: str = Field("", description="procedure in words")
+    scatter_mm: NonNegative | None = Field(
+        None, description="standard deviation of the depth at which zero was found; null: not known [mm]"
+    )
 
 
 class Camera(Section):

@@ -11,6 +11,7 @@ from gelforge.config.common import Name, Section
 from gelforge.config.learning import Dataset, Features, Learning
 from gelforge.config.materials import Material
 from gelforge.config.mechanics import Mechanics
+from gelforge.config.mismatch import Mismatch
 from gelforge.config.plan import Plan
 from gelforge.config.sensor import Indenter, Sensor
 from gelforge.config.variants import Variant
@@ -33,6 +34,7 @@ class Study(Section):
     features: Features = Field(Features(), description="image features")
     dataset: Dataset = Field(Dataset(), description="shards and splits")
     learning: Learning = Field(Learning(), description="network and training")
+    mismatch: Mismatch = Field(Mismatch(), description="how recordings are judged against the simulation")
     variants: dict[Name, Variant] = Field(
         {}, description="presses under other assumptions, shown in the report beside the study's own"
     )
@@ -102,7 +104,7 @@ class Study(Section):
     @property
     def dataset_settings(self) -> dict[str, Any]:
         """The settings that decide the dataset's content; how it is learned from and shown is not among them."""
-        return self.model_dump(mode="json", exclude={"learning", "variants"})
+        return self.model_dump(mode="json", exclude={"learning", "mismatch", "variants"})
 
     def session_folder(self, session: str) -> Path:
         return self.data_folder / "recordings" / session

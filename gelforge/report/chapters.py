@@ -43,6 +43,15 @@ class Note:
 
 
 @dataclass(frozen=True)
+class Link:
+    """The way to another file of the results, relative to the page."""
+
+    words: str
+    target: str
+    kind = "link"
+
+
+@dataclass(frozen=True)
 class Facts:
     """Short facts, name and value."""
 

@@ -11,7 +11,13 @@ from markupsafe import Markup
 import gelforge
 from gelforge.config import Study
 from gelforge.files import write_text
-from gelforge.report import learning_chapters, material_chapter, study_chapters, verification_chapter
+from gelforge.report import (
+    learning_chapters,
+    material_chapter,
+    mismatch_chapters,
+    study_chapters,
+    verification_chapter,
+)
 from gelforge.report.chapters import Chapter
 from gelforge.report.results_reader import StudyResults
 
@@ -28,6 +34,7 @@ CHAPTERS = (
     verification_chapter.verification,
     study_chapters.time_per_stage,
     study_chapters.origin,
+    mismatch_chapters.mismatch,
 )
 
 
@@ -52,17 +59,22 @@ def write_report(
     ]
 
 
-def render(study: Study, results: StudyResults, chapters: list[Chapter], written: datetime) -> str:
-    """Return the page's HTML."""
-    environment = Environment(
+def environment() -> Environment:
+    """Return the templates of all pages: text is escaped, a name that is not there is an error."""
+    return Environment(
         loader=PackageLoader("gelforge.report", "templates"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    style = Markup(environment.get_template("report.css").render())
-    return environment.get_template("report.html").render(
+
+
+def render(study: Study, results: StudyResults, chapters: list[Chapter], written: datetime) -> str:
+    """Return the page's HTML."""
+    templates = environment()
+    style = Markup(templates.get_template("report.css").render())
+    return templates.get_template("report.html").render(
         study=study,
         synthetic=" and ".join(results.synthetic_parts),
         failed=len(results.not_converged()),

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import fake_verdict
 import h5py
 import numpy as np
 import pandas as pd
@@ -22,6 +23,7 @@ from gelforge.indentation.cell_file import Cell, write_cell
 from gelforge.indentation.plan import PlannedCell, plan_cells, variant_cells
 from gelforge.mechanics.homogeneous import cauchy_stress
 from gelforge.mechanics.laws import Ogden
+from gelforge.report.mismatch_page import write_mismatch_page
 
 RADIUS = 5.0
 DEPTHS = [0.5, 1.0, 1.5, 2.0]
@@ -414,4 +416,5 @@ def write_everything(root: Path) -> tuple[Study, Path, Path]:
     write_manifest(study, folder)
     write_benchmarks(study, folder)
     write_paper(paper)
+    write_mismatch_page(fake_verdict.write_fake_verdict(folder / "mismatch"))
     return study, folder, paper

@@ -33,6 +33,7 @@ rule report:
         verification=f"{RESULTS}/tables/verification.csv",
         agreement=f"{RESULTS}/agreement.csv" if STUDY.sessions else [],
         predictions=f"{RESULTS}/model/predictions.h5" if IMAGE_SESSIONS else [],
+        mismatch=f"{RESULTS}/mismatch/report.html" if STUDY.sessions else [],
     output:
         ensure(f"{RESULTS}/report.html", non_empty=True),
     log:
@@ -41,6 +42,6 @@ rule report:
         f"{BENCHMARKS}/report.tsv"
     params:
         variants=block("variants"),
-        source=source_digest("report"),
+        source=source_digest("report", "mismatch/verdict.py"),
     shell:
         "{GELFORGE} report --study {STUDY_FILE} --out {output} &> {log}"

@@ -1,0 +1,96 @@
+"""Judge a recording against a study, say what a plan could show, and what to record next."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gelforge.cli.bench import material_laws_of
+from gelforge.cli.factory import laws_and_doubts
+from gelforge.config import ConfigError, Study, load_session, load_study
+
+
+def mismatch(
+    what: str, config: Path, out: Path | None, laws: list[Path], kept: Path | None, workers: int
+) -> None:
+    """Judge a recording; or, with `limits` or `plan` in its place, look ahead."""
+    study = load_study(config)
+    folder = out or study.results_folder / "mismatch"
+    if what == "limits":
+        limits(study, folder, laws, kept, workers)
+    elif what == "plan":
+        plan(study, folder, laws, kept, workers)
+    else:
+        judge(study, Path(what), folder, laws, kept, workers)
+
+
+def judge(
+    study: Study, recording: Path, out: Path, laws: list[Path], kept: Path | None, workers: int
+) -> None:
+    """Write verdict.json, its tables, patch and page, and print the verdict."""
+    from gelforge.mismatch.sessions import session_folders
+    from gelforge.mismatch.stage import check_matches, judge_recording
+    from gelforge.report.mismatch_page import write_mismatch_page
+
+    folders = session_folders(recording)
+    check_matches(folders, study)
+    solver = solver_of(study, out, laws, kept, workers, folders)
+    verdict = judge_recording(solver, folders, out, f"{recording.name} against study {study.study}")
+    write_mismatch_page(out)
+    print(f"{verdict.state}: {verdict.sentence}")
+    print(f"written to {out}")
+
+
+def limits(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: int) -> None:
+    """Print and write what the study's plan could detect."""
+    from gelforge.files import write_table
+    from gelforge.mismatch.ahead import limits_table
+
+    table = limits_table(solver_of(study, out, laws, kept, workers, []))
+    write_table(out, "limits", table)
+    print(table.to_string(index=False, float_format="%.3g"))
+
+
+def plan(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: int) -> None:
+    """Print and write the experiments that would tell a verdict's survivors apart, the first one to be made first."""
+    from gelforge.files import write_table
+    from gelforge.mismatch.ahead import experiments_table
+    from gelforge.mismatch.verdict import read_verdict
+
+    table = experiments_table(solver_of(study, out, laws, kept, workers, []), read_verdict(out))
+    write_table(out, "experiments", table)
+    print(table.to_string(index=False, float_format="%.3g"))
+
+
+def solver_of(
+    study: Study, out: Path, laws: list[Path], kept: Path | None, workers: int, folders: list[Path]
+):
+    """Return the finite elements of a study; where every session calls the constants exact, its laws are certain."""
+    from gelforge.mismatch.solver import Solver
+
+    if workers < 1:
+        raise ConfigError(f"--workers {workers}: 1 or more are needed")
+    by_material, uncertain = laws_and_doubts(material_laws_of(study, laws))
+    sessions = [load_session(folder / "session.yaml") for folder in folders]
+    if sessions and all(session.base_parameters == "exact" for session in sessions):
+        uncertain = {}
+    study = study.model_copy(update={"variants": {}})  # an effect need not go together with them
+    cells = study.results_folder / "cells"
+    return Solver(
+        study, by_material, uncertain, kept or out / "solves", cells if cells.is_dir() else None, workers
+    )
+
+
+def published(config: Path, out: Path, workers: int) -> None:
+    """Judge the article's own readings against its two curves and against our cells, and print the verdicts."""
+    from dataclasses import replace
+
+    from gelforge.mismatch.published import CASES, judge_case, study_of, write_summary
+    from gelforge.report.mismatch_page import write_mismatch_page
+
+    study, verdicts = load_study(config), {}
+    solver = replace(solver_of(study, out, [], None, workers, []), cells=None, uncertain={})
+    for case in CASES:
+        verdicts[case.name] = judge_case(case, replace(solver, study=study_of(case, study)), out)
+        write_mismatch_page(out / case.name)
+        print(f"{case.title}: {verdicts[case.name].state}: {verdicts[case.name].sentence}")
+    write_summary(out, verdicts)

@@ -1,0 +1,20 @@
+"""`gelforge mismatch-materials`: what a law fitted to one loading leaves out of all other tests of a material."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gelforge.characterisation.material_source import read_sources
+from gelforge.mismatch.material_tests import SEED, judge_sources, write_judged
+
+
+def mismatch_materials(sources: list[Path], mapping: Path | None, out: Path, seed: int = SEED) -> None:
+    """Write verdict.json and material_readings.csv of each material's stress tests and of each press and pair."""
+    found, reasons = judge_sources(read_sources(sources, mapping), seed)
+    for judged in found:
+        folder = out / judged.name if len(found) > 1 else out
+        write_judged(folder, judged)
+        print(f"{judged.verdict.state}: {judged.verdict.sentence}")
+        print(f"written to {folder}\n")
+    for reason in reasons:
+        print(f"not judged: {reason}")

@@ -1,0 +1,36 @@
+"""How a recording is judged against the study: places, effects, errors."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from gelforge.config.common import Name, NonNegative, Positive, Section
+
+
+class Known(Section):
+    """An effect of force sensor or clock that is taken as known: the judge adds it to the base."""
+
+    effect: Name = Field(description="name in the catalogue")
+    amounts: dict[str, float] = Field(description="amount by parameter, in the parameter's unit")
+    shape: dict[str, float | str] = Field({}, description="what is scanned and not fitted")
+
+
+class Mismatch(Section):
+    """How the judge looks for missing physics."""
+
+    sites: int = Field(
+        25, ge=2, description="positions that are judged at most, spread over those recorded [-]"
+    )
+    refit_sites: int = Field(9, ge=1, description="of these, positions at which effects are refitted [-]")
+    rivals: int = Field(
+        4, ge=0, description="effects that are refitted beside the most probable one, at most [-]"
+    )
+    draws: int = Field(2000, ge=1000, description="draws of the maximum statistic of the scan [-]")
+    known: list[Known] = Field([], description="effects that belong to the base")
+    leave_out: list[Name] = Field([], description="effects of the catalogue that are not tried")
+    touchdown_mm: NonNegative | None = Field(
+        None, description="scatter of depth zero in place of what the sessions say [mm]"
+    )
+    noise_scales: list[Positive] = Field(
+        [0.5, 1.0, 2.0], description="scales of the readings' noise at which the verdict is repeated [-]"
+    )

@@ -1,0 +1,79 @@
+"""What one kind of left-out physics is: its parameters and priors, where it enters, how it is told from others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gelforge.config import Camera, Study
+from gelforge.mismatch.context import Context
+
+FAMILIES = (
+    "material",
+    "history",
+    "contact",
+    "geometry",
+    "kinematics",
+    "force sensor",
+    "camera",
+    "analyst",
+    "simplification",
+)
+Shape = Mapping[str, float | str]  # what is scanned and not fitted: a place, a time constant
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One amount of an effect; 0 is its absence."""
+
+    name: str
+    unit: str
+    width: float  # standard deviation of its prior: a plausible amount
+    bounds: tuple[float, float]  # the physical range
+    source: str  # of width and bounds
+    sign: int = 0  # 1, -1: the only physical sign; 0: both
+
+
+def one_shape(context: Context) -> list[Shape]:
+    """Return the only shape of an effect that has nothing to scan."""
+    return [{}]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One kind of left-out physics. Amounts (P,) are in the parameters' units; all zero is the base bit for bit.
+
+    to_study puts it into the finite elements. to_forces gives the forces (R, 3) on the sensor as read with the effect, from
+    those without: exact for the force sensor and the clock, a first approximation for what is also given by to_study.
+    to_camera changes the camera that looks at the particles.
+    """
+
+    name: str
+    family: str
+    parameters: tuple[Parameter, ...]
+    enters: str  # the keys of the configuration, or the stage
+    signature: str  # what it does to readings, in words
+    confused_with: tuple[str, ...]
+    separated_by: str  # the experiment that tells it from these
+    to_study: Callable[[Study, Shape, Sequence[float]], Study] | None = None
+    to_forces: Callable[[Context, Shape, np.ndarray, np.ndarray], np.ndarray] | None = None
+    to_camera: Callable[[Study, Camera, Sequence[float]], Camera] | None = None
+    shapes: Callable[[Context], list[Shape]] = one_shape
+    applies: Callable[[Study], bool] = field(default=lambda study: True)  # the sensor has what it is about
+    switch: bool = False  # amounts are 0 and 1 only
+    history: bool = False  # every press is a path of its own, in time
+    mesh_changes: bool = False  # its derivative is a difference of two solutions on its own mesh
+    unloading: bool = False  # seen on the way up only
+
+    @property
+    def widths(self) -> np.ndarray:
+        """Return the plausible amounts (P,)."""
+        return np.array([parameter.width for parameter in self.parameters])
+
+    def in_range(self, amounts: Sequence[float]) -> bool:
+        """Return whether every amount has its physical sign and lies inside its bounds, and not on them."""
+        return all(
+            p.bounds[0] < a < p.bounds[1] and p.sign * a >= 0 for p, a in zip(self.parameters, amounts)
+        )

@@ -1,0 +1,32 @@
+"""The camera stands or looks otherwise than described."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gelforge.config import Camera, Study
+from gelforge.mismatch.effect import Effect, Parameter
+
+AXES = ("x", "y", "z")
+SHIFT = "width: a camera mounted by hand (judgement); bounds: seen by eye"
+TURN = "width: a camera mounted by hand (judgement); bounds: seen by eye"
+
+
+def to_camera(study: Study, camera: Camera, amounts: Sequence[float]) -> Camera:
+    """Return the camera shifted (3) and turned (3) in the sensor's frame."""
+    position = [p + a for p, a in zip(camera.position_mm, amounts[:3], strict=True)]
+    rotation = [r + a for r, a in zip(camera.rotation_deg, amounts[3:], strict=True)]
+    return Camera(**(camera.model_dump() | {"position_mm": position, "rotation_deg": rotation}))
+
+
+EFFECT = Effect(
+    name="camera_pose",
+    family="camera",
+    parameters=tuple(Parameter(f"shift_{axis}", "mm", 0.5, (-5.0, 5.0), SHIFT) for axis in AXES)
+    + tuple(Parameter(f"turn_{axis}", "deg", 1.0, (-15.0, 15.0), TURN) for axis in AXES),
+    enters="session.yaml: camera.position_mm, rotation_deg",
+    signature="flow centred elsewhere, turned, or larger on one side; forces clean",
+    confused_with=("camera_scale", "misregistration", "yaw", "tilt"),
+    separated_by="a checkerboard in place of the gel; forces, which do not know the camera",
+    to_camera=to_camera,
+)

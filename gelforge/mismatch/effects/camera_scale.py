@@ -1,0 +1,33 @@
+"""The camera's scale is off: focal length, or millimetres per pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gelforge.config import Camera, Study
+from gelforge.mismatch.effect import Effect, Parameter
+
+
+def to_camera(study: Study, camera: Camera, amounts: Sequence[float]) -> Camera:
+    """Return the camera with everything seen larger."""
+    (a,) = amounts
+    if camera.focal_px is not None:
+        return Camera(**(camera.model_dump() | {"focal_px": camera.focal_px * (1 + a)}))
+    return Camera(**(camera.model_dump() | {"mm_per_px": camera.mm_per_px / (1 + a)}))
+
+
+EFFECT = Effect(
+    name="camera_scale",
+    family="camera",
+    parameters=(
+        Parameter(
+            "growth", "1", 0.02, (-0.3, 0.3),
+            "width: a scale read off one known length in the image (judgement); bounds: another lens",
+        ),
+    ),
+    enters="session.yaml: camera.focal_px or mm_per_px",
+    signature="all flow in proportion, along its own direction; forces clean",
+    confused_with=("camera_pose", "refraction", "gel_stiffness"),
+    separated_by="a ruler or a checkerboard at the gel's height",
+    to_camera=to_camera,
+)  # fmt: skip

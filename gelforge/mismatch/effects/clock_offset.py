@@ -1,0 +1,44 @@
+"""The force's clock is late against the stage's: forces belong to an earlier depth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gelforge.mismatch.context import Context
+from gelforge.mismatch.effect import Effect, Parameter, Shape
+from gelforge.mismatch.solver_effects import per_depth
+
+
+def speed(context: Context) -> np.ndarray:
+    """Return the speed (R,) [mm/s] at which depth grows: from the reading before, or touch; 0 where the stage waits."""
+    table = context.observations.table
+    before = table.groupby("press", sort=False)[["press_time_s", "depth_mm"]].shift(fill_value=0.0)
+    seconds = (table["press_time_s"] - before["press_time_s"]).to_numpy(float)
+    way = (table["depth_mm"] - before["depth_mm"]).to_numpy(float)
+    moving = table["phase"].isin(["load", "unload"]).to_numpy() & (seconds > 0)
+    return np.where(moving, way / np.where(moving, seconds, 1.0), 0.0)
+
+
+def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
+    """Return the forces of `lag` seconds before at moving readings: by `per_depth` and speed."""
+    (lag,) = amounts
+    return force - lag * speed(context)[:, None] * per_depth(context)
+
+
+EFFECT = Effect(
+    name="clock_offset",
+    family="kinematics",
+    parameters=(
+        Parameter(
+            "lag", "s", 0.05, (-1.0, 1.0),
+            "width: recorders without a common trigger, or a filter of some hertz (judgement); bounds: seen by eye",
+        ),
+    ),
+    enters="time of the force readings against the stage's",
+    signature="less force on the way down and more on the way up, in proportion to speed; nothing while the stage waits",
+    confused_with=("contact_zero", "force_hysteresis", "viscoelastic"),
+    separated_by="the same press at two speeds, with a wait at the end; one trigger line for all recorders",
+    to_forces=to_forces,
+)  # fmt: skip

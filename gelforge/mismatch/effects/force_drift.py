@@ -1,0 +1,39 @@
+"""The force sensor's zero drifts: over a tared session, or from a press's own zero rows on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gelforge.mismatch.context import Context
+from gelforge.mismatch.effect import Effect, Parameter, Shape
+
+SOURCE = (
+    "width: warming up of strain gauges, of the order of 0.1 N in the first hour for ranges of tens of newtons (judgement);"
+    " bounds: seen by eye"
+)
+
+
+def hours(context: Context) -> np.ndarray:
+    """Return the time (R,) [h] since zero: the session's first reading if it is tared, the press's touch if not."""
+    table = context.observations.table
+    of_session = table["time_s"] - table.groupby("session")["time_s"].transform("min")
+    return np.where(context.observations.tared, of_session, table["press_time_s"]) / 3600.0
+
+
+def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
+    """Return the forces with a zero that grows evenly in time."""
+    return force + np.outer(hours(context), amounts)
+
+
+EFFECT = Effect(
+    name="force_drift",
+    family="force sensor",
+    parameters=tuple(Parameter(axis, "N/h", 0.1, (-5.0, 5.0), SOURCE) for axis in ("x", "y", "z")),
+    enters="force readings: F + rate x time since zero",
+    signature="the same force at every place and depth, growing with time; in raster order a slope over the sensor",
+    confused_with=("force_offset", "ageing", "thickness_gradient", "mullins", "viscoelastic"),
+    separated_by="random order, zero readings before and after every press",
+    to_forces=to_forces,
+)

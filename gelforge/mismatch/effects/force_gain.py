@@ -1,0 +1,39 @@
+"""The force sensor reads too much or too little, axis by axis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gelforge.mismatch.context import Context
+from gelforge.mismatch.effect import Effect, Parameter, Shape
+
+SOURCE = (
+    "width: full-scale uncertainty of 1 to 2 % in common six-axis data sheets, a good deal more of the reading at a tenth of"
+    " the range; bounds: a wrong unit or range is a blunder and not a gain"
+)
+
+
+def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
+    """Return the forces with each axis by its own gain."""
+    return force + force * np.asarray(amounts)
+
+
+EFFECT = Effect(
+    name="force_gain",
+    family="force sensor",
+    parameters=tuple(Parameter(axis, "1", 0.05, (-0.5, 0.5), SOURCE) for axis in ("x", "y", "z")),
+    enters="force readings: F_i (1 + g_i)",
+    signature="in proportion to the force at every place, depth and time; images clean",
+    confused_with=(
+        "gel_stiffness",
+        "skin_stiffness",
+        "indenter_radius",
+        "layer_thickness",
+        "viscoelastic",
+        "ageing",
+    ),
+    separated_by="dead weights on the force sensor; images, as particles follow the depth and not the reading",
+    to_forces=to_forces,
+)

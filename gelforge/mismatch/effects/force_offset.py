@@ -1,0 +1,42 @@
+"""The zero of a tared session is off. Where each press's own zero is subtracted, a constant cancels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gelforge.mismatch.context import Context
+from gelforge.mismatch.effect import Effect, Parameter, Shape
+
+SOURCE = (
+    "width: resolution and settling at taring of common six-axis sensors of tens of newtons (judgement); bounds: the weight"
+    " of a mounted sensor"
+)
+
+
+def shapes(context: Context) -> list[Shape]:
+    """Return the sessions that were tared, one by one: each has its own zero; none of them: one without any."""
+    observations = context.observations
+    tared = observations.table["session"][observations.tared].unique()
+    return [{"session": name} for name in tared] or [{}]
+
+
+def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
+    """Return the forces with a constant at every reading of a tared session."""
+    observations = context.observations
+    own = observations.tared & (observations.table["session"] == shape.get("session")).to_numpy()
+    return force + np.outer(own, amounts)
+
+
+EFFECT = Effect(
+    name="force_offset",
+    family="force sensor",
+    parameters=tuple(Parameter(axis, "N", 0.05, (-2.0, 2.0), SOURCE) for axis in ("x", "y", "z")),
+    enters="force readings of a tared session: F + constant",
+    signature="the same force at every place and depth, without any at depth zero in the simulation",
+    confused_with=("force_drift", "contact_zero", "tilt"),
+    separated_by="readings before touch in every press, which a tared session may still have",
+    to_forces=to_forces,
+    shapes=shapes,
+)

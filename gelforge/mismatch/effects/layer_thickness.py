@@ -1,0 +1,29 @@
+"""The layer under the skin is thicker or thinner than drawn, all over."""
+
+from gelforge.config import Study
+from gelforge.indentation.effects.catalogue import gel_layers
+from gelforge.mismatch.effect import Effect
+from gelforge.mismatch.solver_effects import amount, is_block, solver
+
+
+def present(study: Study) -> float:
+    """Return the change of thickness [mm] that the base study has."""
+    thickness = study.mechanics.effects.geometry.thickness.get(gel_layers(study)[-1])
+    return thickness.change_mm if thickness else 0.0
+
+
+EFFECT = Effect(
+    name="layer_thickness",
+    family="geometry",
+    parameters=(
+        amount(
+            "layer_thickness", "change", (-1.5, 1.5),
+            "width: a gel poured by weight, its meniscus included (judgement); bounds: a third of a usual layer",
+        ),
+    ),
+    signature="softer if thicker, nearly in proportion, more at depth and less near the wall",
+    confused_with=("gel_stiffness", "force_gain", "thickness_gradient", "indenter_radius"),
+    separated_by="a calliper, or the depth at which a thin pin meets the base; a second ball of another radius",
+    applies=is_block,
+    **solver("layer_thickness", present),
+)  # fmt: skip

@@ -1,0 +1,45 @@
+"""Light is bent where it leaves the gel: a camera calibrated in air sees particles nearer than they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gelforge.config import Camera, Study
+from gelforge.mismatch.effect import Effect, Parameter
+
+
+def to_camera(study: Study, camera: Camera, amounts: Sequence[float]) -> Camera:
+    """Return the camera in air that sees what this one sees through the base's lower face, index n = 1 + amount above it.
+
+    A point at height h over the face, Z below it the pinhole: u = f X / (Z + h / n) = (n f) X / (n Z + h), near the axis.
+    Parallel rays, as of a flat scale, are not bent.
+    """
+    (a,) = amounts
+    if camera.focal_px is None:
+        return camera
+    x, y, z = camera.position_mm
+    below = -study.sensor.height_mm - z
+    if below <= 0:
+        raise ValueError(
+            f"camera.position_mm z = {z:g} mm lies in the gel, whose lower face is at {-study.sensor.height_mm:g} mm;"
+            " refraction is known for a camera below it"
+        )
+    seen = {"focal_px": camera.focal_px * (1 + a), "position_mm": [x, y, z - a * below]}
+    return Camera(**(camera.model_dump() | seen))
+
+
+EFFECT = Effect(
+    name="refraction",
+    family="camera",
+    parameters=(
+        Parameter(
+            "index_less_1", "1", 0.4, (0.0, 0.7),
+            "width: silicones have 1.40 to 1.43; bounds: no glass or polymer in use has more", sign=1,
+        ),
+    ),
+    enters="session.yaml: camera.focal_px, position_mm",
+    signature="flow larger everywhere, and less of it from motion along the view; forces clean",
+    confused_with=("camera_scale", "camera_pose"),
+    separated_by="a checkerboard seen through the gel and without it",
+    to_camera=to_camera,
+)  # fmt: skip

@@ -1,0 +1,42 @@
+"""Deformation is taken as small where it is not, or the other way round.
+
+Turned round: a base of finite strain gets small-strain elasticity; one of small strain gets finite strain with neo-Hookean
+laws of its moduli, which add no other nonlinearity (`linear_elasticity` adds the fitted laws).
+"""
+
+from gelforge.config import Mechanics, Study
+from gelforge.indentation.effects.catalogue import CATALOGUE
+from gelforge.mismatch.effect import Effect
+from gelforge.mismatch.solver_effects import ON, amount, first_order, turned_round
+
+
+def changes(mechanics: Mechanics) -> dict:
+    """Return the keys of mechanics that turn it round."""
+    if mechanics.strain == "finite":
+        return {"strain": "small"}
+    return {
+        "strain": "finite",
+        "contact_normals": "current",
+        "effects": {"material": {"linear_law": True}},
+    }
+
+
+def applies(study: Study) -> bool:
+    """Whether small strain is known for what else the study has."""
+    effects = study.mechanics.effects
+    return not (effects.history.any or effects.geometry.prestretch)
+
+
+EFFECT = Effect(
+    name="small_strain",
+    family="simplification",
+    parameters=(amount("small_strain", "on", ON, "on or off: a choice of the study, no quantity", sign=1),),
+    enters=CATALOGUE["small_strain"].enters,
+    signature="nothing at small depth, growing with depth, most at the deepest presses and near the wall",
+    confused_with=("linear_elasticity", "law_exponent", "frame_compliance", "compressibility"),
+    separated_by="the base solved with and without finite strain; a ball of another radius at the same depth over height",
+    to_study=turned_round(changes),
+    to_forces=first_order("small_strain"),
+    applies=applies,
+    switch=True,
+)

@@ -1,0 +1,94 @@
+"""The soft layers relax: overstresses that fade with one relaxation time, beside the law, which holds at rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gelforge.config import Study
+from gelforge.indentation.effects.catalogue import CATALOGUE, gel_layers, skin_layer, with_keys
+from gelforge.mismatch.context import Context
+from gelforge.mismatch.effect import Effect, Shape
+from gelforge.mismatch.solver_effects import amount, has_none_of
+
+SHORTEST_S = 0.1
+LONGEST_OVER_PRESS = 10.0  # a time ten times the longest press acts as a stiffness: longer ones look alike
+TIMES_PER_DECADE = 2.0
+STEPS = 6  # between two readings, so that a curved way is followed
+STIFFNESS = {"gel": "gel_stiffness", "skin": "skin_stiffness"}
+
+
+def shapes(context: Context) -> list[Shape]:
+    """Return relaxation times on a log grid, of the layers under the skin and of the skin."""
+    longest = max(float(context.observations.table["press_time_s"].max()), SHORTEST_S)
+    decades = np.log10(LONGEST_OVER_PRESS * longest / SHORTEST_S)
+    times = np.geomspace(
+        SHORTEST_S, LONGEST_OVER_PRESS * longest, int(np.ceil(TIMES_PER_DECADE * decades)) + 1
+    )
+    parts = ["gel", "skin"] if len(context.study.sensor.layers) > 1 else ["gel"]
+    return [{"part": part, "time_s": float(f"{t:.3g}")} for part in parts for t in times]
+
+
+def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
+    """Return the study with overstresses of one branch."""
+    (a,) = amounts
+    if a == 0:
+        return study
+    names = gel_layers(study) if shape["part"] == "gel" else [skin_layer(study)]
+    branch = {"relative_moduli": [float(a)], "times_s": [shape["time_s"]]}
+    return with_keys(study, history={"viscoelastic": {name: branch for name in names}})
+
+
+def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
+    """Return the forces with overstresses to first order: the hereditary integral of what stiffness would add."""
+    (a,) = amounts
+    return force + a * overstress(context, STIFFNESS[shape["part"]], shape["time_s"])
+
+
+def overstress(context: Context, stiffness: str, tau: float) -> np.ndarray:
+    r"""Return the force (R, 3) [N] per relative modulus: h(t) = int exp(-(t - s) / tau) dD(s), from touch on.
+
+    D is the derivative of the force to a stiffness of the layers at the depth of the time s; between readings depth is
+    linear in time, and D within each of STEPS parts. Simo 1987 (doi 10.1016/0045-7825(87)90107-1), in forces.
+    """
+    table = context.observations.table
+    time, depth = table["press_time_s"].to_numpy(float), table["depth_mm"].to_numpy(float)
+    site, h = table["site"].to_numpy(), np.zeros((len(table), 3))
+    for rows in table.groupby("press", sort=False).indices.values():
+        t = np.maximum.accumulate(np.concatenate([[0.0], time[rows]]))
+        fine = np.interp(np.arange(STEPS * len(rows) + 1) / STEPS, np.arange(len(t)), t)
+        d = np.interp(np.arange(STEPS * len(rows) + 1) / STEPS, np.arange(len(t)), np.r_[0.0, depth[rows]])
+        D = context.derivatives[stiffness].at(site[rows[0]], d)
+        x = np.diff(fine) / tau
+        kept = np.where(
+            x > 1e-9, -np.expm1(-x) / np.where(x > 1e-9, x, 1.0), 1.0
+        )  # of an even rise, at its end
+        end = t[1:, None] - fine[None, 1:]  # (rows, parts) since the end of each part
+        fading = np.where(end >= 0, np.exp(-np.maximum(end, 0) / tau), 0.0)
+        # Parts of no duration lie at the same time as the reading before them too; they belong to those after.
+        fading *= np.arange(len(d) - 1)[None, :] < STEPS * np.arange(1, len(t))[:, None]
+        h[rows] = fading @ (kept[:, None] * np.diff(D, axis=0))
+    return h
+
+
+EFFECT = Effect(
+    name="viscoelastic",
+    family="history",
+    parameters=(
+        amount(
+            "viscoelastic", "relative_modulus", (0.0, 3.0),
+            "width: soft silicones lose 5 to 30 % of their stress within minutes (judgement); bounds: a modulus; more than"
+            " three times that at rest is no silicone gel", sign=1,
+        ),
+    ),
+    enters=CATALOGUE["viscoelastic"].enters,
+    signature="harder when fast, falling during a dwell, lower on the way up than on the way down at the same depth",
+    confused_with=("gel_stiffness", "force_gain", "skin_stiffness", "mullins", "force_drift", "force_hysteresis"),
+    separated_by="a long dwell at one depth, and the same press at speeds ten times apart",
+    to_study=to_study,
+    to_forces=to_forces,
+    shapes=shapes,
+    applies=lambda study: has_none_of("history.viscoelastic")(study) and study.mechanics.strain == "finite",
+    history=True,
+)  # fmt: skip

@@ -1,0 +1,22 @@
+"""A bubble, or a soft spot, in the gel."""
+
+from gelforge.mismatch import places
+from gelforge.mismatch.effect import Effect
+from gelforge.mismatch.solver_effects import amount, solver
+
+EFFECT = Effect(
+    name="void",
+    family="geometry",
+    parameters=(
+        amount(
+            "void", "lost_share", (0.0, 1.5),
+            "width and bounds: none to all of the stiffness of a ball of 2 mm; an amount above 1 is all of it", sign=1,
+        ),
+    ),
+    signature="softer over a few millimetres, more at depth",
+    confused_with=("delamination", "inclusion", "contact_zero"),
+    separated_by="presses 2 mm apart around the place; images, in which the bubble itself is seen",
+    shapes=lambda context: places.balls(context.study),
+    **solver("void", limit=(0.0, 1.0), directed=True)
+    | {"to_forces": places.FirstOrderAt("void", places.balls)},
+)  # fmt: skip

@@ -1,0 +1,20 @@
+"""The gel has let go of the wall along its inner face."""
+
+from gelforge.mismatch.effect import Effect
+from gelforge.mismatch.solver_effects import amount, has, solver
+
+EFFECT = Effect(
+    name="wall_gap",
+    family="geometry",
+    parameters=(
+        amount(
+            "wall_gap", "lost_share", (0.0, 1.5),
+            "width and bounds: none to all of the bond of a strip of 0.5 mm; an amount above 1 is all of it", sign=1,
+        ),
+    ),
+    signature="softer near the wall only, from small depths on",
+    confused_with=("wall_stiffness", "delamination", "grid_scale"),
+    separated_by="presses at several distances from the wall; a look from the side under an oblique light",
+    applies=lambda study: study.sensor.wall_mm > 0 and study.sensor.shape.kind == "block",
+    **solver("wall_gap", has("geometry.wall_gap.loss"), limit=(0.0, 1.0)),
+)  # fmt: skip

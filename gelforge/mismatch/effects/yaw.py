@@ -1,0 +1,19 @@
+"""The grid of positions is turned about the sensor's middle."""
+
+from gelforge.mismatch.effect import Effect
+from gelforge.mismatch.solver_effects import amount, has, solver
+
+EFFECT = Effect(
+    name="yaw",
+    family="kinematics",
+    parameters=(
+        amount(
+            "yaw", "turn", (-15.0, 15.0),
+            "width: clamped by eye (judgement); bounds: seen by eye",
+        ),
+    ),
+    signature="alternating sign around the walls, off the lines of symmetry only; nothing near the middle",
+    confused_with=("misregistration", "grid_scale", "cross_talk"),
+    separated_by="presses close to the walls off the lines of symmetry; images",
+    **solver("yaw", has("kinematics.yaw_deg"), directed=True),
+)  # fmt: skip

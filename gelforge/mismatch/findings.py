@@ -1,0 +1,435 @@
+"""A judgement put into the form and the words of verdict.json and its tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+
+import numpy as np
+import pandas as pd
+from scipy.stats import norm
+
+from gelforge.config import Sensor
+from gelforge.mismatch import verdict as form
+from gelforge.mismatch.covariance import Covariance
+from gelforge.mismatch.identifiability import DETECTED_SNR, detection_limits
+from gelforge.mismatch.judge import Answer, Judgement, Remains, in_range
+from gelforge.mismatch.problem import Problem
+from gelforge.mismatch.scan import Finding
+from gelforge.mismatch.screen import Screened
+
+AXES = ("x", "y", "z")
+NINETY = float(norm.ppf(0.95))
+LOCAL_MM = 5.0  # a pattern wider than this has no place of its own
+PLACES = 3  # patterns of the scan that are told
+BODY_WIDTH = 0.3  # standard deviation of a patch's relative change of modulus before anything is known
+
+
+def verdict_of(
+    problem: Problem,
+    judgement: Judgement,
+    title: str,
+    synthetic: bool,
+    sensor: Sensor | None,
+    provenance: form.Provenance,
+    noise_cases: Sequence[form.NoiseCase] = (),
+    experiments: Sequence[form.Experiment] = (),
+    law: form.Law | None = None,
+) -> form.Verdict:
+    """Return the verdict of a judgement."""
+    answer = judgement.answer
+    told = _groups(problem, answer) if judgement.state in ("named", "group", "open") else []
+    return form.Verdict(
+        title=title,
+        synthetic=synthetic,
+        state=judgement.state,
+        sentence=sentence_of(problem, judgement),
+        mismatch=form.Mismatch(
+            chi2=judgement.mismatch.test.chi2,
+            degrees=judgement.mismatch.test.degrees,
+            p=judgement.mismatch.test.p,
+            scan_p=judgement.mismatch.scan.p,
+        ),
+        where=_where(judgement.mismatch) if answer or judgement.state == "open" else [],
+        answer=told,
+        effects=_effects(problem, judgement),
+        null_probability=0.0
+        if judgement.state in ("named", "group", "open")
+        else judgement.probability["null"],
+        fit=_fit(problem, judgement),
+        adequacy=None if answer is None else _adequacy(answer.adequacy),
+        law=law,
+        detection_limits=_limits(problem, judgement),
+        noise=_noise(problem, noise_cases),
+        next_experiments=list(experiments) or _texts(problem, judgement),
+        cannot_know=[*problem.observations.cannot_know, *judgement.notes, *_uncomputed(problem)],
+        outliers=[
+            form.Outlier(session="", press=text, reason="set aside by the gate")
+            for text in problem.observations.set_aside
+        ],
+        sensor=_shape(sensor),
+        provenance=provenance,
+    )
+
+
+def readings_table(problem: Problem, judgement: Judgement) -> pd.DataFrame:
+    """Return the rows of readings.csv."""
+    labels, observations = problem.labels, problem.observations
+    held = np.full(len(labels), "no", dtype=object)
+    for name, mask in judgement.blocks.held.items():
+        held[mask] = name
+    after = (
+        np.full(len(labels), np.nan)
+        if judgement.answer is None
+        else observations.flat(judgement.answer.after)
+    )
+    return labels[["session", "press", "x_mm", "y_mm", "depth_mm", "phase", "time_s"]].assign(
+        site=labels["site"].astype(str),
+        axis=np.array(AXES)[labels["axis"]],
+        measured_N=observations.flat(observations.force),
+        base_N=observations.flat(problem.base),
+        after_N=after,
+        sigma_N=problem.covariance.standard_deviation,
+        held_out=held,
+    )
+
+
+def body_map(problem: Problem, covariance: Covariance) -> pd.DataFrame | None:
+    """Return the rows of body_map.csv: relative changes of the modulus of balls in the body that fit the residual best.
+
+    Every ball has the prior N(0, BODY_WIDTH^2), by the linear changes of `inclusion`; None where they are not known.
+    """
+    balls = [candidate for candidate in problem.candidates if candidate.name == "inclusion"]
+    if not balls:
+        return None
+    r = covariance.whiten(problem.residual)
+    J = covariance.whiten(np.column_stack([ball.columns for ball in balls])) * BODY_WIDTH
+    S = np.linalg.inv(np.eye(J.shape[1]) + J.T @ J)
+    change, sigma = BODY_WIDTH * (S @ (J.T @ r)), BODY_WIDTH * np.sqrt(np.diag(S))
+    places = pd.DataFrame([dict(ball.shape) for ball in balls])[["x_mm", "y_mm", "z_mm"]]
+    return places.assign(change=change, sigma=sigma)
+
+
+def sentence_of(problem: Problem, judgement: Judgement) -> str:
+    """Return the verdict in one plain sentence."""
+    state, mismatch = judgement.state, judgement.mismatch
+    if state == "null":
+        return (
+            f"Simulation and readings agree within their errors (p = {mismatch.p:.2g}); no physics is missing that these "
+            "readings could show."
+        )
+    if judgement.answer is None and state == "insufficient":
+        return (
+            f"Simulation and readings agree within their errors (p = {mismatch.p:.2g}), but these readings could not show "
+            "plausible amounts of most effects."
+        )
+    where = f"Simulation and readings differ beyond their errors, most clearly {_plain(mismatch.scan.best)}"
+    if judgement.answer is None:
+        return f"{where}; no effect of the catalogue could be fitted."
+    words = _answer_words(problem, judgement.answer, state != "insufficient")
+    if state == "open":
+        remaining = _plain(judgement.answer.adequacy.scan.best)
+        return (
+            f"{where}; no effect of the catalogue explains it: the best, {words}, leaves something, most clearly "
+            f"{remaining}."
+        )
+    if state == "insufficient":
+        return f"{where}; {words} would fit, but the readings set aside do not confirm it: too few to say."
+    return f"{where}; it is explained by {words}."
+
+
+def _answer_words(problem: Problem, answer: Answer, with_others: bool) -> str:
+    found = []
+    for part, amounts, group in zip(answer.fit.parts, answer.fit.amounts, _groups(problem, answer)):
+        effect = problem.effects[part.name]
+        values = " and ".join(
+            f"{p.name} {a:.3g} {'' if p.unit == '1' else p.unit}".rstrip()
+            for p, a in zip(effect.parameters, amounts)
+        )
+        own = part.name.replace("_", " ") + ("" if part.switch else f" ({values})")
+        others = [name.replace("_", " ") for name in group.members if name != part.name and with_others]
+        found.append(
+            own + (f", or {', '.join(others)}, which these readings cannot tell from it" if others else "")
+        )
+    return " together with ".join(found)
+
+
+def _plain(finding: Finding) -> str:
+    """Return a pattern of the scan in words that follow "most clearly"."""
+    name, _, kind = finding.name.partition(", ")
+    before = {"depth": "", "position": "", "axis": "", "wave": "as a ", "phase": "as "}.get(finding.kind, "")
+    if finding.kind == "depth" and name[0] == "d":
+        before = "at "
+    how = {"share of the force": " in proportion to the force"}.get(kind, f" as a {kind}" if kind else "")
+    return f"{before}{name}{how}"
+
+
+def _where(mismatch: Remains) -> list[form.Where]:
+    kinds, found = set(), []
+    for finding in mismatch.scan.ranked:
+        if finding.kind in kinds or len(found) == PLACES:
+            continue
+        kinds.add(finding.kind)
+        region = finding.region if finding.region.get("radius_mm", 0.0) <= LOCAL_MM else {}
+        found.append(
+            form.Where(
+                words=finding.name,
+                channel=f"force {region['axis']}" if "axis" in region else "force",
+                x_mm=region.get("x_mm"),
+                y_mm=region.get("y_mm"),
+                radius_mm=region.get("radius_mm"),
+                depth_mm=tuple(region["depth_mm"]) if "depth_mm" in region else None,
+                time_s=tuple(region["time_s"]) if "time_s" in region else None,
+                snr=finding.snr,
+                p=mismatch.scan.p if not found else None,
+            )
+        )
+    return found
+
+
+def _groups(problem: Problem, answer: Answer | None) -> list[form.Group]:
+    if answer is None:
+        return []
+    found = []
+    for group in answer.groups:
+        cosines = [abs(c) for name, c in group.cosines.items() if name != group.members[0]]
+        first = problem.effects[group.members[0].split(" + ")[-1]]
+        found.append(
+            form.Group(
+                members=[name.split(" + ")[-1] for name in group.members],
+                probability=min(group.probability, 1.0),
+                odds=min(group.odds, 1e12) if len(group.members) > 1 else None,
+                cosine=min(max(cosines), 1.0) if cosines else None,
+                decided_by=first.separated_by if len(group.members) > 1 else "",
+            )
+        )
+    return found
+
+
+def _effects(problem: Problem, judgement: Judgement) -> list[form.NamedEffect]:
+    answer = judgement.answer
+    found: dict[str, form.NamedEffect] = {}
+    if answer is not None:
+        for part, amounts, group, spread in zip(
+            answer.fit.parts, answer.fit.amounts, answer.groups, _blocks(answer)
+        ):
+            chance = min(group.probability, 1.0)
+            others = len(group.members) > 1 and np.isfinite(group.odds)
+            own = chance * (group.odds / (1 + group.odds) if others else 1.0)
+            found[part.name] = _effect(
+                problem, part.name, dict(part.shape), amounts, spread, own, answer.fit.log_bayes_factor,
+                answer.winner.snr, True, [name.split(" + ")[-1] for name in group.members], part.switch,
+            )  # fmt: skip
+        names = [fit.parts[-1].name for fit in answer.refits]
+        if len(answer.fit.parts) == 1:
+            for judged in answer.ranked[1:]:
+                found[judged.name] = _screened(
+                    problem, judged, answer.probability.get(judged.name, 0.0), judged.name in names
+                )
+    for judged in judgement.singles:
+        if judged.name not in found:
+            chance = 0.0 if answer is not None else judgement.probability.get(judged.name, 0.0)
+            found[judged.name] = _screened(problem, judged, chance, False)
+    rank = {name: k for k, name in enumerate(found)}
+    first = {part.name for part in answer.fit.parts} if answer is not None else set()
+    return sorted(found.values(), key=lambda e: (e.name not in first, -e.probability, rank[e.name]))
+
+
+def _blocks(answer: Answer) -> list[np.ndarray]:
+    """Return each part's own block of the amounts' covariance."""
+    ends = np.cumsum([0, *(len(a) for a in answer.fit.amounts)])
+    return [answer.fit.covariance[a:b, a:b] for a, b in zip(ends, ends[1:])]
+
+
+def _screened(problem: Problem, judged: Screened, chance: float, refitted: bool) -> form.NamedEffect:
+    last = judged.parts[-1]
+    p = last.columns.shape[1]
+    return _effect(
+        problem, last.name, dict(last.shape), judged.amounts[-p:], judged.covariance[-p:, -p:], min(chance, 1.0),
+        judged.log_bayes_factor, judged.snr, refitted, [], last.switch,
+    )  # fmt: skip
+
+
+def _effect(
+    problem, name, shape, amounts, spread, chance, factor, snr, refitted, group, switch
+) -> form.NamedEffect:
+    effect = problem.effects[name]
+    sd = np.sqrt(np.maximum(np.diag(spread), 0.0))
+    told = [
+        form.Amount(
+            name=p.name,
+            unit=p.unit,
+            value=float(a),
+            interval_90=(float(a - NINETY * s), float(a + NINETY * s)),
+            bounds=p.bounds if np.isfinite(p.bounds).all() else None,
+        )
+        for p, a, s in zip(effect.parameters, amounts, sd)
+    ]
+    return form.NamedEffect(
+        name=name,
+        family=effect.family,
+        probability=float(np.clip(chance, 0.0, 1.0)),
+        log_bayes_factor=float(factor),
+        snr=float(snr),
+        amounts=told,
+        shape=shape,
+        in_range=switch or effect.in_range(amounts),
+        refitted=refitted,
+        group=group if len(group) > 1 else [],
+    )
+
+
+def _fit(problem: Problem, judgement: Judgement) -> form.Fit:
+    observations, answer = problem.observations, judgement.answer
+    everything = np.ones(len(problem.labels), bool)
+    before = score_of(problem, problem.residual, everything)
+    if answer is None:
+        return form.Fit(before=before)
+    left = observations.flat(observations.force - answer.after)
+    held = None
+    if answer.gain is not None:
+        mask = judgement.blocks.held_out
+        held = form.HeldOut(
+            block="all",
+            before=_predicted(problem, problem.residual, mask, answer.scores["before"]["score"].sum()),
+            after=_predicted(problem, left, mask, answer.scores["after"]["score"].sum()),
+            gain=answer.gain.total,
+            standard_error=min(answer.gain.standard_error, 1e12),
+        )
+    blocks = []
+    for name, mask in judgement.blocks.held.items():
+        if answer.gain is None or not mask.any():
+            continue
+        own = {key: table[table["block"] == name]["score"] for key, table in answer.scores.items()}
+        gains = own["after"].to_numpy() - own["before"].to_numpy()
+        error = np.sqrt(len(gains)) * gains.std(ddof=1) if len(gains) > 1 else 0.0
+        blocks.append(
+            form.HeldOut(
+                block=name,
+                before=_predicted(problem, problem.residual, mask, own["before"].sum()),
+                after=_predicted(problem, left, mask, own["after"].sum()),
+                gain=float(gains.sum()),
+                standard_error=float(error),
+            )
+        )
+    for name, (split, residual, gained, scores) in answer.folds.items():
+        mask = split.held_out
+        blocks.append(
+            form.HeldOut(
+                block=name,
+                before=_predicted(problem, problem.residual, mask, scores["before"]["score"].sum()),
+                after=_predicted(problem, residual, mask, scores["after"]["score"].sum()),
+                gain=gained.total,
+                standard_error=min(gained.standard_error, 1e12),
+            )
+        )
+    after = score_of(problem, left, everything)
+    return form.Fit(before=before, after=after, held_out=held, held_out_blocks=blocks)
+
+
+def score_of(problem: Problem, left: np.ndarray, mask: np.ndarray) -> form.Score:
+    """Return how well a prediction with residual (n,) meets the entries (n,) bool."""
+    density = problem.covariance.restricted(mask).log_density(left[mask])
+    return _predicted(problem, left, mask, density)
+
+
+def _predicted(problem: Problem, left: np.ndarray, mask: np.ndarray, density: float) -> form.Score:
+    axis = problem.labels["axis"].to_numpy()
+    rmse = [
+        float(np.sqrt(np.mean(left[mask & (axis == k)] ** 2))) if (mask & (axis == k)).any() else None
+        for k in range(3)
+    ]
+    return form.Score(readings=int(mask.sum()), rmse_N=rmse, log_score=float(density))
+
+
+def _adequacy(adequacy: Remains) -> form.Adequacy:
+    return form.Adequacy(p=adequacy.test.p, scan_p=adequacy.scan.p, remains=_plain(adequacy.scan.best))
+
+
+def _limits(problem: Problem, judgement: Judgement) -> list[form.DetectionLimit]:
+    found = []
+    for limit in detection_limits(problem.covariance, problem.candidates):
+        parameter = problem.effects[limit.name].parameters[limit.parameter]
+        found.append(
+            form.DetectionLimit(
+                effect=limit.name,
+                parameter=parameter.name,
+                unit=parameter.unit,
+                amount=limit.amount if np.isfinite(limit.amount) else None,
+                plausible=parameter.width,
+            )
+        )
+    return found
+
+
+def _noise(problem: Problem, cases: Sequence[form.NoiseCase]) -> form.Noise:
+    observations = problem.observations
+    levels = problem.covariance.levels
+    labels = problem.labels
+    floor = np.zeros(len(labels)) if len(levels) < 2 else np.abs(levels[1].directions[:, 0]) * np.sqrt(2)
+    laws = np.zeros(len(labels))
+    if len(levels) > 2:
+        laws = np.sqrt((levels[2].directions[:, :-1] ** 2).sum(axis=1))
+    axis = labels["axis"].to_numpy()
+
+    def by_axis(values: np.ndarray) -> list[float | None]:
+        return [
+            float(np.sqrt(np.mean(values[axis == k] ** 2))) if (axis == k).any() else None for k in range(3)
+        ]
+
+    return form.Noise(
+        stated_N=by_axis(observations.flat(observations.noise_N)),
+        zero_N=by_axis(observations.flat(observations.zero_N)),
+        touchdown_mm=float(np.sqrt(np.mean(observations.touchdown_mm**2))),
+        floor_N=by_axis(floor),
+        law_N=by_axis(laws),
+        sensitivity=list(cases),
+    )
+
+
+def _texts(problem: Problem, judgement: Judgement) -> list[form.Experiment]:
+    """Return the experiments that the effects' own files name for what cannot be told apart."""
+    if judgement.answer is None:
+        return []
+    return [
+        form.Experiment(words=group.decided_by, separates=group.members)
+        for group in _groups(problem, judgement.answer)
+        if group.decided_by
+    ]
+
+
+def _uncomputed(problem: Problem) -> list[str]:
+    by_reason: dict[str, list[str]] = {}
+    for name, reason in problem.failed.items():
+        by_reason.setdefault(reason, []).append(name)
+    return [f"{', '.join(names)} could not be tried: {reason}" for reason, names in by_reason.items()]
+
+
+def _shape(sensor: Sensor | None) -> form.SensorShape | None:
+    if sensor is None:
+        return None
+    layers, z = [], -sensor.height_mm
+    for layer in sensor.layers:
+        layers.append(form.Layer(name=layer.name, z_mm=(z, z + layer.thickness_mm)))
+        z += layer.thickness_mm
+    return form.SensorShape(width_x_mm=sensor.width_x_mm, width_y_mm=sensor.width_y_mm, layers=layers)
+
+
+def versions() -> dict[str, str]:
+    """Return the versions that decide the numbers."""
+    return {name: version(name) for name in ("gelforge", "numpy", "scipy", "pandas")}
+
+
+def confirmed(judgement: Judgement, problem: Problem) -> bool:
+    """Return whether the answer may be put into the study."""
+    return judgement.state in ("named", "group") and in_range(problem, judgement.answer.fit)
+
+
+def detected_snr() -> float:
+    """Return the signal over noise at which a change counts as seen."""
+    return DETECTED_SNR
+
+
+def unread(labels: Mapping) -> list[str]:
+    """Return the axes of which nothing was read."""
+    return [AXES[k] for k in range(3) if k not in set(labels["axis"])]

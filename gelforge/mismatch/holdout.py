@@ -1,0 +1,152 @@
+"""What a model says of readings that it did not see: blocks set aside, predictive log score, its gain and error."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from gelforge.mismatch.covariance import Covariance
+
+FEW_SITES = 4
+SHARE = 0.25  # of the sites and of the depths that is set aside
+FEWEST = (
+    6  # blocks for a standard error; sites give way to presses, and these to readings, where there are fewer
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """Training entries (n,) bool, and those set aside by name: "positions", "deepest"."""
+
+    train: np.ndarray
+    held: Mapping[str, np.ndarray]
+
+    @property
+    def held_out(self) -> np.ndarray:
+        """Return (n,) bool: what was set aside, for whatever reason."""
+        return ~self.train
+
+
+@dataclass(frozen=True)
+class Gain:
+    """Gain in predictive log score over all that was set aside."""
+
+    total: float
+    standard_error: float
+    blocks: int
+
+    @property
+    def clear(self) -> bool:
+        """Return whether the gain is above two standard errors."""
+        return self.total > 2 * self.standard_error
+
+
+def split(labels: pd.DataFrame, seed: int, turn: int = 0) -> Blocks:
+    """Return the blocks of readings with these labels (n rows).
+
+    Set aside are all readings at about a quarter of the sites, drawn by the seed, and those in the deepest quarter of the
+    depths at the other sites. Another turn sets other sites aside. Of fewer than FEW_SITES sites a quarter is none: turn 0
+    sets the deepest quarter aside, turn k the k-th site and nothing else, so that each kind is tried with enough left to
+    learn from. A single site, or a single depth, is not set aside.
+    """
+    site = labels["site"].to_numpy()
+    sites = np.random.default_rng(seed).permutation(np.unique(site))
+    few = len(sites) < FEW_SITES
+    if few:
+        chosen = np.sort(sites)[turn - 1 : turn] if turn and len(sites) > 1 else []
+    else:
+        count = round(SHARE * len(sites))
+        chosen = np.roll(sites, -turn * count)[:count]
+    depth = labels["depth_mm"].to_numpy(float).round(6)
+    levels = np.unique(depth)
+    deepest = levels[len(levels) - int(np.ceil(SHARE * len(levels))) :] if len(levels) > 1 else []
+    positions = np.isin(site, chosen)
+    deep = np.isin(depth, [] if few and turn else deepest) & ~positions
+    return Blocks(~positions & ~deep, {"positions": positions, "deepest": deep})
+
+
+def conditional_gram(
+    V: np.ndarray, covariance: Covariance, given: np.ndarray, new: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Return v' S^-1 w for the columns v, w of V (n, k), and ln det S, of the new entries, the given ones being known.
+
+    S is the new entries' covariance and v their part less what the given entries let expect: both follow from the joint
+    inverse less the given one's, so no dense matrix is needed. given, new: masks (n,), disjoint.
+    """
+    joint, known = _products(V, covariance, given | new), _products(V, covariance, given)
+    return joint[0] - known[0], joint[1] - known[1]
+
+
+def _products(V: np.ndarray, covariance: Covariance, mask: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return v' C^-1 w for the columns v, w of V on some entries, and ln det C there."""
+    part = covariance.restricted(mask)
+    white = part.whiten(V[mask])
+    return white.T @ white, part.log_det
+
+
+def predictive_scores(
+    residual: np.ndarray,
+    covariance: Covariance,
+    blocks: Blocks,
+    labels: pd.DataFrame,
+    columns: np.ndarray | None = None,
+    amounts_covariance: np.ndarray | None = None,
+) -> pd.DataFrame:
+    """Return the predictive log score of every block that was set aside: columns block, site, entries, score.
+
+    residual (n,): measured less the model with the amounts fitted to the training readings. columns (n, p) and
+    amounts_covariance (p, p): the change per unit amount at these amounts and what the training readings leave open of
+    them; none for a model without amounts. Blocks are scored in turn, each given the training readings and the blocks
+    before it, so that the scores add up to the joint predictive density (Dawid 1984, doi:10.2307/2981683). Draws of a
+    press that is set aside as a whole stay free: nothing of it is fitted.
+    """
+    p = 0 if columns is None else columns.shape[1]
+    V = residual[:, None]
+    if p:
+        l, E = np.linalg.eigh(amounts_covariance)
+        V = np.column_stack([residual, columns @ (E * np.sqrt(np.maximum(l, 0)))])
+    if not blocks.train.any():
+        raise ValueError("no training readings are left; give more than one site or depth")
+    site = labels["site"].to_numpy()
+    rows, known, total = [], blocks.train.copy(), 0.0
+    trained = _products(V, covariance, known)
+    for name, entries in _in_turn(labels, blocks):
+        known = known | entries
+        G, log_det = _products(V, covariance, known)
+        score = _log_score(G - trained[0], log_det - trained[1], int((known & ~blocks.train).sum()))
+        rows.append((name, int(site[entries][0]), int(entries.sum()), score - total))
+        total = score
+    return pd.DataFrame(rows, columns=["block", "site", "entries", "score"])
+
+
+def gain(before: pd.DataFrame, after: pd.DataFrame) -> Gain:
+    """Return the gain of scores `after` over `before` of the same blocks, its standard error from their scatter.
+
+    One block alone has no scatter: the error is infinite.
+    """
+    differences = after["score"].to_numpy() - before["score"].to_numpy()
+    count = len(differences)
+    error = np.sqrt(count) * np.std(differences, ddof=1) if count > 1 else np.inf
+    return Gain(float(differences.sum()), float(error), count)
+
+
+def _log_score(G: np.ndarray, log_det: float, count: int) -> float:
+    """Return ln N(r; 0, S + J J') from G, the products v' S^-1 w of r and the columns of J."""
+    g, B = G[1:, 0], np.eye(len(G) - 1) + G[1:, 1:]
+    square = G[0, 0] - g @ np.linalg.solve(B, g)
+    return float(-0.5 * (square + np.linalg.slogdet(B)[1] + log_det + count * np.log(2 * np.pi)))
+
+
+def _in_turn(labels: pd.DataFrame, blocks: Blocks) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield name and entries (n,) bool of one site of a block, or of one press or reading where sites are few."""
+    for by in ("site", "press", "reading"):
+        part = labels[by].to_numpy()
+        count = sum(len(np.unique(part[mask])) for mask in blocks.held.values())
+        if count >= FEWEST:
+            break
+    for name, mask in blocks.held.items():
+        for value in pd.unique(part[mask]):
+            yield name, mask & (part == value)

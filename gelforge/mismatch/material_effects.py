@@ -1,0 +1,332 @@
+"""What a law fitted to one loading branch may leave out, as models of the other branches, with priors and bounds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import erf
+
+from gelforge.characterisation.circumstances import CIRCUMSTANCES
+from gelforge.mismatch.effect import Parameter
+from gelforge.mismatch.material_evidence import Candidate
+from gelforge.mismatch.material_readings import LARGEST_PATH, Path, StressTests
+
+FAMILY_OF = {
+    "viscoelastic": "history",
+    "mullins": "history",
+    "ageing": "history",
+    "temperature": "history",
+    "adhesion": "contact",
+    "force_gain": "force sensor",
+    "force_offset": "force sensor",
+    "force_drift": "force sensor",
+    "force_hysteresis": "force sensor",
+    "contact_zero": "kinematics",
+    "clock_offset": "kinematics",
+}
+MATERIAL = ("viscoelastic", "mullins", "ageing", "temperature")
+WORDS = {
+    "viscoelastic": "rate dependence (the material relaxes: viscoelastic)",
+    "mullins": "softening below the largest strain so far (mullins)",
+    "ageing": "ageing (a later date or a treatment changes the material)",
+    "temperature": "temperature",
+    "adhesion": "adhesion (the surface holds on to the ball)",
+    "force_gain": "a gain of the force (force_gain)",
+    "force_offset": "an offset of the force (force_offset)",
+    "force_drift": "a drift of the force's zero (force_drift)",
+    "force_hysteresis": "hysteresis of the load cell (force_hysteresis)",
+    "contact_zero": "another zero of the strain or depth (contact_zero)",
+    "clock_offset": "a delay between the readings (clock_offset)",
+}
+DECIDED_BY = {
+    "viscoelastic": "hold at one strain for a hundred times the duration of the loading, and load at a tenth of its rate",
+    "mullins": "load a second time, after a rest as long as ten loadings: damage stays, viscosity has recovered",
+    "ageing": "load three samples at either date: a sample's own stiffness is told from the date",
+    "temperature": "load one sample at two temperatures, there and back",
+    "adhesion": "withdraw at a tenth of the speed, and from a tenth of the push",
+    "force_gain": "hang a known weight on the load cell",
+    "force_offset": "read the load cell without load before and after",
+    "force_drift": "read the load cell without load for as long as the test",
+    "force_hysteresis": "load and unload a steel spring",
+    "clock_offset": "tap once and compare the instants",
+    "contact_zero": "find the touch with a preload that is read by itself",
+}
+ORDER = {name: k for k, name in enumerate(("viscoelastic", "adhesion", "mullins", "ageing", "temperature"))}
+SENSOR = 9  # applied last
+MOST_DECADES = 9
+SOFTENINGS = ((0.03, 0.1), (0.1, 0.1), (0.3, 0.1), (0.1, 0.5), (1.0, 0.1))  # (m / largest energy, beta)
+
+PER_DECADE = (
+    "0.2 of the stress relaxes per decade where tan delta is 0.14; adhesives reach more, filled rubber less"
+)
+
+
+def stress_candidates(tests: StressTests) -> tuple[list[Candidate], list[str]]:
+    """Return every effect in its shapes that changes these readings at all, and a sentence on each that cannot.
+
+    Gain, zero of force and zero of strain of single tests are no candidates: they cannot be told from samples that differ,
+    and are errors of the readings.
+    """
+    found = [
+        *viscoelastic(tests),
+        *mullins(tests),
+        *dated(tests),
+        *temperature(tests),
+    ]
+    missing = {
+        "mullins": "no unloading or reloading: softening (mullins) cannot be seen",
+        "ageing": "one date and treatment only: ageing cannot be seen",
+        "temperature": "one temperature only, or none stated: its influence cannot be seen",
+        "viscoelastic": "one rate, no hold and no unloading: rate dependence cannot be seen",
+    }
+    names = {c.name for c in found}
+    return found, [text for name, text in missing.items() if name not in names]
+
+
+def hereditary(
+    path_time: np.ndarray, stress: np.ndarray, times_s: np.ndarray, started_s: float
+) -> np.ndarray:
+    r"""Return what each Maxwell element holds (m, k) of a stress (m,) that began at started_s from nothing.
+
+    .. math:: h_i(t) = \int e^{-(t - s)/\tau_i} dP(s)
+
+    exactly for a stress that is linear between rows.
+    """
+    h = np.zeros((len(stress), len(times_s)))
+    last_t, last_P, state = started_s, 0.0, np.zeros(len(times_s))
+    for j, (t, P) in enumerate(zip(path_time, stress)):
+        x = max(t - last_t, 0.0) / times_s
+        kept = np.where(x > 1e-8, -np.expm1(-x) / np.maximum(x, 1e-8), 1.0)
+        state = state * np.exp(-x) + (P - last_P) * kept
+        h[j], last_t, last_P = state, t, P
+    return h
+
+
+@dataclass(frozen=True)
+class Viscous:
+    """What relaxation does to n readings, per element (k): the base law's change, and that of other shapes of the law.
+
+    V (n, k): rho P_e - (P_e - h), which leaves the fastest loading as it was on average; rho (k,) the share lost there.
+    shapes: for each further shape of the elastic law its stress (n,) and what its elements lose of it (n, k).
+    """
+
+    V: np.ndarray
+    rho: np.ndarray
+    shapes: tuple[tuple[np.ndarray, np.ndarray], ...]
+    pushed: np.ndarray | None = None  # (n,) bool: between plates, which cannot pull
+
+    def stress(self, current: np.ndarray, a: np.ndarray, c: np.ndarray) -> np.ndarray:
+        """Return the stress (n,) with the elements' amounts a (k,) and the law's changes of shape c."""
+        share = a / (1 + a @ self.rho)
+        found = current + self.V @ a + sum(x * (phi - lost @ share) for x, (phi, lost) in zip(c, self.shapes))
+        return (
+            found
+            if self.pushed is None
+            else np.where(self.pushed, np.maximum(found, np.minimum(current, 0)), found)
+        )
+
+
+def viscoelastic(tests: StressTests) -> list[Candidate]:
+    r"""Return quasi-linear viscoelasticity (Fung 1993, sec. 7.6), the elastic law fitted anew under it.
+
+    .. math:: P = \sum_j c_j [\phi_j - \sum_i g_i (\phi_j - h_{ij})], \qquad a_i = c_0 g_i
+
+    phi_0 is the base law, and the others are it times Legendre's polynomials over its range: what is fitted to the fastest
+    loading has relaxed there already. Shapes: one element; all decades alike (stress falls with the logarithm of time); a
+    free spectrum.
+    """
+    times = relaxation_times(tests)
+    base, table = tests.readings.base, tests.readings.table
+    own = table["is_base"].to_numpy()
+    columns = np.vstack([_lost(p, p.stress, times) for p in tests.paths])
+    rho = base[own] @ columns[own] / (base[own] @ base[own])
+    shapes = []
+    reach = {kind: float(np.abs(t.stretch - t.at_rest).max()) for kind, t in tests.base_tests.items()}
+    for polynomial in (lambda s: 2 * s - 1, lambda s: 6 * s**2 - 6 * s + 1):
+        changed = [p.stress * polynomial(p.strain / reach[p.test.test]) for p in tests.paths]
+        phi = np.concatenate([p.reduced(P) for p, P in zip(tests.paths, changed)])
+        shapes.append((phi, np.vstack([_lost(p, P, times) for p, P in zip(tests.paths, changed)])))
+    pushed = (table["test"] == "compression").to_numpy()
+    return viscous_candidates(Viscous(rho * base[:, None] - columns, rho, tuple(shapes), pushed), times, base)
+
+
+def viscous_candidates(viscous: Viscous, times: np.ndarray, base: np.ndarray) -> list[Candidate]:
+    """Return the shapes of relaxation: which elements, alone, all alike or free."""
+    if not np.abs(viscous.V).max() > 1e-6 * np.abs(base).max():
+        return []
+    one = Parameter("share", "1", 0.5, (0.0, 5.0), "half of the stress relaxes in many gels; 0 is elastic", 1)
+    decade = Parameter("share_per_decade", "1", 0.2, (0.0, 5.0), PER_DECADE, 1)
+    elements = tuple(Parameter(f"share_{t:.3g}s", "1", 0.2, (0.0, 5.0), PER_DECADE, 1) for t in times)
+    law = tuple(
+        Parameter(
+            f"law_shape_{j + 1}",
+            "1",
+            0.3,
+            (-2.0, 2.0),
+            "the unrelaxed law is of another shape than the loading",
+        )
+        for j in range(len(viscous.shapes))
+    )
+
+    def candidate(parameters, spread, shape):
+        """spread (k, q): which elements the amounts are of."""
+        q = len(parameters)
+        return Candidate(
+            "viscoelastic",
+            (*parameters, *law),
+            lambda P, a: viscous.stress(P, spread @ a[:q], a[q:]),
+            0,
+            shape=shape,
+        )
+
+    k = len(times)
+    return [
+        *(candidate((one,), np.eye(k)[:, i : i + 1], {"time_s": float(t)}) for i, t in enumerate(times)),
+        candidate(
+            (decade,), np.ones((k, 1)),
+            {"spectrum": "all decades alike", "from_s": float(times[0]), "to_s": float(times[-1])},
+        ),
+        candidate(elements, np.eye(k), {"spectrum": "free"}),
+    ]  # fmt: skip
+
+
+def relaxation_times(tests: StressTests) -> np.ndarray:
+    """Return one relaxation time per decade (k,) [s], from a tenth of the fastest loading to the longest test."""
+    table = tests.readings.table
+    loads = table[table["is_base"]].groupby("segment")[
+        "time_s"
+    ]  # a loading with holds in it is as fast as its parts
+    spans = (loads.max() - loads.min())[loads.size() > 1]
+    longest = max(p.time_s[-1] - p.started_s for p in tests.paths)
+    return decades(max(float(spans.median()), 1e-6), longest)
+
+
+def decades(shortest_s: float, longest_s: float) -> np.ndarray:
+    """Return times (k,) [s], one per decade, from a tenth of the shortest duration to the longest."""
+    first, last = np.floor(np.log10(shortest_s / 10)), np.ceil(np.log10(max(longest_s, shortest_s)))
+    return 10.0 ** np.arange(max(first, last - MOST_DECADES + 1), last + 1)
+
+
+def _lost(path: Path, stress: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Return P - h of a stress (m,) along a path, reduced to readings (k, len(times))."""
+    thin = np.unique(np.linspace(0, len(path.time_s) - 1, min(len(path.time_s), LARGEST_PATH)).astype(int))
+    h = hereditary(path.time_s[thin], stress[thin], times, path.started_s)
+    lost = (stress[thin, None] - h).T
+    return path.reduced(np.column_stack([np.interp(np.arange(len(path.time_s)), thin, c) for c in lost]))
+
+
+def mullins(tests: StressTests) -> list[Candidate]:
+    """Return Ogden and Roxburgh's softening (1999) below the largest strain so far, r free and m, beta scanned."""
+    most: dict[str, float] = {}
+    W, Wm = [], []
+    for path in sorted(tests.paths, key=lambda p: p.test.cycle or 1):
+        own = _energy(path)
+        furthest = np.maximum.accumulate(np.maximum(own, most.get(path.test.sample, 0.0)))
+        most[path.test.sample] = float(furthest[-1])
+        W.append((id(path), path.reduced(own), path.reduced(furthest)))
+    by_path = {key: (a, b) for key, a, b in W}
+    W = np.concatenate([by_path[id(p)][0] for p in tests.paths])
+    Wm = np.concatenate([by_path[id(p)][1] for p in tests.paths])
+    moving = tests.readings.table["branch"].to_numpy() != "hold"
+    if not ((Wm > 1.05 * W) & moving).any():
+        return []
+    inverse_r = Parameter(
+        "one_over_r", "1", 0.3, (0.0, 1.0), "r of 1.5 to 5 in filled rubber (Ogden & Roxburgh 1999)", 1
+    )
+    top = float(Wm.max())
+    return [
+        Candidate(
+            "mullins", (inverse_r,), _factor(-erf((Wm - W) / (m * top + beta * Wm))[:, None]), ORDER["mullins"],
+            shape={"m_of_largest_energy": m, "beta": beta},
+        )
+        for m, beta in SOFTENINGS
+    ]  # fmt: skip
+
+
+def _energy(path: Path) -> np.ndarray:
+    """Return the base law's strain energy (m,) [MPa] at each row."""
+    order = np.argsort(path.strain, kind="stable")
+    e, P = np.r_[0.0, path.strain[order]], np.r_[0.0, path.stress[order]]
+    W = np.cumsum(np.r_[0.0, np.diff(e) * (P[1:] + P[:-1]) / 2])[1:]
+    found = np.empty_like(W)
+    found[order] = np.maximum(W, 0.0)
+    return found
+
+
+def dated(tests: StressTests) -> list[Candidate]:
+    """Return ageing: the whole stress of a test by a factor, linear in the date or the treatment."""
+    found, base = [], tests.readings.base
+    for attribute, unit in (("age_days", "days"), ("dose", "doses")):
+        x, span = _circumstance(tests, attribute, 0.0 if attribute == "dose" else CIRCUMSTANCES[1].alike)
+        if x is None:
+            continue
+        change = Parameter(
+            "change_over_span",
+            "1",
+            0.3,
+            (-0.95, 5.0),
+            "elastomers lose a third or gain as much with age (ISO 188 limits)",
+        )
+        of_history = Parameter(
+            "change_of_relaxation",
+            "1",
+            0.3,
+            (-1.0, 5.0),
+            "chains cut or linked by age change loss as much as stiffness",
+        )
+        shape = {"from": span[0], "to": span[1], "per": unit}
+        found.append(Candidate("ageing", (change,), _factor(x[:, None]), ORDER["ageing"], shape=shape))
+        found.append(
+            Candidate(
+                "ageing", (change, of_history), lambda P, a, x=x: P * (1 + a[0] * x) + a[1] * x * (P - base),
+                ORDER["ageing"], shape=shape | {"of": "stiffness and relaxation"},
+            )
+        )  # fmt: skip
+        found.append(
+            Candidate(
+                "ageing", (of_history,), lambda P, a, x=x: P + a[0] * x * (P - base),
+                ORDER["ageing"], shape=shape | {"of": "relaxation"},
+            )
+        )  # fmt: skip
+    return found
+
+
+def temperature(tests: StressTests) -> list[Candidate]:
+    """Return the influence of the temperature: the whole stress of a test by a factor, linear in kelvin."""
+    x, span = _circumstance(tests, "temperature_C", CIRCUMSTANCES[2].alike)
+    if x is None:
+        return []
+    width = 0.01 * abs(span[1] - span[0])
+    change = Parameter(
+        "change_over_span",
+        "1",
+        width,
+        (-0.95, 5.0),
+        "0.3 % per kelvin of an ideal rubber, some per cent of an adhesive",
+    )
+    shape = {"from_C": span[0], "to_C": span[1]}
+    return [Candidate("temperature", (change,), _factor(x[:, None]), ORDER["temperature"], shape=shape)]
+
+
+def _circumstance(tests: StressTests, attribute: str, alike: float):
+    """Return the circumstance of each reading (n,), 0 at the base and 1 a span away, and the span; None if all alike."""
+    values = [getattr(p.test, attribute) for p in tests.paths]
+    known = [v for v in values if v is not None]
+    if not known or np.ptp(known) <= alike:
+        return None, None
+    base = next(
+        (getattr(t, attribute) for t in tests.base_tests.values() if getattr(t, attribute) is not None),
+        known[0],
+    )
+    far = max(known, key=lambda v: abs(v - base))
+    x = [0.0 if v is None else (v - base) / (far - base) for v in values]
+    return np.array(x)[tests.readings.table["path"].to_numpy()], (float(base), float(far))
+
+
+def _added(columns: np.ndarray):
+    return lambda stress, a: stress + columns @ a
+
+
+def _factor(columns: np.ndarray):
+    return lambda stress, a: stress * (1 + columns @ a)

@@ -1,0 +1,47 @@
+"""The answer as keys of the configuration: a study run with them has the effect in its cells."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from gelforge.config import Study
+from gelforge.mismatch.effect import Effect
+from gelforge.mismatch.refit import Refitted
+
+
+def patch_of(study: Study, effects: Mapping[str, Effect], fit: Refitted) -> dict[str, Any]:
+    """Return the keys that differ with the fitted effects.
+
+    What the finite elements know becomes keys of mechanics (and plan.symmetry, where mirror images no longer hold); what
+    belongs to force sensor or clock goes to mismatch.known, which the judge adds to the base.
+    """
+    with_effects, known = study, []
+    for part, amounts in zip(fit.parts, fit.amounts):
+        effect = effects[part.name]
+        if effect.to_study is not None:
+            with_effects = effect.to_study(with_effects, part.shape, amounts)
+        else:
+            values = {p.name: float(a) for p, a in zip(effect.parameters, np.asarray(amounts))}
+            known.append({"effect": part.name, "amounts": values, "shape": dict(part.shape)})
+    changes = differences(study.model_dump(mode="json"), with_effects.model_dump(mode="json"))
+    if known:
+        changes.setdefault("mismatch", {})["known"] = [
+            *study.model_dump(mode="json")["mismatch"]["known"],
+            *known,
+        ]
+    return changes
+
+
+def differences(before: Mapping, after: Mapping) -> dict[str, Any]:
+    """Return the keys of nested mappings whose values differ, with the values after."""
+    changed = {}
+    for key, value in after.items():
+        old = before.get(key)
+        if value == old:
+            continue
+        both = isinstance(value, dict) and isinstance(old, dict)
+        changed[key] = differences(old, value) if both else value
+    return changed

@@ -1,0 +1,129 @@
+"""Effects at their own amounts in the real model: Gauss-Newton steps from the linear answer, and the evidence there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import log_ndtr
+
+from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mismatch.covariance import Covariance
+from gelforge.mismatch.problem import Problem
+from gelforge.mismatch.screen import Candidate, Screened
+
+MOST_STEPS = 4
+ENOUGH = 0.15  # of a posterior standard deviation: a step that no interval would show
+INSIDE = 1e-3  # of a bound's distance from zero that amounts keep from it
+
+
+@dataclass(frozen=True, eq=False)
+class Refitted:
+    """Effects fitted in the real model."""
+
+    parts: tuple[Candidate, ...]
+    amounts: tuple[np.ndarray, ...]  # per part
+    covariance: np.ndarray  # (p, p) of all of them
+    columns: np.ndarray  # (m, p) [N per unit], of the entries that were fitted, at these amounts
+    change: np.ndarray  # (m,) [N] of these entries
+    log_bayes_factor: float  # Laplace, against none, on these entries
+    steps: int
+    converged: bool
+
+    @property
+    def name(self) -> str:
+        return " + ".join(part.name for part in self.parts)
+
+
+def refitted(problem: Problem, start: Screened, mask: np.ndarray) -> Refitted:
+    """Return the effects of a screened answer fitted to the entries (n,) bool. Raises NotConverged at the first solution.
+
+    After the first step the columns follow the model's own change (Broyden 1965, doi:10.1090/S0025-5718-1965-0198670-6).
+    """
+    residual, covariance, _ = problem.part(mask)
+    parts = tuple(part.restricted(mask) for part in start.parts)
+    switch = np.concatenate([np.full(part.columns.shape[1], part.switch) for part in parts])
+    widths = np.concatenate([np.broadcast_to(part.widths, part.columns.shape[1]) for part in parts])
+    signs = np.concatenate([np.broadcast_to(part.signs, part.columns.shape[1]) for part in parts])
+    low, high = _bounds(problem, parts)
+    J = np.column_stack([part.columns for part in parts])
+    a = np.where(switch, 1.0, np.clip(start.amounts, low, high))
+    change = _change(problem, start.parts, parts, a, mask)
+    free, converged, step = ~switch, bool(switch.all()), 0
+    for step in range(1, MOST_STEPS + 1):  # noqa: B007
+        if converged:
+            break
+        Jw = covariance.whiten(J[:, free])
+        H = Jw.T @ Jw + np.diag(1 / widths[free] ** 2)
+        gradient = Jw.T @ covariance.whiten(residual - change) - a[free] / widths[free] ** 2
+        to = np.clip(a[free] + np.linalg.solve(H, gradient), low[free], high[free])
+        delta = to - a[free]
+        if np.all(np.abs(delta) <= ENOUGH / np.sqrt(np.diag(H))):
+            converged = True
+            break
+        trial, moved = a.copy(), None
+        for share in (1.0, 0.5, 0.25):  # the solver may not reach the whole step
+            trial[free] = a[free] + share * delta
+            try:
+                moved = _change(problem, start.parts, parts, trial, mask)
+                break
+            except NotConverged:
+                continue
+        if moved is None:
+            break
+        d = (trial - a)[free] / widths[free]
+        J[:, free] += np.outer(moved - change - J[:, free] @ (trial - a)[free], d / (d @ d)) / widths[free]
+        a, change = trial, moved
+    factor, spread = _evidence(residual, change, covariance, J, a, free, widths, signs)
+    splits = np.cumsum([part.columns.shape[1] for part in parts])[:-1]
+    return Refitted(start.parts, tuple(np.split(a, splits)), spread, J, change, factor, step, converged)
+
+
+def _change(
+    problem: Problem, whole: Sequence[Candidate], parts, a: np.ndarray, mask: np.ndarray
+) -> np.ndarray:
+    """Return the change (m,) [N] of the chosen entries with amounts a (p,)."""
+    splits = np.cumsum([part.columns.shape[1] for part in parts])[:-1]
+    forces = problem.forces_with(whole, np.split(a, splits), problem.readings_of(mask))
+    return problem.observations.flat(forces - problem.base)[mask]
+
+
+def _bounds(problem: Problem, parts: Sequence[Candidate]) -> tuple[np.ndarray, np.ndarray]:
+    low, high = [], []
+    for part in parts:
+        for parameter in problem.effects[part.name].parameters:
+            lo, hi = parameter.bounds
+            lo = max(lo, 0.0) if parameter.sign > 0 else lo
+            hi = min(hi, 0.0) if parameter.sign < 0 else hi
+            low.append(lo * (1 - INSIDE) if np.isfinite(lo) else lo)
+            high.append(hi * (1 - INSIDE) if np.isfinite(hi) else hi)
+    return np.array(low), np.array(high)
+
+
+def _evidence(
+    residual: np.ndarray,
+    change: np.ndarray,
+    covariance: Covariance,
+    J: np.ndarray,
+    a: np.ndarray,
+    free: np.ndarray,
+    widths: np.ndarray,
+    signs: np.ndarray,
+) -> tuple[float, np.ndarray]:
+    """Return the log Bayes factor against none by Laplace's approximation, and the covariance (p, p) of the amounts."""
+    left, before = covariance.whiten(residual - change), covariance.whiten(residual)
+    factor = 0.5 * float(before @ before - left @ left)
+    spread = np.zeros((len(a), len(a)))
+    if free.any():
+        w = widths[free]
+        Jw = covariance.whiten(J[:, free]) * w
+        H = np.eye(len(w)) + Jw.T @ Jw
+        inverse = np.linalg.inv(H)
+        factor -= 0.5 * float(np.sum((a[free] / w) ** 2)) + 0.5 * float(np.linalg.slogdet(H)[1])
+        sd = np.sqrt(np.diag(inverse))
+        for scaled, error, sign in zip(a[free] / w, sd, signs[free]):
+            if sign:  # the prior lives on one side, and so does the posterior
+                factor += float(np.log(2) + log_ndtr(sign * scaled / error))
+        spread[np.ix_(free, free)] = w[:, None] * inverse * w
+    return factor, spread

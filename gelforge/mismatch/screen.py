@@ -1,0 +1,196 @@
+"""Every effect against none: evidence by the linear change of the readings, priors and signs included."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import log_ndtr, logsumexp
+
+from gelforge.mismatch.covariance import Covariance
+from gelforge.mismatch.effect import Shape
+
+NULL_PRIOR = 0.5  # as likely as not that a careful study has left nothing out
+FAR = -50.0  # standard deviations on the wrong side, from where phi / Phi is its asymptotic series to 1e-6
+PAIR_PRIOR = 0.1  # of what is not null: two effects at once are rarer than one, and there are many pairs
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One effect at one shape: the change of the n entries per unit of each of its p amounts."""
+
+    name: str
+    shape: Shape
+    columns: np.ndarray  # (n, p) [N per unit]
+    widths: np.ndarray  # (p,) standard deviations of the priors
+    signs: np.ndarray  # (p,) 1, -1: the only physical sign; 0: both
+    switch: bool = False  # the amount is 1 or 0
+
+    def restricted(self, mask: np.ndarray) -> Candidate:
+        """Return the candidate on some entries."""
+        return Candidate(self.name, self.shape, self.columns[mask], self.widths, self.signs, self.switch)
+
+
+@dataclass(frozen=True, eq=False)
+class Screened:
+    """One effect, or several at once, judged against none."""
+
+    parts: tuple[Candidate, ...]  # at their best shapes
+    log_bayes_factor: float  # against none, averaged over the shapes of the last part
+    best_log_bayes_factor: float  # at the best shape
+    amounts: np.ndarray  # (p,) posterior means, the parts' amounts in turn
+    covariance: np.ndarray  # (p, p) of the amounts
+    change: np.ndarray  # (n,) [N] of the readings at these amounts
+    snr: float  # of this change: sqrt(d' C^-1 d)
+    plausible_snr: float  # the same, root mean square over the prior
+
+    @property
+    def name(self) -> str:
+        """Return the effect's name, several joined by " + "."""
+        return " + ".join(part.name for part in self.parts)
+
+    @property
+    def shape(self) -> Shape:
+        """Return the best shape of the last part."""
+        return self.parts[-1].shape
+
+
+def screened(
+    residual: np.ndarray,
+    covariance: Covariance,
+    candidates: Sequence[Candidate],
+    given: tuple[Candidate, ...] = (),
+) -> list[Screened]:
+    """Return every effect judged against none by residual (n,) = measured - base, best first.
+
+    given: effects that act in any case; each other one is then judged together with them, and the factor is that of all
+    together. Shapes of one effect have equal prior weight: their Bayes factors are averaged.
+    """
+    r = covariance.whiten(residual)
+    fixed = [covariance.whiten(candidate.columns) for candidate in given]
+    by_name = defaultdict(list)
+    for candidate in candidates:
+        if candidate.name not in {part.name for part in given}:
+            parts = (*given, candidate)
+            by_name[candidate.name].append(_judged(r, parts, [*fixed, covariance.whiten(candidate.columns)]))
+    found = []
+    for shapes in by_name.values():
+        factors = [judged.log_bayes_factor for judged in shapes]
+        best = shapes[int(np.argmax(factors))]
+        average = float(logsumexp(factors) - np.log(len(factors)))
+        found.append(
+            Screened(
+                **{**vars(best), "log_bayes_factor": average, "best_log_bayes_factor": best.log_bayes_factor}
+            )
+        )
+    return sorted(found, key=lambda judged: -judged.log_bayes_factor)
+
+
+def screened_pairs(
+    residual: np.ndarray, covariance: Covariance, candidates: Sequence[Candidate], winner: Screened
+) -> list[Screened]:
+    """Return the winner together with every other effect, judged against none, best first (greedy)."""
+    return screened(residual, covariance, candidates, given=winner.parts)
+
+
+def probabilities(
+    single: Sequence[Screened],
+    pairs: Sequence[Screened] = (),
+    null_prior: float = NULL_PRIOR,
+    pair_prior: float = PAIR_PRIOR,
+) -> dict[str, float]:
+    """Return the probability of "null", of each effect and of each pair by name; they add up to 1.
+
+    Every effect has the same prior, whatever its family and number of shapes; every pair of them too, those that the
+    greedy search did not try counting as refuted.
+    """
+    count = max(len(single), 1)
+    possible = max(count * (count - 1) // 2, 1)
+    pair_prior = pair_prior if pairs else 0.0
+    log_weights = {"null": np.log(null_prior)}
+    for judged in single:
+        log_weights[judged.name] = (
+            np.log((1 - null_prior) * (1 - pair_prior) / count) + judged.log_bayes_factor
+        )
+    for judged in pairs:
+        log_weights[judged.name] = np.log((1 - null_prior) * pair_prior / possible) + judged.log_bayes_factor
+    return normalised(log_weights)
+
+
+def normalised(log_weights: Mapping[str, float]) -> dict[str, float]:
+    """Return weights given by their logarithms as probabilities."""
+    total = logsumexp(list(log_weights.values()))
+    return {name: float(np.exp(value - total)) for name, value in log_weights.items()}
+
+
+def _judged(r: np.ndarray, parts: Sequence[Candidate], columns: Sequence[np.ndarray]) -> Screened:
+    """Return the parts, with whitened columns, judged by the whitened residual r (n,)."""
+    J = np.column_stack(columns)
+    widths = np.concatenate([np.broadcast_to(part.widths, c.shape[1]) for part, c in zip(parts, columns)])
+    signs = np.concatenate([np.broadcast_to(part.signs, c.shape[1]) for part, c in zip(parts, columns)])
+    on = np.concatenate([np.full(c.shape[1], part.switch) for part, c in zip(parts, columns)])
+    d = J[:, on].sum(axis=1)  # a switch is there with amount 1
+    factor = float(d @ r - 0.5 * d @ d)
+    amounts, spread = np.ones(len(on)), np.zeros((len(on), len(on)))
+    if not on.all():
+        free = ~on
+        log_evidence, mean, cov = evidence(r - d, J[:, free], widths[free], signs[free])
+        factor += log_evidence
+        amounts[free], spread[np.ix_(free, free)] = mean, cov
+    plain = np.column_stack([part.columns for part in parts])
+    return Screened(
+        parts=tuple(parts),
+        log_bayes_factor=factor,
+        best_log_bayes_factor=factor,
+        amounts=amounts,
+        covariance=spread,
+        change=plain @ amounts,
+        snr=float(np.linalg.norm(J @ amounts)),
+        plausible_snr=float(np.linalg.norm(J * np.where(on, 1.0, widths))),
+    )
+
+
+def evidence(
+    r: np.ndarray, J: np.ndarray, widths: np.ndarray, signs: np.ndarray
+) -> tuple[float, np.ndarray, np.ndarray]:
+    r"""Return the log Bayes factor of r = J a + e against r = e, and the posterior mean (p,) and covariance (p, p) of a.
+
+    e ~ N(0, I), a ~ N(0, diag(widths^2)), on the physical half lines only. Without signs
+
+    .. math:: \ln B = \tfrac12 b^T A^{-1} b - \tfrac12 \ln\det(W A W), \quad A = J^T J + W^{-2}, \; b = J^T r
+
+    and signs multiply by the posterior's share of the allowed orthant over the prior's, 2^-k. Exact without signs and
+    with one; with more the orthant is taken one side at a time, the posterior being kept normal between (Mendell & Elston
+    1974, doi:10.2307/2529136).
+    """
+    W = np.asarray(widths, dtype=float)
+    b = W * (J.T @ r)  # in units of the widths
+    B = np.eye(len(W)) + W[:, None] * (J.T @ J) * W
+    cov = np.linalg.inv(B)
+    cov = (cov + cov.T) / 2
+    mean = cov @ b
+    log_factor = 0.5 * b @ mean - 0.5 * np.linalg.slogdet(B)[1]
+    for i in np.flatnonzero(signs):
+        share, mean, cov = _half(mean, cov, i, signs[i])
+        log_factor += share + np.log(2)
+    return float(log_factor), W * mean, W[:, None] * cov * W
+
+
+def _half(mean: np.ndarray, cov: np.ndarray, i: int, sign: int) -> tuple[float, np.ndarray, np.ndarray]:
+    """Return the log probability that a normal vector has the sign at i, and its mean and covariance if it has."""
+    sd = np.sqrt(cov[i, i])
+    h = sign * mean[i] / sd
+    log_share = log_ndtr(h)
+    if h > FAR:
+        ratio = np.exp(-0.5 * h**2 - 0.5 * np.log(2 * np.pi) - log_share)  # phi(h) / Phi(h)
+        left = 1 - ratio * (h + ratio)  # of the variance
+    else:
+        ratio, left = -h - 1 / h, 1 / h**2
+    gain = cov[:, i] / cov[i, i]
+    return (
+        float(log_share),
+        mean + gain * sign * sd * ratio,
+        cov - np.outer(gain, gain) * cov[i, i] * (1 - left),
+    )

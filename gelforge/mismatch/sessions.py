@@ -1,0 +1,220 @@
+"""The gate: session folders become observations, with the noise that they show themselves and what they cannot say."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from gelforge.config import ConfigError, Sensor, Session
+from gelforge.indentation.plan import POSITION_MATCH_MM
+from gelforge.mismatch.observations import COLUMNS, Observations
+from gelforge.recording.readings import FORCE, Recording, read_recording
+
+AXES = ("x", "y", "z")
+TOUCHDOWN_MM = 0.02  # assumed where neither the session nor repeated presses say how well zero was found
+SPEED_MM_PER_S = 1.0  # assumed where a press has one moving row only
+OUTLIER = 8.0  # standard deviations of a held reading from the median of its press's others at that depth
+LEAST_FREEDOM = 10  # repeats that a noise estimate needs
+RASTER = 0.9  # |rank correlation| of order with x or y above which time and place are one
+
+
+def session_folders(folder: str | Path) -> list[Path]:
+    """Return the session folders of a recording: itself, or those in it or in its `recordings`.
+
+    Raises ConfigError where there is none.
+    """
+    folder = Path(folder)
+    if (folder / "session.yaml").is_file():
+        return [folder]
+    for inside in (folder / "recordings", folder):
+        found = sorted(path.parent for path in inside.glob("*/session.yaml"))
+        if found:
+            return found
+    raise ConfigError(
+        f"{folder}: no session.yaml in it, in {folder.name}/recordings/* or in {folder.name}/*; name a session's folder"
+    )
+
+
+def observe(folders: Sequence[Path], sensor: Sensor, speed_mm_per_s: float = SPEED_MM_PER_S) -> Observations:
+    """Return the readings of some sessions, judged together. Raises RecordingError as the reader does."""
+    parts, forces, noises, zeros, scatters, zero_by, unknown, aside = [], [], [], [], [], [], [], []
+    for folder in folders:
+        recording = read_recording(folder, None, sensor)
+        noise, said = reading_noise(recording)
+        readings, dropped = without_outliers(recording, noise)
+        unknown += said
+        aside += dropped
+        part = _table(recording.session, readings, speed_mm_per_s)
+        held = part.pop("held")
+        force = readings[FORCE].to_numpy(copy=True)
+        dead = _dead_axes(force, recording.session, unknown)
+        force[:, dead] = np.nan
+        count = (readings["phase"] == "zero").groupby(readings["press"]).sum().reindex(readings["press"])
+        zero = noise / np.sqrt(np.maximum(count.to_numpy(), 1))[:, None]
+        if recording.session.force.tared:
+            zero = np.zeros_like(zero)
+        parts.append(part[held])
+        forces.append(force[held])
+        noises.append(np.broadcast_to(noise, force.shape)[held])
+        zeros.append(zero[held])
+        scatter = recording.session.depth_zero.scatter_mm
+        scatters.append(np.full(held.sum(), np.nan if scatter is None else scatter))
+        zero_by.append(np.full(held.sum(), recording.session.depth_zero.by))
+    table = pd.concat(parts, ignore_index=True)
+    table["site"], sites = _sites(table[["x_mm", "y_mm"]].to_numpy())
+    found = Observations(
+        table[COLUMNS], np.concatenate(forces), sites, np.concatenate(noises), np.concatenate(zeros),
+        np.concatenate(scatters), np.concatenate(zero_by), tuple(dict.fromkeys(unknown)), tuple(aside),
+    )  # fmt: skip
+    return _with_touchdown(_with_order(found))
+
+
+def reading_noise(recording: Recording) -> tuple[np.ndarray, list[str]]:
+    """Return the standard deviation (3,) [N] of one reading, from repeats, and what is not known of it.
+
+    Repeats are zero rows of a press, and its dwell rows about their straight line; it is never below step / sqrt(12) of the
+    readings' step.
+    """
+    readings, session = recording.readings, recording.session
+    squares, freedom = np.zeros(3), 0
+    for phase, fitted in (("zero", 1), ("dwell", 2)):
+        rows = readings[readings["phase"] == phase]
+        for _, of_press in rows.groupby("press", sort=False):
+            if len(of_press) <= fitted:
+                continue
+            force, time = of_press[FORCE].to_numpy(), of_press["time_s"].to_numpy()
+            straight = np.vander(time - time.mean(), fitted)
+            left = force - straight @ np.linalg.lstsq(straight, force, rcond=None)[0]
+            squares += (left**2).sum(axis=0)
+            freedom += len(of_press) - fitted
+    step = np.array(session.force.resolution_N) / np.sqrt(12)
+    if freedom >= LEAST_FREEDOM:
+        return np.maximum(np.sqrt(squares / freedom), step), []
+    stated = session.force.repeatability_N
+    said = (
+        f"{session.session}: {freedom} repeated readings, {LEAST_FREEDOM} are needed to know the noise; "
+        + (
+            "the stated repeatability is used"
+            if stated
+            else "the stated resolution is taken as its standard deviation"
+        )
+    )
+    return np.full(3, stated) if stated else np.array(session.force.resolution_N, dtype=float), [said]
+
+
+def without_outliers(recording: Recording, noise: np.ndarray) -> tuple[pd.DataFrame, list[str]]:
+    """Return the readings without held ones that lie far from the others of their press and depth, and a list of those."""
+    readings = recording.readings
+    held = readings["phase"].isin(["load", "dwell"])
+    groups = [readings["press"], readings["depth_mm"]]
+    middle = readings[FORCE].where(held).groupby(groups).transform("median")
+    count = held.groupby(groups).transform("sum")
+    away = ((readings[FORCE] - middle).abs() / noise).max(axis=1)
+    far = held & (count >= 4) & (away > OUTLIER)
+    said = [
+        f"{recording.session.session}, press {row.press} at {row.time_s:g} s: {away[index]:.0f} standard deviations from the"
+        " other readings of its press at that depth"
+        for index, row in readings[far].iterrows()
+    ]
+    return readings[~far].reset_index(drop=True), said
+
+
+def _table(session: Session, readings: pd.DataFrame, speed: float) -> pd.DataFrame:
+    """Return the columns of observations for every reading of a session, and `held`: those that are judged."""
+    name = session.session
+    held = readings["phase"].isin(["load", "dwell", "unload"]) & (readings["depth_mm"] > 0)
+    loading = readings[readings["phase"] == "load"].groupby("press")
+    first = loading.first().reindex(readings["press"])
+    touch = first["time_s"].to_numpy() - first["depth_mm"].to_numpy() / speed
+    start = readings.groupby("press")["time_s"].transform("first").to_numpy()
+    table = readings[["order", "phase", "time_s", "x_mm", "y_mm", "depth_mm"]].assign(
+        session=name,
+        press=name + "/" + readings["press"],
+        press_time_s=readings["time_s"] - np.where(np.isfinite(touch), touch, start),
+        deepest_mm=readings["depth_mm"].where(held).groupby(readings["press"]).transform("max"),
+        age_days=np.nan if session.sensor_age_days is None else session.sensor_age_days,
+        temperature_C=np.nan if session.temperature_C is None else session.temperature_C,
+        held=held,
+    )
+    return table
+
+
+def _dead_axes(force: np.ndarray, session: Session, unknown: list[str]) -> np.ndarray:
+    """Return (3,) bool: axes whose readings never change; each is told."""
+    dead = np.ptp(force, axis=0) == 0
+    for axis in np.flatnonzero(dead):
+        unknown.append(
+            f"{session.session}: F{AXES[axis]} never changes (always {force[0, axis]:g} N), so this axis is left out"
+        )
+    return dead
+
+
+def _sites(xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the number of each position and the distinct positions (S, 2), in the order first visited."""
+    places, first, which = np.unique(np.round(xy, 6), axis=0, return_index=True, return_inverse=True)
+    sites, number = np.empty((0, 2)), np.empty(len(places), dtype=int)
+    for k in np.argsort(first):
+        near = np.flatnonzero(np.abs(sites - places[k]).max(axis=1) <= POSITION_MATCH_MM)
+        number[k] = near[0] if len(near) else len(sites)
+        sites = sites if len(near) else np.vstack([sites, places[k]])
+    return number[which.ravel()], sites
+
+
+def _with_order(found: Observations) -> Observations:
+    """Say where the order of presses makes time and place one."""
+    unknown = list(found.cannot_know)
+    presses = found.table.drop_duplicates("press")
+    for axis in ("x_mm", "y_mm"):
+        if presses[axis].nunique() < 3:
+            continue
+        rank = presses[axis].rank().corr(presses["time_s"].rank())
+        if abs(rank) > RASTER:
+            unknown.append(
+                f"presses were taken in raster order (rank correlation of time with {axis[0]} {rank:.2f}): ageing and drift "
+                "cannot be told from a gradient; press in random order with a sentinel press every ninth one"
+            )
+    if not presses.duplicated(["site", "deepest_mm"]).any():
+        unknown.append(
+            "no position was pressed twice to one depth: the scatter of touchdown and ageing are known from statements only"
+        )
+    if not (found.table["phase"] == "unload").any():
+        unknown.append("no reading on the way up: adhesion and hysteresis are invisible")
+    return replace(found, cannot_know=tuple(unknown))
+
+
+def _with_touchdown(found: Observations) -> Observations:
+    """Fill scatter of touchdown that no session states: from repeated presses, or assumed and told."""
+    missing = ~np.isfinite(found.touchdown_mm)
+    if not missing.any():
+        return found
+    scatter, said = _repeated_touchdown(found), ""
+    if scatter is None:
+        scatter = TOUCHDOWN_MM
+        said = f"how well depth zero was found is not stated (depth_zero.scatter_mm): {TOUCHDOWN_MM} mm is assumed"
+    return replace(
+        found,
+        touchdown_mm=np.where(missing, scatter, found.touchdown_mm),
+        cannot_know=(*found.cannot_know, *([said] if said else [])),
+    )
+
+
+def _repeated_touchdown(found: Observations) -> float | None:
+    """Return the scatter [mm] of touchdown that repeated presses show in Fz, less the noise; None with few repeats."""
+    table = found.table.assign(fz=found.force[:, 2], noise=found.noise_N[:, 2], zero=found.zero_N[:, 2])
+    loads = table[table["phase"] == "load"]
+    squares, freedom = 0.0, 0
+    for _, of_site in loads.groupby("site"):
+        curve = of_site.groupby("depth_mm")["fz"].mean()
+        if len(curve) < 2:
+            continue
+        slope = np.gradient(curve.to_numpy(), curve.index.to_numpy())
+        for (_, same), k in zip(of_site.groupby("depth_mm"), slope):
+            if len(same) > 1 and k:
+                variance = same["fz"].var() - (same["noise"] ** 2 + same["zero"] ** 2).mean()
+                squares += (len(same) - 1) * variance / k**2
+                freedom += len(same) - 1
+    return float(np.sqrt(max(squares / freedom, 0.0))) if freedom >= LEAST_FREEDOM else None

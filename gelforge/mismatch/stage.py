@@ -1,0 +1,269 @@
+"""The whole stage: a recording and a study in, verdict.json, readings.csv, body_map.csv and config.patch.yaml out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from gelforge.config import ConfigError, Study, write_yaml
+from gelforge.files import digest, file_sha256
+from gelforge.mismatch.context import Context
+from gelforge.mismatch.covariance import Covariance, readings_covariance
+from gelforge.mismatch.effect import Effect
+from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.findings import body_map, confirmed, readings_table, verdict_of, versions
+from gelforge.mismatch.judge import Judgement, judge
+from gelforge.mismatch.observations import Observations
+from gelforge.mismatch.patch import patch_of
+from gelforge.mismatch.problem import Problem
+from gelforge.mismatch.screen import Candidate
+from gelforge.mismatch.sessions import observe
+from gelforge.mismatch.solver import Base, Solver, base_of, forces_with
+from gelforge.mismatch.verdict import (
+    PATCH,
+    NoiseCase,
+    Provenance,
+    Verdict,
+    write_body_map,
+    write_readings,
+    write_verdict,
+)
+
+SMALL_STRAIN = 0.1  # of the height: the term that small strain leaves out is then of that share
+UNIT = 1e-3  # of a width: a step at which every first-order change is a straight line
+
+
+def judge_recording(solver: Solver, folders: Sequence[Path], out: Path, title: str) -> Verdict:
+    """Judge sessions against the solver's study, write the stage's files into a folder and return the verdict.
+
+    Raises RecordingError for a recording that cannot be read, SolverFailed where the base cannot be solved.
+    """
+    study = solver.study
+    observations, synthetic = observations_of(folders, study)
+    problem, base = problem_of(solver, observations)
+    judgement = judge(problem, study.mismatch, study.seed)
+    cases = noise_cases(problem, study)
+    verdict = verdict_of(
+        problem,
+        judgement,
+        title,
+        synthetic,
+        study.sensor,
+        provenance_of(folders, study, solver),
+        cases,
+    )
+    write_verdict(out, verdict)
+    write_readings(out, readings_table(problem, judgement))
+    patches = body_map(problem, problem.covariance)
+    if patches is not None:
+        write_body_map(out, patches)
+    (out / PATCH).unlink(missing_ok=True)
+    if confirmed(judgement, problem):
+        write_yaml(out / PATCH, patch_of(study, problem.effects, judgement.answer.fit))
+    return verdict
+
+
+def observations_of(folders: Sequence[Path], study: Study) -> tuple[Observations, bool]:
+    """Return what is judged of some sessions, at most the study's number of sites, and whether it is synthetic."""
+    from gelforge.config import load_session
+
+    speed = study.mechanics.effects.history.timing.speed_mm_per_s
+    observations = observe(folders, study.sensor, speed)
+    if study.mismatch.touchdown_mm is not None:
+        scatter = np.full_like(observations.touchdown_mm, study.mismatch.touchdown_mm)
+        observations = replace(observations, touchdown_mm=scatter)
+    exact = [load_session(folder / "session.yaml") for folder in folders]
+    return spread_sites(observations, study), any(session.synthetic for session in exact)
+
+
+def spread_sites(observations: Observations, study: Study) -> Observations:
+    """Return the observations at no more sites than the study judges: the middle, then always the farthest from those."""
+    most, sites = study.mismatch.sites, observations.sites
+    if len(sites) <= most:
+        return observations
+    middle = np.array([study.sensor.width_x_mm, study.sensor.width_y_mm]) / 2
+    chosen = [int(np.argmin(np.linalg.norm(sites - middle, axis=1)))]
+    away = np.linalg.norm(sites - sites[chosen[0]], axis=1)
+    while len(chosen) < most:
+        chosen.append(int(np.argmax(away)))
+        away = np.minimum(away, np.linalg.norm(sites - sites[chosen[-1]], axis=1))
+    part = observations.chosen(observations.table["site"].isin(chosen).to_numpy())
+    number = {old: new for new, old in enumerate(sorted(chosen))}
+    told = f"{len(sites)} positions were recorded, {most} of them spread over the sensor are judged (mismatch.sites)"
+    return replace(
+        part,
+        table=part.table.assign(site=part.table["site"].map(number)),
+        sites=sites[sorted(chosen)],
+        cannot_know=(*part.cannot_know, told),
+    )
+
+
+def problem_of(solver: Solver, observations: Observations) -> tuple[Problem, Base]:
+    """Return the problem of some observations: base, covariance, and the change by every effect that applies."""
+    effects = {
+        name: effect
+        for name, effect in CATALOGUE.items()
+        if name not in solver.study.mismatch.leave_out
+        and effect.to_forces is not None
+        and effect.applies(solver.study)
+    }
+    base = with_known(base_of(solver, observations, effects.values()), solver.study)
+    failed = dict(base.failed)
+    candidates = candidates_of(base.context, effects, failed)
+    covariance = readings_covariance(base.context, base.law, base.floor)
+    return (
+        Problem(
+            observations,
+            base.context.force,
+            covariance,
+            candidates,
+            effects,
+            lambda parts, amounts, rows: forces_with(
+                solver, base, [(effects[p.name], p.shape, a) for p, a in zip(parts, amounts)], rows
+            ),
+            failed,
+            known_false(solver.study, observations, effects),
+        ),
+        base,
+    )
+
+
+def known_false(study: Study, observations: Observations, effects: Mapping[str, Effect]) -> frozenset[str]:
+    """Return the effects that bring finite strain to a base of small strain that is pressed beyond it."""
+    deepest = float(observations.table["depth_mm"].max())
+    if study.mechanics.strain != "small" or deepest <= SMALL_STRAIN * study.sensor.height_mm:
+        return frozenset()
+    switches = {name: e for name, e in effects.items() if e.switch and e.to_study is not None}
+    return frozenset(
+        name for name, e in switches.items() if e.to_study(study, {}, [1.0]).mechanics.strain == "finite"
+    )
+
+
+def with_known(base: Base, study: Study) -> Base:
+    """Return the base with the effects of force sensor and clock that the study takes as known."""
+    context = base.context
+    for known in study.mismatch.known:
+        if known.effect not in CATALOGUE or CATALOGUE[known.effect].to_forces is None:
+            raise ConfigError(
+                f"mismatch.known: no effect {known.effect!r} of forces; the catalogue has {sorted(CATALOGUE)}"
+            )
+        effect = CATALOGUE[known.effect]
+        unknown = set(known.amounts) - {p.name for p in effect.parameters}
+        if unknown:
+            names = [p.name for p in effect.parameters]
+            raise ConfigError(
+                f"mismatch.known, {known.effect}: no parameter {sorted(unknown)}; it has {names}"
+            )
+        amounts = np.array([known.amounts.get(p.name, 0.0) for p in effect.parameters])
+        context = replace(context, force=effect.to_forces(context, known.shape, context.force, amounts))
+    return replace(base, context=context)
+
+
+def candidates_of(context: Context, effects: Mapping[str, Effect], failed: dict[str, str]) -> list[Candidate]:
+    """Return every effect at every shape as a linear change of what was read; what is not known goes to failed."""
+    found = []
+    for name, effect in effects.items():
+        for shape in effect.shapes(context):
+            try:
+                columns = columns_of(context, effect, shape)
+            except KeyError as missing:  # its derivative could not be had
+                failed.setdefault(str(missing.args[0]), "no derivative at this sensor's base")
+                continue
+            if not np.any(columns):
+                continue
+            signs = np.array([parameter.sign for parameter in effect.parameters])
+            found.append(Candidate(name, shape, columns, effect.widths, signs, effect.switch))
+    return found
+
+
+def columns_of(context: Context, effect: Effect, shape: Mapping) -> np.ndarray:
+    """Return the change of what was read (n, P) [N] per unit amount."""
+    columns = []
+    for k, parameter in enumerate(effect.parameters):
+        step = 1.0 if effect.switch else UNIT * parameter.width * (parameter.sign or 1)
+        amounts = np.zeros(len(effect.parameters))
+        amounts[k] = step
+        change = effect.to_forces(context, shape, context.force, amounts) - context.force
+        columns.append(context.observations.flat(change) / step)
+    return np.column_stack(columns)
+
+
+def noise_cases(problem: Problem, study: Study) -> list[NoiseCase]:
+    """Return the verdict at other scales of the readings' noise; effects stay at first order, nothing is solved again."""
+    found = []
+    for scale in study.mismatch.noise_scales:
+        covariance = problem.covariance
+        scaled = replace(
+            problem,
+            covariance=Covariance(covariance.variance * scale**2, covariance.levels),
+            forces_with=at_first_order(problem),
+        )
+        found.append(noise_case(scaled, judge(scaled, study.mismatch, study.seed), scale))
+    return found
+
+
+def noise_case(problem: Problem, judgement: Judgement, scale: float) -> NoiseCase:
+    """Return a judgement as one row of the table over noise."""
+    z = problem.observations.noise_N[:, 2]
+    answer = judgement.answer if judgement.state in ("named", "group", "open") else None
+    groups = [] if answer is None else answer.groups
+    return NoiseCase(
+        scale=scale,
+        sigma_z_N=float(scale * np.sqrt(np.mean(z**2))),
+        state=judgement.state,
+        answer=[[name.split(" + ")[-1] for name in group.members] for group in groups],
+        probability=min([1.0, *(group.probability for group in groups)]) if groups else None,
+        p=judgement.mismatch.p,
+    )
+
+
+def at_first_order(problem: Problem):
+    """Return forces with effects by the linear changes of the candidates."""
+
+    def forces(parts, amounts, rows):
+        change = sum(part.columns @ a for part, a in zip(parts, amounts))
+        found = np.full(problem.base.shape, np.nan)
+        found[problem.observations.read] = problem.base[problem.observations.read] + change
+        found[~rows] = np.nan
+        return found
+
+    return forces
+
+
+def provenance_of(folders: Sequence[Path], study: Study, solver: Solver) -> Provenance:
+    """Return what the verdict rests on."""
+    return Provenance(
+        sessions={folder.name: file_sha256(folder / "indentations.csv") for folder in folders},
+        base=f"study {study.study}",
+        base_sha256=digest(
+            [study.model_dump(mode="json"), {name: law.description() for name, law in solver.laws.items()}]
+        ),
+        seed=study.seed,
+        draws=study.mismatch.draws,
+        versions=versions(),
+    )
+
+
+def check_matches(folders: Sequence[Path], study: Study) -> None:
+    """Raise ConfigError where a recording plainly belongs to another sensor or indenter than the study's."""
+    from gelforge.config import load_session
+
+    for folder in folders:
+        session = load_session(folder / "session.yaml")
+        stated, own = session.indenter.strip(), study.indenter.words
+        if stated and stated != own and any(c.isdigit() for c in stated):
+            numbers = _numbers(stated), _numbers(own)
+            if numbers[0] and numbers[1] and not set(numbers[0]) & set(numbers[1]):
+                raise ConfigError(
+                    f"{folder / 'session.yaml'}: pressed with {stated!r}, but the study describes {own!r}; give the study "
+                    "of this recording"
+                )
+
+
+def _numbers(text: str) -> list[float]:
+    import re
+
+    return [float(found) for found in re.findall(r"\d+(?:\.\d+)?", text)]

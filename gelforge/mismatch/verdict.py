@@ -1,0 +1,425 @@
+"""What the judge says: verdict.json with its schema, and the two tables beside it.
+
+verdict.json    this model; the same content gives the same bytes
+readings.csv    one row per reading and axis: measured, base, after
+body_map.csv    where in the body the modulus would have to change, before any effect is named
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import pandas as pd
+from pydantic import Field, ValidationError, model_validator
+
+from gelforge.config import Name, NonNegative, Positive, Section
+from gelforge.csv_table import read_csv
+from gelforge.files import write_json, write_text
+from gelforge.mismatch.effect import FAMILIES
+
+FORMAT = "gelforge-verdict-1"
+VERDICT, READINGS, BODY_MAP = "verdict.json", "readings.csv", "body_map.csv"
+PATCH, PAGE = "config.patch.yaml", "report.html"
+
+# What `named` asks for (mismatch.md, states)
+NAMED_PROBABILITY = 0.9  # of the group
+NAMED_ODDS = 10.0  # of the effect within its group
+ADEQUATE_P = 0.01
+HELD_OUT_ERRORS = 2.0  # standard errors that the held-out gain must exceed
+
+State = Literal["null", "named", "group", "open", "insufficient"]
+Probability = Annotated[float, Field(ge=0, le=1)]
+Interval = tuple[float, float]
+ThreeAxes = Annotated[list[float | None], Field(min_length=3, max_length=3)]
+
+READINGS_NUMBERS = ["x_mm", "y_mm", "depth_mm", "measured_N", "base_N", "sigma_N"]
+READINGS_OPTIONAL = ["time_s", "after_N", "after_sigma_N"]  # empty: no times known, nothing put into the base
+READINGS_TEXTS = [
+    "session",
+    "press",
+    "site",
+    "phase",
+    "axis",
+    "held_out",
+]  # held_out: no, positions, deepest, ...
+BODY_MAP_NUMBERS = ["x_mm", "y_mm", "z_mm", "change", "sigma"]  # patch centre; modulus change, relative
+
+
+class VerdictError(ValueError):
+    """A verdict that cannot be read: which file, what was found, what to do."""
+
+
+class Where(Section):
+    """Where readings differ from the base. Keys that do not matter are left out; a located defect has x, y and radius."""
+
+    words: str = Field(description="The place in plain words")
+    channel: str | None = Field(None, description="What differs: force x, y or z, or flow")
+    x_mm: float | None = Field(None, description="Centre of the region [mm]")
+    y_mm: float | None = Field(None, description="Centre of the region [mm]")
+    radius_mm: Positive | None = Field(None, description="Radius of the region about its centre [mm]")
+    layer: str | None = Field(None, description="Layer in which a defect lies")
+    depth_mm: Interval | None = Field(None, description="Depths of the indenter, from and to [mm]")
+    time_s: Interval | None = Field(None, description="Times of the recording, from and to [s]")
+    snr: NonNegative | None = Field(None, description="Signal over noise of this pattern [-]")
+    p: Probability | None = Field(
+        None, description="Probability of as much by chance anywhere that was looked at [-]"
+    )
+
+
+class Amount(Section):
+    """One fitted amount of an effect."""
+
+    name: str = Field(description="The parameter")
+    unit: str = Field(description="Its unit")
+    value: float = Field(description="Fitted amount, 0 is the effect's absence [unit]")
+    interval_90: Interval = Field(description="90 % interval [unit]")
+    bounds: Interval | None = Field(None, description="Physical range [unit]")
+    profile: list[tuple[float, float]] = Field(
+        [], description="Amount [unit] and log likelihood, the rest fitted, relative to the best [-]"
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Amount:
+        low, high = self.interval_90
+        if low > high:
+            raise ValueError(
+                f"interval_90 of {self.name} is from {low:g} to {high:g}; give the lower end first"
+            )
+        return self
+
+
+class NamedEffect(Section):
+    """An effect that was tried, with what speaks for it."""
+
+    name: Name = Field(description="Canonical name")
+    family: Literal[FAMILIES] = Field(description="Family of the effect")  # type: ignore[valid-type]
+    probability: Probability = Field(description="Probability that it is part of what is missing [-]")
+    log_bayes_factor: float = Field(description="Log evidence over that of the null [-]")
+    snr: NonNegative | None = Field(None, description="Signal over noise of its fitted change [-]")
+    amounts: list[Amount] = Field([], description="Fitted amounts; none where it was not fitted")
+    shape: dict[str, float | str] = Field(
+        {}, description="What was scanned: place, time constant; keys carry units"
+    )
+    in_range: bool = Field(
+        description="Amounts have their physical sign, inside their bounds and not on them"
+    )
+    refitted: bool = Field(False, description="Judged in the real solver; otherwise to first order only")
+    group: list[str] = Field([], description="What these readings cannot tell it from, itself included")
+
+
+class Group(Section):
+    """Part of the answer: effects of which one is there, and which these readings cannot tell apart."""
+
+    members: list[Name] = Field(min_length=1, description="Effects, the most probable first")
+    probability: Probability = Field(description="Probability that one of them is there [-]")
+    odds: Positive | None = Field(
+        None, description="Of the first member over the second [-]; empty for a single member"
+    )
+    cosine: float | None = Field(
+        None, ge=-1, le=1, description="Of the whitened changes, the largest between members [-]"
+    )
+    decided_by: str = Field("", description="The experiment that tells the members apart")
+
+
+class Score(Section):
+    """How well predictions meet readings."""
+
+    readings: int = Field(ge=0, description="Readings times axes that were compared [-]")
+    rmse_N: ThreeAxes = Field(description="Root mean square of measured minus predicted, x, y, z [N]")
+    log_score: float = Field(description="Log predictive density of all of them together [-]")
+
+
+class HeldOut(Section):
+    """Readings set aside before anything was chosen, of one block or of all together."""
+
+    block: str = Field(description="positions, deepest, a channel, or all")
+    before: Score = Field(description="Of the base")
+    after: Score = Field(description="With the effect in it")
+    gain: float = Field(description="Log score after minus before [-]")
+    standard_error: NonNegative = Field(description="Of the gain [-]")
+
+    @property
+    def shown(self) -> bool:
+        """Return whether the gain is more than chance."""
+        return self.gain > HELD_OUT_ERRORS * self.standard_error
+
+
+class Flow(Section):
+    """The camera's channel: flow of the particles in the images."""
+
+    used: Literal["fitted", "predicted"] = Field(
+        description="Whether it took part in the fit, or was predicted by it"
+    )
+    p: Probability = Field(description="Of the base's residual by chance [-]")
+    rmse_before_px: NonNegative = Field(description="Root mean square of measured minus predicted flow [px]")
+    rmse_after_px: NonNegative | None = Field(None, description="The same with the effect in it [px]")
+
+
+class Fit(Section):
+    """The base and the base with the effect, beside the readings."""
+
+    before: Score = Field(description="The base on all readings")
+    after: Score | None = Field(None, description="With the effect in it, on all readings")
+    held_out: HeldOut | None = Field(None, description="All blocks that were set aside, together")
+    held_out_blocks: list[HeldOut] = Field([], description="Each of them")
+    flow: Flow | None = Field(None, description="The images' channel, where there is one")
+
+
+class Mismatch(Section):
+    """Whether the base explains the readings at all."""
+
+    chi2: NonNegative = Field(description="Squared whitened residual, summed [-]")
+    degrees: int = Field(ge=0, description="Its number of degrees of freedom [-]")
+    p: Probability = Field(description="Of as much by chance [-]")
+    scan_p: Probability = Field(description="Of the strongest pattern by chance, looked for everywhere [-]")
+
+
+class Adequacy(Section):
+    """Whether the answer leaves nothing but noise."""
+
+    p: Probability = Field(description="Of what remains, by chance, as the mismatch's p [-]")
+    scan_p: Probability = Field(description="Of the strongest remaining pattern by chance [-]")
+    remains: str = Field("", description="The strongest remaining pattern, in words")
+
+    @property
+    def passed(self) -> bool:
+        """Return whether nothing else needs to be there."""
+        return min(self.p, self.scan_p) > ADEQUATE_P
+
+
+class DetectionLimit(Section):
+    """The smallest amount of an effect that these readings would show."""
+
+    effect: Name = Field(description="Canonical name")
+    parameter: str = Field(description="The parameter")
+    unit: str = Field(description="Its unit")
+    amount: Positive | None = Field(
+        description="Smallest amount that would be seen [unit]; empty: none would"
+    )
+    plausible: Positive = Field(description="A plausible amount, the width of its prior [unit]")
+
+    @property
+    def seen(self) -> bool:
+        """Return whether a plausible amount would be seen."""
+        return self.amount is not None and self.amount <= self.plausible
+
+
+class NoiseCase(Section):
+    """The verdict under another noise than the stated."""
+
+    scale: Positive = Field(description="Of all of the instrument's noise, 1 is as stated [-]")
+    sigma_z_N: Positive = Field(description="Standard deviation of a reading of Fz at this scale [N]")
+    state: State = Field(description="The state that it gives")
+    answer: list[list[Name]] = Field([], description="The groups that it gives")
+    probability: Probability | None = Field(None, description="Of them [-]")
+    p: Probability | None = Field(None, description="Of the mismatch by chance [-]")
+
+
+class Noise(Section):
+    """The errors that were allowed for, and what the verdict would be with others."""
+
+    stated_N: ThreeAxes = Field(description="Standard deviation of one reading, x, y, z [N]")
+    zero_N: ThreeAxes = Field(description="Of the subtracted zero, one draw per press, x, y, z [N]")
+    touchdown_mm: NonNegative = Field(description="Of the depth's zero [mm]")
+    floor_N: ThreeAxes = Field(description="Of the base's discretisation, root mean square, x, y, z [N]")
+    law_N: ThreeAxes = Field(description="Of the base's fitted material laws, root mean square, x, y, z [N]")
+    sensitivity: list[NoiseCase] = Field([], description="The verdict over the scale of the stated noise")
+
+
+class Experiment(Section):
+    """Something to record that would decide."""
+
+    words: str = Field(description="What to do")
+    separates: list[Name] = Field(description="What it tells apart")
+    presses: int | None = Field(None, ge=0, description="Presses that it takes [-]")
+    cost_s: NonNegative | None = Field(None, description="Time that it takes [s]")
+    expected_log_odds: float | None = Field(None, description="Expected log odds of the right one [-]")
+
+
+class Outlier(Section):
+    """A reading that was set aside."""
+
+    session: str = Field(description="Its session")
+    press: str = Field(description="Its press")
+    depth_mm: float | None = Field(None, description="Its depth [mm]; empty: the whole press")
+    axis: Literal["x", "y", "z"] | None = Field(None, description="Its axis; empty: all")
+    size: float | None = Field(None, description="Its residual over the standard deviation [-]")
+    reason: str = Field(description="Why it was set aside")
+
+
+class Law(Section):
+    """An equation for what the catalogue does not know: a law, not a cause."""
+
+    words: str = Field(description="The equation in the field's symbols")
+    terms: dict[str, float] = Field(description="Coefficient of each term [N]")
+    held_out: HeldOut | None = Field(None, description="On sites that were set aside")
+
+
+class Layer(Section):
+    """A soft layer."""
+
+    name: str = Field(description="Its name")
+    z_mm: Interval = Field(description="From its lower to its upper face, 0 at the top of the sensor [mm]")
+
+
+class SensorShape(Section):
+    """What the page needs to draw the sensor."""
+
+    width_x_mm: Positive = Field(description="Size along x [mm]")
+    width_y_mm: Positive = Field(description="Size along y [mm]")
+    layers: list[Layer] = Field([], description="Soft layers, from the base up")
+
+
+class Provenance(Section):
+    """What the verdict rests on."""
+
+    sessions: dict[str, str] = Field(description="SHA-256 of each session's readings")
+    base: str = Field(description="The base in words: study, or table of forces")
+    base_sha256: str = Field(description="SHA-256 of the base's settings or table")
+    seed: int = Field(description="Of every draw")
+    draws: int = Field(ge=0, description="Of the maximum statistic [-]")
+    versions: dict[str, str] = Field(description="Of gelforge and of the libraries")
+
+
+class Verdict(Section):
+    """The verdict on one recording and its base study."""
+
+    format: Literal["gelforge-verdict-1"] = Field(FORMAT, description="Of this file")
+    title: str = Field(description="What was judged, a few words")
+    synthetic: bool = Field(
+        description="Readings come from a virtual lab or another solver, not from a sensor"
+    )
+    state: State = Field(description="null, named, group, open or insufficient")
+    sentence: str = Field(min_length=1, description="The verdict in one plain sentence")
+    mismatch: Mismatch = Field(description="Whether there is anything to explain")
+    where: list[Where] = Field([], description="Where, the strongest first; then the located defects")
+    answer: list[Group] = Field(
+        [], description="What is missing: one group, or two of which one member each is there"
+    )
+    effects: list[NamedEffect] = Field([], description="All that were tried, the most probable first")
+    null_probability: Probability = Field(description="Probability that nothing is missing [-]")
+    fit: Fit = Field(description="Before and after, on all readings and on those set aside")
+    adequacy: Adequacy | None = Field(None, description="What remains after the answer")
+    law: Law | None = Field(None, description="For open: a law of what remains, not its cause")
+    detection_limits: list[DetectionLimit] = Field([], description="What these readings would show")
+    noise: Noise = Field(description="Errors that were allowed for")
+    next_experiments: list[Experiment] = Field([], description="What would decide, the best first")
+    cannot_know: list[str] = Field([], description="What these readings cannot show and why, a sentence each")
+    outliers: list[Outlier] = Field([], description="Readings that were set aside")
+    sensor: SensorShape | None = Field(None, description="The sensor as drawn; empty for a material test")
+    provenance: Provenance = Field(description="What the verdict rests on")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Verdict:
+        complaint = self._answer_fault() or (self._named_fault() if self.state == "named" else "")
+        if complaint:
+            raise ValueError(complaint)
+        return self
+
+    def _answer_fault(self) -> str:
+        """Return why state and answer do not belong together, or nothing."""
+        tried = {effect.name for effect in self.effects}
+        unknown = [name for group in self.answer for name in group.members if name not in tried]
+        if unknown:
+            return (
+                f"answer names {unknown}, which are not among the effects; list every effect that was tried"
+            )
+        if self.state in ("named", "group") and not self.answer:
+            return f"state {self.state} without an answer; give its groups"
+        if self.state in ("null", "insufficient") and self.answer:
+            return (
+                f"state {self.state} with the answer {[g.members for g in self.answer]}; leave the answer out"
+            )
+        if self.state == "group" and all(len(group.members) == 1 for group in self.answer):
+            return "state group, but every group has one member; that is named, or open"
+        if self.answer and self.fit.after is None:
+            return "an answer without a fit after it; give fit.after"
+        return ""
+
+    def _named_fault(self) -> str:
+        """Return which of the conditions of `named` is not met, or nothing."""
+        effects = {effect.name: effect for effect in self.effects}
+        for group in self.answer:
+            first = group.members[0]
+            if len(group.members) > 1 and (group.odds or 0.0) < NAMED_ODDS:
+                return f"named, but {first} has odds {group.odds} within {group.members}, {NAMED_ODDS:g} are needed: group"
+            if group.probability < NAMED_PROBABILITY:
+                return f"named, but {first} has probability {group.probability:g} of {NAMED_PROBABILITY:g}: group or open"
+            if not effects[first].in_range:
+                return f"named, but {first} is outside its physical range or on its bounds: open"
+        if self.adequacy is None or not self.adequacy.passed:
+            return f"named, but what remains is not noise (adequacy p > {ADEQUATE_P:g} is needed): open"
+        if self.fit.held_out is None or not self.fit.held_out.shown:
+            return (
+                f"named, but no held-out gain above {HELD_OUT_ERRORS:g} standard errors: insufficient or open"
+            )
+        return ""
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON schema of verdict.json; config/verdict_schema.json holds it."""
+    return Verdict.model_json_schema()
+
+
+def write_verdict(folder: str | Path, verdict: Verdict) -> None:
+    """Write verdict.json into a folder, whole or not at all."""
+    write_json(Path(folder) / VERDICT, verdict.model_dump(mode="json"))
+
+
+def read_verdict(folder: str | Path) -> Verdict:
+    """Return the verdict in a folder."""
+    path = Path(folder) / VERDICT
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise VerdictError(f"{path}: no such file; `gelforge mismatch` writes it") from None
+    except ValueError as error:
+        raise VerdictError(f"{path}: not JSON ({error}); write it anew with `gelforge mismatch`") from None
+    try:
+        return Verdict.model_validate(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"]) or "(whole file)"
+        raise VerdictError(f"{path}: {key}: {first['msg']}; write it anew with `gelforge mismatch`") from None
+
+
+def write_readings(folder: str | Path, table: pd.DataFrame) -> None:
+    """Write readings.csv: one row per reading and axis, in the order taken.
+
+    session, press, site (text), x_mm, y_mm, depth_mm, phase, time_s (of the session, empty where not known), axis (x, y, z);
+    measured_N, base_N, after_N (with the answer in the base, empty where there is none); sigma_N (standard deviation of
+    measured minus base that all allowed errors give together); after_sigma_N (the same of measured minus after, amounts
+    included; may be left out); held_out (no, or the name of the block).
+    """
+    _write_table(Path(folder) / READINGS, table, [*READINGS_TEXTS, *READINGS_NUMBERS], READINGS_OPTIONAL)
+
+
+def write_body_map(folder: str | Path, table: pd.DataFrame) -> None:
+    """Write body_map.csv: patches (centre x_mm, y_mm, z_mm), fitted relative change of the modulus and its sigma."""
+    _write_table(Path(folder) / BODY_MAP, table, BODY_MAP_NUMBERS, [])
+
+
+def read_readings(folder: str | Path) -> pd.DataFrame:
+    """Return the readings, see write_readings; times and after_N, after_sigma_N are nan where they are empty."""
+    return read_csv(
+        Path(folder) / READINGS,
+        numbers=READINGS_NUMBERS,
+        optional_numbers=READINGS_OPTIONAL,
+        texts=READINGS_TEXTS,
+    ).reset_index(drop=True)
+
+
+def read_body_map(folder: str | Path) -> pd.DataFrame | None:
+    """Return the body map, see write_body_map; None where none was made."""
+    path = Path(folder) / BODY_MAP
+    return read_csv(path, numbers=BODY_MAP_NUMBERS).reset_index(drop=True) if path.is_file() else None
+
+
+def _write_table(path: Path, table: pd.DataFrame, needed: list[str], optional: list[str]) -> None:
+    missing = [name for name in needed if name not in table]
+    if missing:
+        raise VerdictError(f"{path}: columns {missing} are missing; found {list(table.columns)}")
+    columns = needed + [name for name in optional if name in table]
+    write_text(path, table[columns].to_csv(index=False, float_format="%.9g"))

@@ -1,0 +1,80 @@
+"""Artificial readings beside a base, for tests of the inference: a force that grows like Hertz's, no mechanics solved."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from gelforge.mismatch.context import Context, Curves
+from gelforge.mismatch.covariance import Covariance, readings_covariance
+from gelforge.mismatch.observations import Observations
+
+WIDTH = 32.0  # mm
+NOISE, ZERO, TOUCHDOWN, FLOOR, LAW = 0.010, 0.004, 0.02, 0.01, 0.02  # N, N, mm, share, share
+
+
+def grid(n: int, spacing: float = 5.0) -> np.ndarray:
+    """Return the (n*n, 2) positions [mm] of a centred grid."""
+    axis = WIDTH / 2 + spacing * (np.arange(n) - (n - 1) / 2)
+    return np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+
+
+def base_force(xy: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """Return forces (..., 3) [N]: z like Hertz's ball, a sideways part off the centre."""
+    fz = -0.4 * np.maximum(depth, 0) ** 1.5
+    lean = 0.2 * (xy - WIDTH / 2) / WIDTH
+    return np.stack([lean[..., 0] * fz, lean[..., 1] * fz, fz], axis=-1)
+
+
+def readings(
+    sites: np.ndarray,
+    depths=(0.5, 1.0, 1.5, 2.0),
+    seed: int = 0,
+    unload: bool = False,
+    sessions: int = 1,
+    zero_by: str = "press",
+    blind: tuple[int, ...] = (),
+) -> Context:
+    """Return a context of presses in random order, one for each site and depth, read at half depth and at depth.
+
+    The forces of its observations are the base's; draws of a covariance are added by the tests. blind: axes not read.
+    """
+    rng = np.random.default_rng(seed)
+    rows, press = [], 0
+    for session in range(sessions):
+        plan = rng.permutation([(s, d) for s in range(len(sites)) for d in depths])
+        for order, (site, deepest) in enumerate(plan):
+            path = [(deepest / 2, "load"), (deepest, "load")] + unload * [(deepest / 2, "unload")]
+            for k, (depth, phase) in enumerate(path):
+                x, y = sites[int(site)]
+                time = 20.0 * order + 2 * k
+                row = (f"s{session}", press, order, int(site), phase, time, 2.0 * k + 1, x, y, depth)
+                rows.append((*row, deepest, 3.0 * session, 23.0))
+            press += 1
+    names = "session press order site phase time_s press_time_s x_mm y_mm depth_mm deepest_mm age_days temperature_C"
+    table = pd.DataFrame(rows, columns=names.split())
+    force = base_force(table[["x_mm", "y_mm"]].to_numpy(), table["depth_mm"].to_numpy())
+    measured = force.copy()
+    measured[:, list(blind)] = np.nan
+    of = np.ones_like(force)
+    observations = Observations(
+        table, measured, sites, NOISE * of, ZERO * of, TOUCHDOWN * of[:, 0], [zero_by] * len(table)
+    )
+    knots = np.linspace(0.05, max(depths), 40)
+    values = tuple(base_force(np.broadcast_to(xy, (40, 2)), knots) for xy in sites)
+    curves = Curves(tuple([knots] * len(sites)), values)
+    return Context(None, observations, force, curves, {})  # the inference never looks at the study
+
+
+def law_directions(context: Context) -> np.ndarray:
+    """Return (R, 3, 2) [N]: the base's two uncertain directions, its scale and its exponent."""
+    depth = context.observations.table["depth_mm"].to_numpy()[:, None]
+    return LAW * np.stack([context.force, context.force * (depth - 1)], axis=-1)
+
+
+def covariance_of(context: Context) -> Covariance:
+    return readings_covariance(context, law_directions(context), FLOOR * context.force)
+
+
+def flat_base(context: Context) -> np.ndarray:
+    return context.observations.flat(context.force)

@@ -1,0 +1,128 @@
+"""The covariance of readings: against a dense matrix written entry by entry, and against its own draws."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from artificial_readings import covariance_of, flat_base, grid, law_directions, readings
+from numpy.testing import assert_allclose
+from scipy.stats import chi2, multivariate_normal
+
+from gelforge.mismatch.covariance import Covariance, Draws, readings_covariance
+
+CASES = {
+    "presses": dict(sites=grid(2)),
+    "unloading": dict(sites=grid(2), unload=True),
+    "sessions": dict(sites=grid(2), sessions=2, zero_by="session"),
+    "one axis": dict(sites=grid(2), blind=(0, 1)),
+    "one site": dict(sites=grid(1)),
+}
+
+
+def dense(context, law, floor) -> np.ndarray:
+    """Return C (n, n) from what each pair of entries shares."""
+    o, slope = context.observations, context.slope()
+    labels = o.labels()
+    C = np.zeros((len(labels), len(labels)))
+    for i, a in enumerate(labels.itertuples()):
+        for j, b in enumerate(labels.itertuples()):
+            at_a, at_b = (a.reading, a.axis), (b.reading, b.axis)
+            c = law[at_a] @ law[at_b] + 0.5 * floor[at_a] * floor[at_b]
+            c += 0.5 * floor[at_a] * floor[at_b] * (a.site == b.site)
+            c += o.zero_N[at_a] * o.zero_N[at_b] * (a.press == b.press and a.axis == b.axis)
+            by = o.zero_by[a.reading]
+            shared = a.press == b.press if by == "press" else a.session == b.session
+            c += shared * o.touchdown_mm[a.reading] * slope[at_a] * o.touchdown_mm[b.reading] * slope[at_b]
+            C[i, j] = c + (i == j) * o.noise_N[at_a] ** 2
+    return C
+
+
+@pytest.fixture(params=CASES, scope="module")
+def case(request):
+    context = readings(**CASES[request.param])
+    return covariance_of(context), dense(context, law_directions(context), 0.01 * context.force)
+
+
+def test_whitening_is_exact(case):
+    covariance, C = case
+    W = covariance.whiten(np.eye(len(C)))
+    # Rounding: the condition number of C, some 1e4 here, times 1e-16, with room.
+    assert_allclose(W @ C @ W.T, np.eye(len(C)), atol=1e-10)
+    assert_allclose(covariance.whiten(C[:, 0]), W @ C[:, 0], atol=1e-12)
+
+
+def test_density_is_that_of_a_dense_cholesky(case):
+    covariance, C = case
+    r = np.random.default_rng(0).normal(0, 0.05, len(C))
+    assert_allclose(covariance.log_det, np.linalg.slogdet(C)[1], rtol=1e-10)
+    assert_allclose(covariance.log_density(r), multivariate_normal.logpdf(r, cov=C), rtol=1e-9)
+    assert_allclose(covariance.standard_deviation, np.sqrt(np.diag(C)), rtol=1e-12)
+
+
+def test_a_part_has_the_part_of_the_matrix(case):
+    covariance, C = case
+    mask = np.random.default_rng(1).random(len(C)) < 0.6
+    W = covariance.restricted(mask).whiten(np.eye(mask.sum()))
+    assert_allclose(W @ C[np.ix_(mask, mask)] @ W.T, np.eye(mask.sum()), atol=1e-10)
+    assert len(covariance.restricted(np.zeros(len(C), bool)).whiten(np.zeros((0, 2)))) == 0
+
+
+def test_further_directions_add_their_outer_product(case):
+    covariance, C = case
+    U = np.random.default_rng(2).normal(0, 0.1, (len(C), 3))
+    W = covariance.extended(U).whiten(np.eye(len(C)))
+    assert_allclose(W @ (C + U @ U.T) @ W.T, np.eye(len(C)), atol=1e-9)
+
+
+def test_draws_have_the_covariance(case):
+    covariance, C = case
+    count = 4000
+    draws = covariance.draw(np.random.default_rng(3), count)
+    found = draws @ draws.T / count
+    error = np.sqrt((np.outer(np.diag(C), np.diag(C)) + C**2) / count)
+    # Each entry's sampling error is normal with this deviation: 5.5 is passed by none of 1e5 correlated ones.
+    assert np.abs((found - C) / error).max() < 5.5
+    total = float(np.sum(covariance.whiten(draws) ** 2))
+    assert 1e-4 < chi2.cdf(total, count * len(C)) < 1 - 1e-4
+
+
+def test_instrument_is_the_independent_part(case):
+    assert_allclose(case[0].instrument.standard_deviation, 0.010)
+
+
+def test_strong_nuisances_keep_the_whitening_exact():
+    """A touchdown error a thousand times the noise: the correction is nearly a projection."""
+    context = readings(grid(2))
+    o = context.observations
+    context = replace(context, observations=replace(o, touchdown_mm=o.touchdown_mm * 1000))
+    law, floor = law_directions(context), 0.01 * context.force
+    C = dense(context, law, floor)
+    r = np.random.default_rng(4).normal(0, 0.01, len(C))
+    white = readings_covariance(context, law, floor).whiten(r)
+    # The dense solution itself is only known to the condition number, 1e9, times 1e-16.
+    assert_allclose(white @ white, r @ np.linalg.solve(C, r), rtol=1e-6)
+
+
+def test_forty_thousand_readings():
+    """A dense matrix of their 120 000 entries would take 115 GB."""
+    depths = np.linspace(0.1, 2.0, 800)
+    context = readings(grid(5), depths=depths)
+    covariance = covariance_of(context)
+    n = len(covariance)
+    assert n == 120_000
+    white = covariance.whiten(covariance.draw(np.random.default_rng(5), 1)[:, 0])
+    assert abs(white @ white - n) < 5 * np.sqrt(2 * n)  # five standard deviations of its law
+    relative = covariance.whiten(0.02 * flat_base(context))
+    # 2 % everywhere is one standard deviation of the law's scale, so it is nowhere near what the noise alone would show.
+    assert np.linalg.norm(relative) < 1 < np.linalg.norm(0.02 * flat_base(context)) / 0.010
+
+
+def test_noise_must_be_given():
+    with pytest.raises(ValueError, match="resolution"):
+        Covariance(np.array([1.0, 0.0]))
+
+
+def test_a_press_has_one_site():
+    levels = (Draws(np.array([0, 0]), np.ones((2, 1))), Draws(np.array([0, 1]), np.ones((2, 1))))
+    with pytest.raises(ValueError, match="one site"):
+        Covariance(np.ones(2), levels)

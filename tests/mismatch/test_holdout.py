@@ -1,0 +1,159 @@
+"""What is set aside, and what is said of it: against dense conditional densities, and with nothing to find."""
+
+import numpy as np
+import pytest
+from artificial_readings import covariance_of, grid, readings
+from scipy.stats import multivariate_normal
+from test_screen import make
+
+from gelforge.mismatch.holdout import Blocks, gain, predictive_scores, split
+from gelforge.mismatch.screen import screened
+
+
+@pytest.fixture(scope="module")
+def world():
+    context = readings(grid(3), depths=(0.5, 1.0, 1.5))
+    return context.observations.labels(), covariance_of(context), make(context)
+
+
+def test_a_quarter_of_sites_and_depths_is_set_aside(world):
+    labels, _, _ = world
+    blocks = split(labels, seed=3)
+    assert labels["site"][blocks.held["positions"]].nunique() == 2  # of 9
+    assert set(labels["depth_mm"][blocks.held["deepest"]]) == {1.0, 1.5}  # of 0.25, 0.5, 0.75, 1, 1.5
+    parts = np.array([blocks.train, *blocks.held.values()])
+    assert np.all(parts.sum(axis=0) == 1)
+    held = set(labels["site"][blocks.held["positions"]])
+    assert not held & set(labels["site"][blocks.train | blocks.held["deepest"]])
+    assert np.all(split(labels, seed=3).train == blocks.train)
+    assert np.any(split(labels, seed=4).train != blocks.train)
+    assert np.all(blocks.held_out == ~blocks.train)
+
+
+def test_of_two_sites_first_the_deepest_readings_are_set_aside_and_then_each_site():
+    labels = readings(grid(2)[:2]).observations.labels()
+    deepest, first, second = (split(labels, 0, turn) for turn in range(3))
+    assert not deepest.held["positions"].any() and deepest.held["deepest"].any()
+    assert set(labels["site"][deepest.train]) == {0, 1}
+    for blocks, site in ((first, 0), (second, 1)):
+        assert set(labels["site"][blocks.held["positions"]]) == {site}
+        assert set(labels["site"][blocks.train]) == {1 - site} and not blocks.held["deepest"].any()
+
+
+def test_turns_go_through_all_sites(world):
+    labels, _, _ = world
+    held = [set(labels["site"][split(labels, 0, turn).held["positions"]]) for turn in range(5)]
+    assert set.union(*held) == set(range(9)) and not held[0] & held[1]
+
+
+def test_a_single_site_keeps_its_shallow_readings():
+    labels = readings(grid(1)).observations.labels()
+    blocks = split(labels, 0)
+    assert not blocks.held["positions"].any() and blocks.held["deepest"].any() and blocks.train.any()
+
+
+def test_scores_are_those_of_dense_matrices(world):
+    """With the amounts' posterior from the training readings the scores add up to ln p(all) - ln p(training)."""
+    labels, covariance, candidates = world
+    drift = candidates[4]
+    rng = np.random.default_rng(0)
+    r = drift.columns @ [0.03, -0.03, 0.02] + covariance.draw(rng, 1)[:, 0]
+    blocks = split(labels, seed=3)
+    t = blocks.train
+    W = covariance.whiten(np.eye(len(r)))
+    C = np.linalg.inv(W.T @ W)
+    prior = np.diag(drift.widths**2)
+    K = C + drift.columns @ prior @ drift.columns.T
+    wanted = multivariate_normal.logpdf(r, cov=K) - multivariate_normal.logpdf(r[t], cov=K[np.ix_(t, t)])
+    J, inverse = drift.columns[t], np.linalg.inv(C[np.ix_(t, t)])
+    S = np.linalg.inv(J.T @ inverse @ J + np.linalg.inv(prior))
+    a = S @ J.T @ inverse @ r[t]
+    scores = predictive_scores(r - drift.columns @ a, covariance, blocks, labels, drift.columns, S)
+    assert scores["score"].sum() == pytest.approx(wanted, abs=1e-6)
+    plain = predictive_scores(r, covariance, blocks, labels)
+    wanted = multivariate_normal.logpdf(r, cov=C) - multivariate_normal.logpdf(r[t], cov=C[np.ix_(t, t)])
+    assert plain["score"].sum() == pytest.approx(wanted, abs=1e-6)
+    assert list(plain["block"].unique()) == ["positions", "deepest"]
+    assert plain["entries"].sum() == (~t).sum()
+    found = gain(plain, scores)
+    assert found.total == pytest.approx(scores["score"].sum() - plain["score"].sum())
+    assert found.blocks == 9
+
+
+def chosen_gain(r, labels, covariance, candidates, blocks):
+    """Return the held-out gain of the effect that the training readings put first."""
+    t = blocks.train
+    part = [candidate.restricted(t) for candidate in candidates]
+    best = screened(r[t], covariance.restricted(t), part)[0]
+    name, shape = best.name, best.shape
+    columns = next(c.columns for c in candidates if (c.name, c.shape) == (name, shape))
+    after = predictive_scores(
+        r - columns @ best.amounts, covariance, blocks, labels, columns, best.covariance
+    )
+    return name, gain(predictive_scores(r, covariance, blocks, labels), after)
+
+
+def test_nothing_to_find_gives_no_gain(world):
+    """Whatever the training readings choose: without a mismatch the expected gain is at most 0 (Gibbs' inequality)."""
+    labels, covariance, candidates = world
+    rng, gains, clear = np.random.default_rng(1), [], 0
+    for _ in range(150):
+        blocks = split(labels, seed=int(rng.integers(1 << 30)))
+        found = chosen_gain(covariance.draw(rng, 1)[:, 0], labels, covariance, candidates, blocks)[1]
+        gains.append(found.total)
+        clear += found.clear
+    error = np.std(gains) / np.sqrt(len(gains))
+    assert np.mean(gains) < -error  # below 0 by more than chance
+    assert clear <= 8  # 5 %
+
+
+def test_what_is_there_is_predicted(world):
+    labels, covariance, candidates = world
+    drift = candidates[4]
+    rng, clear = np.random.default_rng(2), 0
+    for k in range(10):
+        r = drift.columns @ [0.06, -0.06, 0.06] + covariance.draw(rng, 1)[:, 0]
+        name, found = chosen_gain(r, labels, covariance, candidates, split(labels, seed=k))
+        assert name == "force_drift" and found.total > 5
+        clear += found.clear
+    assert clear >= 8
+
+
+def test_draws_of_presses_set_aside_are_not_fitted(world):
+    """A touchdown error of one held-out press costs it alone what its variance allows, whatever the training says."""
+    labels, covariance, _ = world
+    blocks = split(labels, seed=3)
+    r = covariance.draw(np.random.default_rng(4), 1)[:, 0]
+    scores = predictive_scores(r, covariance, blocks, labels)
+    at = covariance.restricted(blocks.held["positions"])
+    # Without what sites share (law and floor, small here) the held-out sites would be independent of training.
+    alone = at.log_density(r[blocks.held["positions"]])
+    assert scores["score"][scores["block"] == "positions"].sum() == pytest.approx(alone, abs=15)
+
+
+def test_few_sites_are_scored_by_press():
+    context = readings(grid(2)[:2])
+    labels, covariance = context.observations.labels(), covariance_of(context)
+    scores = predictive_scores(
+        covariance.draw(np.random.default_rng(5), 1)[:, 0], covariance, split(labels, 0, turn=1), labels
+    )
+    assert len(scores) >= 6
+
+
+def test_one_block_is_never_clear(world):
+    labels, covariance, _ = world
+    scores = predictive_scores(
+        np.zeros(len(labels)),
+        covariance,
+        Blocks(labels["reading"].to_numpy() > 0, {"a": (labels["reading"] == 0).to_numpy()}),
+        labels,
+    )
+    one = scores.iloc[:1]
+    assert not gain(one, one.assign(score=one["score"] + 100)).clear
+
+
+def test_no_training_is_an_error(world):
+    labels, covariance, _ = world
+    every = np.ones(len(labels), bool)
+    with pytest.raises(ValueError, match="training"):
+        predictive_scores(np.zeros(len(labels)), covariance, Blocks(~every, {"all": every}), labels)

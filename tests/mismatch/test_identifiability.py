@@ -1,0 +1,165 @@
+"""What a recording tells apart, what it detects, and which experiment would decide."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from artificial_readings import covariance_of, grid, readings
+from numpy.testing import assert_allclose
+from scipy.stats import multivariate_normal
+from test_screen import make
+
+from gelforge.mismatch.identifiability import (
+    DETECTED_SNR,
+    Plan,
+    cosines,
+    detection_limits,
+    expected_log_odds,
+    group_of_winner,
+    next_experiment,
+    profile,
+)
+from gelforge.mismatch.scan import dictionary, scan
+from gelforge.mismatch.screen import Candidate, probabilities, screened
+
+
+@pytest.fixture(scope="module")
+def world():
+    context = readings(grid(3), depths=(0.5, 1.0, 1.5))
+    return context, covariance_of(context), make(context)
+
+
+def named(candidates, name):
+    return next(c for c in candidates if c.name == name)
+
+
+def test_cosines():
+    found = cosines(np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 0.0]]))
+    assert_allclose(found, [[1, np.sqrt(0.5), 0], [np.sqrt(0.5), 1, 0], [0, 0, 0]])
+
+
+def test_effects_that_scale_all_forces_are_one_group(world):
+    _, covariance, candidates = world
+    stiffness = named(candidates, "gel_stiffness")
+    twin = replace(stiffness, name="force_gain")
+    r = 0.4 * stiffness.columns[:, 0] + covariance.draw(np.random.default_rng(1), 1)[:, 0]
+    ranked = screened(r, covariance, [*candidates, twin])
+    p = probabilities(ranked)
+    group = group_of_winner(ranked, covariance, p)
+    assert set(group.members) == {"gel_stiffness", "force_gain"}
+    assert (
+        group.probability == pytest.approx(p["gel_stiffness"] + p["force_gain"]) and group.probability > 0.9
+    )
+    assert group.odds == pytest.approx(1)
+    assert_allclose(list(group.cosines.values()), 1)
+
+
+def test_effects_that_differ_are_no_group(world):
+    _, covariance, candidates = world
+    drift = named(candidates, "force_drift")
+    r = drift.columns @ [0.06, -0.06, 0.06] + covariance.draw(np.random.default_rng(2), 1)[:, 0]
+    ranked = screened(r, covariance, candidates)
+    group = group_of_winner(ranked, covariance, probabilities(ranked))
+    assert group.members == ("force_drift",) and group.odds == np.inf
+
+
+def test_rivals_of_near_evidence_but_other_change_stay_outside(world):
+    _, covariance, candidates = world
+    r = covariance.draw(np.random.default_rng(3), 1)[:, 0]  # nothing there: all are near, and differ
+    ranked = screened(r, covariance, candidates)
+    group = group_of_winner(ranked, covariance, probabilities(ranked))
+    assert group.members == (ranked[0].name,) and len(group.rivals) >= 3
+
+
+def test_the_limit_has_the_stated_snr(world):
+    _, covariance, candidates = world
+    limits = {(limit.name, limit.parameter): limit for limit in detection_limits(covariance, candidates)}
+    for candidate in candidates[:6]:
+        for k in range(candidate.columns.shape[1]):
+            change = limits[candidate.name, k].amount * candidate.columns[:, k]
+            assert np.linalg.norm(covariance.whiten(change)) == pytest.approx(DETECTED_SNR)
+            assert limits[candidate.name, k].widths == pytest.approx(
+                limits[candidate.name, k].amount / candidate.widths[k]
+            )
+    place = limits["inclusion", 0]
+    assert place.amount < place.worst_amount and place.shape in [dict(c.shape) for c in candidates]
+    nothing = Candidate("none", {}, np.zeros((len(covariance), 1)), np.ones(1), np.zeros(1, int))
+    assert detection_limits(covariance, [nothing])[0].amount == np.inf
+
+
+def test_what_the_limit_promises(world):
+    """At the limit the scan sees a change mostly, at half of it hardly: why 4 is the limit."""
+    context, covariance, candidates = world
+    labels = context.observations.labels()
+    atoms = dictionary(labels, context.observations.flat(context.force)).whitened(covariance)
+    column = named(candidates, "late").columns[:, 0]
+    change = DETECTED_SNR * column / np.linalg.norm(covariance.whiten(column))
+    noise = covariance.draw(np.random.default_rng(4), 200)
+
+    def seen(share):
+        white = covariance.whiten(share * change[:, None] + noise)
+        return np.mean([scan(r, atoms, np.random.default_rng(0), draws=1000).p < 0.025 for r in white.T])
+
+    assert 0.5 < seen(1.0) < 0.95
+    assert seen(0.5) < 0.25
+    assert seen(1.5) > 0.95
+
+
+def test_profile_is_the_best_over_the_other_amounts(world):
+    _, covariance, candidates = world
+    drift = named(candidates, "force_drift")
+    r = drift.columns @ [0.05, -0.05, 0.05] + covariance.draw(np.random.default_rng(5), 1)[:, 0]
+    judged = screened(r, covariance, [drift])[0]
+    amounts = judged.amounts[1] + np.sqrt(judged.covariance[1, 1]) * np.array([-2.0, 0.0, 1.0])
+    # Without signs all is normal: the profile is the marginal, a parabola.
+    assert_allclose(profile(r, covariance, judged, 1, amounts), [-2.0, 0.0, -0.5], atol=1e-8)
+
+
+def test_expected_log_odds_are_the_mean_of_many_experiments(world):
+    _, covariance, candidates = world
+    rng = np.random.default_rng(6)
+    drift, late = named(candidates, "force_drift"), named(candidates, "late")
+    r = drift.columns @ [0.02, 0.0, -0.02] + covariance.draw(rng, 1)[:, 0]
+    first, second = (screened(r, covariance, [c])[0] for c in (drift, late))
+    plan = Plan("again", 60.0, covariance, {"force_drift": drift.columns, "late": late.columns})
+    W = covariance.whiten(np.eye(len(r)))
+    C = np.linalg.inv(W.T @ W)
+    laws = [
+        multivariate_normal(j.change, C + j.parts[0].columns @ j.covariance @ j.parts[0].columns.T)
+        for j in (first, second)
+    ]
+    odds = []
+    for right, wrong in (laws, laws[::-1]):
+        draws = right.rvs(4000, random_state=rng)
+        odds.append(right.logpdf(draws) - wrong.logpdf(draws))
+    wanted, error = np.mean(odds), np.sqrt(np.sum(np.var(odds, axis=1)) / 4 / 4000)
+    assert abs(expected_log_odds(plan, first, second) - wanted) < 4 * error
+
+
+def test_the_cheapest_deciding_experiment_comes_first(world):
+    _, covariance, candidates = world
+    stiffness = named(candidates, "gel_stiffness")
+    twin = replace(stiffness, name="force_gain")
+    r = 0.4 * stiffness.columns[:, 0] + covariance.draw(np.random.default_rng(7), 1)[:, 0]
+    first, second = (screened(r, covariance, [c])[0] for c in (stiffness, twin))
+    same = {"gel_stiffness": stiffness.columns, "force_gain": twin.columns}
+    weights = {
+        "gel_stiffness": 0 * stiffness.columns,
+        "force_gain": twin.columns,
+    }  # dead weights: no gel is pressed
+    plans = [
+        Plan("the same again", 10.0, covariance, same),
+        Plan("many dead weights", 90.0, covariance, weights),
+        Plan("dead weights", 20.0, covariance, weights),
+    ]
+    found = next_experiment(plans, first, second)
+    assert [e.name for e in found][:2] == ["dead weights", "many dead weights"]
+    assert found[0].decides and not found[2].decides
+    # Two effects of one change differ only by their amounts' priors, which are equal here.
+    assert found[2].expected_log_odds == pytest.approx(0, abs=1e-9)
+    most = next_experiment(
+        [plans[0], Plan("a little", 5.0, covariance, {**weights, "force_gain": 0.01 * twin.columns})],
+        first,
+        second,
+    )
+    assert most[0].name == "a little"

@@ -1,0 +1,162 @@
+"""The global test and the scan: calibrated without a mismatch, right about where with one."""
+
+import numpy as np
+import pytest
+from artificial_readings import covariance_of, flat_base, grid, readings
+from scipy.stats import binom, kstest
+
+from gelforge.mismatch.scan import dictionary, global_test, scan
+
+NULLS = 400
+
+
+@pytest.fixture(scope="module")
+def recording():
+    context = readings(grid(4), unload=True)
+    labels, base = context.observations.labels(), flat_base(context)
+    covariance = covariance_of(context)
+    return labels, base, covariance, dictionary(labels, base).whitened(covariance)
+
+
+@pytest.fixture(scope="module")
+def nulls(recording):
+    covariance = recording[2]
+    return covariance.draw(np.random.default_rng(11), NULLS)
+
+
+def test_global_p_is_uniform_without_a_mismatch(recording, nulls):
+    p = [global_test(r, recording[2]).p for r in nulls.T]
+    assert kstest(p, "uniform").pvalue > 1e-3  # seeded: a wrong law of chi2 gives 1e-50
+
+
+def test_bootstrap_agrees_with_chi2(recording, nulls):
+    """The nuisances are part of the covariance, so draws of it have the chi-square law itself."""
+    covariance = recording[2]
+    r = covariance.draw(np.random.default_rng(12), 1)[:, 0] * 1.03
+    tested = global_test(r, covariance)
+    bootstrap = np.mean([global_test(null, covariance).chi2 >= tested.chi2 for null in nulls.T])
+    assert abs(bootstrap - tested.p) < 4 * np.sqrt(tested.p * (1 - tested.p) / NULLS)  # binomial error
+    assert 0.02 < tested.p < 0.98  # else the two would agree at an end of the range whatever they do
+
+
+def test_scan_is_calibrated_without_a_mismatch(recording, nulls):
+    _, _, covariance, atoms = recording
+    white = covariance.whiten(nulls)
+    p = [scan(r, atoms, np.random.default_rng(k), draws=400).p for k, r in enumerate(white.T)]
+    assert kstest(p, "uniform").pvalue > 1e-3
+    alarms = np.sum(np.array(p) < 0.025)
+    assert alarms <= binom.ppf(0.999, NULLS, 0.025)
+
+
+def test_what_was_fitted_neither_helps_nor_harms(recording, nulls):
+    """Adequacy of a model with fitted amounts: uniform p again, of the global test and of the scan."""
+    labels, base, covariance, _ = recording
+    time = (labels["time_s"] / labels["time_s"].max()).to_numpy()
+    J = np.column_stack([base, base * time, *[time * (labels["axis"] == k) for k in range(3)]])
+    left = dictionary(labels, base).whitened(covariance, J)
+    W = covariance.whiten(J)
+    tests, scans = [], []
+    for k, null in enumerate(nulls.T):
+        r = null + J @ [0.3, -0.2, 0.05, 0.02, 0.1]
+        r = r - J @ np.linalg.lstsq(W, covariance.whiten(r))[0]
+        tests.append(global_test(r, covariance, J).p)
+        scans.append(scan(covariance.whiten(r), left, np.random.default_rng(k), draws=300).p)
+    assert kstest(tests, "uniform").pvalue > 1e-3
+    assert kstest(scans, "uniform").pvalue > 1e-3
+    assert global_test(r, covariance, np.column_stack([J, J])).degrees == len(r) - 5
+
+
+def bump(labels, base, x, y):
+    return (
+        0.25
+        * base
+        * np.exp(-((labels["x_mm"] - x) ** 2 + (labels["y_mm"] - y) ** 2) / (2 * 3.5**2)).to_numpy()
+    )
+
+
+PLANTED = {
+    "position": lambda labels, base: bump(labels, base, 13.5, 18.5),
+    "depth": lambda labels, base: 0.2 * base * (labels["depth_mm"] > 1.5).to_numpy(),
+    "time": lambda labels, base: (
+        0.03 * (labels["axis"] == 0).to_numpy() * (labels["time_s"] > 700).to_numpy()
+    ),
+    "phase": lambda labels, base: -0.15 * base * (labels["phase"] == "unload").to_numpy(),
+    "axis": lambda labels, base: 0.02 * (labels["axis"] == 1).to_numpy(),
+}
+
+
+@pytest.mark.parametrize("kind", PLANTED)
+def test_what_is_planted_is_found(recording, kind):
+    labels, base, covariance, atoms = recording
+    r = PLANTED[kind](labels, base) + covariance.draw(np.random.default_rng(13), 1)[:, 0]
+    found = scan(covariance.whiten(r), atoms, np.random.default_rng(0))
+    assert found.p < 0.005
+    assert found.best.kind == kind
+    assert found.best.snr > 5
+
+
+def test_a_bump_is_placed_at_its_site(recording):
+    labels, base, covariance, atoms = recording
+    r = bump(labels, base, 13.5, 18.5) + covariance.draw(np.random.default_rng(14), 1)[:, 0]
+    best = scan(covariance.whiten(r), atoms, np.random.default_rng(0)).best
+    assert np.hypot(best.region["x_mm"] - 13.5, best.region["y_mm"] - 18.5) < 3  # mm: the goal for a defect
+    assert 0.1 < best.amplitude < 0.5  # a share of the force, 0.25 planted
+
+
+def test_steps_tell_when(recording):
+    labels, base, covariance, atoms = recording
+    r = PLANTED["time"](labels, base) + covariance.draw(np.random.default_rng(15), 1)[:, 0]
+    best = scan(covariance.whiten(r), atoms, np.random.default_rng(0)).best
+    length = labels["time_s"].max()
+    assert abs(best.region["time_s"][0] - 700) < length / 8  # steps are tried at eighths
+    assert best.region["axis"] == "x"
+
+
+def test_atoms_are_named_once_and_change_something(recording):
+    labels, base, _, _ = recording
+    atoms = dictionary(labels, base)
+    assert len(set(atoms.names)) == len(atoms.names) == atoms.values.shape[1]
+    assert np.all(np.abs(atoms.values).max(axis=0) > 0)
+    shares = [k for k, name in enumerate(atoms.names) if "share" in name]
+    doubled = dictionary(labels, 2 * base).values
+    np.testing.assert_allclose(doubled[:, shares], 2 * atoms.values[:, shares], rtol=1e-15)
+
+
+def test_several_sessions_are_told_apart():
+    context = readings(grid(3), sessions=2)
+    labels, base = context.observations.labels(), flat_base(context)
+    covariance = covariance_of(context)
+    atoms = dictionary(labels, base).whitened(covariance)
+    r = (
+        0.1 * base * (labels["session"] == "s1").to_numpy()
+        + covariance.draw(np.random.default_rng(16), 1)[:, 0]
+    )
+    assert scan(covariance.whiten(r), atoms, np.random.default_rng(0)).best.kind in {
+        "session",
+        "history",
+    }  # age goes with it
+
+
+def test_one_site_and_one_depth_can_be_scanned():
+    context = readings(grid(1), depths=(1.0,))
+    labels, base = context.observations.labels(), flat_base(context)
+    covariance = covariance_of(context)
+    found = scan(
+        covariance.whiten(0 * base),
+        dictionary(labels, base).whitened(covariance),
+        np.random.default_rng(0),
+        100,
+    )
+    assert found.p == 1.0
+
+
+def test_nothing_to_scan_is_said():
+    context = readings(grid(1))
+    labels, base = context.observations.labels(), flat_base(context)
+    atoms = dictionary(labels, base)
+    with pytest.raises(ValueError, match="no atom"):
+        scan(
+            base,
+            type(atoms)(atoms.names, atoms.kinds, atoms.regions, 0 * atoms.values),
+            np.random.default_rng(0),
+        )

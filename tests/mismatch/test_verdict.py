@@ -1,0 +1,191 @@
+"""verdict.json: its schema, and that it cannot say more than its numbers."""
+
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from pydantic import ValidationError
+
+from gelforge.mismatch.verdict import (
+    Verdict,
+    VerdictError,
+    read_body_map,
+    read_readings,
+    read_verdict,
+    schema,
+    write_body_map,
+    write_readings,
+    write_verdict,
+)
+
+
+def score(rmse_z: float, log_score: float) -> dict:
+    return {"readings": 48, "rmse_N": [None, 0.01, rmse_z], "log_score": log_score}
+
+
+def effect(name: str, probability: float, **keys) -> dict:
+    return {
+        "name": name,
+        "family": "material",
+        "probability": probability,
+        "log_bayes_factor": 12.0,
+        "amounts": [{"name": "scale", "unit": "-", "value": 0.05, "interval_90": [0.04, 0.06]}],
+        "in_range": True,
+    } | keys
+
+
+def content(**keys) -> dict:
+    """Return what a `named` verdict needs, with other keys."""
+    held_out = {
+        "block": "all",
+        "before": score(0.1, 40.0),
+        "after": score(0.02, 70.0),
+        "gain": 30.0,
+        "standard_error": 4.0,
+    }
+    return {
+        "title": "a made-up press",
+        "synthetic": True,
+        "state": "named",
+        "sentence": "The gel is softer than the study says.",
+        "mismatch": {"chi2": 100.0, "degrees": 48, "p": 1e-5, "scan_p": 0.001},
+        "answer": [{"members": ["gel_stiffness"], "probability": 0.97}],
+        "effects": [effect("gel_stiffness", 0.97), effect("friction", 0.01)],
+        "null_probability": 1e-4,
+        "fit": {"before": score(0.1, 120.0), "after": score(0.02, 200.0), "held_out": held_out},
+        "adequacy": {"p": 0.4, "scan_p": 0.3},
+        "noise": {
+            "stated_N": [0.01, 0.01, 0.02],
+            "zero_N": [0, 0, 0],
+            "touchdown_mm": 0.02,
+            "floor_N": [0, 0, 0.001],
+            "law_N": [0, 0, 0.002],
+        },
+        "provenance": {
+            "sessions": {"day1": "0" * 64},
+            "base": "a made-up study",
+            "base_sha256": "1" * 64,
+            "seed": 1,
+            "draws": 1000,
+            "versions": {"gelforge": "0.0.0"},
+        },
+    } | keys
+
+
+def test_schema_file_is_current():
+    assert json.loads(Path("config/verdict_schema.json").read_text()) == schema()
+
+
+def test_every_key_says_what_it_is_and_numbers_their_unit():
+    definitions = schema()["$defs"] | {"Verdict": schema()}
+    for name, definition in definitions.items():
+        for key, described in definition["properties"].items():
+            assert described.get("description"), f"{name}.{key} has no description"
+            kinds = {described.get("type")} | {option.get("type") for option in described.get("anyOf", [])}
+            if kinds & {"number", "integer"} and key != "seed":
+                assert "[" in described["description"], f"{name}.{key} names no unit"
+
+
+def test_a_verdict_comes_back_and_the_same_content_gives_the_same_bytes(tmp_path):
+    verdict = Verdict.model_validate(content())
+    for folder in ("a", "b"):
+        write_verdict(tmp_path / folder, verdict)
+    assert read_verdict(tmp_path / "a") == verdict
+    files = [(tmp_path / folder / "verdict.json").read_bytes() for folder in ("a", "b")]
+    assert files[0] == files[1]
+    assert set(json.loads(files[0])) == set(schema()["properties"])
+
+
+WEAK = {
+    "block": "all",
+    "before": score(0.1, 40.0),
+    "after": score(0.1, 47.0),
+    "gain": 7.0,
+    "standard_error": 4.0,
+}
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"answer": [{"members": ["gel_stiffness"], "probability": 0.89}]}, "probability 0.89 of 0.9"),
+        ({"answer": [{"members": ["gel_stiffness", "friction"], "probability": 1, "odds": 9}]}, "odds 9"),
+        ({"answer": [{"members": ["gel_stiffness", "friction"], "probability": 1}]}, "odds None"),
+        ({"effects": [effect("gel_stiffness", 0.97, in_range=False)]}, "outside its physical range"),
+        ({"adequacy": {"p": 0.4, "scan_p": 0.009}}, "adequacy p > 0.01"),
+        ({"adequacy": None}, "adequacy p > 0.01"),
+        ({"fit": content()["fit"] | {"held_out": WEAK}}, "no held-out gain above 2"),
+        ({"fit": content()["fit"] | {"held_out": None}}, "no held-out gain above 2"),
+        ({"fit": content()["fit"] | {"after": None}}, "give fit.after"),
+        ({"answer": []}, "named without an answer"),
+        ({"state": "null"}, "leave the answer out"),
+        ({"state": "group"}, "every group has one member"),
+        ({"answer": [{"members": ["tilt"], "probability": 1}]}, "['tilt'], which are not among the effects"),
+        ({"effects": [effect("gel_stiffness", 1, family="magic")]}, "effects.0.family"),
+        ({"null_probability": float("nan")}, "null_probability"),
+        ({"state": "certain"}, "state"),
+        ({"confidence": 1}, "confidence"),
+    ],
+)
+def test_a_verdict_cannot_say_more_than_its_numbers(keys, words):
+    with pytest.raises(ValidationError) as refused:
+        Verdict.model_validate(content(**keys))
+    where = ".".join(str(part) for part in refused.value.errors()[0]["loc"])
+    assert words in f"{where} {refused.value}"
+
+
+def test_each_other_state_has_its_form():
+    for state in ("null", "insufficient", "open"):
+        assert Verdict.model_validate(content(state=state, answer=[])).state == state
+    both = [{"members": ["gel_stiffness", "friction"], "probability": 0.95, "odds": 2}]
+    assert Verdict.model_validate(content(state="group", answer=both)).answer[0].odds == 2
+    assert Verdict.model_validate(content(state="open")).answer  # the named part is kept
+
+
+def test_an_interval_runs_upward():
+    swapped = effect("gel_stiffness", 0.97)
+    swapped["amounts"][0]["interval_90"] = [0.06, 0.04]
+    with pytest.raises(ValidationError, match="lower end first"):
+        Verdict.model_validate(content(effects=[swapped]))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (None, "no such file"),
+        ("{", "not JSON"),
+        (json.dumps(content(state="sure")), "state: Input should be"),
+    ],
+)
+def test_a_file_that_is_no_verdict_is_refused_with_its_remedy(tmp_path, text, words):
+    if text is not None:
+        (tmp_path / "verdict.json").write_text(text)
+    with pytest.raises(VerdictError, match=words) as refused:
+        read_verdict(tmp_path)
+    assert "verdict.json" in str(refused.value) and "gelforge mismatch" in str(refused.value)
+
+
+def readings() -> pd.DataFrame:
+    row = {"session": "day1", "press": 7, "site": 0, "phase": "load", "axis": "z", "held_out": "no"}
+    row |= {"x_mm": 16.0, "y_mm": 16.0, "depth_mm": 1.0, "time_s": 3.5}
+    return pd.DataFrame(
+        [row | {"measured_N": -0.4, "base_N": -0.5, "after_N": float("nan"), "sigma_N": 0.02}]
+    )
+
+
+def test_tables_come_back(tmp_path):
+    write_readings(tmp_path, readings())
+    found = read_readings(tmp_path)
+    assert found.loc[0, ["press", "axis", "measured_N"]].tolist() == ["7", "z", -0.4]
+    assert found[["after_N", "after_sigma_N"]].isna().all(axis=None)
+    assert read_body_map(tmp_path) is None
+    patches = pd.DataFrame({"x_mm": [3.0], "y_mm": [3.0], "z_mm": [-1.0], "change": [0.1], "sigma": [0.3]})
+    write_body_map(tmp_path, patches)
+    pd.testing.assert_frame_equal(read_body_map(tmp_path), patches)
+
+
+def test_a_table_without_its_columns_is_not_written(tmp_path):
+    with pytest.raises(VerdictError, match=r"sigma_N.*missing"):
+        write_readings(tmp_path, readings().drop(columns="sigma_N"))
+    assert not (tmp_path / "readings.csv").exists()
