@@ -14,10 +14,10 @@ PAGE = Path(__file__).parents[2] / "docs" / "effects.md"
 HEAD = """\
 # Effects that a verdict may name
 
-Written by `python -m gelforge.mismatch.effects_table` from the files in `gelforge/mismatch/effects/`, one for each effect; they also hold
-where an effect enters and the source of every number. A parameter is `name [unit] width, from .. to`: the standard deviation of its prior, that is a
-plausible amount, and the physical range. 0 is the effect's absence; a range that ends at 0 leaves one sign only. `mismatch.md` says how a
-verdict is reached.
+Written by `python -m gelforge.mismatch.effects_table` from the files in `gelforge/mismatch/effects/`, one for each effect;
+they also hold where an effect enters and the source of every number. A parameter is `name [unit] width, from .. to`: the
+standard deviation of its prior, that is a plausible amount, and the physical range. 0 is the effect's absence; a range that
+begins at 0 leaves one sign only. [mismatch.md](mismatch.md) says how a verdict is reached.
 
 | effect | family | parameters | signature | confused with | told apart by |
 |---|---|---|---|---|---|

@@ -11,11 +11,12 @@ import pandas as pd
 from gelforge.config.mismatch import Mismatch
 from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mismatch.covariance import Covariance
+from gelforge.mismatch.flow_scan import patterns
 from gelforge.mismatch.holdout import FEW_SITES, Blocks, Gain, gain, predictive_scores, split
 from gelforge.mismatch.identifiability import DETECTED_SNR, RIVAL, Group, group_of_winner
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.refit import Refitted, refitted
-from gelforge.mismatch.scan import GlobalTest, Scan, dictionary, global_test, scan
+from gelforge.mismatch.scan import GlobalTest, Scan, global_test, scan
 from gelforge.mismatch.screen import Candidate, Screened, normalised, probabilities, screened
 from gelforge.mismatch.verdict import ADEQUATE_P, NAMED_ODDS, NAMED_PROBABILITY
 
@@ -79,10 +80,10 @@ def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Jud
     everything = np.ones(len(labels), bool)
     mismatch = remains(problem, problem.residual, everything, settings, rng)
     residual, covariance, candidates = problem.part(blocks.train)
-    singles = testable(screened(residual, covariance, candidates))
-    probability = probabilities(singles)
+    singles = screened(residual, covariance, candidates)
+    probability = probabilities(testable(singles))
     if mismatch.p >= ALARM_P:
-        state = "null" if _could_have_seen(singles) else "insufficient"
+        state = "null" if _could_have_seen(testable(singles)) else "insufficient"
         return Judgement(state, blocks, mismatch, tuple(singles), probability, None, ())
     answer, notes = _explained(problem, blocks, settings, rng)
     return Judgement(
@@ -101,7 +102,7 @@ def remains(
     """Return both tests of a residual (m,) of some entries (n,) bool; fitted (m, p): columns that were fitted to them."""
     covariance = problem.covariance.restricted(mask)
     labels = problem.labels[mask].reset_index(drop=True)
-    atoms = dictionary(labels, problem.observations.flat(problem.base)[mask]).whitened(covariance, fitted)
+    atoms = patterns(labels, problem.observations.flat(problem.base)[mask]).whitened(covariance, fitted)
     found = scan(covariance.whiten(residual), atoms, rng, settings.draws)
     return Remains(global_test(residual, covariance, fitted), found)
 
@@ -372,7 +373,7 @@ def _state(problem: Problem, answer: Answer | None) -> str:
     """Return named, group, open or insufficient of an answer to a mismatch that is there."""
     if answer is None or answer.adequacy.p <= ADEQUATE_P or not in_range(problem, answer.fit):
         return "open"
-    if answer.gain is not None and not answer.gain.clear:
+    if answer.gain is None or not answer.gain.clear:
         return "insufficient"
     sure = all(
         group.probability >= NAMED_PROBABILITY and (len(group.members) == 1 or group.odds >= NAMED_ODDS)

@@ -102,9 +102,7 @@ def timed_runs_of(observations: Observations, step_mm: float, in_order: bool) ->
         key = (int(part["site"].iloc[0]), tuple(depths), tuple(times), *((press,) if in_order else ()))
         if key not in known:
             known[key] = len(trajectories)
-            path, where = _timed_path(
-                observations.sites[key[0]], depths, times, part["phase"].tolist(), step_mm
-            )
+            path, where = _timed_path(observations.sites[key[0]], depths, times, step_mm)
             trajectories.append((path, where))
             presses.append(press)
         run[rows] = known[key]

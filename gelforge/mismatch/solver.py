@@ -1,8 +1,8 @@
 """The finite elements behind a verdict: base forces at every reading, how they follow each effect, and forces with effects.
 
 Base forces are those of the study's own mesh, on the way down. Derivatives, ways up and everything with an effect are
-solved on a mesh of COARSER sizes, and only their difference from the base on that same mesh is used: the mesh's error of a
-change is a small part of a small change. All solutions are kept by the digest of what decides them.
+solved on a mesh of COARSER sizes, and only their difference from the base on that same mesh is used, multiplied by what the
+finer mesh makes of the pressing force: the mesh's error of a change is a small part of a small change. All solutions are kept by the digest of what decides them.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ from gelforge.mismatch.runs import Runs, runs_of, timed_runs_of
 from gelforge.mismatch.solver_effects import FirstOrder
 
 SCREEN_TOLERANCE = 1e-2  # of a neighbour's difference may be left: the screen asks for a few per cent
+MOST_MESH_ERROR = 1.5  # factor; beyond it (the way up's last touch) the ratio says nothing
 REACH_MM = 4.0  # a weak place farther than this outside its own radius is not felt by a press
 Amounts = tuple[Effect, Shape, np.ndarray]
 
@@ -81,6 +82,7 @@ class Base:
     context: Context
     runs: Runs
     coarse: np.ndarray  # (R, 3) [N] base forces on the coarser mesh
+    finer: np.ndarray  # (R, 1) by which changes on the coarser mesh are multiplied
     law: np.ndarray  # (R, 3, q) [N] per standard deviation of each uncertain direction of the laws
     floor: np.ndarray  # (R, 3) [N] signed pattern of the discretisation error, one standard deviation
     failed: Mapping[str, str]  # derivatives that could not be had, and why
@@ -104,6 +106,8 @@ def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect
     on_coarse = _loading_curves(runs, by_site, depths, coarse_by_run, len(observations.sites))
     correction = blank.on_readings(curves) - blank.on_readings(on_coarse)
     force = coarse + correction
+    finer = _share(force, coarse)
+    finer_along = [_share(fine, own) for fine, own in zip(curves.values, on_coarse.values)]
     failed: dict[str, str] = {}
     at_readings, along = {}, {}
     for key in [key for key, *_ in asked]:
@@ -112,13 +116,21 @@ def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect
             failed[key] = missing[0]
             continue
         by_run = [r[key] if key in r else np.zeros_like(r["base"]) for r in followed]
-        at_readings[key] = runs.at_readings(by_run)
-        along[key] = _loading_curves(runs, by_site, depths, by_run, len(observations.sites))
+        at_readings[key] = finer * runs.at_readings(by_run)
+        down = _loading_curves(runs, by_site, depths, by_run, len(observations.sites))
+        along[key] = Curves(depths, tuple(share * own for share, own in zip(finer_along, down.values)))
     laws = [key for key in followed[0] if key.startswith("law ")]
-    law = [runs.at_readings([r[key] for r in followed]) for key in laws]
+    law = [finer * runs.at_readings([r[key] for r in followed]) for key in laws]
     context = Context(solver.study, observations, force, curves, along, at_readings)
     stacked = np.stack(law, axis=-1) if law else np.zeros((*force.shape, 0))
-    return Base(context, runs, coarse, stacked, PART_TOTALS * correction, failed)
+    return Base(context, runs, coarse, finer, stacked, PART_TOTALS * correction, failed)
+
+
+def _share(fine: np.ndarray, coarse: np.ndarray) -> np.ndarray:
+    """Return by how much changes on the coarser mesh are to be multiplied (R, 1): as the pressing force itself."""
+    known = np.abs(coarse[:, 2:]) > 0
+    share = np.divide(fine[:, 2:], coarse[:, 2:], out=np.ones_like(fine[:, 2:]), where=known)
+    return np.clip(share, 1 / MOST_MESH_ERROR, MOST_MESH_ERROR)
 
 
 def forces_with(
@@ -139,7 +151,7 @@ def forces_with(
         study = effect.to_study(study, shape, amounts)
     force = base.context.force[rows]
     if switched_on:
-        force = force + _solved_with(solver, study, part) - base.coarse[rows]
+        force = force + base.finer[rows] * (_solved_with(solver, study, part) - base.coarse[rows])
     context = replace(base.context.chosen(rows), force=force)
     for effect, shape, amounts in chosen:
         if effect.to_study is None and effect.to_forces is not None:

@@ -115,7 +115,7 @@ class Group(Section):
     members: list[Name] = Field(min_length=1, description="Effects, the most probable first")
     probability: Probability = Field(description="Probability that one of them is there [-]")
     odds: Positive | None = Field(
-        None, description="Of the first member over the second [-]; empty for a single member"
+        None, description="Of the first member over all others together [-]; empty for a single member"
     )
     cosine: float | None = Field(
         None, ge=-1, le=1, description="Of the whitened changes, the largest between members [-]"

@@ -1,0 +1,63 @@
+"""docs/effects.md is what the catalogue says, and the effect that docs/mismatch.md shows is a whole one."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import artificial
+import numpy as np
+from numpy.testing import assert_allclose
+
+import gelforge.mismatch.effects as effects
+from gelforge.mismatch.effects_table import PAGE, page, parameters
+
+GUIDE = Path("docs/mismatch.md")
+CATALOGUE = effects.CATALOGUE
+
+
+def test_file_and_catalogue_agree():
+    assert PAGE.read_text(encoding="utf-8") == page(CATALOGUE), (
+        "docs/effects.md is old: python -m gelforge.mismatch.effects_table"
+    )
+
+
+def test_every_effect_has_one_row_of_six_cells():
+    rows = [line for line in page(CATALOGUE).splitlines() if line.startswith("| ")][1:]
+    assert sorted(line.split(" | ")[0].removeprefix("| ") for line in rows) == sorted(CATALOGUE)
+    assert all(line.count(" | ") == 5 for line in rows)
+
+
+def test_a_bar_in_words_does_not_split_a_cell():
+    split = replace(CATALOGUE["yaw"], signature="|F| grows")
+    assert "| \\|F\\| grows |" in page({"yaw": split})
+
+
+def test_parameters_that_differ_by_name_only_are_told_once():
+    assert parameters(CATALOGUE["force_gain"].parameters) == "x, y, z [-] 0.05, -0.5 .. 0.5"
+    pose = "shift_x, shift_y, shift_z [mm] 0.5, -5 .. 5; turn_x, turn_y, turn_z [deg] 1, -15 .. 15"
+    assert parameters(CATALOGUE["camera_pose"].parameters) == pose
+
+
+def test_the_guides_example_is_an_effect(tmp_path, monkeypatch):
+    """As printed it enters by its file; nothing of it is the base bit for bit, and it acts as the guide says."""
+    (text,) = re.findall(r"```python\n(.*?)```", GUIDE.read_text(encoding="utf-8"), re.DOTALL)
+    (tmp_path / "depth_scale.py").write_text(text)
+    monkeypatch.setattr(effects, "__path__", [*effects.__path__, str(tmp_path)])
+    effect = effects.found()["depth_scale"]
+    context = artificial.context(per_side=2)
+    assert np.array_equal(effect.to_forces(context, {}, context.force, [0.0]), context.force)
+    found = effect.to_forces(context, {}, context.force, [0.01]) - context.force
+    depth = context.observations.table["depth_mm"].to_numpy()
+    # the same as depth zero found too late by 1 % of the depth; 1e-14 N is rounding of the sum with the force
+    assert_allclose(found, 0.01 * depth[:, None] * context.derivative("contact_zero"), atol=1e-14)
+    assert np.abs(found).max() > 1e-3
+    assert "| depth_scale | kinematics | growth [-] 0.01, -0.1 .. 0.1 |" in page({"depth_scale": effect})
+
+
+def test_the_guide_names_every_key_of_the_study():
+    from gelforge.config.mismatch import Mismatch
+
+    rows = re.findall(r"^\| `(\w+)` \| (\S.*?) \|", GUIDE.read_text(encoding="utf-8"), re.MULTILINE)
+    told = {name: default for name, default in rows if name in Mismatch.model_fields}
+    assert list(told) == list(Mismatch.model_fields)
+    assert told["sites"] == str(Mismatch().sites) and told["draws"] == str(Mismatch().draws)

@@ -1,0 +1,211 @@
+"""The whole stage on small SYNTHETIC recordings: states, patch, tables, bad recordings."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+import specimens
+import yaml
+from recorded import DEPTHS, SITES, record
+
+from gelforge.config import ConfigError, study_from
+from gelforge.config.variants import merged
+from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
+from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.sessions import observe, session_folders
+from gelforge.mismatch.solver import Solver
+from gelforge.mismatch.stage import check_matches, judge_recording, observations_of, problem_of
+from gelforge.mismatch.verdict import read_readings, read_verdict
+
+MISMATCH = {"sites": 6, "refit_sites": 4, "rivals": 1, "noise_scales": [1.0]}
+
+
+def small(**keys):
+    study = specimens.study()
+    return study_from(merged(study.model_dump(mode="json"), {"mismatch": MISMATCH, **keys}))
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    return tmp_path_factory.mktemp("solves")
+
+
+def solver(kept, study=None):
+    return Solver(study or small(), specimens.STUDY_LAWS, {}, kept)
+
+
+@pytest.fixture(scope="module")
+def stiffer(kept, tmp_path_factory):
+    """Return a session whose gel is 30 % stiffer than the study says, its verdict and its folder of results."""
+    folder = tmp_path_factory.mktemp("stiffer")
+    session = record(folder / "stiffer", SOLVER_EFFECTS["gel_stiffness"](small(), 0.3), specimens.STUDY_LAWS)
+    verdict = judge_recording(solver(kept), [session], folder / "out", "stiffer")
+    return session, verdict, folder / "out"
+
+
+def test_a_recording_of_the_base_itself_is_null(kept, tmp_path):
+    session = record(tmp_path / "plain", small(), specimens.STUDY_LAWS, seed=1)
+    verdict = judge_recording(solver(kept), [session], tmp_path / "out", "plain")
+    assert verdict.state == "null"
+    assert verdict.mismatch.p > 0.01 and verdict.answer == []
+    assert not (tmp_path / "out" / "config.patch.yaml").exists()
+
+
+def test_a_stiffer_gel_is_in_the_group_with_its_amount(stiffer):
+    _, verdict, _ = stiffer
+    assert verdict.state in ("named", "group")
+    assert "gel_stiffness" in verdict.answer[0].members
+    effect = next(e for e in verdict.effects if e.name == "gel_stiffness")
+    low, high = effect.amounts[0].interval_90
+    assert (
+        low - 0.03 < 0.3 < high + 0.03
+    )  # 0.03: a tenth, what Gauss and Newton may leave of a refit that is not the winner's
+    assert verdict.fit.held_out.shown
+    assert verdict.fit.held_out.after.rmse_N[2] < 0.5 * verdict.fit.held_out.before.rmse_N[2]
+
+
+def test_the_patch_gives_the_figure_after(stiffer, kept):
+    """The study with the patch in it, judged on the same session, has no mismatch left, and its base is the `after`."""
+    session, _, out = stiffer
+    patch = yaml.safe_load((out / "config.patch.yaml").read_text())
+    patched = study_from(merged(small().model_dump(mode="json"), patch))
+    observations, _ = observations_of([session], patched)
+    problem, _ = problem_of(solver(kept, patched), observations)
+    told = read_readings(out)
+    after = told["after_N"].to_numpy()
+    size = np.abs(after).max()
+    # `after` is the base on the study's mesh plus the change on the coarser one: the mesh's error of a 30 % change
+    assert np.abs(observations.flat(problem.base) - after).max() < 0.05 * size
+    left = np.sqrt(np.mean(problem.residual**2))
+    assert left < 0.4 * np.sqrt(np.mean((told["measured_N"] - told["base_N"]) ** 2))
+
+
+def test_tables_and_verdict_read_back(stiffer):
+    session, verdict, out = stiffer
+    assert read_verdict(out) == verdict
+    told = read_readings(out)
+    assert len(told) == 3 * len(SITES) * len(DEPTHS) * 5  # axes, sites, depths, a load and four dwell rows
+    assert set(told["held_out"]) == {"no", "positions", "deepest"}
+    assert np.isfinite(told["after_N"]).all() and (told["sigma_N"] > 0).all()
+    assert json.loads((out / "verdict.json").read_text())["synthetic"] is True
+
+
+def test_the_same_recording_gives_the_same_bytes(stiffer, kept, tmp_path):
+    session, _, out = stiffer
+    judge_recording(solver(kept), [session], tmp_path, "stiffer")
+    for name in ("verdict.json", "readings.csv"):
+        assert (tmp_path / name).read_bytes() == (out / name).read_bytes()
+
+
+def test_a_force_gain_is_found_and_goes_to_the_patch_as_known(kept, tmp_path):
+    """Of one lateral axis only, which no gel does."""
+    session = record(
+        tmp_path / "gain",
+        small(),
+        specimens.STUDY_LAWS,
+        lambda rows, f: f * [1.0, 1.25, 1.0],
+        seed=2,
+        noise_N=0.001,
+    )
+    verdict = judge_recording(solver(kept), [session], tmp_path / "out", "gain")
+    assert verdict.state in ("named", "group")
+    assert verdict.answer[0].members[0] == "force_gain"
+    patch = yaml.safe_load((tmp_path / "out" / "config.patch.yaml").read_text())
+    (known,) = patch["mismatch"]["known"]
+    assert known["effect"] == "force_gain"
+    # Less than the 0.25 that is there: the prior's width is 0.05, and this coarse mesh's error takes part of it
+    assert known["amounts"]["y"] > 2 * max(abs(known["amounts"]["x"]), abs(known["amounts"]["z"]))
+    patched = study_from(merged(small().model_dump(mode="json"), patch))
+    again = judge_recording(solver(kept, patched), [session], tmp_path / "again", "gain")
+    assert again.mismatch.chi2 < 0.6 * verdict.mismatch.chi2
+
+
+def test_what_the_catalogue_lacks_is_open_without_it(stiffer, kept, tmp_path):
+    """Without everything that scales the forces the stiffer gel is no longer explained."""
+    session, _, _ = stiffer
+    keep = {"cross_talk", "clock_offset", "tilt", "yaw", "friction"}
+    study = small(mismatch=MISMATCH | {"leave_out": sorted(set(CATALOGUE) - keep)})
+    assert judge_recording(solver(kept, study), [session], tmp_path, "open").state == "open"
+
+
+# --- recordings that say less, or nothing
+
+
+def changed(session, tmp_path, change, yaml_lines=""):
+    """Return a copy of a session with another table."""
+    folder = tmp_path / session.name
+    folder.mkdir()
+    table = change(pd.read_csv(session / "indentations.csv"))
+    table.to_csv(folder / "indentations.csv", index=False)
+    (folder / "session.yaml").write_text((session / "session.yaml").read_text() + yaml_lines)
+    return folder
+
+
+def observed(folder):
+    return observe([folder], small().sensor)
+
+
+def test_a_dead_axis_is_left_out_and_told(stiffer, tmp_path):
+    found = observed(changed(stiffer[0], tmp_path, lambda t: t.assign(fx_N=0.0)))
+    assert not found.read[:, 0].any() and found.read[:, 1:].all()
+    assert any("Fx never changes" in said for said in found.cannot_know)
+
+
+def test_raster_order_is_told(tmp_path):
+    folder = record(tmp_path / "raster", small(), specimens.STUDY_LAWS, sites=sorted(SITES), order=range(18))
+    assert any("raster order" in said for said in observed(folder).cannot_know)
+
+
+def test_missing_repeats_and_unloading_are_told(stiffer, tmp_path):
+    said = observed(stiffer[0]).cannot_know
+    assert any("twice to one depth" in s for s in said) and any("way up" in s for s in said)
+    once = changed(
+        stiffer[0], tmp_path, lambda t: t[t["phase"] != "dwell"].drop_duplicates(["press", "phase"])
+    )
+    assert any("repeated readings" in s for s in observed(once).cannot_know)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda t: t[t["phase"] != "zero"], "zero row"),
+        (lambda t: t.assign(time_s=-t["time_s"]), "time_s"),
+        (lambda t: t.assign(x_mm=t["x_mm"] + 30), "the sensor is 16.0 x 16.0 mm"),
+        (lambda t: t.assign(fz_N=-t["fz_N"]), "acts_on|sign|push|pull"),
+    ],
+)
+def test_recordings_that_cannot_be_judged_are_refused_with_a_remedy(stiffer, tmp_path, change, words):
+    with pytest.raises(ValueError, match=words):
+        observed(changed(stiffer[0], tmp_path, change))
+
+
+def test_an_outlier_is_set_aside_and_listed(stiffer, tmp_path):
+    def spoil(table):
+        row = table.index[table["phase"] == "dwell"][7]
+        table.loc[row, "fz_N"] -= 1.0
+        return table
+
+    found = observed(changed(stiffer[0], tmp_path, spoil))
+    assert len(found.set_aside) == 1 and "standard deviations" in found.set_aside[0]
+    assert len(found.table) == len(observed(stiffer[0]).table) - 1
+
+
+def test_another_indenter_than_the_study_describes_is_refused(stiffer, tmp_path):
+    folder = changed(stiffer[0], tmp_path, lambda t: t, "indenter: ball of radius 2 mm\n")
+    with pytest.raises(ConfigError, match="give the study"):
+        check_matches([folder], small())
+
+
+def test_sessions_are_found_in_a_folder_of_recordings(stiffer, tmp_path):
+    (tmp_path / "recordings").mkdir()
+    folder = changed(stiffer[0], tmp_path / "recordings", lambda t: t)
+    assert (
+        session_folders(tmp_path)
+        == session_folders(tmp_path / "recordings")
+        == session_folders(folder)
+        == [folder]
+    )
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(ConfigError, match="no session"):
+        session_folders(tmp_path / "empty")
