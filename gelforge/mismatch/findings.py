@@ -9,11 +9,13 @@ import numpy as np
 import pandas as pd
 from scipy.stats import norm
 
-from gelforge.config import Sensor
+from gelforge.config import Sensor, Study
 from gelforge.mismatch import verdict as form
 from gelforge.mismatch.covariance import Covariance
-from gelforge.mismatch.identifiability import DETECTED_SNR, detection_limits
+from gelforge.mismatch.holdout import gain, predictive_scores
+from gelforge.mismatch.identifiability import detection_limits, profile
 from gelforge.mismatch.judge import Answer, Judgement, Remains, in_range
+from gelforge.mismatch.law_search import Terms, search, terms
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.scan import Finding
 from gelforge.mismatch.screen import Screened
@@ -21,6 +23,7 @@ from gelforge.mismatch.screen import Screened
 AXES = ("x", "y", "z")
 NINETY = float(norm.ppf(0.95))
 LOCAL_MM = 5.0  # a pattern wider than this has no place of its own
+PROFILE_SD, PROFILE_POINTS = 4.0, 33
 PLACES = 3  # patterns of the scan that are told
 BODY_WIDTH = 0.3  # standard deviation of a patch's relative change of modulus before anything is known
 
@@ -92,6 +95,39 @@ def readings_table(problem: Problem, judgement: Judgement) -> pd.DataFrame:
         sigma_N=problem.covariance.standard_deviation,
         held_out=held,
     )
+
+
+def law_of(problem: Problem, judgement: Judgement, study: Study) -> form.Law | None:
+    """Return a law for what the best answer leaves, found on the training readings alone; None where none predicts."""
+    train, answer = judgement.blocks.train, judgement.answer
+    labels, observations = problem.labels, problem.observations
+    if judgement.state != "open" or labels["site"][train].nunique() < 2:
+        return None
+    left = observations.flat(observations.force - (problem.base if answer is None else answer.after))
+    sensor = study.sensor
+    radius = min(part.radius_mm for part in study.indenter.shapes)
+    candidates = terms(labels, observations.flat(problem.base), radius, sensor.height_mm, sensor.width_x_mm)
+    covariance = problem.covariance.restricted(train)
+    on_train = Terms(candidates.names, candidates.values[train])
+    law = search(left[train], covariance, on_train, labels[train].reset_index(drop=True), study.seed)
+    if not law.terms:
+        return None
+    columns = candidates.values[:, [candidates.names.index(name) for name in law.terms]]
+    after = left - columns @ np.array(law.coefficients)
+    spread = np.diag(np.square(law.standard_deviations))
+    scores = [
+        predictive_scores(left, problem.covariance, judgement.blocks, labels),
+        predictive_scores(after, problem.covariance, judgement.blocks, labels, columns, spread),
+    ]
+    gained, mask = gain(*scores), judgement.blocks.held_out
+    held = form.HeldOut(
+        block="all",
+        before=_predicted(problem, left, mask, scores[0]["score"].sum()),
+        after=_predicted(problem, after, mask, scores[1]["score"].sum()),
+        gain=gained.total,
+        standard_error=min(gained.standard_error, 1e12),
+    )
+    return form.Law(words=law.text, terms=dict(zip(law.terms, law.coefficients)), held_out=held)
 
 
 def body_map(problem: Problem, covariance: Covariance) -> pd.DataFrame | None:
@@ -220,6 +256,9 @@ def _effects(problem: Problem, judgement: Judgement) -> list[form.NamedEffect]:
                 problem, part.name, dict(part.shape), amounts, spread, own, answer.fit.log_bayes_factor,
                 answer.winner.snr, True, [name.split(" + ")[-1] for name in group.members], part.switch,
             )  # fmt: skip
+        if len(answer.fit.parts) == 1 and not answer.fit.parts[0].switch:
+            name = answer.fit.parts[0].name
+            found[name] = _profiled(problem, judgement, found[name])
         names = [fit.parts[-1].name for fit in answer.refits]
         if len(answer.fit.parts) == 1:
             for judged in answer.ranked[1:]:
@@ -233,6 +272,24 @@ def _effects(problem: Problem, judgement: Judgement) -> list[form.NamedEffect]:
     rank = {name: k for k, name in enumerate(found)}
     first = {part.name for part in answer.fit.parts} if answer is not None else set()
     return sorted(found.values(), key=lambda e: (e.name not in first, -e.probability, rank[e.name]))
+
+
+def _profiled(problem: Problem, judgement: Judgement, effect: form.NamedEffect) -> form.NamedEffect:
+    """Return the answer's effect with the profiles of its amounts, to first order about the refit, on training readings."""
+    train, answer = judgement.blocks.train, judgement.answer
+    residual, covariance, _ = problem.part(train)
+    part = answer.fit.parts[0].restricted(train)
+    judged = Screened(**{**vars(answer.winner), "parts": (part,)})
+    change = problem.observations.flat(answer.after - problem.base)[train]
+    offset = (
+        residual - change + part.columns @ answer.fit.amounts[0]
+    )  # the model's own change at the fitted amounts
+    amounts = []
+    for k, (amount, sd) in enumerate(zip(effect.amounts, np.sqrt(np.diag(answer.fit.covariance)))):
+        grid = amount.value + sd * np.linspace(-PROFILE_SD, PROFILE_SD, PROFILE_POINTS)
+        values = profile(offset, covariance, judged, k, grid)
+        amounts.append(amount.model_copy(update={"profile": list(zip(grid.tolist(), values.tolist()))}))
+    return effect.model_copy(update={"amounts": amounts})
 
 
 def _blocks(answer: Answer) -> list[np.ndarray]:
@@ -423,13 +480,3 @@ def versions() -> dict[str, str]:
 def confirmed(judgement: Judgement, problem: Problem) -> bool:
     """Return whether the answer may be put into the study."""
     return judgement.state in ("named", "group") and in_range(problem, judgement.answer.fit)
-
-
-def detected_snr() -> float:
-    """Return the signal over noise at which a change counts as seen."""
-    return DETECTED_SNR
-
-
-def unread(labels: Mapping) -> list[str]:
-    """Return the axes of which nothing was read."""
-    return [AXES[k] for k in range(3) if k not in set(labels["axis"])]

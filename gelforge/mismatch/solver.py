@@ -1,8 +1,9 @@
 """The finite elements behind a verdict: base forces at every reading, how they follow each effect, and forces with effects.
 
 Base forces are those of the study's own mesh, on the way down. Derivatives, ways up and everything with an effect are
-solved on a mesh of COARSER sizes, and only their difference from the base on that same mesh is used, multiplied by what the
-finer mesh makes of the pressing force: the mesh's error of a change is a small part of a small change. All solutions are kept by the digest of what decides them.
+solved on a mesh of COARSER sizes, and only their difference from the base on that same mesh is used, multiplied by what
+the finer mesh makes of the pressing force: the mesh's error of a change is a small part of a small change. All solutions
+are kept by the digest of what decides them.
 """
 
 from __future__ import annotations

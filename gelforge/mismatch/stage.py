@@ -14,7 +14,7 @@ from gelforge.mismatch.context import Context
 from gelforge.mismatch.covariance import Covariance, readings_covariance
 from gelforge.mismatch.effect import Effect
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.findings import body_map, confirmed, readings_table, verdict_of, versions
+from gelforge.mismatch.findings import body_map, confirmed, law_of, readings_table, verdict_of, versions
 from gelforge.mismatch.judge import Judgement, judge
 from gelforge.mismatch.observations import Observations
 from gelforge.mismatch.patch import patch_of
@@ -54,6 +54,7 @@ def judge_recording(solver: Solver, folders: Sequence[Path], out: Path, title: s
         study.sensor,
         provenance_of(folders, study, solver),
         cases,
+        law=law_of(problem, judgement, study),
     )
     write_verdict(out, verdict)
     write_readings(out, readings_table(problem, judgement))
