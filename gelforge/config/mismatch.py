@@ -21,6 +21,9 @@ class Mismatch(Section):
     sites: int = Field(
         25, ge=2, description="positions that are judged at most, spread over those recorded [-]"
     )
+    depths: int | None = Field(
+        None, ge=3, description="depths that are judged at most, spread over those pressed to; null: all [-]"
+    )
     refit_sites: int = Field(9, ge=1, description="of these, positions at which effects are refitted [-]")
     rivals: int = Field(
         4, ge=0, description="effects that are refitted beside the most probable one, at most [-]"

@@ -149,21 +149,27 @@ def _from_file(path: Path) -> dict[str, PlannedCell]:
         texts=("cell",),
         optional_texts=("phase",),
     )
+    names, phases = table["cell"].astype(str).tolist(), table["phase"].tolist()
+    places = table[["x_mm", "y_mm", "depth_mm"]].to_numpy(float)
+    moves = table[list(PATH_NUMBERS)].fillna(0.0).to_numpy(float)
+    rows_of: dict[str, list[int]] = {}
+    for row, name in enumerate(names):
+        rows_of.setdefault(name, []).append(row)
     cells = {}
-    for name, rows in table.groupby("cell", sort=False):
-        if not NAME.fullmatch(str(name)):
+    for name, rows in rows_of.items():
+        if not NAME.fullmatch(name):
             raise ConfigError(f"{path}: cell {name!r} is not a name; use letters, digits, '_' and '-'")
-        numbers = rows[["x_mm", "y_mm", "depth_mm"]].to_numpy(float)
+        numbers, turns = places[rows], moves[rows]
         if not np.isfinite(numbers).all():
             raise ConfigError(
                 f"{path}: cell {name} has an empty or non-finite number; fill x_mm, y_mm and depth_mm"
             )
         if np.ptp(numbers[:, :2], axis=0).max() > 1e-9:
             raise ConfigError(f"{path}: cell {name} has several positions; give each position its own cell")
-        place = (str(name), float(numbers[0, 0]), float(numbers[0, 1]))
-        turns = rows[list(PATH_NUMBERS)].fillna(0.0).to_numpy(float)
-        if turns.any() or (rows["phase"] != "").any():
-            cells[str(name)] = _path(path, place, numbers[:, 2], turns, list(rows["phase"]))
+        place = (name, float(numbers[0, 0]), float(numbers[0, 1]))
+        phased = [phases[row] for row in rows]
+        if turns.any() or any(phased):
+            cells[name] = _path(path, place, numbers[:, 2], turns, phased)
             continue
         depths = tuple(sorted(numbers[:, 2]))
         if depths[0] <= 0 or len(set(depths)) < len(depths):
@@ -171,7 +177,7 @@ def _from_file(path: Path) -> dict[str, PlannedCell]:
                 f"{path}: cell {name} has depths {depths}; they must be positive and differ, unless phase or shear_x_mm, "
                 "shear_y_mm make its rows a path"
             )
-        cells[str(name)] = PlannedCell(*place, depths)
+        cells[name] = PlannedCell(*place, depths)
     return cells
 
 

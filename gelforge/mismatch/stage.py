@@ -19,6 +19,7 @@ from gelforge.mismatch.judge import Judgement, judge
 from gelforge.mismatch.observations import Observations
 from gelforge.mismatch.patch import patch_of
 from gelforge.mismatch.problem import Problem
+from gelforge.mismatch.runs import DEPTH_DIGITS
 from gelforge.mismatch.screen import Candidate
 from gelforge.mismatch.sessions import observe
 from gelforge.mismatch.solver import Base, Solver, base_of, forces_with
@@ -77,7 +78,19 @@ def observations_of(folders: Sequence[Path], study: Study) -> tuple[Observations
         scatter = np.full_like(observations.touchdown_mm, study.mismatch.touchdown_mm)
         observations = replace(observations, touchdown_mm=scatter)
     exact = [load_session(folder / "session.yaml") for folder in folders]
-    return spread_sites(observations, study), any(session.synthetic for session in exact)
+    return spread_depths(spread_sites(observations, study), study), any(session.synthetic for session in exact)
+
+
+def spread_depths(observations: Observations, study: Study) -> Observations:
+    """Return the observations of presses to no more depths than the study judges, spread evenly, the deepest among them."""
+    depth = observations.table["deepest_mm"].round(DEPTH_DIGITS)
+    levels, most = np.unique(depth), study.mismatch.depths
+    if most is None or len(levels) <= most:
+        return observations
+    chosen = levels[np.round(np.linspace(0, len(levels) - 1, most)).astype(int)]
+    told = f"presses to {len(levels)} depths were recorded, those to {most} of them are judged (mismatch.depths)"
+    part = observations.chosen(depth.isin(chosen).to_numpy())
+    return replace(part, cannot_know=(*part.cannot_know, told))
 
 
 def spread_sites(observations: Observations, study: Study) -> Observations:
