@@ -49,6 +49,33 @@ def read_csv(
     or empty (NaN). texts: columns that must be there and not be empty; optional_texts: may be absent or empty
     (""). Other columns are kept as text.
     """
+    lines, columns = read_columns(
+        path,
+        numbers=numbers,
+        optional_numbers=optional_numbers,
+        texts=texts,
+        optional_texts=optional_texts,
+        form=form,
+    )
+    import pandas as pd  # a third of a second, which who reads columns does without
+
+    typed = {
+        name: values if name in (*numbers, *optional_numbers) else pd.Series(values, lines, str)
+        for name, values in columns.items()
+    }
+    return pd.DataFrame(typed, index=lines)
+
+
+def read_columns(
+    path: str | Path,
+    *,
+    numbers: Sequence[str] = (),
+    optional_numbers: Sequence[str] = (),
+    texts: Sequence[str] = (),
+    optional_texts: Sequence[str] = (),
+    form: CsvForm = CsvForm(),
+) -> tuple[list[int], dict[str, list]]:
+    """Return the line numbers and the columns of a CSV file, checked as by `read_csv`."""
     path = Path(path)
     header, decimal, rows = _split(path, form)
     missing = [name for name in (*numbers, *texts) if name not in header]
@@ -57,24 +84,23 @@ def read_csv(
             f"{path}, row {rows[0][0] if rows else 1}: columns {missing} are missing; found {header},"
             " name them so in the header or add them"
         )
-    import pandas as pd  # a third of a second, which a mirrored cell's job, that reads no table, does without
-
-    table = pd.DataFrame(
-        [cells for _, cells in rows[1:]], columns=header, index=[line for line, _ in rows[1:]], dtype=str
-    )
-    if table.empty:
+    if len(rows) < 2:
         raise TableError(f"{path}: no rows below the header; at least one is needed")
+    lines = [line for line, _ in rows[1:]]
+    columns: dict[str, list] = dict(zip(header, map(list, zip(*(cells for _, cells in rows[1:])))))
     for name in numbers:
-        table[name] = _numbers(path, table[name], decimal, empty_allowed=False)
+        columns[name] = _numbers(path, name, lines, columns[name], decimal, empty_allowed=False)
     for name in optional_numbers:
-        table[name] = _numbers(path, table[name], decimal, True) if name in header else float("nan")
+        given = columns.get(name)
+        columns[name] = (
+            [math.nan] * len(lines) if given is None else _numbers(path, name, lines, given, decimal, True)
+        )
     for name in texts:
-        if (table[name] == "").any():
-            raise TableError(f"{path}, row {table.index[table[name] == ''][0]}: {name} is empty; fill it")
+        if "" in columns[name]:
+            raise TableError(f"{path}, row {lines[columns[name].index('')]}: {name} is empty; fill it")
     for name in optional_texts:
-        if name not in header:
-            table[name] = ""
-    return table
+        columns.setdefault(name, [""] * len(lines))
+    return lines, columns
 
 
 def read_comments(path: str | Path) -> list[str]:
@@ -131,10 +157,12 @@ def _comment(line: str, form: CsvForm) -> bool:
     return line.lstrip()[0] in form.comment
 
 
-def _numbers(path: Path, column: pd.Series, decimal: str, empty_allowed: bool) -> list[float]:
+def _numbers(
+    path: Path, name: str, lines: list[int], column: list[str], decimal: str, empty_allowed: bool
+) -> list[float]:
     """Return a column of text as numbers; decimal "." or "," allows only that sign, ".," both."""
     values = []
-    for line, text in column.items():
+    for line, text in zip(lines, column):
         if text == "" and empty_allowed:
             values.append(math.nan)
             continue
@@ -147,7 +175,7 @@ def _numbers(path: Path, column: pd.Series, decimal: str, empty_allowed: bool) -
         if not math.isfinite(value):
             found = repr(text) if text else "nothing"
             raise TableError(
-                f"{path}, row {line}: {column.name} is {found}; a finite number is needed"
+                f"{path}, row {line}: {name} is {found}; a finite number is needed"
                 f"{f' (decimal sign {decimal})' if len(decimal) == 1 else ''}, correct or drop the row"
             )
         values.append(value)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field
 
 from gelforge.config.common import Name, NonNegative, Positive, Section
@@ -33,6 +35,10 @@ class Mismatch(Section):
     leave_out: list[Name] = Field([], description="effects of the catalogue that are not tried")
     touchdown_mm: NonNegative | None = Field(
         None, description="scatter of depth zero in place of what the sessions say [mm]"
+    )
+    images: Literal["fitted", "predicted", "left_out"] = Field(
+        "left_out",
+        description="images of sessions with a camera are judged with the forces, predicted from them, or left out",
     )
     noise_scales: list[Positive] = Field(
         [0.5, 1.0, 2.0], description="scales of the readings' noise at which the verdict is repeated [-]"

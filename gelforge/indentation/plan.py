@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gelforge.config import NAME, ConfigError, Study
+from gelforge.csv_table import read_columns
 from gelforge.indentation.indenter_shapes import check_press, shape_of
 from gelforge.indentation.symmetry import D4, transform_points
 
@@ -140,18 +141,16 @@ def _from_grid(study: Study) -> dict[str, PlannedCell]:
 
 
 def _from_file(path: Path) -> dict[str, PlannedCell]:
-    from gelforge.csv_table import read_csv  # loads pandas, which a mirrored cell's job does without
-
-    table = read_csv(
+    _, columns = read_columns(
         path,
         numbers=("x_mm", "y_mm", "depth_mm"),
         optional_numbers=PATH_NUMBERS,
         texts=("cell",),
         optional_texts=("phase",),
     )
-    names, phases = table["cell"].astype(str).tolist(), table["phase"].tolist()
-    places = table[["x_mm", "y_mm", "depth_mm"]].to_numpy(float)
-    moves = table[list(PATH_NUMBERS)].fillna(0.0).to_numpy(float)
+    names, phases = columns["cell"], columns["phase"]
+    places = np.column_stack([columns[name] for name in ("x_mm", "y_mm", "depth_mm")])
+    moves = np.nan_to_num(np.column_stack([columns[name] for name in PATH_NUMBERS]))
     rows_of: dict[str, list[int]] = {}
     for row, name in enumerate(names):
         rows_of.setdefault(name, []).append(row)

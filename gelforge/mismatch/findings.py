@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib.metadata import version
 
 import numpy as np
@@ -12,6 +12,7 @@ from scipy.stats import norm
 from gelforge.config import Sensor, Study
 from gelforge.mismatch import verdict as form
 from gelforge.mismatch.covariance import Covariance
+from gelforge.mismatch.flow import force_part
 from gelforge.mismatch.holdout import gain, predictive_scores
 from gelforge.mismatch.identifiability import detection_limits, profile
 from gelforge.mismatch.judge import Answer, Judgement, Remains, in_range
@@ -38,9 +39,11 @@ def verdict_of(
     noise_cases: Sequence[form.NoiseCase] = (),
     experiments: Sequence[form.Experiment] = (),
     law: form.Law | None = None,
+    flow: form.Flow | None = None,
 ) -> form.Verdict:
     """Return the verdict of a judgement."""
     answer = judgement.answer
+    in_newtons = force_part(problem, judgement)
     told = _groups(problem, answer) if judgement.state in ("named", "group", "open") else []
     return form.Verdict(
         title=title,
@@ -59,11 +62,11 @@ def verdict_of(
         null_probability=0.0
         if judgement.state in ("named", "group", "open")
         else judgement.probability["null"],
-        fit=_fit(problem, judgement),
+        fit=_fit(*in_newtons).model_copy(update={"flow": flow}),
         adequacy=None if answer is None else _adequacy(answer.adequacy),
         law=law,
         detection_limits=_limits(problem, judgement),
-        noise=_noise(problem, noise_cases),
+        noise=_noise(in_newtons[0], noise_cases),
         next_experiments=list(experiments) or _texts(problem, judgement),
         cannot_know=[*problem.observations.cannot_know, *judgement.notes, *_uncomputed(problem)],
         outliers=[
@@ -210,7 +213,7 @@ def _where(mismatch: Remains) -> list[form.Where]:
         found.append(
             form.Where(
                 words=finding.name,
-                channel=f"force {region['axis']}" if "axis" in region else "force",
+                channel=f"force {region['axis']}" if "axis" in region else region.get("channel", "force"),
                 x_mm=region.get("x_mm"),
                 y_mm=region.get("y_mm"),
                 radius_mm=region.get("radius_mm"),

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
+from gelforge.config import ConfigError
 from gelforge.config.mismatch import Mismatch
 from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mismatch.covariance import Covariance
@@ -169,7 +170,7 @@ def _round(
     for leader in leaders:
         try:
             fits[leader.name] = refitted(problem, _unmasked(problem, leader), mask)
-        except NotConverged as failure:
+        except (NotConverged, ConfigError) as failure:  # ConfigError: effects that do not go together
             notes.append(f"{leader.name} could not be solved at its fitted amount: {failure}")
     return _answer(problem, blocks, settings, rng, ranked, fits, mask, tried) if fits else None
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -29,6 +30,7 @@ class Problem:
     forces_with: ForcesWith
     failed: Mapping[str, str]  # effects that could not be computed, and why
     first: frozenset[str] = frozenset()  # effects that put right what the base assumes and cannot be true
+    flow: Any = None  # flow.FlowChannel where images are judged with the forces
 
     @property
     def labels(self) -> pd.DataFrame:

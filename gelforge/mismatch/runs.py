@@ -43,7 +43,9 @@ def runs_of(observations: Observations) -> Runs:
     up = (table["phase"] == "unload").to_numpy()
     planned, site_of, run, step = [], [], np.empty(len(table), int), np.empty(len(table), int)
     for site, rows in table.groupby("site").indices.items():
-        down = np.unique(np.concatenate([depth[rows][~up[rows]], deepest[rows]]))
+        down = np.unique(
+            np.concatenate([depth[rows], deepest[rows]])
+        )  # those of ways up too: their base is known there
         peaks = np.unique(deepest[rows][up[rows]])
         for peak in np.union1d(peaks, down[-1:])[::-1]:
             own = rows[up[rows] & (deepest[rows] == peak)]

@@ -18,6 +18,7 @@ AXES = ("x", "y", "z")
 TOUCHDOWN_MM = 0.02  # assumed where neither the session nor repeated presses say how well zero was found
 SPEED_MM_PER_S = 1.0  # assumed where a press has one moving row only
 OUTLIER = 8.0  # standard deviations of a held reading from the median of its press's others at that depth
+LEAST_SCATTER = 0.1  # of the step, where all repeats were rounded to one number
 LEAST_FREEDOM = 10  # repeats that a noise estimate needs
 RASTER = 0.9  # |rank correlation| of order with x or y above which time and place are one
 
@@ -44,8 +45,8 @@ def observe(folders: Sequence[Path], sensor: Sensor, speed_mm_per_s: float = SPE
     parts, forces, noises, zeros, scatters, zero_by, unknown, aside = [], [], [], [], [], [], [], []
     for folder in folders:
         recording = read_recording(folder, None, sensor)
-        noise, said = reading_noise(recording)
-        readings, dropped = without_outliers(recording, noise)
+        noise, rounding, said = reading_noise(recording)
+        readings, dropped = without_outliers(recording, np.hypot(noise, rounding))
         unknown += said
         aside += dropped
         part = _table(recording.session, readings, speed_mm_per_s)
@@ -54,9 +55,9 @@ def observe(folders: Sequence[Path], sensor: Sensor, speed_mm_per_s: float = SPE
         dead = _dead_axes(force, recording.session, unknown)
         force[:, dead] = np.nan
         count = (readings["phase"] == "zero").groupby(readings["press"]).sum().reindex(readings["press"])
-        zero = noise / np.sqrt(np.maximum(count.to_numpy(), 1))[:, None]
+        zero = np.sqrt(noise**2 / np.maximum(count.to_numpy(), 1)[:, None] + 2 * rounding**2)
         if recording.session.force.tared:
-            zero = np.zeros_like(zero)
+            zero = np.broadcast_to(rounding, force.shape)
         parts.append(part[held])
         forces.append(force[held])
         noises.append(np.broadcast_to(noise, force.shape)[held])
@@ -73,11 +74,12 @@ def observe(folders: Sequence[Path], sensor: Sensor, speed_mm_per_s: float = SPE
     return _with_touchdown(_with_order(found))
 
 
-def reading_noise(recording: Recording) -> tuple[np.ndarray, list[str]]:
-    """Return the standard deviation (3,) [N] of one reading, from repeats, and what is not known of it.
+def reading_noise(recording: Recording) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Return the standard deviations (3,) [N] of one reading and of its rounding, and what is not known of them.
 
-    Repeats are zero rows of a press, and its dwell rows about their straight line; it is never below step / sqrt(12) of the
-    readings' step.
+    Repeats are zero rows of a press, and its dwell rows about their straight line. Where they scatter by less than half of
+    the readings' step, rounding is one and the same error in all repeats of a press: step / sqrt(12), in zero and in
+    reading each; where they scatter more, it is part of the scatter.
     """
     readings, session = recording.readings, recording.session
     squares, freedom = np.zeros(3), 0
@@ -91,9 +93,11 @@ def reading_noise(recording: Recording) -> tuple[np.ndarray, list[str]]:
             left = force - straight @ np.linalg.lstsq(straight, force, rcond=None)[0]
             squares += (left**2).sum(axis=0)
             freedom += len(of_press) - fitted
-    step = np.array(session.force.resolution_N) / np.sqrt(12)
+    step = np.array(session.force.resolution_N, dtype=float)
     if freedom >= LEAST_FREEDOM:
-        return np.maximum(np.sqrt(squares / freedom), step), []
+        scatter = np.sqrt(squares / freedom)
+        rounding = np.where(scatter < step / 2, step / np.sqrt(12), 0.0)
+        return np.maximum(scatter, LEAST_SCATTER * step), rounding, []
     stated = session.force.repeatability_N
     said = (
         f"{session.session}: {freedom} repeated readings, {LEAST_FREEDOM} are needed to know the noise; "
@@ -103,7 +107,7 @@ def reading_noise(recording: Recording) -> tuple[np.ndarray, list[str]]:
             else "the stated resolution is taken as its standard deviation"
         )
     )
-    return np.full(3, stated) if stated else np.array(session.force.resolution_N, dtype=float), [said]
+    return np.full(3, stated) if stated else step, np.zeros(3), [said]
 
 
 def without_outliers(recording: Recording, noise: np.ndarray) -> tuple[pd.DataFrame, list[str]]:

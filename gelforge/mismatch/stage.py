@@ -15,6 +15,7 @@ from gelforge.mismatch.covariance import Covariance, readings_covariance
 from gelforge.mismatch.effect import Effect
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.findings import body_map, confirmed, law_of, readings_table, verdict_of, versions
+from gelforge.mismatch.flow import flow_section, force_part, with_flow
 from gelforge.mismatch.judge import Judgement, judge
 from gelforge.mismatch.observations import Observations
 from gelforge.mismatch.patch import patch_of
@@ -44,9 +45,12 @@ def judge_recording(solver: Solver, folders: Sequence[Path], out: Path, title: s
     """
     study = solver.study
     observations, synthetic = observations_of(folders, study)
-    problem, base = problem_of(solver, observations)
+    forces, base = problem_of(solver, observations)
+    joint = forces if study.mismatch.images == "left_out" else with_flow(solver, base, forces, folders)
+    problem = joint if study.mismatch.images == "fitted" else forces
     judgement = judge(problem, study.mismatch, study.seed)
     cases = noise_cases(problem, study)
+    in_newtons = force_part(problem, judgement)
     verdict = verdict_of(
         problem,
         judgement,
@@ -55,10 +59,11 @@ def judge_recording(solver: Solver, folders: Sequence[Path], out: Path, title: s
         study.sensor,
         provenance_of(folders, study, solver),
         cases,
-        law=law_of(problem, judgement, study),
+        law=law_of(*in_newtons, study),
+        flow=flow_section(joint, judgement),
     )
     write_verdict(out, verdict)
-    write_readings(out, readings_table(problem, judgement))
+    write_readings(out, readings_table(*in_newtons))
     patches = body_map(problem, problem.covariance)
     if patches is not None:
         write_body_map(out, patches)
@@ -78,7 +83,9 @@ def observations_of(folders: Sequence[Path], study: Study) -> tuple[Observations
         scatter = np.full_like(observations.touchdown_mm, study.mismatch.touchdown_mm)
         observations = replace(observations, touchdown_mm=scatter)
     exact = [load_session(folder / "session.yaml") for folder in folders]
-    return spread_depths(spread_sites(observations, study), study), any(session.synthetic for session in exact)
+    return spread_depths(spread_sites(observations, study), study), any(
+        session.synthetic for session in exact
+    )
 
 
 def spread_depths(observations: Observations, study: Study) -> Observations:
@@ -88,7 +95,9 @@ def spread_depths(observations: Observations, study: Study) -> Observations:
     if most is None or len(levels) <= most:
         return observations
     chosen = levels[np.round(np.linspace(0, len(levels) - 1, most)).astype(int)]
-    told = f"presses to {len(levels)} depths were recorded, those to {most} of them are judged (mismatch.depths)"
+    told = (
+        f"presses to {len(levels)} depths were recorded, those to {most} of them are judged (mismatch.depths)"
+    )
     part = observations.chosen(depth.isin(chosen).to_numpy())
     return replace(part, cannot_know=(*part.cannot_know, told))
 
@@ -157,20 +166,22 @@ def known_false(study: Study, observations: Observations, effects: Mapping[str, 
 
 
 def with_known(base: Base, study: Study) -> Base:
-    """Return the base with the effects of force sensor and clock that the study takes as known."""
+    """Return the base with the effects of force sensor and clock that the study takes as known (the camera's: flow.py)."""
     context = base.context
     for known in study.mismatch.known:
-        if known.effect not in CATALOGUE or CATALOGUE[known.effect].to_forces is None:
+        effect = CATALOGUE.get(known.effect)
+        if effect is None or (effect.to_forces is None and effect.to_camera is None):
             raise ConfigError(
-                f"mismatch.known: no effect {known.effect!r} of forces; the catalogue has {sorted(CATALOGUE)}"
+                f"mismatch.known: no effect {known.effect!r} of forces or camera; the catalogue has {sorted(CATALOGUE)}"
             )
-        effect = CATALOGUE[known.effect]
         unknown = set(known.amounts) - {p.name for p in effect.parameters}
         if unknown:
             names = [p.name for p in effect.parameters]
             raise ConfigError(
                 f"mismatch.known, {known.effect}: no parameter {sorted(unknown)}; it has {names}"
             )
+        if effect.to_forces is None:
+            continue
         amounts = np.array([known.amounts.get(p.name, 0.0) for p in effect.parameters])
         context = replace(context, force=effect.to_forces(context, known.shape, context.force, amounts))
     return replace(base, context=context)
@@ -221,7 +232,7 @@ def noise_cases(problem: Problem, study: Study) -> list[NoiseCase]:
 
 def noise_case(problem: Problem, judgement: Judgement, scale: float) -> NoiseCase:
     """Return a judgement as one row of the table over noise."""
-    z = problem.observations.noise_N[:, 2]
+    z = problem.observations.noise_N[np.isfinite(problem.observations.noise_N[:, 2]), 2]
     answer = judgement.answer if judgement.state in ("named", "group", "open") else None
     groups = [] if answer is None else answer.groups
     return NoiseCase(

@@ -82,7 +82,7 @@ def test_the_patch_gives_the_figure_after(stiffer, kept):
 
 
 def test_tables_and_verdict_read_back(stiffer):
-    session, verdict, out = stiffer
+    _, verdict, out = stiffer
     assert read_verdict(out) == verdict
     told = read_readings(out)
     assert len(told) == 3 * len(SITES) * len(DEPTHS) * 5  # axes, sites, depths, a load and four dwell rows

@@ -1,21 +1,27 @@
-"""The law is linear where it is not, or the other way round: neo-Hookean moduli against the fitted law.
+"""The law is linear where it is not: neo-Hookean moduli in place of the fitted law.
 
-Turned round: a base with fitted laws gets neo-Hookean ones of the same moduli, one with these the fitted laws. A base of
-small strain is linear in both senses: it gets the fitted laws, at finite strain, without which they have no meaning.
+A base with neo-Hookean laws gets the fitted ones of the same moduli. A base of small strain is linear in both senses: it
+gets the fitted laws, at finite strain, without which they have no meaning. A base with fitted laws has nothing to be put
+right; that another law holds is `law_exponent`.
 """
 
-from gelforge.config import Mechanics
+from gelforge.config import Mechanics, Study
 from gelforge.indentation.effects.catalogue import CATALOGUE
 from gelforge.mismatch.effect import Effect
 from gelforge.mismatch.solver_effects import ON, amount, first_order, turned_round
 
 
 def changes(mechanics: Mechanics) -> dict:
-    """Return the keys of mechanics that turn it round."""
-    if mechanics.strain == "small":
-        linear = {"effects": {"material": {"linear_law": False}}}
-        return {"strain": "finite", "contact_normals": "current"} | linear
-    return {"effects": {"material": {"linear_law": not mechanics.effects.material.linear_law}}}
+    """Return the keys of mechanics that bring the fitted laws."""
+    fitted = {"effects": {"material": {"linear_law": False}}}
+    return (
+        {"strain": "finite", "contact_normals": "current"} | fitted if mechanics.strain == "small" else fitted
+    )
+
+
+def applies(study: Study) -> bool:
+    """Whether the base takes the law as linear."""
+    return study.mechanics.strain == "small" or study.mechanics.effects.material.linear_law
 
 
 EFFECT = Effect(
@@ -30,5 +36,6 @@ EFFECT = Effect(
     separated_by="a material test to the stretches under the ball; the base solved with both laws",
     to_study=turned_round(changes),
     to_forces=first_order("linear_elasticity"),
+    applies=applies,
     switch=True,
 )

@@ -1,7 +1,7 @@
-"""Deformation is taken as small where it is not, or the other way round.
+"""Deformation is taken as small where it is not.
 
-Turned round: a base of finite strain gets small-strain elasticity; one of small strain gets finite strain with neo-Hookean
-laws of its moduli, which add no other nonlinearity (`linear_elasticity` adds the fitted laws).
+A base of small strain gets finite strain with neo-Hookean laws of its moduli, which add no other nonlinearity
+(`linear_elasticity` adds the fitted laws). A base of finite strain has nothing to be put right: no gel strains little.
 """
 
 from gelforge.config import Mechanics, Study
@@ -11,9 +11,7 @@ from gelforge.mismatch.solver_effects import ON, amount, first_order, turned_rou
 
 
 def changes(mechanics: Mechanics) -> dict:
-    """Return the keys of mechanics that turn it round."""
-    if mechanics.strain == "finite":
-        return {"strain": "small"}
+    """Return the keys of mechanics that bring finite strain."""
     return {
         "strain": "finite",
         "contact_normals": "current",
@@ -22,9 +20,8 @@ def changes(mechanics: Mechanics) -> dict:
 
 
 def applies(study: Study) -> bool:
-    """Whether small strain is known for what else the study has."""
-    effects = study.mechanics.effects
-    return not (effects.history.any or effects.geometry.prestretch)
+    """Whether the base takes deformation as small."""
+    return study.mechanics.strain == "small"
 
 
 EFFECT = Effect(

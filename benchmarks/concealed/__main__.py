@@ -1,0 +1,128 @@
+"""The proof on concealed effects, step by step; every step goes on where it was left.
+
+usage: python -m benchmarks.concealed solve                                 presses by FElupe (about 40 min of one core)
+       python -m benchmarks.concealed generate SET [--seed 7 | --commit HASH] recordings, and truths under seal
+       python -m benchmarks.concealed judge SET [--limit 10] [--command "..."] gelforge mismatch on each
+       python -m benchmarks.concealed score SET                            opens the seals, writes scores.md
+
+Run from the repository's root. SET is a name; sets lie in results/concealed/sets.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+SETS = Path("results/concealed/sets")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    steps = parser.add_subparsers(dest="step", required=True)
+    steps.add_parser("solve", help="solve what all cases share")
+    steps.add_parser("check", help="print how far the base is from the fine mesh")
+    one = steps.add_parser("generate", help="draw, write and seal a set")
+    one.add_argument("set")
+    which = one.add_mutually_exclusive_group(required=True)
+    which.add_argument("--seed", type=int, help="a development set: below 1000")
+    which.add_argument("--commit", help="the commit that froze the analysis: the reporting set")
+    for name, number in (("nulls", 200), ("singles", 45), ("pairs", 20), ("outside", 24)):
+        one.add_argument(f"--{name}", type=int, default=number)
+    one = steps.add_parser("judge", help="judge what has not been judged")
+    one.add_argument("set")
+    one.add_argument("--limit", type=int)
+    one.add_argument("--command", help="in place of gelforge mismatch; {recording} {config} {out} {kept}")
+    one = steps.add_parser("score", help="open the seals and score")
+    one.add_argument("set")
+    one.add_argument("--no-baselines", action="store_true")
+    run(parser.parse_args())
+
+
+def run(asked: argparse.Namespace) -> None:
+    if asked.step == "solve":
+        from .solves import solve_all
+
+        solve_all(say=lambda text: print(text, flush=True))
+    elif asked.step == "check":
+        from .library import convergence
+
+        for row in convergence():
+            print("{place} {depth_mm:g} mm: {base_N:.4f} N, fine {fine_N:.4f} N: {ratio:.4f}".format(**row))
+    elif asked.step == "generate":
+        _generate(asked)
+    elif asked.step == "judge":
+        from .sets import COMMAND, judge
+
+        judge(
+            SETS / asked.set, asked.command or COMMAND, asked.limit, say=lambda text: print(text, flush=True)
+        )
+    else:
+        _score(SETS / asked.set, not asked.no_baselines)
+
+
+def _generate(asked: argparse.Namespace) -> None:
+    from .draw import DEVELOPMENT, seed_of_commit
+    from .library import load_library
+    from .sets import generate
+
+    if asked.seed is not None and asked.seed >= DEVELOPMENT:
+        raise SystemExit(
+            f"--seed {asked.seed}: development seeds are below {DEVELOPMENT}; others come from a --commit"
+        )
+    seed = asked.seed if asked.seed is not None else seed_of_commit(asked.commit)
+    numbers = {name: getattr(asked, name) for name in ("nulls", "singles", "pairs", "outside")}
+    published = generate(load_library(), SETS / asked.set, seed, numbers, asked.commit or "")
+    print(
+        f"{len(published['cases'])} cases of seed {seed} in {SETS / asked.set}; publish sealed.json before judging"
+    )
+
+
+def _score(folder: Path, baselines: bool) -> None:
+    import pandas as pd
+
+    from . import sealing
+    from .score import judged_from, scores, table_of, wrong_cases
+    from .sets import opened
+
+    found = opened(folder)
+    tool = []
+    for case in found:
+        path = case["folder"] / "readings.csv"
+        tool.append(
+            (
+                case["name"],
+                case["truth"],
+                judged_from(case["truth"], case["verdict"], pd.read_csv(path) if path.is_file() else None),
+            )
+        )
+    methods = {"gelforge": scores([j for *_, j in tool])}
+    if baselines:
+        from .baselines import judged_by_baselines
+        from .library import load_library
+
+        library = load_library()
+        each = [judged_by_baselines(library, case["case"], case["truth"]) for case in found]
+        for name in each[0] if each else ():
+            methods[name] = scores([one[name] for one in each])
+    table, wrong = table_of(methods), wrong_cases(tool)
+    published = sealing.read(folder / "sealed.json")
+    table.to_csv(folder / "scores.csv", index=False)
+    head = (
+        f"# Scores of set {folder.name}\n\nSeed {published['seed']} ({published['for']}), "
+        f"{len(found)} of {len(published['cases'])} cases judged. SYNTHETIC: recordings made by FElupe.\n\n"
+    )
+    text = (
+        head
+        + table.to_markdown(index=False)
+        + "\n\n## Cases got wrong\n\n"
+        + wrong.to_markdown(index=False)
+        + "\n"
+    )
+    (folder / "scores.md").write_text(text, encoding="utf-8")
+    print(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,188 @@
+"""Forces anywhere between the solved places and depths, of the base and of the finite-element effects.
+
+The force at the middle is a cubic spline in logarithms of depth and force; its ratio at other places is even in both
+distances from the middle, and horizontal over vertical force odd in its own. Effects are logarithms of ratios of vertical
+forces, and changes of horizontal over vertical force.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from . import solves
+from .solves import CHECKED, FOLDER, NODES, ORBITS, kept
+
+DEGREE, FLAT_DEGREE, EFFECT_DEGREE = 2, 3, 2  # of the polynomials over depth
+
+
+@dataclass(frozen=True)
+class Change:
+    """What an effect does, at coefficients of place (4) and depth: log ratio and horizontal over vertical."""
+
+    log_ratio: np.ndarray  # (4, p)
+    horizontal: np.ndarray  # (4, p)
+
+    def at(self, xy: np.ndarray, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return log ratio (R,) and change of (Fx, Fy) / Fz (R, 2) at places (R, 2) from the middle and depths (R,) [mm]."""
+        powers = np.vander(depth, self.log_ratio.shape[1], increasing=True)
+        s, t = xy.T**2
+        ratio = np.einsum("rm,mp,rp->r", _even_basis(s, t), self.log_ratio, powers)
+        x = np.einsum("rm,mp,rp->r", _odd_basis(s, t), self.horizontal, powers) * xy[:, 0]
+        y = np.einsum("rm,mp,rp->r", _odd_basis(t, s), self.horizontal, powers) * xy[:, 1]
+        return ratio, np.stack([x, y], axis=1)
+
+
+@dataclass(frozen=True)
+class LocalChange:
+    """What a defect does at the plan's places near it; other places do not feel it."""
+
+    places: np.ndarray  # (n, 2)
+    log_ratio: np.ndarray  # (n, p)
+    horizontal: np.ndarray  # (n, p, 2)
+
+    def at(self, xy: np.ndarray, depth: np.ndarray, turns: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the same as `Change.at`, the defect turned by quarter turns about the middle."""
+        turn = np.linalg.matrix_power(np.array([[0.0, -1.0], [1.0, 0.0]]), turns)
+        away = np.linalg.norm(xy[:, None] - self.places @ turn.T, axis=2)
+        near, felt = away.argmin(axis=1), away.min(axis=1) < 1.0
+        powers = np.vander(depth, self.log_ratio.shape[1], increasing=True)
+        ratio = np.einsum("rp,rp->r", self.log_ratio[near], powers) * felt
+        flat = np.einsum("rpj,rp->rj", self.horizontal[near], powers) * felt[:, None]
+        return ratio, flat @ turn.T
+
+
+@dataclass(frozen=True)
+class Library:
+    """All that has been solved, ready to be evaluated; places are from the sensor's middle [mm]."""
+
+    shape: tuple[np.ndarray, np.ndarray]  # (D,), (D,) log depth [mm] and log -Fz [N] at the middle, fine mesh
+    vertical: np.ndarray  # (4, 4, p) ratio of Fz to that, at |x|, |y| in NODES
+    horizontal: np.ndarray  # (3, 4, p) Fx / Fz / x at |x| in NODES[1:], |y| in NODES
+    area: np.ndarray  # (p,) contact area / depth at the middle
+    changes: dict[str, Change]
+    defects: dict[tuple[str, str], LocalChange]
+
+    def base(self, xy: np.ndarray, depth: np.ndarray) -> np.ndarray:
+        """Return the base forces (R, 3) [N] at places (R, 2) and depths (R,) [mm]; 0 above the surface."""
+        d = np.maximum(depth, 1e-6)
+        powers = np.vander(d, self.vertical.shape[2], increasing=True)
+        flat_powers = np.vander(d, self.horizontal.shape[2], increasing=True)
+        s, t = xy.T**2
+        nodes = np.array(NODES) ** 2
+        S, T = _lagrange(nodes, s), _lagrange(nodes, t)
+        z = np.einsum("ri,rj,ijp,rp->r", S, T, self.vertical, powers) * self._middle(d)
+        odd_S, odd_T = _lagrange(nodes[1:], s), _lagrange(nodes[1:], t)
+        x = np.einsum("ri,rj,ijp,rp->r", odd_S, T, self.horizontal, flat_powers) * xy[:, 0] * z
+        y = np.einsum("ri,rj,ijp,rp->r", odd_T, S, self.horizontal, flat_powers) * xy[:, 1] * z
+        return np.where((depth > 0)[:, None], np.stack([x, y, z], axis=1), 0.0)
+
+    def _middle(self, d: np.ndarray) -> np.ndarray:
+        """Return Fz (R,) [N] at the middle; below the least solved depth a power of the depth, as in Hertz's law."""
+        spline = CubicSpline(*self.shape)
+        first, at = self.shape[0][0], np.log(d)
+        below = np.minimum(at - first, 0.0)
+        return -np.exp(spline(np.maximum(at, first)) + spline(first, 1) * below)
+
+
+def load_library(folder: Path = FOLDER) -> Library:
+    """Return the library of the solutions in a folder; effects whose solutions are not all there are left out."""
+    tables = _base_tables(folder)
+    changes, defects = {}, {}
+    for name in solves.EFFECTS:
+        if all((folder / f"{solves.effect_setup(name, *o).key}.npz").is_file() for o in ORBITS):
+            changes[name] = _change(name, folder)
+    for place, (_, touched) in solves.DEFECT_PLACES.items():
+        for name in solves.DEFECTS:
+            pairs = [[solves.defect_setup(n, place, x, y) for n in (name, "")] for x, y in touched]
+            if all((folder / f"{setup.key}.npz").is_file() for pair in pairs for setup in pair):
+                defects[name, place] = _local(pairs, np.array(touched), folder)
+    return Library(*tables, changes, defects)
+
+
+def convergence(folder: Path = FOLDER) -> list[dict]:
+    """Return the base's vertical forces beside those of the fine mesh, where both are known."""
+    rows = []
+    for place in CHECKED:
+        if not (folder / f"{solves.fine_setup(*place).key}.npz").is_file():
+            continue
+        base, fine = kept(solves.base_setup(*place), folder), kept(solves.fine_setup(*place), folder)
+        for d, a, b in zip(base.depths_mm, base.force_N[:, 2], fine.force_N[:, 2]):
+            rows.append(
+                {
+                    "place": place,
+                    "depth_mm": float(d),
+                    "base_N": float(a),
+                    "fine_N": float(b),
+                    "ratio": float(b / a),
+                }
+            )
+    return rows
+
+
+def _base_tables(folder: Path) -> tuple:
+    """Return shape, vertical, horizontal and area of a library.
+
+    A place's ratio to the middle is smoothed over depth: nodes that come to touch make it jump by half a per cent.
+    """
+    curves = {place: kept(solves.base_setup(*place), folder) for place in solves.triangle()}
+    middle, fine = curves[0.0, 0.0], kept(solves.fine_setup(0.0, 0.0), folder)
+    depths = middle.depths_mm
+    even, odd = (np.linalg.pinv(np.vander(depths, n + 1, increasing=True)) for n in (DEGREE, FLAT_DEGREE))
+    vertical = np.empty((4, 4, DEGREE + 1))
+    horizontal = np.empty((3, 4, FLAT_DEGREE + 1))
+    for i, a in enumerate(NODES):
+        for j, b in enumerate(NODES):
+            force = curves[max(a, b), min(a, b)].force_N
+            vertical[i, j] = even @ (force[:, 2] / middle.force_N[:, 2])
+            if i:
+                horizontal[i - 1, j] = odd @ (force[:, 0 if a >= b else 1] / force[:, 2] / a)
+    shape = np.log(depths), np.log(-fine.force_N[:, 2])
+    return shape, vertical, horizontal, odd @ (fine.area_mm2 / depths)
+
+
+def _ratio(curve, base) -> tuple[np.ndarray, np.ndarray]:
+    """Return log ratio (D,) and change of horizontal over vertical (D, 2) of a curve against the plain one."""
+    F, F0 = curve.force_N, base.force_N
+    return np.log(F[:, 2] / F0[:, 2]), F[:, :2] / F[:, 2:] - F0[:, :2] / F0[:, 2:]
+
+
+def _change(name: str, folder: Path) -> Change:
+    found = [_ratio(*(kept(solves.effect_setup(n, *o), folder) for n in (name, ""))) for o in ORBITS]
+    depths = np.array(solves.EFFECT_DEPTHS)
+    fit = np.linalg.pinv(np.vander(depths, EFFECT_DEGREE + 1, increasing=True))
+    s, t = np.array(ORBITS).T ** 2
+    log_ratio = np.linalg.solve(_even_basis(s, t), np.array([ratio @ fit.T for ratio, _ in found]))
+    # Fx at (6, 0), (4, 2), (6, 6), and at (2, 4) the Fy of (4, 2)
+    x, y = np.array([6.0, 4.0, 6.0, 2.0]), np.array([0.0, 2.0, 6.0, 4.0])
+    flat = [found[1][1][:, 0], found[2][1][:, 0], found[3][1][:, 0], found[2][1][:, 1]]
+    values = np.array(flat) / x[:, None] @ fit.T
+    return Change(log_ratio, np.linalg.solve(_odd_basis(x**2, y**2), values))
+
+
+def _local(pairs, places, folder: Path) -> LocalChange:
+    fit = np.linalg.pinv(np.vander(np.array(solves.EFFECT_DEPTHS), EFFECT_DEGREE + 1, increasing=True))
+    found = [_ratio(*(kept(setup, folder) for setup in pair)) for pair in pairs]
+    return LocalChange(
+        places, np.array([fit @ ratio for ratio, _ in found]), np.array([fit @ flat for _, flat in found])
+    )
+
+
+def _even_basis(s, t) -> np.ndarray:
+    return np.stack([np.ones_like(s), s + t, s * t, s**2 + t**2], axis=1)
+
+
+def _odd_basis(s, t) -> np.ndarray:
+    return np.stack([np.ones_like(s), s, t, s * t], axis=1)
+
+
+def _lagrange(nodes: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """Return Lagrange's polynomials (R, n) through nodes (n,) at s (R,)."""
+    weights = np.empty((len(s), len(nodes)))
+    for i, node in enumerate(nodes):
+        others = np.delete(nodes, i)
+        weights[:, i] = np.prod((s[:, None] - others) / (node - others), axis=1)
+    return weights

@@ -1,0 +1,197 @@
+"""A recording as a laboratory hands it over: the force sensor's noise and steps, sessions in the documented format."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from gelforge.config import DepthZero, ForceSensor, Session, write_yaml
+
+from .presses import MIDDLE
+from .world import World, held, zeroed
+
+FORCE = ["fx_N", "fy_N", "fz_N"]
+COLUMNS = [
+    "press",
+    "cell",
+    "order",
+    "time_s",
+    "phase",
+    "x_mm",
+    "y_mm",
+    "depth_mm",
+    "speed_mm_per_s",
+    "dwell_s",
+    *FORCE,
+    "image",
+]
+FLOOR = (
+    0.001,
+    0.001,
+    0.005,
+)  # of Fz, x, y, z: what base and fine mesh differ by, at the middle and between places
+README = """SYNTHETIC session {session}: made by FElupe for the proof on concealed effects, not measured.
+"""
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """The recording's own errors, which its session states."""
+
+    noise_N: tuple[float, float, float]
+    step_N: float
+    tails: bool  # Student's t with 5 degrees of freedom, of the same standard deviation
+    zero_drift_N_per_s: float  # of an untared zero, taken off by every press's zero rows
+    touchdown_mm: float
+    zero_by: str  # press or session
+    tared: bool
+    ages_days: tuple[float, ...]
+    temperatures_C: tuple[float, ...]
+
+    @property
+    def sigma_N(self) -> np.ndarray:
+        """Return the standard deviation (3,) of one reading, steps included."""
+        return np.sqrt(np.square(self.noise_N) + self.step_N**2 / 12)
+
+
+def drawn_instrument(
+    rng: np.random.Generator, sessions: int = 1, zero_by: str | None = None, tared: bool | None = None
+):
+    """Return an instrument at random: what an effect needs of it is given, the rest is drawn for all cases alike."""
+    z = float(rng.uniform(0.003, 0.008))
+    by = str(rng.choice(["press", "session"]))
+    of_itself = bool(rng.random() < 0.3)
+    instrument = Instrument(
+        noise_N=(z / 2, z / 2, z),
+        step_N=float(rng.choice([0.001, 0.002, 0.01], p=[0.4, 0.4, 0.2])),
+        tails=bool(rng.random() < 0.25),
+        zero_drift_N_per_s=float(rng.normal(0, 2e-5)) * bool(rng.random() < 0.3),
+        touchdown_mm=float(rng.uniform(0.005, 0.02)),
+        zero_by=by,
+        tared=of_itself,
+        ages_days=tuple(float(a) for a in (5.0, 35.0)[:sessions]),
+        temperatures_C=tuple(float(t) for t in (21.0, 26.0)[:sessions]),
+    )
+    if zero_by:
+        instrument = replace(instrument, zero_by=zero_by)
+    if tared is not None:
+        instrument = replace(instrument, tared=tared)
+    return replace(instrument, zero_drift_N_per_s=0.0) if instrument.tared else instrument
+
+
+def with_circumstances(rows: pd.DataFrame, instrument: Instrument) -> pd.DataFrame:
+    """Return the rows with the age and temperature of their session."""
+    session = rows["session"].to_numpy()
+    return rows.assign(
+        age=np.array(instrument.ages_days)[session], temperature=np.array(instrument.temperatures_C)[session]
+    )
+
+
+def touchdown(rows: pd.DataFrame, instrument: Instrument, rng: np.random.Generator) -> np.ndarray:
+    """Return by how much each reading is pressed deeper (R,) [mm]: one draw per press, or per session."""
+    keys = ["session", "order"] if instrument.zero_by == "press" else ["session"]
+    group = rows.groupby(keys, sort=False).ngroup().to_numpy()
+    return rng.normal(0, instrument.touchdown_mm, group.max() + 1)[group]
+
+
+def recorded(
+    world: World, rows: pd.DataFrame, instrument: Instrument, rng: np.random.Generator
+) -> np.ndarray:
+    """Return the readings (R, 3) [N] as written: the world's forces with touchdown, untared zero, noise and steps."""
+    force = world.forces(rows, touchdown(rows, instrument, rng))
+    offset = np.zeros(3) if instrument.tared else rng.normal(0, 0.1, 3)
+    force = force + offset + instrument.zero_drift_N_per_s * rows["time_s"].to_numpy()[:, None]
+    noise = (
+        rng.standard_t(5, force.shape) * np.sqrt(3 / 5) if instrument.tails else rng.normal(size=force.shape)
+    )
+    noisy = force + noise * np.array(instrument.noise_N)
+    return np.round(np.rint(noisy / instrument.step_N) * instrument.step_N, 6) + 0.0
+
+
+def signal_to_noise(
+    world: World, rows: pd.DataFrame, instrument: Instrument, change: np.ndarray, floor: bool = True
+) -> float:
+    """Return sqrt(d' C^-1 d) of a change (R, 3) of the zeroed forces of readings under load.
+
+    C: noise and steps, the zero subtracted from each press, touchdown of each press or session at the base's slope, and
+    the floor of discretisation: FLOOR of Fz, half of its variance common to all places and half each place's own.
+    """
+    on = held(rows)
+    part = rows[on]
+    slope = (world.forces(rows, 0.005) - world.forces(rows, -0.005))[on] / 0.01
+    sigma = np.tile(instrument.sigma_N, on.sum())
+    touch = ["session", "order"] if instrument.zero_by == "press" else ["session"]
+    columns = [_per_group(part, touch, slope) * instrument.touchdown_mm]
+    if not instrument.tared:
+        for axis in range(3):
+            unit = np.zeros((on.sum(), 3))
+            unit[:, axis] = instrument.sigma_N[axis] / np.sqrt(3)
+            columns.append(_per_group(part, ["session", "order"], unit))
+    if floor:
+        pattern = np.abs(world.forces(rows)[on, 2:]) * FLOOR / np.sqrt(2)
+        columns += [pattern.reshape(-1, 1), _per_group(part, ["x_mm", "y_mm"], pattern)]
+    L = np.hstack(columns) / sigma[:, None]
+    d = change[on].ravel() / sigma
+    inner = np.eye(L.shape[1]) + L.T @ L
+    return float(np.sqrt(max(d @ d - (L.T @ d) @ np.linalg.solve(inner, L.T @ d), 0.0)))
+
+
+def _per_group(rows, keys, values) -> np.ndarray:
+    """Return values (R, 3) as columns (3 R, groups), each group's own."""
+    group = rows.groupby(keys, sort=False).ngroup().to_numpy()
+    columns = np.zeros((len(rows), 3, group.max() + 1))
+    columns[np.arange(len(rows)), :, group] = values
+    return columns.reshape(3 * len(rows), -1)
+
+
+def change_of(base: World, world: World, rows: pd.DataFrame, tared: bool) -> np.ndarray:
+    """Return what a world changes (R, 3) [N] of the base's forces, zero subtracted."""
+    return zeroed(rows, world.forces(rows), tared) - zeroed(rows, base.forces(rows), tared)
+
+
+def write_recording(
+    folder: Path, name: str, rows: pd.DataFrame, readings: np.ndarray, instrument: Instrument
+) -> list[Path]:
+    """Write the sessions of a recording under folder/recordings and return their folders."""
+    folders = []
+    for number, part in rows.groupby("session", sort=False):
+        session = f"{name}_{chr(ord('a') + number)}"
+        out = folder / "recordings" / session
+        out.mkdir(parents=True, exist_ok=True)
+        table = part.assign(speed_mm_per_s=part["speed"].abs(), image="")
+        table[["x_mm", "y_mm"]] = part[["x_mm", "y_mm"]] + MIDDLE
+        table[FORCE] = readings[part.index]
+        text = table[COLUMNS].round(6).to_csv(index=False, lineterminator="\n")
+        (out / "indentations.csv").write_text(text, encoding="utf-8")
+        (out / "README.txt").write_text(README.format(session=session), encoding="utf-8")
+        write_yaml(out / "session.yaml", _session(session, instrument, number))
+        folders.append(out)
+    return folders
+
+
+def _session(name: str, instrument: Instrument, number: int) -> Session:
+    return Session(
+        session=name,
+        synthetic=True,
+        sensor="concealed",
+        indenter="ball of radius 5 mm",
+        notes="SYNTHETIC: made by FElupe with effects that are not told",
+        temperature_C=instrument.temperatures_C[number],
+        sensor_age_days=instrument.ages_days[number],
+        force=ForceSensor(
+            tared=instrument.tared,
+            resolution_N=[instrument.step_N] * 3,
+            repeatability_N=round(float(instrument.sigma_N[2]), 6),
+        ),
+        depth_zero=DepthZero(
+            by=instrument.zero_by, how="touch found by force", scatter_mm=round(instrument.touchdown_mm, 6)
+        ),
+        base_parameters="exact",
+    )
+
+
+def described(instrument: Instrument) -> dict:
+    return asdict(instrument)

@@ -1,0 +1,246 @@
+"""Scores of judged cases: rates with Wilson's intervals, calibration, coverage, gain on held-out readings, distances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+CONFIDENT, STRONG = 0.9, 8.0
+SNR_BANDS = ((2.0, 4.0), (4.0, 8.0), (8.0, 16.0), (16.0, np.inf))
+SAYS_NOTHING = ("null", "insufficient")
+
+
+@dataclass(frozen=True)
+class Rate:
+    """k of n, with Wilson's interval (Wilson 1927, doi 10.1080/01621459.1927.10502953)."""
+
+    k: int
+    n: int
+
+    @property
+    def value(self) -> float:
+        return self.k / self.n if self.n else float("nan")
+
+    def interval(self, z: float = 1.959963984540054) -> tuple[float, float]:
+        """Return the bounds (low, high); nothing known: 0 to 1."""
+        if not self.n:
+            return 0.0, 1.0
+        p, n = self.value, self.n
+        middle = (p + z**2 / (2 * n)) / (1 + z**2 / n)
+        half = z / (1 + z**2 / n) * np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
+        return float(max(middle - half, 0.0)), float(min(middle + half, 1.0))
+
+    @property
+    def words(self) -> str:
+        low, high = self.interval()
+        return f"{self.k}/{self.n} = {self.value:.1%} ({low:.1%} to {high:.1%})" if self.n else "none"
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What a method said of a case, beside the truth: the tool and the baselines are scored alike."""
+
+    content: str
+    snr: float
+    true: tuple[str, ...]  # names; "" outside the catalogue
+    state: str
+    answer: tuple[tuple[tuple[str, ...], float], ...]  # groups with their probability
+    covered: tuple[bool, ...] = ()  # 90 % intervals of amounts that both forms have
+    gain: float = float("nan")  # share of the oracle's on held-out readings
+    rmse_ratio: float = float("nan")  # after over oracle, held out
+    distance_mm: float = float("nan")
+
+    @property
+    def alarm(self) -> bool:
+        return self.state not in SAYS_NOTHING
+
+    @property
+    def claims(self) -> tuple[tuple[tuple[str, ...], float], ...]:
+        """Return the groups that are claimed; of `open` those that it keeps are hints, not claims."""
+        return self.answer if self.state in ("named", "group") else ()
+
+    @property
+    def found(self) -> list[bool]:
+        """Return for each true effect whether a claimed group holds it."""
+        return [any(name in members for members, _ in self.claims) for name in self.true]
+
+    @property
+    def first(self) -> bool:
+        """Return whether the first member of the first group is a true effect."""
+        return bool(self.claims) and self.claims[0][0][0] in self.true
+
+    @property
+    def wrong_and_confident(self) -> bool:
+        return any(p >= CONFIDENT and not set(members) & set(self.true) for members, p in self.claims)
+
+
+def judged_from(truth: dict, verdict: dict | None, readings: pd.DataFrame | None) -> Judged:
+    """Return what a verdict said beside the truth; no verdict is the state `failed`."""
+    true = tuple(effect["name"] for effect in truth["effects"])
+    if verdict is None:
+        return Judged(truth["content"], truth["snr"], true, "failed", ())
+    answer = tuple((tuple(g["members"]), float(g["probability"])) for g in verdict.get("answer", []))
+    gain, ratio = (
+        held_out_gain(truth, readings) if truth["effects"] and readings is not None else (np.nan, np.nan)
+    )
+    return Judged(
+        truth["content"], truth["snr"], true, verdict["state"], answer,
+        tuple(_covered(truth, verdict)), gain, ratio, _distance(truth, verdict),
+    )  # fmt: skip
+
+
+def held_out_gain(truth: dict, readings: pd.DataFrame) -> tuple[float, float]:
+    """Return the share of the oracle's gain on held-out readings, and the whitened RMSE after over the oracle's.
+
+    The oracle is the truth itself, without touchdown and noise: a stricter one than the tool's own model refitted.
+    """
+    said = truth["readings"]
+    names = [(s, round(t, 3)) for s, t in zip(_session_names(truth), said["time_s"])]
+    oracle = dict(zip(names, said["force_N"]))
+    rows = readings[readings["held_out"].astype(str) != "no"]
+    if rows.empty:
+        return np.nan, np.nan
+    axis = rows["axis"].map({"x": 0, "y": 1, "z": 2, "Fx": 0, "Fy": 1, "Fz": 2}).to_numpy()
+    best = np.array([
+        oracle[s, round(t, 3)][a] for s, t, a in zip(rows["session"], rows["time_s"], axis)
+    ])  # fmt: skip
+    measured, sigma = rows["measured_N"].to_numpy(), rows["sigma_N"].to_numpy()
+    base = rows["base_N"].to_numpy(dtype=float)
+    after = pd.to_numeric(rows["after_N"], errors="coerce").to_numpy()
+    after = np.where(np.isfinite(after), after, base)
+    square = [float(np.mean(((measured - other) / sigma) ** 2)) for other in (base, after, best)]
+    return share_of_gain(*square), float(np.sqrt(square[1] / square[2]))
+
+
+def share_of_gain(before: float, after: float, oracle: float) -> float:
+    """Return (before - after) / (before - oracle) of mean squares; nan where there was little to gain."""
+    return (before - after) / (before - oracle) if before - oracle > 0.05 * oracle else float("nan")
+
+
+def _session_names(truth: dict) -> list[str]:
+    return [f"{truth['case']}_{chr(ord('a') + int(s))}" for s in truth["readings"]["session"]]
+
+
+def _covered(truth: dict, verdict: dict) -> list[bool]:
+    """Return whether 90 % intervals hold the true amounts, of effects that are the first of a claimed group."""
+    if verdict["state"] not in ("named", "group"):
+        return []
+    first = {g["members"][0] for g in verdict["answer"]}
+    by_name = {e["name"]: e for e in verdict["effects"] if e["name"] in first}
+    found = []
+    for effect in truth["effects"]:
+        said = {a["name"]: a["interval_90"] for a in by_name.get(effect["name"], {}).get("amounts", [])}
+        for parameter, value in effect["amounts"].items():
+            if parameter in said:
+                low, high = said[parameter]
+                found.append(bool(low <= value <= high))
+    return found
+
+
+def _distance(truth: dict, verdict: dict) -> float:
+    """Return how far the located defect is from the true one [mm]; nan where there is none or none was located."""
+    true = next((e["where"] for e in truth["effects"] if "where" in e), None)
+    said = [w for w in verdict.get("where", []) if w.get("layer") and w.get("x_mm") is not None]
+    names = {e["name"] for e in truth["effects"] if "where" in e}
+    if true is None or not said or not any(names & set(g["members"]) for g in verdict.get("answer", [])):
+        return float("nan")
+    return min(float(np.hypot(w["x_mm"] - true["x_mm"], w["y_mm"] - true["y_mm"])) for w in said)
+
+
+def scores(judged: list[Judged]) -> dict[str, str | float | Rate]:
+    """Return all scores by their names, in the order of the table."""
+    of = lambda *contents: [j for j in judged if j.content in contents]  # noqa: E731
+    rate = lambda items, test: Rate(sum(map(test, items)), len(items))  # noqa: E731
+    nulls, singles, pairs, outside = of("null"), of("single"), of("pair"), of("outside")
+    strong = [j for j in singles if j.snr >= STRONG]
+    table: dict[str, str | float | Rate] = {
+        "cases": str(len(judged)),
+        "failed": rate(judged, lambda j: j.state == "failed"),
+        "false alarms on nulls": rate([j for j in nulls if j.state != "failed"], lambda j: j.alarm),
+        "wrong and confident": rate(judged, lambda j: j.wrong_and_confident),
+        f"singles, SNR >= {STRONG:g}: group": rate(strong, lambda j: all(j.found)),
+        f"singles, SNR >= {STRONG:g}: first": rate(strong, lambda j: j.first),
+    }
+    for low, high in SNR_BANDS:
+        band = [j for j in singles if low <= j.snr < high]
+        table[f"singles, SNR {low:g} to {high:g}: group"] = rate(band, lambda j: all(j.found))
+        table[f"singles, SNR {low:g} to {high:g}: first"] = rate(band, lambda j: j.first)
+    sizes = [len(members) for j in strong for members, _ in j.claims if set(members) & set(j.true)]
+    table["median size of right groups"] = float(np.median(sizes)) if sizes else float("nan")
+    table["pairs: both"] = rate(pairs, lambda j: all(j.found))
+    table["pairs: one at least"] = rate(pairs, lambda j: any(j.found))
+    table["outside: open"] = rate(outside, lambda j: j.state == "open")
+    table[f"outside, SNR >= {STRONG:g}: open"] = rate(
+        [j for j in outside if j.snr >= STRONG], lambda j: j.state == "open"
+    )
+    table |= calibration(judged)
+    covered = [c for j in judged for c in j.covered]
+    table["90 % intervals: cover"] = rate(covered, bool)
+    gains = [j.gain for j in judged if np.isfinite(j.gain) and j.content == "single" and j.snr >= STRONG]
+    table["share of the oracle's gain, median"] = float(np.median(gains)) if gains else float("nan")
+    table["share of the oracle's gain >= 80 %"] = rate(gains, lambda g: g >= 0.8)
+    ratios = [j.rmse_ratio for j in judged if np.isfinite(j.rmse_ratio)]
+    table["held-out RMSE over the oracle's, median"] = float(np.median(ratios)) if ratios else float("nan")
+    away = [j.distance_mm for j in judged if np.isfinite(j.distance_mm)]
+    table["located defect, median distance [mm]"] = float(np.median(away)) if away else float("nan")
+    table["located defect within 3 mm"] = rate(away, lambda d: d <= 3.0)
+    return table
+
+
+def calibration(judged: list[Judged]) -> dict[str, str | float | Rate]:
+    """Return Brier and log score of claimed groups' probabilities, and how often they are right by probability."""
+    claims = [(p, bool(set(members) & set(j.true))) for j in judged for members, p in j.claims]
+    if not claims:
+        return {"Brier score of claims": float("nan"), "log score of claims": float("nan")}
+    p, right = np.array([c[0] for c in claims]), np.array([c[1] for c in claims], dtype=float)
+    safe = np.clip(p, 1e-3, 1 - 1e-3)
+    table: dict[str, str | float | Rate] = {
+        "Brier score of claims": float(np.mean((p - right) ** 2)),
+        "log score of claims": float(np.mean(right * np.log(safe) + (1 - right) * np.log(1 - safe))),
+    }
+    for low, high in ((0.0, 0.5), (0.5, 0.9), (0.9, 0.99), (0.99, 1.01)):
+        mine = (p >= low) & (p < high)
+        if mine.any():
+            table[f"claims of probability {low:g} to {min(high, 1):g}: right"] = Rate(
+                int(right[mine].sum()), int(mine.sum())
+            )
+    return table
+
+
+def table_of(methods: dict[str, dict]) -> pd.DataFrame:
+    """Return one row per score and one column per method."""
+    names = list(dict.fromkeys(name for scored in methods.values() for name in scored))
+    rows = [
+        {"score": name, **{m: _words(scored.get(name)) for m, scored in methods.items()}} for name in names
+    ]
+    return pd.DataFrame(rows)
+
+
+def wrong_cases(named: list[tuple[str, dict, Judged]]) -> pd.DataFrame:
+    """Return the cases that were got wrong: what was hidden, what was said."""
+    rows = []
+    for name, truth, j in named:
+        good = {
+            "null": not j.alarm,
+            "single": all(j.found) or (not j.alarm and j.snr < STRONG),
+            "pair": all(j.found),
+            "outside": j.state == "open" or (not j.alarm and j.snr < STRONG),
+        }[j.content]
+        if good and not j.wrong_and_confident and j.state != "failed":
+            continue
+        hidden = "; ".join(
+            f"{e['name'] or 'outside'} ({e['form']}, SNR {e['snr']:.1f})" for e in truth["effects"]
+        )
+        said = "; ".join(f"{' | '.join(members)} ({p:.2f})" for members, p in j.answer)
+        rows.append({"case": name, "content": j.content, "hidden": hidden, "state": j.state, "answer": said})
+    return pd.DataFrame(rows, columns=["case", "content", "hidden", "state", "answer"])
+
+
+def _words(value) -> str:
+    if isinstance(value, Rate):
+        return value.words
+    if isinstance(value, float):
+        return f"{value:.3g}" if np.isfinite(value) else "none"
+    return value or ""

@@ -1,0 +1,112 @@
+"""The solutions that all cases share: the base at places all over the sensor, and effects of finite elements at four places.
+
+A press to one place stands for its mirror images. Effects are solved on the coarse mesh and enter as ratios to the plain
+press on that same mesh; the base has a finer mesh, and at two places a still finer one that says how far it is from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from .pressed import COARSE, FINE, MIDDLE, Ball, Curve, Setup, solved
+
+FOLDER = Path("results/concealed/solves")
+NODES = (0.0, 2.0, 4.0, 6.0)  # |x|, |y| from the middle [mm] at which the base is solved
+ORBITS = ((0.0, 0.0), (6.0, 0.0), (4.0, 2.0), (6.0, 6.0))  # the plan's places but for mirror images
+CHECKED = ((0.0, 0.0), (6.0, 0.0))  # where the base is solved on the fine mesh too
+EFFECT_DEPTHS = (0.4, 0.8, 1.2, 1.6, 1.85)
+
+EFFECTS: dict[str, dict] = {
+    "gel stiffer": {"gel": 1.25},
+    "gel softer": {"gel": 0.8},
+    "thicker": {"gel_mm": 4.4},
+    "thinner": {"gel_mm": 3.6},
+    "larger ball": {"radius_mm": 5.25},
+    "stiffening": {"stiffening": 0.1},
+    "compressible": {"bulk_to_shear": 40.0},
+    "stiffer wall": {"wall": 1.6},
+    "slab": {"slab_MPa": 1.0},
+    "wall gap": {"gap": 0.05},
+    "neo-Hooke": {"neo_hooke": True},
+    "friction": {"friction": 0.3},
+}
+# Where defects sit, from the middle; four turns of the plan bring them to other corners. And the places that feel them.
+DEFECT_PLACES = {
+    "inner": ((3.0, 1.0), ((4.0, 2.0), (0.0, 0.0), (6.0, 0.0))),
+    "outer": ((5.0, -4.0), ((6.0, -6.0), (2.0, -4.0), (6.0, 0.0))),
+}
+DEFECTS: dict[str, dict] = {
+    "void": {"radius_mm": 1.3, "factor": 1e-3, "z": -3.0},
+    "inclusion": {"radius_mm": 1.3, "factor": 20.0, "z": -3.0},
+    "delamination": {"radius_mm": 2.5, "factor": 0.02, "z": -1.15, "film": True},
+}
+
+
+def base_setup(x: float, y: float) -> Setup:
+    return Setup(float(x), float(y), sizes=MIDDLE)
+
+
+def fine_setup(x: float, y: float) -> Setup:
+    return Setup(float(x), float(y), sizes=FINE)
+
+
+def effect_setup(name: str, x: float, y: float) -> Setup:
+    """Return a press with an effect; "" is none, on the effects' mesh."""
+    return Setup(float(x), float(y), EFFECT_DEPTHS, COARSE, **(EFFECTS[name] if name else {}))
+
+
+def defect_setup(name: str, place: str, x: float, y: float) -> Setup:
+    """Return a press beside a defect on the effects' whole mesh; "" is none."""
+    (dx, dy), _ = DEFECT_PLACES[place]
+    keys = dict(DEFECTS[name or "void"])
+    ball = Ball((dx, dy, keys.pop("z")), **keys)
+    return Setup(
+        float(x), float(y), EFFECT_DEPTHS, COARSE, defect=ball if name else Ball((0.0, 0.0, 0.0), 0.0, 1.0)
+    )
+
+
+def triangle() -> list[tuple[float, float]]:
+    """Return the places (a, b), a >= b, at which the base is solved."""
+    return [(a, b) for a in NODES for b in NODES if a >= b]
+
+
+def all_setups() -> Iterable[tuple[str, Setup]]:
+    """Yield every solution that is needed, by name, the most needed first."""
+    for x, y in triangle():
+        yield f"base ({x:g}, {y:g})", base_setup(x, y)
+    for name in ("", *EFFECTS):
+        for x, y in ORBITS:
+            yield f"{name or 'plain'} ({x:g}, {y:g})", effect_setup(name, x, y)
+    yield "fine (0, 0)", fine_setup(0.0, 0.0)
+    for place, (_, touched) in DEFECT_PLACES.items():
+        for name in ("", *DEFECTS):
+            for x, y in touched:
+                yield f"{name or 'whole'} {place} ({x:g}, {y:g})", defect_setup(name, place, x, y)
+    yield "fine (6, 0)", fine_setup(6.0, 0.0)
+
+
+def solve_all(folder: Path = FOLDER, say: Callable[[str], None] = print) -> None:
+    """Solve what is missing, one after the other; what is there is kept."""
+    done = set()
+    for name, setup in all_setups():
+        if setup.key in done:
+            continue
+        done.add(setup.key)
+        if (folder / f"{setup.key}.npz").is_file():
+            continue
+        curve = solved(setup, folder)
+        say(
+            f"{name}: {curve.force_N[-1, 2]:.4f} N at {curve.depths_mm[-1]:g} mm, {curve.unknowns} unknowns, "
+            f"{curve.iterations} iterations, {curve.seconds:.0f} CPU s"
+        )
+
+
+def kept(setup: Setup, folder: Path = FOLDER) -> Curve:
+    """Return a solution that has been made. Raises FileNotFoundError with the command that makes it."""
+    if not (folder / f"{setup.key}.npz").is_file():
+        raise FileNotFoundError(
+            f"{folder}: a press at ({setup.x_mm:g}, {setup.y_mm:g}) mm has not been solved; "
+            "run python -m benchmarks.concealed solve"
+        )
+    return solved(setup, folder)

@@ -1,0 +1,234 @@
+"""The flow that the base predicts at the presses with images, and how it follows every effect."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from gelforge.config import Camera
+from gelforge.indentation.plan import PlannedCell
+from gelforge.mismatch.effect import Effect, Shape
+from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.flow_fields import Moved, moved_along, moved_by, solved_with
+from gelforge.mismatch.flow_images import Eye, Particles, Scene, Seen
+from gelforge.mismatch.places import FirstOrderAt
+from gelforge.mismatch.solver import Base, Solver, SolverFailed, _asked, _near, key_of, way_down
+from gelforge.mismatch.solver_effects import FirstOrder
+
+CHANGES = 3  # placements in which a change is drawn: their scatter is a part of a part
+STEP_MM = 0.05  # of depth, over which the flow's slope is taken
+UNIT = 1e-3  # of a width: a step at which a first-order change of the force is a straight line
+# What the recording does not state of its particles' look is off by as much: blur by half a pixel, diameter by a fifth.
+OTHER_BLUR_PX, OTHER_DIAMETER = 0.5, 1.2
+
+
+class FlowUnknown(ValueError):
+    """The flow with an effect could not be computed."""
+
+
+@dataclass(frozen=True, eq=False)
+class FlowModel:
+    """Displacements behind the flow of F presses with images."""
+
+    solver: Solver
+    base: Base
+    seen: Sequence[Seen]
+    particles: Particles
+    planned: Mapping[int, PlannedCell]  # by site, the way down through its depths
+    fine: Mapping[int, Moved]  # by site, the study's own mesh
+    coarse: Mapping[int, Moved]  # by site, with derivatives
+    asked: Mapping[int, frozenset[str]]  # by site, the derivatives that were asked for
+    few: Particles
+    points: Mapping[int, np.ndarray]  # by site, base displacement (D, P, 3) of all particles
+    weights: Mapping[int, object]  # by site, of the coarser mesh at the few particles
+    scenes: dict[tuple, Scene]  # drawn so far
+    changes: dict[tuple, np.ndarray]  # of the flow, drawn so far
+
+    def depth(self, press: Seen) -> int:
+        """Return the step of its site's way down at which a press was seen."""
+        depths = np.array(self.planned[int(press.row["site"])].depths_mm)
+        return int(np.argmin(np.abs(depths - press.row["depth_mm"])))
+
+    def moved(self, press: Seen, particles: Particles) -> np.ndarray:
+        """Return the base displacement (P, 3) of particles at a press."""
+        return self.points[int(press.row["site"])][self.depth(press)][: len(particles.points)]
+
+    def scene(self, eye: Eye, particles: Particles) -> Scene:
+        """Return a scene, drawn once."""
+        key = (
+            eye.camera.model_dump_json(),
+            eye.crop_px,
+            eye.imaging.model_dump_json(),
+            len(particles.placed),
+            particles.diameter_mm,
+        )
+        if key not in self.scenes:
+            self.scenes[key] = Scene(eye, particles)
+        return self.scenes[key]
+
+    def base_flows(self) -> np.ndarray:
+        """Return the base's flow (F, K, m, 2) [px] in every placement."""
+        every = self.particles
+        return np.stack([self.scene(p.eye, every).flows(self.moved(p, every)) for p in self.seen])
+
+    def flow_of(self, press: Seen, more: np.ndarray | None, eye: Eye | None = None) -> np.ndarray:
+        """Return the mean flow (m, 2) [px] at a press with a further displacement (P, 3) of the few particles."""
+        moved = self.moved(press, self.few) + (0.0 if more is None else more)
+        return self.scene(eye or press.eye, self.few).flows(moved).mean(axis=0)
+
+    def flows_with(self, more: Sequence[np.ndarray | None], eyes: Sequence[Eye] | None = None) -> np.ndarray:
+        """Return the same (F, m, 2) [px] at every press."""
+        eyes = eyes or [press.eye for press in self.seen]
+        return np.stack([self.flow_of(press, du, eye) for press, du, eye in zip(self.seen, more, eyes)])
+
+    def along(self, key: str) -> list[np.ndarray | None]:
+        """Return the displacement (P, 3) per unit of a derivative at every press; None where it is not felt.
+
+        Raises FlowUnknown where it was asked for and could not be had.
+        """
+        found: list[np.ndarray | None] = []
+        for press in self.seen:
+            site = int(press.row["site"])
+            if key in self.coarse[site].along:
+                found.append(
+                    self.weights[site] @ self.coarse[site].along[key][self.depth(press)].astype(float)
+                )
+            elif key in self.asked[site]:
+                raise FlowUnknown(key)
+            else:
+                found.append(None)
+        if all(one is None for one in found) and not any(key in keys for keys in self.asked.values()):
+            raise FlowUnknown(key)
+        return found
+
+    def slope(self, flows: np.ndarray) -> np.ndarray:
+        """Return d flow / d depth (F, m, 2) [px/mm]; flows: of the few particles."""
+        more = []
+        for press in self.seen:
+            site = int(press.row["site"])
+            knots = np.concatenate([[0.0], self.planned[site].depths_mm])
+            u = self.points[site][:, : len(self.few.points)]
+            curve = PchipInterpolator(knots, np.concatenate([np.zeros_like(u[:1]), u]))
+            more.append(-STEP_MM * curve.derivative()(press.row["depth_mm"]))
+        return (flows - self.flows_with(more)) / STEP_MM
+
+    def change_along(self, key: str, step: float, flows: np.ndarray) -> np.ndarray:
+        """Return the change of the flow (F, m, 2) [px per unit] along a derivative, over a step; drawn once."""
+        if (key, step) not in self.changes:
+            change = np.zeros_like(flows)
+            for k, (press, du) in enumerate(zip(self.seen, self.along(key))):
+                if du is not None:
+                    change[k] = self.flow_of(press, step * du) - flows[k]
+            self.changes[key, step] = change / step
+        return self.changes[key, step]
+
+    def columns(self, effect: Effect, shape: Shape, number: int, flows: np.ndarray) -> np.ndarray:
+        """Return the change of the flow (F, m, 2, P) [px per unit] by each amount of an effect. Raises FlowUnknown."""
+        steps = [1.0 if effect.switch else p.width * (p.sign or 1) for p in effect.parameters]
+        if effect.to_camera is not None:
+            return np.stack(
+                [self._by_camera(effect, k, step, flows) for k, step in enumerate(steps)], axis=-1
+            )
+        if isinstance(effect.to_forces, (FirstOrder, FirstOrderAt)):
+            return np.stack(
+                [
+                    self.change_along(key_of(effect, number if shape else None, k), step, flows)
+                    for k, step in enumerate(steps)
+                ],
+                axis=-1,
+            )
+        nothing = np.zeros((*flows.shape, len(steps)))
+        key = _acts_as(effect, shape)
+        if key is None:
+            return nothing
+        along = self.change_along(key, float(CATALOGUE[key].widths[0]), flows)
+        return np.stack(
+            [self.share(effect, shape, k, key)[:, None, None] * along for k in range(len(steps))], axis=-1
+        )
+
+    def share(self, effect: Effect, shape: Shape, k: int, key: str) -> np.ndarray:
+        """Return what part (F,) of a derivative an effect is at each press per unit of its amount k, by Fz."""
+        context = self.base.context
+        step = UNIT * effect.parameters[k].width * (effect.parameters[k].sign or 1)
+        amounts = np.zeros(len(effect.parameters))
+        amounts[k] = step
+        change = effect.to_forces(context, shape, context.force, amounts) - context.force
+        rows = [int(press.row.name) for press in self.seen]
+        own = context.derivative(key)[rows, 2]
+        least = 1e-6 * np.abs(own).max(initial=0)
+        return np.where(np.abs(own) > least, change[rows, 2] / step / np.where(own == 0, 1, own), 0.0)
+
+    def _by_camera(self, effect: Effect, k: int, step: float, flows: np.ndarray) -> np.ndarray:
+        amounts = np.zeros(len(effect.parameters))
+        amounts[k] = step
+        eyes = [self.seen_by(press, [(effect, amounts)]) for press in self.seen]
+        return (self.flows_with([None] * len(self.seen), eyes) - flows) / step
+
+    def seen_by(self, press: Seen, cameras: Sequence[tuple[Effect, np.ndarray]]) -> Eye:
+        """Return the eye of a press with effects of the camera in it."""
+        camera: Camera = press.eye.camera
+        for effect, amounts in cameras:
+            camera = effect.to_camera(self.solver.study, camera, amounts)
+        return replace(press.eye, camera=camera)
+
+    def solved(self, studied: Sequence[tuple[Effect, Shape, np.ndarray]]) -> list[np.ndarray]:
+        """Return the further displacement (P, 3) of the few particles at each press with effects of the finite elements.
+
+        Raises NotConverged.
+        """
+        study = self.solver.study
+        for effect, shape, amounts in studied:
+            study = effect.to_study(study, shape, amounts)
+        sites = sorted(self.planned)
+        found = solved_with(self.solver, study, [self.planned[s] for s in sites], self.few.points)
+        with_it = dict(zip(sites, found))
+        more = []
+        for press in self.seen:
+            site, d = int(press.row["site"]), self.depth(press)
+            more.append(with_it[site][d] - self.weights[site] @ self.coarse[site].base[d].astype(float))
+        return more
+
+
+def _acts_as(effect: Effect, shape: Shape) -> str | None:
+    """Return the derivative of which an effect without one of its own is a part at each reading; None: it moves nothing.
+
+    History makes a layer stiffer or softer at that moment, a yielding frame takes some of the depth. The force sensor and
+    its clock move nothing while the stage waits, and adhesion nothing on the way down.
+    """
+    if effect.to_study is None and effect.family != "history":
+        return None
+    if effect.family == "history":
+        return "skin_stiffness" if shape.get("part") == "skin" else "gel_stiffness"
+    return "contact_zero" if effect.family == "kinematics" else None
+
+
+def flow_model(
+    solver: Solver, base: Base, seen: Sequence[Seen], effects: Mapping[str, Effect], particles: Particles
+) -> FlowModel:
+    """Return the model of the flow of some presses, solved. Raises SolverFailed where the base cannot be."""
+    few = particles.first(CHANGES)
+    sites = sorted({int(press.row["site"]) for press in seen})
+    asked = list(_asked(solver, effects.values(), base.context))
+    planned, near = {}, {}
+    for site in sites:
+        whole = way_down(base.runs.planned[base.runs.of_sites(np.array([site]))[0]])
+        deepest = max(p.row["depth_mm"] for p in seen if int(p.row["site"]) == site)
+        planned[site] = replace(whole, depths_mm=tuple(d for d in whole.depths_mm if d <= deepest + 1e-6))
+        near[site] = _near(asked, planned[site])
+    fine = solver.each(moved_by, [(solver, solver.study, planned[s]) for s in sites])
+    for result in fine:
+        if isinstance(result, str):
+            raise SolverFailed(f"the gel's motion at a press with images does not converge: {result}")
+    coarse = solver.each(moved_along, [(solver, planned[s], near[s]) for s in sites])
+    points = {}
+    for site, moved in zip(sites, fine):
+        weights = moved.weights(particles.points)
+        points[site] = np.stack([weights @ u.astype(float) for u in moved.base])
+    return FlowModel(
+        solver, base, seen, particles, planned, dict(zip(sites, fine)), dict(zip(sites, coarse)),
+        {site: frozenset(near[site]) for site in sites}, few, points,
+        {site: moved.weights(few.points) for site, moved in zip(sites, coarse)}, {}, {},
+    )  # fmt: skip

@@ -1,0 +1,37 @@
+"""A library of made-up coefficients: the drawing, sealing and scoring need no solution of FElupe."""
+
+import numpy as np
+import pytest
+
+
+def change(scale: float):
+    from concealed.library import Change
+
+    log_ratio, horizontal = np.zeros((4, 3)), np.zeros((4, 3))
+    log_ratio[0, :2] = scale, 0.1 * scale
+    log_ratio[1, 0] = -0.004 * scale
+    horizontal[0, 0] = 1e-3 * scale
+    return Change(log_ratio, horizontal)
+
+
+@pytest.fixture(scope="session")
+def library():
+    pytest.importorskip("felupe", reason="FElupe is not installed: pip install -e .[verification]")
+    from concealed import solves
+    from concealed.library import Library, LocalChange
+
+    shape = np.log([0.2, 0.8, 1.85]), np.log([0.03, 0.2, 1.0])
+    vertical = np.zeros((4, 4, 3))
+    vertical[..., 0], vertical[..., 1] = 1.0, 0.01
+    squares = np.array(solves.NODES) ** 2
+    vertical *= (1 + 0.003 * (squares[:, None] + squares[None]))[..., None]
+    horizontal = np.full((3, 4, 4), 0.0)
+    horizontal[..., 0] = -4e-3
+    sizes = {"gel softer": -0.15, "gel stiffer": 0.15, "thicker": -0.06, "thinner": 0.07}
+    changes = {name: change(sizes.get(name, 0.05)) for name in solves.EFFECTS}
+    defects = {
+        (name, place): LocalChange(np.array(touched), np.full((3, 3), -0.03), np.full((3, 3, 2), 1e-3))
+        for name in solves.DEFECTS
+        for place, (_, touched) in solves.DEFECT_PLACES.items()
+    }
+    return Library(shape, vertical, horizontal, np.array([7.0, 5.0, 0.0, 0.0]), changes, defects)

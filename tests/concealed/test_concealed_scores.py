@@ -1,0 +1,100 @@
+"""Scores of cases whose answers are known."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from concealed.score import Judged, Rate, held_out_gain, judged_from, scores, wrong_cases
+from scipy.optimize import brentq
+
+
+@pytest.mark.parametrize(("k", "n"), [(0, 200), (4, 200), (51, 60), (60, 60), (1, 3)])
+def test_wilsons_interval_holds_the_rates_that_the_score_test_accepts(k, n):
+    """Its bounds are where |p_hat - p| = z sqrt(p (1 - p) / n), found here by bisection."""
+    z, share = 1.959963984540054, k / n
+    test = lambda p: abs(share - p) - z * np.sqrt(p * (1 - p) / n)  # noqa: E731
+    low = brentq(test, 1e-12, share - 1e-12) if k else 0.0
+    high = brentq(test, share + 1e-12, 1 - 1e-12) if k < n else 1.0
+    assert Rate(k, n).interval() == pytest.approx((low, high), abs=1e-9)
+
+
+def test_no_case_says_nothing():
+    assert Rate(0, 0).interval() == (0.0, 1.0)
+
+
+CASES = [
+    Judged("null", 0.0, (), "null", ()),
+    Judged("null", 0.0, (), "insufficient", ()),
+    Judged("null", 0.0, (), "open", ()),  # an alarm
+    Judged("null", 0.0, (), "named", ((("yaw",), 0.95),)),  # an alarm, wrong and confident
+    Judged("single", 10.0, ("tilt",), "named", ((("tilt",), 0.97),), (True, True), 0.9),
+    Judged(
+        "single", 10.0, ("tilt",), "group", ((("wedge", "tilt"), 0.92),), (False,), 0.5
+    ),  # right group, not first
+    Judged("single", 3.0, ("void",), "named", ((("yaw",), 0.6),)),  # wrong, not confident
+    Judged("single", 9.0, ("void",), "failed", ()),
+    Judged("pair", 12.0, ("tilt", "yaw"), "group", ((("tilt",), 0.9), (("yaw", "tilt"), 0.8))),
+    Judged("pair", 12.0, ("tilt", "void"), "named", ((("tilt",), 0.9),)),
+    Judged("outside", 9.0, ("",), "open", ((("yaw",), 0.95),)),  # what open keeps is a hint
+    Judged("outside", 9.0, ("",), "named", ((("yaw",), 0.95),)),  # wrong and confident
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "k", "n"),
+    [
+        ("failed", 1, 12),
+        ("false alarms on nulls", 2, 4),
+        ("wrong and confident", 2, 12),
+        ("singles, SNR >= 8: group", 2, 3),
+        ("singles, SNR >= 8: first", 1, 3),
+        ("singles, SNR 2 to 4: group", 0, 1),
+        ("pairs: both", 1, 2),
+        ("pairs: one at least", 2, 2),
+        ("outside: open", 1, 2),
+        ("90 % intervals: cover", 2, 3),
+        ("share of the oracle's gain >= 80 %", 1, 2),
+    ],
+)
+def test_scores_of_a_hand_made_set(name, k, n):
+    assert scores(CASES)[name] == Rate(k, n)
+
+
+def test_median_size_of_right_groups():
+    assert scores(CASES)["median size of right groups"] == 1.5
+
+
+def test_wrong_cases_are_listed():
+    named = [(f"c{k}", {"effects": []}, judged) for k, judged in enumerate(CASES)]
+    # a weak single that is called wrong is wrong; a weak one that is not seen would not be
+    assert list(wrong_cases(named)["case"]) == ["c2", "c3", "c6", "c7", "c9", "c11"]
+
+
+def truth_of(forces):
+    readings = {"session": [0, 0], "press": ["p0", "p0"], "phase": ["load", "load"], "time_s": [1.0, 2.0]}
+    effect = {"name": "tilt", "amounts": {"about_x": 0.5}}
+    return {
+        "case": "c1",
+        "content": "single",
+        "snr": 9.0,
+        "effects": [effect],
+        "readings": {**readings, "force_N": forces},
+    }
+
+
+def test_held_out_gain_is_measured_against_the_truth():
+    truth = truth_of([[0, 0, -1.0], [0, 0, -2.0]])
+    rows = pd.DataFrame(
+        {"session": "c1_a", "time_s": [1.0, 2.0], "axis": ["z", "z"], "held_out": ["no", "positions"]}
+    ).assign(measured_N=[-1.0, -2.1], base_N=[-1.0, -2.5], after_N=[-1.0, -2.3], sigma_N=0.1)
+    share, ratio = held_out_gain(truth, rows)  # mean squares 16, 4, 1
+    assert (share, ratio) == (pytest.approx(12 / 15), pytest.approx(2.0))
+
+
+def test_intervals_count_where_the_effect_was_found():
+    verdict = {
+        "state": "named", "answer": [{"members": ["tilt"], "probability": 0.99}], "where": [],
+        "effects": [{"name": "tilt", "amounts": [{"name": "about_x", "interval_90": [0.4, 0.6]}]}],
+    }  # fmt: skip
+    assert judged_from(truth_of([[0, 0, 0]] * 2), verdict, None).covered == (True,)
+    verdict["effects"][0]["amounts"][0]["interval_90"] = [0.51, 0.6]
+    assert judged_from(truth_of([[0, 0, 0]] * 2), verdict, None).covered == (False,)

@@ -1,0 +1,76 @@
+"""What was sealed is what is opened; a changed truth, verdict or recording is found."""
+
+import json
+import sys
+
+import pytest
+
+pytest.importorskip("felupe", reason="FElupe is not installed: pip install -e .[verification]")
+from concealed import sealing, sets
+
+NUMBERS = {"nulls": 2, "singles": 1, "pairs": 0, "outside": 1}
+FAKE = (  # a judge that always says null
+    f'{sys.executable} -c "import json, pathlib, sys; out = pathlib.Path(sys.argv[1]); '
+    "(out / 'verdict.json').write_text(json.dumps({{'state': 'null', 'answer': [], 'effects': [], 'where': []}}))\" {out}"
+)
+
+
+@pytest.fixture
+def judged(library, tmp_path):
+    folder = tmp_path / "sets" / "small"
+    sets.generate(library, folder, 3, NUMBERS)
+    assert sets.judge(folder, FAKE, say=lambda text: None) == 4
+    return folder
+
+
+def test_a_sealed_truth_comes_back(tmp_path):
+    truth = {"case": "c1", "effects": [{"name": "tilt", "amounts": {"about_x": 0.1}}]}
+    published = sealing.seal(tmp_path / "c1.json", truth, sealing.salt_of(1, "c1"))
+    assert sealing.opened(tmp_path / "c1.json", published) == truth
+
+
+def test_salts_hide_that_two_truths_are_equal(tmp_path):
+    seals = [sealing.seal(tmp_path / c, {"content": "null"}, sealing.salt_of(1, c)) for c in ("a", "b")]
+    assert seals[0] != seals[1]
+
+
+def test_all_seals_of_a_judged_set_hold(judged):
+    found = sets.opened(judged)
+    assert [case["verdict"]["state"] for case in found] == ["null"] * 4
+    assert sorted(case["truth"]["content"] for case in found) == ["null", "null", "outside", "single"]
+
+
+def test_a_judged_set_is_not_judged_again(judged):
+    assert sets.judge(judged, FAKE, say=lambda text: None) == 0
+
+
+def test_a_failed_judge_leaves_no_verdict(library, tmp_path):
+    folder = tmp_path / "sets" / "small"
+    sets.generate(library, folder, 3, NUMBERS)
+    sets.judge(folder, f"{sys.executable} -c 'raise SystemExit(3)'", limit=1, say=lambda text: None)
+    (case,) = sets.opened(folder)
+    assert case["verdict"] is None and case["code"] == 3
+
+
+@pytest.mark.parametrize("what", ["truth", "verdict", "recording"])
+def test_what_was_changed_is_refused(judged, what):
+    if what == "truth":
+        path = judged / "truth" / "c000.json"
+        content = json.loads(path.read_text())
+        content["truth"]["snr"] += 1.0
+        path.write_text(json.dumps(content))
+    elif what == "verdict":
+        path = judged / "verdicts" / "c000" / "verdict.json"
+        path.write_text(path.read_text().replace("null", "open"))
+    else:
+        path = next((judged / "cases" / "c000").rglob("indentations.csv"))
+        path.write_text(path.read_text() + "\n")
+    with pytest.raises(sealing.SealBroken, match="c000"):
+        sets.opened(judged)
+
+
+def test_a_seed_repeats_every_byte(library, tmp_path):
+    first, again = (sets.generate(library, tmp_path / name, 3, NUMBERS) for name in ("a", "b"))
+    assert first == again
+    other = sets.generate(library, tmp_path / "c", 4, NUMBERS)
+    assert all(other["cases"][c]["truth"] != first["cases"][c]["truth"] for c in first["cases"])

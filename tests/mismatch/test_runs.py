@@ -1,0 +1,95 @@
+"""Which path and which step of it every reading is."""
+
+import numpy as np
+import pandas as pd
+
+from gelforge.mismatch.observations import COLUMNS, Observations
+from gelforge.mismatch.runs import runs_of, timed_runs_of
+from gelforge.mismatch.solver import _loading_curves, _ways_down, way_down
+
+PRESSES = [  # site, depth, depths on the way up
+    (0, 0.5, ()),
+    (0, 2.0, (1.5, 0.75)),  # of these, no press goes to 1.5 or 0.75
+    (1, 1.0, (0.25,)),
+    (1, 2.0, ()),
+    (0, 0.5, ()),
+]
+
+
+def observations():
+    rows = []
+    for number, (site, depth, up) in enumerate(PRESSES):
+        course = [("load", depth), ("dwell", depth), *(("unload", d) for d in up)]
+        for k, (phase, d) in enumerate(course):
+            at = 2.0 * k + depth
+            rows.append(
+                (
+                    "s",
+                    f"p{number}",
+                    number,
+                    site,
+                    phase,
+                    60.0 * number + at,
+                    at,
+                    3.0 + site,
+                    4.0,
+                    d,
+                    depth,
+                    np.nan,
+                    np.nan,
+                )
+            )
+    table = pd.DataFrame(rows, columns=COLUMNS)
+    R = len(table)
+    ones = np.ones((R, 3))
+    return Observations(
+        table, ones, np.array([[3.0, 4.0], [4.0, 4.0]]), ones, ones, np.ones(R), np.full(R, "press")
+    )
+
+
+def test_every_reading_is_at_its_own_site_depth_and_phase():
+    found = observations()
+    runs = runs_of(found)
+    for row, run, step in zip(found.table.itertuples(), runs.run, runs.step):
+        planned = runs.planned[run]
+        assert runs.site[run] == row.site and planned.x_mm == 3.0 + row.site
+        assert planned.depths_mm[step] == row.depth_mm
+        if row.phase == "unload":
+            assert planned.phases[step] == "unload" and max(planned.depths_mm) == row.deepest_mm
+        else:
+            assert not planned.phases or planned.phases[step] == "load"
+
+
+def test_ways_down_hold_every_depth_that_is_read_at_their_site():
+    found = observations()
+    runs = runs_of(found)
+    for site, planned in enumerate(_ways_down(runs)):
+        read = found.table.loc[found.table["site"] == site, "depth_mm"]
+        assert planned.depths_mm == tuple(np.unique(read)) and not planned.phases
+        assert way_down(planned) == planned
+
+
+def test_curves_over_the_way_down_have_the_value_of_each_depth():
+    """Along every run the quantity is its depth, times ten on the way up: the curves take none of the latter."""
+    runs = runs_of(observations())
+    along = []
+    for planned in runs.planned:
+        depth, phases = np.array(planned.depths_mm), planned.phases or ("load",) * len(planned.depths_mm)
+        along.append(np.tile((depth * np.where(np.array(phases) == "unload", 10, 1))[:, None], 3))
+    depths = tuple(np.array(planned.depths_mm) for planned in _ways_down(runs))
+    curves = _loading_curves(runs, {0: 0, 1: 1}, depths, along, 2)
+    for own, values in zip(depths, curves.values):
+        np.testing.assert_array_equal(values[:, 2], own)
+
+
+def test_presses_alike_in_time_are_solved_once_unless_the_sensor_remembers():
+    found = observations()
+    once, each = (timed_runs_of(found, 0.25, in_order) for in_order in (False, True))
+    assert len(once.trajectories) == 4 and len(each.trajectories) == 5  # p0 and p4 are alike
+    for runs in (once, each):
+        for row, run, step in zip(found.table.itertuples(), runs.run, runs.step):
+            path = runs.trajectories[run]
+            assert path.depths_mm[step] == row.depth_mm
+            assert abs(path.times_s[step] - row.press_time_s) < 0.02
+            assert np.all(np.diff(path.times_s) > 0)
+            assert np.abs(np.diff([0.0, *path.depths_mm])).max() <= 0.25 + 1e-9
