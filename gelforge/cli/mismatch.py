@@ -75,8 +75,15 @@ def solver_of(
         uncertain = {}
     study = study.model_copy(update={"variants": {}})  # an effect need not go together with them
     cells = study.results_folder / "cells"
+    zeroed = {session.depth_zero.by for session in sessions}
     return Solver(
-        study, by_material, uncertain, kept or out / "solves", cells if cells.is_dir() else None, workers
+        study,
+        by_material,
+        uncertain,
+        kept or out / "solves",
+        cells if cells.is_dir() else None,
+        workers,
+        zeroed.pop() if len(zeroed) == 1 else "press",
     )
 
 

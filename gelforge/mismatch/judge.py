@@ -172,7 +172,14 @@ def _round(
             fits[leader.name] = refitted(problem, _unmasked(problem, leader), mask)
         except (NotConverged, ConfigError) as failure:  # ConfigError: effects that do not go together
             notes.append(f"{leader.name} could not be solved at its fitted amount: {failure}")
-    return _answer(problem, blocks, settings, rng, ranked, fits, mask, tried) if fits else None
+    while fits:
+        try:
+            return _answer(problem, blocks, settings, rng, ranked, fits, mask, tried)
+        except NotConverged as failure:  # at other readings than those of the fit
+            best = max(fits, key=lambda name: fits[name].log_bayes_factor)
+            notes.append(f"{best} could not be solved at its fitted amount for all readings: {failure}")
+            del fits[best]
+    return None
 
 
 def _no_better(answer: Answer, more: Answer) -> bool:
@@ -261,8 +268,11 @@ def _folds(problem: Problem, winner: Screened, settings: Mismatch) -> dict:
         return found
     for turn, site in enumerate(np.sort(sites), start=1):
         blocks = split(labels, 0, turn)
-        fit = refitted(problem, _unmasked(problem, winner), blocks.train)
-        after = problem.forces_with(fit.parts, fit.amounts, np.ones(len(problem.base), bool))
+        try:
+            fit = refitted(problem, _unmasked(problem, winner), blocks.train)
+            after = problem.forces_with(fit.parts, fit.amounts, np.ones(len(problem.base), bool))
+        except NotConverged:  # without this fold nothing is shown, and nothing is lost
+            continue
         left = problem.observations.flat(problem.observations.force - after)
         scores = _scores(problem, blocks, left, fit)
         x, y = problem.observations.sites[site]
@@ -320,7 +330,10 @@ def _groups(
         rivals = first if own.name in problem.first else candidates
         beside = testable(screened(residual, covariance, rivals, given=others))
         alone = [_last_alone(judged) for judged in beside]
-        here = next(judged for judged in alone if judged.name == own.name)
+        here = next((judged for judged in alone if judged.name == own.name), None)
+        if here is None:  # beside the others these readings do not feel it
+            groups.append(Group((own.name,), 0.0, np.inf, {own.name: 1.0}, ()))
+            continue
         alone = [here, *(judged for judged in alone if judged is not here)]
         chances = normalised({judged.name: judged.log_bayes_factor for judged in alone})
         groups.append(_widened(group_of_winner(alone, covariance, chances), chances))

@@ -67,11 +67,11 @@ def readings(table: pd.DataFrame, sigma_N: float) -> Observations:
         {
             "session": "article",
             "press": [f"{place} {depth:g} mm" for place, depth in zip(table["location"], table["depth_mm"])],
-            "order": np.arange(R),
+            "order": 0,  # not told
             "site": site,
             "phase": "load",
-            "time_s": np.arange(R, dtype=float),
-            "press_time_s": table["depth_mm"],
+            "time_s": 0.0,
+            "press_time_s": 0.0,
             "x_mm": places[site, 0],
             "y_mm": places[site, 1],
             "depth_mm": table["depth_mm"],

@@ -58,6 +58,7 @@ class Solver:
     kept: Path
     cells: Path | None = None  # folder of the study's own cells
     workers: int = 1
+    zero_by: str = "press"  # what depth zero was found for, once: a press or the session; tilt is seen differently
 
     @property
     def coarse(self) -> Study:
@@ -65,7 +66,8 @@ class Solver:
         sizes = self.study.mechanics.mesh
         mesh = sizes.model_copy(update={"near_mm": COARSER * sizes.near_mm, "far_mm": COARSER * sizes.far_mm})
         mechanics = self.study.mechanics.model_copy(update={"mesh": mesh})
-        return unmirrored(self.study.model_copy(update={"mechanics": mechanics}))
+        coarse = unmirrored(self.study.model_copy(update={"mechanics": mechanics}))
+        return coarse if self.zero_by == "press" else with_keys(coarse, kinematics={"zero_by": self.zero_by})
 
     def each(self, work: Callable, tasks: Sequence) -> list:
         """Return work(task) of every task, side by side."""
