@@ -195,7 +195,7 @@ def _answer_words(problem: Problem, answer: Answer, with_others: bool) -> str:
 
 def _plain(finding: Finding) -> str:
     """Return a pattern of the scan in words that follow "most clearly"."""
-    name, _, kind = finding.name.partition(", ")
+    name, _, kind = finding.name.rpartition(", ")  # the last comma: places hold one of their own
     before = {"depth": "", "position": "", "axis": "", "wave": "as a ", "phase": "as "}.get(finding.kind, "")
     if finding.kind == "depth" and name[0] == "d":
         before = "at "

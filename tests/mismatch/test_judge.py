@@ -10,9 +10,10 @@ from gelforge.config.mismatch import Mismatch
 from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.findings import sentence_of
+from gelforge.mismatch.findings import _plain, sentence_of
 from gelforge.mismatch.judge import judge
 from gelforge.mismatch.problem import Problem
+from gelforge.mismatch.scan import Finding
 from gelforge.mismatch.stage import at_first_order, candidates_of
 
 LOCATED = {"void", "inclusion", "delamination"}
@@ -104,6 +105,22 @@ def test_an_effect_that_cannot_be_solved_gives_way_to_the_next_and_is_told():
     found = judge(replace(problem, forces_with=stuck), SETTINGS, seed=1)
     assert first not in [part.name for part in found.answer.winner.parts]
     assert any(first in note and "the gel folds" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "words"),
+    [
+        (
+            "near (16, 16) mm within 3 mm, share of the force",
+            "position",
+            "near (16, 16) mm within 3 mm in proportion to the force",
+        ),
+        ("growing with depth, force along z", "depth", "growing with depth as a force along z"),
+        ("depths 1 to 2 mm, share of the force", "depth", "at depths 1 to 2 mm in proportion to the force"),
+    ],
+)
+def test_patterns_are_told_in_words_that_follow_most_clearly(name, kind, words):
+    assert _plain(Finding(name, kind, {}, 5.0, 0.1)) == words
 
 
 def test_one_site_and_one_depth_are_never_named():
