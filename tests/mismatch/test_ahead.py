@@ -1,0 +1,49 @@
+"""Looking ahead: planned readings, and what dead weights would tell apart."""
+
+import numpy as np
+import pytest
+import specimens
+
+from gelforge.mismatch.ahead import _survivor, _weights, planned_observations
+from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.identifiability import next_experiment
+from gelforge.mismatch.verdict import Amount, NamedEffect
+
+STUDY = specimens.study()
+
+
+def effect(name, *values):
+    amounts = [
+        Amount(name=p.name, unit=p.unit, value=v, interval_90=(v - 0.02, v + 0.02))
+        for p, v in zip(CATALOGUE[name].parameters, values)
+    ]
+    family = CATALOGUE[name].family
+    return NamedEffect(
+        name=name, family=family, probability=0.4, log_bayes_factor=9.0, amounts=amounts, in_range=True
+    )
+
+
+def test_dead_weights_tell_a_gain_from_a_stiffness_and_not_two_stiffnesses():
+    gain, gel, skin = (
+        effect("force_gain", 0.0, 0.0, 0.15),
+        effect("gel_stiffness", 0.2),
+        effect("skin_stiffness", 0.3),
+    )
+    plan = _weights(STUDY, [gain, gel, skin])
+    (decided,) = next_experiment([plan], _survivor(gain), _survivor(gel))
+    assert decided.decides
+    (blind,) = next_experiment([plan], _survivor(gel), _survivor(skin))
+    assert blind.expected_log_odds == pytest.approx(0.0, abs=1e-9) and not blind.decides
+
+
+def test_planned_readings_are_every_cell_at_every_depth_in_random_order():
+    planned = planned_observations(STUDY, dwell_s=(1.0, 2.0), ways_up=(0.5,), ages_days=(0.0, 30.0))
+    table = planned.table
+    presses = table.drop_duplicates("press")
+    assert len(presses) == 2 * 9 * 2  # sessions, 3 x 3 positions, depths
+    assert set(table["phase"]) == {"load", "dwell", "unload"} and set(table["age_days"]) == {0.0, 30.0}
+    assert np.all(np.diff(table["time_s"]) > 0)
+    up = table[table["phase"] == "unload"]
+    assert np.allclose(up["depth_mm"], 0.5 * up["deepest_mm"])
+    assert presses["site"].is_monotonic_increasing is False
+    assert planned.read.all() and not planned.force.any()
