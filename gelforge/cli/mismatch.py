@@ -31,7 +31,8 @@ def judge(
     from gelforge.mismatch.stage import check_matches, judge_recording
     from gelforge.report.mismatch_page import write_mismatch_page
 
-    folders = session_folders(recording)
+    own = recording.resolve() == study.data_folder.resolve()  # of its own data a study chooses the sessions
+    folders = session_folders(recording, study.sessions if own else ())
     check_matches(folders, study)
     solver = solver_of(study, out, laws, kept, workers, folders)
     verdict = judge_recording(solver, folders, out, f"{recording.name} against study {study.study}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 
 import numpy as np
@@ -122,14 +122,8 @@ def law_of(problem: Problem, judgement: Judgement, study: Study) -> form.Law | N
         predictive_scores(left, problem.covariance, judgement.blocks, labels),
         predictive_scores(after, problem.covariance, judgement.blocks, labels, columns, spread),
     ]
-    gained, mask = gain(*scores), judgement.blocks.held_out
-    held = form.HeldOut(
-        block="all",
-        before=_predicted(problem, left, mask, scores[0]["score"].sum()),
-        after=_predicted(problem, after, mask, scores[1]["score"].sum()),
-        gain=gained.total,
-        standard_error=min(gained.standard_error, 1e12),
-    )
+    tables = {"before": scores[0], "after": scores[1]}
+    held = _held_out(problem, "all", left, after, judgement.blocks.held_out, tables)
     return form.Law(words=law.text, terms=dict(zip(law.terms, law.coefficients)), held_out=held)
 
 
@@ -346,45 +340,39 @@ def _fit(problem: Problem, judgement: Judgement) -> form.Fit:
     if answer is None:
         return form.Fit(before=before)
     left = observations.flat(observations.force - answer.after)
-    held = None
+    held, blocks = None, []
     if answer.gain is not None:
-        mask = judgement.blocks.held_out
-        held = form.HeldOut(
-            block="all",
-            before=_predicted(problem, problem.residual, mask, answer.scores["before"]["score"].sum()),
-            after=_predicted(problem, left, mask, answer.scores["after"]["score"].sum()),
-            gain=answer.gain.total,
-            standard_error=min(answer.gain.standard_error, 1e12),
-        )
-    blocks = []
-    for name, mask in judgement.blocks.held.items():
-        if answer.gain is None or not mask.any():
-            continue
-        own = {key: table[table["block"] == name]["score"] for key, table in answer.scores.items()}
-        gains = own["after"].to_numpy() - own["before"].to_numpy()
-        error = np.sqrt(len(gains)) * gains.std(ddof=1) if len(gains) > 1 else 0.0
-        blocks.append(
-            form.HeldOut(
-                block=name,
-                before=_predicted(problem, problem.residual, mask, own["before"].sum()),
-                after=_predicted(problem, left, mask, own["after"].sum()),
-                gain=float(gains.sum()),
-                standard_error=float(error),
-            )
-        )
-    for name, (split, residual, gained, scores) in answer.folds.items():
-        mask = split.held_out
-        blocks.append(
-            form.HeldOut(
-                block=name,
-                before=_predicted(problem, problem.residual, mask, scores["before"]["score"].sum()),
-                after=_predicted(problem, residual, mask, scores["after"]["score"].sum()),
-                gain=gained.total,
-                standard_error=min(gained.standard_error, 1e12),
-            )
-        )
+        everything_held = judgement.blocks.held_out
+        held = _held_out(problem, "all", problem.residual, left, everything_held, answer.scores)
+        for name, mask in judgement.blocks.held.items():
+            own = {key: table[table["block"] == name] for key, table in answer.scores.items()}
+            if mask.any():
+                blocks.append(_held_out(problem, name, problem.residual, left, mask, own))
+    for name, (split, residual, _, scores) in answer.folds.items():
+        blocks.append(_held_out(problem, name, problem.residual, residual, split.held_out, scores))
     after = score_of(problem, left, everything)
     return form.Fit(before=before, after=after, held_out=held, held_out_blocks=blocks)
+
+
+def _held_out(
+    problem: Problem,
+    name: str,
+    before: np.ndarray,
+    after: np.ndarray,
+    mask: np.ndarray,
+    scores: Mapping[str, pd.DataFrame],
+) -> form.HeldOut:
+    """Return how residuals (n,) before and after meet the entries (n,) bool of a block, with their predictive scores."""
+    gained = gain(scores["before"], scores["after"])
+    return form.HeldOut(
+        block=name,
+        before=_predicted(problem, before, mask, scores["before"]["score"].sum()),
+        after=_predicted(problem, after, mask, scores["after"]["score"].sum()),
+        gain=gained.total,
+        standard_error=min(
+            gained.standard_error, 1e12
+        ),  # JSON has no infinity; one block alone has no scatter
+    )
 
 
 def score_of(problem: Problem, left: np.ndarray, mask: np.ndarray) -> form.Score:

@@ -324,9 +324,5 @@ def _circumstance(tests: StressTests, attribute: str, alike: float):
     return np.array(x)[tests.readings.table["path"].to_numpy()], (float(base), float(far))
 
 
-def _added(columns: np.ndarray):
-    return lambda stress, a: stress + columns @ a
-
-
 def _factor(columns: np.ndarray):
     return lambda stress, a: stress * (1 + columns @ a)

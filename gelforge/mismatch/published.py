@@ -20,14 +20,14 @@ from gelforge.files import digest, file_sha256, write_text
 from gelforge.mismatch.context import Context, Curves
 from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.findings import body_map, readings_table, verdict_of, versions
+from gelforge.mismatch.findings import verdict_of, versions
 from gelforge.mismatch.judge import judge
 from gelforge.mismatch.observations import COLUMNS, Observations
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.sessions import TOUCHDOWN_MM
 from gelforge.mismatch.solver import Base, Solver, base_of, forces_with
-from gelforge.mismatch.stage import at_first_order, candidates_of, known_false, noise_case
-from gelforge.mismatch.verdict import Provenance, Verdict, write_body_map, write_readings, write_verdict
+from gelforge.mismatch.stage import at_first_order, candidates_of, known_false, noise_case, write_results
+from gelforge.mismatch.verdict import Provenance, Verdict
 
 TABLE = Path("data/paper/force_depth.csv")
 SITES = {"center": (16.0, 16.0), "corner": (27.0, 27.0)}  # mm
@@ -179,13 +179,7 @@ def judge_case(case: Case, solver: Solver, out: Path, sigmas: Sequence[float] = 
         versions=versions(),
     )
     verdict = verdict_of(problem, judgement, case.title, False, solver.study.sensor, provenance, cases)
-    folder = out / case.name
-    folder.mkdir(parents=True, exist_ok=True)
-    write_verdict(folder, verdict)
-    write_readings(folder, readings_table(problem, judgement))
-    patches = body_map(problem, problem.covariance)
-    if patches is not None:
-        write_body_map(folder, patches)
+    write_results(out / case.name, verdict, problem, (problem, judgement))
     return verdict
 
 

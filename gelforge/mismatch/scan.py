@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 from scipy.stats import chi2 as chi2_distribution
 
 from gelforge.mismatch.covariance import Covariance
+from gelforge.mismatch.spread import spread_out
 
 DRAWS = 2000  # the p-value of the maximum then moves by 0.0035 at 0.025
 MOST_CENTRES = 49  # of bumps: a grid of 7 x 7 resolves what bumps as wide as their spacing can tell
@@ -190,20 +191,10 @@ def _bumps(labels: pd.DataFrame) -> Iterator[_Profile]:
     spacing = float(np.median(cKDTree(sites).query(sites, k=2)[0][:, 1]))
     reach = np.hypot(*np.ptp(sites, axis=0))
     for width in (w * spacing for w in BUMP_WIDTHS):
-        for x, y in _spread_out(sites, MOST_CENTRES) if width < reach else ():
+        for x, y in sites[spread_out(sites, MOST_CENTRES)] if width < reach else ():
             values = np.exp(-((xy - (x, y)) ** 2).sum(axis=1) / (2 * width**2))
             region = {"x_mm": float(x), "y_mm": float(y), "radius_mm": float(width)}
             yield _Profile(f"near ({x:.4g}, {y:.4g}) mm within {width:.3g} mm", "position", region, values)
-
-
-def _spread_out(points: np.ndarray, most: int) -> np.ndarray:
-    """Return at most so many of the points (S, 2): from the first on always the farthest from those chosen."""
-    chosen = [0]
-    away = np.linalg.norm(points - points[0], axis=1)
-    while len(chosen) < min(most, len(points)):
-        chosen.append(int(np.argmax(away)))
-        away = np.minimum(away, np.linalg.norm(points - points[chosen[-1]], axis=1))
-    return points[np.sort(chosen)]
 
 
 def _waves(labels: pd.DataFrame) -> Iterator[_Profile]:

@@ -88,13 +88,6 @@ def screened(
     return sorted(found, key=lambda judged: -judged.log_bayes_factor)
 
 
-def screened_pairs(
-    residual: np.ndarray, covariance: Covariance, candidates: Sequence[Candidate], winner: Screened
-) -> list[Screened]:
-    """Return the winner together with every other effect, judged against none, best first (greedy)."""
-    return screened(residual, covariance, candidates, given=winner.parts)
-
-
 def probabilities(
     single: Sequence[Screened],
     pairs: Sequence[Screened] = (),

@@ -23,8 +23,8 @@ LEAST_FREEDOM = 10  # repeats that a noise estimate needs
 RASTER = 0.9  # |rank correlation| of order with x or y above which time and place are one
 
 
-def session_folders(folder: str | Path) -> list[Path]:
-    """Return the session folders of a recording: itself, or those in it or in its `recordings`.
+def session_folders(folder: str | Path, names: Sequence[str] = ()) -> list[Path]:
+    """Return the session folders of a recording: itself, or those (of these names, if any) in it or in its `recordings`.
 
     Raises ConfigError where there is none.
     """
@@ -33,6 +33,7 @@ def session_folders(folder: str | Path) -> list[Path]:
         return [folder]
     for inside in (folder / "recordings", folder):
         found = sorted(path.parent for path in inside.glob("*/session.yaml"))
+        found = [path for path in found if not names or path.name in names]
         if found:
             return found
     raise ConfigError(

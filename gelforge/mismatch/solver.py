@@ -58,7 +58,9 @@ class Solver:
     kept: Path
     cells: Path | None = None  # folder of the study's own cells
     workers: int = 1
-    zero_by: str = "press"  # what depth zero was found for, once: a press or the session; tilt is seen differently
+    zero_by: str = (
+        "press"  # what depth zero was found for, once: a press or the session; tilt is seen differently
+    )
 
     @property
     def coarse(self) -> Study:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from gelforge.config import ConfigError, Study, write_yaml
+from gelforge.config import ConfigError, Study, load_session, write_yaml
 from gelforge.files import digest, file_sha256
 from gelforge.mismatch.context import Context
 from gelforge.mismatch.covariance import Covariance, readings_covariance
@@ -24,6 +25,7 @@ from gelforge.mismatch.runs import DEPTH_DIGITS
 from gelforge.mismatch.screen import Candidate
 from gelforge.mismatch.sessions import observe
 from gelforge.mismatch.solver import Base, Solver, base_of, forces_with
+from gelforge.mismatch.spread import spread_out
 from gelforge.mismatch.verdict import (
     PATCH,
     NoiseCase,
@@ -62,29 +64,35 @@ def judge_recording(solver: Solver, folders: Sequence[Path], out: Path, title: s
         law=law_of(*in_newtons, study),
         flow=flow_section(joint, judgement),
     )
-    write_verdict(out, verdict)
-    write_readings(out, readings_table(*in_newtons))
-    patches = body_map(problem, problem.covariance)
-    if patches is not None:
-        write_body_map(out, patches)
+    write_results(out, verdict, problem, in_newtons)
     (out / PATCH).unlink(missing_ok=True)
     if confirmed(judgement, problem):
         write_yaml(out / PATCH, patch_of(study, problem.effects, judgement.answer.fit))
     return verdict
 
 
+def write_results(
+    out: Path, verdict: Verdict, problem: Problem, in_newtons: tuple[Problem, Judgement]
+) -> None:
+    """Write verdict.json and its tables; in_newtons: problem and judgement of the forces alone."""
+    out.mkdir(parents=True, exist_ok=True)
+    write_verdict(out, verdict)
+    write_readings(out, readings_table(*in_newtons))
+    patches = body_map(problem, problem.covariance)
+    if patches is not None:
+        write_body_map(out, patches)
+
+
 def observations_of(folders: Sequence[Path], study: Study) -> tuple[Observations, bool]:
     """Return what is judged of some sessions, at most the study's number of sites, and whether it is synthetic."""
-    from gelforge.config import load_session
-
     speed = study.mechanics.effects.history.timing.speed_mm_per_s
     observations = observe(folders, study.sensor, speed)
     if study.mismatch.touchdown_mm is not None:
         scatter = np.full_like(observations.touchdown_mm, study.mismatch.touchdown_mm)
         observations = replace(observations, touchdown_mm=scatter)
-    exact = [load_session(folder / "session.yaml") for folder in folders]
+    sessions = [load_session(folder / "session.yaml") for folder in folders]
     return spread_depths(spread_sites(observations, study), study), any(
-        session.synthetic for session in exact
+        session.synthetic for session in sessions
     )
 
 
@@ -108,18 +116,14 @@ def spread_sites(observations: Observations, study: Study) -> Observations:
     if len(sites) <= most:
         return observations
     middle = np.array([study.sensor.width_x_mm, study.sensor.width_y_mm]) / 2
-    chosen = [int(np.argmin(np.linalg.norm(sites - middle, axis=1)))]
-    away = np.linalg.norm(sites - sites[chosen[0]], axis=1)
-    while len(chosen) < most:
-        chosen.append(int(np.argmax(away)))
-        away = np.minimum(away, np.linalg.norm(sites - sites[chosen[-1]], axis=1))
+    chosen = spread_out(sites, most, int(np.argmin(np.linalg.norm(sites - middle, axis=1))))
     part = observations.chosen(observations.table["site"].isin(chosen).to_numpy())
-    number = {old: new for new, old in enumerate(sorted(chosen))}
+    number = {old: new for new, old in enumerate(chosen)}
     told = f"{len(sites)} positions were recorded, {most} of them spread over the sensor are judged (mismatch.sites)"
     return replace(
         part,
         table=part.table.assign(site=part.table["site"].map(number)),
-        sites=sites[sorted(chosen)],
+        sites=sites[chosen],
         cannot_know=(*part.cannot_know, told),
     )
 
@@ -274,8 +278,6 @@ def provenance_of(folders: Sequence[Path], study: Study, solver: Solver) -> Prov
 
 def check_matches(folders: Sequence[Path], study: Study) -> None:
     """Raise ConfigError where a recording plainly belongs to another sensor or indenter than the study's."""
-    from gelforge.config import load_session
-
     for folder in folders:
         session = load_session(folder / "session.yaml")
         stated, own = session.indenter.strip(), study.indenter.words
@@ -289,6 +291,4 @@ def check_matches(folders: Sequence[Path], study: Study) -> None:
 
 
 def _numbers(text: str) -> list[float]:
-    import re
-
     return [float(found) for found in re.findall(r"\d+(?:\.\d+)?", text)]

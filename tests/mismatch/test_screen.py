@@ -6,7 +6,7 @@ from artificial_readings import covariance_of, flat_base, grid, readings
 from numpy.testing import assert_allclose
 from scipy.stats import binom
 
-from gelforge.mismatch.screen import Candidate, evidence, probabilities, screened, screened_pairs
+from gelforge.mismatch.screen import Candidate, evidence, probabilities, screened
 
 RNG = np.random.default_rng
 
@@ -223,7 +223,7 @@ def test_two_effects_at_once(world):
     drift, late = by_name["force_drift"], by_name["late"]
     r = drift.columns @ [0.05, -0.05, 0.05] + 0.25 * late.columns[:, 0] + covariance.draw(RNG(12), 1)[:, 0]
     single = screened(r, covariance, candidates)
-    pairs = screened_pairs(r, covariance, candidates, single[0])
+    pairs = screened(r, covariance, candidates, given=single[0].parts)
     assert set(pairs[0].name.split(" + ")) == {"force_drift", "late"}
     p = probabilities(single, pairs)
     assert sum(p.values()) == pytest.approx(1) and p[pairs[0].name] > 0.95
@@ -241,7 +241,7 @@ def test_one_effect_is_not_taken_for_two(world):
     drift = next(c for c in candidates if c.name == "force_drift")
     r = drift.columns @ [0.06, -0.06, 0.06] + covariance.draw(RNG(13), 1)[:, 0]
     single = screened(r, covariance, candidates)
-    p = probabilities(single, screened_pairs(r, covariance, candidates, single[0]))
+    p = probabilities(single, screened(r, covariance, candidates, given=single[0].parts))
     assert max(p, key=p.get) == "force_drift"
 
 

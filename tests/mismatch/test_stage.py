@@ -206,6 +206,9 @@ def test_sessions_are_found_in_a_folder_of_recordings(stiffer, tmp_path):
         == session_folders(folder)
         == [folder]
     )
+    assert session_folders(tmp_path, [folder.name, "absent"]) == [folder]
+    with pytest.raises(ConfigError, match="no session"):
+        session_folders(tmp_path, ["absent"])
     (tmp_path / "empty").mkdir()
     with pytest.raises(ConfigError, match="no session"):
         session_folders(tmp_path / "empty")
