@@ -26,7 +26,7 @@ from gelforge.indentation.cell_file import write_cell
 from gelforge.indentation.plan import plan_cells
 from gelforge.mismatch.flow import flow_section, with_flow
 from gelforge.mismatch.judge import Judgement, judge
-from gelforge.mismatch.solver import Solver
+from gelforge.mismatch.solutions import Solver
 from gelforge.mismatch.stage import observations_of, problem_of
 from gelforge.virtual_lab.session import make_session
 from gelforge.virtual_lab.truth import simulate_truth_cell

@@ -33,6 +33,7 @@ def main() -> None:
     one = steps.add_parser("judge", help="judge what has not been judged")
     one.add_argument("set")
     one.add_argument("--limit", type=int)
+    one.add_argument("--workers", type=int, default=1, help="cases side by side")
     one.add_argument("--command", help="in place of gelforge mismatch; {recording} {config} {out} {kept}")
     one = steps.add_parser("score", help="open the seals and score")
     one.add_argument("set")
@@ -56,7 +57,11 @@ def run(asked: argparse.Namespace) -> None:
         from .sets import COMMAND, judge
 
         judge(
-            SETS / asked.set, asked.command or COMMAND, asked.limit, say=lambda text: print(text, flush=True)
+            SETS / asked.set,
+            asked.command or COMMAND,
+            asked.limit,
+            say=lambda text: print(text, flush=True),
+            workers=asked.workers,
         )
     else:
         _score(SETS / asked.set, not asked.no_baselines)

@@ -14,6 +14,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 from . import sealing
@@ -24,7 +25,8 @@ from .recording import write_recording
 
 CONFIG = Path(__file__).parent / "config"
 COMMAND = (
-    f"{sys.executable} -m gelforge mismatch {{recording}} --config {{config}} --out {{out}} --kept {{kept}}"
+    f"{sys.executable} -m gelforge mismatch {{recording}} --config {{config}} --out {{out}}"
+    " --kept {{kept}} --no-page"
 )
 JUDGED = ("verdict.json", "readings.csv")
 
@@ -60,38 +62,50 @@ def judge(
     limit: int | None = None,
     say: Callable[[str], None] = print,
     limit_s: int = 7200,
+    workers: int = 1,
 ) -> int:
     """Judge cases that have not been judged yet, at most `limit`, and return how many were; truths stay closed.
 
     The command may hold {recording}, {config}, {out} and {kept} (a folder that all cases share). What it says goes to
     verdicts/<case>/log.txt. A case whose command fails has a verdict of nothing, which the scores count as a failure.
+    workers: cases side by side.
     """
     published = sealing.read(folder / "sealed.json")
     register = folder / "judged.json"
     judged = sealing.read(register) if register.is_file() else {}
-    todo = [name for name in published["cases"] if name not in judged]
-    for number, name in enumerate(todo[:limit]):
-        case, out = folder / "cases" / name, folder / "verdicts" / name
-        out.mkdir(parents=True, exist_ok=True)
-        base = (case / "base.txt").read_text().strip()
-        words = [
-            word.format(recording=case, config=CONFIG / f"{base}.yaml", out=out, kept=folder.parent / "kept")
-            for word in shlex.split(command)
-        ]
-        began = time.perf_counter()
-        with open(out / "log.txt", "w", encoding="utf-8") as log:
-            try:
-                code = subprocess.run(words, stdout=log, stderr=subprocess.STDOUT, timeout=limit_s).returncode
-            except subprocess.TimeoutExpired:
-                code = -1
-        judged[name] = {
-            "sha256": sealing.digest_of_files(*(out / file for file in JUDGED)),
-            "seconds": round(time.perf_counter() - began, 1),
-            "code": code,
-        }
-        sealing.write(register, judged)
-        say(f"{name} ({number + 1} of {len(todo)}): exit {code}, {judged[name]['seconds']:.0f} s")
-    return len(todo[:limit])
+    todo = [name for name in published["cases"] if name not in judged][:limit]
+    with ThreadPoolExecutor(workers) as pool:
+        running = {pool.submit(_judged, folder, name, command, limit_s): name for name in todo}
+        for done in as_completed(running):
+            name = running[done]
+            judged[name] = done.result()
+            sealing.write(register, judged)
+            say(
+                f"{name}: exit {judged[name]['code']}, {judged[name]['seconds']:.0f} s ({len(judged)} judged)"
+            )
+    return len(todo)
+
+
+def _judged(folder: Path, name: str, command: str, limit_s: int) -> dict:
+    """Judge one case and return the digest of its verdict, the seconds and the command's exit code."""
+    case, out = folder / "cases" / name, folder / "verdicts" / name
+    out.mkdir(parents=True, exist_ok=True)
+    base = (case / "base.txt").read_text().strip()
+    words = [
+        word.format(recording=case, config=CONFIG / f"{base}.yaml", out=out, kept=folder.parent / "kept")
+        for word in shlex.split(command)
+    ]
+    began = time.perf_counter()
+    with open(out / "log.txt", "w", encoding="utf-8") as log:
+        try:
+            code = subprocess.run(words, stdout=log, stderr=subprocess.STDOUT, timeout=limit_s).returncode
+        except subprocess.TimeoutExpired:
+            code = -1
+    return {
+        "sha256": sealing.digest_of_files(*(out / file for file in JUDGED)),
+        "seconds": round(time.perf_counter() - began, 1),
+        "code": code,
+    }
 
 
 def opened(folder: Path) -> list[dict]:

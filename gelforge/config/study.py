@@ -89,6 +89,12 @@ class Study(Section):
             raise ValueError("contact_normals: initial is for a vertical approach; use current")
 
     @property
+    def has_symmetry_of_square(self) -> bool:
+        """Whether the pressed body looks the same from all sides of a square: every press has mirror images."""
+        square = self.sensor.width_x_mm == self.sensor.width_y_mm and self.sensor.shape.kind != "surfaces"
+        return square and self.indenter.is_upright_and_round and self.mechanics.effects.has_symmetry_of_square
+
+    @property
     def tetrahedra(self) -> bool:
         """Whether the sensor is meshed by tetrahedra."""
         return self.sensor.shape.kind != "block" or self.mechanics.mesh.elements == "tetrahedra"

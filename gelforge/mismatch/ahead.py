@@ -17,7 +17,8 @@ from gelforge.mismatch.identifiability import Plan, detection_limits, next_exper
 from gelforge.mismatch.observations import COLUMNS, Observations
 from gelforge.mismatch.screen import Candidate, Screened
 from gelforge.mismatch.sessions import SPEED_MM_PER_S, TOUCHDOWN_MM
-from gelforge.mismatch.solver import Base, Solver, base_of
+from gelforge.mismatch.solutions import Solver
+from gelforge.mismatch.solver import Base, base_of
 from gelforge.mismatch.stage import candidates_of, columns_of, problem_of, spread_sites
 from gelforge.mismatch.verdict import NamedEffect, Verdict
 

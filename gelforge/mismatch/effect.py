@@ -41,6 +41,11 @@ def one_shape(context: Context) -> list[Shape]:
     return [{}]
 
 
+def unturned(turn: np.ndarray) -> np.ndarray:
+    """Return the turn of an amount that is the same from all sides of a square."""
+    return np.eye(1)
+
+
 @dataclass(frozen=True)
 class Effect:
     """One kind of left-out physics. Amounts (P,) are in the parameters' units; all zero is the base bit for bit.
@@ -61,6 +66,9 @@ class Effect:
     to_forces: Callable[[Context, Shape, np.ndarray, np.ndarray], np.ndarray] | None = None
     to_camera: Callable[[Study, Camera, Sequence[float]], Camera] | None = None
     shapes: Callable[[Context], list[Shape]] = one_shape
+    turned: Callable[[np.ndarray], np.ndarray] = (
+        unturned  # (2, 2) of D4 -> (P, P): how amounts turn with the sensor
+    )
     applies: Callable[[Study], bool] = field(default=lambda study: True)  # the sensor has what it is about
     switch: bool = False  # amounts are 0 and 1 only
     history: bool = False  # every press is a path of its own, in time

@@ -42,7 +42,8 @@ from gelforge.mismatch.observations import Observations
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.scan import global_test
 from gelforge.mismatch.screen import Candidate
-from gelforge.mismatch.solver import Base, Solver
+from gelforge.mismatch.solutions import Solver
+from gelforge.mismatch.solver import Base
 
 # The real particles are one placement, the prediction a mean over some: their difference stays from press to press of a
 # site but for what lies elsewhere in the moved image. Measured between two depths (benchmarks/flow_channel.py).

@@ -18,7 +18,7 @@ from gelforge.indentation.simulate import Model, model_of, simulate_cell
 from gelforge.indentation.trajectory import Trajectory
 from gelforge.mechanics.equilibrium import NotConverged, Press
 from gelforge.mechanics.sensitivity import Neighbour, follow_beside
-from gelforge.mismatch.solver import SCREEN_TOLERANCE, Solver, SolverFailed, _keep, _kept
+from gelforge.mismatch.solutions import Solver, SolverFailed, found_before, keep
 from gelforge.virtual_lab.particles import interpolation
 
 
@@ -50,13 +50,13 @@ def moved_by(task: tuple[Solver, Study, PlannedCell]) -> Moved | str:
     solver, study, planned = task
     study, laws = storing(study), dict(solver.laws)
     name = digest(["moved", inputs_digest(study, laws, planned)])
-    kept = _kept(solver, name)
+    kept = found_before(solver, name)
     if kept is None:
         cell = simulate_cell(study, laws, planned)
         if not cell.converged:
             return str(cell.attributes["reason"])
         names = ("gel_node_mm", "gel_hex", "gel_displacement_mm")
-        kept = _keep(solver, name, {key: cell.arrays[key] for key in names})
+        kept = keep(solver, name, {key: cell.arrays[key] for key in names})
     return Moved(kept["gel_node_mm"], kept["gel_hex"], kept["gel_displacement_mm"], {})
 
 
@@ -76,9 +76,9 @@ def moved_along(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> Moved
     described = {key: {m: law.description() for m, law in own.items()} for key, own in moved_laws.items()}
     own = [inputs_digest(study, laws, planned), settings, described, source_digest("mismatch/flow_fields.py")]
     name = digest(["moved along", own])
-    kept = _kept(solver, name)
+    kept = found_before(solver, name)
     if kept is None:
-        kept = _keep(solver, name, _followed(study, laws, planned, variations, moved_laws))
+        kept = keep(solver, name, _followed(study, laws, planned, variations, moved_laws))
     along = {key: field for key, field in kept.items() if key not in ("nodes", "boxes", "base")}
     return Moved(kept["nodes"], kept["boxes"], kept["base"], along)
 
@@ -151,9 +151,7 @@ def _particle_nodes(study: Study, base: Model) -> np.ndarray:
 def _beside(study: Study, base: Model, varied: Mapping[str, tuple[Model, float]], nodes: np.ndarray) -> dict:
     press = Press(base.body, base.shape, base.settings, study.mechanics.solver.linear_solver)
     near = [
-        Neighbour(
-            press, model.body, model.shape, model.settings, model.start, model.centres, SCREEN_TOLERANCE
-        )
+        Neighbour(press, model.body, model.shape, model.settings, model.start, model.centres)
         for model, _ in varied.values()
     ]
     fields: dict[str, list] = {key: [] for key in varied}

@@ -15,7 +15,8 @@ from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.flow_fields import Moved, moved_along, moved_by, solved_with
 from gelforge.mismatch.flow_images import Eye, Particles, Scene, Seen
 from gelforge.mismatch.places import FirstOrderAt
-from gelforge.mismatch.solver import Base, Solver, SolverFailed, _asked, _near, key_of, way_down
+from gelforge.mismatch.solutions import Solver, SolverFailed, way_down
+from gelforge.mismatch.solver import Base, asked_of, felt_by, key_of
 from gelforge.mismatch.solver_effects import FirstOrder
 
 CHANGES = 3  # placements in which a change is drawn: their scatter is a part of a part
@@ -211,13 +212,13 @@ def flow_model(
     """Return the model of the flow of some presses, solved. Raises SolverFailed where the base cannot be."""
     few = particles.first(CHANGES)
     sites = sorted({int(press.row["site"]) for press in seen})
-    asked = list(_asked(solver, effects.values(), base.context))
+    asked = list(asked_of(solver, effects.values(), base.context))
     planned, near = {}, {}
     for site in sites:
         whole = way_down(base.runs.planned[base.runs.of_sites(np.array([site]))[0]])
         deepest = max(p.row["depth_mm"] for p in seen if int(p.row["site"]) == site)
         planned[site] = replace(whole, depths_mm=tuple(d for d in whole.depths_mm if d <= deepest + 1e-6))
-        near[site] = _near(asked, planned[site])
+        near[site] = felt_by(asked, planned[site])
     fine = solver.each(moved_by, [(solver, solver.study, planned[s]) for s in sites])
     for result in fine:
         if isinstance(result, str):

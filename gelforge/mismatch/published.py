@@ -25,7 +25,8 @@ from gelforge.mismatch.judge import judge
 from gelforge.mismatch.observations import COLUMNS, Observations
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.sessions import TOUCHDOWN_MM
-from gelforge.mismatch.solver import Base, Solver, base_of, forces_with
+from gelforge.mismatch.solutions import Solver
+from gelforge.mismatch.solver import Base, base_of, forces_with
 from gelforge.mismatch.stage import at_first_order, candidates_of, known_false, noise_case, write_results
 from gelforge.mismatch.verdict import Provenance, Verdict
 

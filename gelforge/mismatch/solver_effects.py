@@ -72,6 +72,21 @@ def pair_of(
     return to_study
 
 
+def as_vector(turn: np.ndarray) -> np.ndarray:
+    """Return how two amounts along x and y turn with the sensor under an element (2, 2) of D4."""
+    return turn
+
+
+def as_rotation(turn: np.ndarray) -> np.ndarray:
+    """Return how small turns about x and y turn with the sensor: a mirror reverses them."""
+    return np.linalg.det(turn) * turn
+
+
+def as_spin(turn: np.ndarray) -> np.ndarray:
+    """Return how a turn about z is changed: a mirror reverses it."""
+    return np.array([[np.linalg.det(turn)]])
+
+
 def turned_round(changes: Callable[[Mechanics], dict]):
     """Return the `to_study` of a switch: 1 sets the keys of mechanics that `changes` gives for the base's own."""
 

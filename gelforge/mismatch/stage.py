@@ -24,7 +24,8 @@ from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.runs import DEPTH_DIGITS
 from gelforge.mismatch.screen import Candidate
 from gelforge.mismatch.sessions import observe
-from gelforge.mismatch.solver import Base, Solver, base_of, forces_with
+from gelforge.mismatch.solutions import Solver
+from gelforge.mismatch.solver import Base, base_of, forces_with
 from gelforge.mismatch.spread import spread_out
 from gelforge.mismatch.verdict import (
     PATCH,

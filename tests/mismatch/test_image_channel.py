@@ -23,7 +23,7 @@ from gelforge.mismatch.flow_images import (
 from gelforge.mismatch.flow_scan import patterns
 from gelforge.mismatch.judge import judge
 from gelforge.mismatch.screen import screened
-from gelforge.mismatch.solver import Solver
+from gelforge.mismatch.solutions import Solver
 from gelforge.mismatch.stage import judge_recording, observations_of, problem_of
 from gelforge.mismatch.verdict import read_readings, read_verdict
 from gelforge.recording.camera import project

@@ -5,7 +5,8 @@ import pandas as pd
 
 from gelforge.mismatch.observations import COLUMNS, Observations
 from gelforge.mismatch.runs import runs_of, timed_runs_of
-from gelforge.mismatch.solver import _loading_curves, _ways_down, way_down
+from gelforge.mismatch.solutions import way_down
+from gelforge.mismatch.solver import _loading_curves, _ways_down
 
 PRESSES = [  # site, depth, depths on the way up
     (0, 0.5, ()),
@@ -77,7 +78,7 @@ def test_curves_over_the_way_down_have_the_value_of_each_depth():
         depth, phases = np.array(planned.depths_mm), planned.phases or ("load",) * len(planned.depths_mm)
         along.append(np.tile((depth * np.where(np.array(phases) == "unload", 10, 1))[:, None], 3))
     depths = tuple(np.array(planned.depths_mm) for planned in _ways_down(runs))
-    curves = _loading_curves(runs, {0: 0, 1: 1}, depths, along, 2)
+    curves = _loading_curves(runs, depths, along)
     for own, values in zip(depths, curves.values):
         np.testing.assert_array_equal(values[:, 2], own)
 

@@ -1,7 +1,7 @@
 """The stage's origin lies elsewhere on the sensor than described."""
 
 from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, first_order, pair_of, solver
+from gelforge.mismatch.solver_effects import amount, as_vector, first_order, pair_of, solver
 
 SOURCE = "width: an edge found by eye (judgement); bounds: a tenth of a usual sensor"
 
@@ -20,5 +20,6 @@ EFFECT = Effect(
             lambda study, both: {"misregistration_mm": both},
         ),
         "to_forces": first_order("misregistration", "x", "y"),
+        "turned": as_vector,
     },
 )

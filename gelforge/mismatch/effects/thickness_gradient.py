@@ -3,7 +3,7 @@
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import gel_layers
 from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, first_order, is_block, pair_of, solver
+from gelforge.mismatch.solver_effects import amount, as_vector, first_order, is_block, pair_of, solver
 
 
 def present(study: Study) -> list[float]:
@@ -30,5 +30,6 @@ EFFECT = Effect(
             lambda study, both: {"thickness": {gel_layers(study)[-1]: {"gradient": both}}},
         ),
         "to_forces": first_order("thickness_gradient", "x", "y"),
+        "turned": as_vector,
     },
 )

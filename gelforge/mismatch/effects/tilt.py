@@ -1,7 +1,7 @@
 """The sensor stands at an angle to the indenter's path."""
 
 from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, first_order, pair_of, solver
+from gelforge.mismatch.solver_effects import amount, as_rotation, first_order, pair_of, solver
 
 SOURCE = "width: mounted by eye (judgement); bounds: seen by eye"
 
@@ -21,5 +21,6 @@ EFFECT = Effect(
             lambda study, both: {"tilt_deg": both},
         ),
         "to_forces": first_order("tilt", "about_x", "about_y"),
+        "turned": as_rotation,
     },
 )

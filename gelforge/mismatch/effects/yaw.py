@@ -1,7 +1,7 @@
 """The grid of positions is turned about the sensor's middle."""
 
 from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, has, solver
+from gelforge.mismatch.solver_effects import amount, as_spin, has, solver
 
 EFFECT = Effect(
     name="yaw",
@@ -15,5 +15,6 @@ EFFECT = Effect(
     signature="alternating sign around the walls, off the lines of symmetry only; nothing near the middle",
     confused_with=("misregistration", "grid_scale", "cross_talk"),
     separated_by="presses close to the walls off the lines of symmetry; images",
-    **solver("yaw", has("kinematics.yaw_deg"), directed=True),
+    **solver("yaw", has("kinematics.yaw_deg"), directed=True)
+    | {"turned": as_spin},
 )  # fmt: skip

@@ -1,0 +1,283 @@
+"""Solutions by the finite elements that a verdict needs, each kept by the digest of all that decides it.
+
+A solution is of one path: on the study's own mesh (`fine`), with derivatives on a mesh of COARSER sizes (`follow`), there
+with a study's effects (`plain`), in time (`timed`), or one path after another on a sensor that remembers (`in_order`).
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from gelforge.config import ConfigError, Study
+from gelforge.files import atomic, digest, source_digest
+from gelforge.indentation.cell_file import CellError, read_cell
+from gelforge.indentation.effects.catalogue import with_keys
+from gelforge.indentation.effects.geometry import top_slope
+from gelforge.indentation.error_bars import AMOUNT as LAW_AMOUNT
+from gelforge.indentation.error_bars import COARSER
+from gelforge.indentation.inputs import inputs_digest
+from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell, plan_cells
+from gelforge.indentation.sensitivities import Variation, derivatives, unmirrored
+from gelforge.indentation.simulate import simulate_cell, simulate_in_order, simulate_trajectory
+from gelforge.indentation.trajectory import Trajectory
+from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mechanics.laws import PrincipalLaw
+
+
+class SolverFailed(ValueError):
+    """A base press that could not be solved: there is nothing to compare the readings with."""
+
+
+@dataclass(frozen=True)
+class Solver:
+    """A study with its laws, where its solutions are kept, and how many are solved side by side."""
+
+    study: Study
+    laws: Mapping[str, PrincipalLaw]  # by material
+    uncertain: Mapping[
+        str, Sequence[PrincipalLaw]
+    ]  # by material, laws moved by LAW_AMOUNT of a standard deviation
+    kept: Path
+    cells: Path | None = None  # folder of the study's own cells
+    workers: int = 1
+    zero_by: str = (
+        "press"  # what depth zero was found for, once: a press or the session; tilt is seen differently
+    )
+
+    @property
+    def coarse(self) -> Study:
+        """Return the study on the coarser mesh."""
+        sizes = self.study.mechanics.mesh
+        mesh = sizes.model_copy(update={"near_mm": COARSER * sizes.near_mm, "far_mm": COARSER * sizes.far_mm})
+        mechanics = self.study.mechanics.model_copy(update={"mesh": mesh})
+        return self.seen(unmirrored(self.study.model_copy(update={"mechanics": mechanics})))
+
+    def seen(self, study: Study) -> Study:
+        """Return a study with depth counted as the recording counts it; on a level top that is all the same."""
+        effects = study.mechanics.effects
+        if self.zero_by == "press" or not (any(effects.kinematics.tilt_deg) or top_slope(effects).any()):
+            return study
+        return with_keys(study, kinematics={"zero_by": self.zero_by})
+
+    def each(self, work: Callable, tasks: Sequence) -> list:
+        """Return work(task) of every task, side by side."""
+        if self.workers == 1 or len(tasks) < 2:
+            return [work(task) for task in tasks]
+        context = multiprocessing.get_context("forkserver")
+        with ProcessPoolExecutor(min(self.workers, len(tasks)), context) as pool:
+            return list(pool.map(work, tasks))
+
+
+def fine(task: tuple[Solver, PlannedCell]) -> np.ndarray:
+    """Return the base forces (D, 3) of a way down on the study's own mesh. Raises SolverFailed."""
+    solver, planned = task
+    study = unmirrored(solver.study)
+    name = digest(["fine", inputs_digest(study, dict(solver.laws), planned)])
+    kept = found_before(solver, name)
+    if kept is None:
+        cell = simulate_cell(study, dict(solver.laws), planned)
+        if not cell.converged:
+            raise SolverFailed(
+                f"the base does not converge at {_where(planned)} beyond "
+                f"{cell.attributes['last_good_depth_mm']:g} mm: {cell.attributes['reason']}; leave deeper readings out"
+            )
+        kept = keep(solver, name, {"total": cell.arrays["total_force_N"]})
+    return kept["total"]
+
+
+def own_cell(solver: Solver, planned: PlannedCell) -> np.ndarray | None:
+    """Return the forces of the study's own cell at a position, where it has all these depths and these settings."""
+    if solver.cells is None:
+        return None
+    for cell in plan_cells(solver.study).values():
+        if max(abs(cell.x_mm - planned.x_mm), abs(cell.y_mm - planned.y_mm)) > POSITION_MATCH_MM:
+            continue
+        where = [k for d in planned.depths_mm for k, own in enumerate(cell.depths_mm) if abs(own - d) < 1e-6]
+        if cell.follows_a_path or len(where) != len(planned.depths_mm):
+            continue
+        try:
+            found = read_cell(solver.cells / f"{cell.name}.h5", ["total_force_N"])
+        except CellError:
+            return None
+        same = found.attributes["inputs_digest"] == inputs_digest(solver.study, dict(solver.laws), cell)
+        if same and found.converged:
+            return found.arrays["total_force_N"][where]
+    return None
+
+
+def follow(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> dict[str, np.ndarray]:
+    """Return of a run on the coarser mesh the base forces (D, 3) and its derivatives along laws and variations.
+
+    Derivatives are those of the way down; on the way up they have the value at the same depth. A derivative that could not
+    be had is missing, "reason KEY" says why.
+    """
+    solver, planned, variations = task
+    study, laws, down = solver.coarse, dict(solver.laws), way_down(planned)
+    asked = variations | {
+        f"law {material} {k}": Variation(study, {**laws, material: law}, LAW_AMOUNT)
+        for material, directions in solver.uncertain.items()
+        for k, law in enumerate(directions)
+    }
+    run = [inputs_digest(study, laws, down), source_digest("mismatch/solutions.py")]
+    names = {key: digest(["along", *run, _described(variation)]) for key, variation in asked.items()}
+    names["base"] = digest(["followed", *run])
+    known = {key: found_before(solver, name) for key, name in names.items()}
+    missing = {key: asked[key] for key in asked if known[key] is None}
+    if missing or known["base"] is None:
+        for key, solved in _derivatives(study, laws, down, missing).items():
+            known[key] = keep(solver, names[key], solved)
+    found = {}
+    for key, one in known.items():
+        if "reason" in one:
+            found[f"reason {key}"] = one["reason"]
+        else:
+            found[key] = one["total"]
+    if planned.phases:
+        step = np.searchsorted(np.array(down.depths_mm), np.array(planned.depths_mm) - 1e-9)
+        found = {key: values if key.startswith("reason ") else values[step] for key, values in found.items()}
+        found["base"] = _way_up(solver, planned)
+    return found
+
+
+def _described(variation: Variation) -> list:
+    """Return all that decides a derivative beside the run that it belongs to."""
+    without = variation.without.model_dump(mode="json") if variation.without else None
+    laws = {material: law.description() for material, law in variation.laws.items()}
+    return [variation.study.model_dump(mode="json"), laws, variation.amount, variation.alone, without]
+
+
+def _derivatives(study: Study, laws, planned: PlannedCell, asked: Mapping[str, Variation]) -> dict[str, dict]:
+    """Return base and derivatives of a way down as {"total": (D, 3)} by key, or {"reason": why there is none}."""
+    beside = {key: variation for key, variation in asked.items() if not variation.alone}
+    found = {}
+    try:
+        base, along = derivatives(study, laws, planned, beside)
+        found = {key: {"total": derivative.total} for key, derivative in along.items()}
+    except NotConverged:  # one that fails must not take the others with it
+        base = _base_alone(study, laws, planned)
+        for key, variation in beside.items():
+            found[key] = _one(study, laws, planned, key, variation)
+    for key, variation in asked.items():
+        if variation.alone:
+            found[key] = _difference(base, laws, planned, variation)
+    return found | {"base": {"total": base}}
+
+
+def way_down(planned: PlannedCell) -> PlannedCell:
+    """Return a run without its way up, through all its depths."""
+    return replace(planned, depths_mm=tuple(float(d) for d in np.unique(planned.depths_mm)), phases=())
+
+
+def _way_up(solver: Solver, planned: PlannedCell) -> np.ndarray:
+    found = plain((solver, planned))
+    if isinstance(found, str):
+        raise SolverFailed(
+            f"the way up at {_where(planned)} does not converge: {found}; leave its readings out"
+        )
+    return found
+
+
+def _where(planned: PlannedCell) -> str:
+    return f"({planned.x_mm:g}, {planned.y_mm:g}) mm, or at a mirror image of that"
+
+
+def _base_alone(study: Study, laws, planned: PlannedCell) -> np.ndarray:
+    """Return the base forces (D, 3)."""
+    try:
+        return derivatives(study, laws, planned, {})[0]
+    except NotConverged as failure:
+        raise SolverFailed(
+            f"the base on the coarser mesh does not converge at {_where(planned)}: {failure}; "
+            "leave deeper readings out"
+        ) from None
+
+
+def _one(study: Study, laws, planned: PlannedCell, key: str, variation: Variation) -> dict[str, np.ndarray]:
+    """Return one derivative, or the reason why there is none."""
+    try:
+        return {"total": derivatives(study, laws, planned, {key: variation})[1][key].total}
+    except (NotConverged, ConfigError) as failure:
+        return {"reason": np.array(str(failure))}
+
+
+def _difference(base: np.ndarray, laws, planned: PlannedCell, variation: Variation) -> dict[str, np.ndarray]:
+    """Return one derivative as the difference of two solutions, or the reason why there is none."""
+    totals = []
+    for study in (variation.study, variation.without):
+        try:
+            cell = simulate_cell(study, laws, planned) if study else None
+        except ConfigError as failure:
+            return {"reason": np.array(str(failure))}
+        if cell is not None and not cell.converged:
+            return {"reason": np.array(str(cell.attributes["reason"]))}
+        totals.append(base if cell is None else cell.arrays["total_force_N"])
+    return {"total": (totals[0] - totals[1]) / variation.amount}
+
+
+def plain(task: tuple[Solver, PlannedCell]) -> np.ndarray | str:
+    """Return the forces (D, 3) of a run on the coarser mesh with the effects of the study, or why there are none."""
+    solver, planned = task
+    study, laws = solver.coarse, dict(solver.laws)
+    name = digest(["plain", inputs_digest(study, laws, planned)])
+    kept = found_before(solver, name)
+    if kept is None:
+        cell = simulate_cell(study, laws, planned)
+        if not cell.converged:
+            return str(cell.attributes["reason"])
+        kept = keep(solver, name, {"total": cell.arrays["total_force_N"]})
+    return kept["total"]
+
+
+def timed(task: tuple[Solver, Trajectory]) -> np.ndarray | str:
+    """The same along a path in time."""
+    solver, path = task
+    study, laws = solver.coarse, dict(solver.laws)
+    planned = PlannedCell("", path.x_mm, path.y_mm, path.depths_mm, phases=path.phases)
+    name = digest(["timed", inputs_digest(study, laws, planned), path.times_s])
+    kept = found_before(solver, name)
+    if kept is None:
+        by_layer = {layer.name: laws[layer.material] for layer in study.sensor.layers}
+        cell = simulate_trajectory(study.sensor, study.indenter, study.mechanics, by_layer, path)
+        if not cell.converged:
+            return str(cell.attributes["reason"])
+        kept = keep(solver, name, {"total": cell.arrays["total_force_N"]})
+    return kept["total"]
+
+
+def in_order(solver: Solver, paths: Sequence[Trajectory]) -> list[np.ndarray | str]:
+    """The same, one path after another on a sensor that remembers."""
+    study, laws = solver.coarse, dict(solver.laws)
+    first = PlannedCell("", paths[0].x_mm, paths[0].y_mm, paths[0].depths_mm, phases=paths[0].phases)
+    all_paths = [[p.x_mm, p.y_mm, p.depths_mm, p.times_s] for p in paths]
+    name = digest(["in order", inputs_digest(study, laws, first), all_paths])
+    kept = found_before(solver, name)
+    if kept is None:
+        by_layer = {layer.name: laws[layer.material] for layer in study.sensor.layers}
+        found = []
+        for cell, _ in simulate_in_order(study.sensor, study.indenter, study.mechanics, by_layer, paths):
+            if not cell.converged:
+                return [str(cell.attributes["reason"])]
+            found.append(cell.arrays["total_force_N"])
+        kept = keep(solver, name, {f"{k:06d}": total for k, total in enumerate(found)})
+    return [kept[key] for key in sorted(kept)]
+
+
+def found_before(solver: Solver, name: str) -> dict[str, np.ndarray] | None:
+    path = solver.kept / f"{name}.npz"
+    if not path.is_file():
+        return None
+    with np.load(path) as file:
+        return dict(file)
+
+
+def keep(solver: Solver, name: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    with atomic(solver.kept / f"{name}.npz") as temporary:
+        with open(temporary, "wb") as file:
+            np.savez(file, **arrays)
+    return arrays

@@ -1,0 +1,67 @@
+"""Forces and derivatives carried from a mirror image against those solved at the place itself."""
+
+import numpy as np
+import pytest
+import specimens
+from recorded import record
+
+from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
+from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.symmetry import D4, transform_points
+from gelforge.mismatch import solver as solver_module
+from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.images_of_presses import image_of
+from gelforge.mismatch.sessions import observe
+from gelforge.mismatch.solutions import Solver
+from gelforge.mismatch.solver import base_of
+
+SAME = 0.03  # of the largest: at a mirror image a one-sided difference is taken to the other side
+# one of every way to turn: not at all, as a vector, as a rotation, as a spin, as a place
+NAMES = ("gel_stiffness", "thickness_gradient", "misregistration", "tilt", "yaw", "void")
+
+
+def as_it_is(study, paths, solve):
+    return solve(list(paths)), ["identity"] * len(paths)
+
+
+@pytest.mark.parametrize("symmetry", D4)
+def test_all_images_of_a_place_are_one_press(symmetry):
+    study, place = specimens.study(), np.array([4.0, 5.5])
+    width = study.sensor.width_x_mm
+    x, y = transform_points(symmetry, place, width)
+    image, back = image_of(study, PlannedCell("a", x, y, (0.3,)))
+    assert image == image_of(study, PlannedCell("b", *place, (0.3,)))[0]
+    np.testing.assert_allclose(
+        transform_points(back, np.array([image.x_mm, image.y_mm]), width), [x, y], atol=1e-9
+    )
+
+
+def test_a_study_with_a_direction_has_no_images():
+    tilted = SOLVER_EFFECTS["tilt"](specimens.study(), 1.0)
+    path = PlannedCell("", 3.0, 4.0, (0.3,))
+    assert image_of(tilted, path) == (path, "identity")
+
+
+def test_carried_forces_and_derivatives_are_those_of_the_place(tmp_path, monkeypatch):
+    study = specimens.study(friction=0.0)  # with friction derivatives are good to a tenth on so coarse a mesh
+    middle = study.sensor.width_x_mm / 2
+    sites = [(middle + a, middle + b) for a, b in ((1.5, 0.5), (-0.5, 1.5), (-1.5, 0.5))]
+    session = record(tmp_path / "session", study, specimens.STUDY_LAWS, sites=sites)
+    observations = observe([session], study.sensor, 1.0)
+    effects = {name: CATALOGUE[name] for name in NAMES}
+    carried = base_of(
+        Solver(study, specimens.STUDY_LAWS, {}, tmp_path / "carried"), observations, effects.values()
+    )
+    monkeypatch.setattr(solver_module, "solved_for_all", as_it_is)
+    alone = base_of(
+        Solver(study, specimens.STUDY_LAWS, {}, tmp_path / "alone"), observations, effects.values()
+    )
+    assert len(list((tmp_path / "carried").iterdir())) < len(list((tmp_path / "alone").iterdir()))
+    largest = np.abs(alone.context.force).max()
+    np.testing.assert_allclose(carried.context.force, alone.context.force, rtol=0, atol=1e-5 * largest)
+    assert carried.failed == alone.failed and set(carried.context.at_readings) == set(
+        alone.context.at_readings
+    )
+    for key, own in alone.context.at_readings.items():
+        error = np.abs(carried.context.at_readings[key] - own).max()
+        assert error <= SAME * np.abs(own).max(), key
