@@ -30,6 +30,7 @@ rule all:
         f"{RESULTS}/study.yaml",
         f"{RESULTS}/plan.csv",
         cell_files(CELLS),
+        session_label_files(CELLS),
         f"{RESULTS}/dataset/manifest.json",
         *table_files(),
         f"{RESULTS}/report.html",

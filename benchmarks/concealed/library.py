@@ -95,11 +95,15 @@ def load_library(folder: Path = FOLDER) -> Library:
     for name in solves.EFFECTS:
         if all((folder / f"{solves.effect_setup(name, *o).key}.npz").is_file() for o in ORBITS):
             changes[name] = _change(name, folder)
-    for place, (_, touched) in solves.DEFECT_PLACES.items():
-        for name in solves.DEFECTS:
-            pairs = [[solves.defect_setup(n, place, x, y) for n in (name, "")] for x, y in touched]
-            if all((folder / f"{setup.key}.npz").is_file() for pair in pairs for setup in pair):
-                defects[name, place] = _local(pairs, np.array(touched), folder)
+    for name in solves.DEFECTS:
+        pairs = {
+            place: [[solves.defect_setup(n, place, x, y) for n in (name, "")] for x, y in touched]
+            for place, (_, touched) in solves.DEFECT_PLACES.items()
+        }
+        setups = [setup for own in pairs.values() for pair in own for setup in pair]
+        if all((folder / f"{setup.key}.npz").is_file() for setup in setups):
+            for place, (_, touched) in solves.DEFECT_PLACES.items():
+                defects[name, place] = _local(pairs[place], np.array(touched), folder)
     return Library(*tables, changes, defects)
 
 

@@ -26,7 +26,7 @@ from .recording import write_recording
 CONFIG = Path(__file__).parent / "config"
 COMMAND = (
     f"{sys.executable} -m gelforge mismatch {{recording}} --config {{config}} --out {{out}}"
-    " --kept {{kept}} --no-page"
+    f" --kept {{kept}} --no-page"
 )
 JUDGED = ("verdict.json", "readings.csv")
 

@@ -11,7 +11,8 @@ a study            init, check, show, explain, report, tables
 by hand            press, characterise, verify, mismatch, mismatch-materials
 live               predict
 what the workflow runs
-                   fit-law, plan, simulate, readings, features, join, manifest, agreement, train, evaluate
+                   fit-law, plan, simulate, simulate-session, readings, features, join, manifest, agreement, train,
+                   evaluate
 synthetic data     virtual-materials, virtual-cell, virtual-session
 """
 
@@ -219,6 +220,9 @@ def _by_hand(commands) -> None:
     )
     mismatch.add_argument("--kept", type=Path, help="folder of kept solutions; solves in --out if not given")
     mismatch.add_argument("--workers", type=int, default=1, help="presses that are solved side by side")
+    mismatch.add_argument(
+        "--no-page", dest="page", action="store_false", help="verdict and tables only, no report.html"
+    )
 
     published = _command(
         commands,
@@ -252,7 +256,22 @@ def _workflow(commands) -> None:
         "--mirrored", type=Path, nargs="*", default=[], metavar="H5", help="cell that this one mirrors"
     )
     simulate.add_argument("--variant", help="solve the cell as this variant of the study has it")
+    simulate.add_argument(
+        "--session", help="solve the cell at the age and temperature that this session states"
+    )
     simulate.add_argument("--out", type=Path, required=True)
+
+    in_order = _study_command(
+        commands,
+        "simulate-session",
+        "factory.simulate_session",
+        "a session's presses in recorded order on a sensor that softens; goes on where it was broken off",
+    )
+    in_order.add_argument("--session", required=True)
+    in_order.add_argument(
+        "--laws", type=Path, nargs="+", required=True, metavar="JSON", help="laws of the materials"
+    )
+    in_order.add_argument("--out", type=Path, required=True)
 
     for name, text in (
         ("readings", "a session's forces on the sensor, zero subtracted"),

@@ -5,7 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from gelforge.config import ConfigError, Study, load_study, load_virtual_lab, variant_study
+from gelforge.config import (
+    ConfigError,
+    Study,
+    load_study,
+    load_virtual_lab,
+    session_study,
+    variant_study,
+)
 
 
 def fit_law(study: Path, material: str, out: Path) -> None:
@@ -27,7 +34,13 @@ def plan(study: Path, out: Path) -> None:
 
 
 def simulate(
-    study: Path, cell: str, laws: list[Path], mirrored: list[Path], variant: str | None, out: Path
+    study: Path,
+    cell: str,
+    laws: list[Path],
+    mirrored: list[Path],
+    variant: str | None,
+    session: str | None,
+    out: Path,
 ) -> None:
     """Write one cell, solved or mirrored; a cell that does not converge is written as failed, with its reason."""
     from gelforge.characterisation.law_file import read_law
@@ -38,10 +51,14 @@ def simulate(
     planned = planned_cell(described, cell)
     if variant:
         described, planned = variant_study(described, variant), replace(planned, source=None, symmetry=None)
+    cells = described.results_folder / "cells"
+    if session:
+        described = session_study(described, session_of(described, session))
+        cells = described.results_folder / "sessions" / session / "cells"
     read = {law.material: law for law in map(read_law, laws)}
     by_material = {name: law.law for name, law in read.items()}
     if planned.source:
-        source = mirrored[0] if mirrored else described.results_folder / "cells" / f"{planned.source}.h5"
+        source = mirrored[0] if mirrored else cells / f"{planned.source}.h5"
         result = mirror_cell(read_cell(source), described, by_material, planned)
     else:
         from gelforge.indentation.companion import simulate_label  # loads the compiled kernels
@@ -51,6 +68,22 @@ def simulate(
         result = simulate_label(described, *laws_and_doubts(read), planned, outside)
     write_cell(out, result)
     print(f"{cell}: {result.attributes['status']} {result.attributes['reason']}".rstrip())
+
+
+def simulate_session(study: Path, session: str, laws: list[Path], out: Path) -> None:
+    """Write the labels of a session's presses, one after another on a sensor that softens."""
+    from gelforge.characterisation.law_file import read_law
+    from gelforge.dataset.presses_in_order import press_in_order  # loads the compiled kernels
+
+    described = session_study(load_study(study), session_of(load_study(study), session))
+    if not described.mechanics.effects.history.softens:
+        raise ConfigError(
+            f"{study}: nothing softens, so presses need not be followed in order; give mechanics.effects.history.mullins"
+        )
+    known, doubts = laws_and_doubts({law.material: law for law in map(read_law, laws)})
+    presses = session_presses(described, session)
+    reason = press_in_order(described, known, doubts, presses, session, out)
+    print(f"{session}: {len(presses)} presses" + (f"; ended early: {reason}" if reason else ""))
 
 
 def virtual_materials(study: Path, material: str | None) -> None:
@@ -131,6 +164,7 @@ def join(study: Path, shard: int, out: Path) -> None:
         out,
         {name: inputs_digest(described, laws, planned[name]) for name in chunk},
         {name: features_digest(session_of(described, name), described.features) for name in features},
+        own_labels(described, {name: planned[name] for name in chunk}, laws),
     )
     print(f"{out}: {rows} rows" + ("" if features else " (labels only: the study has no images)"))
 
@@ -151,8 +185,9 @@ def agreement(study: Path, out: Path) -> None:
 
     described = load_study(study)
     recorded = {name: described.results_folder / "recordings" / f"{name}.csv" for name in described.sessions}
-    cells = {name: cell_path(described, name) for name in plan_cells(described)}
-    write_agreement(out, agreement_table(recorded, cells))
+    planned = plan_cells(described)
+    cells = {name: cell_path(described, name) for name in planned}
+    write_agreement(out, agreement_table(recorded, cells, own_labels(described, planned)))
 
 
 def train(study: Path, model: Path, loss: Path) -> None:
@@ -236,6 +271,36 @@ def session_of(study: Study, name: str):
 def image_sessions(study: Study) -> list[str]:
     """Return the sessions that have a camera; the others measure force only."""
     return [name for name in study.sessions if session_of(study, name).camera is not None]
+
+
+def session_presses(study: Study, session: str) -> list:
+    """Return the presses of a session in the order recorded, from its readings."""
+    from gelforge.dataset.recorded_presses import recorded_presses
+    from gelforge.indentation.plan import plan_cells
+    from gelforge.recording.readings import read_readings
+
+    path = study.results_folder / "recordings" / f"{session}.csv"
+    return recorded_presses(read_readings(path), plan_cells(study), study)
+
+
+def own_labels(study: Study, cells: dict, laws: dict | None = None) -> dict:
+    """Return by session where labels that are its own are; with laws also what their digests must be."""
+    from gelforge.dataset.recorded_presses import presses_digest
+    from gelforge.dataset.session_labels import OwnCells, OwnPresses
+    from gelforge.indentation.inputs import inputs_digest
+
+    found = {}
+    for name in study.sessions:
+        own = session_study(study, session_of(study, name))
+        folder = study.results_folder / "sessions" / name
+        if study.mechanics.effects.history.softens:
+            digest = presses_digest(own, laws, session_presses(own, name)) if laws else None
+            found[name] = OwnPresses(folder / "presses.h5", digest)
+        elif own is not study:
+            files = {cell: folder / "cells" / f"{cell}.h5" for cell in cells}
+            digests = {cell: inputs_digest(own, laws, cells[cell]) for cell in cells} if laws else {}
+            found[name] = OwnCells(files, digests)
+    return found
 
 
 def virtual_lab_of(study: Study, path: Path):

@@ -10,7 +10,7 @@ from gelforge.config import ConfigError, Study, load_session, load_study
 
 
 def mismatch(
-    what: str, config: Path, out: Path | None, laws: list[Path], kept: Path | None, workers: int
+    what: str, config: Path, out: Path | None, laws: list[Path], kept: Path | None, workers: int, page: bool
 ) -> None:
     """Judge a recording; or, with `limits` or `plan` in its place, look ahead."""
     study = load_study(config)
@@ -20,23 +20,25 @@ def mismatch(
     elif what == "plan":
         plan(study, folder, laws, kept, workers)
     else:
-        judge(study, Path(what), folder, laws, kept, workers)
+        judge(study, Path(what), folder, laws, kept, workers, page)
 
 
 def judge(
-    study: Study, recording: Path, out: Path, laws: list[Path], kept: Path | None, workers: int
+    study: Study, recording: Path, out: Path, laws: list[Path], kept: Path | None, workers: int, page: bool
 ) -> None:
-    """Write verdict.json, its tables, patch and page, and print the verdict."""
+    """Write verdict.json, its tables, patch and, if asked, page, and print the verdict."""
     from gelforge.mismatch.sessions import session_folders
     from gelforge.mismatch.stage import check_matches, judge_recording
-    from gelforge.report.mismatch_page import write_mismatch_page
 
     own = recording.resolve() == study.data_folder.resolve()  # of its own data a study chooses the sessions
     folders = session_folders(recording, study.sessions if own else ())
     check_matches(folders, study)
     solver = solver_of(study, out, laws, kept, workers, folders)
     verdict = judge_recording(solver, folders, out, f"{recording.name} against study {study.study}")
-    write_mismatch_page(out)
+    if page:
+        from gelforge.report.mismatch_page import write_mismatch_page
+
+        write_mismatch_page(out)
     print(f"{verdict.state}: {verdict.sentence}")
     print(f"written to {out}")
 
@@ -66,7 +68,7 @@ def solver_of(
     study: Study, out: Path, laws: list[Path], kept: Path | None, workers: int, folders: list[Path]
 ):
     """Return the finite elements of a study; where every session calls the constants exact, its laws are certain."""
-    from gelforge.mismatch.solver import Solver
+    from gelforge.mismatch.solutions import Solver
 
     if workers < 1:
         raise ConfigError(f"--workers {workers}: 1 or more are needed")

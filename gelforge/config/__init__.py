@@ -4,6 +4,7 @@ This is the only package that names configuration keys and the only one that rea
 converted here. An unknown or out-of-range key is refused with its full path, the value found and the limit.
 """
 
+from gelforge.config.circumstances import session_study
 from gelforge.config.common import NAME, ConfigError, Fraction, Name, NonNegative, Positive, Section
 from gelforge.config.effects import Effects
 from gelforge.config.files import (
@@ -83,6 +84,7 @@ __all__ = [
     "load_virtual_lab",
     "schema",
     "section_from",
+    "session_study",
     "study_from",
     "variant_study",
     "write_yaml",

@@ -237,6 +237,16 @@ class HistoryEffects(Section):
     def any(self) -> bool:
         return bool(self.viscoelastic or self.mullins)
 
+    @property
+    def softens(self) -> bool:
+        """Whether a press leaves something behind for the next."""
+        return any(mullins.amount for mullins in self.mullins.values())
+
+    @property
+    def relaxes(self) -> bool:
+        """Whether forces depend on time."""
+        return any(any(prony.relative_moduli) for prony in self.viscoelastic.values())
+
 
 class Effects(Section):
     """Physics beside the plain model, by family."""
@@ -307,5 +317,4 @@ class Effects(Section):
         directed = [*k.tilt_deg, *k.misregistration_mm, k.yaw_deg]
         directed += [g for t in geometry.thickness.values() for g in t.gradient]
         directed += [x - y for x, y in geometry.prestretch.values()]
-        ordered = any(m.amount for m in self.history.mullins.values())
-        return not (any(directed) or geometry.inclusions or geometry.delaminations or ordered)
+        return not (any(directed) or geometry.inclusions or geometry.delaminations or self.history.softens)

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.dataset.schema import DatasetError
+from gelforge.dataset.session_labels import OwnCells, OwnPresses
 from gelforge.files import write_text
 from gelforge.indentation.cell_file import read_cell
 from gelforge.indentation.plan import POSITION_MATCH_MM
@@ -27,18 +28,24 @@ FORCE = ["fx_N", "fy_N", "fz_N"]
 
 
 def agreement_table(
-    readings_files: Mapping[str, str | Path], cell_files: Mapping[str, str | Path]
+    readings_files: Mapping[str, str | Path],
+    cell_files: Mapping[str, str | Path],
+    own_labels: Mapping[str, OwnCells | OwnPresses] | None = None,
 ) -> pd.DataFrame:
     """Return one row per press: total force [N] of the finite elements and the mean of the press's load and dwell readings.
 
-    readings_files: recordings/<session>.csv of each session; images are not needed. cell_files: the file of each cell.
-    Only readings at the deepest depth of a press count. Presses of failed cells are left out, as in the shards. Raises
-    DatasetError for a press without its cell or depth, CellError for a cell that is missing or truncated.
+    readings_files: recordings/<session>.csv of each session; images are not needed. cell_files: the file of each cell;
+    own_labels: of sessions that have their own, see join_shard. Only readings at the deepest depth of a press count.
+    Presses of failed cells, and those that failed themselves, are left out, as in the shards. Raises DatasetError for a
+    press without its cell or depth, CellError for a cell that is missing or truncated.
     """
     parts = [_measured(session, path) for session, path in readings_files.items()]
     measured = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=COLUMNS)
-    rows = []
-    for name, presses in measured.groupby("cell", sort=False):
+    rows, own_labels = [], own_labels or {}
+    for session, own in own_labels.items():
+        rows += _with_own(measured[measured["session"] == session], own)
+    shared = measured[~measured["session"].isin(own_labels)]
+    for name, presses in shared.groupby("cell", sort=False):
         if name not in cell_files:
             press = presses.iloc[0]
             raise DatasetError(
@@ -86,6 +93,22 @@ def _with_fem(presses: pd.DataFrame, depths: np.ndarray, total: np.ndarray, path
             f"{depths.tolist()}; add the depth to the plan"
         )
     return presses.assign(**{f"fem_{axis}_N": total[step, i] for i, axis in enumerate(AXES)})
+
+
+def _with_own(presses: pd.DataFrame, own: OwnCells | OwnPresses) -> list[pd.DataFrame]:
+    """Return the presses of a session that has its own labels, beside them."""
+    if isinstance(own, OwnPresses):
+        known = presses[[not own.reason(press) for press in presses["press"]]]
+        total = np.array([own.totals[press] for press in known["press"]]).reshape(-1, 3)
+        return [known.assign(**{f"fem_{axis}_N": total[:, i] for i, axis in enumerate(AXES)})]
+    rows = []
+    for name, of_cell in presses.groupby("cell", sort=False):
+        cell = read_cell(own.files[name], ["depth_mm", "total_force_N"])
+        if cell.converged:
+            rows.append(
+                _with_fem(of_cell, cell.arrays["depth_mm"], cell.arrays["total_force_N"], own.files[name])
+            )
+    return rows
 
 
 def write_agreement(path: str | Path, table: pd.DataFrame) -> None:

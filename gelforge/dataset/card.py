@@ -61,8 +61,7 @@ def card(study: Study, manifest: dict) -> str:
         "## Sessions",
         _sessions(manifest),
         "## Failed cells",
-        "\n".join(f"- `{name}`: {reason}" for name, reason in sorted(manifest["failed_cells"].items()))
-        or "None.",
+        "\n".join(f"- `{name}`: {reason}" for name, reason in _failures(manifest)) or "None.",
         "## Provenance",
         "`manifest.json` names every shard, cell, feature file and raw file with its SHA-256 and all settings; "
         "`sha256sum -c SHA256SUMS` verifies what lies here. Axis 0 is the sample in every dataset of every shard. "
@@ -78,10 +77,26 @@ def _shape(shape: tuple[str, ...]) -> str:
 
 def _sessions(manifest: dict) -> str:
     lines = [
-        f"- `{name}`: {'SYNTHETIC' if session.get('synthetic') else 'measured'}"
+        f"- `{name}`: {'SYNTHETIC' if session.get('synthetic') else 'measured'}{_labels_of(session)}"
         for name, session in sorted(manifest["sessions"].items())
     ]
     return "\n".join(lines) or "None."
+
+
+def _labels_of(session: dict) -> str:
+    """Return in words where the labels of a session are from, if not from the plan's cells."""
+    if "presses" in session:
+        return "; each press has its own label, softened by those before it"
+    return "; labels at the sensor's age and temperature in this session" if "cells" in session else ""
+
+
+def _failures(manifest: dict) -> list[tuple[str, str]]:
+    """Return cells of the plan that failed, then those of sessions and their presses, with the reason."""
+    found = sorted(manifest["failed_cells"].items())
+    for name, session in sorted(manifest["sessions"].items()):
+        for kind in ("failed_cells", "failed_presses"):
+            found += [(f"{name}/{what}", reason) for what, reason in sorted(session.get(kind, {}).items())]
+    return found
 
 
 def croissant(study: Study, manifest: dict) -> dict:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,6 +12,14 @@ import numpy as np
 
 from gelforge.config import Study
 from gelforge.dataset.schema import DatasetError
+from gelforge.dataset.session_labels import (
+    Label,
+    OwnCells,
+    OwnPresses,
+    cell_label,
+    check_closure,
+    sigma,
+)
 from gelforge.dataset.shard import writing_shard
 from gelforge.dataset.splits import split_cells
 from gelforge.files import digest, file_sha256
@@ -20,9 +28,7 @@ from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell, plan_cells
 
 FEATURE_FORMAT = "gelforge-features-1"
 SCAN_ROWS = 4096  # rows of a feature file whose names are in memory at a time
-CLOSURE = (
-    1e-6  # bins against the total force: relative, and as many newtons for bins below 1e-9 N stored as zero
-)
+Labels = Callable[[str, int], "Label | str"]  # of a press at a depth step of its cell, or why it has none
 
 
 @dataclass
@@ -44,16 +50,19 @@ def join_shard(
     out: str | Path,
     cell_digests: Mapping[str, str] | None = None,
     feature_digests: Mapping[str, str] | None = None,
+    own_labels: Mapping[str, OwnCells | OwnPresses] | None = None,
 ) -> int:
     """Write the shard of some planned cells and return its number of rows.
 
     cell_files: the file of each of these cells; feature_files: the features of each session that has images, none for
     a shard of labels only (one row per cell and depth). cell_digests and feature_digests: what `inputs_digest` of each
-    cell and `digest` of each session's features must be under the study's present settings.
+    cell and `digest` of each session's features must be under the study's present settings. own_labels: of sessions whose
+    labels are not those of the plan's cells, as the sensor had another age or temperature or remembers earlier presses.
 
     Rows follow the cells as given, then sessions and presses in the order recorded, then images. Memory holds the rows of
-    one cell. A failed cell is left out and listed with its reason in the attribute `failed_cells`. Raises
-    DatasetError or CellError naming the cell, press, image or file that is missing, truncated or from other settings.
+    one cell. A failed cell is left out and listed with its reason in the attribute `failed_cells`; what is a session's own
+    in its attributes `failed_cells` and `failed_presses`. Raises DatasetError or CellError naming the cell, press, image or
+    file that is missing, truncated or from other settings.
     """
     planned = plan_cells(study)
     unknown = [name for name in cells_of_chunk if name not in planned]
@@ -65,11 +74,14 @@ def join_shard(
     bins = study.sensor.bins.nx * study.sensor.bins.ny
     labels_only = not feature_files
     attributes = _shard_attributes(study, {name: split[name] for name in cells_of_chunk})
-    sessions = {}
+    sessions, own_labels = {}, own_labels or {}
     for session, path in feature_files.items():
         _check_features(path, session, study, (feature_digests or {}).get(session))
         sessions[session] = _presses(path, planned, set(cells_of_chunk))
         attributes["sessions"][session] = _session_attributes(path)
+        own = own_labels.get(session)
+        if isinstance(own, OwnPresses) and sessions[session]:
+            attributes["sessions"][session]["presses"] = _presses_attributes(own)
     attributes["synthetic"] = any(s["synthetic"] for s in attributes["sessions"].values())
 
     with writing_shard(out, attributes, labels_only, 2 * study.features.regions**2, bins) as writer:
@@ -79,16 +91,19 @@ def join_shard(
             attributes["cells"][name] = _cell_attributes(path, cell, planned[name], split[name])
             if not cell.converged:
                 attributes["failed_cells"][name] = str(cell.attributes["reason"])
-                continue
-            if labels_only:
+            elif labels_only:
                 writer.append(_label_rows(planned[name], cell, split[name]))
-            blocks = [
-                block
-                for session in sorted(sessions)
-                for block in _session_rows(
-                    feature_files[session], session, sessions[session], planned[name], cell, split[name]
+            blocks = []
+            for session in sorted(sessions):
+                pressed = {p: rows for p, rows in sessions[session].items() if rows.cell == name}
+                about = attributes["sessions"][session]
+                labels = pressed and _labels(
+                    own_labels.get(session), planned[name], cell, bins, about, split[name]
                 )
-            ]
+                if labels:
+                    blocks += _session_rows(
+                        feature_files[session], session, pressed, planned[name], labels, about, split[name]
+                    )
             if blocks:
                 writer.append({column: np.concatenate([b[column] for b in blocks]) for column in blocks[0]})
         return writer.rows
@@ -130,13 +145,7 @@ def _check_label(path: str | Path, cell: Cell, planned: PlannedCell, bins: int) 
         raise DatasetError(
             f"{path}: bin_force_N has shape {label.shape}, expected {(len(depths), bins, 3)}; simulate the cell again"
         )
-    error = np.abs(label.sum(axis=1) - total)  # (D, 3)
-    limit = CLOSURE + CLOSURE * np.linalg.norm(total, axis=1, keepdims=True)
-    if not np.all(error <= limit):  # also refuses what is not a number
-        raise DatasetError(
-            f"{path}: cell {planned.name}: bins and total force differ by {np.max(error):.3g} N, limit "
-            f"{np.min(limit):.1g} N; delete the file and simulate the cell again"
-        )
+    check_closure(path, f"cell {planned.name}", total, label)
 
 
 def _cell_attributes(path: str | Path, cell: Cell, planned: PlannedCell, split: str) -> dict:
@@ -152,21 +161,44 @@ def _cell_attributes(path: str | Path, cell: Cell, planned: PlannedCell, split: 
     }
 
 
-def _sigma(cell: Cell, quantity: str) -> np.ndarray:
-    """Return the standard deviation of a cell's "bin" or "total" forces, NaN for a cell without error bars."""
-    parts = [cell.arrays.get(f"{quantity}_sigma_{part}_N") for part in ("mesh", "material")]
-    if parts[0] is None:
-        return np.full_like(cell.arrays[f"{quantity}_force_N"], np.nan)
-    return np.hypot(*parts)
+def _labels(
+    own: OwnCells | OwnPresses | None,
+    planned: PlannedCell,
+    cell: Cell,
+    bins: int,
+    about: dict,
+    split: str,
+) -> Labels | None:
+    """Return where a session's presses of a cell have their labels from, None where the cell failed; about: the session's
+
+    attributes, which name its own cell and its failure.
+    """
+    if isinstance(own, OwnPresses):
+        return lambda press, step: own.label(press)
+    if own:
+        path = own.files[planned.name]
+        cell = _checked_cell(path, planned, bins, own.digests.get(planned.name))
+        about.setdefault("cells", {})[planned.name] = _cell_attributes(path, cell, planned, split)
+        if not cell.converged:
+            about.setdefault("failed_cells", {})[planned.name] = str(cell.attributes["reason"])
+    return (lambda press, step: cell_label(cell, step)) if cell.converged else None
+
+
+def _presses_attributes(own: OwnPresses) -> dict:
+    return {
+        "file": own.path.as_posix(),
+        "sha256": file_sha256(own.path),
+        **{name: str(own.attributes[name]) for name in ("inputs_digest", "code_version", "status")},
+    }
 
 
 def _label_rows(planned: PlannedCell, cell: Cell, split: str) -> dict[str, np.ndarray]:
     count = len(planned.depths_mm)
     return {
         "force_distribution_N": cell.arrays["bin_force_N"],
-        "force_sigma_N": _sigma(cell, "bin"),
+        "force_sigma_N": sigma(cell, "bin"),
         "total_force_fem_N": cell.arrays["total_force_N"],
-        "total_force_fem_sigma_N": _sigma(cell, "total"),
+        "total_force_fem_sigma_N": sigma(cell, "total"),
         "position_mm": np.tile([planned.x_mm, planned.y_mm], (count, 1)),
         "depth_mm": np.array(planned.depths_mm),
         "cell": np.full(count, planned.name, object),
@@ -276,23 +308,28 @@ def _check_images(path: str | Path, press: str, rows: PressRows, count: int, usu
 def _session_rows(
     path: str | Path,
     session: str,
-    presses: Mapping[str, PressRows],
+    pressed: Mapping[str, PressRows],
     planned: PlannedCell,
-    cell: Cell,
+    labels: Labels,
+    about: dict,
     split: str,
 ) -> list[dict[str, np.ndarray]]:
-    """Return the rows of one cell's presses of a session, a block per press."""
-    own = {press: rows for press, rows in presses.items() if rows.cell == planned.name}
-    if not own:
-        return []
+    """Return the rows of a session's presses of one cell, a block per press; one without label is noted in about."""
+    blocks = []
     with _open_features(path) as file:
-        return [
-            _press_rows(file, path, session, press, rows, planned, cell, split) for press, rows in own.items()
-        ]
+        for press, rows in pressed.items():
+            step = _step(path, press, rows, planned)
+            label = labels(press, step)
+            if isinstance(label, str):
+                about.setdefault("failed_presses", {})[press] = label
+            else:
+                depth = planned.depths_mm[step]
+                blocks.append(_press_rows(file, path, session, press, rows, planned, depth, label, split))
+    return blocks
 
 
-def _press_rows(file, path, session, press, rows: PressRows, planned, cell, split) -> dict[str, np.ndarray]:
-    """Return one press's rows: the label of its depth, or zero where the ball had not touched."""
+def _step(path: str | Path, press: str, rows: PressRows, planned: PlannedCell) -> int:
+    """Return which of its cell's depths a press goes to."""
     step = int(np.argmin(np.abs(np.array(planned.depths_mm) - rows.depth_mm)))
     gap = abs(planned.depths_mm[step] - rows.depth_mm)
     if gap > POSITION_MATCH_MM and not all(rows.untouched):
@@ -300,6 +337,13 @@ def _press_rows(file, path, session, press, rows: PressRows, planned, cell, spli
             f"{path}: press {press}: depth {rows.depth_mm} mm is {gap:.3g} mm from the nearest depth of cell {planned.name} "
             f"({planned.depths_mm[step]} mm), limit {POSITION_MATCH_MM} mm; add the depth to the plan"
         )
+    return step
+
+
+def _press_rows(
+    file, path, session, press, rows: PressRows, planned, depth, label: Label, split
+) -> dict[str, np.ndarray]:
+    """Return one press's rows: its label, or zero where the ball had not touched."""
     untouched = np.array(rows.untouched)
     feature, image = _rows_of(file["feature"], rows.row), _rows_of(file["image"].asstr(), rows.row)
     bad = ~np.isfinite(feature).all(axis=1)
@@ -311,13 +355,13 @@ def _press_rows(file, path, session, press, rows: PressRows, planned, cell, spli
     count = len(rows.row)
     return {
         "feature": feature,
-        "force_distribution_N": np.where(touched[:, None, None], cell.arrays["bin_force_N"][step], 0.0),
-        "force_sigma_N": np.where(touched[:, None, None], _sigma(cell, "bin")[step], 0.0),
-        "total_force_fem_N": np.where(touched[:, None], cell.arrays["total_force_N"][step], 0.0),
-        "total_force_fem_sigma_N": np.where(touched[:, None], _sigma(cell, "total")[step], 0.0),
+        "force_distribution_N": np.where(touched[:, None, None], label.bins, 0.0),
+        "force_sigma_N": np.where(touched[:, None, None], label.bin_sigma, 0.0),
+        "total_force_fem_N": np.where(touched[:, None], label.total, 0.0),
+        "total_force_fem_sigma_N": np.where(touched[:, None], label.total_sigma, 0.0),
         "total_force_ft_N": _rows_of(file["force_N"], rows.row),
         "position_mm": np.tile([planned.x_mm, planned.y_mm], (count, 1)),
-        "depth_mm": touched * planned.depths_mm[step],
+        "depth_mm": touched * depth,
         "cell": np.full(count, planned.name, object),
         "press": np.full(count, press, object),
         "image_index": np.array(rows.image_index, np.int32),

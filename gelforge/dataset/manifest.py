@@ -8,6 +8,7 @@ from pathlib import Path
 
 from gelforge import __version__
 from gelforge.config import Study
+from gelforge.config.variants import merged
 from gelforge.dataset.card import card, croissant
 from gelforge.dataset.schema import DatasetError
 from gelforge.dataset.shard import ShardDataset, shard_attributes
@@ -42,7 +43,10 @@ def make_manifest(
     _check_one_dataset(shards, attributes)
     cells = {name: cell for one in attributes for name, cell in one["cells"].items()}
     failed = {name: reason for one in attributes for name, reason in one["failed_cells"].items()}
-    sessions = {name: dict(session) for one in attributes for name, session in one["sessions"].items()}
+    sessions: dict[str, dict] = {}
+    for one in attributes:
+        for name, session in one["sessions"].items():
+            sessions[name] = merged(sessions.get(name, {}), session)
     for session, path in feature_files.items():
         sessions.setdefault(session, {})["features_sha256"] = file_sha256(path)
     rows = {split: len(ShardDataset(shards, split)) for split in ("train", "test")}

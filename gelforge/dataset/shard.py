@@ -175,10 +175,12 @@ def lineage(path: str | Path, row: int) -> dict:
             name: _values(file[name], row) for name in file if file[name].ndim == 1 or name == "position_mm"
         }
     found = {name: value.tolist() if hasattr(value, "tolist") else value for name, value in known.items()}
-    cell = attributes["cells"][found["cell"]]
+    recording = {} if attributes["labels_only"] else dict(attributes["sessions"][found["session"]])
+    own = recording.pop("presses", None) or recording.pop("cells", {}).get(found["cell"])
+    label = own or attributes["cells"][found["cell"]]
     found.update(
-        shard=str(path), row=row, synthetic=attributes["synthetic"], study=attributes["study"], label=cell
+        shard=str(path), row=row, synthetic=attributes["synthetic"], study=attributes["study"], label=label
     )
-    if not attributes["labels_only"]:
-        found["recording"] = attributes["sessions"][found["session"]]
+    if recording:
+        found["recording"] = recording
     return found

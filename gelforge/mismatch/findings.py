@@ -18,6 +18,7 @@ from gelforge.mismatch.identifiability import detection_limits, profile
 from gelforge.mismatch.judge import Answer, Judgement, Remains, in_range
 from gelforge.mismatch.law_search import Terms, search, terms
 from gelforge.mismatch.problem import Problem
+from gelforge.mismatch.refit import MOST_STEPS
 from gelforge.mismatch.scan import Finding
 from gelforge.mismatch.screen import Screened
 
@@ -68,7 +69,12 @@ def verdict_of(
         detection_limits=_limits(problem, judgement),
         noise=_noise(in_newtons[0], noise_cases),
         next_experiments=list(experiments) or _texts(problem, judgement),
-        cannot_know=[*problem.observations.cannot_know, *judgement.notes, *_uncomputed(problem)],
+        cannot_know=[
+            *problem.observations.cannot_know,
+            *judgement.notes,
+            *_unfinished(answer),
+            *_uncomputed(problem),
+        ],
         outliers=[
             form.Outlier(session="", press=text, reason="set aside by the gate")
             for text in problem.observations.set_aside
@@ -165,6 +171,10 @@ def sentence_of(problem: Problem, judgement: Judgement) -> str:
         return (
             f"{where}; no effect of the catalogue explains it: the best, {words}, leaves something, most clearly "
             f"{remaining}."
+        )
+    if state == "insufficient" and not judgement.answer.fit.converged:
+        return (
+            f"{where}; {words} would fit, but its fit in the solver has not come to rest: no name is given."
         )
     if state == "insufficient":
         return f"{where}; {words} would fit, but the readings set aside do not confirm it: too few to say."
@@ -411,13 +421,8 @@ def _limits(problem: Problem, judgement: Judgement) -> list[form.DetectionLimit]
 
 
 def _noise(problem: Problem, cases: Sequence[form.NoiseCase]) -> form.Noise:
-    observations = problem.observations
-    levels = problem.covariance.levels
-    labels = problem.labels
-    floor = np.zeros(len(labels)) if len(levels) < 2 else np.abs(levels[1].directions[:, 0]) * np.sqrt(2)
-    laws = np.zeros(len(labels))
-    if len(levels) > 2:
-        laws = np.sqrt((levels[2].directions[:, :-1] ** 2).sum(axis=1))
+    observations, labels = problem.observations, problem.labels
+    floor, laws = _shared_errors(problem.covariance)
     axis = labels["axis"].to_numpy()
 
     def by_axis(values: np.ndarray) -> list[float | None]:
@@ -435,6 +440,20 @@ def _noise(problem: Problem, cases: Sequence[form.NoiseCase]) -> form.Noise:
     )
 
 
+def _shared_errors(covariance: Covariance) -> tuple[np.ndarray, np.ndarray]:
+    """Return the standard deviations (n,) [N] that the discretisation and the laws bring to each entry.
+
+    Directions that all entries share are those of the laws, then half of the floor, then a column per session where depth
+    zero is the session's (readings_covariance).
+    """
+    levels, none = covariance.levels, np.zeros(len(covariance))
+    if len(levels) < 3:
+        return none, none
+    site, common = levels[1].directions[:, :1], levels[2].directions
+    laws = int(np.argmax((common == site).all(axis=0)))  # as many columns as there are before the floor's
+    return np.abs(site[:, 0]) * np.sqrt(2), np.sqrt((common[:, :laws] ** 2).sum(axis=1))
+
+
 def _texts(problem: Problem, judgement: Judgement) -> list[form.Experiment]:
     """Return the experiments that the effects' own files name for what cannot be told apart."""
     if judgement.answer is None:
@@ -444,6 +463,19 @@ def _texts(problem: Problem, judgement: Judgement) -> list[form.Experiment]:
         for group in _groups(problem, judgement.answer)
         if group.decided_by
     ]
+
+
+def _unfinished(answer: Answer | None) -> list[str]:
+    """Return which refits were cut short: their amounts would still change by more than their intervals show."""
+    fits = [] if answer is None else [fit for fit in answer.refits if not fit.converged]
+    names = [fit.name.replace("_", " ") for fit in fits]
+    if not names:
+        return []
+    text = (
+        f"{', '.join(names)}: the fit in the solver was still moving after {MOST_STEPS} steps, or the solver could not"
+        " follow it; amounts and intervals are not final"
+    )
+    return [text + ("" if answer.fit.converged else ", and the answer rests on one of them: it is not named")]
 
 
 def _uncomputed(problem: Problem) -> list[str]:

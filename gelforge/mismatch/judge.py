@@ -19,10 +19,8 @@ from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.refit import Refitted, refitted
 from gelforge.mismatch.scan import GlobalTest, Scan, global_test, scan
 from gelforge.mismatch.screen import Candidate, Screened, normalised, probabilities, screened
-from gelforge.mismatch.verdict import ADEQUATE_P, NAMED_ODDS, NAMED_PROBABILITY
+from gelforge.mismatch.verdict import ADEQUATE_P, ALARM_P, NAMED_ODDS, NAMED_PROBABILITY
 
-# Of the global test and of the scan each: at most one false alarm in fifty recordings of which nothing is missing.
-ALARM_P = 0.01
 MOST_EFFECTS = 3  # at once
 FELT_SNR = 0.5  # of a plausible amount; below it nothing can be said for or against
 MOST_MEMBERS = 4  # of a group that is widened by rivals
@@ -384,7 +382,10 @@ def in_range(problem: Problem, fit: Refitted) -> bool:
 
 
 def _state(problem: Problem, answer: Answer | None) -> str:
-    """Return named, group, open or insufficient of an answer to a mismatch that is there."""
+    """Return named, group, open or insufficient of an answer to a mismatch that is there.
+
+    What rests on a refit that has not converged is not named: its amounts and evidence are not final.
+    """
     if answer is None or answer.adequacy.p <= ADEQUATE_P or not in_range(problem, answer.fit):
         return "open"
     if answer.gain is None or not answer.gain.clear:
@@ -393,6 +394,6 @@ def _state(problem: Problem, answer: Answer | None) -> str:
         group.probability >= NAMED_PROBABILITY and (len(group.members) == 1 or group.odds >= NAMED_ODDS)
         for group in answer.groups
     )
-    if sure:
+    if sure and answer.fit.converged:
         return "named"
     return "group" if any(len(group.members) > 1 for group in answer.groups) else "insufficient"

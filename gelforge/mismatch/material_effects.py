@@ -57,6 +57,9 @@ SENSOR = 9  # applied last
 MOST_DECADES = 9
 SOFTENINGS = ((0.03, 0.1), (0.1, 0.1), (0.3, 0.1), (0.1, 0.5), (1.0, 0.1))  # (m / largest energy, beta)
 
+LEGENDRE = (lambda s: 2 * s - 1, lambda s: 6 * s**2 - 6 * s + 1)  # of the share of the base's range of strain
+
+AGED = "elastomers lose a third or gain as much with age (ISO 188 limits)"
 PER_DECADE = (
     "0.2 of the stress relaxes per decade where tan delta is 0.14; adhesives reach more, filled rubber less"
 )
@@ -114,17 +117,11 @@ class Viscous:
     V: np.ndarray
     rho: np.ndarray
     shapes: tuple[tuple[np.ndarray, np.ndarray], ...]
-    pushed: np.ndarray | None = None  # (n,) bool: between plates, which cannot pull
 
     def stress(self, current: np.ndarray, a: np.ndarray, c: np.ndarray) -> np.ndarray:
         """Return the stress (n,) with the elements' amounts a (k,) and the law's changes of shape c."""
         share = a / (1 + a @ self.rho)
-        found = current + self.V @ a + sum(x * (phi - lost @ share) for x, (phi, lost) in zip(c, self.shapes))
-        return (
-            found
-            if self.pushed is None
-            else np.where(self.pushed, np.maximum(found, np.minimum(current, 0)), found)
-        )
+        return current + self.V @ a + sum(x * (phi - lost @ share) for x, (phi, lost) in zip(c, self.shapes))
 
 
 def viscoelastic(tests: StressTests) -> list[Candidate]:
@@ -143,12 +140,11 @@ def viscoelastic(tests: StressTests) -> list[Candidate]:
     rho = base[own] @ columns[own] / (base[own] @ base[own])
     shapes = []
     reach = {kind: float(np.abs(t.stretch - t.at_rest).max()) for kind, t in tests.base_tests.items()}
-    for polynomial in (lambda s: 2 * s - 1, lambda s: 6 * s**2 - 6 * s + 1):
+    for polynomial in LEGENDRE:
         changed = [p.stress * polynomial(p.strain / reach[p.test.test]) for p in tests.paths]
         phi = np.concatenate([p.reduced(P) for p, P in zip(tests.paths, changed)])
         shapes.append((phi, np.vstack([_lost(p, P, times) for p, P in zip(tests.paths, changed)])))
-    pushed = (table["test"] == "compression").to_numpy()
-    return viscous_candidates(Viscous(rho * base[:, None] - columns, rho, tuple(shapes), pushed), times, base)
+    return viscous_candidates(Viscous(rho * base[:, None] - columns, rho, tuple(shapes)), times, base)
 
 
 def viscous_candidates(viscous: Viscous, times: np.ndarray, base: np.ndarray) -> list[Candidate]:
@@ -255,40 +251,45 @@ def _energy(path: Path) -> np.ndarray:
 
 
 def dated(tests: StressTests) -> list[Candidate]:
-    """Return ageing: the whole stress of a test by a factor, linear in the date or the treatment."""
+    r"""Return ageing, linear in the date or the treatment: of the law's size, of its shape, and of how much relaxes.
+
+    .. math:: P' = [1 + x (a_0 + \sum_j a_j L_j(s))] [P + r x (P - P_0)]
+
+    x: share of the span; s: share of the base's range of strain; L: Legendre's polynomials; P_0: the base law. A network
+    that age cuts and links anew, or a foam whose cells give in, has another law and not the old one times a factor. The
+    shapes: size, or size and shape of the law, with relaxation as it was or changed too; or relaxation alone.
+    """
     found, base = [], tests.readings.base
+    s = np.clip(tests.readings.table["share"].to_numpy(), 0.0, 1.0)
+    bent = np.column_stack([np.ones_like(s), *(polynomial(s) for polynomial in LEGENDRE)])
+    size = Parameter("change_over_span", "1", 0.3, (-0.95, 5.0), AGED)
+    shape = tuple(
+        Parameter(f"change_of_law_shape_{j + 1}", "1", 0.3, (-2.0, 2.0), AGED) for j in range(len(LEGENDRE))
+    )
+    loss = Parameter(
+        "change_of_relaxation", "1", 0.3, (-1.0, 5.0), "chains cut or linked by age change loss as much as stiffness"
+    )  # fmt: skip
     for attribute, unit in (("age_days", "days"), ("dose", "doses")):
         x, span = _circumstance(tests, attribute, 0.0 if attribute == "dose" else CIRCUMSTANCES[1].alike)
         if x is None:
             continue
-        change = Parameter(
-            "change_over_span",
-            "1",
-            0.3,
-            (-0.95, 5.0),
-            "elastomers lose a third or gain as much with age (ISO 188 limits)",
-        )
-        of_history = Parameter(
-            "change_of_relaxation",
-            "1",
-            0.3,
-            (-1.0, 5.0),
-            "chains cut or linked by age change loss as much as stiffness",
-        )
-        shape = {"from": span[0], "to": span[1], "per": unit}
-        found.append(Candidate("ageing", (change,), _factor(x[:, None]), ORDER["ageing"], shape=shape))
-        found.append(
-            Candidate(
-                "ageing", (change, of_history), lambda P, a, x=x: P * (1 + a[0] * x) + a[1] * x * (P - base),
-                ORDER["ageing"], shape=shape | {"of": "stiffness and relaxation"},
-            )
-        )  # fmt: skip
-        found.append(
-            Candidate(
-                "ageing", (of_history,), lambda P, a, x=x: P + a[0] * x * (P - base),
-                ORDER["ageing"], shape=shape | {"of": "relaxation"},
-            )
-        )  # fmt: skip
+        for what, law in (("", ()), ("size", (size,)), ("size and shape", (size, *shape))):
+            for relaxes in (False, True):
+                if not (law or relaxes):
+                    continue
+
+                def apply(P, a, x=x, law=law, relaxes=relaxes):
+                    q = len(law)
+                    P = P + a[q] * x * (P - base) if relaxes else P
+                    return P * (1 + x * (bent[:, :q] @ a[:q]))
+
+                changed = " and ".join(
+                    [*([f"{what} of the law"] if law else []), *(["relaxation"] * relaxes)]
+                )
+                told = {"from": span[0], "to": span[1], "per": unit, "of": changed}
+                found.append(
+                    Candidate("ageing", (*law, *((loss,) * relaxes)), apply, ORDER["ageing"], shape=told)
+                )
     return found
 
 

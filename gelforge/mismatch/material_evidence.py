@@ -31,7 +31,12 @@ STEP = 1e-4  # widths, of the Jacobian's differences
 
 @dataclass(frozen=True)
 class Readings:
-    """n reduced rows of material tests beside the base; covariance is that of measured minus base if nothing is missing.
+    """n reduced rows of material tests beside the base.
+
+    fixed and shared: the covariance of measured minus a prediction f that lacks nothing is fixed + S * outer(t, t), S the
+    shared errors (of sample, law, strain: shares of the stress that is there) and t = |f / base|, 1 at most. Taken of the
+    measured stress instead, they would pull every fit below the readings (Peelle's puzzle; D'Agostini 1994,
+    doi:10.1016/0168-9002(94)90719-6): a smaller prediction has a smaller misfit of shape, and the size is a shared error.
 
     table: sample, branch (load, unload, hold), segment (number, unique), progress (0..1 along it), at (stretch, shear, or
     position in mm), share (of the base's range), time_s, piece (what is set aside together; "" never), words of each.
@@ -40,11 +45,27 @@ class Readings:
     table: pd.DataFrame
     measured: np.ndarray  # (n,) nominal stress [MPa], or force [N]
     base: np.ndarray  # (n,)
-    covariance: np.ndarray  # (n, n)
+    fixed: np.ndarray  # (n, n)
     noise: np.ndarray  # (n,) standard deviation of a row by the instrument alone
     law: np.ndarray  # (n,) standard deviation that the base's law brings
     zero: float  # standard deviation of the zero of stress or force
     cannot_know: tuple[str, ...] = ()
+    pushed: np.ndarray | None = (
+        None  # (n,) bool: between plates, which cannot pull whatever the material does
+    )
+    shared: np.ndarray | None = None  # (n, n); None: all errors are fixed
+
+    def covariance_of(self, prediction: np.ndarray) -> np.ndarray:
+        """Return the covariance (n, n) of measured minus a prediction (n,)."""
+        if self.shared is None:
+            return self.fixed
+        there = np.clip(np.abs(prediction) / np.maximum(np.abs(self.base), 1e-12), 0.0, 1.0)
+        return self.fixed + self.shared * np.outer(there, there)
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Return the covariance (n, n) of measured minus base if nothing is missing."""
+        return self.covariance_of(self.base)
 
     def with_form_error(self) -> Readings:
         """Return the readings with the error allowed for every formula: along one branch, over FORM_LENGTH of it."""
@@ -58,9 +79,7 @@ class Readings:
             own = sample == name
             share[own] = min(np.linalg.norm(off[own]) / np.linalg.norm(self.measured[own]), 1.0)
         d = FORM_ERROR * np.hypot(off, share * self.measured)
-        return replace(
-            self, covariance=self.covariance + np.outer(d, d) * near * (segment[:, None] == segment)
-        )
+        return replace(self, fixed=self.fixed + np.outer(d, d) * near * (segment[:, None] == segment))
 
 
 @dataclass(frozen=True)
@@ -102,10 +121,11 @@ class Fitted:
         """Return the Jacobian of the amounts that are free (n, f)."""
         return self.jacobian[:, np.diag(self.amounts_covariance) > 0]
 
-    def change(self, number: int, base: np.ndarray) -> np.ndarray:
+    def change(self, number: int, readings: Readings) -> np.ndarray:
         """Return the change (n,) that an effect of the model makes, applied after those before it."""
-        parts = [self.amounts[self.of(k)] for k in range(len(self.model))]
-        return _changes(base, self.model, parts)[number]
+        last = self.of(number).stop
+        first, upto = self.model[:number], self.model[: number + 1]
+        return predicted(readings, upto, self.amounts[:last]) - predicted(readings, first, self.amounts)
 
 
 def combined(model: Model, candidate: Candidate) -> Model:
@@ -113,22 +133,15 @@ def combined(model: Model, candidate: Candidate) -> Model:
     return tuple(sorted((*model, candidate), key=lambda c: c.order))
 
 
-def predicted(base: np.ndarray, model: Model, amounts: np.ndarray) -> np.ndarray:
-    """Return the prediction (n,) of a model."""
-    stress, first = base, 0
+def predicted(readings: Readings, model: Model, amounts: np.ndarray) -> np.ndarray:
+    """Return the prediction (n,) of a model; all of its effects act on the material before the plates let go of it."""
+    stress, first = readings.base, 0
     for candidate in model:
         last = first + len(candidate.parameters)
         stress, first = candidate.apply(stress, amounts[first:last]), last
-    return stress
-
-
-def _changes(base, model, parts) -> list[np.ndarray]:
-    changes, stress = [], base
-    for candidate, amounts in zip(model, parts):
-        after = candidate.apply(stress, amounts)
-        changes.append(after - stress)
-        stress = after
-    return changes
+    if readings.pushed is None:
+        return stress
+    return np.where(readings.pushed, np.maximum(stress, np.minimum(readings.base, 0.0)), stress)
 
 
 def fitted(readings: Readings, model: Model, rows: np.ndarray) -> Fitted:
@@ -139,21 +152,16 @@ def fitted(readings: Readings, model: Model, rows: np.ndarray) -> Fitted:
     parameters = [p for c in model for p in c.parameters]
     width = np.array([p.width for p in parameters])
     low, high = np.array([_limits(p) for p in parameters]).reshape(-1, 2).T
-    amounts, C = np.clip(0.1 * width, low, high) + 0.0, readings.covariance
-    y = readings.measured[rows]
-    amounts = np.where(high <= 0, -0.1 * width, amounts)
+    amounts = np.where(high <= 0, -0.1 * width, np.clip(0.1 * width, low, high) + 0.0)
+    y, C = readings.measured[rows], readings.covariance
+    for first in (True, False, False) if model else ():
+        # first every row by its own deviation, then with the correlations that belong to the prediction so far
+        L = np.diag(np.sqrt(np.diag(C)[rows])) if first else np.linalg.cholesky(C[np.ix_(rows, rows)])
+        amounts = _most_probable(readings, model, rows, y, L, amounts, width, low, high)
+        C = readings.covariance_of(predicted(readings, model, amounts))
+    prediction = predicted(readings, model, amounts)
     L = np.linalg.cholesky(C[np.ix_(rows, rows)])
-    if (
-        model
-    ):  # first every row by its own deviation: with all correlations from far away size is traded for shape
-        alone = np.sqrt(np.diag(C)[rows])
-        for whitened in (
-            lambda r: r / alone,
-            lambda r: solve_triangular(L, r, lower=True, check_finite=False),
-        ):
-            amounts = _most_probable(readings.base, model, rows, y, whitened, amounts, width, low, high)
-    prediction = predicted(readings.base, model, amounts)
-    J = _jacobian(readings.base, model, amounts, width, prediction)
+    J = _jacobian(readings, model, amounts, width, prediction)
     r, Jw = solve_triangular(L, y - prediction[rows], lower=True), solve_triangular(L, J[rows], lower=True)
     log_z = -0.5 * r @ r - np.log(np.diag(L)).sum() - 0.5 * len(y) * np.log(2 * np.pi)
     log_prior, covariance = _laplace(parameters, amounts, width, r, Jw)
@@ -165,10 +173,10 @@ def _limits(parameter: Parameter) -> tuple[float, float]:
     return (0.0 if parameter.sign > 0 else low), (0.0 if parameter.sign < 0 else high)
 
 
-def _most_probable(base, model, rows, y, whitened, start, width, low, high) -> np.ndarray:
+def _most_probable(readings, model, rows, y, L, start, width, low, high) -> np.ndarray:
     def residual(u):  # amounts in widths, so that no unit decides where the search ends
-        left = y - predicted(base, model, u * width)[rows]
-        return np.concatenate([whitened(left), u])
+        left = y - predicted(readings, model, u * width)[rows]
+        return np.concatenate([solve_triangular(L, left, lower=True, check_finite=False), u])
 
     inside = np.clip(start / width, low / width + 1e-6, high / width - 1e-6)
     found = least_squares(
@@ -178,12 +186,12 @@ def _most_probable(base, model, rows, y, whitened, start, width, low, high) -> n
     return np.where(absent, 0.0, found.x * width)
 
 
-def _jacobian(base, model, amounts, width, prediction) -> np.ndarray:
-    J = np.zeros((len(base), len(amounts)))
+def _jacobian(readings, model, amounts, width, prediction) -> np.ndarray:
+    J = np.zeros((len(prediction), len(amounts)))
     for k, w in enumerate(width):
         moved = amounts.copy()
         moved[k] += STEP * w
-        J[:, k] = (predicted(base, model, moved) - prediction) / (STEP * w)
+        J[:, k] = (predicted(readings, model, moved) - prediction) / (STEP * w)
     return J
 
 

@@ -11,17 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from gelforge.characterisation.choice import compare_laws
 from gelforge.characterisation.circumstances import CIRCUMSTANCES, alike_groups
 from gelforge.characterisation.common_form import MaterialTest
 from gelforge.characterisation.curves import mean_curves, monotonic_loading
 from gelforge.characterisation.effects import NEGLIGIBLE, Scatter, scatter_between
 from gelforge.characterisation.findings import STRAIN_AT_START
-from gelforge.characterisation.fit import LawFit
-from gelforge.mechanics.homogeneous import stress_points
 from gelforge.mismatch.material_evidence import Readings
+from gelforge.mismatch.material_law import BaseLaw, base_law
 
-LAWS = ("neo_hooke", "mooney_rivlin", "yeoh", "gent", "ogden1", "ogden2")
 KINDS = ("uniaxial", "compression", "pure_shear", "equibiaxial", "simple_shear")  # one stress for one stretch
 MOST_ROWS = 600  # in all; the covariance is dense
 ROWS_OF_BRANCH = (4, 24)
@@ -60,7 +57,7 @@ class StressTests:
 
     readings: Readings
     paths: tuple[Path, ...]
-    fits: dict[str, LawFit]  # by kind of test
+    laws: dict[str, BaseLaw]  # by kind of test
     base_tests: dict[str, MaterialTest]  # whose fastest loading each law is fitted to
     base_words: str
     sample_scatter: float
@@ -76,7 +73,7 @@ def stress_tests(tests: list[MaterialTest]) -> StressTests:
         for t in usable
         if t not in timed
     ]
-    bases, fits = {}, {}
+    bases, laws = {}, {}
     for kind in dict.fromkeys(t.test for t in timed):
         own = [t for t in timed if t.test == kind]
         base = fastest_loading(own)
@@ -84,12 +81,12 @@ def stress_tests(tests: list[MaterialTest]) -> StressTests:
             said.append(f"{kind}: no loading to fit a law to; not judged")
             continue
         curves = mean_curves(monotonic_loading([base])[0])
-        bases[kind], fits[kind] = base, compare_laws(curves, list(LAWS)).chosen.fit
-    if not fits:
+        bases[kind], laws[kind] = base, base_law(curves, kind)
+    if not laws:
         raise ValueError(
             f"{'; '.join(said) or 'no stress test'}: a base needs a loading with a time or a rate"
         )
-    paths = _paths([t for t in timed if t.test in fits], fits, bases)
+    paths = _paths([t for t in timed if t.test in laws], laws, bases)
     said += _assumed(paths)
     table = pd.concat([_rows(number, p, bases) for number, p in enumerate(paths)], ignore_index=True)
     measured = np.concatenate(
@@ -98,10 +95,11 @@ def stress_tests(tests: list[MaterialTest]) -> StressTests:
     base = np.concatenate([p.reduced(p.stress) for p in paths])
     table["segment"] = pd.factorize(table["sample"] + "/" + table["part"].astype(str))[0]
     scatter = _scatter(timed)
-    C, noise, law = _covariance(table, measured, base, paths, fits, bases, scatter)
+    C, shared, noise, law = _covariance(table, measured, base, paths, laws, bases, scatter)
     zero = FORCE_CLASS * float(np.abs(measured).max())
-    readings = Readings(table, measured, base, C, noise, law, zero, tuple(said))
-    return StressTests(readings, tuple(paths), fits, bases, _words(bases, fits), scatter)
+    pushed = (table["test"] == "compression").to_numpy()
+    readings = Readings(table, measured, base, C, noise, law, zero, tuple(said), pushed, shared)
+    return StressTests(readings, tuple(paths), laws, bases, _words(bases, laws), scatter)
 
 
 def fastest_loading(tests: list[MaterialTest]) -> MaterialTest | None:
@@ -122,25 +120,19 @@ def fastest_loading(tests: list[MaterialTest]) -> MaterialTest | None:
     )
 
 
-def law_stress(fit: LawFit, kind: str, stretch: np.ndarray) -> np.ndarray:
-    """Return the nominal stress (n,) [MPa] of a fitted law along its kind of test."""
-    return stress_points("uniaxial" if kind == "compression" else kind, stretch).measured_stress(fit.law)
-
-
 def _away(test: MaterialTest) -> float:
     """Return the sign of the strain: stress and strain are positive in what follows, in compression too."""
     return float(np.sign(test.stretch[np.argmax(np.abs(test.stretch - test.at_rest))] - test.at_rest)) or 1.0
 
 
-def _range(fit: LawFit, test: MaterialTest) -> float:
-    low, high = fit.valid_stretch[test.test]
-    return float(max(abs(low - test.at_rest), abs(high - test.at_rest)))
+def _range(law: BaseLaw, test: MaterialTest) -> float:
+    return float(max(abs(end - test.at_rest) for end in law.valid))
 
 
-def _paths(tests, fits, bases) -> list[Path]:
+def _paths(tests, laws, bases) -> list[Path]:
     kept = []
     for test in tests:
-        away, reach = _away(test), _range(fits[test.test], test)
+        away, reach = _away(test), _range(laws[test.test], test)
         strain = away * (test.stretch - test.at_rest)
         inside = (strain <= BEYOND * reach) & np.isfinite(test.nominal_stress)
         m = len(inside) if inside.all() else int(np.argmin(inside))
@@ -148,10 +140,10 @@ def _paths(tests, fits, bases) -> list[Path]:
             kept.append((test, m))
     segments = sum(sum(s.start < m - 1 for s in t.segments) for t, m in kept)
     count = int(np.clip(MOST_ROWS // max(segments, 1), *ROWS_OF_BRANCH))
-    return [_path(t, m, fits[t.test], count) for t, m in kept]
+    return [_path(t, m, laws[t.test], count) for t, m in kept]
 
 
-def _path(test: MaterialTest, m: int, fit: LawFit, count: int) -> Path:
+def _path(test: MaterialTest, m: int, law: BaseLaw, count: int) -> Path:
     away = _away(test)
     strain = away * (test.stretch[:m] - test.at_rest)
     if test.time_s is not None:
@@ -162,7 +154,7 @@ def _path(test: MaterialTest, m: int, fit: LawFit, count: int) -> Path:
     before = 0.0 if held or not test.rate_per_s else max(strain[0], 0.0) / test.rate_per_s
     started = min(0.0, time[0]) if held else time[0] - before
     groups = [g for s in test.segments for g in _groups(s, strain, time, m, count)]
-    stress = away * law_stress(fit, test.test, test.stretch[:m])
+    stress = away * law.stress(test.stretch[:m])[0]
     return Path(test, time, stress, strain, tuple(groups), origin, float(started))
 
 
@@ -247,8 +239,11 @@ def row_noise(values: np.ndarray) -> float:
     return float(1.4826 * np.median(np.abs(values[1:-1] - (values[:-2] + values[2:]) / 2)) / np.sqrt(1.5))
 
 
-def _covariance(table, measured, base, paths, fits, bases, scatter):
-    """Return C (n, n), the instrument's standard deviation (n,) and the law's (n,)."""
+def _covariance(table, measured, base, paths, laws, bases, scatter):
+    """Return what a prediction's errors are of: C (n, n) whatever it is, S (n, n) of one equal to the base (see Readings).
+
+    And the instrument's standard deviation (n,) and the law's (n,).
+    """
     n, number = len(table), table["path"].to_numpy()
     largest = np.array([np.abs(measured[number == k]).max() for k in range(len(paths))])
     count = np.concatenate([[len(g) for g in p.groups] for p in paths])
@@ -256,49 +251,45 @@ def _covariance(table, measured, base, paths, fits, bases, scatter):
     noise = np.hypot(rows[number] / np.sqrt(count), FORCE_CLASS * largest[number])
     C = np.diag(noise**2) + (FORCE_CLASS * largest[number]) ** 2 * (number[:, None] == number)
     # errors of a sample, of its strain and of the law are shares of the stress that is there, however much of it relaxed
-    there = np.clip(np.abs(measured) / np.maximum(np.abs(base), 1e-12), 0.0, 1.0)
-    slope = there * np.concatenate([p.reduced(_slope(p, fits[p.test.test])) for p in paths])
-    C += ZERO_STRAIN**2 * np.outer(slope, slope) * (number[:, None] == number)
+    slope = np.concatenate([p.reduced(_slope(p, laws[p.test.test])) for p in paths])
+    S = ZERO_STRAIN**2 * np.outer(slope, slope) * (number[:, None] == number)
     law = np.zeros((n, n))
-    for kind, fit in fits.items():
+    for kind, fitted in laws.items():
         here = (table["test"] == kind).to_numpy()
-        size = np.outer(there[here], there[here])
-        law[np.ix_(here, here)] = size * _law_error(table[here], measured[here] - base[here], fit)
+        law[np.ix_(here, here)] = _law_error(table[here], measured[here] - base[here], fitted)
     sample, share = pd.factorize(table["sample"])[0], table["share"].to_numpy()
     other = ~table["sample"].isin([t.sample for t in bases.values()]).to_numpy()
     together = np.outer(other, other) * (
         (sample[:, None] == sample) + 1.0
     )  # both samples are drawn: other and base
-    for pattern, size in ((there * base, scatter), (there * base * (2 * share - 1), scatter / 2)):
-        C += size**2 * np.outer(pattern, pattern) * together
-    return C + law, noise, np.sqrt(np.diag(law))
+    for pattern, size in ((base, scatter), (base * (2 * share - 1), scatter / 2)):
+        S += size**2 * np.outer(pattern, pattern) * together
+    return C, S + law, noise, np.sqrt(np.diag(law))
 
 
-def _slope(path: Path, fit: LawFit) -> np.ndarray:
+def _slope(path: Path, law: BaseLaw) -> np.ndarray:
     """Return d stress / d strain (m,) of the law [MPa]."""
     step, test = 1e-4, path.test
     lam = test.stretch[: len(path.time_s)]
     away = _away(test)
-    return away * (law_stress(fit, test.test, lam) - law_stress(fit, test.test, lam - away * step)) / step
+    return away * (law.stress(lam)[0] - law.stress(lam - away * step)[0]) / step
 
 
-def _law_error(table: pd.DataFrame, residual: np.ndarray, fit: LawFit) -> np.ndarray:
+def _law_error(table: pd.DataFrame, residual: np.ndarray, law: BaseLaw) -> np.ndarray:
     """Return the covariance of the law: its parameters, and its misfit on its own branch, smooth over the strain."""
-    kind = table["test"].iloc[0]
     inside = np.clip(
-        table["at"].to_numpy(), *fit.valid_stretch[kind]
+        table["at"].to_numpy(), *law.valid
     )  # beyond it the polynomial's errors are not the law's
-    points = stress_points("uniaxial" if kind == "compression" else kind, inside)
-    J = fit.family.stress(points, fit.theta)[1]
+    J = law.stress(inside)[1]
     share = table["share"].to_numpy()
     misfit = float(np.sqrt(np.mean(residual[table["is_base"].to_numpy()] ** 2)))
     kernel = np.exp(-np.abs(share[:, None] - share) / LAW_LENGTH)
-    return J @ fit.theta_covariance @ J.T + misfit**2 * kernel
+    return J @ law.covariance @ J.T + misfit**2 * kernel
 
 
-def _words(bases: dict[str, MaterialTest], fits: dict[str, LawFit]) -> str:
+def _words(bases: dict[str, MaterialTest], laws: dict[str, BaseLaw]) -> str:
     return " and ".join(
-        f"{fits[kind].family.title} fitted to the loading of sample {t.sample} ({kind.replace('_', ' ')}) at"
+        f"{laws[kind].title} fitted to the loading of sample {t.sample} ({kind.replace('_', ' ')}) at"
         f" {t.rate_per_s:.3g} 1/s"
         for kind, t in bases.items()
     )

@@ -42,7 +42,6 @@ from gelforge.mismatch.screen import NULL_PRIOR, normalised
 
 SEED = 20261121
 DRAWS = 2000
-NULL_P = 0.025
 EVIDENCE = 5.0  # log Bayes factor that an effect needs; also how near a rival must be to be one
 SAME_CHANGE = 0.95  # |cos| of whitened changes that these readings cannot tell apart
 MOST_EFFECTS = 3
@@ -87,6 +86,12 @@ class Step:
     before: Fitted
     winner: str = ""  # nothing: none was accepted
     refused: tuple[str, ...] = ()  # evidence for them, but no gain on what was set aside
+
+    @property
+    def unconfirmed(self) -> list[str]:
+        """Return the effects that are not taken though there is evidence for them, the strongest first."""
+        found = [name for name, z in self.tried.items() if z > EVIDENCE and name != self.winner]
+        return sorted(found, key=lambda name: -self.tried[name])
 
     def probabilities(self, no_signature: Sequence[str] = ()) -> dict[str, float]:
         """Return the probability of each effect and of "null", that none is added."""
@@ -254,7 +259,7 @@ def _judged(name, test: ContactTest, word, sources, synthetic, seed) -> Judged:
     atoms = patterns(readings)
     base = fitted(readings, (), everything)
     total, where = what_remains(readings, base, atoms, rng, DRAWS)
-    differs = min(total.p, where.p) < NULL_P
+    differs = min(total.p, where.p) < v.ALARM_P
     train = ~readings.table["piece"].isin(held).to_numpy()
     readings = readings.with_form_error()
     steps = chosen_steps(readings, test.candidates, train, differs)
@@ -268,7 +273,8 @@ def _judged(name, test: ContactTest, word, sources, synthetic, seed) -> Judged:
     adequacy = None
     if left:
         adequacy = v.Adequacy(p=left[0].p, scan_p=left[1].p, remains=_pattern(left[1].best))
-    state = _state(differs, groups, effects, fit, adequacy, limits)
+    further = steps[-1].unconfirmed if accepted else []
+    state = _state(differs, groups, effects, fit, adequacy, limits, further)
     answer = groups if state in ("named", "group", "open") else []
     nothing = steps[0].probabilities(test.no_signature)["null"] if steps[0].tried else 1.0
     after = final.prediction if answer else None
@@ -277,7 +283,7 @@ def _judged(name, test: ContactTest, word, sources, synthetic, seed) -> Judged:
         title=f"{name}: {word or 'stress tests'} beside {test.base_words}",
         synthetic=synthetic,
         state=state,
-        sentence=_sentence(name, test, state, answer, fit, adequacy, where, limits, final, unit),
+        sentence=_sentence(name, test, state, answer, fit, adequacy, where, limits, final, unit, further),
         mismatch=v.Mismatch(chi2=total.chi2, degrees=total.degrees, p=total.p, scan_p=where.p),
         where=_where(where) if differs else [],
         answer=answer,
@@ -287,7 +293,7 @@ def _judged(name, test: ContactTest, word, sources, synthetic, seed) -> Judged:
         adequacy=adequacy if answer else None,
         detection_limits=limits,
         noise=_noise(readings, total.p, state, answer, test, seed, held),
-        next_experiments=_experiments(state, answer, limits),
+        next_experiments=_experiments(state, answer, limits, further),
         cannot_know=list(readings.cannot_know) + _not_entering(test),
         provenance=v.Provenance(
             sessions=sources,
@@ -388,7 +394,7 @@ def _effects(
             winner = number < len(accepted) and name == s.winner
             fit = final if winner else s.best[name][2]
             k = next(i for i, c in enumerate(fit.model) if c.name == name)
-            change = fit.change(k, readings.base)
+            change = fit.change(k, readings)
             group = groups[number].members if winner else []
             found[name] = v.NamedEffect(
                 name=name,
@@ -484,7 +490,8 @@ def _limits(readings: Readings, candidates: Sequence[Candidate]) -> list[v.Detec
     return found
 
 
-def _state(differs, groups, effects, fit: v.Fit, adequacy, limits) -> v.State:
+def _state(differs, groups, effects, fit: v.Fit, adequacy, limits, further) -> v.State:
+    """Return the state; further: effects with evidence that were not taken, so the answer is not the whole of it."""
     if not differs:
         return "null" if any(limit.seen for limit in limits) else "insufficient"
     if not groups:
@@ -497,6 +504,7 @@ def _state(differs, groups, effects, fit: v.Fit, adequacy, limits) -> v.State:
         and adequacy.passed
         and fit.held_out is not None
         and fit.held_out.shown
+        and not further
     )
     if not sound:
         return "open"
@@ -519,10 +527,10 @@ def _noise(readings: Readings, p, state, answer, test, seed, held) -> v.Noise:
     )
 
 
-def _experiments(state, answer: list[v.Group], limits) -> list[v.Experiment]:
+def _experiments(state, answer: list[v.Group], limits, further) -> list[v.Experiment]:
     asked = [(g.decided_by, g.members) for g in answer if g.decided_by]
     if state == "open" and not asked:
-        names = [g.members[0] for g in answer]
+        names = [*further, *(g.members[0] for g in answer)]
         asked = [(DECIDED_BY[n], [n]) for n in names]
     if state in ("null", "insufficient"):
         asked = [(DECIDED_BY[x.effect], [x.effect]) for x in limits if not x.seen]
@@ -538,7 +546,7 @@ def _not_entering(test: ContactTest) -> list[str]:
     ]
 
 
-def _sentence(name, test, state, answer, fit: v.Fit, adequacy, where, limits, final, unit) -> str:
+def _sentence(name, test, state, answer, fit: v.Fit, adequacy, where, limits, final, unit, further) -> str:
     factor, word = (1e3, "kPa") if unit == "MPa" else (1.0, "N")
     factor, word = (1e9, "nN") if unit == "N" and (fit.before.rmse_N[2] or 0) < 1e-4 else (factor, word)
 
@@ -564,7 +572,10 @@ def _sentence(name, test, state, answer, fit: v.Fit, adequacy, where, limits, fi
         text += f", on readings set aside from {size(fit.held_out.before)} to {size(fit.held_out.after)}"
     numbers = _numbers(final)
     text += f" ({numbers})" if numbers else ""
-    if state == "open":
+    if state == "open" and further:
+        words = " or ".join(WORDS[n] for n in further)
+        text += f"; there is evidence for {words} beside it, which what was set aside does not confirm"
+    elif state == "open":
         text += f"; something remains ({adequacy.remains})" if not adequacy.passed else "; it is not certain"
     if all(FAMILY_OF[g.members[0]] == "force sensor" for g in answer) and test.no_signature:
         text += "; no effect of the material is needed, and none could enter"

@@ -28,8 +28,8 @@ class Refitted:
     columns: np.ndarray  # (m, p) [N per unit], of the entries that were fitted, at these amounts
     change: np.ndarray  # (m,) [N] of these entries
     log_bayes_factor: float  # Laplace, against none, on these entries
-    steps: int
-    converged: bool
+    steps: int  # that moved the amounts
+    converged: bool  # the next step would be below ENOUGH
 
     @property
     def name(self) -> str:
@@ -50,17 +50,15 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray) -> Refitted:
     J = np.column_stack([part.columns for part in parts])
     a = np.where(switch, 1.0, np.clip(start.amounts, low, high))
     change = _change(problem, start.parts, parts, a, mask)
-    free, converged, step = ~switch, bool(switch.all()), 0
-    for step in range(1, MOST_STEPS + 1):  # noqa: B007
-        if converged:
-            break
+    free, converged, steps = ~switch, bool(switch.all()), 0
+    while not converged:
         Jw = covariance.whiten(J[:, free])
         H = Jw.T @ Jw + np.diag(1 / widths[free] ** 2)
         gradient = Jw.T @ covariance.whiten(residual - change) - a[free] / widths[free] ** 2
         to = np.clip(a[free] + np.linalg.solve(H, gradient), low[free], high[free])
         delta = to - a[free]
-        if np.all(np.abs(delta) <= ENOUGH / np.sqrt(np.diag(H))):
-            converged = True
+        converged = bool(np.all(np.abs(delta) <= ENOUGH / np.sqrt(np.diag(H))))
+        if converged or steps == MOST_STEPS:
             break
         trial, moved = a.copy(), None
         for share in (1.0, 0.5, 0.25):  # the solver may not reach the whole step
@@ -74,10 +72,10 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray) -> Refitted:
             break
         d = (trial - a)[free] / widths[free]
         J[:, free] += np.outer(moved - change - J[:, free] @ (trial - a)[free], d / (d @ d)) / widths[free]
-        a, change = trial, moved
+        a, change, steps = trial, moved, steps + 1
     factor, spread = _evidence(residual, change, covariance, J, a, free, widths, signs)
     splits = np.cumsum([part.columns.shape[1] for part in parts])[:-1]
-    return Refitted(start.parts, tuple(np.split(a, splits)), spread, J, change, factor, step, converged)
+    return Refitted(start.parts, tuple(np.split(a, splits)), spread, J, change, factor, steps, converged)
 
 
 def _change(

@@ -23,6 +23,9 @@ FORMAT = "gelforge-verdict-1"
 VERDICT, READINGS, BODY_MAP = "verdict.json", "readings.csv", "body_map.csv"
 PATCH, PAGE = "config.patch.yaml", "report.html"
 
+# Of the global test and of the scan each: either is an alarm, so at most one in fifty recordings, or materials, of which
+# nothing is missing gives a false one.
+ALARM_P = 0.01
 # What `named` asks for (mismatch.md, states)
 NAMED_PROBABILITY = 0.9  # of the group
 NAMED_ODDS = 10.0  # of the effect within its group

@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from gelforge.characterisation.common_form import ForcePair, MaterialTest, Segment
@@ -14,7 +15,10 @@ from gelforge.characterisation.material_source import MaterialSource, read_sourc
 from gelforge.characterisation.segments import find_segments
 from gelforge.characterisation.small_effects import SmallTests
 from gelforge.cli import main
+from gelforge.mismatch.effect import Parameter
 from gelforge.mismatch.material_effects import hereditary
+from gelforge.mismatch.material_evidence import Candidate, Readings, fitted
+from gelforge.mismatch.material_law import foam_stress
 from gelforge.mismatch.material_tests import judge_material, judge_sources
 
 ROOT = Path(__file__).parents[2]
@@ -113,6 +117,52 @@ def test_ageing_alone_is_named_with_its_amount():
     assert amount.interval_90[0] < 0.4 < amount.interval_90[1]
 
 
+def foam(time, lam, P, mu=0.35, alpha=20.0, lost=0.0):
+    """Return the push of a foam [MPa] whose cells give in; a share of it relaxes with 20 s."""
+    elastic_push = foam_stress(lam, np.array([np.log(mu), alpha]))[0]
+    return elastic_push - lost * (elastic_push - hereditary(time, elastic_push, np.array([20.0]), 0.0)[:, 0])
+
+
+def pressed(sample, rng, **law):
+    """Return a ramp to 10 %, a hold and the way back of a foam between plates, which cannot pull."""
+    up = np.linspace(1.0, 0.9, 60)
+    lam = np.r_[up, np.full(30, 0.9), up[-2::-1]]
+    time = np.r_[np.linspace(0, 10, 60), 10 + np.geomspace(0.3, 300, 30), 310 + np.linspace(0.2, 10, 59)]
+    P = np.minimum(foam(time, lam, None, **law), 0.0)
+    P = P * (1 + SCATTER * rng.standard_normal()) + NOISE * np.abs(P).max() * rng.standard_normal(len(P))
+    test = MaterialTest("compression", sample, lam, P, time, history="cyclic", rate_per_s=0.01)
+    return replace(test, segments=find_segments(lam, time))
+
+
+def test_a_foam_that_ages_in_law_and_relaxation_is_named_with_both():
+    """Softer at small strain and stiffer at large strain: no factor on all of the stress is that."""
+    rng = np.random.default_rng(6)
+    young = [replace(pressed(f"young{n}", rng, lost=0.4), dose=0.0) for n in range(3)]
+    old = [replace(pressed(f"old{n}", rng, mu=0.25, alpha=5.0, lost=0.55), dose=1.0) for n in range(3)]
+    verdict = judged([*young, *old])
+    assert "foam" in verdict.provenance.base
+    assert named_in(verdict) == ["viscoelastic", "ageing"]
+    amounts = {a.name: a.value for a in next(e for e in verdict.effects if e.name == "ageing").amounts}
+    assert amounts["change_of_law_shape_1"] > 0.1 and amounts["change_of_relaxation"] > 0.1
+
+
+def test_a_fit_lies_in_the_middle_of_readings_whose_errors_are_shared():
+    """Two tests of one law, 10 % apart, with a shared error of 10 % each: their mean and not less (Peelle's puzzle)."""
+    n = 20
+    base = np.linspace(0.1, 1.0, n)
+    measured = base * np.where(np.arange(n) % 2, 1.05, 0.95)
+    table = pd.DataFrame({"sample": "a", "segment": 0, "progress": np.linspace(0, 1, n)})
+    shared_error = 0.1**2 * np.outer(base, base)
+    readings = Readings(
+        table, measured, base, np.diag((0.01 * base) ** 2), 0 * base, 0 * base, 0.0, (), None, shared_error
+    )
+    factor = Parameter("factor", "1", 1.0, (-0.9, 5.0), "any")
+    model = (Candidate("gain", (factor,), lambda P, a: P * (1 + a[0]), 0),)
+    found = fitted(readings, model, np.ones(n, bool))
+    # 1.1 % is the scatter of the mean, 5 % / sqrt(20). Shares of the measured stress drive the factor to its bound.
+    assert abs(found.amounts[0]) < 0.011
+
+
 def test_ageing_within_the_scatter_of_samples_is_not_named():
     rng = np.random.default_rng(2)
     one = replace(made("a", 0.05, rng, only_elastic), age_days=1.0)
@@ -195,16 +245,22 @@ def test_adhesives_and_nitrile_show_rate_dependence(folder, material):
 
 
 @shared_data.needs_shared
-def test_the_foam_relaxes_and_what_remains_is_in_the_irradiated_sample():
+def test_the_foam_relaxes_and_there_is_evidence_for_ageing_of_its_law():
+    """Softer at small strain, as stiff at large strain, and relaxing more: seen in the curves themselves."""
     verdict = shared("nist_foam_ageing")["VN01"]
     assert named_in(verdict) == ["viscoelastic"] and verdict.state == "open"
-    assert "1DA" in verdict.adequacy.remains
+    ageing = next(e for e in verdict.effects if e.name == "ageing")
+    amounts = {a.name: a.value for a in ageing.amounts}
+    assert ageing.log_bayes_factor > 5 and "ageing" in verdict.sentence
+    assert amounts["change_over_span"] < 0 < amounts["change_of_law_shape_1"]
+    assert amounts["change_of_relaxation"] > 0
 
 
 @shared_data.needs_shared
 @pytest.mark.xfail(
     strict=True,
-    reason="known shortfall: ageing has evidence, but its amount is wrong and it does not pass what was set aside",
+    reason="known shortfall: ageing and softening both have evidence (log 11 and 15) and neither predicts what was set aside"
+    " by two standard errors; the foam unloads five times as stiffly as it was loaded last, which no linear relaxation does",
 )
 def test_the_irradiated_foam_ages_on_top_of_its_relaxation():
     verdict = shared("nist_foam_ageing")["VN01"]

@@ -34,6 +34,7 @@ def test_test_study_lists_every_rule(checkout):
     assert jobs["simulate"] == 9
     assert jobs["variant"] == 1
     assert jobs["join"] == 3  # 4 + 4 + 1 cells
+    assert not {"session_cell", "session_presses"} & set(jobs)
 
 
 @pytest.mark.parametrize(
@@ -73,6 +74,16 @@ def test_a_missing_recording_is_named_before_any_job(checkout):
     assert not (checkout.folder / "results").exists()
 
 
+@pytest.mark.parametrize("images", ["left_out", "predicted"])
+def test_a_verdict_waits_for_the_images_that_it_looks_at(checkout, images):
+    study = ("--config", f"mismatch={{images: {images}}}", *TEST)
+    listed = checkout.snakemake("results/test/mismatch/verdict.json", "-n", *study).stdout
+    inputs = listed.partition("rule mismatch:")[2].partition("input:")[2].splitlines()[0]
+    assert "session.yaml" in inputs
+    for name in ("images", "reference.png"):
+        assert (f"/{name}" in inputs) == (images == "predicted")
+
+
 def own_study(checkout):
     """Write a study without virtual lab, and its recording of one press at the centre; return the recording's folder."""
     content = yaml.safe_load((checkout.folder / "config/test.yaml").read_text())
@@ -82,6 +93,40 @@ def own_study(checkout):
     folder = write_session(checkout.folder / "data/test/recordings/mine", lines=lines, extra=CAMERA)
     write_images(folder, ["a"])
     return folder
+
+
+def session_study(checkout, effects, **more):
+    """Write a study of two sessions in March and June, both with a press in the middle and one at a mirrored corner."""
+    content = yaml.safe_load((checkout.folder / "config/test.yaml").read_text())
+    content |= {"virtual_lab": None, "sessions": ["march", "june"], **more}
+    content["mechanics"]["effects"] = effects
+    (checkout.folder / "config/own.yaml").write_text(yaml.safe_dump(content))
+    lines = [HEADER, *press_lines("a", 0, 16, 16, 0.8, False), *press_lines("b", 1, 22, 22, 0.4, False)]
+    for session, age in (("march", 10), ("june", 100)):
+        folder = checkout.folder / "data/test/recordings" / session
+        if not folder.exists():
+            write_session(folder, lines=lines, extra=f"sensor_age_days: {age}\n")
+    return ("--configfile", "config/own.yaml")
+
+
+def test_only_a_session_of_another_age_has_cells_of_its_own(checkout):
+    """The study is as old as the sensor in March: June has its two pressed cells and the one that the corner mirrors."""
+    circumstances = {"ageing_per_day": {"gel": 0.001}, "age_days": 10.0}
+    ageing = session_study(checkout, {"material": {"circumstances": circumstances}})
+    assert checkout.jobs(*ageing)["session_cell"] == 3
+    ageless = session_study(checkout, {"material": {"circumstances": {"ageing_per_day": {"gel": 0.0}}}})
+    jobs = checkout.jobs(*ageless)
+    assert jobs["simulate"] == 9
+    assert not {"session_cell", "session_presses"} & set(jobs)
+
+
+def test_a_sensor_that_softens_is_followed_session_by_session(checkout):
+    plan = {"grid": {"spacing_mm": 6.0, "margin_mm": 10.0}, "depths_mm": [0.4, 0.8]}
+    jobs = checkout.jobs(
+        *session_study(checkout, {"history": {"mullins": {"gel": {"amount": 0.3}}}}, plan=plan)
+    )
+    assert jobs["session_presses"] == 2
+    assert "session_cell" not in jobs
 
 
 def smaller_image(folder):

@@ -7,7 +7,15 @@ from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
 
-from gelforge.config import ConfigError, load_session, load_virtual_lab, study_from, variant_study, write_yaml
+from gelforge.config import (
+    ConfigError,
+    load_session,
+    load_virtual_lab,
+    session_study,
+    study_from,
+    variant_study,
+    write_yaml,
+)
 from gelforge.files import atomic, digest, source_digest
 from gelforge.indentation.plan import plan_cells, variant_cells
 
@@ -77,18 +85,52 @@ def law_files():
     return [f"{RESULTS}/materials/{material}/law.json" for material in STUDY.materials]
 
 
-def _has_images(session):
-    """Return whether a session has a camera; a synthetic session that is still to be made has one."""
+def _described_session(session):
+    """Return what a session's session.yaml says, None where it is not there or a virtual lab makes it."""
     path = STUDY.session_folder(session) / "session.yaml"
     if LAB or not path.is_file():
-        return True
+        return None
     try:
-        return load_session(path).camera is not None
+        return load_session(path)
     except ConfigError as error:
         raise WorkflowError(str(error)) from None
 
 
+def _has_images(session):
+    """Return whether a session has a camera; a synthetic session that is still to be made has one."""
+    described = _described_session(session)
+    return described is None or described.camera is not None
+
+
+def _session_study(session):
+    """Return the study at the session's age and temperature; a virtual lab states none."""
+    described = _described_session(session)
+    return session_study(STUDY, described) if described else STUDY
+
+
+def _pressed(session):
+    """Return the cells that a session with labels of its own needs solved."""
+    from gelforge.csv_table import TableError
+    from gelforge.dataset.recorded_presses import pressed_cells
+    from gelforge.recording.readings import RecordingError
+
+    folder = STUDY.session_folder(session)
+    if not (folder / "indentations.csv").is_file():
+        return []  # the readings' job names what is missing
+    try:
+        return pressed_cells(folder, CELLS)
+    except (RecordingError, TableError) as error:
+        raise WorkflowError(str(error)) from None
+
+
 IMAGE_SESSIONS = [session for session in STUDY.sessions if _has_images(session)]
+SESSION_STUDIES = {session: _session_study(session) for session in STUDY.sessions}
+IN_ORDER = STUDY.sessions if STUDY.mechanics.effects.history.softens else []  # each press has its own label
+OWN_CELLS = {
+    session: _pressed(session)
+    for session, study in SESSION_STUDIES.items()
+    if study is not STUDY and session not in IN_ORDER
+}
 SHARDS = [f"{i:05d}" for i in range(math.ceil(len(CELLS) / STUDY.dataset.cells_per_shard))]
 
 
@@ -96,6 +138,13 @@ def shard_cells(shard):
     """Return the names of a shard's cells: a fixed chunk of the plan."""
     first = int(shard) * STUDY.dataset.cells_per_shard
     return list(CELLS)[first : first + STUDY.dataset.cells_per_shard]
+
+
+def session_label_files(cells):
+    """Return the files with labels that belong to a session: its presses, or those of these cells that it needs."""
+    presses = [f"{RESULTS}/sessions/{session}/presses.h5" for session in IN_ORDER]
+    own = [(session, cell) for session, pressed in OWN_CELLS.items() for cell in pressed if cell in cells]
+    return presses + [f"{RESULTS}/sessions/{session}/cells/{cell}.h5" for session, cell in own]
 
 
 def table_files():
@@ -128,6 +177,11 @@ def mirrored_cell(wildcards):
     """Return the file of the cell that this one mirrors, if it mirrors one."""
     source = CELLS[wildcards.cell].source
     return cell_files([source]) if source else []
+
+
+def mirrored_session_cell(wildcards):
+    source = CELLS[wildcards.cell].source
+    return f"{RESULTS}/sessions/{wildcards.session}/cells/{source}.h5" if source else []
 
 
 def planned(wildcards):

@@ -6,6 +6,7 @@ rule join:
     input:
         laws=law_files(),
         cells=lambda wildcards: cell_files(shard_cells(wildcards.shard)),
+        own=lambda wildcards: session_label_files(shard_cells(wildcards.shard)),
         features=expand(f"{RESULTS}/features/{{session}}.h5", session=IMAGE_SESSIONS),
     output:
         ensure(f"{RESULTS}/dataset/shard-{{shard}}.h5", non_empty=True),
@@ -44,6 +45,7 @@ rule agreement:
     """Total force of the finite elements beside the force sensor's, press by press."""
     input:
         cells=cell_files(CELLS),
+        own=session_label_files(CELLS),
         readings=expand(f"{RESULTS}/recordings/{{session}}.csv", session=STUDY.sessions),
     output:
         ensure(f"{RESULTS}/agreement.csv", non_empty=True),

@@ -1,5 +1,7 @@
 """Where simulation and recordings differ, and which physics was left out."""
 
+LOOKED_AT = [] if STUDY.mismatch.images == "left_out" else ["reference.png", "images"]
+
 
 rule mismatch:
     """The verdict on all sessions together, with its page and the keys that would put the answer into the study."""
@@ -10,7 +12,7 @@ rule mismatch:
         sessions=[
             name
             for session in STUDY.sessions
-            for name in session_files(session, "session.yaml", "indentations.csv")
+            for name in session_files(session, "session.yaml", "indentations.csv", *LOOKED_AT)
         ],
     output:
         verdict=f"{RESULTS}/mismatch/verdict.json",

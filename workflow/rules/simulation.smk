@@ -77,7 +77,68 @@ rule variant:
         " --laws {input.laws} --out {output} &> {log}"
 
 
+rule session_cell:
+    """Press at one position as the sensor was in a session that states another age or temperature than the study."""
+    input:
+        laws=law_files(),
+        mirrored=mirrored_session_cell,
+        indenter=indenter_files(),
+    output:
+        ensure(f"{RESULTS}/sessions/{{session}}/cells/{{cell}}.h5", non_empty=True),
+    log:
+        f"{LOGS}/sessions/{{session}}/cells/{{cell}}.log",
+    benchmark:
+        f"{BENCHMARKS}/sessions/{{session}}/cells/{{cell}}.tsv"
+    group:
+        "fem"
+    threads: 1
+    resources:
+        mem_mb=1500,
+    params:
+        planned=planned,
+        model=lambda wildcards: block(
+            "sensor", "indenter", "mechanics", study=SESSION_STUDIES[wildcards.session]
+        ),
+        source=source_digest("mechanics", "meshing", "indentation"),
+    shell:
+        "{ONE_THREAD} {GELFORGE} simulate --study {STUDY_FILE} --session {wildcards.session} --cell {wildcards.cell}"
+        " --laws {input.laws} --mirrored {input.mirrored} --out {output} &> {log}"
+
+
+rule session_presses:
+    """Follow a session's presses in recorded order on one sensor that softens; goes on where it was broken off."""
+    input:
+        laws=law_files(),
+        readings=f"{RESULTS}/recordings/{{session}}.csv",
+        indenter=indenter_files(),
+    output:
+        ensure(f"{RESULTS}/sessions/{{session}}/presses.h5", non_empty=True),
+    log:
+        f"{LOGS}/sessions/{{session}}/presses.log",
+    benchmark:
+        f"{BENCHMARKS}/sessions/{{session}}/presses.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+    params:
+        model=lambda wildcards: block(
+            "sensor", "indenter", "mechanics", "plan", study=SESSION_STUDIES[wildcards.session]
+        ),
+        source=source_digest(
+            "mechanics",
+            "meshing",
+            "indentation",
+            "dataset/presses_in_order.py",
+            "dataset/recorded_presses.py",
+            "dataset/session_labels.py",
+        ),
+    shell:
+        "{ONE_THREAD} {GELFORGE} simulate-session --study {STUDY_FILE} --session {wildcards.session}"
+        " --laws {input.laws} --out {output} &> {log}"
+
+
 rule cells:
-    """Every cell of the plan."""
+    """Every cell of the plan, and those of sessions."""
     input:
         cell_files(CELLS),
+        session_label_files(CELLS),

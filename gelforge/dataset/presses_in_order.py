@@ -1,0 +1,263 @@
+"""The recorded presses of a session, solved one after another on one sensor that softens.
+
+`presses.h5` holds one label per press. Until it is whole, a folder `presses.part` beside it holds what is solved so far and
+the softening left, so that a killed job goes on where it was.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from zipfile import BadZipFile
+
+import h5py
+import numpy as np
+
+import gelforge
+from gelforge.config import ConfigError, Study
+from gelforge.dataset.recorded_presses import Laws, RecordedPress, presses_digest
+from gelforge.dataset.session_labels import FORMAT, PRESS_DATASETS
+from gelforge.files import atomic, digest
+from gelforge.indentation.cell_file import Cell
+from gelforge.indentation.companion import solve_companion
+from gelforge.indentation.error_bars import COARSER, Companion, error_bars
+from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.simulate import simulate_in_order
+from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.mechanics.peak_grid import Box, PeakGrid
+
+ROWS = ("force", "sigma_mesh", "sigma_material")  # of a label, each the total and then the bins (1 + B, 3)
+COPIED = 256  # presses that are in memory at a time when the file is written
+
+
+@dataclass
+class Progress:
+    """How far a session is followed: kept after every press."""
+
+    digest: str
+    done: int = 0
+    reason: str = ""  # why the press after those done could not be solved
+    companion_reasons: list[str] = field(default_factory=list)
+    seconds: list[float] = field(default_factory=list)
+    balances: list[float] = field(default_factory=list)
+    grids: dict[str, PeakGrid | None] = field(default_factory=lambda: {"fine": None, "coarse": None})
+
+
+def press_in_order(
+    study: Study,
+    laws: Laws,
+    uncertain: Mapping[str, Sequence[PrincipalLaw]],
+    presses: Sequence[RecordedPress],
+    session: str,
+    out: Path,
+) -> str:
+    """Write the labels of a session's presses, followed in their order from an untouched sensor; return why it ended early.
+
+    study: as it was in the session; laws by material; uncertain: see companion.simulate_label. What a press leaves is
+    carried to the next, so one that cannot be solved ends the session: it and those after it are in the file with the
+    reason.
+    """
+    part = out.with_name(f"{out.stem}.part")
+    identity = presses_digest(study, laws, presses)
+    moved = {name: [law.description() for law in several] for name, several in uncertain.items()}
+    bins = study.sensor.bins.nx * study.sensor.bins.ny
+    labels, progress = _resumed(part, digest([identity, moved]), (len(presses), len(ROWS), 1 + bins, 3))
+    for number in range(progress.done, len(presses)):
+        if progress.reason:
+            break
+        _press(study, laws, uncertain, presses[number], progress, labels[number])
+        labels.flush()  # before the progress that counts it
+        _keep(part, progress)
+        outcome = progress.reason or f"solved in {progress.seconds[-1]:.1f} s"
+        print(f"{presses[number].name} ({number + 1} of {len(presses)}): {outcome}", flush=True)
+    _write(out, study, laws, session, identity, presses, progress, labels)
+    del labels
+    shutil.rmtree(part)
+    return progress.reason
+
+
+def _press(
+    study: Study, laws: Laws, uncertain, press: RecordedPress, progress: Progress, label: np.ndarray
+) -> None:
+    """Solve one press into its label (3, 1 + B, 3), and note what it left behind, or why it could not be solved."""
+    wall_clock = time.perf_counter()
+    cell, grid = _solved(study, laws, press, progress.grids["fine"])
+    if not cell.converged:
+        progress.reason = str(cell.attributes["reason"])
+        return
+    total, bins = cell.arrays["total_force_N"][-1:], cell.arrays["bin_force_N"][-1:]
+    label[:] = np.nan
+    label[0] = np.concatenate([total, bins[0]])
+    reason = ""
+    if study.mechanics.error_bars:
+        companion, coarse_grid, reason = _companion(study, laws, uncertain, press, progress.grids["coarse"])
+        shape = (study.sensor.bins.ny, study.sensor.bins.nx)
+        bars = error_bars(total, bins, shape, companion)
+        for row, which in enumerate(ROWS[1:], start=1):
+            label[row] = np.concatenate([bars[f"total_{which}_N"], bars[f"bin_{which}_N"][0]])
+        progress.grids["coarse"] = grid if reason else coarse_grid  # it lives on places, not on a mesh
+    progress.grids["fine"] = grid
+    progress.done += 1
+    progress.companion_reasons.append(reason)
+    progress.balances.append(float(cell.attributes["force_balance"][-1]))
+    progress.seconds.append(time.perf_counter() - wall_clock)
+
+
+def _solved(
+    study: Study, laws: Laws, press: RecordedPress, grid: PeakGrid | None
+) -> tuple[Cell, PeakGrid | None]:
+    """Return the cell of one press and the softening left after it."""
+    by_layer = {layer.name: laws[layer.material] for layer in study.sensor.layers}
+    return next(
+        simulate_in_order(study.sensor, study.indenter, study.mechanics, by_layer, [press.path], grid)
+    )
+
+
+def _companion(
+    study: Study, laws: Laws, uncertain, press: RecordedPress, grid: PeakGrid | None
+) -> tuple[Companion, PeakGrid | None, str]:
+    """Return the coarser solution of a press, which carries its own softening, what that is then, and why there is none.
+
+    How forces follow the laws is taken from a press without history, as for cells.
+    """
+    bins = study.sensor.bins.nx * study.sensor.bins.ny
+    slopes = np.zeros((0, 1, 3)), np.zeros((0, 1, bins, 3))
+    nothing = Companion(np.empty((0, 3)), np.empty((0, bins, 3)), slopes[0][:, :0], slopes[1][:, :0])
+    try:
+        cell, left = _solved(_coarser(study), laws, press, grid)
+        if not cell.converged:
+            return nothing, grid, str(cell.attributes["reason"])
+        if any(uncertain.values()):
+            planned = PlannedCell(press.cell, press.path.x_mm, press.path.y_mm, (press.depth_mm,))
+            plain, reason, _ = solve_companion(_without_history(study), dict(laws), planned, uncertain)
+            if reason:
+                return nothing, grid, reason
+            slopes = plain.total_slopes, plain.bin_slopes
+    except (ConfigError, NotConverged) as failure:
+        return nothing, grid, str(failure)
+    forces = cell.arrays["total_force_N"][-1:], cell.arrays["bin_force_N"][-1:]
+    return Companion(*forces, *slopes), left, ""
+
+
+def _coarser(study: Study) -> Study:
+    """Return the study with all sizes of mesh and softening's grid doubled."""
+    mechanics = study.mechanics
+    sizes, effects = mechanics.mesh, mechanics.effects
+    grid = {"grid_mm": COARSER * effects.history.grid_mm}
+    changes = {
+        "mesh": sizes.model_copy(
+            update={"near_mm": COARSER * sizes.near_mm, "far_mm": COARSER * sizes.far_mm}
+        ),
+        "effects": effects.model_copy(update={"history": effects.history.model_copy(update=grid)}),
+    }
+    return study.model_copy(update={"mechanics": mechanics.model_copy(update=changes)})
+
+
+def _without_history(study: Study) -> Study:
+    effects = study.mechanics.effects
+    plain = effects.model_copy(update={"history": type(effects.history)()})
+    return study.model_copy(update={"mechanics": study.mechanics.model_copy(update={"effects": plain})})
+
+
+# ------------------------------------------------------------------------------------------- what is kept
+def _resumed(part: Path, identity: str, shape: tuple[int, ...]) -> tuple[np.memmap, Progress]:
+    """Return labels and progress of a session that was broken off under the same settings; of one that begins otherwise."""
+    labels = part / "labels.npy"
+    try:
+        progress = _read_progress(part / "progress.npz")
+        if progress.digest == identity:
+            print(f"{progress.done} presses were solved before; going on from there", flush=True)
+            return np.lib.format.open_memmap(labels, mode="r+"), progress
+        print(
+            "settings, presses or code have changed since this session was broken off: from the first press on"
+        )
+    except (OSError, ValueError, KeyError, BadZipFile):
+        pass  # none yet, or damaged: it costs time, not the run
+    shutil.rmtree(part, ignore_errors=True)
+    part.mkdir(parents=True)
+    return np.lib.format.open_memmap(labels, mode="w+", dtype=float, shape=shape), Progress(identity)
+
+
+def _keep(part: Path, progress: Progress) -> None:
+    known = {name: value for name, value in vars(progress).items() if name != "grids"}
+    arrays = {
+        f"{mesh}/{region}/{name}": getattr(box, name)
+        for mesh, grid in progress.grids.items()
+        for region, box in (grid.boxes if grid else {}).items()
+        for name in ("low", "high", "values")
+    }
+    with atomic(part / "progress.npz") as temporary, open(temporary, "wb") as file:
+        np.savez(file, known=np.array(json.dumps(known)), **arrays)
+
+
+def _read_progress(path: Path) -> Progress:
+    with np.load(path) as file:
+        progress = Progress(**json.loads(str(file["known"])))
+        for mesh in progress.grids:
+            regions = {key.split("/")[1] for key in file if key.startswith(f"{mesh}/")}
+            boxes = {
+                region: Box(*(file[f"{mesh}/{region}/{name}"] for name in ("low", "high", "values")))
+                for region in sorted(regions)
+            }
+            progress.grids[mesh] = PeakGrid(boxes) if boxes else None
+    return progress
+
+
+def _write(out, study, laws, session, identity, presses, progress: Progress, labels) -> None:
+    """Write the file of a session's presses, whole or not at all."""
+    count, left = len(presses), len(presses) - progress.done
+    later = [] if not left else [f"not solved: press {presses[progress.done].name} before it could not be"]
+    reasons = [""] * progress.done + [progress.reason] * bool(left) + later * (left - 1)
+    columns = {
+        "press": [press.name for press in presses],
+        "cell": [press.cell for press in presses],
+        "reason": reasons,
+        "companion_reason": progress.companion_reasons + [""] * left,
+        "order": np.array([press.order for press in presses]),
+        "position_mm": np.array([(press.path.x_mm, press.path.y_mm) for press in presses]),
+        "depth_mm": np.array([press.depth_mm for press in presses]),
+        "force_balance": np.array(progress.balances + [np.nan] * left),
+        "seconds": np.array(progress.seconds + [np.nan] * left),
+    }
+    described = {
+        name: getattr(study, name).model_dump(mode="json") for name in ("sensor", "indenter", "mechanics")
+    }
+    described["laws"] = {name: law.description() for name, law in laws.items()}
+    attributes = {
+        "format": FORMAT,
+        "session": session,
+        "inputs_digest": identity,
+        "code_version": gelforge.__version__,
+        "status": "failed" if left else "converged",
+        "reason": progress.reason,
+        "settings": json.dumps(described, sort_keys=True),
+    }
+    with atomic(out) as temporary, h5py.File(temporary, "w") as file:
+        file.attrs.update(attributes)
+        for name, values in columns.items():
+            text = {"dtype": h5py.string_dtype()} if isinstance(values, list) else {}
+            file.create_dataset(name, data=values, **text)
+        for row, which in enumerate(ROWS):
+            total, bins = (f"{quantity}_{which}_N" for quantity in ("total", "bin"))
+            file.create_dataset(total, (count, 3), float)
+            file.create_dataset(
+                bins,
+                (count, labels.shape[2] - 1, 3),
+                float,
+                chunks=(1, labels.shape[2] - 1, 3),
+                compression="gzip",
+                compression_opts=1,
+                shuffle=True,
+            )
+            for first in range(0, count, COPIED):
+                chosen = slice(first, min(first + COPIED, count))
+                known = labels[chosen, row].copy()
+                known[max(0, progress.done - first) :] = np.nan
+                file[total][chosen], file[bins][chosen] = known[:, 0], known[:, 1:]
+        for name, data in file.items():
+            data.attrs["units"], data.attrs["description"] = PRESS_DATASETS[name]

@@ -1,0 +1,114 @@
+"""The presses of a recorded session as the finite elements follow them: their places, their order, their times."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from gelforge.config import Study, load_session
+from gelforge.csv_table import read_csv
+from gelforge.files import digest, source_digest
+from gelforge.indentation.inputs import inputs_digest
+from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell
+from gelforge.indentation.trajectory import Trajectory
+from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.recording.join import cells_of_presses, press_table
+from gelforge.recording.readings import stage_to_sensor
+
+Laws = Mapping[str, PrincipalLaw]  # by material
+LEAST_STEP_S = 1e-3  # time runs on between two readings that share a stamp
+
+
+@dataclass(frozen=True)
+class RecordedPress:
+    """One press of a session: straight down at a planned position to a planned depth [mm]."""
+
+    name: str
+    cell: str
+    order: int
+    depth_mm: float
+    path: Trajectory  # its last pose is the one whose forces are the label
+
+
+def recorded_presses(
+    readings: pd.DataFrame, cells: Mapping[str, PlannedCell], study: Study
+) -> list[RecordedPress]:
+    """Return the presses of a session's readings, joined to the plan, in the order recorded.
+
+    Where the study's materials relax, a press passes its load and dwell readings when they were taken, up to the last one at
+    its depth; else it goes down without time.
+    """
+    history = study.mechanics.effects.history
+    rows_of = readings.groupby("press").indices
+    presses = []
+    for press in press_table(readings).sort_values("order", kind="stable").itertuples():
+        planned = cells[press.cell]
+        depth = min(planned.depths_mm, key=lambda known: abs(known - press.depth_mm))
+        place = (planned.x_mm, planned.y_mm)
+        path = Trajectory(*place, (depth,), ("load",), approach=study.plan.approach)
+        if history.relaxes:
+            path = _timed(path, readings.iloc[rows_of[press.press]], history.timing)
+        presses.append(RecordedPress(press.press, press.cell, int(press.order), depth, path))
+    return presses
+
+
+def _timed(path: Trajectory, rows: pd.DataFrame, timing) -> Trajectory:
+    """Return a press through its load and dwell readings, time counted from the first touch.
+
+    The touch is as long before the first of them as the stage needs at timing.speed_mm_per_s; between two readings the stage
+    moves evenly, in steps of at most timing.step_mm.
+    """
+    held = rows[rows["phase"].isin(["load", "dwell"])]
+    depths, times = held["depth_mm"].to_numpy(), held["time_s"].to_numpy()
+    deepest = depths.max() - depths <= POSITION_MATCH_MM
+    last = np.flatnonzero(deepest)[-1] + 1
+    depths = np.where(deepest, path.depths_mm[0], depths)[:last]
+    times = times[:last] - times[0] + depths[0] / timing.speed_mm_per_s
+    depth, time = 0.0, 0.0
+    steps: list[tuple[float, float, str]] = []
+    for to, at in zip(depths, times):
+        at = max(at, time + LEAST_STEP_S)
+        count = max(1, math.ceil(abs(to - depth) / timing.step_mm - 1e-9))
+        phase = "load" if to > depth else "unload" if to < depth else "dwell"
+        share = np.arange(1, count + 1) / count
+        steps += [(float(depth + s * (to - depth)), float(time + s * (at - time)), phase) for s in share]
+        depth, time = to, at
+    along, stamps, phases = zip(*steps)
+    return path.changed(depths_mm=along, phases=phases, times_s=stamps)
+
+
+def presses_digest(study: Study, laws: Laws, presses: Sequence[RecordedPress]) -> str:
+    """Return the digest of everything that decides the labels of a session's presses; study: as it was in the session."""
+    paths = [[p.name, p.cell, p.path.x_mm, p.path.y_mm, p.path.depths_mm, p.path.times_s] for p in presses]
+    sources = source_digest("dataset/presses_in_order.py", "dataset/recorded_presses.py")
+    return digest([inputs_digest(study, laws, PlannedCell("", 0.0, 0.0, ())), paths, sources])
+
+
+def read_presses(folder: Path, cells: Mapping[str, PlannedCell]) -> pd.DataFrame:
+    """Return what `recorded_presses` needs of a session's folder, without forces and images, joined to the plan.
+
+    Raises RecordingError or TableError as the readings do.
+    """
+    path = folder / "indentations.csv"
+    table = read_csv(
+        path,
+        numbers=["order", "time_s", "x_mm", "y_mm"],
+        optional_numbers=["depth_mm"],
+        texts=["press", "phase"],
+        optional_texts=["cell"],
+    )
+    stage = load_session(folder / "session.yaml").stage_to_sensor
+    table[["x_mm", "y_mm"]] = stage_to_sensor(table[["x_mm", "y_mm"]].to_numpy(), stage)
+    return table.assign(cell=cells_of_presses(path, table, cells))
+
+
+def pressed_cells(folder: Path, cells: Mapping[str, PlannedCell]) -> list[str]:
+    """Return the cells that a session needs solved, in the order of the plan: those pressed, and those that these mirror."""
+    pressed = set(read_presses(folder, cells)["cell"].dropna())
+    needed = pressed | {cells[name].source for name in pressed}
+    return [name for name in cells if name in needed]

@@ -1,0 +1,154 @@
+"""Labels that belong to a session: its own cells where the sensor had another age or temperature, or its own presses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from gelforge.dataset.schema import DatasetError
+from gelforge.indentation.cell_file import Cell
+
+FORMAT = "gelforge-presses-1"
+CLOSURE = (
+    1e-6  # bins against the total force: relative, and as many newtons for bins below 1e-9 N stored as zero
+)
+
+# name: (unit, description); P presses in the order recorded, B bins
+PRESS_DATASETS = {
+    "press": ("1", "press of the session (P)"),
+    "cell": ("1", "cell of the plan that it presses (P)"),
+    "reason": ("1", "why it has no label; empty: it has (P)"),
+    "companion_reason": ("1", "why its error bars are as large as its forces; empty: they are not (P)"),
+    "order": ("1", "order of the press in indentations.csv (P)"),
+    "position_mm": ("mm", "planned position x, y (P, 2)"),
+    "depth_mm": ("mm", "planned depth (P)"),
+    "force_balance": ("1", "force of contact against that of the base, relative (P)"),
+    "seconds": ("s", "wall time of the press and its companion (P)"),
+    "total_force_N": ("N", "contact force on the sensor (P, 3)"),
+    "bin_force_N": ("N", "force on the sensor per surface bin, k = nx iy + ix, undeformed surface (P, B, 3)"),
+    "total_sigma_mesh_N": ("N", "standard deviation of total_force_N from discretisation (P, 3)"),
+    "bin_sigma_mesh_N": ("N", "standard deviation of bin_force_N from discretisation (P, B, 3)"),
+    "total_sigma_material_N": ("N", "standard deviation of total_force_N from the laws (P, 3)"),
+    "bin_sigma_material_N": ("N", "standard deviation of bin_force_N from the laws (P, B, 3)"),
+}
+
+
+@dataclass(frozen=True)
+class Label:
+    """Forces of one press with their standard deviations [N], NaN where there are no error bars."""
+
+    total: np.ndarray  # (3,)
+    total_sigma: np.ndarray  # (3,)
+    bins: np.ndarray  # (B, 3)
+    bin_sigma: np.ndarray  # (B, 3)
+
+
+@dataclass(frozen=True)
+class OwnCells:
+    """The cells of a session whose sensor had an age or a temperature of its own, and what their digests must be."""
+
+    files: Mapping[str, Path]
+    digests: Mapping[str, str] = field(default_factory=dict)  # those that are to be checked
+
+
+@dataclass(frozen=True)
+class OwnPresses:
+    """The file of a session's presses on a sensor that softens, and what its digest must be."""
+
+    path: Path
+    digest: str | None = None
+
+    @cached_property
+    def attributes(self) -> dict:
+        """Return the file's attributes, after checking that it is whole and of the present settings."""
+        with self._open() as file:
+            found = dict(file.attrs)
+        if self.digest is not None and found["inputs_digest"] != self.digest:
+            raise DatasetError(
+                f"{self.path}: made with other settings (inputs_digest {str(found['inputs_digest'])[:12]}, expected "
+                f"{self.digest[:12]}); press the session again (snakemake -R {self.path})"
+            )
+        return found
+
+    @cached_property
+    def reasons(self) -> dict[str, tuple[int, str]]:
+        """Return by press, in the order recorded, its row and why it has no label; empty: it has."""
+        with self._open() as file:
+            found = zip(file["press"].asstr()[()], file["reason"].asstr()[()])
+            return {press: (row, reason) for row, (press, reason) in enumerate(found)}
+
+    @cached_property
+    def totals(self) -> dict[str, np.ndarray]:
+        """Return by press its total force (3,) [N]; NaN where it has no label."""
+        with self._open() as file:
+            return dict(zip(file["press"].asstr()[()], file["total_force_N"][()]))
+
+    def reason(self, press: str) -> str:
+        """Return why a press has no label; empty: it has."""
+        if press not in self.reasons:
+            raise DatasetError(
+                f"{self.path}: no press {press}; press the session again (snakemake -R {self.path})"
+            )
+        return self.reasons[press][1]
+
+    def label(self, press: str) -> Label | str:
+        """Return the label of a press, or why it has none."""
+        if reason := self.reason(press):
+            return reason
+        row = self.reasons[press][0]
+        with self._open() as file:
+            known = {name: file[name][row] for name in PRESS_DATASETS if name.endswith("_N")}
+        check_closure(self.path, f"press {press}", known["total_force_N"][None], known["bin_force_N"][None])
+        return Label(
+            known["total_force_N"],
+            np.hypot(known["total_sigma_mesh_N"], known["total_sigma_material_N"]),
+            known["bin_force_N"],
+            np.hypot(known["bin_sigma_mesh_N"], known["bin_sigma_material_N"]),
+        )
+
+    def _open(self) -> h5py.File:
+        if not self.path.is_file():
+            raise DatasetError(
+                f"{self.path}: the session's presses are missing; press them again (snakemake -R {self.path})"
+            )
+        try:
+            file = h5py.File(self.path, "r")
+        except OSError as error:
+            raise DatasetError(
+                f"{self.path}: not a whole HDF5 file ({error}); delete it and press the session again"
+            ) from None
+        found = file.attrs.get("format")
+        if found != FORMAT:
+            file.close()
+            raise DatasetError(f"{self.path}: format {found!r}, expected {FORMAT!r}; press the session again")
+        return file
+
+
+def cell_label(cell: Cell, step: int) -> Label:
+    """Return the label of one depth of a cell."""
+    total, bins = cell.arrays["total_force_N"][step], cell.arrays["bin_force_N"][step]
+    return Label(total, sigma(cell, "total")[step], bins, sigma(cell, "bin")[step])
+
+
+def sigma(cell: Cell, quantity: str) -> np.ndarray:
+    """Return the standard deviation of a cell's "bin" or "total" forces, NaN for a cell without error bars."""
+    parts = [cell.arrays.get(f"{quantity}_sigma_{part}_N") for part in ("mesh", "material")]
+    if parts[0] is None:
+        return np.full_like(cell.arrays[f"{quantity}_force_N"], np.nan)
+    return np.hypot(*parts)
+
+
+def check_closure(path: str | Path, what: str, total: np.ndarray, bins: np.ndarray) -> None:
+    """Raise DatasetError where bins (D, B, 3) do not add up to the totals (D, 3) [N]."""
+    error = np.abs(bins.sum(axis=1) - total)  # (D, 3)
+    limit = CLOSURE + CLOSURE * np.linalg.norm(total, axis=1, keepdims=True)
+    if not np.all(error <= limit):  # also refuses what is not a number
+        raise DatasetError(
+            f"{path}: {what}: bins and total force differ by {np.max(error):.3g} N, limit "
+            f"{np.min(limit):.1g} N; delete the file and simulate it again"
+        )

@@ -1,0 +1,70 @@
+"""What a verdict says of its errors and of refits that were cut short, on ARTIFICIAL readings."""
+
+from dataclasses import replace
+
+import artificial
+import numpy as np
+import pytest
+from test_judge import SETTINGS, problem_of
+
+from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mismatch.covariance import readings_covariance
+from gelforge.mismatch.findings import _noise, verdict_of
+from gelforge.mismatch.judge import judge
+from gelforge.mismatch.verdict import Provenance
+
+PROVENANCE = Provenance(
+    sessions={"s1": "0" * 64}, base="artificial", base_sha256="1" * 64, seed=1, draws=1000, versions={}
+)
+
+
+@pytest.mark.parametrize("zero_by", ["press", "session"])
+@pytest.mark.parametrize("laws", [0, 2])
+def test_the_errors_of_mesh_and_laws_are_told_apart_whoever_shares_depth_zero(zero_by, laws):
+    context = artificial.context(per_side=2, sessions=2, zero_by=zero_by)
+    directions = context.force[..., None] * np.array([0.03, 0.04])[:laws]
+    problem = problem_of(context)
+    covariance = readings_covariance(context, directions, 0.002 * context.force)
+    noise = _noise(replace(problem, covariance=covariance), [])
+    size = np.sqrt(np.mean(context.force**2, axis=0))
+    # 5 % of two directions; rounding of square roots and back
+    assert noise.law_N == pytest.approx(0.05 * size if laws else 0 * size, rel=1e-12)
+    assert noise.floor_N == pytest.approx(0.002 * size, rel=1e-12)
+
+
+def stuck_at_first(problem, share):
+    """Return forces that are a little less than linear, by a solver that does not get beyond the first amounts."""
+    first = {}
+
+    def forces(parts, amounts, rows):
+        name = tuple(part.name for part in parts)
+        if not np.allclose(np.concatenate(amounts), first.setdefault(name, np.concatenate(amounts))):
+            raise NotConverged("the gel folds")
+        return problem.forces_with(parts, [share * a for a in amounts], rows)
+
+    return forces
+
+
+def verdict(problem, judgement):
+    return verdict_of(problem, judgement, "artificial", True, None, PROVENANCE)
+
+
+def test_what_rests_on_an_unfinished_refit_is_not_named_and_told():
+    base = artificial.context(7, per_side=3)
+    problem = problem_of(
+        artificial.with_effect(base, "misregistration", [0.8, 0.3], np.random.default_rng(8))
+    )
+    finished = judge(problem, SETTINGS, seed=1)
+    assert finished.state == "named" and finished.answer.fit.converged
+    told = verdict(problem, finished)
+    assert not any("final" in sentence for sentence in told.cannot_know)
+
+    cut_short = replace(problem, forces_with=stuck_at_first(problem, 0.98))
+    found = judge(cut_short, SETTINGS, seed=1)
+    # All that `named` asks for is there, except that the amounts have come to rest.
+    assert found.answer.adequacy.p > 0.01 and found.answer.gain.clear
+    assert found.answer.fit.name == "misregistration" and not found.answer.fit.converged
+    assert found.state == "insufficient"
+    told = verdict(cut_short, found)
+    assert any("misregistration" in said and "it is not named" in said for said in told.cannot_know)
+    assert "not come to rest" in told.sentence
