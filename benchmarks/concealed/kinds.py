@@ -15,6 +15,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from .presses import commanded_depth
+from .solves import DEFECT_PLACES
 from .world import LENGTH, World
 
 Drawn = dict
@@ -136,7 +137,7 @@ def _defect(name: str):
 
 
 def _defect_place(rng) -> Drawn:
-    return {"sign": 1.0, "place": str(rng.choice(["inner", "outer"])), "turns": int(rng.integers(4))}
+    return {"sign": 1.0, "place": str(rng.choice(list(DEFECT_PLACES))), "turns": int(rng.integers(4))}
 
 
 # --- history: forms without Prony's series or Ogden and Roxburgh's function -----------------------------------------------

@@ -32,10 +32,7 @@ EFFECTS: dict[str, dict] = {
     "friction": {"friction": 0.3},
 }
 # Where defects sit, from the middle; four turns of the plan bring them to other corners. And the places that feel them.
-DEFECT_PLACES = {
-    "inner": ((3.0, 1.0), ((4.0, 2.0), (0.0, 0.0), (6.0, 0.0))),
-    "outer": ((5.0, -4.0), ((6.0, -6.0), (2.0, -4.0), (6.0, 0.0))),
-}
+DEFECT_PLACES = {"inner": ((3.0, 1.0), ((4.0, 2.0), (0.0, 0.0), (6.0, 0.0)))}
 DEFECTS: dict[str, dict] = {
     "void": {"radius_mm": 1.3, "factor": 1e-3, "z": -3.0},
     "inclusion": {"radius_mm": 1.3, "factor": 20.0, "z": -3.0},

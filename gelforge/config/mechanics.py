@@ -81,5 +81,7 @@ class Mechanics(Section):
             raise ValueError("contact_normals: initial belongs to strain: small")
         finite_only = self.effects.history.any or self.effects.geometry.prestretch
         if self.strain == "small" and finite_only:
-            raise ValueError("effects.history and effects.geometry.prestretch need strain: finite")
+            raise ValueError(
+                "effects.history and geometry.prestretch need strain: finite, found small; change it or leave them out"
+            )
         return self

@@ -12,7 +12,7 @@ from gelforge.indentation.binning import bin_forces, bin_shares
 from gelforge.indentation.cell_file import Cell
 from gelforge.indentation.error_bars import AMOUNT, COARSER, Companion, error_bars, laws_moved
 from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.sensitivities import sensitivities, with_sensitivities
+from gelforge.indentation.sensitivities import sensitivities, variations_of, with_sensitivities
 from gelforge.indentation.simulate import model_of, simulate_cell
 from gelforge.indentation.stretch_range import Outside
 from gelforge.indentation.trajectory import Trajectory
@@ -33,6 +33,7 @@ def simulate_label(
     laws by material; uncertain: by material, its law moved by error_bars.AMOUNT of a standard deviation along each
     independent direction of its parameters (characterisation.law_file.moved_laws); outside: see simulate_cell.
     """
+    variations_of(study, laws, study.mechanics.sensitivities)  # refused before anything is solved
     cell = _with_derivatives(simulate_cell(study, laws, planned, outside), study, laws, planned)
     if not study.mechanics.error_bars or not len(cell.arrays["depth_mm"]):
         return cell
@@ -72,7 +73,7 @@ def _with_derivatives(cell: Cell, study: Study, laws: dict[str, PrincipalLaw], p
         return cell
     try:
         return with_sensitivities(cell, sensitivities(study, laws, planned, names))
-    except NotConverged as failure:
+    except (ConfigError, NotConverged) as failure:  # the cell itself is solved
         return Cell(cell.arrays, cell.attributes | {"sensitivity_reason": str(failure)})
 
 

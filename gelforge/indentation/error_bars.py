@@ -21,6 +21,7 @@ PART_BINS = np.array([0.24, 0.24, 0.34])  # x, y, z: of the root mean square dif
 SHARE_BINS = np.array([0.003, 0.003, 0.007])  # of the force of the bin itself
 LEAST_BINS = 5e-4  # of the largest bin
 PART_TOTALS = 0.3  # of the difference of the total, root mean square over depths
+LEAST_TOTALS = 1e-3  # of the largest force: below it the indenter is about to leave
 CROSS_TOTALS = 0.04  # of the vertical difference, on horizontal totals: near a wall they lean on it
 AMOUNT = 0.05  # of a standard deviation, by which a law is moved: its effect is then still a straight line
 
@@ -57,7 +58,8 @@ def error_bars(
     }
     if reached == len(total):
         return found
-    growth = np.linalg.norm(total[reached:], axis=1) / np.linalg.norm(total[reached - 1])
+    size = np.linalg.norm(total, axis=1)
+    growth = size[reached:] / size[reached - 1] if size[reached - 1] > 0 else np.ones(len(total) - reached)
     return {
         name: np.concatenate([values, growth.reshape(-1, *[1] * (values.ndim - 1)) * values[-1]])
         for name, values in found.items()
@@ -77,11 +79,17 @@ def _mesh_bins(bins: np.ndarray, coarse: np.ndarray, shape: tuple[int, int]) -> 
 
 
 def _mesh_total(total: np.ndarray, coarse: np.ndarray) -> np.ndarray:
-    """Return the discretisation error bars (D, 3) [N] of totals: the same share of the force at all depths."""
+    """Return the discretisation error bars (D, 3) [N] of totals: the same share of the force at all depths.
+
+    Where the indenter has all but left the gel there is nothing to be a share of: the difference itself stands beside it.
+    """
     size = np.linalg.norm(total, axis=1, keepdims=True)
-    x, y, z = (((total - coarse) / np.maximum(size, 1e-300)) ** 2).mean(axis=0)
+    difference = total - coarse
+    carries = (size > LEAST_TOTALS * size.max()).ravel()
+    x, y, z = ((difference[carries] / size[carries]) ** 2).sum(axis=0) / max(carries.sum(), 1)
     horizontal = np.sqrt(PART_TOTALS**2 * (x + y) / 2 + CROSS_TOTALS**2 * z)
-    return np.array([horizontal, horizontal, PART_TOTALS * np.sqrt(z)]) * size
+    sigma = np.array([horizontal, horizontal, PART_TOTALS * np.sqrt(z)]) * size
+    return np.where(carries[:, None], sigma, np.maximum(sigma, PART_TOTALS * np.abs(difference)))
 
 
 def laws_moved(

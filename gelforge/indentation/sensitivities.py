@@ -57,7 +57,15 @@ def sensitivities(
 ) -> dict[str, Derivative]:
     """Return the derivatives of a cell's forces with respect to the named effects of the catalogue, in their order.
 
-    Raises ConfigError for a name that is not there or has no derivative, NotConverged as the solver does.
+    Raises ConfigError as variations_of, NotConverged as the solver does.
+    """
+    return derivatives(study, laws, planned, variations_of(study, laws, names))[1]
+
+
+def variations_of(study: Study, laws: dict[str, PrincipalLaw], names: Sequence[str]) -> dict[str, Variation]:
+    """Return a small amount of each named effect of the catalogue.
+
+    Raises ConfigError for a name that is not there, has no derivative, or is of no meaning for this study.
     """
     unknown = [name for name in names if name not in CATALOGUE or not derivable(name)]
     if unknown:
@@ -68,9 +76,14 @@ def sensitivities(
         effect = CATALOGUE[name]
         amount = AMOUNT * effect.width
         alone = effect.history or effect.mesh_changes
-        without = effect(study, 0.0) if alone else None
-        variations[name] = Variation(effect(study, amount), laws, amount, alone, without)
-    return derivatives(study, laws, planned, variations)[1]
+        try:
+            without = effect(study, 0.0) if alone else None
+            variations[name] = Variation(effect(study, amount), laws, amount, alone, without)
+        except ConfigError as error:
+            raise ConfigError(
+                f"mechanics.sensitivities: {name} is not for this study; leave it out ({error})"
+            ) from None
+    return variations
 
 
 def derivatives(

@@ -27,6 +27,10 @@ STEADY = 2
 LEAST_FORCE = (
     1e-5  # N; a contact force below this is measured by it: after release there is none, only rounding
 )
+# A gap below this closes an open node; what lies between is the rounding of a flat face that stands on the surface.
+TOUCHES_MM = -1e-12
+# A step that is not to be halved any more may take this many times max_iterations: friction creeps, and gets there.
+PATIENCE = 3
 GMRES_TOLERANCE = 1e-2  # of a correction with the kept factorisation: the next residual is no smaller anyway
 
 
@@ -143,8 +147,11 @@ class Press:
             pending = [(np.asarray(centre, dtype=float), 0, None if times is None else float(times[number]))]
             while pending:
                 target, halvings, time = pending[-1]
+                limit = self.iterations_allowed(halvings)
                 try:
-                    new = self.step(previous, state, target, **({} if time is None else {"time": time}))
+                    new = self.step(
+                        previous, state, target, limit=limit, **({} if time is None else {"time": time})
+                    )
                 except NotConverged as failure:
                     if halvings == self.settings.max_halvings:
                         raise NotConverged(f"{failure}; step halved {halvings} times") from None
@@ -161,6 +168,11 @@ class Press:
             state = replace(state, iterations=iterations, factorisations=factorisations)
             yield state
 
+    def iterations_allowed(self, halvings: int) -> int:
+        """Return how many iterations a step may take that has been halved so often: the last one has more patience."""
+        s = self.settings
+        return s.max_iterations * (PATIENCE if halvings == s.max_halvings else 1)
+
     # ------------------------------------------------------------------------------------------ one step
     def step(
         self,
@@ -169,13 +181,15 @@ class Press:
         centre: np.ndarray,
         guess: State | None = None,
         time: float | None = None,
+        limit: int | None = None,
     ) -> State:
         """Return the equilibrium with the indenter at centre, from state; previous gives the predictor its slope.
 
         guess: a state to begin the iteration at instead of the prediction. time [s]: the end of the step, for a body that
-        remembers; without, the step takes no time.
+        remembers; without, the step takes no time. limit: iterations, max_iterations if not given.
         """
         s = self.settings
+        limit = s.max_iterations if limit is None else limit
         if self.body.remembers:
             self.body.begin(state.memory, state.memory.time if time is None else time)
         u, pressure, lam = (
@@ -184,12 +198,12 @@ class Press:
             else (guess.u.copy(), guess.pressure.copy(), guess.contact_pressure.copy())
         )
         gap, normal, turn = self._gap(u, centre)
-        active = (lam > 0) | ((lam == 0) & (gap < 0))
+        active = (lam > 0) | ((lam == 0) & (gap < TOUCHES_MM))
         lam = np.where(active, lam, 0.0)
         factored_for, last_residual, changes, factorisations = None, np.inf, 0, 0
         last_contact, steady = None, 0
         response, contact = self._evaluate(u, pressure, lam, active, gap, normal, turn, state, centre)
-        for iteration in range(s.max_iterations + 1):
+        for iteration in range(limit + 1):
             residual = self._residual(response, contact)
             penetration = float(np.abs(gap[active]).max(initial=0.0))
             volume_error = self.body.pressure_error(response, pressure)
@@ -206,7 +220,7 @@ class Press:
                 return self._converged(
                     centre, u, pressure, lam, gap, response, contact, iteration, factorisations, residual
                 )
-            if iteration == s.max_iterations:
+            if iteration == limit:
                 break
             chord = (
                 factored_for is not None
@@ -237,7 +251,7 @@ class Press:
                 trial_p = pressure + length * (new_pressure - pressure)
                 trial_lam = lam + length * (new_lam - lam)
                 trial_gap, normal_at, turn_at = self._gap(trial_u, centre)
-                trial_active = np.where(active, trial_lam > 0, trial_gap < 0)
+                trial_active = np.where(active, trial_lam > 0, trial_gap < TOUCHES_MM)
                 trial_lam = np.where(trial_active, trial_lam, 0.0)
                 response, contact = self._evaluate(
                     trial_u, trial_p, trial_lam, trial_active, trial_gap, normal_at, turn_at, state, centre
@@ -256,7 +270,7 @@ class Press:
                 normal_at,
             )
         raise NotConverged(
-            f"no equilibrium at centre {np.round(centre, 4)} mm after {s.max_iterations} iterations: unbalanced force "
+            f"no equilibrium at centre {np.round(centre, 4)} mm after {limit} iterations: unbalanced force "
             f"{residual:.1e} of the contact force (limit {s.force_tolerance:.0e}), penetration {penetration:.1e} mm "
             f"(limit {s.gap_tolerance:.0e}), {changes} nodes still changing contact, smallest J {response.smallest_J:.3f}"
             + (
@@ -339,13 +353,16 @@ class Press:
         return float(np.linalg.norm(unbalanced[self.free]) / size)
 
     def _factor(self, u: np.ndarray, pressure: np.ndarray, contact: dict) -> None:
-        self.body.response(u, pressure, self._values)
+        response = self.body.response(u, pressure, self._values)
         add_node_blocks(self.slots, contact["stiffness"], self._values)
         self._factored_blocks = contact["stiffness"]
         try:
             self.solver.factor(self._values)
         except NotPositiveDefinite as error:
-            raise NotConverged(f"the tangent lost its positive definiteness ({error})") from None
+            raise NotConverged(
+                f"the tangent lost its positive definiteness at smallest J {response.smallest_J:.3f} ({error}); smaller "
+                "steps of depth or a smaller bulk_to_shear may keep it"
+            ) from None
 
     def _correction(self, response: Response, contact: dict, consistent: bool) -> np.ndarray:
         """Return du (N, 3) of the condensed system: with the symmetric factorisation at hand, or consistent through it."""

@@ -172,7 +172,7 @@ def _regions(block: Block, x: np.ndarray, y: np.ndarray, z: np.ndarray):
     names = [name for name, _ in block.layers]
     interfaces = np.cumsum([thickness for _, thickness in block.layers])[:-1] - block.height
     region = np.broadcast_to(np.searchsorted(interfaces, z), (len(x), len(y), len(z))).copy()
-    if block.wall:
+    if block.wall and len(block.layers) > 1:  # it stands around the lower layers
         region[in_wall & (region < len(block.layers) - 1)] = len(names)
         names.append("wall")
     if block.flange_width:

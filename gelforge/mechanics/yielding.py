@@ -43,7 +43,7 @@ def follow_yielding(
             move = float((aim - at) @ along)
             try:
                 new, new_lag, stiffness = _balanced(
-                    press, previous, state, aim, along, c, lag + growth * move, time
+                    press, previous, state, aim, along, c, lag + growth * move, time, halvings
                 )
             except NotConverged as failure:
                 if halvings == press.settings.max_halvings:
@@ -69,12 +69,14 @@ def _balanced(
     c: float,
     lag: float,
     time: float | None,
+    halvings: int,
 ) -> tuple[State, float, float]:
     """Return the state at which lag = c F . along, that lag [mm], and the stiffness of the body [N/mm] there."""
     tolerance = SHARE_OF_GAP * press.settings.gap_tolerance
+    limit = press.iterations_allowed(halvings)
     guess, last, iterations, factorisations, stiffness = None, None, 0, 0, 0.0
     for _ in range(MAX_SOLVES):
-        new = press.step(previous, state, aim - lag * along, guess, time)
+        new = press.step(previous, state, aim - lag * along, guess, time, limit)
         iterations, factorisations = iterations + new.iterations, factorisations + new.factorisations
         force = float(new.force @ along[:3])
         if last is not None and last[0] != lag:

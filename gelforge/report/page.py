@@ -12,6 +12,7 @@ import gelforge
 from gelforge.config import Study
 from gelforge.files import write_text
 from gelforge.report import (
+    error_bar_chapter,
     learning_chapters,
     material_chapter,
     mismatch_chapters,
@@ -25,6 +26,7 @@ CHAPTERS = (
     study_chapters.glance,
     material_chapter.materials,
     study_chapters.force_depth,
+    error_bar_chapter.error_bars,
     study_chapters.inside,
     study_chapters.images,
     learning_chapters.agreement,

@@ -239,3 +239,16 @@ def test_derivatives_that_do_not_converge_are_recorded_and_the_cell_stays(monkey
     cell = simulate_label(study, specimens.STUDY_LAWS, {}, PLANNED)
     assert cell.converged and "sensitivity_total" not in cell.arrays
     assert cell.attributes["sensitivity_reason"] == "no equilibrium beside it"
+
+
+def test_a_released_press_has_finite_bars_and_does_not_spoil_the_others():
+    """After release the force is nothing: a share of it says nothing, and what the companion still has left is the bar."""
+    total = np.array([[0.0, 0.0, -0.1], [0.0, 0.0, -0.4], [0.0, 0.0, -0.1], [0.0, 0.0, 0.0]])
+    coarse = total * 1.02
+    coarse[3, 2] = -1e-5
+    companion = Companion(coarse, np.zeros((4, 4, 3)), np.zeros((0, 4, 3)), np.zeros((0, 4, 4, 3)))
+    found = error_bars(total, np.zeros((4, 4, 3)), (2, 2), companion)["total_sigma_mesh_N"]
+    loaded = Companion(coarse[:3], np.zeros((3, 4, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3, 4, 3)))
+    alone = error_bars(total[:3], np.zeros((3, 4, 3)), (2, 2), loaded)["total_sigma_mesh_N"]
+    np.testing.assert_array_equal(found[:3], alone)
+    assert_allclose(found[3], [0.0, 0.0, 0.3e-5])

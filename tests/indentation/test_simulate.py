@@ -193,7 +193,7 @@ def test_a_cell_that_fails_at_once_is_empty_and_whole(tmp_path):
     write_cell(tmp_path / "cell.h5", cell)
     back = read_cell(tmp_path / "cell.h5")
     assert (back.attributes["status"], back.attributes["last_good_depth_mm"]) == ("failed", 0.0)
-    assert "after 2 iterations" in back.attributes["reason"]
+    assert "after 6 iterations" in back.attributes["reason"]
     assert set(back.arrays) == HELD
     assert back.arrays["bin_force_N"].shape == (0, 100, 3)
     assert back.arrays["total_force_N"].shape == (0, 3)

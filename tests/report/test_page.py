@@ -74,9 +74,9 @@ def test_materials_show_effects_laws_and_the_cells_beyond_the_tested_range(page)
 
 def test_every_figure_is_a_picture_under_a_sentence(page):
     pictures = parsed(page[0]).pictures
-    # sensor, two materials, force-depth, section, flow, two residuals, loss, two force maps, totals, time,
-    # verdict
-    assert len(pictures) == 14
+    # sensor, two materials, force-depth, error bars, section, flow, two residuals, loss, two force maps, totals,
+    # time, verdict
+    assert len(pictures) == 15
     for picture in pictures:
         head, _, content = picture["src"].partition("base64,")
         assert head == "data:image/svg+xml;"
@@ -153,7 +153,7 @@ def test_labels_only_study_says_what_is_left_out(tmp_path):
     assert "it makes force labels only" in said
     html = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert all(words.split(":")[0] in html for words in missing)
-    assert len(parsed(html).pictures) == 3  # sensor, force-depth, section
+    assert len(parsed(html).pictures) == 4  # sensor, force-depth, error bars, section
 
 
 def test_plan_without_centre_says_so(tmp_path):

@@ -1,0 +1,152 @@
+"""Summary of a finished run of a study's cells: solved, mirrored, failed, force ranges, time and memory, as Markdown.
+
+usage: python benchmarks/paper_study.py [--study config/paper.yaml] [--results results/paper] [--cores 2]
+
+Read are the cells and what Snakemake measured of each job; nothing is simulated. The run itself is
+`snakemake cells --cores 2 --configfile config/paper.yaml`. Wall time is from the start of the first cell's job to the end of
+the last, by the times of the benchmark files: it holds for a run that was not interrupted, and not for a copy.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from gelforge.config import load_study
+from gelforge.indentation.cell_file import CellError, read_cell
+from gelforge.indentation.plan import PlannedCell, plan_cells
+
+ARRAYS = ["depth_mm", "total_force_N"]
+BARS = ["total_sigma_mesh_N"]
+
+
+def job(path: Path) -> dict:
+    """Return start and end [s since 1970], seconds and memory [MB] of the job that a benchmark file measured."""
+    table = pd.read_csv(path, sep="\t", na_values=["-", "NA"])
+    seconds, end = float(table["s"].iloc[-1]), path.stat().st_mtime
+    memory = pd.to_numeric(table["max_rss"], errors="coerce").max()
+    return {"start": end - seconds, "end": end, "job_s": seconds, "memory_MB": float(memory)}
+
+
+def row(planned: PlannedCell, results: Path) -> tuple[dict, pd.DataFrame]:
+    """Return what is known of a cell, and its forces by depth; a file that cannot be read is missing."""
+    known = {
+        "cell": planned.name,
+        "x_mm": planned.x_mm,
+        "y_mm": planned.y_mm,
+        "mirrored": bool(planned.source),
+    }
+    benchmark = results / "benchmarks" / "cells" / f"{planned.name}.tsv"
+    known |= job(benchmark) if benchmark.is_file() else {}
+    try:
+        cell = read_cell(results / "cells" / f"{planned.name}.h5", ARRAYS, BARS)
+    except CellError as error:
+        return known | {"status": "missing", "reason": str(error)}, pd.DataFrame()
+    a, force = cell.attributes, cell.arrays["total_force_N"]
+    known |= {name: a[name] for name in ("status", "reason", "cpu_seconds", "degrees_of_freedom")}
+    known["iterations"], known["balance"] = (
+        int(np.sum(a["iterations"])),
+        np.max(a["force_balance"], initial=0.0),
+    )
+    by_depth = pd.DataFrame(force, columns=["Fx", "Fy", "Fz"]).assign(
+        depth=np.round(cell.arrays["depth_mm"], 6)
+    )
+    if (bars := cell.arrays.get("total_sigma_mesh_N")) is not None:
+        by_depth["sigma"] = bars[:, 2]
+    return known, by_depth
+
+
+def facts(cells: pd.DataFrame, cores: int) -> pd.DataFrame:
+    """Return quantity and value of the run as a whole."""
+    good, solved = cells.status == "converged", ~cells.mirrored
+    wall = cells["end"].max() - cells["start"].min()
+    busy = cells["job_s"].sum()
+    cpu = cells.loc[solved, "cpu_seconds"]
+    of_jobs = cells.loc[solved, "job_s"]
+    facts = [
+        ("positions", len(cells)),
+        ("solved", int((good & solved).sum())),
+        ("mirrored", int((good & ~solved).sum())),
+        ("failed or missing", int((~good).sum())),
+        ("unknowns of a solved cell", _range(cells.loc[solved, "degrees_of_freedom"], "{:.0f}")),
+        (
+            "Newton iterations of a solved cell, median (largest)",
+            _median(cells.loc[solved, "iterations"], "{:.0f}"),
+        ),
+        ("worst force balance", f"{cells.balance.max():.0e}"),
+        ("wall, first job's start to last job's end", f"{wall / 60:.1f} min"),
+        ("seconds of all jobs / cores / wall", f"{busy / cores / wall:.2f}"),
+        ("CPU in solving", f"{cpu.sum() / 60:.1f} min"),
+        ("CPU of a solved cell, median (largest)", _median(cpu, "{:.1f} s")),
+        ("job of a solved cell, median (largest)", _median(of_jobs, "{:.1f} s")),
+        ("job of a mirrored cell, median (largest)", _median(cells.loc[~solved, "job_s"], "{:.1f} s")),
+        ("memory of a process, median (largest)", _median(cells.loc[solved, "memory_MB"], "{:.0f} MB")),
+    ]
+    return pd.DataFrame(facts, columns=["quantity", "value"])
+
+
+def _median(values: pd.Series, form: str) -> str:
+    values = values.dropna()
+    return f"{form.format(values.median())} ({form.format(values.max())})" if len(values) else "none"
+
+
+def _range(values: pd.Series, form: str) -> str:
+    values = values.dropna()
+    return f"{form.format(values.min())} to {form.format(values.max())}" if len(values) else "none"
+
+
+def force_table(forces: pd.DataFrame) -> pd.DataFrame:
+    """Return the ranges of total forces over all converged cells by depth, and how sure Fz is of the mesh."""
+    rows = []
+    for depth, at in forces.groupby("depth"):
+        ranges = {
+            f"{name} [N]": f"{at[name].min():+.4f} to {at[name].max():+.4f}" for name in ("Fx", "Fy", "Fz")
+        }
+        median = {"Fz, median [N]": f"{at.Fz.median():+.4f}"}
+        if "sigma" in at:
+            relative = 100 * at.sigma / at.Fz.abs()
+            median["sigma of Fz, median (largest) [%]"] = f"{relative.median():.2f} ({relative.max():.2f})"
+        rows.append({"depth [mm]": depth, "cells": len(at)} | ranges | median)
+    return pd.DataFrame(rows)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--study", default="config/paper.yaml")
+    parser.add_argument(
+        "--results", type=Path, help="its results folder, if it is another than the study's own"
+    )
+    parser.add_argument("--cores", type=int, default=2, help="how many the run had")
+    arguments = parser.parse_args()
+    study = load_study(arguments.study)
+    results = arguments.results or study.results_folder
+    read = [row(planned, results) for planned in plan_cells(study).values()]
+    cells = pd.DataFrame([known for known, _ in read])
+    print(
+        f"{study.study}: {study.indenter.words}, error bars {'stored' if study.mechanics.error_bars else 'not stored'}\n"
+    )
+    print(facts(_with_columns(cells), arguments.cores).to_markdown(index=False), "\n")
+    good = [forces for known, forces in read if known["status"] == "converged"]
+    if good:
+        print(force_table(pd.concat(good)).to_markdown(index=False), "\n")
+    failed = cells[cells.status != "converged"]
+    if len(failed):
+        print(failed[["cell", "x_mm", "y_mm", "status", "reason"]].to_markdown(index=False))
+
+
+def _with_columns(cells: pd.DataFrame) -> pd.DataFrame:
+    """Return the table with the columns of a run that measured and solved everything; empty where this one did not."""
+    of_jobs = ["start", "end", "job_s", "memory_MB"]
+    of_cells = ["cpu_seconds", "degrees_of_freedom", "iterations", "balance"]
+    return cells.reindex(
+        columns=[*cells.columns, *(name for name in of_jobs + of_cells if name not in cells)]
+    )
+
+
+if __name__ == "__main__":
+    main()
