@@ -42,8 +42,6 @@ NEEDS = {
 BASES: dict[str, list[tuple[str, float]]] = {
     "concealed": [],
     "neo_hooke": [("neo-Hooke", 1.0)],
-    "thick_gel": [("thicker", 1.0)],
-    "large_ball": [("larger ball", 1.0)],
     "rough": [("friction", 1.0)],
 }
 ON_OR_OFF = ("empty ball", "hard ball", "film without shear", "fitted laws", "smooth ball")

@@ -30,6 +30,12 @@ class Mismatch(Section):
     rivals: int = Field(
         4, ge=0, description="effects that are refitted beside the most probable one, at most [-]"
     )
+    coarser: float = Field(
+        2.0,
+        ge=1.5,
+        le=4.0,
+        description="changes by effects are solved on a mesh of so many times the study's sizes [-]",
+    )
     draws: int = Field(2000, ge=1000, description="draws of the maximum statistic of the scan [-]")
     known: list[Known] = Field([], description="effects that belong to the base")
     leave_out: list[Name] = Field([], description="effects of the catalogue that are not tried")

@@ -1,6 +1,6 @@
 """Solutions by the finite elements that a verdict needs, each kept by the digest of all that decides it.
 
-A solution is of one path: on the study's own mesh (`fine`), with derivatives on a mesh of COARSER sizes (`follow`), there
+A solution is of one path: on the study's own mesh (`fine`), with derivatives on a coarser mesh (`follow`), there
 with a study's effects (`plain`), in time (`timed`), or one path after another on a sensor that remembers (`in_order`).
 """
 
@@ -20,7 +20,6 @@ from gelforge.indentation.cell_file import CellError, read_cell
 from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.indentation.effects.geometry import top_slope
 from gelforge.indentation.error_bars import AMOUNT as LAW_AMOUNT
-from gelforge.indentation.error_bars import COARSER
 from gelforge.indentation.inputs import inputs_digest
 from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell, plan_cells
 from gelforge.indentation.sensitivities import Variation, derivatives, unmirrored
@@ -53,8 +52,8 @@ class Solver:
     @property
     def coarse(self) -> Study:
         """Return the study on the coarser mesh."""
-        sizes = self.study.mechanics.mesh
-        mesh = sizes.model_copy(update={"near_mm": COARSER * sizes.near_mm, "far_mm": COARSER * sizes.far_mm})
+        sizes, coarser = self.study.mechanics.mesh, self.study.mismatch.coarser
+        mesh = sizes.model_copy(update={"near_mm": coarser * sizes.near_mm, "far_mm": coarser * sizes.far_mm})
         mechanics = self.study.mechanics.model_copy(update={"mesh": mesh})
         return self.seen(unmirrored(self.study.model_copy(update={"mechanics": mechanics})))
 

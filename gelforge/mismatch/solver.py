@@ -1,7 +1,7 @@
 """The finite elements behind a verdict: base forces at every reading, how they follow each effect, and forces with effects.
 
 Base forces are those of the study's own mesh, on the way down. Derivatives, ways up and everything with an effect are
-solved on a mesh of COARSER sizes, and only their difference from the base on that same mesh is used, multiplied by what
+solved on a coarser mesh (mismatch.coarser), and only their difference from the base on that same mesh is used, times what
 the finer mesh makes of the pressing force: the mesh's error of a change is a small part of a small change. All solutions
 are kept by the digest of what decides them, and a press stands for its mirror images where the sensor has them.
 """
@@ -80,7 +80,10 @@ def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect
     law = [finer * runs.at_readings([r[key] for r in followed]) for key in laws]
     context = Context(solver.study, observations, force, curves, along, at_readings)
     stacked = np.stack(law, axis=-1) if law else np.zeros((*force.shape, 0))
-    return Base(context, runs, coarse, finer, stacked, PART_TOTALS * correction, failed)
+    floor = (
+        PART_TOTALS * 3 / (solver.study.mismatch.coarser**2 - 1) * correction
+    )  # the error falls as size squared
+    return Base(context, runs, coarse, finer, stacked, floor, failed)
 
 
 def _base_curves(solver: Solver, ways: Sequence[PlannedCell]) -> list[np.ndarray]:
@@ -134,15 +137,14 @@ def forces_with(
     observations = base.context.observations
     rows = np.ones(len(observations.table), bool) if readings is None else readings
     part = observations.chosen(rows)
-    study, switched_on = (
-        unmirrored(solver.study),
-        [c for c in chosen if c[0].to_study is not None and np.any(c[2])],
-    )
-    for effect, shape, amounts in switched_on:
-        study = effect.to_study(study, shape, amounts)
-    force = base.context.force[rows]
-    if switched_on:
-        force = force + base.finer[rows] * (_solved_with(solver, study, part) - base.coarse[rows])
+    force = base.context.force[rows].copy()
+    switched_on = [c for c in chosen if c[0].to_study is not None and np.any(c[2])]
+    for felt, there in _by_what_is_felt(part, switched_on):
+        study = unmirrored(solver.study)
+        for effect, shape, amounts in felt:
+            study = effect.to_study(study, shape, amounts)
+        change = _solved_with(solver, study, part.chosen(there)) - base.coarse[rows][there]
+        force[there] += base.finer[rows][there] * change
     context = replace(base.context.chosen(rows), force=force)
     for effect, shape, amounts in chosen:
         if effect.to_study is None and effect.to_forces is not None:
@@ -150,6 +152,34 @@ def forces_with(
     found = np.full(observations.force.shape, np.nan)
     found[rows] = force
     return found
+
+
+def _by_what_is_felt(
+    observations: Observations, chosen: Sequence[Amounts]
+) -> Iterator[tuple[list[Amounts], np.ndarray]]:
+    """Yield effects with the readings (R,) bool that feel just these: what has a place does not reach all sites.
+
+    Where something remembers, all presses stay together: each finds what those before it have left.
+    """
+    site = observations.table["site"].to_numpy()
+    if any(effect.history for effect, *_ in chosen):
+        yield list(chosen), np.ones(len(site), bool)
+        return
+    feels = {
+        s: tuple(_reaches(shape, *observations.sites[s]) for _, shape, _ in chosen) for s in np.unique(site)
+    }
+    for felt in dict.fromkeys(feels.values()):
+        if any(felt):
+            own = [one for one, reached in zip(chosen, felt) if reached]
+            yield own, np.isin(site, [s for s in feels if feels[s] == felt])
+
+
+def _reaches(shape: Shape, x: float, y: float) -> bool:
+    """Return whether a press at (x, y) [mm] feels an effect of this shape: one without a place is felt everywhere."""
+    if "x_mm" not in shape:
+        return True
+    away = np.hypot(float(shape["x_mm"]) - x, float(shape["y_mm"]) - y)
+    return bool(away <= float(shape.get("radius_mm", 0.0)) + REACH_MM)
 
 
 def _solved_with(solver: Solver, study: Study, observations: Observations) -> np.ndarray:
@@ -285,11 +315,4 @@ def key_of(effect: Effect, shape: int | None, parameter: int) -> str:
 
 def felt_by(asked: Sequence[Asked], planned: PlannedCell) -> dict[str, Variation]:
     """Return the variations that a press at a position can feel."""
-    found = {}
-    for one in asked:
-        if "x_mm" in one.shape:
-            away = np.hypot(one.shape["x_mm"] - planned.x_mm, one.shape["y_mm"] - planned.y_mm)
-            if away > float(one.shape.get("radius_mm", 0.0)) + REACH_MM:
-                continue
-        found[one.key] = one.variation
-    return found
+    return {one.key: one.variation for one in asked if _reaches(one.shape, planned.x_mm, planned.y_mm)}

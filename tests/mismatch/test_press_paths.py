@@ -3,10 +3,11 @@
 import numpy as np
 import pandas as pd
 
+from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.observations import COLUMNS, Observations
 from gelforge.mismatch.runs import runs_of, timed_runs_of
 from gelforge.mismatch.solutions import way_down
-from gelforge.mismatch.solver import _loading_curves, _ways_down
+from gelforge.mismatch.solver import REACH_MM, _by_what_is_felt, _loading_curves, _ways_down
 
 PRESSES = [  # site, depth, depths on the way up
     (0, 0.5, ()),
@@ -94,3 +95,28 @@ def test_presses_alike_in_time_are_solved_once_unless_the_sensor_remembers():
             assert abs(path.times_s[step] - row.press_time_s) < 0.02
             assert np.all(np.diff(path.times_s) > 0)
             assert np.abs(np.diff([0.0, *path.depths_mm])).max() <= 0.25 + 1e-9
+
+
+def test_what_has_a_place_is_solved_only_where_it_is_felt():
+    found = observations()
+    site = found.table["site"].to_numpy()
+    stiffer = (CATALOGUE["gel_stiffness"], {}, np.array([0.1]))
+    near = {
+        "x_mm": 4.0 + 1.0 + REACH_MM - 0.5,
+        "y_mm": 4.0,
+        "z_mm": -2.0,
+        "radius_mm": 1.0,
+    }  # of site 1 alone
+    void = (CATALOGUE["void"], near, np.array([0.5]))
+    groups = {
+        tuple(e.name for e, *_ in felt): rows for felt, rows in _by_what_is_felt(found, [stiffer, void])
+    }
+    assert set(groups) == {("gel_stiffness",), ("gel_stiffness", "void")}
+    np.testing.assert_array_equal(groups["gel_stiffness", "void"], site == 1)
+    ((felt, rows),) = _by_what_is_felt(found, [void])
+    np.testing.assert_array_equal(rows, site == 1)
+    softening = (CATALOGUE["mullins"], {}, np.array([0.2]))
+    ((felt, rows),) = _by_what_is_felt(found, [softening, void])
+    assert (
+        rows.all() and len(felt) == 2
+    )  # each press finds what those before it have left, wherever they were
