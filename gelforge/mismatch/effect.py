@@ -41,6 +41,18 @@ def one_shape(context: Context) -> list[Shape]:
     return [{}]
 
 
+def where_it_differs(column: str) -> Callable[[Context], list[Shape]]:
+    """Return the shapes of an effect that only a circumstance which differs between readings can show: one, or none.
+
+    At one age, or one temperature, it is another name for a stiffer gel.
+    """
+
+    def shapes(context: Context) -> list[Shape]:
+        return [{}] if context.observations.table[column].nunique() > 1 else []
+
+    return shapes
+
+
 def unturned(turn: np.ndarray) -> np.ndarray:
     """Return the turn of an amount that is the same from all sides of a square."""
     return np.eye(1)

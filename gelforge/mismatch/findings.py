@@ -379,9 +379,7 @@ def _held_out(
         before=_predicted(problem, before, mask, scores["before"]["score"].sum()),
         after=_predicted(problem, after, mask, scores["after"]["score"].sum()),
         gain=gained.total,
-        standard_error=min(
-            gained.standard_error, 1e12
-        ),  # JSON has no infinity; one block alone has no scatter
+        standard_error=gained.standard_error,
     )
 
 

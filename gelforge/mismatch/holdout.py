@@ -12,9 +12,6 @@ from gelforge.mismatch.covariance import Covariance
 
 FEW_SITES = 4
 SHARE = 0.25  # of the sites and of the depths that is set aside
-FEWEST = (
-    6  # blocks for a standard error; sites give way to presses, and these to readings, where there are fewer
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +91,9 @@ def predictive_scores(
     labels: pd.DataFrame,
     columns: np.ndarray | None = None,
     amounts_covariance: np.ndarray | None = None,
+    before: np.ndarray | None = None,
 ) -> pd.DataFrame:
-    """Return the predictive log score of every block that was set aside: columns block, site, entries, score.
+    """Return the predictive log score of every block that was set aside: columns block, site, entries, score, apart.
 
     residual (n,): measured less the model with the amounts fitted to the training readings. columns (n, p) and
     amounts_covariance (p, p): the change per unit amount at these amounts and what the training readings leave open of
@@ -110,27 +108,29 @@ def predictive_scores(
         V = np.column_stack([residual, columns @ (E * np.sqrt(np.maximum(l, 0)))])
     if not blocks.train.any():
         raise ValueError("no training readings are left; give more than one site or depth")
+    d = np.zeros_like(residual) if before is None else residual - before
+    V = np.column_stack([V, d])
     site = labels["site"].to_numpy()
-    rows, known, total = [], blocks.train.copy(), 0.0
+    rows, known, total, far = [], blocks.train.copy(), 0.0, 0.0
     trained = _products(V, covariance, known)
     for name, entries in _in_turn(labels, blocks):
         known = known | entries
         G, log_det = _products(V, covariance, known)
-        score = _log_score(G - trained[0], log_det - trained[1], int((known & ~blocks.train).sum()))
-        rows.append((name, int(site[entries][0]), int(entries.sum()), score - total))
-        total = score
-    return pd.DataFrame(rows, columns=["block", "site", "entries", "score"])
+        G = G - trained[0]
+        score = _log_score(G[:-1, :-1], log_det - trained[1], int((known & ~blocks.train).sum()))
+        apart = G[-1, -1] + _variance_of_spread(G[1:-1, 1:-1])
+        rows.append((name, int(site[entries][0]), int(entries.sum()), score - total, apart - far))
+        total, far = score, apart
+    return pd.DataFrame(rows, columns=["block", "site", "entries", "score", "apart"])
 
 
 def gain(before: pd.DataFrame, after: pd.DataFrame) -> Gain:
-    """Return the gain of scores `after` over `before` of the same blocks, its standard error from their scatter.
+    """Return the gain of scores `after` over `before` of the same blocks, its standard error that which noise gives it.
 
-    One block alone has no scatter: the error is infinite.
+    Not from the scatter of the blocks' gains: an effect that sits at one place gains at few of them.
     """
-    differences = after["score"].to_numpy() - before["score"].to_numpy()
-    count = len(differences)
-    error = np.sqrt(count) * np.std(differences, ddof=1) if count > 1 else np.inf
-    return Gain(float(differences.sum()), float(error), count)
+    total = float((after["score"] - before["score"]).sum())
+    return Gain(total, float(np.sqrt(max(after["apart"].sum(), 0.0))), len(after))
 
 
 def _log_score(G: np.ndarray, log_det: float, count: int) -> float:
@@ -140,13 +140,15 @@ def _log_score(G: np.ndarray, log_det: float, count: int) -> float:
     return float(-0.5 * (square + np.linalg.slogdet(B)[1] + log_det + count * np.log(2 * np.pi)))
 
 
+def _variance_of_spread(B: np.ndarray) -> float:
+    """Return the variance of z' B (1 + B)^-1 z / 2, z standard normal: that of a score whose amounts are uncertain."""
+    b = np.maximum(np.linalg.eigvalsh(B), 0.0) if len(B) else np.zeros(0)
+    return float(0.5 * np.sum((b / (1 + b)) ** 2))
+
+
 def _in_turn(labels: pd.DataFrame, blocks: Blocks) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield name and entries (n,) bool of one site of a block, or of one press or reading where sites are few."""
-    for by in ("site", "press", "reading"):
-        part = labels[by].to_numpy()
-        count = sum(len(np.unique(part[mask])) for mask in blocks.held.values())
-        if count >= FEWEST:
-            break
+    """Yield name and entries (n,) bool of one site of a block after the other."""
+    site = labels["site"].to_numpy()
     for name, mask in blocks.held.items():
-        for value in pd.unique(part[mask]):
-            yield name, mask & (part == value)
+        for value in pd.unique(site[mask]):
+            yield name, mask & (site == value)

@@ -369,7 +369,9 @@ def _scores(problem: Problem, blocks: Blocks, left: np.ndarray, fit: Refitted) -
     labels = problem.labels
     return {
         "before": predictive_scores(problem.residual, problem.covariance, blocks, labels),
-        "after": predictive_scores(left, problem.covariance, blocks, labels, whole, fit.covariance),
+        "after": predictive_scores(
+            left, problem.covariance, blocks, labels, whole, fit.covariance, problem.residual
+        ),
     }
 
 

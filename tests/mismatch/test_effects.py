@@ -394,11 +394,23 @@ def test_age_and_warmth_act_between_sessions_only():
 
 
 def test_a_session_that_does_not_say_its_age_stays():
-    unsaid = replace(
-        CONTEXT.observations, table=CONTEXT.observations.table.assign(age_days=np.nan, temperature_C=np.nan)
-    )
-    for name in ("ageing", "temperature"):
-        assert not change(name, [0.01], context=replace(CONTEXT, observations=unsaid)).any()
+    table = CONTEXT.observations.table
+    earlier = (table["session"] != "s2").to_numpy()
+    for name, column in (("ageing", "age_days"), ("temperature", "temperature_C")):
+        said = replace(
+            CONTEXT.observations,
+            table=table.assign(**{column: np.where(earlier, 40.0 + table.index % 2, np.nan)}),
+        )
+        found = change(name, [0.01], context=replace(CONTEXT, observations=said))
+        assert not found[~earlier].any()
+
+
+def test_what_is_the_same_in_all_readings_is_not_tried():
+    """At one age, or where none is said, ageing is another name for a stiffer gel."""
+    for name, column in (("ageing", "age_days"), ("temperature", "temperature_C")):
+        for value in (np.nan, 40.0):
+            same = replace(CONTEXT.observations, table=CONTEXT.observations.table.assign(**{column: value}))
+            assert CATALOGUE[name].shapes(replace(CONTEXT, observations=same)) == []
 
 
 # ----------------------------------------------------------------------------------------------- machine and readings

@@ -88,7 +88,7 @@ def chosen_gain(r, labels, covariance, candidates, blocks):
     name, shape = best.name, best.shape
     columns = next(c.columns for c in candidates if (c.name, c.shape) == (name, shape))
     after = predictive_scores(
-        r - columns @ best.amounts, covariance, blocks, labels, columns, best.covariance
+        r - columns @ best.amounts, covariance, blocks, labels, columns, best.covariance, r
     )
     return name, gain(predictive_scores(r, covariance, blocks, labels), after)
 
@@ -131,25 +131,21 @@ def test_draws_of_presses_set_aside_are_not_fitted(world):
     assert scores["score"][scores["block"] == "positions"].sum() == pytest.approx(alone, abs=15)
 
 
-def test_few_sites_are_scored_by_press():
-    context = readings(grid(2)[:2])
-    labels, covariance = context.observations.labels(), covariance_of(context)
-    scores = predictive_scores(
-        covariance.draw(np.random.default_rng(5), 1)[:, 0], covariance, split(labels, 0, turn=1), labels
-    )
-    assert len(scores) >= 6
-
-
-def test_one_block_is_never_clear(world):
+def test_the_error_of_a_gain_is_what_noise_gives_it(world):
+    """For fixed predictions the gain scatters over draws of noise as its standard error says, also where one site gains."""
     labels, covariance, _ = world
-    scores = predictive_scores(
-        np.zeros(len(labels)),
-        covariance,
-        Blocks(labels["reading"].to_numpy() > 0, {"a": (labels["reading"] == 0).to_numpy()}),
-        labels,
-    )
-    one = scores.iloc[:1]
-    assert not gain(one, one.assign(score=one["score"] + 100)).clear
+    blocks = split(labels, seed=3)
+    where = (labels["site"] == labels["site"][blocks.held["positions"]].iloc[0]).to_numpy()
+    change = np.where(where, 0.02, 0.0)
+    gains, rng = [], np.random.default_rng(5)
+    for _ in range(300):
+        r = change + covariance.draw(rng, 1)[:, 0]
+        before = predictive_scores(r, covariance, blocks, labels)
+        found = gain(before, predictive_scores(r - change, covariance, blocks, labels, before=r))
+        gains.append(found.total)
+    # of 300 draws a standard deviation is known to 1 / sqrt(600) = 4 %; three times that
+    assert np.std(gains) == pytest.approx(found.standard_error, rel=0.12)
+    assert np.mean(gains) == pytest.approx(found.standard_error**2 / 2, rel=0.12)
 
 
 def test_no_training_is_an_error(world):

@@ -60,9 +60,9 @@ def base(mu):
 
 def shape_of(name):
     """Return number and place of a located effect that is nearest to the press; nothing of others."""
-    shapes = CATALOGUE[name].shapes(Context(base(STICKS), None, None, None, {}))
     if not isinstance(CATALOGUE[name].to_forces, FirstOrderAt):
-        return None, shapes[0]
+        return None, {}
+    shapes = CATALOGUE[name].shapes(Context(base(STICKS), None, None, None, {}))
     away = [np.hypot(shape["x_mm"] - PLACE[0], shape["y_mm"] - PLACE[1]) for shape in shapes]
     return int(np.argmin(away)), shapes[int(np.argmin(away))]
 

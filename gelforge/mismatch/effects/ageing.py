@@ -9,7 +9,7 @@ import numpy as np
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import gel_layers
 from gelforge.mismatch.context import Context
-from gelforge.mismatch.effect import Effect, Shape
+from gelforge.mismatch.effect import Effect, Shape, where_it_differs
 from gelforge.mismatch.solver_effects import amount, solver
 
 
@@ -39,5 +39,6 @@ EFFECT = Effect(
     signature="all forces of a session in proportion, from session to session with the sensor's age",
     confused_with=("gel_stiffness", "force_gain", "force_drift", "mullins", "temperature", "thickness_gradient"),
     separated_by="a sentinel press in every session, at one temperature, with dead weights on the force sensor beside it",
+    shapes=where_it_differs("age_days"),
     **solver("ageing", present) | {"to_forces": to_forces},
 )  # fmt: skip

@@ -1,0 +1,126 @@
+"""What a verdict costs: 25 positions x 8 depths on the article's sensor, screened, judged, and a second recording screened.
+
+The recording is SYNTHETIC: the base's own forces, 12 % larger, with noise and touchdown errors. Screened: base presses,
+derivatives to every effect, covariance, tests and the screen, from nothing. Judged: all of it, refits included.
+
+usage: python benchmarks/mismatch_cost.py [--workers 2] [--sites 5] [--study config/paper.yaml]
+"""
+
+# ruff: noqa: E402  (threads are set before the libraries start theirs)
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+for _name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+    os.environ[_name] = "1"
+
+import numpy as np
+import pandas as pd
+
+from gelforge.cli.bench import laws_of
+from gelforge.config import load_study
+from gelforge.mismatch.judge import judge, testable
+from gelforge.mismatch.screen import screened
+from gelforge.mismatch.sessions import observe
+from gelforge.mismatch.solutions import Solver
+from gelforge.mismatch.stage import at_first_order, judge_recording, problem_of
+
+SPACING, DEPTHS = 4.0, 0.25 * np.arange(1, 9)  # mm
+STIFFER, NOISE_N, TOUCHDOWN_MM = 1.12, 0.01, 0.01
+FORCES = ["fx_N", "fy_N", "fz_N"]
+SESSION = """session: {name}
+synthetic: true
+base_parameters: exact
+force: {{acts_on: sensor, resolution_N: [0.001, 0.001, 0.001]}}
+depth_zero: {{by: press, scatter_mm: 0.01}}
+"""
+
+
+def planned(study, per_side: int, seed: int) -> pd.DataFrame:
+    """Return the rows of a session in random order: three at zero, one at depth and two after a wait per press."""
+    middle = np.array([study.sensor.width_x_mm, study.sensor.width_y_mm]) / 2
+    along = SPACING * (np.arange(per_side) - (per_side - 1) / 2)
+    presses = [(x, y, d) for x in along + middle[0] for y in along + middle[1] for d in DEPTHS]
+    rows = []
+    for order, k in enumerate(np.random.default_rng(seed).permutation(len(presses))):
+        x, y, depth = presses[k]
+        course = [("zero", 0.1 * n, -1.0) for n in range(3)]
+        course += [("load", 1 + depth, depth), ("dwell", 2 + depth, depth), ("dwell", 3 + depth, depth)]
+        rows += [
+            (f"p{order:04d}", "", order, 20.0 * order + at, phase, x, y, d, 1.0, "", 0.0, 0.0, 0.0, "")
+            for phase, at, d in course
+        ]
+    names = "press cell order time_s phase x_mm y_mm depth_mm speed_mm_per_s dwell_s".split()
+    return pd.DataFrame(rows, columns=[*names, *FORCES, "image"])
+
+
+def write(folder: Path, rows: pd.DataFrame) -> Path:
+    folder.mkdir(parents=True)
+    rows.to_csv(folder / "indentations.csv", index=False)
+    (folder / "session.yaml").write_text(SESSION.format(name=folder.name))
+    return folder
+
+
+def with_forces(rows: pd.DataFrame, loaded: np.ndarray, slope: np.ndarray, seed: int) -> pd.DataFrame:
+    """Return the rows with forces (R, 3) [N] of the readings under load, touchdown errors along their slope, and noise."""
+    rng = np.random.default_rng(seed)
+    under = (rows["phase"] != "zero").to_numpy()
+    press = pd.factorize(rows["press"][under])[0]
+    force = rng.normal(0, NOISE_N, (len(rows), 3))
+    force[under] += STIFFER * (loaded + rng.normal(0, TOUCHDOWN_MM, press.max() + 1)[press][:, None] * slope)
+    return rows.assign(**dict(zip(FORCES, force.round(5).T)))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--sites", type=int, default=5, help="positions along each side")
+    parser.add_argument("--study", type=Path, default=Path("config/paper.yaml"))
+    parser.add_argument(
+        "--repeat-noise", action="store_true", help="the verdict at other scales of the noise too"
+    )
+    arguments = parser.parse_args()
+    study = load_study(arguments.study)
+    if not arguments.repeat_noise:
+        study = study.model_copy(update={"mismatch": study.mismatch.model_copy(update={"noise_scales": []})})
+    found = []
+
+    def told(what: str, began: float) -> None:
+        found.append({"what": what, "wall [s]": time.perf_counter() - began})
+        print(f"{what}: {found[-1]['wall [s]']:.0f} s", flush=True)
+
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        solver = Solver(study, laws_of(study, []), {}, folder / "kept", workers=arguments.workers)
+        began = time.perf_counter()
+        plain = write(folder / "plain", planned(study, arguments.sites, 0))
+        problem, base = problem_of(solver, observe([plain], study.sensor, 1.0))
+        judge(replace(problem, forces_with=at_first_order(problem)), study.mismatch, study.seed)
+        told(f"{arguments.sites**2} positions x {len(DEPTHS)} depths screened, from nothing", began)
+        # readings in the order of the recording, as the observations have them
+        first = with_forces(planned(study, arguments.sites, 0), base.context.force, base.context.slope(), 1)
+        began = time.perf_counter()
+        verdict = judge_recording(solver, [write(folder / "first", first)], folder / "out", "first")
+        told("refitted and judged, beyond that", began)
+        began = time.perf_counter()
+        again = write(folder / "second", planned(study, arguments.sites, 7))
+        problem, _ = problem_of(solver, observe([again], study.sensor, 1.0))
+        testable(screened(*problem.part(np.ones(len(problem.labels), bool))))
+        told("second recording of the same plan screened", began)
+    print()
+    print(pd.DataFrame(found).to_markdown(index=False, floatfmt=".0f"))
+    print(
+        f"\nverdict on 12 % more force (SYNTHETIC): {verdict.state}, {[group.members for group in verdict.answer]}"
+    )
+
+
+if __name__ == "__main__":
+    main()
