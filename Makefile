@@ -2,6 +2,7 @@
 PYTHON ?= python3
 CORES ?= 2
 BIN := .venv/bin
+ONE_THREAD := OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 READY := .venv/.gelforge-ready
 
 .PHONY: setup demo test format lint
@@ -23,7 +24,7 @@ demo: $(READY)
 	@echo "Open results/demo/report.html"
 
 test: $(READY)
-	$(BIN)/python -m pytest
+	$(ONE_THREAD) $(BIN)/python -m pytest --numprocesses $(CORES) --dist loadfile
 
 format: $(READY)
 	$(BIN)/ruff format . && $(BIN)/ruff check --fix . && $(BIN)/snakefmt Snakefile workflow
