@@ -18,7 +18,6 @@ from gelforge.mismatch.identifiability import detection_limits, profile
 from gelforge.mismatch.judge import Answer, Judgement, Remains, in_range
 from gelforge.mismatch.law_search import Terms, search, terms
 from gelforge.mismatch.problem import Problem
-from gelforge.mismatch.refit import MOST_STEPS
 from gelforge.mismatch.scan import Finding
 from gelforge.mismatch.screen import Screened
 
@@ -470,7 +469,7 @@ def _unfinished(answer: Answer | None) -> list[str]:
     if not names:
         return []
     text = (
-        f"{', '.join(names)}: the fit in the solver was still moving after {MOST_STEPS} steps, or the solver could not"
+        f"{', '.join(names)}: the fit was still moving after its last step, or the solver could not"
         " follow it; amounts and intervals are not final"
     )
     return [text + ("" if answer.fit.converged else ", and the answer rests on one of them: it is not named")]

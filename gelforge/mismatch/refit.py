@@ -13,7 +13,8 @@ from gelforge.mismatch.covariance import Covariance
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.screen import Candidate, Screened
 
-MOST_STEPS = 4
+MOST_STEPS, MOST_CHEAP_STEPS = 4, 12  # where something is solved, and where nothing is
+DIFFERENCE = 1e-3  # of a plausible amount: for columns taken anew where nothing is solved
 ENOUGH = 0.15  # of a posterior standard deviation: a step that no interval would show
 INSIDE = 1e-3  # of a bound's distance from zero that amounts keep from it
 
@@ -39,7 +40,8 @@ class Refitted:
 def refitted(problem: Problem, start: Screened, mask: np.ndarray) -> Refitted:
     """Return the effects of a screened answer fitted to the entries (n,) bool. Raises NotConverged at the first solution.
 
-    After the first step the columns follow the model's own change (Broyden 1965, doi:10.1090/S0025-5718-1965-0198670-6).
+    After the first step the columns follow the model's own change (Broyden 1965, doi:10.1090/S0025-5718-1965-0198670-6);
+    where nothing is solved they are taken anew.
     """
     residual, covariance, _ = problem.part(mask)
     parts = tuple(part.restricted(mask) for part in start.parts)
@@ -51,14 +53,17 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray) -> Refitted:
     a = np.where(switch, 1.0, np.clip(start.amounts, low, high))
     change = _change(problem, start.parts, parts, a, mask)
     free, converged, steps = ~switch, bool(switch.all()), 0
+    solved = any(problem.effects[part.name].to_study is not None for part in parts)
+    most = MOST_STEPS if solved else MOST_CHEAP_STEPS
     while not converged:
+        cost = _cost(residual - change, a, covariance, widths)
         Jw = covariance.whiten(J[:, free])
         H = Jw.T @ Jw + np.diag(1 / widths[free] ** 2)
         gradient = Jw.T @ covariance.whiten(residual - change) - a[free] / widths[free] ** 2
         to = np.clip(a[free] + np.linalg.solve(H, gradient), low[free], high[free])
         delta = to - a[free]
-        converged = bool(np.all(np.abs(delta) <= ENOUGH / np.sqrt(np.diag(H))))
-        if converged or steps == MOST_STEPS:
+        converged = bool(np.all(np.abs(delta) <= ENOUGH * np.sqrt(np.diag(np.linalg.inv(H)))))
+        if converged or steps == most:
             break
         trial, moved = a.copy(), None
         for share in (1.0, 0.5, 0.25):  # the solver may not reach the whole step
@@ -70,8 +75,16 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray) -> Refitted:
                 continue
         if moved is None:
             break
-        d = (trial - a)[free] / widths[free]
-        J[:, free] += np.outer(moved - change - J[:, free] @ (trial - a)[free], d / (d @ d)) / widths[free]
+        if not solved and _cost(residual - moved, trial, covariance, widths) > cost - ENOUGH:
+            converged = True  # what is computed from images has a grain: there is nothing better to be seen
+            break
+        if solved:
+            d = (trial - a)[free] / widths[free]
+            J[:, free] += (
+                np.outer(moved - change - J[:, free] @ (trial - a)[free], d / (d @ d)) / widths[free]
+            )
+        else:
+            J = _columns_at(problem, start.parts, parts, trial, moved, widths, mask)
         a, change, steps = trial, moved, steps + 1
     factor, spread = _evidence(residual, change, covariance, J, a, free, widths, signs)
     splits = np.cumsum([part.columns.shape[1] for part in parts])[:-1]
@@ -85,6 +98,22 @@ def _change(
     splits = np.cumsum([part.columns.shape[1] for part in parts])[:-1]
     forces = problem.forces_with(whole, np.split(a, splits), problem.readings_of(mask))
     return problem.observations.flat(forces - problem.base)[mask]
+
+
+def _cost(left: np.ndarray, a: np.ndarray, covariance: Covariance, widths: np.ndarray) -> float:
+    """Return minus the log posterior of amounts a (p,) that leave a residual (m,), but for a constant."""
+    white = covariance.whiten(left)
+    return 0.5 * float(white @ white + np.sum((a / widths) ** 2))
+
+
+def _columns_at(problem: Problem, whole, parts, a, change, widths, mask: np.ndarray) -> np.ndarray:
+    """Return the columns (m, p) [N per unit] at amounts a (p,), whose change is known, by differences."""
+    columns = []
+    for k, width in enumerate(widths):
+        beside = a.copy()
+        beside[k] += DIFFERENCE * width
+        columns.append((_change(problem, whole, parts, beside, mask) - change) / (DIFFERENCE * width))
+    return np.column_stack(columns)
 
 
 def _bounds(problem: Problem, parts: Sequence[Candidate]) -> tuple[np.ndarray, np.ndarray]:
