@@ -43,7 +43,10 @@ depth_zero: {{by: press, scatter_mm: 0.01}}
 
 
 def planned(study, per_side: int, seed: int) -> pd.DataFrame:
-    """Return the rows of a session in random order: three at zero, one at depth and two after a wait per press."""
+    """Return the rows of a session in random order: three at zero, one at depth and two after a wait per press.
+
+    Forces are of the right size only: the cost of a screen does not depend on them.
+    """
     middle = np.array([study.sensor.width_x_mm, study.sensor.width_y_mm]) / 2
     along = SPACING * (np.arange(per_side) - (per_side - 1) / 2)
     presses = [(x, y, d) for x in along + middle[0] for y in along + middle[1] for d in DEPTHS]
@@ -53,7 +56,22 @@ def planned(study, per_side: int, seed: int) -> pd.DataFrame:
         course = [("zero", 0.1 * n, -1.0) for n in range(3)]
         course += [("load", 1 + depth, depth), ("dwell", 2 + depth, depth), ("dwell", 3 + depth, depth)]
         rows += [
-            (f"p{order:04d}", "", order, 20.0 * order + at, phase, x, y, d, 1.0, "", 0.0, 0.0, 0.0, "")
+            (
+                f"p{order:04d}",
+                "",
+                order,
+                20.0 * order + at,
+                phase,
+                x,
+                y,
+                d,
+                1.0,
+                "",
+                0.0,
+                0.0,
+                -0.3 * max(d, 0) ** 1.5,
+                "",
+            )
             for phase, at, d in course
         ]
     names = "press cell order time_s phase x_mm y_mm depth_mm speed_mm_per_s dwell_s".split()
