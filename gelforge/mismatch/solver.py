@@ -15,7 +15,7 @@ import numpy as np
 
 from gelforge.config import ConfigError, Study
 from gelforge.indentation.effects.catalogue import with_keys
-from gelforge.indentation.error_bars import PART_TOTALS
+from gelforge.indentation.error_bars import COARSER, PART_TOTALS
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.sensitivities import AMOUNT, Variation, unmirrored
 from gelforge.mechanics.equilibrium import NotConverged
@@ -64,7 +64,7 @@ def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect
     correction = blank.on_readings(curves) - blank.on_readings(on_coarse)
     force = coarse + correction
     finer = _share(force, coarse)
-    finer_along = [_share(fine, own) for fine, own in zip(curves.values, on_coarse.values)]
+    finer_along = [_share(values, own) for values, own in zip(curves.values, on_coarse.values)]
     failed: dict[str, str] = {}
     at_readings, along = {}, {}
     for key in [one.key for one in asked]:
@@ -75,15 +75,14 @@ def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect
         by_run = [r[key] if key in r else np.zeros_like(r["base"]) for r in followed]
         at_readings[key] = finer * runs.at_readings(by_run)
         down = _loading_curves(runs, depths, by_run)
-        along[key] = Curves(depths, tuple(share * own for share, own in zip(finer_along, down.values)))
+        along[key] = Curves(depths, tuple(f * own for f, own in zip(finer_along, down.values)))
     laws = [key for key in followed[0] if key.startswith("law ")]
     law = [finer * runs.at_readings([r[key] for r in followed]) for key in laws]
     context = Context(solver.study, observations, force, curves, along, at_readings)
     stacked = np.stack(law, axis=-1) if law else np.zeros((*force.shape, 0))
-    floor = (
-        PART_TOTALS * 3 / (solver.study.mismatch.coarser**2 - 1) * correction
-    )  # the error falls as size squared
-    return Base(context, runs, coarse, finer, stacked, floor, failed)
+    # PART_TOTALS is of the difference to a mesh of COARSER sizes; the error falls as size squared
+    share = PART_TOTALS * (COARSER**2 - 1) / (solver.study.mismatch.coarser**2 - 1)
+    return Base(context, runs, coarse, finer, stacked, share * correction, failed)
 
 
 def _base_curves(solver: Solver, ways: Sequence[PlannedCell]) -> list[np.ndarray]:
@@ -208,10 +207,8 @@ def _coarse_forces(solver: Solver, study: Study, observations: Observations) -> 
     if not history.any:
         runs = runs_of(observations)
         return runs.at_readings(_each_solved(own, plain, runs.planned))
-    paths = timed_runs_of(
-        observations, history.timing.step_mm, any(m.amount for m in history.mullins.values())
-    )
-    if any(m.amount for m in history.mullins.values()):
+    paths = timed_runs_of(observations, history.timing.step_mm, history.softens)
+    if history.softens:
         return paths.at_readings(_solved([*in_order(own, paths.trajectories)]))
     return paths.at_readings(_each_solved(own, timed, paths.trajectories))
 
