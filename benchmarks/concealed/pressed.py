@@ -20,6 +20,7 @@ GEL = ((7.9652e-3, 0.3093e-3), (1.2769, 3.5676))  # MPa; Sferrazza et al. 2019, 
 SKIN = ((85.1168e-3, -0.0020e-3), (2.8991, -8.2915))
 BULK_TO_SHEAR = 1000.0
 PENALTY = 200.0  # N/mm^3; the ball sinks in by pressure / penalty, about 2e-4 mm
+TANGENTIAL = PENALTY  # a node slips by friction / penalty before it slides
 UNDER = 2.4  # half of the even part of the mesh under the ball [mm]; contact reaches 2.9 mm from its middle
 SHALLOW_STEP, DEEP_STEP = (
     0.4,
@@ -80,7 +81,8 @@ class Setup:
     @property
     def key(self) -> str:
         """Return the digest of everything that decides the solution."""
-        text = json.dumps([VERSION, asdict(self)], sort_keys=True)
+        contact = [TANGENTIAL] if self.friction else []
+        text = json.dumps([VERSION, asdict(self), *contact], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:24]
 
     @property
@@ -169,7 +171,7 @@ class _Model:
         reach = np.hypot(points[top, 0] - setup.x_mm, points[top, 1] - setup.y_mm) < 1.1 * setup.radius_mm
         area = _areas(lines, points[top])
         friction = (
-            {"friction": setup.friction, "multiplier_tangential": 3.0}
+            {"friction": setup.friction, "multiplier_tangential": TANGENTIAL}
             if setup.friction
             else {"symmetric": True}
         )

@@ -33,12 +33,17 @@ class Mismatch(Section):
     coarser: float = Field(
         2.0,
         ge=1.5,
-        le=4.0,
+        le=6.0,
         description="changes by effects are solved on a mesh of so many times the study's sizes [-]",
     )
     draws: int = Field(2000, ge=1000, description="draws of the maximum statistic of the scan [-]")
     known: list[Known] = Field([], description="effects that belong to the base")
     leave_out: list[Name] = Field([], description="effects of the catalogue that are not tried")
+    discretisation: NonNegative | None = Field(
+        None,
+        description="error of the base's mesh, a standard deviation as a share of the force, where it is known better"
+        " than a mesh of twice the sizes tells it [-]",
+    )
     touchdown_mm: NonNegative | None = Field(
         None, description="scatter of depth zero in place of what the sessions say [mm]"
     )

@@ -52,7 +52,7 @@ def error_bars(
         return {name: size[name.partition("_")[0]] for name in names}
     found = {
         "bin_sigma_mesh_N": _mesh_bins(bins[:reached], companion.bins, shape),
-        "total_sigma_mesh_N": _mesh_total(total[:reached], companion.total),
+        "total_sigma_mesh_N": mesh_totals(total[:reached], companion.total),
         "bin_sigma_material_N": np.sqrt((companion.bin_slopes**2).sum(axis=0)),
         "total_sigma_material_N": np.sqrt((companion.total_slopes**2).sum(axis=0)),
     }
@@ -78,7 +78,7 @@ def _mesh_bins(bins: np.ndarray, coarse: np.ndarray, shape: tuple[int, int]) -> 
     return np.sqrt(sigma**2 + (SHARE_BINS * size) ** 2 + least**2)
 
 
-def _mesh_total(total: np.ndarray, coarse: np.ndarray) -> np.ndarray:
+def mesh_totals(total: np.ndarray, coarse: np.ndarray) -> np.ndarray:
     """Return the discretisation error bars (D, 3) [N] of totals: the same share of the force at all depths.
 
     Where the indenter has all but left the gel there is nothing to be a share of: the difference itself stands beside it.

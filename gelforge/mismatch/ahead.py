@@ -149,7 +149,7 @@ def plans_of(solver: Solver, survivors: list[NamedEffect]) -> Iterator[Plan]:
 
 
 def _covariance(base: Base) -> Covariance:
-    return readings_covariance(base.context, base.law, base.floor)
+    return readings_covariance(base.context, base.law, base.floor, base.alike)
 
 
 def _columns(context: Context, survivors: list[NamedEffect]) -> dict[str, np.ndarray]:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import pandas as pd
 import scipy.sparse as sp
 
 from gelforge.mismatch.context import Context
+from gelforge.mismatch.observations import Observations
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,6 +20,19 @@ class Draws:
 
     group: np.ndarray  # (n,) int, entries of one group share their draws
     directions: np.ndarray  # (n, q) one standard deviation each
+
+
+@dataclass(frozen=True, eq=False)
+class Estimated:
+    """How the independent variances are known: entries of one group share an estimate."""
+
+    group: np.ndarray  # (n,) int, 0..G-1
+    repeats: np.ndarray  # (G,) degrees of freedom of the estimate; inf: known
+    tails: np.ndarray  # (G,) variance of a squared draw over that of a normal one, 1 or more
+
+    def restricted(self, mask: np.ndarray) -> Estimated:
+        """Return the same of some entries."""
+        return replace(self, group=self.group[mask])
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +46,7 @@ class Covariance:
 
     variance: np.ndarray  # (n,) of what is independent from entry to entry
     levels: tuple[Draws, ...] = ()
+    estimated: Estimated | None = None  # None: the variance is known
 
     def __post_init__(self):
         bad = ~(np.isfinite(self.variance) & (self.variance > 0))
@@ -74,19 +90,20 @@ class Covariance:
     @property
     def instrument(self) -> Covariance:
         """Return the independent part alone."""
-        return Covariance(self.variance)
+        return replace(self, levels=())
 
     def restricted(self, mask: np.ndarray) -> Covariance:
         """Return the covariance of some entries, by a mask (n,) bool or by numbers."""
         return Covariance(
             self.variance[mask],
             tuple(Draws(level.group[mask], level.directions[mask]) for level in self.levels),
+            self.estimated and self.estimated.restricted(mask),
         )
 
     def extended(self, directions: np.ndarray) -> Covariance:
         """Return C + U U' with further directions U (n, q) that all entries share."""
         every = np.zeros(len(self), dtype=int)
-        return Covariance(self.variance, (*self.levels, Draws(every, directions)))
+        return replace(self, levels=(*self.levels, Draws(every, directions)))
 
     def draw(self, rng: np.random.Generator, count: int) -> np.ndarray:
         """Return draws (n, count) of N(0, C)."""
@@ -142,34 +159,66 @@ def _spread(group: np.ndarray, directions: np.ndarray) -> sp.csr_array:
     return sp.csr_array((directions.ravel(), columns.ravel(), np.arange(0, n * q + 1, q)), shape=shape)
 
 
-def readings_covariance(context: Context, law: np.ndarray, floor_N: np.ndarray) -> Covariance:
+def readings_covariance(
+    context: Context, law: np.ndarray, floor_N: np.ndarray, alike: np.ndarray | None = None
+) -> Covariance:
     """Return the covariance of the n entries that were read, without any effect.
 
-    Independent: noise_N. Per press: the subtracted zero, one draw per axis; the depth's zero, one draw along the slope of
-    the base (where zero_by says so, one per session in place of one per press). Shared by all: law (R, 3, q) [N], one
-    standard deviation of the base for each uncertain direction of the material fit. The discretisation of the base has
-    the pattern and sign of floor_N (R, 3): half its variance is a draw per site, half is common to all.
+    Independent: noise_N. Per depth of a press: its rounding, one draw per axis. Per press: the subtracted zero, one draw
+    per axis; the depth's zero, one draw along the slope of the base (where zero_by says so, one per session in place of
+    one per press). Shared by all: law (R, 3, q) [N], one standard deviation of the base for each uncertain direction of
+    the material fit. Of the base's discretisation, of standard deviation floor_N (R, 3), half of the variance is common
+    to all and half is drawn for readings alike (R,), those of one press and its mirror images (none given: of one site).
     """
     observations = context.observations
     labels, flat = observations.labels(), observations.flat
     axis, reading = labels["axis"].to_numpy(), labels["reading"].to_numpy()
     touchdown = flat(observations.touchdown_mm[:, None] * context.slope())
     by_session = np.asarray(observations.zero_by)[reading] == "session"
-    floor = flat(floor_N)[:, None] / np.sqrt(2)
+    floor = discretisation(context, floor_N) / np.sqrt(2)
+    per_axis = np.eye(3)[axis]
     press = np.column_stack(
-        [np.eye(3)[axis] * flat(observations.zero_N)[:, None], np.where(by_session, 0, touchdown)]
+        [per_axis * flat(observations.zero_N)[:, None], np.where(by_session, 0, touchdown)]
     )
     session = np.where(by_session[:, None], touchdown[:, None] * _indicators(labels["session"]), 0.0)
     session = session[:, session.any(axis=0)]
     common = np.column_stack([flat(law), floor, session])
-    return Covariance(
-        flat(observations.noise_N) ** 2,
-        (
-            Draws(_numbered(labels["press"]), press),
-            Draws(_numbered(labels["site"]), floor),
-            Draws(np.zeros(len(labels), dtype=int), common),
-        ),
-    )
+    alike = labels["site"] if alike is None else np.asarray(alike)[reading]
+    levels = [
+        Draws(_numbered(labels["press"]), press),
+        Draws(_numbered(alike), floor),
+        Draws(np.zeros(len(labels), dtype=int), common),
+    ]
+    rounding = flat(observations.rounding_N)
+    if rounding.any():
+        depth = labels.groupby(["press", "phase", "depth_mm"]).ngroup().to_numpy()
+        levels.insert(0, Draws(depth, per_axis * rounding[:, None]))
+    return Covariance(flat(observations.noise_N) ** 2, tuple(levels), estimated_noise(observations))
+
+
+def estimated_noise(observations: Observations) -> Estimated:
+    """Return how the noise of the n entries is known: each session's axes have an estimate of their own."""
+    labels = observations.labels()
+    names = [name for name in ("channel", "session", "axis") if name in labels]
+    group = labels.groupby(names).ngroup().to_numpy()
+    reading = labels["reading"].to_numpy()[np.unique(group, return_index=True)[1]]
+    return Estimated(group, observations.repeats[reading], observations.tails[reading])
+
+
+def discretisation(context: Context, floor_N: np.ndarray) -> np.ndarray:
+    """Return the directions (n, 4) [N] in which the base's discretisation errs, floor_N (R, 3) one standard deviation.
+
+    Pressing and sideways forces err on their own, each as a share of the force that changes slowly with depth.
+    """
+    depth = context.observations.table["depth_mm"].to_numpy()
+    turn = np.pi / 2 * depth / max(depth.max(initial=0.0), np.finfo(float).tiny)
+    steady = context.force / np.maximum(np.hypot(context.force, floor_N), np.finfo(float).tiny)  # +-1, or 0 where forces are
+    directions = [
+        np.where(np.isin(range(3), axes), floor_N * steady, 0.0) * share[:, None]
+        for axes in ([2], [0, 1])
+        for share in (np.cos(turn), np.sin(turn))
+    ]
+    return context.observations.flat(np.stack(directions, axis=-1))
 
 
 def _numbered(values: Sequence) -> np.ndarray:

@@ -446,9 +446,9 @@ def _shared_errors(covariance: Covariance) -> tuple[np.ndarray, np.ndarray]:
     levels, none = covariance.levels, np.zeros(len(covariance))
     if len(levels) < 3:
         return none, none
-    site, common = levels[1].directions[:, :1], levels[2].directions
-    laws = int(np.argmax((common == site).all(axis=0)))  # as many columns as there are before the floor's
-    return np.abs(site[:, 0]) * np.sqrt(2), np.sqrt((common[:, :laws] ** 2).sum(axis=1))
+    floor, common = levels[-2].directions, levels[-1].directions
+    laws = int(np.argmax((common == floor[:, :1]).all(axis=0)))  # as many columns as there are before the floor's
+    return np.sqrt(2 * (floor**2).sum(axis=1)), np.sqrt((common[:, :laws] ** 2).sum(axis=1))
 
 
 def _texts(problem: Problem, judgement: Judgement) -> list[form.Experiment]:

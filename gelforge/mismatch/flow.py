@@ -16,7 +16,7 @@ import pandas as pd
 from gelforge.config import Study
 from gelforge.indentation.error_bars import PART_TOTALS
 from gelforge.mismatch import verdict as form
-from gelforge.mismatch.covariance import Covariance, Draws
+from gelforge.mismatch.covariance import Covariance, Draws, estimated_noise
 from gelforge.mismatch.effect import Effect
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.flow_images import (
@@ -180,6 +180,9 @@ def _observations(forces: Observations, seen: Sequence[Seen], shown: np.ndarray)
         zero_N=np.concatenate([forces.zero_N, np.zeros((len(table), 3))]),
         touchdown_mm=np.concatenate([forces.touchdown_mm, forces.touchdown_mm[numbers]]),
         zero_by=np.concatenate([forces.zero_by, np.asarray(forces.zero_by)[numbers]]),
+        rounding_N=np.concatenate([forces.rounding_N, np.zeros((len(table), 3))]),
+        repeats=np.concatenate([forces.repeats, np.full(len(table), np.inf)]),
+        tails=np.concatenate([forces.tails, np.ones(len(table))]),
     )
 
 
@@ -232,7 +235,7 @@ def _covariance(
     images, in force and flow alike, the laws' directions, the discretisation, and two other looks of the particles.
     """
     forces = problem.covariance
-    press, site, common = forces.levels
+    *depth, press, alike, common = forces.levels
     n, seen = rows.entries, model.seen
     noise = np.stack([p.noise for p in seen])
     images = np.array([p.images for p in seen])[:, None, None]
@@ -265,13 +268,11 @@ def _covariance(
     return Covariance(
         np.concatenate([forces.variance, rows.flat(variance)]),
         (
+            *(_of_forces(level, np.arange(len(own))) for level in depth),
             Draws(
                 np.concatenate([press.group, press.group.max() + 1 + region]), np.vstack([by_press, placed])
             ),
-            Draws(
-                pd.factorize(labels["site"])[0],
-                np.vstack([site.directions, np.zeros((len(own), site.directions.shape[1]))]),
-            ),
+            _of_forces(alike, pd.factorize(own["site"])[0]),
             Draws(
                 np.zeros(len(labels), dtype=int),
                 np.block(
@@ -282,6 +283,15 @@ def _covariance(
                 ),
             ),
         ),
+        estimated_noise(rows.observations),
+    )
+
+
+def _of_forces(level: Draws, own: np.ndarray) -> Draws:
+    """Return draws of the forces that the flow has no part in; own (f,) int: groups of its entries."""
+    nothing = np.zeros((len(own), level.directions.shape[1]))
+    return Draws(
+        np.concatenate([level.group, level.group.max() + 1 + own]), np.vstack([level.directions, nothing])
     )
 
 
@@ -302,12 +312,12 @@ def _smoothed(square: np.ndarray) -> np.ndarray:
 
 def _touchdown(problem: Problem, model: FlowModel, few: np.ndarray, rows: Rows):
     """Return the forces' directions per press without the touchdown of presses with images, and these as shared columns."""
-    press, _, common = problem.covariance.levels
+    *_, press, alike, common = problem.covariance.levels
     labels, slope = problem.labels, model.slope(few)
     by_press = press.directions.copy()
     force, flow = [], []
     session = np.zeros((rows.shown.sum() * 2, common.directions.shape[1]))
-    last = model.base.law.shape[-1] + 1  # columns of laws and floor come first
+    last = model.base.law.shape[-1] + alike.directions.shape[1]  # columns of laws and floor come first
     for k, seen in enumerate(model.seen):
         own = (labels["press"] == seen.row["press"]).to_numpy()
         sd = problem.observations.touchdown_mm[int(seen.row.name)]

@@ -102,7 +102,7 @@ def remains(
     covariance = problem.covariance.restricted(mask)
     labels = problem.labels[mask].reset_index(drop=True)
     atoms = patterns(labels, problem.observations.flat(problem.base)[mask]).whitened(covariance, fitted)
-    found = scan(covariance.whiten(residual), atoms, rng, settings.draws)
+    found = scan(covariance.whiten(residual), atoms, rng, settings.draws, covariance.estimated)
     return Remains(global_test(residual, covariance, fitted), found)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
@@ -30,8 +30,16 @@ class Observations:
     )  # (R, 3) standard deviation of the subtracted zero, one draw per press and axis; 0 if tared
     touchdown_mm: np.ndarray  # (R,) standard deviation of the depth's zero
     zero_by: np.ndarray  # (R,) "press" or "session": what shares one draw of it
+    rounding_N: np.ndarray = 0.0  # (R, 3) standard deviation of rounding that all readings at one depth of a press share
+    repeats: np.ndarray = np.inf  # (R,) degrees of freedom behind noise_N; inf: it is known
+    tails: np.ndarray = 1.0  # (R,) variance of a squared reading's noise over that of normal noise
     cannot_know: tuple[str, ...] = field(default=())  # what these readings cannot say, in plain sentences
     set_aside: tuple[str, ...] = field(default=())  # outliers: which, and why
+
+    def __post_init__(self):
+        shapes = {"rounding_N": self.force.shape, "repeats": len(self.force), "tails": len(self.force)}
+        for name, shape in shapes.items():  # one number stands for all readings
+            object.__setattr__(self, name, np.broadcast_to(getattr(self, name), shape))
 
     @property
     def read(self) -> np.ndarray:
@@ -54,14 +62,6 @@ class Observations:
 
     def chosen(self, rows: np.ndarray) -> Observations:
         """Return the observations of some readings (R,) bool; sites keep their numbers."""
-        return Observations(
-            self.table[rows].reset_index(drop=True),
-            self.force[rows],
-            self.sites,
-            self.noise_N[rows],
-            self.zero_N[rows],
-            self.touchdown_mm[rows],
-            np.asarray(self.zero_by)[rows],
-            self.cannot_know,
-            self.set_aside,
-        )
+        arrays = ("force", "noise_N", "zero_N", "touchdown_mm", "zero_by", "rounding_N", "repeats", "tails")
+        table = self.table[rows].reset_index(drop=True)
+        return replace(self, table=table, **{name: np.asarray(getattr(self, name))[rows] for name in arrays})

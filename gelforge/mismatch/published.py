@@ -122,7 +122,7 @@ def problem_of_case(case: Case, solver: Solver, table: pd.DataFrame, sigma_N: fl
         return found if replaced else found + base.context.force - own.context.force
 
     floor = base.floor if case.column is None else CURVE_ERROR * base.context.force
-    covariance = readings_covariance(base.context, base.law, floor)
+    covariance = readings_covariance(base.context, base.law, floor, base.alike)
     first = known_false(solver.study, observations, effects)
     return Problem(observations, base.context.force, covariance, candidates, effects, forces, failed, first)
 

@@ -10,7 +10,7 @@ import pandas as pd
 from scipy.spatial import cKDTree
 from scipy.stats import chi2 as chi2_distribution
 
-from gelforge.mismatch.covariance import Covariance
+from gelforge.mismatch.covariance import Covariance, Estimated
 from gelforge.mismatch.spread import spread_out
 
 DRAWS = 2000  # the p-value of the maximum then moves by 0.0035 at 0.025
@@ -90,14 +90,29 @@ def global_test(residual: np.ndarray, covariance: Covariance, fitted: np.ndarray
 
     Nuisances are part of C and not fitted, so without a mismatch the sum has the chi-square law with n degrees, exactly
     for normal draws: a parametric bootstrap gives the same p. Of a model with fitted amounts the columns fitted (n, p)
-    take their degrees with them, so that what was fitted neither helps nor harms.
+    take their degrees with them, so that what was fitted neither helps nor harms. Of variances that were estimated the
+    sum has an F law, and heavy tails widen it: a chi-square law of the same mean and variance stands for it (Satterthwaite
+    1946, doi:10.2307/3002019).
     """
     white, degrees = covariance.whiten(residual), len(residual)
     if fitted is not None:
         Q = _basis(covariance.whiten(fitted))
         white, degrees = white - Q @ (Q.T @ white), degrees - Q.shape[1]
     found = float(white @ white)
-    return GlobalTest(found, degrees, float(chi2_distribution.sf(found, degrees)))
+    mean, variance = degrees, 2.0 * degrees
+    if covariance.estimated is not None:
+        mean, variance = _law_of_sum(covariance.estimated, degrees)
+    p = chi2_distribution.sf(2 * mean * found / variance, 2 * mean**2 / variance)
+    return GlobalTest(found, degrees, float(p))
+
+
+def _law_of_sum(estimated: Estimated, degrees: int) -> tuple[float, float]:
+    """Return mean and variance of the sum of squares of whitened draws whose variances were estimated."""
+    count = np.bincount(estimated.group, minlength=len(estimated.repeats)) * degrees / len(estimated.group)
+    freedom = estimated.repeats / estimated.tails
+    bias = 1 / (1 - 2 / np.maximum(freedom, 4.0))
+    variance = 2 * estimated.tails * count + 2 * count**2 / freedom
+    return float(np.sum(count * bias)), float(np.sum(variance * bias**2))
 
 
 def _basis(columns: np.ndarray) -> np.ndarray:
@@ -107,11 +122,18 @@ def _basis(columns: np.ndarray) -> np.ndarray:
     return U[:, s > SAME * s.max(initial=0)]
 
 
-def scan(residual: np.ndarray, atoms: Atoms, rng: np.random.Generator, draws: int = DRAWS) -> Scan:
+def scan(
+    residual: np.ndarray,
+    atoms: Atoms,
+    rng: np.random.Generator,
+    draws: int = DRAWS,
+    estimated: Estimated | None = None,
+) -> Scan:
     """Return the scan of a whitened residual (n,) by whitened atoms, p for the maximum over all of them.
 
     An atom's score is z = a'r / |a|. Without a mismatch the scores are jointly normal with the atoms' cosines as
-    covariance; the largest |z| of that many draws is compared, so p pays for looking everywhere.
+    covariance; the largest |z| of that many draws is compared, so p pays for looking everywhere. Where variances were
+    estimated (from repeats), each draw has errors of theirs too.
     """
     norms = np.linalg.norm(atoms.values, axis=0)
     here = np.flatnonzero(norms > NOTHING * norms.max(initial=0))
@@ -121,7 +143,10 @@ def scan(residual: np.ndarray, atoms: Atoms, rng: np.random.Generator, draws: in
     z = unit.T @ residual
     l, E = np.linalg.eigh(unit.T @ unit)
     root = E * np.sqrt(np.maximum(l, 0))
-    largest = np.abs(root @ rng.standard_normal((len(here), draws))).max(axis=0)
+    drawn = np.abs(root @ rng.standard_normal((len(here), draws)))
+    if estimated is not None:
+        drawn *= np.sqrt(_shares(unit, estimated.group) @ _variance_ratios(estimated, rng, draws))
+    largest = drawn.max(axis=0)
     p = (1 + np.sum(largest >= np.abs(z).max())) / (1 + draws)
     order = np.argsort(-np.abs(z))
     ranked = tuple(
@@ -135,6 +160,24 @@ def scan(residual: np.ndarray, atoms: Atoms, rng: np.random.Generator, draws: in
         for k in order
     )
     return Scan(ranked, float(p))
+
+
+def _shares(unit: np.ndarray, group: np.ndarray) -> np.ndarray:
+    """Return the share (m, G) of each unit atom (n, m) that lies on each group of entries."""
+    found = np.zeros((unit.shape[1], group.max() + 1))
+    for k in range(found.shape[1]):
+        found[:, k] = (unit[group == k] ** 2).sum(axis=0)
+    return found
+
+
+def _variance_ratios(estimated: Estimated, rng: np.random.Generator, draws: int) -> np.ndarray:
+    """Return draws (G, draws) of true over estimated variance."""
+    ratios = np.ones((estimated.group.max() + 1, draws))
+    for k, (repeats, tails) in enumerate(zip(estimated.repeats[: len(ratios)], estimated.tails)):
+        if np.isfinite(repeats):
+            freedom = repeats / tails
+            ratios[k] = freedom / rng.chisquare(freedom, draws)
+    return ratios
 
 
 @dataclass(frozen=True, eq=False)

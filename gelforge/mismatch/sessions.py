@@ -44,9 +44,10 @@ def session_folders(folder: str | Path, names: Sequence[str] = ()) -> list[Path]
 def observe(folders: Sequence[Path], sensor: Sensor, speed_mm_per_s: float = SPEED_MM_PER_S) -> Observations:
     """Return the readings of some sessions, judged together. Raises RecordingError as the reader does."""
     parts, forces, noises, zeros, scatters, zero_by, unknown, aside = [], [], [], [], [], [], [], []
+    roundings, knowns = [], []
     for folder in folders:
         recording = read_recording(folder, None, sensor)
-        noise, rounding, said = reading_noise(recording)
+        noise, rounding, known, said = reading_noise(recording)
         readings, dropped = without_outliers(recording, np.hypot(noise, rounding))
         unknown += said
         aside += dropped
@@ -56,13 +57,15 @@ def observe(folders: Sequence[Path], sensor: Sensor, speed_mm_per_s: float = SPE
         dead = _dead_axes(force, recording.session, unknown)
         force[:, dead] = np.nan
         count = (readings["phase"] == "zero").groupby(readings["press"]).sum().reindex(readings["press"])
-        zero = np.sqrt(noise**2 / np.maximum(count.to_numpy(), 1)[:, None] + 2 * rounding**2)
+        zero = np.sqrt(noise**2 / np.maximum(count.to_numpy(), 1)[:, None] + rounding**2)
         if recording.session.force.tared:
-            zero = np.broadcast_to(rounding, force.shape)
+            zero = np.zeros(force.shape)
         parts.append(part[held])
         forces.append(force[held])
         noises.append(np.broadcast_to(noise, force.shape)[held])
         zeros.append(zero[held])
+        roundings.append(np.broadcast_to(rounding, force.shape)[held])
+        knowns.append(np.broadcast_to(known, (held.sum(), 2)))
         scatter = recording.session.depth_zero.scatter_mm
         scatters.append(np.full(held.sum(), np.nan if scatter is None else scatter))
         zero_by.append(np.full(held.sum(), recording.session.depth_zero.by))
@@ -70,20 +73,22 @@ def observe(folders: Sequence[Path], sensor: Sensor, speed_mm_per_s: float = SPE
     table["site"], sites = _sites(table[["x_mm", "y_mm"]].to_numpy())
     found = Observations(
         table[COLUMNS], np.concatenate(forces), sites, np.concatenate(noises), np.concatenate(zeros),
-        np.concatenate(scatters), np.concatenate(zero_by), tuple(dict.fromkeys(unknown)), tuple(aside),
+        np.concatenate(scatters), np.concatenate(zero_by), np.concatenate(roundings), *np.concatenate(knowns).T,
+        tuple(dict.fromkeys(unknown)), tuple(aside),
     )  # fmt: skip
     return _with_touchdown(_with_order(found))
 
 
-def reading_noise(recording: Recording) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Return the standard deviations (3,) [N] of one reading and of its rounding, and what is not known of them.
+def reading_noise(recording: Recording) -> tuple[np.ndarray, np.ndarray, tuple[float, float], list[str]]:
+    """Return the standard deviations (3,) [N] of one reading and of its rounding, how well, and what is not known of them.
 
     Repeats are zero rows of a press, and its dwell rows about their straight line. Where they scatter by less than half of
-    the readings' step, rounding is one and the same error in all repeats of a press: step / sqrt(12), in zero and in
-    reading each; where they scatter more, it is part of the scatter.
+    the readings' step, rounding is one and the same error in all repeats: step / sqrt(12), in the zero and at each depth;
+    where they scatter more, it is part of the scatter. How well: the repeats' degrees of freedom (inf where the deviation
+    is stated), and the variance of their squares over that of normal ones.
     """
     readings, session = recording.readings, recording.session
-    squares, freedom = np.zeros(3), 0
+    squares, fourths, expected, freedom = np.zeros(3), np.zeros(3), [], 0
     for phase, fitted in (("zero", 1), ("dwell", 2)):
         rows = readings[readings["phase"] == phase]
         for _, of_press in rows.groupby("press", sort=False):
@@ -91,14 +96,18 @@ def reading_noise(recording: Recording) -> tuple[np.ndarray, np.ndarray, list[st
                 continue
             force, time = of_press[FORCE].to_numpy(), of_press["time_s"].to_numpy()
             straight = np.vander(time - time.mean(), fitted)
-            left = force - straight @ np.linalg.lstsq(straight, force, rcond=None)[0]
+            residual_of = np.eye(len(time)) - straight @ np.linalg.pinv(straight)
+            left = residual_of @ force
             squares += (left**2).sum(axis=0)
+            fourths += (left**4).sum(axis=0)
+            expected.append([np.sum((residual_of**2).sum(axis=1) ** 2), np.sum(residual_of**4)])
             freedom += len(of_press) - fitted
     step = np.array(session.force.resolution_N, dtype=float)
     if freedom >= LEAST_FREEDOM:
         scatter = np.sqrt(squares / freedom)
         rounding = np.where(scatter < step / 2, step / np.sqrt(12), 0.0)
-        return np.maximum(scatter, LEAST_SCATTER * step), rounding, []
+        tails = _tails(fourths, np.sum(expected, axis=0), scatter, rounding == 0)
+        return np.maximum(scatter, LEAST_SCATTER * step), rounding, (float(freedom), tails), []
     stated = session.force.repeatability_N
     said = (
         f"{session.session}: {freedom} repeated readings, {LEAST_FREEDOM} are needed to know the noise; "
@@ -108,7 +117,20 @@ def reading_noise(recording: Recording) -> tuple[np.ndarray, np.ndarray, list[st
             else "the stated resolution is taken as its standard deviation"
         )
     )
-    return np.full(3, stated) if stated else step, np.zeros(3), [said]
+    return np.full(3, stated) if stated else step, np.zeros(3), (np.inf, 1.0), [said]
+
+
+def _tails(fourths: np.ndarray, expected: np.ndarray, scatter: np.ndarray, free: np.ndarray) -> float:
+    """Return the variance of a squared draw over that of a normal one, at least 1, from the repeats of the free axes.
+
+    Residuals R e of draws e of variance v and excess kurtosis k have fourth moments 3 v^2 sum (RR')_ii^2 + k v^2 sum R_ij^4:
+    fourths (3,) are summed over all, expected holds both sums.
+    """
+    known = free & (scatter > 0)
+    if not known.any():
+        return 1.0
+    excess = (fourths[known] / scatter[known] ** 4 - 3 * expected[0]) / expected[1]
+    return 1.0 + max(float(excess.mean()), 0.0) / 2
 
 
 def without_outliers(recording: Recording, noise: np.ndarray) -> tuple[pd.DataFrame, list[str]]:

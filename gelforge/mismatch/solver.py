@@ -15,13 +15,19 @@ import numpy as np
 
 from gelforge.config import ConfigError, Study
 from gelforge.indentation.effects.catalogue import with_keys
-from gelforge.indentation.error_bars import COARSER, PART_TOTALS
+from gelforge.indentation.error_bars import COARSER, PART_TOTALS, mesh_totals
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.sensitivities import AMOUNT, Variation, unmirrored
 from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mismatch.context import Context, Curves
 from gelforge.mismatch.effect import Effect, Shape
-from gelforge.mismatch.images_of_presses import carried, carried_derivative, number_at_image, solved_for_all
+from gelforge.mismatch.images_of_presses import (
+    carried,
+    carried_derivative,
+    image_of,
+    number_at_image,
+    solved_for_all,
+)
 from gelforge.mismatch.observations import Observations
 from gelforge.mismatch.places import FirstOrderAt
 from gelforge.mismatch.runs import Runs, runs_of, timed_runs_of
@@ -42,7 +48,8 @@ class Base:
     coarse: np.ndarray  # (R, 3) [N] base forces on the coarser mesh
     finer: np.ndarray  # (R, 1) by which changes on the coarser mesh are multiplied
     law: np.ndarray  # (R, 3, q) [N] per standard deviation of each uncertain direction of the laws
-    floor: np.ndarray  # (R, 3) [N] signed pattern of the discretisation error, one standard deviation
+    floor: np.ndarray  # (R, 3) [N] discretisation error, one standard deviation
+    alike: np.ndarray  # (R,) number of the press that was solved for each: mirror images err alike
     failed: Mapping[str, str]  # derivatives that could not be had, and why
 
 
@@ -80,9 +87,36 @@ def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect
     law = [finer * runs.at_readings([r[key] for r in followed]) for key in laws]
     context = Context(solver.study, observations, force, curves, along, at_readings)
     stacked = np.stack(law, axis=-1) if law else np.zeros((*force.shape, 0))
-    # PART_TOTALS is of the difference to a mesh of COARSER sizes; the error falls as size squared
-    share = PART_TOTALS * (COARSER**2 - 1) / (solver.study.mismatch.coarser**2 - 1)
-    return Base(context, runs, coarse, finer, stacked, share * correction, failed)
+    companion = _companion_curves(solver, ways, curves.values) or on_coarse.values
+    bars = Curves(depths, tuple(mesh_totals(own, other) for own, other in zip(curves.values, companion)))
+    alike = _solved_once(solver, ways)[observations.table["site"].to_numpy()]
+    return Base(context, runs, coarse, finer, stacked, blank.on_readings(bars), alike, failed)
+
+
+def _companion_curves(
+    solver: Solver, ways: Sequence[PlannedCell], base: Sequence[np.ndarray]
+) -> list[np.ndarray] | None:
+    """Return the base forces (D, 3) of every way down on the mesh that tells a cell's error bar.
+
+    Where the study knows its error these are forces that differ as much as it. None where that mesh is the coarser one
+    itself, or where it cannot be solved: the coarser one is farther off.
+    """
+    settings = solver.study.mismatch
+    if settings.discretisation is not None:
+        return [(1 - settings.discretisation / PART_TOTALS) * force for force in base]
+    if settings.coarser == COARSER:
+        return None
+    study = solver.study.model_copy(update={"mismatch": settings.model_copy(update={"coarser": COARSER})})
+    try:
+        return _each_solved(replace(solver, study=study), plain, ways)
+    except NotConverged:
+        return None
+
+
+def _solved_once(solver: Solver, ways: Sequence[PlannedCell]) -> np.ndarray:
+    """Return for each way down (S,) the number of the place that stands for it and its mirror images."""
+    images = [image_of(solver.study, way)[0] for way in ways]
+    return np.unique([[image.x_mm, image.y_mm] for image in images], axis=0, return_inverse=True)[1].ravel()
 
 
 def _base_curves(solver: Solver, ways: Sequence[PlannedCell]) -> list[np.ndarray]:

@@ -12,7 +12,7 @@ import numpy as np
 from gelforge.config import ConfigError, Study, load_session, write_yaml
 from gelforge.files import digest, file_sha256
 from gelforge.mismatch.context import Context
-from gelforge.mismatch.covariance import Covariance, readings_covariance
+from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effect import Effect
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.findings import body_map, confirmed, law_of, readings_table, verdict_of, versions
@@ -141,7 +141,7 @@ def problem_of(solver: Solver, observations: Observations) -> tuple[Problem, Bas
     base = with_known(base_of(solver, observations, effects.values()), solver.study)
     failed = dict(base.failed)
     candidates = candidates_of(base.context, effects, failed)
-    covariance = readings_covariance(base.context, base.law, base.floor)
+    covariance = readings_covariance(base.context, base.law, base.floor, base.alike)
     return (
         Problem(
             observations,
@@ -228,7 +228,7 @@ def noise_cases(problem: Problem, study: Study) -> list[NoiseCase]:
         covariance = problem.covariance
         scaled = replace(
             problem,
-            covariance=Covariance(covariance.variance * scale**2, covariance.levels),
+            covariance=replace(covariance, variance=covariance.variance * scale**2),
             forces_with=at_first_order(problem),
         )
         found.append(noise_case(scaled, judge(scaled, study.mismatch, study.seed), scale))

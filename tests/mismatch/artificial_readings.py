@@ -34,17 +34,21 @@ def readings(
     sessions: int = 1,
     zero_by: str = "press",
     blind: tuple[int, ...] = (),
+    dwell: int = 0,
+    rounding: float = 0.0,
 ) -> Context:
     """Return a context of presses in random order, one for each site and depth, read at half depth and at depth.
 
     The forces of its observations are the base's; draws of a covariance are added by the tests. blind: axes not read.
+    dwell: further readings at the depth. rounding: standard deviation [N] that they share.
     """
     rng = np.random.default_rng(seed)
     rows, press = [], 0
     for session in range(sessions):
         plan = rng.permutation([(s, d) for s in range(len(sites)) for d in depths])
         for order, (site, deepest) in enumerate(plan):
-            path = [(deepest / 2, "load"), (deepest, "load")] + unload * [(deepest / 2, "unload")]
+            path = [(deepest / 2, "load"), (deepest, "load")] + dwell * [(deepest, "dwell")]
+            path += unload * [(deepest / 2, "unload")]
             for k, (depth, phase) in enumerate(path):
                 x, y = sites[int(site)]
                 time = 20.0 * order + 2 * k
@@ -58,7 +62,7 @@ def readings(
     measured[:, list(blind)] = np.nan
     of = np.ones_like(force)
     observations = Observations(
-        table, measured, sites, NOISE * of, ZERO * of, TOUCHDOWN * of[:, 0], [zero_by] * len(table)
+        table, measured, sites, NOISE * of, ZERO * of, TOUCHDOWN * of[:, 0], [zero_by] * len(table), rounding
     )
     knots = np.linspace(0.05, max(depths), 40)
     values = tuple(base_force(np.broadcast_to(xy, (40, 2)), knots) for xy in sites)

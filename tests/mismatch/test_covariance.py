@@ -16,6 +16,7 @@ CASES = {
     "sessions": dict(sites=grid(2), sessions=2, zero_by="session"),
     "one axis": dict(sites=grid(2), blind=(0, 1)),
     "one site": dict(sites=grid(1)),
+    "rounded": dict(sites=grid(2), dwell=2, rounding=0.003),
 }
 
 
@@ -23,12 +24,17 @@ def dense(context, law, floor) -> np.ndarray:
     """Return C (n, n) from what each pair of entries shares."""
     o, slope = context.observations, context.slope()
     labels = o.labels()
+    steady = floor * context.force / (np.hypot(context.force, floor) + 1e-300)
+    turn = np.pi / 2 / o.table["depth_mm"].max()
     C = np.zeros((len(labels), len(labels)))
     for i, a in enumerate(labels.itertuples()):
         for j, b in enumerate(labels.itertuples()):
             at_a, at_b = (a.reading, a.axis), (b.reading, b.axis)
-            c = law[at_a] @ law[at_b] + 0.5 * floor[at_a] * floor[at_b]
-            c += 0.5 * floor[at_a] * floor[at_b] * (a.site == b.site)
+            c = law[at_a] @ law[at_b]
+            alike = ((a.axis == 2) == (b.axis == 2)) * np.cos(turn * (a.depth_mm - b.depth_mm))
+            c += 0.5 * steady[at_a] * steady[at_b] * alike * (1 + (a.site == b.site))
+            held = (a.press, a.phase, a.depth_mm, a.axis) == (b.press, b.phase, b.depth_mm, b.axis)
+            c += held * o.rounding_N[at_a] * o.rounding_N[at_b]
             c += o.zero_N[at_a] * o.zero_N[at_b] * (a.press == b.press and a.axis == b.axis)
             by = o.zero_by[a.reading]
             shared = a.press == b.press if by == "press" else a.session == b.session
@@ -88,6 +94,23 @@ def test_draws_have_the_covariance(case):
 
 def test_instrument_is_the_independent_part(case):
     assert_allclose(case[0].instrument.standard_deviation, 0.010)
+
+
+def test_mirror_images_of_one_solution_err_alike():
+    context = readings(grid(2))
+    law, floor = np.zeros((len(context.force), 3, 0)), 0.01 * context.force
+    labels = context.observations.labels()
+    own, shared = (
+        readings_covariance(context, law, floor, alike).draw(np.random.default_rng(0), 20000)
+        for alike in (None, np.zeros(len(context.force), int))
+    )
+    z = (labels["axis"] == 2) & (labels["depth_mm"] == 2.0)
+    a, b = (np.flatnonzero(z & (labels["site"] == site))[0] for site in (0, 3))
+    error = 0.02 * np.sqrt(np.mean(own[a] ** 2) * np.mean(own[b] ** 2))  # 2.8 standard deviations of 20000 draws
+    force = context.observations.flat(context.force)
+    of_floor = 0.01**2 * force[a] * force[b]  # all of it where both sites are one press, else half
+    assert abs(np.mean(shared[a] * shared[b]) - of_floor) < error + 1e-3 * of_floor
+    assert abs(np.mean(own[a] * own[b]) - 0.5 * of_floor) < error + 1e-3 * of_floor
 
 
 def test_strong_nuisances_keep_the_whitening_exact():
