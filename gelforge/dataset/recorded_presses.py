@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,10 +17,10 @@ from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell
 from gelforge.indentation.trajectory import Trajectory
 from gelforge.mechanics.laws import PrincipalLaw
 from gelforge.recording.join import cells_of_presses, press_table
+from gelforge.recording.path_through import path_through
 from gelforge.recording.readings import stage_to_sensor
 
 Laws = Mapping[str, PrincipalLaw]  # by material
-LEAST_STEP_S = 1e-3  # time runs on between two readings that share a stamp
 
 
 @dataclass(frozen=True)
@@ -69,23 +68,16 @@ def _timed(path: Trajectory, rows: pd.DataFrame, timing) -> Trajectory:
     last = np.flatnonzero(deepest)[-1] + 1
     depths = np.where(deepest, path.depths_mm[0], depths)[:last]
     times = times[:last] - times[0] + depths[0] / timing.speed_mm_per_s
-    depth, time = 0.0, 0.0
-    steps: list[tuple[float, float, str]] = []
-    for to, at in zip(depths, times):
-        at = max(at, time + LEAST_STEP_S)
-        count = max(1, math.ceil(abs(to - depth) / timing.step_mm - 1e-9))
-        phase = "load" if to > depth else "unload" if to < depth else "dwell"
-        share = np.arange(1, count + 1) / count
-        steps += [(float(depth + s * (to - depth)), float(time + s * (at - time)), phase) for s in share]
-        depth, time = to, at
-    along, stamps, phases = zip(*steps)
-    return path.changed(depths_mm=along, phases=phases, times_s=stamps)
+    way = path_through(depths, times, timing.step_mm)
+    return path.changed(depths_mm=way.depths_mm, phases=way.phases, times_s=way.times_s)
 
 
 def presses_digest(study: Study, laws: Laws, presses: Sequence[RecordedPress]) -> str:
     """Return the digest of everything that decides the labels of a session's presses; study: as it was in the session."""
     paths = [[p.name, p.cell, p.path.x_mm, p.path.y_mm, p.path.depths_mm, p.path.times_s] for p in presses]
-    sources = source_digest("dataset/presses_in_order.py", "dataset/recorded_presses.py")
+    sources = source_digest(
+        "dataset/presses_in_order.py", "dataset/recorded_presses.py", "recording/path_through.py"
+    )
     return digest([inputs_digest(study, laws, PlannedCell("", 0.0, 0.0, ())), paths, sources])
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.trajectory import Trajectory
 from gelforge.mismatch.observations import Observations
+from gelforge.recording.path_through import path_through
 
 DEPTH_DIGITS = 4  # depths that agree so far [mm] are one
 TIME_DIGITS = 2  # [s]
@@ -114,17 +115,6 @@ def timed_runs_of(observations: Observations, step_mm: float, in_order: bool) ->
 
 def _timed_path(place, depths, times, step_mm) -> tuple[Trajectory, list[int]]:
     """Return a path through readings at depths and times, from the first touch on, and which of its steps they are."""
-    all_depths, all_times, all_phases, where = [], [], [], []
-    depth, time = 0.0, 0.0
-    for to, at in zip(depths, times):
-        at = max(at, time + 1e-3)  # time runs on
-        count = max(1, int(np.ceil(abs(to - depth) / step_mm - 1e-9)))
-        for k in range(1, count + 1):
-            all_depths.append(float(depth + (to - depth) * k / count))
-            all_times.append(float(time + (at - time) * k / count))
-            all_phases.append("load" if to > depth else "unload" if to < depth else "dwell")
-        where.append(len(all_depths) - 1)
-        depth, time = to, at
+    way = path_through(depths, times, step_mm)
     x, y = (round(float(v), 6) for v in place)
-    path = Trajectory(x, y, tuple(all_depths), tuple(all_phases), times_s=tuple(all_times))
-    return path, where
+    return Trajectory(x, y, way.depths_mm, way.phases, times_s=way.times_s), list(way.readings)
