@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import pandas as pd
 import scipy.sparse as sp
 
 from gelforge.mismatch.context import Context
@@ -212,7 +211,9 @@ def discretisation(context: Context, floor_N: np.ndarray) -> np.ndarray:
     """
     depth = context.observations.table["depth_mm"].to_numpy()
     turn = np.pi / 2 * depth / max(depth.max(initial=0.0), np.finfo(float).tiny)
-    steady = context.force / np.maximum(np.hypot(context.force, floor_N), np.finfo(float).tiny)  # +-1, or 0 where forces are
+    steady = context.force / np.maximum(
+        np.hypot(context.force, floor_N), np.finfo(float).tiny
+    )  # +-1, or 0 where forces are
     directions = [
         np.where(np.isin(range(3), axes), floor_N * steady, 0.0) * share[:, None]
         for axes in ([2], [0, 1])

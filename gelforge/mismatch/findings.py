@@ -447,7 +447,9 @@ def _shared_errors(covariance: Covariance) -> tuple[np.ndarray, np.ndarray]:
     if len(levels) < 3:
         return none, none
     floor, common = levels[-2].directions, levels[-1].directions
-    laws = int(np.argmax((common == floor[:, :1]).all(axis=0)))  # as many columns as there are before the floor's
+    laws = int(
+        np.argmax((common == floor[:, :1]).all(axis=0))
+    )  # as many columns as there are before the floor's
     return np.sqrt(2 * (floor**2).sum(axis=1)), np.sqrt((common[:, :laws] ** 2).sum(axis=1))
 
 

@@ -30,7 +30,9 @@ class Observations:
     )  # (R, 3) standard deviation of the subtracted zero, one draw per press and axis; 0 if tared
     touchdown_mm: np.ndarray  # (R,) standard deviation of the depth's zero
     zero_by: np.ndarray  # (R,) "press" or "session": what shares one draw of it
-    rounding_N: np.ndarray = 0.0  # (R, 3) standard deviation of rounding that all readings at one depth of a press share
+    rounding_N: np.ndarray = (
+        0.0  # (R, 3) standard deviation of rounding that all readings at one depth of a press share
+    )
     repeats: np.ndarray = np.inf  # (R,) degrees of freedom behind noise_N; inf: it is known
     tails: np.ndarray = 1.0  # (R,) variance of a squared reading's noise over that of normal noise
     cannot_know: tuple[str, ...] = field(default=())  # what these readings cannot say, in plain sentences

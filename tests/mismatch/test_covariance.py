@@ -106,7 +106,9 @@ def test_mirror_images_of_one_solution_err_alike():
     )
     z = (labels["axis"] == 2) & (labels["depth_mm"] == 2.0)
     a, b = (np.flatnonzero(z & (labels["site"] == site))[0] for site in (0, 3))
-    error = 0.02 * np.sqrt(np.mean(own[a] ** 2) * np.mean(own[b] ** 2))  # 2.8 standard deviations of 20000 draws
+    error = 0.02 * np.sqrt(
+        np.mean(own[a] ** 2) * np.mean(own[b] ** 2)
+    )  # 2.8 standard deviations of 20000 draws
     force = context.observations.flat(context.force)
     of_floor = 0.01**2 * force[a] * force[b]  # all of it where both sites are one press, else half
     assert abs(np.mean(shared[a] * shared[b]) - of_floor) < error + 1e-3 * of_floor

@@ -103,7 +103,9 @@ def test_heavy_tails_do_not_raise_the_global_test(recording):
     drawn = rng.standard_t(5, (400, n)) * np.sqrt(3 / 5)
     p = {
         tails: [
-            global_test(r, Covariance(np.ones(n), (), Estimated(group, np.array([np.inf]), np.array([tails])))).p
+            global_test(
+                r, Covariance(np.ones(n), (), Estimated(group, np.array([np.inf]), np.array([tails])))
+            ).p
             for r in drawn
         ]
         for tails in (1.0, 4.0)
