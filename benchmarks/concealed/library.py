@@ -17,6 +17,7 @@ from . import solves
 from .solves import CHECKED, FOLDER, NODES, ORBITS, kept
 
 DEGREE, FLAT_DEGREE, EFFECT_DEGREE = 2, 3, 2  # of the polynomials over depth
+THROUGH_ALL = {"friction": 4}  # its curve turns twice, in both codes alike: through all solved depths
 
 
 @dataclass(frozen=True)
@@ -157,7 +158,8 @@ def _ratio(curve, base) -> tuple[np.ndarray, np.ndarray]:
 def _change(name: str, folder: Path) -> Change:
     found = [_ratio(*(kept(solves.effect_setup(n, *o), folder) for n in (name, ""))) for o in ORBITS]
     depths = np.array(solves.EFFECT_DEPTHS)
-    fit = np.linalg.pinv(np.vander(depths, EFFECT_DEGREE + 1, increasing=True))
+    degree = THROUGH_ALL.get(name, EFFECT_DEGREE)
+    fit = np.linalg.pinv(np.vander(depths, degree + 1, increasing=True))
     s, t = np.array(ORBITS).T ** 2
     log_ratio = np.linalg.solve(_even_basis(s, t), np.array([ratio @ fit.T for ratio, _ in found]))
     # Fx at (6, 0), (4, 2), (6, 6), and at (2, 4) the Fy of (4, 2)
