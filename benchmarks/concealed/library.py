@@ -17,7 +17,10 @@ from . import solves
 from .solves import CHECKED, FOLDER, NODES, ORBITS, kept
 
 DEGREE, FLAT_DEGREE, EFFECT_DEGREE = 2, 3, 2  # of the polynomials over depth
-THROUGH_ALL = {"friction": 4}  # its curve turns twice, in both codes alike: through all solved depths
+THROUGH_ALL = {
+    "friction": 4,
+    "slipping": 4,
+}  # curves that turn twice, in both codes alike: through all solved depths
 
 
 @dataclass(frozen=True)
@@ -105,7 +108,14 @@ def load_library(folder: Path = FOLDER) -> Library:
         if all((folder / f"{setup.key}.npz").is_file() for setup in setups):
             for place, (_, touched) in solves.DEFECT_PLACES.items():
                 defects[name, place] = _local(pairs[place], np.array(touched), folder)
+    if "slipping" in changes and "friction" in changes:
+        changes["friction"] = _without_slip(changes["friction"], changes.pop("slipping"))
     return Library(*tables, changes, defects)
+
+
+def _without_slip(change: Change, twice: Change) -> Change:
+    """Return Coulomb's friction from that with slip before sliding, and with twice the slip: it grows in proportion."""
+    return Change(2 * change.log_ratio - twice.log_ratio, 2 * change.horizontal - twice.horizontal)
 
 
 def convergence(folder: Path = FOLDER) -> list[dict]:

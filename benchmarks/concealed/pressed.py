@@ -20,7 +20,6 @@ GEL = ((7.9652e-3, 0.3093e-3), (1.2769, 3.5676))  # MPa; Sferrazza et al. 2019, 
 SKIN = ((85.1168e-3, -0.0020e-3), (2.8991, -8.2915))
 BULK_TO_SHEAR = 1000.0
 PENALTY = 200.0  # N/mm^3; the ball sinks in by pressure / penalty, about 2e-4 mm
-TANGENTIAL = PENALTY / 2  # a node slips by friction / this before it slides; stiffer, some presses diverge
 UNDER = 2.4  # half of the even part of the mesh under the ball [mm]; contact reaches 2.9 mm from its middle
 SHALLOW_STEP, DEEP_STEP = (
     0.4,
@@ -76,13 +75,16 @@ class Setup:
     gap: float = 1.0  # factor on a strip of the gel along the wall
     slab_MPa: float | None = None  # Young's modulus of a slab of 17 mm below
     friction: float = 0.0
+    tangential: float = 100.0  # N/mm^3; a node slips by friction / this before it slides
     defect: Ball | None = None
 
     @property
     def key(self) -> str:
         """Return the digest of everything that decides the solution."""
-        contact = [TANGENTIAL] if self.friction else []
-        text = json.dumps([VERSION, asdict(self), *contact], sort_keys=True)
+        described = asdict(self)
+        if not self.friction:
+            del described["tangential"]
+        text = json.dumps([VERSION, described], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:24]
 
     @property
@@ -171,7 +173,7 @@ class _Model:
         reach = np.hypot(points[top, 0] - setup.x_mm, points[top, 1] - setup.y_mm) < 1.1 * setup.radius_mm
         area = _areas(lines, points[top])
         friction = (
-            {"friction": setup.friction, "multiplier_tangential": TANGENTIAL}
+            {"friction": setup.friction, "multiplier_tangential": setup.tangential}
             if setup.friction
             else {"symmetric": True}
         )

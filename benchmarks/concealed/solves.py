@@ -30,6 +30,10 @@ EFFECTS: dict[str, dict] = {
     "wall gap": {"gap": 0.05},
     "neo-Hooke": {"neo_hooke": True},
     "friction": {"friction": 0.3},
+    "slipping": {
+        "friction": 0.3,
+        "tangential": 50.0,
+    },  # twice the slip before a node slides, to tell what none would be
 }
 # Where defects sit, from the middle; four turns of the plan bring them to other corners. And the places that feel them.
 DEFECT_PLACES = {"inner": ((3.0, 1.0), ((4.0, 2.0), (0.0, 0.0), (6.0, 0.0)))}
