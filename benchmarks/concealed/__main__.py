@@ -4,6 +4,7 @@ usage: python -m benchmarks.concealed solve                                 pres
        python -m benchmarks.concealed generate SET [--seed 7 | --commit HASH] recordings, and truths under seal
        python -m benchmarks.concealed judge SET [--limit 10] [--command "..."] gelforge mismatch on each
        python -m benchmarks.concealed score SET                            opens the seals, writes scores.md
+       python -m benchmarks.concealed left-out SET [--limit 10]            strong singles again, their effect not known
 
 Run from the repository's root. SET is a name; sets lie in results/concealed/sets.
 """
@@ -35,6 +36,10 @@ def main() -> None:
     one.add_argument("--limit", type=int)
     one.add_argument("--workers", type=int, default=1, help="cases side by side")
     one.add_argument("--command", help="in place of gelforge mismatch; {recording} {config} {out} {kept}")
+    one = steps.add_parser("left-out", help="judge strong singles without their effect in the catalogue")
+    one.add_argument("set")
+    one.add_argument("--limit", type=int)
+    one.add_argument("--workers", type=int, default=1, help="cases side by side")
     one = steps.add_parser("score", help="open the seals and score")
     one.add_argument("set")
     one.add_argument("--no-baselines", action="store_true")
@@ -63,6 +68,11 @@ def run(asked: argparse.Namespace) -> None:
             say=lambda text: print(text, flush=True),
             workers=asked.workers,
         )
+    elif asked.step == "left-out":
+        from .left_out import judge_left_out, table_of_left_out
+
+        judge_left_out(SETS / asked.set, limit=asked.limit, workers=asked.workers)
+        print(table_of_left_out(SETS / asked.set))
     else:
         _score(SETS / asked.set, not asked.no_baselines)
 

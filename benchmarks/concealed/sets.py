@@ -88,24 +88,35 @@ def judge(
 
 def _judged(folder: Path, name: str, command: str, limit_s: int) -> dict:
     """Judge one case and return the digest of its verdict, the seconds and the command's exit code."""
-    case, out = folder / "cases" / name, folder / "verdicts" / name
-    out.mkdir(parents=True, exist_ok=True)
-    base = (case / "base.txt").read_text().strip()
-    words = [
-        word.format(recording=case, config=CONFIG / f"{base}.yaml", out=out, kept=folder.parent / "kept")
-        for word in shlex.split(command)
-    ]
-    began = time.perf_counter()
-    with open(out / "log.txt", "w", encoding="utf-8") as log:
-        try:
-            code = subprocess.run(words, stdout=log, stderr=subprocess.STDOUT, timeout=limit_s).returncode
-        except subprocess.TimeoutExpired:
-            code = -1
+    out, began = folder / "verdicts" / name, time.perf_counter()
+    code = run_judge(folder, name, base_config(folder, name), out, command, limit_s)
     return {
         "sha256": sealing.digest_of_files(*(out / file for file in JUDGED)),
         "seconds": round(time.perf_counter() - began, 1),
         "code": code,
     }
+
+
+def base_config(folder: Path, name: str) -> Path:
+    """Return the configuration that a case is judged against."""
+    return CONFIG / f"{(folder / 'cases' / name / 'base.txt').read_text().strip()}.yaml"
+
+
+def run_judge(folder: Path, name: str, config: Path, out: Path, command: str, limit_s: int) -> int:
+    """Judge a case against a configuration into a folder and return the exit code, -1 where it took longer than limit_s."""
+    out.mkdir(parents=True, exist_ok=True)
+    places = {
+        "recording": folder / "cases" / name,
+        "config": config,
+        "out": out,
+        "kept": folder.parent / "kept",
+    }
+    words = [word.format(**places) for word in shlex.split(command)]
+    with open(out / "log.txt", "w", encoding="utf-8") as log:
+        try:
+            return subprocess.run(words, stdout=log, stderr=subprocess.STDOUT, timeout=limit_s).returncode
+        except subprocess.TimeoutExpired:
+            return -1
 
 
 def opened(folder: Path) -> list[dict]:

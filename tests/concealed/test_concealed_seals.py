@@ -6,7 +6,9 @@ import sys
 import pytest
 
 pytest.importorskip("felupe", reason="FElupe is not installed: pip install -e .[verification]")
-from concealed import sealing, sets
+from concealed import left_out, sealing, sets
+
+from gelforge.config import load_study
 
 NUMBERS = {"nulls": 2, "singles": 1, "pairs": 0, "outside": 1}
 FAKE = (  # a judge that always says null
@@ -50,6 +52,17 @@ def test_a_failed_judge_leaves_no_verdict(library, tmp_path):
     sets.judge(folder, f"{sys.executable} -c 'raise SystemExit(3)'", limit=1, say=lambda text: None)
     (case,) = sets.opened(folder)
     assert case["verdict"] is None and case["code"] == 3
+
+
+def test_a_single_is_judged_again_without_its_effect(judged, monkeypatch):
+    monkeypatch.setattr(left_out, "STRONG", 0.0)
+    left_out.judge_left_out(judged, FAKE, say=lambda text: None)
+    (single,) = [case for case in sets.opened(judged) if case["truth"]["content"] == "single"]
+    study = load_study(judged / "left_out" / single["name"] / "study.yaml")
+    assert study.mismatch.leave_out == [single["truth"]["effects"][0]["name"]]
+    assert study.mismatch.coarser == load_study(sets.base_config(judged, single["name"])).mismatch.coarser
+    told = left_out.table_of_left_out(judged)
+    assert "nothing said: 1/1" in told and "open: 0/1" in told
 
 
 @pytest.mark.parametrize("what", ["truth", "verdict", "recording"])

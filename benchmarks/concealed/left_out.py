@@ -1,0 +1,81 @@
+"""Strong single effects judged once more with their own effect deleted from the catalogue: nothing else must be named.
+
+Of an effect that nothing else looks like the right answer is then `open`; of one that has a twin in the catalogue (a force
+gain beside a gel stiffness) the twin's group is as good. SET/left_out/<case>/ holds configuration and verdict. Truths are
+opened for this: it comes after judging.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pandas as pd
+import yaml
+
+from . import sealing
+from .score import CONFIDENT, SAYS_NOTHING, STRONG, Rate
+from .sets import COMMAND, base_config, opened, run_judge
+
+
+def judge_left_out(
+    folder: Path,
+    command: str = COMMAND,
+    limit: int | None = None,
+    workers: int = 1,
+    say: Callable[[str], None] = print,
+    limit_s: int = 7200,
+) -> None:
+    """Judge, at most `limit`, the strong singles of a set that have not been judged so."""
+    todo = [case for case in _strong_singles(folder) if not (_out(folder, case) / "verdict.json").is_file()]
+
+    def judged(case: dict) -> None:
+        out, effect = _out(folder, case), case["truth"]["effects"][0]["name"]
+        out.mkdir(parents=True, exist_ok=True)
+        study = yaml.safe_load(base_config(folder, case["name"]).read_text(encoding="utf-8"))
+        study["mismatch"]["leave_out"] = [effect]
+        (out / "study.yaml").write_text(yaml.safe_dump(study, sort_keys=False), encoding="utf-8")
+        code = run_judge(folder, case["name"], out / "study.yaml", out, command, limit_s)
+        say(f"{case['name']} without {effect}: exit {code}")
+
+    with ThreadPoolExecutor(workers) as pool:
+        list(pool.map(judged, todo[:limit]))
+
+
+def table_of_left_out(folder: Path) -> str:
+    """Return what was said of each, and the rates, as Markdown; written to left_out.md."""
+    rows = []
+    for case in _strong_singles(folder):
+        path = _out(folder, case) / "verdict.json"
+        if not path.is_file():
+            continue
+        verdict, effect = sealing.read(path), case["truth"]["effects"][0]
+        answer = "; ".join(f"{' | '.join(g['members'])} ({g['probability']:.2f})" for g in verdict["answer"])
+        sure = verdict["state"] not in (*SAYS_NOTHING, "open") and all(
+            g["probability"] >= CONFIDENT for g in verdict["answer"]
+        )
+        rows.append(
+            (case["name"], effect["name"], effect["form"], effect["snr"], verdict["state"], answer, sure)
+        )
+    columns = ["case", "left out", "form", "SNR", "state", "answer", "sure"]
+    table = pd.DataFrame(rows, columns=columns)
+    rates = {
+        "open": Rate(int((table["state"] == "open").sum()), len(table)),
+        "nothing said": Rate(int(table["state"].isin(SAYS_NOTHING).sum()), len(table)),
+        "another effect, sure of it": Rate(int(table["sure"].sum()), len(table)),
+    }
+    text = "\n".join(f"- {name}: {rate.words}" for name, rate in rates.items())
+    text = f"{table.drop(columns='sure').to_markdown(index=False)}\n\n{text}\n"
+    (folder / "left_out.md").write_text(text, encoding="utf-8")
+    return text
+
+
+def _strong_singles(folder: Path) -> list[dict]:
+    """Return the judged cases of one effect with a signal of at least STRONG, opened, in the order of the set."""
+    cases = [c for c in opened(folder) if c["truth"]["content"] == "single" and c["truth"]["snr"] >= STRONG]
+    return sorted(cases, key=lambda case: case["name"])
+
+
+def _out(folder: Path, case: dict) -> Path:
+    return folder / "left_out" / case["name"]
