@@ -92,7 +92,7 @@ def readings(table: pd.DataFrame, sigma_N: float) -> Observations:
         np.zeros((R, 3)),
         np.full(R, TOUCHDOWN_MM),
         np.full(R, "press"),
-        NO_TIMES,
+        cannot_know=NO_TIMES,
     )
 
 

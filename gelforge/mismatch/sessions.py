@@ -70,11 +70,12 @@ def observe(folders: Sequence[Path], sensor: Sensor, speed_mm_per_s: float = SPE
         scatters.append(np.full(held.sum(), np.nan if scatter is None else scatter))
         zero_by.append(np.full(held.sum(), recording.session.depth_zero.by))
     table = pd.concat(parts, ignore_index=True)
+    repeats, tails = np.concatenate(knowns).T
     table["site"], sites = _sites(table[["x_mm", "y_mm"]].to_numpy())
     found = Observations(
         table[COLUMNS], np.concatenate(forces), sites, np.concatenate(noises), np.concatenate(zeros),
-        np.concatenate(scatters), np.concatenate(zero_by), np.concatenate(roundings), *np.concatenate(knowns).T,
-        tuple(dict.fromkeys(unknown)), tuple(aside),
+        np.concatenate(scatters), np.concatenate(zero_by), rounding_N=np.concatenate(roundings), repeats=repeats, tails=tails,
+        cannot_know=tuple(dict.fromkeys(unknown)), set_aside=tuple(aside),
     )  # fmt: skip
     return _with_touchdown(_with_order(found))
 

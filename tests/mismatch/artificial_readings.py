@@ -62,7 +62,14 @@ def readings(
     measured[:, list(blind)] = np.nan
     of = np.ones_like(force)
     observations = Observations(
-        table, measured, sites, NOISE * of, ZERO * of, TOUCHDOWN * of[:, 0], [zero_by] * len(table), rounding
+        table,
+        measured,
+        sites,
+        NOISE * of,
+        ZERO * of,
+        TOUCHDOWN * of[:, 0],
+        [zero_by] * len(table),
+        rounding_N=rounding,
     )
     knots = np.linspace(0.05, max(depths), 40)
     values = tuple(base_force(np.broadcast_to(xy, (40, 2)), knots) for xy in sites)
