@@ -17,6 +17,7 @@ COLUMNS = [
 class Observations:
     """R readings of the force on the sensor, zero subtracted; rows before touch are not among them.
 
+    noise_N, rounding_N and zero_N are standard deviations; zero_N is of the subtracted zero, one draw per press and axis.
     table: columns as in COLUMNS, index 0..R-1. `press` is unique over all sessions, `site` counts distinct positions,
     `press_time_s` runs from the press's first touch (its commanded depth 0), `deepest_mm` is the press's deepest depth.
     """
@@ -24,15 +25,12 @@ class Observations:
     table: pd.DataFrame
     force: np.ndarray  # (R, 3) [N], nan where an axis was not read
     sites: np.ndarray  # (S, 2) [mm]
-    noise_N: np.ndarray  # (R, 3) standard deviation of one reading, quantisation included
-    zero_N: (
-        np.ndarray
-    )  # (R, 3) standard deviation of the subtracted zero, one draw per press and axis; 0 if tared
+    noise_N: np.ndarray  # (R, 3) of one reading, quantisation included
+    zero_N: np.ndarray  # (R, 3), 0 if tared
     touchdown_mm: np.ndarray  # (R,) standard deviation of the depth's zero
     zero_by: np.ndarray  # (R,) "press" or "session": what shares one draw of it
-    rounding_N: np.ndarray = (
-        0.0  # (R, 3) standard deviation of rounding that all readings at one depth of a press share
-    )
+    _: KW_ONLY
+    rounding_N: np.ndarray = 0.0  # (R, 3) standard deviation of rounding, shared at one depth of a press
     repeats: np.ndarray = np.inf  # (R,) degrees of freedom behind noise_N; inf: it is known
     tails: np.ndarray = 1.0  # (R,) variance of a squared reading's noise over that of normal noise
     cannot_know: tuple[str, ...] = field(default=())  # what these readings cannot say, in plain sentences

@@ -74,7 +74,8 @@ def observe(folders: Sequence[Path], sensor: Sensor, speed_mm_per_s: float = SPE
     table["site"], sites = _sites(table[["x_mm", "y_mm"]].to_numpy())
     found = Observations(
         table[COLUMNS], np.concatenate(forces), sites, np.concatenate(noises), np.concatenate(zeros),
-        np.concatenate(scatters), np.concatenate(zero_by), rounding_N=np.concatenate(roundings), repeats=repeats, tails=tails,
+        np.concatenate(scatters), np.concatenate(zero_by),
+        rounding_N=np.concatenate(roundings), repeats=repeats, tails=tails,
         cannot_know=tuple(dict.fromkeys(unknown)), set_aside=tuple(aside),
     )  # fmt: skip
     return _with_touchdown(_with_order(found))
