@@ -303,10 +303,28 @@ def test_a_tilted_ball_touches_its_plane():
     assert start[2] == pytest.approx(5.0, abs=1e-12)  # a ball of 5 mm on z = 0, whatever its path
     _, none = plane_touch(tilted.sensor, effects, ball, 8.0, 8.0)
     assert none == pytest.approx(0, abs=1e-12)
-    # sin(2 deg) 1 mm along y and sin(-1 deg) 2 mm along x lift or lower the place by the first order
-    assert abs(lead) == pytest.approx(abs(np.sin(np.radians(2)) * 1 + np.sin(np.radians(1)) * 2), rel=2e-3)
+    # Turned by 2 deg about x the side of larger y comes up by sin(2 deg) 1 mm, by -1 deg about y that of larger x by
+    # sin(1 deg) 2 mm, to first order: the ball meets it sooner and goes so much deeper
+    assert lead == pytest.approx(np.sin(np.radians(2)) * 1 + np.sin(np.radians(1)) * 2, rel=2e-3)
     by_press = with_keys(tilted, kinematics={"zero_by": "press"}).mechanics.effects
     assert plane_touch(tilted.sensor, by_press, ball, 10.0, 9.0)[1] == 0
+
+
+@pytest.mark.parametrize("turn_deg", [1.5, -3.0])
+def test_depth_from_one_touch_is_as_deep_as_the_turned_top_lets_it_be(turn_deg):
+    """A ball sent by d, 0 where it touches the middle, along the machine's axis: its centre is R + x sin - d cos above."""
+    tilted = with_keys(study(), kinematics={"tilt_deg": [0.0, turn_deg], "zero_by": "session"})
+    x, d, a = 2.5, 0.7, np.radians(turn_deg)
+    start, lead = plane_touch(tilted.sensor, tilted.mechanics.effects, Sphere(5.0), 8.0 + x, 8.0)
+    along = np.array([np.sin(a), 0.0, -np.cos(a)])  # of the machine's way down, in the sensor's axes
+    assert (start + (d + lead) * along)[2] == pytest.approx(5.0 + x * np.sin(a) - d * np.cos(a), abs=1e-12)
+
+
+def test_depth_from_one_touch_is_more_where_the_gel_is_thicker():
+    wedge = {"thickness": {"gel": {"gradient": [0.02, -0.01]}}}
+    graded = with_keys(study(), geometry=wedge, kinematics={"zero_by": "session"})
+    _, lead = plane_touch(graded.sensor, graded.mechanics.effects, Sphere(5.0), 10.0, 7.0)
+    assert lead == pytest.approx(0.02 * 2 + 0.01 * 1, abs=1e-12)  # so much nearer is the top of a plane wedge
 
 
 def test_tilting_is_pressing_obliquely():

@@ -29,10 +29,11 @@ def machine_frame(effects: Effects) -> np.ndarray:
 def plane_touch(
     sensor: Sensor, effects: Effects, shape: Shape, x: float, y: float
 ) -> tuple[np.ndarray, float]:
-    """Return the centre (3,) [mm] at which the indenter first touches the flat top, and the depth [mm] that is 0 there.
+    """Return the centre (3,) [mm] at which the indenter first touches the flat top, and how much deeper it goes from there.
 
     The sensor stands tilted about its top's middle and its top may slope with the layers' thickness. The depth counts from
-    the touch of this press, or (`zero_by: session`) from that at the middle of the sensor.
+    the touch of this press, or (`zero_by: session`) from that at the middle of the sensor: where the top is farther away
+    than there, the indenter then goes less deep than commanded [mm].
     """
     middle = np.array([sensor.width_x_mm / 2, sensor.width_y_mm / 2, 0.0])
     frame, slope = machine_frame(effects), top_slope(effects)
@@ -44,7 +45,7 @@ def plane_touch(
     reach = turned.support(-up)
     t_touch, t_middle = ((a @ up - reach) / -(along @ up) for a in (away, np.zeros(3)))
     start = middle + away + t_touch * along
-    lead = t_touch - t_middle if effects.kinematics.zero_by == "session" else 0.0
+    lead = t_middle - t_touch if effects.kinematics.zero_by == "session" else 0.0
     return start, lead
 
 
