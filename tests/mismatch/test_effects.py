@@ -308,15 +308,8 @@ def one_press(times, depths, phases, linear=1.0):
     rows = rows.assign(
         press_time_s=times, time_s=times, depth_mm=depths, phase=phases, deepest_mm=max(depths)
     )
-    seen = base.observations
-    seen = replace(
-        seen,
-        table=rows,
-        **{
-            key: getattr(seen, key)[: len(times)]
-            for key in ("force", "noise_N", "zero_N", "touchdown_mm", "zero_by")
-        },
-    )
+    first = np.arange(len(base.force)) < len(times)
+    seen = replace(base.observations.chosen(first), table=rows)
     knots = np.linspace(0.05, 2.0, 40)
     line = Curves((knots,), (np.outer(linear * knots, [0.0, 0.0, -1.0]),))
     force = line.at(0, np.array(depths))
