@@ -131,12 +131,21 @@ def _score(folder: Path, baselines: bool) -> None:
     text = (
         head
         + table.to_markdown(index=False)
+        + f"\n\nSeconds a case, others running beside it:\n\n{_seconds(found)}"
         + "\n\n## Cases got wrong\n\n"
         + wrong.to_markdown(index=False)
         + "\n"
     )
     (folder / "scores.md").write_text(text, encoding="utf-8")
     print(text)
+
+
+def _seconds(found: list[dict]) -> str:
+    """Return median, largest and total seconds of judging by what was hidden, as Markdown."""
+    import pandas as pd
+
+    rows = pd.DataFrame([{"content": c["truth"]["content"], "seconds": c["seconds"]} for c in found])
+    return rows.groupby("content")["seconds"].agg(["median", "max", "sum"]).to_markdown(floatfmt=".1f")
 
 
 if __name__ == "__main__":

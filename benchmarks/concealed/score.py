@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 CONFIDENT, STRONG = 0.9, 8.0
+LEVEL = 0.01  # of each of the two tests of the judge
 SNR_BANDS = ((2.0, 4.0), (4.0, 8.0), (8.0, 16.0), (16.0, np.inf))
 SAYS_NOTHING = ("null", "insufficient")
 
@@ -51,6 +52,7 @@ class Judged:
     gain: float = float("nan")  # share of the oracle's on held-out readings
     rmse_ratio: float = float("nan")  # after over oracle, held out
     distance_mm: float = float("nan")
+    p: float = float("nan")  # the smaller one of the tests of whether there is a mismatch
 
     @property
     def alarm(self) -> bool:
@@ -87,8 +89,13 @@ def judged_from(truth: dict, verdict: dict | None, readings: pd.DataFrame | None
     )
     return Judged(
         truth["content"], truth["snr"], true, verdict["state"], answer,
-        tuple(_covered(truth, verdict)), gain, ratio, _distance(truth, verdict),
+        tuple(_covered(truth, verdict)), gain, ratio, _distance(truth, verdict), _p(verdict),
     )  # fmt: skip
+
+
+def _p(verdict: dict) -> float:
+    tests = verdict.get("mismatch", {})
+    return min((tests[name] for name in ("p", "scan_p") if name in tests), default=float("nan"))
 
 
 def held_out_gain(truth: dict, readings: pd.DataFrame) -> tuple[float, float]:
@@ -159,6 +166,9 @@ def scores(judged: list[Judged]) -> dict[str, str | float | Rate]:
         "cases": str(len(judged)),
         "failed": rate(judged, lambda j: j.state == "failed"),
         "false alarms on nulls": rate([j for j in nulls if j.state != "failed"], lambda j: j.alarm),
+        f"a test below {LEVEL:g} on nulls": rate(
+            [j for j in nulls if np.isfinite(j.p)], lambda j: j.p < LEVEL
+        ),
         "wrong and confident": rate(judged, lambda j: j.wrong_and_confident),
         f"singles, SNR >= {STRONG:g}: group": rate(strong, lambda j: all(j.found)),
         f"singles, SNR >= {STRONG:g}: first": rate(strong, lambda j: j.first),

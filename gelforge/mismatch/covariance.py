@@ -211,9 +211,10 @@ def discretisation(context: Context, floor_N: np.ndarray) -> np.ndarray:
     """
     depth = context.observations.table["depth_mm"].to_numpy()
     turn = np.pi / 2 * depth / max(depth.max(initial=0.0), np.finfo(float).tiny)
+    size = np.hypot(context.force, floor_N)
     steady = context.force / np.maximum(
-        np.hypot(context.force, floor_N), np.finfo(float).tiny
-    )  # +-1, or 0 where forces are
+        size, np.finfo(float).tiny
+    )  # +-1, fading where the force is as small as its error
     directions = [
         np.where(np.isin(range(3), axes), floor_N * steady, 0.0) * share[:, None]
         for axes in ([2], [0, 1])

@@ -59,6 +59,12 @@ def test_scores_of_a_hand_made_set(name, k, n):
     assert scores(CASES)[name] == Rate(k, n)
 
 
+def test_how_often_the_tests_fire_is_counted_on_nulls_whose_p_is_known():
+    nulls = [Judged("null", 0.0, (), "null", (), p=p) for p in (0.5, 0.009, 0.011, float("nan"))]
+    other = Judged("single", 10.0, ("tilt",), "null", (), p=1e-6)
+    assert scores([*nulls, other])["a test below 0.01 on nulls"] == Rate(1, 3)
+
+
 def test_median_size_of_right_groups():
     assert scores(CASES)["median size of right groups"] == 1.5
 
