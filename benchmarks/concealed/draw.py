@@ -44,7 +44,9 @@ BASES: dict[str, list[tuple[str, float]]] = {
     "neo_hooke": [("neo-Hooke", 1.0)],
     "rough": [("friction", 1.0)],
 }
-ON_OR_OFF = ("empty ball", "hard ball", "film without shear", "fitted laws", "smooth ball")
+ON_OR_OFF = (
+    "empty ball", "hard ball", "film without shear", "fitted laws", "smooth ball", "coulomb penalty",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -502,7 +502,7 @@ KINDS: dict[str, Kind] = {
         Kind("slow curing", "ageing", "history", _sign, _ageing, sessions=2),
         Kind("absolute temperature", "temperature", "history", _sign, _temperature, sessions=2),
         Kind("coulomb penalty", "friction", "contact", _positive, _solved("friction", lambda s, d: s),
-             lambda s, d: {"excess": 0.3 * s}, most=1.5),
+             lambda s, d: {"excess": 0.3 * s}, most=1.0),
         Kind("jkr", "adhesion", "contact", _positive, _adhesion, most=4.0),
         Kind("giving film", "toe_region", "contact",
              lambda rng: {"sign": 1.0, "give_N": float(rng.uniform(0.02, 0.08))}, _toe),

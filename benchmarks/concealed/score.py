@@ -51,6 +51,7 @@ class Judged:
     covered: tuple[bool, ...] = ()  # 90 % intervals of amounts that both forms have
     gain: float = float("nan")  # share of the oracle's on held-out readings
     rmse_ratio: float = float("nan")  # after over oracle, held out
+    left: float = float("nan")  # of the true change on held-out readings, in standard deviations
     distance_mm: float = float("nan")
     p: float = float("nan")  # the smaller one of the tests of whether there is a mismatch
 
@@ -84,12 +85,12 @@ def judged_from(truth: dict, verdict: dict | None, readings: pd.DataFrame | None
     if verdict is None:
         return Judged(truth["content"], truth["snr"], true, "failed", ())
     answer = tuple((tuple(g["members"]), float(g["probability"])) for g in verdict.get("answer", []))
-    gain, ratio = (
-        held_out_gain(truth, readings) if truth["effects"] and readings is not None else (np.nan, np.nan)
+    gain, ratio, left = (
+        held_out_gain(truth, readings) if truth["effects"] and readings is not None else 3 * (np.nan,)
     )
     return Judged(
         truth["content"], truth["snr"], true, verdict["state"], answer,
-        tuple(_covered(truth, verdict)), gain, ratio, _distance(truth, verdict), _p(verdict),
+        tuple(_covered(truth, verdict)), gain, ratio, left, _distance(truth, verdict), _p(verdict),
     )  # fmt: skip
 
 
@@ -98,8 +99,10 @@ def _p(verdict: dict) -> float:
     return min((tests[name] for name in ("p", "scan_p") if name in tests), default=float("nan"))
 
 
-def held_out_gain(truth: dict, readings: pd.DataFrame) -> tuple[float, float]:
-    """Return the share of the oracle's gain on held-out readings, and the whitened RMSE after over the oracle's.
+def held_out_gain(truth: dict, readings: pd.DataFrame) -> tuple[float, float, float]:
+    """Return of held-out readings the share of the oracle's gain, the RMSE after over the oracle's, and what is left.
+
+    RMSE in standard deviations; what is left is that of the oracle less after, over that of the oracle less base.
 
     The oracle is the truth itself, without touchdown and noise: a stricter one than the tool's own model refitted.
     """
@@ -108,7 +111,7 @@ def held_out_gain(truth: dict, readings: pd.DataFrame) -> tuple[float, float]:
     oracle = dict(zip(names, said["force_N"]))
     rows = readings[readings["held_out"].astype(str) != "no"]
     if rows.empty:
-        return np.nan, np.nan
+        return np.nan, np.nan, np.nan
     axis = rows["axis"].map({"x": 0, "y": 1, "z": 2, "Fx": 0, "Fy": 1, "Fz": 2}).to_numpy()
     best = np.array([
         oracle[s, round(t, 3)][a] for s, t, a in zip(rows["session"], rows["time_s"], axis)
@@ -118,7 +121,9 @@ def held_out_gain(truth: dict, readings: pd.DataFrame) -> tuple[float, float]:
     after = pd.to_numeric(rows["after_N"], errors="coerce").to_numpy()
     after = np.where(np.isfinite(after), after, base)
     square = [float(np.mean(((measured - other) / sigma) ** 2)) for other in (base, after, best)]
-    return share_of_gain(*square), float(np.sqrt(square[1] / square[2]))
+    change, rest = (float(np.mean(((best - other) / sigma) ** 2)) for other in (base, after))
+    left = np.sqrt(rest / change) if change > 0 else np.nan
+    return share_of_gain(*square), float(np.sqrt(square[1] / square[2])), float(left)
 
 
 def share_of_gain(before: float, after: float, oracle: float) -> float:
@@ -193,6 +198,14 @@ def scores(judged: list[Judged]) -> dict[str, str | float | Rate]:
     table["share of the oracle's gain >= 80 %"] = rate(gains, lambda g: g >= 0.8)
     ratios = [j.rmse_ratio for j in judged if np.isfinite(j.rmse_ratio)]
     table["held-out RMSE over the oracle's, median"] = float(np.median(ratios)) if ratios else float("nan")
+    rests = [
+        j.left
+        for j in judged
+        if np.isfinite(j.left) and j.content == "single" and j.snr >= STRONG and all(j.found)
+    ]
+    table["left of the change where the group is right, median"] = (
+        float(np.median(rests)) if rests else float("nan")
+    )
     away = [j.distance_mm for j in judged if np.isfinite(j.distance_mm)]
     table["located defect, median distance [mm]"] = float(np.median(away)) if away else float("nan")
     table["located defect within 3 mm"] = rate(away, lambda d: d <= 3.0)

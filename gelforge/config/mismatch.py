@@ -26,7 +26,6 @@ class Mismatch(Section):
     depths: int | None = Field(
         None, ge=3, description="depths that are judged at most, spread over those pressed to; null: all [-]"
     )
-    refit_sites: int = Field(9, ge=1, description="of these, positions at which effects are refitted [-]")
     rivals: int = Field(
         4, ge=0, description="effects that are refitted beside the most probable one, at most [-]"
     )
@@ -43,6 +42,11 @@ class Mismatch(Section):
         None,
         description="error of the base's mesh, a standard deviation as a share of the force, where it is known better"
         " than a mesh of twice the sizes tells it [-]",
+    )
+    change_error: NonNegative = Field(
+        0.1,
+        description="error of a change by an effect that is solved, by its mesh and its form, a standard deviation as a"
+        " share of the change [-]",
     )
     touchdown_mm: NonNegative | None = Field(
         None, description="scatter of depth zero in place of what the sessions say [mm]"

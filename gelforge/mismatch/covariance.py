@@ -104,6 +104,16 @@ class Covariance:
         every = np.zeros(len(self), dtype=int)
         return replace(self, levels=(*self.levels, Draws(every, directions)))
 
+    def erring(self, directions: np.ndarray) -> Covariance:
+        """Return C with errors along directions (n, q) of a standard deviation each, as a mesh errs.
+
+        Half of the variance is common to all, half is drawn for each group of the level before the last: readings alike.
+        """
+        *finer, alike, common = self.levels
+        half = directions / np.sqrt(2)
+        wider = [Draws(level.group, np.column_stack([level.directions, half])) for level in (alike, common)]
+        return replace(self, levels=(*finer, *wider))
+
     def draw(self, rng: np.random.Generator, count: int) -> np.ndarray:
         """Return draws (n, count) of N(0, C)."""
         found = self._sd[:, None] * rng.standard_normal((len(self), count))
@@ -209,8 +219,6 @@ def discretisation(context: Context, floor_N: np.ndarray) -> np.ndarray:
 
     Pressing and sideways forces err on their own, each as a share of the force that changes slowly with depth.
     """
-    depth = context.observations.table["depth_mm"].to_numpy()
-    turn = np.pi / 2 * depth / max(depth.max(initial=0.0), np.finfo(float).tiny)
     size = np.hypot(context.force, floor_N)
     steady = context.force / np.maximum(
         size, np.finfo(float).tiny
@@ -218,9 +226,15 @@ def discretisation(context: Context, floor_N: np.ndarray) -> np.ndarray:
     directions = [
         np.where(np.isin(range(3), axes), floor_N * steady, 0.0) * share[:, None]
         for axes in ([2], [0, 1])
-        for share in (np.cos(turn), np.sin(turn))
+        for share in slowly(context.observations.table["depth_mm"].to_numpy())
     ]
     return context.observations.flat(np.stack(directions, axis=-1))
+
+
+def slowly(depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return two shares (n,), of squares that add up to 1, by which an error changes slowly with depth (n,)."""
+    turn = np.pi / 2 * depth / max(depth.max(initial=0.0), np.finfo(float).tiny)
+    return np.cos(turn), np.sin(turn)
 
 
 def _numbered(values: Sequence) -> np.ndarray:

@@ -165,6 +165,13 @@ def sentence_of(problem: Problem, judgement: Judgement) -> str:
     if judgement.answer is None:
         return f"{where}; no effect of the catalogue could be fitted."
     words = _answer_words(problem, judgement.answer, state != "insufficient")
+    if state == "open" and judgement.answer.adequacy.p > form.ADEQUATE_P and judgement.answer.refuted:
+        everywhere = judgement.answer.everywhere
+        most = f", most clearly {_plain(everywhere.scan.best)}" if everywhere.p <= form.ADEQUATE_P else ""
+        return (
+            f"{where}; no effect of the catalogue explains it: the best, {words}, fits the readings that it was fitted to, "
+            f"but those set aside refute it{most}."
+        )
     if state == "open":
         remaining = _plain(judgement.answer.adequacy.scan.best)
         return (

@@ -11,6 +11,7 @@ import pandas as pd
 from gelforge.mismatch.covariance import Covariance
 
 FEW_SITES = 4
+REFUTED = 3.0  # standard errors by which a gain falls short of what a true answer gives
 SHARE = 0.25  # of the sites and of the depths that is set aside
 
 
@@ -39,6 +40,16 @@ class Gain:
     def clear(self) -> bool:
         """Return whether the gain is above two standard errors."""
         return self.total > 2 * self.standard_error
+
+    @property
+    def refutes(self) -> bool:
+        """Return whether what was set aside speaks against the answer.
+
+        A true answer gains half of its squared distance from none, give or take that distance (Blocks' standard error);
+        one that gains less than half of that, by REFUTED standard errors or more, says what is not there.
+        """
+        if_true = self.standard_error**2 / 2
+        return self.total < min(if_true - REFUTED * self.standard_error, if_true / 2)
 
 
 def split(labels: pd.DataFrame, seed: int, turn: int = 0) -> Blocks:
@@ -91,7 +102,7 @@ def predictive_scores(
     labels: pd.DataFrame,
     columns: np.ndarray | None = None,
     amounts_covariance: np.ndarray | None = None,
-    before: np.ndarray | None = None,
+    change: np.ndarray | None = None,
 ) -> pd.DataFrame:
     """Return the predictive log score of every block that was set aside: columns block, site, entries, score, apart.
 
@@ -108,7 +119,7 @@ def predictive_scores(
         V = np.column_stack([residual, columns @ (E * np.sqrt(np.maximum(l, 0)))])
     if not blocks.train.any():
         raise ValueError("no training readings are left; give more than one site or depth")
-    d = np.zeros_like(residual) if before is None else residual - before
+    d = np.zeros_like(residual) if change is None else change
     V = np.column_stack([V, d])
     site = labels["site"].to_numpy()
     rows, known, total, far = [], blocks.train.copy(), 0.0, 0.0
@@ -127,10 +138,11 @@ def predictive_scores(
 def gain(before: pd.DataFrame, after: pd.DataFrame) -> Gain:
     """Return the gain of scores `after` over `before` of the same blocks, its standard error that which noise gives it.
 
+    `before` is that of the change between the two, `after` has the uncertainty of its amounts.
     Not from the scatter of the blocks' gains: an effect that sits at one place gains at few of them.
     """
     total = float((after["score"] - before["score"]).sum())
-    return Gain(total, float(np.sqrt(max(after["apart"].sum(), 0.0))), len(after))
+    return Gain(total, float(np.sqrt(max(before["apart"].sum() + after["apart"].sum(), 0.0))), len(after))
 
 
 def _log_score(G: np.ndarray, log_det: float, count: int) -> float:

@@ -11,19 +11,29 @@ import pandas as pd
 from gelforge.config import ConfigError
 from gelforge.config.mismatch import Mismatch
 from gelforge.mechanics.equilibrium import NotConverged
-from gelforge.mismatch.covariance import Covariance
 from gelforge.mismatch.flow_scan import patterns
 from gelforge.mismatch.holdout import FEW_SITES, Blocks, Gain, gain, predictive_scores, split
 from gelforge.mismatch.identifiability import DETECTED_SNR, RIVAL, Group, group_of_winner
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.refit import Refitted, refitted
 from gelforge.mismatch.scan import GlobalTest, Scan, global_test, scan
-from gelforge.mismatch.screen import Candidate, Screened, normalised, probabilities, screened
+from gelforge.mismatch.screen import Candidate, Screened, believing, normalised, probabilities, screened
 from gelforge.mismatch.verdict import ADEQUATE_P, ALARM_P, NAMED_ODDS, NAMED_PROBABILITY
 
 MOST_EFFECTS = 3  # at once
+CERTAIN_P = 1e-3  # of the tests, below which chance is no longer an explanation
+NOTICED = 0.1  # standard deviations of a change's own error, below which it moves no evidence
 FELT_SNR = 0.5  # of a plausible amount; below it nothing can be said for or against
+LIKELY = 0.5  # probability below which a group is no answer
 MOST_MEMBERS = 4  # of a group that is widened by rivals
+
+
+class NotSolved(NotConverged):
+    """Refitted effects that do not converge at readings to which they were not fitted."""
+
+    def __init__(self, name: str, failure: NotConverged):
+        super().__init__(str(failure))
+        self.name = name
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,12 +58,18 @@ class Answer:
     refits: tuple[Refitted, ...]
     groups: tuple[Group, ...]  # one per effect of the answer
     probability: Mapping[str, float]
-    adequacy: Remains
+    adequacy: Remains  # of the training readings
+    everywhere: Remains  # what it leaves of all readings
     after: np.ndarray  # (R, 3) [N] forces with the effects
     gain: Gain | None
     scores: Mapping[str, pd.DataFrame]  # before and after: predictive scores of what was set aside
     folds: Mapping[str, tuple[Blocks, np.ndarray, Gain, Mapping[str, pd.DataFrame]]]
     # of few sites, each set aside in turn: blocks, residual (n,) after a fit to the others, gain, scores
+
+    @property
+    def refuted(self) -> bool:
+        """Return whether the readings set aside speak against it: by their gain, or by what is left with them."""
+        return self.everywhere.p < CERTAIN_P or (self.gain is not None and self.gain.refutes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,15 +94,14 @@ def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Jud
     blocks = split(labels, seed, turn)
     everything = np.ones(len(labels), bool)
     mismatch = remains(problem, problem.residual, everything, settings, rng)
-    residual, covariance, candidates = problem.part(blocks.train)
-    singles = screened(residual, covariance, candidates)
+    singles = _screened(problem, blocks.train, problem.candidates)
     probability = probabilities(testable(singles))
     if mismatch.p >= ALARM_P:
         state = "null" if _could_have_seen(testable(singles)) else "insufficient"
         return Judgement(state, blocks, mismatch, tuple(singles), probability, None, ())
     answer, notes = _explained(problem, blocks, settings, rng)
     return Judgement(
-        _state(problem, answer), blocks, mismatch, tuple(singles), probability, answer, tuple(notes)
+        _state(problem, mismatch, answer), blocks, mismatch, tuple(singles), probability, answer, tuple(notes)
     )
 
 
@@ -155,29 +170,48 @@ def _round(
     notes: list[str],
 ) -> Answer | None:
     """Return the best answer of one more effect beside those given; None where none can be had."""
-    residual, covariance, _ = problem.part(blocks.train)
-    tried = [candidate.restricted(blocks.train) for candidate in candidates]
-    before = tuple(candidate.restricted(blocks.train) for candidate in given)
-    ranked = testable(screened(residual, covariance, tried, given=before))
+    ranked = testable(_screened(problem, blocks.train, candidates, given))
     if not ranked:
         return None
     leaders = [s for s in ranked if s.log_bayes_factor > ranked[0].log_bayes_factor - RIVAL]
     leaders = leaders[: 1 + settings.rivals]
-    mask = telling_apart(problem, blocks.train, leaders, settings.refit_sites)
     fits = {}
     for leader in leaders:
         try:
-            fits[leader.name] = refitted(problem, _unmasked(problem, leader), mask)
+            fits[leader.name] = refitted(problem, _unmasked(problem, leader), blocks.train)
         except (NotConverged, ConfigError) as failure:  # ConfigError: effects that do not go together
             notes.append(f"{leader.name} could not be solved at its fitted amount: {failure}")
     while fits:
         try:
-            return _answer(problem, blocks, settings, rng, ranked, fits, mask, tried)
-        except NotConverged as failure:  # at other readings than those of the fit
-            best = max(fits, key=lambda name: fits[name].log_bayes_factor)
-            notes.append(f"{best} could not be solved at its fitted amount for all readings: {failure}")
-            del fits[best]
+            told, forces = _told(problem, blocks, fits)
+            best = max(told, key=told.get)
+            after = forces.get(best)
+            if after is None:
+                after = forces_of(problem, fits[best])
+        except NotSolved as failure:  # at other readings than those of the fit
+            notes.append(
+                f"{failure.name} could not be solved at its fitted amount for all readings: {failure}"
+            )
+            del fits[failure.name]
+            continue
+        return _answer(problem, blocks, settings, rng, ranked, fits, told, after, candidates)
     return None
+
+
+def _screened(
+    problem: Problem, mask: np.ndarray, candidates: Sequence[Candidate], given: tuple[Candidate, ...] = ()
+) -> list[Screened]:
+    """Return effects judged by entries (n,) bool beside those given, best first, errors of their own changes included."""
+    residual, covariance, _ = problem.part(mask)
+    tried = [candidate.restricted(mask) for candidate in candidates]
+    ranked = screened(residual, covariance, tried, tuple(part.restricted(mask) for part in given))
+    again = []
+    for judged in ranked:
+        if problem.change_error * judged.snr > NOTICED:
+            wider = problem.believing(_unmasked(problem, judged).parts, judged.amounts)
+            judged = believing(judged, residual, covariance, wider.covariance.restricted(mask))
+        again.append(judged)
+    return sorted(again, key=lambda judged: -judged.log_bayes_factor)
 
 
 def _no_better(answer: Answer, more: Answer) -> bool:
@@ -185,27 +219,15 @@ def _no_better(answer: Answer, more: Answer) -> bool:
     return more.winner.log_bayes_factor <= answer.winner.log_bayes_factor
 
 
-def telling_apart(problem: Problem, train: np.ndarray, leaders: Sequence[Screened], count: int) -> np.ndarray:
-    """Return the training entries (n,) bool at the sites where the leaders' changes are largest and differ most."""
-    covariance = problem.covariance.restricted(train)
-    changes = covariance.whiten(np.column_stack([leader.change for leader in leaders]))
-    first = changes[:, :1]
-    along = first * (first.T @ changes) / max(float(np.sum(first**2)), 1e-300)
-    told = (first**2).sum(axis=1) / max(len(leaders) - 1, 1) + ((changes - along) ** 2).sum(axis=1)
-    site = problem.labels["site"].to_numpy()
-    sums = {int(s): told[site[train] == s].sum() for s in np.unique(site[train])}
-    chosen = sorted(sums, key=lambda s: -sums[s])[:count]
-    return train & np.isin(site, chosen)
-
-
 def _unmasked(problem: Problem, judged: Screened) -> Screened:
     """Return a screened answer whose parts are the problem's own candidates, of all entries."""
-    parts = tuple(_whole(problem, part) for part in judged.parts)
-    return Screened(**{**vars(judged), "parts": parts})
+    return replace(judged, parts=tuple(_whole(problem, part) for part in judged.parts))
 
 
-def _whole(problem: Problem, part):
-    return next(c for c in problem.candidates if c.name == part.name and dict(c.shape) == dict(part.shape))
+def _whole(problem: Problem, part: Candidate) -> Candidate:
+    """Return a part of an answer with its columns of all entries."""
+    own = next(c for c in problem.candidates if c.name == part.name and dict(c.shape) == dict(part.shape))
+    return replace(part, columns=own.columns)
 
 
 def _answer(
@@ -215,13 +237,10 @@ def _answer(
     rng: np.random.Generator,
     ranked: Sequence[Screened],
     fits: Mapping[str, Refitted],
-    mask: np.ndarray,
+    told: Mapping[str, float],
+    after: np.ndarray,
     candidates: Sequence[Candidate],
 ) -> Answer:
-    residual, covariance, everything = problem.part(blocks.train)
-    told = {name: fit.log_bayes_factor for name, fit in fits.items()}
-    if problem.observations.table["site"].nunique() <= settings.refit_sites:
-        told = {name: value + _told_by_held_out(problem, blocks, fits[name]) for name, value in told.items()}
     best = fits[max(told, key=told.get)]
     screen = {judged.name: judged for judged in ranked}
     judged_again = sorted(
@@ -239,18 +258,23 @@ def _answer(
     )
     winner = next(judged for judged in judged_again if judged.name == best.name)
     judged_again = [winner, *(judged for judged in judged_again if judged is not winner)]
-    after = problem.forces_with(best.parts, best.amounts, np.ones(len(problem.base), bool))
     left = problem.observations.flat(problem.observations.force - after)
-    adequacy = remains(problem, left[mask], mask, settings, rng, best.columns)
+    believed = problem.believing(best.parts, np.concatenate(best.amounts))
+    columns = np.column_stack([part.columns for part in best.parts])
+    adequacy, everywhere = (
+        remains(believed, left[mask], mask, settings, rng, columns[mask])
+        for mask in (blocks.train, np.ones(len(left), bool))
+    )
     scores = _scores(problem, blocks, left, best)
     return Answer(
         winner,
         best,
         tuple(judged_again),
         tuple(fits.values()),
-        _groups(problem, judged_again, covariance, probability, residual, candidates, everything),
+        _groups(problem, blocks.train, judged_again, probability, candidates),
         probability,
         adequacy,
+        everywhere,
         after,
         gain(scores["before"], scores["after"]) if blocks.held_out.any() else None,
         scores,
@@ -268,7 +292,7 @@ def _folds(problem: Problem, winner: Screened, settings: Mismatch) -> dict:
         blocks = split(labels, 0, turn)
         try:
             fit = refitted(problem, _unmasked(problem, winner), blocks.train)
-            after = problem.forces_with(fit.parts, fit.amounts, np.ones(len(problem.base), bool))
+            after = forces_of(problem, fit)
         except NotConverged:  # without this fold nothing is shown, and nothing is lost
             continue
         left = problem.observations.flat(problem.observations.force - after)
@@ -278,16 +302,35 @@ def _folds(problem: Problem, winner: Screened, settings: Mismatch) -> dict:
     return found
 
 
-def _told_by_held_out(problem: Problem, blocks: Blocks, fit: Refitted) -> float:
-    """Return what the readings set aside add to the evidence of a short-listed effect: their predictive log score.
+def _told(
+    problem: Problem, blocks: Blocks, fits: Mapping[str, Refitted]
+) -> tuple[dict[str, float], dict[str, np.ndarray]]:
+    """Return the evidence for refitted effects, and the forces (R, 3) [N] with those that were solved everywhere for it.
 
-    With it the evidence is that of all readings (chain rule). Done where all sites are refitted anyway.
+    Between those within RIVAL of the best the readings set aside count too, by their predictive log score: theirs is then
+    the evidence of all readings (chain rule). Amounts follow the training readings alone. Raises NotSolved.
     """
-    if not blocks.held_out.any():
-        return 0.0
-    after = problem.forces_with(fit.parts, fit.amounts, np.ones(len(problem.base), bool))
-    scores = _scores(problem, blocks, problem.observations.flat(problem.observations.force - after), fit)
-    return float(scores["after"]["score"].sum() - scores["before"]["score"].sum())
+    told = {name: fit.log_bayes_factor for name, fit in fits.items()}
+    reach = max(told.values()) - RIVAL
+    near = [name for name, value in told.items() if value > reach]
+    if len(near) == 1 or not blocks.held_out.any():
+        return told, {}
+    forces = {name: forces_of(problem, fits[name]) for name in near}
+    gains = {}
+    for name, after in forces.items():
+        left = problem.observations.flat(problem.observations.force - after)
+        scores = _scores(problem, blocks, left, fits[name])
+        gains[name] = float(scores["after"]["score"].sum() - scores["before"]["score"].sum())
+    most = max(gains.values())  # those farther behind keep their distance
+    return {name: value + gains.get(name, most) for name, value in told.items()}, forces
+
+
+def forces_of(problem: Problem, fit: Refitted) -> np.ndarray:
+    """Return the forces (R, 3) [N] at all readings with refitted effects. Raises NotSolved."""
+    try:
+        return problem.forces_with(fit.parts, fit.amounts, np.ones(len(problem.base), bool))
+    except NotConverged as failure:
+        raise NotSolved(fit.name, failure) from failure
 
 
 def _with_refit(judged: Screened, fit: Refitted | None, best: Screened, behind: float) -> Screened:
@@ -297,36 +340,32 @@ def _with_refit(judged: Screened, fit: Refitted | None, best: Screened, behind: 
     amounts = np.concatenate(fit.amounts)
     columns = np.column_stack([part.columns for part in judged.parts])
     change = columns @ amounts
-    return Screened(
-        **{
-            **vars(judged),
-            "amounts": amounts,
-            "covariance": fit.covariance,
-            "change": change,
-            "log_bayes_factor": best.log_bayes_factor + behind,
-        }
+    return replace(
+        judged,
+        amounts=amounts,
+        covariance=fit.covariance,
+        change=change,
+        log_bayes_factor=best.log_bayes_factor + behind,
     )
 
 
 def _groups(
     problem: Problem,
+    train: np.ndarray,
     ranked: Sequence[Screened],
-    covariance: Covariance,
     probability: Mapping[str, float],
-    residual: np.ndarray,
     candidates: Sequence[Candidate],
-    everything: Sequence[Candidate],
 ) -> tuple[Group, ...]:
     """Return the group of every effect of the winner: of one of several, what could stand in its place beside the others."""
-    winner = ranked[0]
+    winner, covariance = ranked[0], problem.covariance.restricted(train)
     if len(winner.parts) == 1:
         return (_widened(group_of_winner(ranked, covariance, probability), probability),)
     groups = []
     for own in winner.parts:
-        others = tuple(part for part in winner.parts if part is not own)
-        first = [candidate for candidate in everything if candidate.name in problem.first]
+        others = tuple(_whole(problem, part) for part in winner.parts if part is not own)
+        first = [candidate for candidate in problem.candidates if candidate.name in problem.first]
         rivals = first if own.name in problem.first else candidates
-        beside = testable(screened(residual, covariance, rivals, given=others))
+        beside = testable(_screened(problem, train, rivals, others))
         alone = [_last_alone(judged) for judged in beside]
         here = next((judged for judged in alone if judged.name == own.name), None)
         if here is None:  # beside the others these readings do not feel it
@@ -342,8 +381,9 @@ def _last_alone(judged: Screened) -> Screened:
     """Return the last effect of several as one of its own, with its share of the change."""
     last = judged.parts[-1]
     p = last.columns.shape[1]
-    own = {"parts": (last,), "amounts": judged.amounts[-p:], "covariance": judged.covariance[-p:, -p:]}
-    return Screened(**{**vars(judged), **own, "change": last.columns @ judged.amounts[-p:]})
+    amounts = judged.amounts[-p:]
+    own = judged.covariance[-p:, -p:]
+    return replace(judged, parts=(last,), amounts=amounts, covariance=own, change=last.columns @ amounts)
 
 
 def _widened(group: Group, probability: Mapping[str, float]) -> Group:
@@ -367,11 +407,12 @@ def _scores(problem: Problem, blocks: Blocks, left: np.ndarray, fit: Refitted) -
         return {}
     whole = np.column_stack([part.columns for part in fit.parts])
     labels = problem.labels
+    believed = problem.believing(fit.parts, np.concatenate(fit.amounts)).covariance
     return {
-        "before": predictive_scores(problem.residual, problem.covariance, blocks, labels),
-        "after": predictive_scores(
-            left, problem.covariance, blocks, labels, whole, fit.covariance, problem.residual
+        "before": predictive_scores(
+            problem.residual, problem.covariance, blocks, labels, change=problem.residual - left
         ),
+        "after": predictive_scores(left, believed, blocks, labels, whole, fit.covariance),
     }
 
 
@@ -383,12 +424,16 @@ def in_range(problem: Problem, fit: Refitted) -> bool:
     )
 
 
-def _state(problem: Problem, answer: Answer | None) -> str:
+def _state(problem: Problem, mismatch: Remains, answer: Answer | None) -> str:
     """Return named, group, open or insufficient of an answer to a mismatch that is there.
 
-    What rests on a refit that has not converged is not named: its amounts and evidence are not final.
+    Where the mismatch is certain and the readings set aside refute the best answer, something unknown is there. What rests
+    on a refit that has not converged is not named: its amounts and evidence are not final. A group that is less likely
+    than not says nothing.
     """
     if answer is None or answer.adequacy.p <= ADEQUATE_P or not in_range(problem, answer.fit):
+        return "open"
+    if mismatch.p < CERTAIN_P and answer.refuted:
         return "open"
     if answer.gain is None or not answer.gain.clear:
         return "insufficient"
@@ -398,4 +443,5 @@ def _state(problem: Problem, answer: Answer | None) -> str:
     )
     if sure and answer.fit.converged:
         return "named"
-    return "group" if any(len(group.members) > 1 for group in answer.groups) else "insufficient"
+    likely = all(group.probability >= LIKELY for group in answer.groups)
+    return "group" if likely and any(len(group.members) > 1 for group in answer.groups) else "insufficient"

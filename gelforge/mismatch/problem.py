@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from gelforge.mismatch.covariance import Covariance
+from gelforge.mismatch.covariance import Covariance, slowly
 from gelforge.mismatch.effect import Effect
 from gelforge.mismatch.observations import Observations
 from gelforge.mismatch.screen import Candidate
 
+# A defect lies up to half a spacing from the places that are tried, and has a size of its own.
+PLACE_ERROR = 0.5
 # Forces (R, 3) [N] at readings (R,) bool with effects at amounts, nan elsewhere; raises NotConverged.
 ForcesWith = Callable[[Sequence[Candidate], Sequence[np.ndarray], np.ndarray], np.ndarray]
 
@@ -30,6 +32,7 @@ class Problem:
     forces_with: ForcesWith
     failed: Mapping[str, str]  # effects that could not be computed, and why
     first: frozenset[str] = frozenset()  # effects that put right what the base assumes and cannot be true
+    change_error: float = 0.0  # by which a change that is solved errs, a standard deviation as a share of it
     flow: Any = None  # flow.FlowChannel where images are judged with the forces
 
     @property
@@ -48,6 +51,29 @@ class Problem:
             self.covariance.restricted(mask),
             [candidate.restricted(mask) for candidate in self.candidates],
         )
+
+    def believing(self, parts: Sequence[Candidate], amounts: np.ndarray) -> Problem:
+        """Return the problem with the errors of effects' own change at amounts (p,) in its covariance.
+
+        What is solved errs by mesh and by form, pressing and sideways forces (and each channel) on their own, as a share of
+        the change: one for all depths and one that varies slowly with depth. What has a place errs more.
+        """
+        labels = self.labels.assign(pressing=self.labels["axis"] == 2)
+        kind = labels.groupby([name for name in ("channel", "pressing") if name in labels]).ngroup()
+        c, s = slowly(labels["depth_mm"].to_numpy(float))
+        shares = np.array([np.ones_like(c), c**2 - s**2, 2 * c * s]) / np.sqrt(
+            2
+        )  # of squares that add up to 1
+        errors, at = [], 0
+        for part in parts:
+            own = amounts[at : at + part.columns.shape[1]]
+            at += len(own)
+            error = max(self.change_error, PLACE_ERROR if "x_mm" in part.shape else 0.0)
+            if not self.change_error or self.effects[part.name].to_study is None or not np.any(own):
+                continue
+            change = error * (part.columns @ own)
+            errors += [np.where(kind == k, change * share, 0.0) for k in kind.unique() for share in shares]
+        return replace(self, covariance=self.covariance.erring(np.column_stack(errors))) if errors else self
 
     def readings_of(self, mask: np.ndarray) -> np.ndarray:
         """Return (R,) bool: the readings of which some entry (n,) bool is chosen."""

@@ -106,7 +106,7 @@ def problem_of_case(case: Case, solver: Solver, table: pd.DataFrame, sigma_N: fl
     """Return the problem of one base; solver: of the study with the curve's assumptions."""
     observations = readings(table, sigma_N)
     effects = {
-        name: effect
+        name: effect.at(solver.study)
         for name, effect in CATALOGUE.items()
         if effect.to_forces is not None and effect.applies(solver.study) and not effect.history
     }
@@ -124,7 +124,10 @@ def problem_of_case(case: Case, solver: Solver, table: pd.DataFrame, sigma_N: fl
     floor = base.floor if case.column is None else CURVE_ERROR * base.context.force
     covariance = readings_covariance(base.context, base.law, floor, base.alike)
     first = known_false(solver.study, observations, effects)
-    return Problem(observations, base.context.force, covariance, candidates, effects, forces, failed, first)
+    return Problem(
+        observations, base.context.force, covariance, candidates, effects, forces, failed, first,
+        solver.study.mismatch.change_error,
+    )  # fmt: skip
 
 
 def with_curve(base: Base, curve: np.ndarray, effects) -> Base:

@@ -43,7 +43,8 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray) -> Refitted:
     After the first step the columns follow the model's own change (Broyden 1965, doi:10.1090/S0025-5718-1965-0198670-6);
     where nothing is solved they are taken anew.
     """
-    residual, covariance, _ = problem.part(mask)
+    residual, _, _ = problem.part(mask)
+    covariance = problem.believing(start.parts, start.amounts).covariance.restricted(mask)
     parts = tuple(part.restricted(mask) for part in start.parts)
     switch = np.concatenate([np.full(part.columns.shape[1], part.switch) for part in parts])
     widths = np.concatenate([np.broadcast_to(part.widths, part.columns.shape[1]) for part in parts])
@@ -86,7 +87,9 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray) -> Refitted:
         else:
             J = _columns_at(problem, start.parts, parts, trial, moved, widths, mask)
         a, change, steps = trial, moved, steps + 1
-    factor, spread = _evidence(residual, change, covariance, J, a, free, widths, signs)
+    covariance = problem.believing(start.parts, a).covariance.restricted(mask)
+    factor, spread = _evidence(residual - change, covariance, J, a, free, widths, signs)
+    factor -= problem.covariance.restricted(mask).log_density(residual)
     splits = np.cumsum([part.columns.shape[1] for part in parts])[:-1]
     return Refitted(start.parts, tuple(np.split(a, splits)), spread, J, change, factor, steps, converged)
 
@@ -129,8 +132,7 @@ def _bounds(problem: Problem, parts: Sequence[Candidate]) -> tuple[np.ndarray, n
 
 
 def _evidence(
-    residual: np.ndarray,
-    change: np.ndarray,
+    left: np.ndarray,
     covariance: Covariance,
     J: np.ndarray,
     a: np.ndarray,
@@ -138,9 +140,8 @@ def _evidence(
     widths: np.ndarray,
     signs: np.ndarray,
 ) -> tuple[float, np.ndarray]:
-    """Return the log Bayes factor against none by Laplace's approximation, and the covariance (p, p) of the amounts."""
-    left, before = covariance.whiten(residual - change), covariance.whiten(residual)
-    factor = 0.5 * float(before @ before - left @ left)
+    """Return the log evidence of what is left (m,) by Laplace's approximation, and the covariance (p, p) of the amounts."""
+    factor = covariance.log_density(left)
     spread = np.zeros((len(a), len(a)))
     if free.any():
         w = widths[free]

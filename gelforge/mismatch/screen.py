@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import log_ndtr, logsumexp
@@ -13,6 +13,7 @@ from gelforge.mismatch.covariance import Covariance
 from gelforge.mismatch.effect import Shape
 
 NULL_PRIOR = 0.5  # as likely as not that a careful study has left nothing out
+SCALES = (1.0, 0.3, 0.1)  # of plausible amounts: what is left out is known to be small, not how small
 FAR = -50.0  # standard deviations on the wrong side, from where phi / Phi is its asymptotic series to 1e-6
 PAIR_PRIOR = 0.1  # of what is not null: two effects at once are rarer than one, and there are many pairs
 
@@ -44,7 +45,7 @@ class Screened:
     covariance: np.ndarray  # (p, p) of the amounts
     change: np.ndarray  # (n,) [N] of the readings at these amounts
     snr: float  # of this change: sqrt(d' C^-1 d)
-    plausible_snr: float  # the same, root mean square over the prior
+    plausible_snr: float  # the same of the last part alone, root mean square over its prior
 
     @property
     def name(self) -> str:
@@ -62,30 +63,44 @@ def screened(
     covariance: Covariance,
     candidates: Sequence[Candidate],
     given: tuple[Candidate, ...] = (),
+    scales: Sequence[float] = SCALES,
 ) -> list[Screened]:
     """Return every effect judged against none by residual (n,) = measured - base, best first.
 
     given: effects that act in any case; each other one is then judged together with them, and the factor is that of all
-    together. Shapes of one effect have equal prior weight: their Bayes factors are averaged.
+    together. Shapes of one effect, and scales of its plausible amounts, have equal prior weight: their Bayes factors are
+    averaged.
     """
     r = covariance.whiten(residual)
     fixed = [covariance.whiten(candidate.columns) for candidate in given]
     by_name = defaultdict(list)
     for candidate in candidates:
         if candidate.name not in {part.name for part in given}:
-            parts = (*given, candidate)
-            by_name[candidate.name].append(_judged(r, parts, [*fixed, covariance.whiten(candidate.columns)]))
+            white = covariance.whiten(candidate.columns)
+            felt = float(np.linalg.norm(white * (1.0 if candidate.switch else candidate.widths)))
+            for scale in (1.0,) if candidate.switch else scales:
+                parts = (*given, replace(candidate, widths=scale * np.asarray(candidate.widths)))
+                judged = replace(_judged(r, parts, [*fixed, white]), plausible_snr=felt)
+                by_name[candidate.name].append(judged)
     found = []
     for shapes in by_name.values():
         factors = [judged.log_bayes_factor for judged in shapes]
         best = shapes[int(np.argmax(factors))]
         average = float(logsumexp(factors) - np.log(len(factors)))
-        found.append(
-            Screened(
-                **{**vars(best), "log_bayes_factor": average, "best_log_bayes_factor": best.log_bayes_factor}
-            )
-        )
+        found.append(replace(best, log_bayes_factor=average, best_log_bayes_factor=best.log_bayes_factor))
     return sorted(found, key=lambda judged: -judged.log_bayes_factor)
+
+
+def believing(judged: Screened, residual: np.ndarray, covariance: Covariance, wider: Covariance) -> Screened:
+    """Return a screened answer judged again with the errors of its own change in the wider covariance."""
+    given = covariance.log_density(residual)
+    again = _judged(
+        wider.whiten(residual), judged.parts, [wider.whiten(part.columns) for part in judged.parts]
+    )
+    more = again.log_bayes_factor + wider.log_density(residual) - given - judged.best_log_bayes_factor
+    best = judged.best_log_bayes_factor + more
+    own = {"snr": judged.snr, "plausible_snr": judged.plausible_snr}
+    return replace(again, log_bayes_factor=judged.log_bayes_factor + more, best_log_bayes_factor=best, **own)
 
 
 def probabilities(

@@ -132,7 +132,7 @@ def spread_sites(observations: Observations, study: Study) -> Observations:
 def problem_of(solver: Solver, observations: Observations) -> tuple[Problem, Base]:
     """Return the problem of some observations: base, covariance, and the change by every effect that applies."""
     effects = {
-        name: effect
+        name: effect.at(solver.study)
         for name, effect in CATALOGUE.items()
         if name not in solver.study.mismatch.leave_out
         and effect.to_forces is not None
@@ -154,6 +154,7 @@ def problem_of(solver: Solver, observations: Observations) -> tuple[Problem, Bas
             ),
             failed,
             known_false(solver.study, observations, effects),
+            solver.study.mismatch.change_error,
         ),
         base,
     )

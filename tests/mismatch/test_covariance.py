@@ -65,6 +65,15 @@ def test_density_is_that_of_a_dense_cholesky(case):
     assert_allclose(covariance.standard_deviation, np.sqrt(np.diag(C)), rtol=1e-12)
 
 
+def test_errors_of_a_change_are_half_common_and_half_of_readings_alike(case):
+    covariance, C = case
+    U = np.random.default_rng(2).normal(0, 0.05, (len(C), 2))
+    alike = covariance.levels[-2].group
+    wanted = C + 0.5 * (U @ U.T) * (1 + (alike[:, None] == alike))
+    W = covariance.erring(U).whiten(np.eye(len(C)))
+    assert_allclose(W @ wanted @ W.T, np.eye(len(C)), atol=1e-10)
+
+
 def test_a_part_has_the_part_of_the_matrix(case):
     covariance, C = case
     mask = np.random.default_rng(1).random(len(C)) < 0.6

@@ -6,7 +6,7 @@ from artificial_readings import covariance_of, grid, readings
 from scipy.stats import multivariate_normal
 from test_screen import make
 
-from gelforge.mismatch.holdout import Blocks, gain, predictive_scores, split
+from gelforge.mismatch.holdout import Blocks, Gain, gain, predictive_scores, split
 from gelforge.mismatch.screen import screened
 
 
@@ -87,10 +87,9 @@ def chosen_gain(r, labels, covariance, candidates, blocks):
     best = screened(r[t], covariance.restricted(t), part)[0]
     name, shape = best.name, best.shape
     columns = next(c.columns for c in candidates if (c.name, c.shape) == (name, shape))
-    after = predictive_scores(
-        r - columns @ best.amounts, covariance, blocks, labels, columns, best.covariance, r
-    )
-    return name, gain(predictive_scores(r, covariance, blocks, labels), after)
+    change = columns @ best.amounts
+    after = predictive_scores(r - change, covariance, blocks, labels, columns, best.covariance)
+    return name, gain(predictive_scores(r, covariance, blocks, labels, change=change), after)
 
 
 def test_nothing_to_find_gives_no_gain(world):
@@ -140,12 +139,28 @@ def test_the_error_of_a_gain_is_what_noise_gives_it(world):
     gains, rng = [], np.random.default_rng(5)
     for _ in range(300):
         r = change + covariance.draw(rng, 1)[:, 0]
-        before = predictive_scores(r, covariance, blocks, labels)
-        found = gain(before, predictive_scores(r - change, covariance, blocks, labels, before=r))
+        before = predictive_scores(r, covariance, blocks, labels, change=change)
+        found = gain(before, predictive_scores(r - change, covariance, blocks, labels))
         gains.append(found.total)
     # of 300 draws a standard deviation is known to 1 / sqrt(600) = 4 %; three times that
     assert np.std(gains) == pytest.approx(found.standard_error, rel=0.12)
     assert np.mean(gains) == pytest.approx(found.standard_error**2 / 2, rel=0.12)
+
+
+@pytest.mark.parametrize(
+    ("total", "error", "refuted"),
+    [
+        (0.0, 4.0, False),
+        (-5.0, 4.0, True),
+        (19.0, 8.0, False),
+        (7.0, 8.0, True),
+        (260.0, 32.0, False),
+        (250.0, 32.0, True),
+    ],
+)
+def test_an_answer_is_refuted_where_it_gains_far_less_than_a_true_one(total, error, refuted):
+    """True: SE^2 / 2 give or take SE. At 4: 8 - 12 = -4; at 8: 32 - 24 = 8; at 32 half of 512, since models err a little."""
+    assert Gain(total, error, 3).refutes == refuted
 
 
 def test_no_training_is_an_error(world):

@@ -5,19 +5,24 @@ from dataclasses import replace
 import artificial
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from gelforge.config.mismatch import Mismatch
 from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.findings import _plain, sentence_of
-from gelforge.mismatch.judge import judge
-from gelforge.mismatch.problem import Problem
+from gelforge.mismatch.holdout import Gain
+from gelforge.mismatch.identifiability import RIVAL
+from gelforge.mismatch.judge import Remains, _state, _told, judge
+from gelforge.mismatch.problem import PLACE_ERROR, Problem
+from gelforge.mismatch.refit import refitted
 from gelforge.mismatch.scan import Finding
+from gelforge.mismatch.screen import screened
 from gelforge.mismatch.stage import at_first_order, candidates_of
 
 LOCATED = {"void", "inclusion", "delamination"}
-SETTINGS = Mismatch(sites=9, refit_sites=4, rivals=2, draws=1000)
+SETTINGS = Mismatch(sites=9, rivals=2, draws=1000)
 
 
 def problem_of(context, left_out=LOCATED):
@@ -121,6 +126,92 @@ def test_an_effect_that_cannot_be_solved_gives_way_to_the_next_and_is_told():
 )
 def test_patterns_are_told_in_words_that_follow_most_clearly(name, kind, words):
     assert _plain(Finding(name, kind, {}, 5.0, 0.1)) == words
+
+
+def named():
+    """Return a problem with a tilt in it, its judgement, and a function that puts another answer in its place."""
+    base = artificial.context(17, per_side=3)
+    problem = problem_of(artificial.with_effect(base, "tilt", [4.0, -3.0], np.random.default_rng(18)))
+    found = judge(problem, SETTINGS, seed=1)
+    assert found.state == "named" and not found.answer.refuted
+
+    def state(p=1e-4, **other):
+        test, scan = (replace(one, p=p) for one in (found.mismatch.test, found.mismatch.scan))
+        return _state(problem, Remains(test, scan), replace(found.answer, **other))
+
+    return problem, found, state
+
+
+def test_an_answer_that_the_readings_set_aside_refute_is_open_where_something_is_certainly_there():
+    problem, found, state = named()
+    # 10 standard errors: a true answer gains 50 give or take 10
+    assert [state(gain=Gain(total, 10.0, 3)) for total in (25.0, 15.0, -5.0)] == ["named", "open", "open"]
+    assert state(p=5e-3, gain=Gain(-5.0, 10.0, 3)) == "insufficient"
+    refuted = replace(found.answer, gain=Gain(-5.0, 10.0, 3))
+    told = sentence_of(problem, replace(found, state="open", answer=refuted))
+    assert "no effect of the catalogue explains it" in told and "refute it" in told
+
+
+def test_what_an_answer_leaves_with_the_readings_set_aside_may_not_be_certain_either():
+    _, found, state = named()
+    test, scan = (replace(one, p=5e-4) for one in (found.mismatch.test, found.mismatch.scan))
+    assert state(everywhere=Remains(test, scan)) == "open"
+    assert state(p=5e-3, everywhere=Remains(test, scan)) == "named"
+
+
+def test_a_group_that_is_less_likely_than_not_is_no_answer():
+    _, found, state = named()
+    (group,) = found.answer.groups
+    two = replace(group, members=(*group.members, "yaw"), odds=3.0)
+    states = [state(groups=(replace(two, probability=p),)) for p in (0.8, 0.3)]
+    assert states == ["group", "insufficient"]
+
+
+def test_an_error_of_a_change_is_an_error_of_its_amount():
+    base = artificial.context(21, per_side=3)
+    problem = problem_of(artificial.with_effect(base, "gel_stiffness", [0.5], np.random.default_rng(22)))
+    every = np.ones(len(problem.labels), bool)
+    start = next(one for one in screened(*problem.part(every)) if one.name == "gel_stiffness")
+    fits = [refitted(replace(problem, change_error=e), start, every) for e in (0.0, 0.1)]
+    sd = [float(np.sqrt(fit.covariance[0, 0])) for fit in fits]
+    added = np.sqrt(sd[1] ** 2 - sd[0] ** 2) / fits[1].amounts[0][0]
+    # Of the variance of 10 % a quarter is the same at all depths and places, for pressing and sideways forces on their own:
+    # 5 / sqrt(2) % at least, 10 % at most.
+    assert 0.035 < added < 0.1
+    gains = next(one for one in screened(*problem.part(every)) if one.name == "force_gain")
+    exact = [refitted(replace(problem, change_error=e), gains, every).covariance for e in (0.0, 0.1)]
+    assert np.array_equal(*exact)  # what is not solved does not err
+
+
+@pytest.mark.parametrize(
+    ("name", "share"), [("gel_stiffness", 0.1), ("void", PLACE_ERROR), ("force_gain", 0.0)]
+)
+def test_a_change_errs_by_its_share_at_every_reading(name, share):
+    problem = replace(problem_of(artificial.context(19, per_side=3), left_out=set()), change_error=0.1)
+    part = next(c for c in problem.candidates if c.name == name)
+    amounts = np.full(part.columns.shape[1], 0.3)
+    wider = problem.believing([part], amounts).covariance
+    added = wider.standard_deviation**2 - problem.covariance.standard_deviation**2
+    assert_allclose(added, (share * part.columns @ amounts) ** 2, rtol=1e-9, atol=1e-15)
+    none = replace(problem, change_error=0.0)
+    assert none.believing([part], amounts) is none
+
+
+def test_the_readings_set_aside_decide_between_effects_that_are_told_apart_by_little():
+    """The evidence of refitted effects is that of the training readings and, among those within reach, of all others."""
+    problem, found, _ = named()
+    fit = found.answer.fit
+    rival = replace(fit, parts=tuple(replace(part, name="yaw") for part in fit.parts))
+    near = {
+        "tilt": fit,
+        "yaw": replace(rival, log_bayes_factor=fit.log_bayes_factor + 1, amounts=(0 * fit.amounts[0],)),
+    }
+    told, forces = _told(problem, found.blocks, near)
+    assert told["tilt"] > told["yaw"] and set(forces) == {"tilt", "yaw"}
+    assert told["tilt"] - fit.log_bayes_factor == pytest.approx(found.answer.gain.total)
+    far = near | {"yaw": replace(rival, log_bayes_factor=fit.log_bayes_factor - RIVAL - 1)}
+    told, forces = _told(problem, found.blocks, far)
+    assert told == {name: one.log_bayes_factor for name, one in far.items()} and not forces
 
 
 def test_one_site_and_one_depth_are_never_named():

@@ -6,9 +6,10 @@ from artificial_readings import covariance_of, flat_base, grid, readings
 from numpy.testing import assert_allclose
 from scipy.stats import binom
 
-from gelforge.mismatch.screen import Candidate, evidence, probabilities, screened
+from gelforge.mismatch.screen import SCALES, Candidate, believing, evidence, probabilities, screened
 
 RNG = np.random.default_rng
+AS_STATED = (1.0,)  # scales of plausible amounts: drawn as the priors say
 
 
 def by_grid(r, J, widths, signs):
@@ -141,7 +142,7 @@ def test_probabilities_are_calibrated(world):
         else:
             shapes = [c for c in candidates if c.name == truth]
             r = drawn(rng, covariance, shapes[rng.integers(len(shapes))])[0]
-        p = probabilities(screened(r, covariance, candidates))
+        p = probabilities(screened(r, covariance, candidates, scales=AS_STATED))
         assert sum(p.values()) == pytest.approx(1)
         best = max(p, key=p.get)
         told.append(p[best])
@@ -163,7 +164,7 @@ def test_intervals_cover(world):
     for _ in range(60):
         for candidate in candidates[:6]:
             r, amounts = drawn(rng, covariance, candidate)
-            judged = screened(r, covariance, [candidate])[0]
+            judged = screened(r, covariance, [candidate], scales=AS_STATED)[0]
             sd = np.sqrt(np.diag(judged.covariance))
             inside += np.sum(np.abs(judged.amounts - amounts) < 1.6449 * sd)
             count += len(amounts)
@@ -175,8 +176,8 @@ def test_shapes_are_averaged_and_the_best_is_kept(world):
     bumps = [c for c in candidates if c.name == "inclusion"]
     rng = RNG(7)
     r = 0.6 * bumps[4].columns[:, 0] + covariance.draw(rng, 1)[:, 0]
-    judged = screened(r, covariance, bumps)[0]
-    single = [screened(r, covariance, [bump])[0].log_bayes_factor for bump in bumps]
+    judged = screened(r, covariance, bumps, scales=AS_STATED)[0]
+    single = [screened(r, covariance, [bump], scales=AS_STATED)[0].log_bayes_factor for bump in bumps]
     assert judged.shape == bumps[int(np.argmax(single))].shape == bumps[4].shape
     assert judged.log_bayes_factor == pytest.approx(np.log(np.mean(np.exp(np.array(single)))))
     assert judged.best_log_bayes_factor == pytest.approx(max(single))
@@ -187,7 +188,7 @@ def test_a_switch_is_one_or_absent(world):
     switch = candidates[-1]
     d = switch.columns[:, 0]
     r = d + covariance.draw(RNG(8), 1)[:, 0]
-    judged = screened(r, covariance, [switch])[0]
+    judged = screened(r, covariance, [switch], scales=AS_STATED)[0]
     assert judged.log_bayes_factor == pytest.approx(covariance.log_density(r - d) - covariance.log_density(r))
     assert judged.amounts == [1] and judged.covariance == [[0]]
     assert judged.snr == judged.plausible_snr == pytest.approx(np.linalg.norm(covariance.whiten(d)))
@@ -196,7 +197,7 @@ def test_a_switch_is_one_or_absent(world):
 def test_snr_is_that_of_the_change(world):
     covariance, candidates = world
     r = drawn(RNG(9), covariance, candidates[4])[0]
-    judged = screened(r, covariance, [candidates[4]])[0]
+    judged = screened(r, covariance, [candidates[4]], scales=AS_STATED)[0]
     assert_allclose(judged.change, candidates[4].columns @ judged.amounts)
     assert judged.snr == pytest.approx(np.linalg.norm(covariance.whiten(judged.change)))
     random = candidates[4].columns @ (0.03 * RNG(10).normal(size=(3, 4000)))
@@ -222,8 +223,8 @@ def test_two_effects_at_once(world):
     by_name = {c.name: c for c in candidates}
     drift, late = by_name["force_drift"], by_name["late"]
     r = drift.columns @ [0.05, -0.05, 0.05] + 0.25 * late.columns[:, 0] + covariance.draw(RNG(12), 1)[:, 0]
-    single = screened(r, covariance, candidates)
-    pairs = screened(r, covariance, candidates, given=single[0].parts)
+    single = screened(r, covariance, candidates, scales=AS_STATED)
+    pairs = screened(r, covariance, candidates, given=single[0].parts, scales=AS_STATED)
     assert set(pairs[0].name.split(" + ")) == {"force_drift", "late"}
     p = probabilities(single, pairs)
     assert sum(p.values()) == pytest.approx(1) and p[pairs[0].name] > 0.95
@@ -240,8 +241,8 @@ def test_one_effect_is_not_taken_for_two(world):
     covariance, candidates = world
     drift = next(c for c in candidates if c.name == "force_drift")
     r = drift.columns @ [0.06, -0.06, 0.06] + covariance.draw(RNG(13), 1)[:, 0]
-    single = screened(r, covariance, candidates)
-    p = probabilities(single, screened(r, covariance, candidates, given=single[0].parts))
+    single = screened(r, covariance, candidates, scales=AS_STATED)
+    p = probabilities(single, screened(r, covariance, candidates, given=single[0].parts, scales=AS_STATED))
     assert max(p, key=p.get) == "force_drift"
 
 
@@ -249,6 +250,35 @@ def test_an_effect_that_changes_nothing_is_neither_proved_nor_refuted(world):
     covariance, _ = world
     nothing = Candidate("nothing", {}, np.zeros((len(covariance), 1)), np.ones(1), np.zeros(1, int))
     assert screened(covariance.draw(RNG(14), 1)[:, 0], covariance, [nothing])[0].log_bayes_factor == 0
+
+
+def test_scales_of_plausible_amounts_are_averaged(world):
+    """A small amount is met by a small scale, and one effect is no likelier for having several."""
+    covariance, candidates = world
+    drift = candidates[4]
+    r = drift.columns @ (0.02 * np.ones(3)) + covariance.draw(RNG(16), 1)[:, 0]
+    judged = screened(r, covariance, [drift])[0]
+    alone = [screened(r, covariance, [drift], scales=(scale,))[0] for scale in SCALES]
+    factors = np.array([one.log_bayes_factor for one in alone])
+    assert judged.log_bayes_factor == pytest.approx(
+        np.log(np.mean(np.exp(factors - factors.max()))) + factors.max()
+    )
+    assert_allclose(judged.amounts, alone[int(factors.argmax())].amounts)
+    assert judged.plausible_snr == pytest.approx(alone[0].plausible_snr)
+
+
+def test_a_change_that_errs_itself_is_judged_with_its_error(world):
+    """ln N(r; 0, C + E E' + J W^2 J') - ln N(r; 0, C), whatever was judged before."""
+    covariance, candidates = world
+    drift = candidates[4]
+    r = drift.columns @ [0.04, 0.0, -0.05] + covariance.draw(RNG(17), 1)[:, 0]
+    judged = screened(r, covariance, [drift], scales=AS_STATED)[0]
+    wider = covariance.extended(0.2 * judged.change[:, None])
+    again = believing(judged, r, covariance, wider)
+    wanted = wider.extended(drift.columns * drift.widths).log_density(r) - covariance.log_density(r)
+    assert again.log_bayes_factor == pytest.approx(wanted)
+    assert np.all(np.diag(again.covariance) >= np.diag(judged.covariance))
+    assert again.snr == judged.snr
 
 
 def test_a_switch_and_an_amount_together(world):
@@ -259,7 +289,7 @@ def test_a_switch_and_an_amount_together(world):
     r = d + drift.columns @ [0.04, 0.0, -0.05] + covariance.draw(RNG(15), 1)[:, 0]
     wanted = covariance.extended(drift.columns * drift.widths).log_density(r - d) - covariance.log_density(r)
     for first, second in ((switch, drift), (drift, switch)):
-        judged = screened(r, covariance, [second], given=(first,))[0]
+        judged = screened(r, covariance, [second], given=(first,), scales=AS_STATED)[0]
         assert judged.log_bayes_factor == pytest.approx(wanted)
         on = judged.amounts[0 if first is switch else 3]
         assert on == 1

@@ -19,7 +19,7 @@ from gelforge.mismatch.stage import check_matches, judge_recording, observations
 from gelforge.mismatch.verdict import read_readings, read_verdict
 
 # The recordings are made on the study's own coarse mesh, so that they do not show its error: it is stated as small.
-MISMATCH = {"sites": 6, "refit_sites": 4, "rivals": 1, "noise_scales": [1.0], "discretisation": 0.002}
+MISMATCH = {"sites": 6, "rivals": 1, "noise_scales": [1.0], "discretisation": 0.002}
 
 
 def small(**keys):
