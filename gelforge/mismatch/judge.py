@@ -52,7 +52,7 @@ class Remains:
 class Answer:
     """Effects that were put into the base, and what speaks for them."""
 
-    winner: Screened  # on the training readings, with refitted amounts and changes
+    winner: Screened  # by all readings, with refitted amounts and changes
     fit: Refitted
     ranked: tuple[Screened, ...]  # all that were tried beside it, refitted ones with their new evidence
     refits: tuple[Refitted, ...]
@@ -169,14 +169,22 @@ def _round(
     given: tuple[Candidate, ...],
     notes: list[str],
 ) -> Answer | None:
-    """Return the best answer of one more effect beside those given; None where none can be had."""
+    """Return the best answer of one more effect beside those given; None where none can be had.
+
+    Refitted are the most probable ones: those that cost no solution all, of the others 1 + settings.rivals, and more as
+    long as the next one promises more than any refit has kept.
+    """
     ranked = testable(_screened(problem, blocks.train, candidates, given))
     if not ranked:
         return None
     leaders = [s for s in ranked if s.log_bayes_factor > ranked[0].log_bayes_factor - RIVAL]
-    leaders = leaders[: 1 + settings.rivals]
     fits = {}
     for leader in leaders:
+        best = max((fit.log_bayes_factor for fit in fits.values()), default=-np.inf)
+        solved = sum(problem.solves(fit.parts[-1]) for fit in fits.values())
+        enough = solved > settings.rivals and best >= leader.log_bayes_factor
+        if enough and problem.solves(leader.parts[-1]):
+            continue
         try:
             fits[leader.name] = refitted(problem, _unmasked(problem, leader), blocks.train)
         except (NotConverged, ConfigError) as failure:  # ConfigError: effects that do not go together
@@ -185,16 +193,15 @@ def _round(
         try:
             told, forces = _told(problem, blocks, fits)
             best = max(told, key=told.get)
-            after = forces.get(best)
-            if after is None:
-                after = forces_of(problem, fits[best])
+            after = forces[best] if best in forces else forces_of(problem, fits[best])
         except NotSolved as failure:  # at other readings than those of the fit
             notes.append(
                 f"{failure.name} could not be solved at its fitted amount for all readings: {failure}"
             )
             del fits[failure.name]
             continue
-        return _answer(problem, blocks, settings, rng, ranked, fits, told, after, candidates)
+        everywhere = testable(_screened(problem, np.ones(len(problem.labels), bool), candidates, given))
+        return _answer(problem, blocks, settings, rng, everywhere, fits, told, after, candidates)
     return None
 
 
@@ -271,7 +278,7 @@ def _answer(
         best,
         tuple(judged_again),
         tuple(fits.values()),
-        _groups(problem, blocks.train, judged_again, probability, candidates),
+        _groups(problem, judged_again, probability, candidates),
         probability,
         adequacy,
         everywhere,
@@ -307,13 +314,14 @@ def _told(
 ) -> tuple[dict[str, float], dict[str, np.ndarray]]:
     """Return the evidence for refitted effects, and the forces (R, 3) [N] with those that were solved everywhere for it.
 
-    Between those within RIVAL of the best the readings set aside count too, by their predictive log score: theirs is then
-    the evidence of all readings (chain rule). Amounts follow the training readings alone. Raises NotSolved.
+    Of those within RIVAL of the best the readings set aside count too, by their predictive log score: theirs is then the
+    evidence of all readings (chain rule), as is that of the screen beside them. Amounts follow the training readings alone.
+    Raises NotSolved.
     """
     told = {name: fit.log_bayes_factor for name, fit in fits.items()}
     reach = max(told.values()) - RIVAL
     near = [name for name, value in told.items() if value > reach]
-    if len(near) == 1 or not blocks.held_out.any():
+    if not blocks.held_out.any():
         return told, {}
     forces = {name: forces_of(problem, fits[name]) for name in near}
     gains = {}
@@ -338,10 +346,10 @@ def _with_refit(judged: Screened, fit: Refitted | None, best: Screened, behind: 
     if fit is None:
         return judged
     amounts = np.concatenate(fit.amounts)
-    columns = np.column_stack([part.columns for part in judged.parts])
-    change = columns @ amounts
+    change = np.column_stack([part.columns for part in fit.parts]) @ amounts
     return replace(
         judged,
+        parts=fit.parts,
         amounts=amounts,
         covariance=fit.covariance,
         change=change,
@@ -351,13 +359,13 @@ def _with_refit(judged: Screened, fit: Refitted | None, best: Screened, behind: 
 
 def _groups(
     problem: Problem,
-    train: np.ndarray,
     ranked: Sequence[Screened],
     probability: Mapping[str, float],
     candidates: Sequence[Candidate],
 ) -> tuple[Group, ...]:
     """Return the group of every effect of the winner: of one of several, what could stand in its place beside the others."""
-    winner, covariance = ranked[0], problem.covariance.restricted(train)
+    winner, covariance = ranked[0], problem.covariance
+    every = np.ones(len(covariance), bool)
     if len(winner.parts) == 1:
         return (_widened(group_of_winner(ranked, covariance, probability), probability),)
     groups = []
@@ -365,7 +373,7 @@ def _groups(
         others = tuple(_whole(problem, part) for part in winner.parts if part is not own)
         first = [candidate for candidate in problem.candidates if candidate.name in problem.first]
         rivals = first if own.name in problem.first else candidates
-        beside = testable(_screened(problem, train, rivals, others))
+        beside = testable(_screened(problem, every, rivals, others))
         alone = [_last_alone(judged) for judged in beside]
         here = next((judged for judged in alone if judged.name == own.name), None)
         if here is None:  # beside the others these readings do not feel it

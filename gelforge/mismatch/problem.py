@@ -69,7 +69,7 @@ class Problem:
             own = amounts[at : at + part.columns.shape[1]]
             at += len(own)
             error = max(self.change_error, PLACE_ERROR if "x_mm" in part.shape else 0.0)
-            if not self.change_error or self.effects[part.name].to_study is None or not np.any(own):
+            if not self.change_error or not self.solves(part) or not np.any(own):
                 continue
             change = error * (part.columns @ own)
             errors += [np.where(kind == k, change * share, 0.0) for k in kind.unique() for share in shares]
@@ -80,6 +80,10 @@ class Problem:
         chosen = np.zeros(len(self.observations.table), bool)
         chosen[self.labels["reading"].to_numpy()[mask]] = True
         return chosen
+
+    def solves(self, part: Candidate) -> bool:
+        """Return whether an effect is solved by the finite elements."""
+        return self.effects[part.name].to_study is not None
 
     def without(self, names: Sequence[str]) -> Problem:
         """Return the problem without some effects."""

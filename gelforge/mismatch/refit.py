@@ -54,7 +54,7 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray) -> Refitted:
     a = np.where(switch, 1.0, np.clip(start.amounts, low, high))
     change = _change(problem, start.parts, parts, a, mask)
     free, converged, steps = ~switch, bool(switch.all()), 0
-    solved = any(problem.effects[part.name].to_study is not None for part in parts)
+    solved = any(problem.solves(part) for part in parts)
     most = MOST_STEPS if solved else MOST_CHEAP_STEPS
     while not converged:
         cost = _cost(residual - change, a, covariance, widths)

@@ -92,7 +92,9 @@ def test_held_out_gain_is_measured_against_the_truth():
     rows = pd.DataFrame(
         {"session": "c1_a", "time_s": [1.0, 2.0], "axis": ["z", "z"], "held_out": ["no", "positions"]}
     ).assign(measured_N=[-1.0, -2.1], base_N=[-1.0, -2.5], after_N=[-1.0, -2.3], sigma_N=0.1)
-    share, ratio, left = held_out_gain(truth, rows)  # mean squares 16, 4, 1; the change is 0.5 N and 0.3 N of it are left
+    share, ratio, left = held_out_gain(
+        truth, rows
+    )  # mean squares 16, 4, 1; the change is 0.5 N and 0.3 N of it are left
     assert (share, ratio, left) == (pytest.approx(12 / 15), pytest.approx(2.0), pytest.approx(0.6))
 
 
