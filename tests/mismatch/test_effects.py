@@ -246,7 +246,6 @@ def test_a_simplification_has_no_half():
 @pytest.mark.parametrize(
     ("name", "sensor_or_mechanics"),
     [
-        ("friction", {"mechanics": {"friction": 0.0}}),
         ("wall_stiffness", {"sensor": {"wall_mm": 0.0}}),
         (
             "skin_stiffness",
@@ -264,6 +263,18 @@ def test_a_simplification_has_no_half():
 def test_an_effect_of_what_the_sensor_does_not_have_is_not_offered(name, sensor_or_mechanics):
     assert CATALOGUE[name].applies(STUDY)
     assert not CATALOGUE[name].applies(study_from(merged(STUDY.model_dump(mode="json"), sensor_or_mechanics)))
+
+
+def test_a_frictionless_base_can_only_have_more_friction():
+    friction, smooth = (
+        CATALOGUE["friction"],
+        study_from(merged(STUDY.model_dump(mode="json"), {"mechanics": {"friction": 0.0}})),
+    )
+    assert friction.at(STUDY).parameters == friction.parameters and friction.parameters[0].sign == 0
+    (excess,) = friction.at(smooth).parameters
+    assert excess.sign == 1 and excess.bounds == (0.0, 1.5)
+    assert not friction.at(smooth).in_range([-0.1]) and friction.at(smooth).in_range([0.1])
+    assert friction.to_study(smooth, {}, [0.1]).mechanics.friction == pytest.approx(0.1)
 
 
 # --------------------------------------------------------------------------------------------------------- places

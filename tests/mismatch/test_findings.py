@@ -59,7 +59,7 @@ def test_what_rests_on_an_unfinished_refit_is_not_named_and_told():
     told = verdict(problem, finished)
     assert not any("final" in sentence for sentence in told.cannot_know)
 
-    cut_short = replace(problem, forces_with=stuck_at_first(problem, 0.98))
+    cut_short = replace(problem, forces_with=stuck_at_first(problem, 0.96))
     found = judge(cut_short, SETTINGS, seed=1)
     # All that `named` asks for is there, except that the amounts have come to rest.
     assert found.answer.adequacy.p > 0.01 and found.answer.gain.clear
