@@ -27,7 +27,10 @@ class Mismatch(Section):
         None, ge=3, description="depths that are judged at most, spread over those pressed to; null: all [-]"
     )
     rivals: int = Field(
-        4, ge=0, description="effects that are refitted beside the most probable one, at most [-]"
+        4,
+        ge=0,
+        description="effects that are refitted beside the most probable one; more where the next promises more than any"
+        " refit has kept, and all that nothing is solved for [-]",
     )
     coarser: float = Field(
         2.0,
@@ -46,7 +49,7 @@ class Mismatch(Section):
     change_error: NonNegative = Field(
         0.1,
         description="error of a change by an effect that is solved, by its mesh and its form, a standard deviation as a"
-        " share of the change [-]",
+        " share of the change; of one with a place at least 0.5; 0: none, of those with a place neither [-]",
     )
     touchdown_mm: NonNegative | None = Field(
         None, description="scatter of depth zero in place of what the sessions say [mm]"

@@ -114,6 +114,11 @@ class Covariance:
         wider = [Draws(level.group, np.column_stack([level.directions, half])) for level in (alike, common)]
         return replace(self, levels=(*finer, *wider))
 
+    def errors(self, directions: np.ndarray) -> np.ndarray:
+        """Return the columns (n, k) of these errors, one standard normal draw each: `erring` adds their products to C."""
+        half = directions / np.sqrt(2)
+        return np.column_stack([_spread(level.group, half).toarray() for level in self.levels[-2:]])
+
     def draw(self, rng: np.random.Generator, count: int) -> np.ndarray:
         """Return draws (n, count) of N(0, C)."""
         found = self._sd[:, None] * rng.standard_normal((len(self), count))
@@ -165,7 +170,7 @@ def _spread(group: np.ndarray, directions: np.ndarray) -> sp.csr_array:
     number = np.unique(group, return_inverse=True)[1].ravel()
     columns = number[:, None] * q + np.arange(q)
     shape = (n, q * (number.max(initial=-1) + 1))
-    return sp.csr_array((directions.ravel(), columns.ravel(), np.arange(0, n * q + 1, q)), shape=shape)
+    return sp.csr_array((directions.ravel(), columns.ravel(), q * np.arange(n + 1)), shape=shape)
 
 
 def readings_covariance(

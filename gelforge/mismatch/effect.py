@@ -96,7 +96,7 @@ class Effect:
         return np.array([parameter.width for parameter in self.parameters])
 
     def at(self, study: Study) -> Effect:
-        """Return the effect as a base allows it: of what it has none, there can only be more."""
+        """Return the effect with the parameters that a base allows."""
         return self if self.allowed is None else replace(self, parameters=self.allowed(study))
 
     def in_range(self, amounts: Sequence[float]) -> bool:

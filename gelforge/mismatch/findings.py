@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from importlib.metadata import version
 
 import numpy as np
@@ -63,7 +64,7 @@ def verdict_of(
         if judgement.state in ("named", "group", "open")
         else judgement.probability["null"],
         fit=_fit(*in_newtons).model_copy(update={"flow": flow}),
-        adequacy=None if answer is None else _adequacy(answer.adequacy),
+        adequacy=None if answer is None else _adequacy(judgement),
         law=law,
         detection_limits=_limits(problem, judgement),
         noise=_noise(in_newtons[0], noise_cases),
@@ -165,7 +166,7 @@ def sentence_of(problem: Problem, judgement: Judgement) -> str:
     if judgement.answer is None:
         return f"{where}; no effect of the catalogue could be fitted."
     words = _answer_words(problem, judgement.answer, state != "insufficient")
-    if state == "open" and judgement.answer.adequacy.p > form.ADEQUATE_P and judgement.answer.refuted:
+    if state == "open" and judgement.answer.adequacy.p > form.ADEQUATE_P and judgement.refuted:
         everywhere = judgement.answer.everywhere
         most = f", most clearly {_plain(everywhere.scan.best)}" if everywhere.p <= form.ADEQUATE_P else ""
         return (
@@ -181,6 +182,10 @@ def sentence_of(problem: Problem, judgement: Judgement) -> str:
     if state == "insufficient" and not judgement.answer.fit.converged:
         return (
             f"{where}; {words} would fit, but its fit in the solver has not come to rest: no name is given."
+        )
+    if state == "insufficient" and judgement.answer.gain is not None and judgement.answer.gain.clear:
+        return (
+            f"{where}; {words} would fit, but nothing is likely enough to be named: too few readings to say."
         )
     if state == "insufficient":
         return f"{where}; {words} would fit, but the readings set aside do not confirm it: too few to say."
@@ -266,7 +271,7 @@ def _effects(problem: Problem, judgement: Judgement) -> list[form.NamedEffect]:
             others = len(group.members) > 1 and np.isfinite(group.odds)
             own = chance * (group.odds / (1 + group.odds) if others else 1.0)
             found[part.name] = _effect(
-                problem, part.name, dict(part.shape), amounts, spread, own, answer.fit.log_bayes_factor,
+                problem, part.name, dict(part.shape), amounts, spread, own, answer.winner.log_bayes_factor,
                 answer.winner.snr, True, [name.split(" + ")[-1] for name in group.members], part.switch,
             )  # fmt: skip
         if len(answer.fit.parts) == 1 and not answer.fit.parts[0].switch:
@@ -290,9 +295,10 @@ def _effects(problem: Problem, judgement: Judgement) -> list[form.NamedEffect]:
 def _profiled(problem: Problem, judgement: Judgement, effect: form.NamedEffect) -> form.NamedEffect:
     """Return the answer's effect with the profiles of its amounts, to first order about the refit, on training readings."""
     train, answer = judgement.blocks.train, judgement.answer
-    residual, covariance, _ = problem.part(train)
+    residual = problem.residual[train]
+    covariance = problem.believing(answer.fit.parts, answer.fit.amounts[0]).covariance.restricted(train)
     part = answer.fit.parts[0].restricted(train)
-    judged = Screened(**{**vars(answer.winner), "parts": (part,)})
+    judged = replace(answer.winner, parts=(part,))
     change = problem.observations.flat(answer.after - problem.base)[train]
     offset = (
         residual - change + part.columns @ answer.fit.amounts[0]
@@ -404,8 +410,15 @@ def _predicted(problem: Problem, left: np.ndarray, mask: np.ndarray, density: fl
     return form.Score(readings=int(mask.sum()), rmse_N=rmse, log_score=float(density))
 
 
-def _adequacy(adequacy: Remains) -> form.Adequacy:
-    return form.Adequacy(p=adequacy.test.p, scan_p=adequacy.scan.p, remains=_plain(adequacy.scan.best))
+def _adequacy(judgement: Judgement) -> form.Adequacy:
+    adequacy, everywhere = judgement.answer.adequacy, judgement.answer.everywhere
+    return form.Adequacy(
+        p=adequacy.test.p,
+        scan_p=adequacy.scan.p,
+        remains=_plain(adequacy.scan.best),
+        everywhere_p=everywhere.p,
+        refuted=judgement.refuted,
+    )
 
 
 def _limits(problem: Problem, judgement: Judgement) -> list[form.DetectionLimit]:

@@ -33,8 +33,9 @@ class Gain:
     """Gain in predictive log score over all that was set aside."""
 
     total: float
-    standard_error: float
+    standard_error: float  # that noise gives it
     blocks: int
+    doubt: float = 0.0  # standard error that the error of the change itself gives it
 
     @property
     def clear(self) -> bool:
@@ -45,11 +46,12 @@ class Gain:
     def refutes(self) -> bool:
         """Return whether what was set aside speaks against the answer.
 
-        A true answer gains half of its squared distance from none, give or take that distance (Blocks' standard error);
-        one that gains less than half of that, by REFUTED standard errors or more, says what is not there.
+        A true one gains half of its squared distance from none (standard_error squared), give or take both errors. This
+        one gains less than half of that, and less by REFUTED of these errors or more: it says what is not there.
         """
         if_true = self.standard_error**2 / 2
-        return self.total < min(if_true - REFUTED * self.standard_error, if_true / 2)
+        error = np.hypot(self.standard_error, self.doubt)
+        return bool(self.total < min(if_true - REFUTED * error, if_true / 2))
 
 
 def split(labels: pd.DataFrame, seed: int, turn: int = 0) -> Blocks:
@@ -103,14 +105,18 @@ def predictive_scores(
     columns: np.ndarray | None = None,
     amounts_covariance: np.ndarray | None = None,
     change: np.ndarray | None = None,
+    errors: np.ndarray | None = None,
 ) -> pd.DataFrame:
-    """Return the predictive log score of every block that was set aside: columns block, site, entries, score, apart.
+    """Return the predictive log score of every block: columns block, site, entries, score, apart, doubt.
 
     residual (n,): measured less the model with the amounts fitted to the training readings. columns (n, p) and
     amounts_covariance (p, p): the change per unit amount at these amounts and what the training readings leave open of
-    them; none for a model without amounts. Blocks are scored in turn, each given the training readings and the blocks
-    before it, so that the scores add up to the joint predictive density (Dawid 1984, doi:10.2307/2981683). Draws of a
-    press that is set aside as a whole stay free: nothing of it is fitted.
+    them; none for a model without amounts. change (n,): to a model beside this one, whose squared distance is `apart`;
+    errors (n, k): of that change, a standard deviation each, whose part in the variance of its score is `doubt`.
+
+    Blocks are scored in turn, each given the training readings and the blocks before it, so that the scores add up to the
+    joint predictive density (Dawid 1984, doi:10.2307/2981683). Draws of a press that is set aside as a whole stay free:
+    nothing of it is fitted.
     """
     p = 0 if columns is None else columns.shape[1]
     V = residual[:, None]
@@ -120,19 +126,21 @@ def predictive_scores(
     if not blocks.train.any():
         raise ValueError("no training readings are left; give more than one site or depth")
     d = np.zeros_like(residual) if change is None else change
-    V = np.column_stack([V, d])
+    E = np.zeros((len(d), 0)) if errors is None else errors
+    V = np.column_stack([V, d, E])
     site = labels["site"].to_numpy()
-    rows, known, total, far = [], blocks.train.copy(), 0.0, 0.0
+    rows, known, sums = [], blocks.train.copy(), np.zeros(3)
     trained = _products(V, covariance, known)
     for name, entries in _in_turn(labels, blocks):
         known = known | entries
         G, log_det = _products(V, covariance, known)
-        G = G - trained[0]
-        score = _log_score(G[:-1, :-1], log_det - trained[1], int((known & ~blocks.train).sum()))
-        apart = G[-1, -1] + _variance_of_spread(G[1:-1, 1:-1])
-        rows.append((name, int(site[entries][0]), int(entries.sum()), score - total, apart - far))
-        total, far = score, apart
-    return pd.DataFrame(rows, columns=["block", "site", "entries", "score", "apart"])
+        G, D = G - trained[0], p + 1
+        score = _log_score(G[:D, :D], log_det - trained[1], int((known & ~blocks.train).sum()))
+        apart = G[D, D] + _variance_of_spread(G[1:D, 1:D])
+        new = np.array([score, apart, np.sum(G[D, D + 1 :] ** 2)])
+        rows.append((name, int(site[entries][0]), int(entries.sum()), *(new - sums)))
+        sums = new
+    return pd.DataFrame(rows, columns=["block", "site", "entries", "score", "apart", "doubt"])
 
 
 def gain(before: pd.DataFrame, after: pd.DataFrame) -> Gain:
@@ -142,7 +150,8 @@ def gain(before: pd.DataFrame, after: pd.DataFrame) -> Gain:
     Not from the scatter of the blocks' gains: an effect that sits at one place gains at few of them.
     """
     total = float((after["score"] - before["score"]).sum())
-    return Gain(total, float(np.sqrt(max(before["apart"].sum() + after["apart"].sum(), 0.0))), len(after))
+    apart, doubt = before["apart"].sum() + after["apart"].sum(), before["doubt"].sum()
+    return Gain(total, float(np.sqrt(max(apart, 0.0))), len(after), float(np.sqrt(max(doubt, 0.0))))
 
 
 def _log_score(G: np.ndarray, log_det: float, count: int) -> float:

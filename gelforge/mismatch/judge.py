@@ -11,6 +11,7 @@ import pandas as pd
 from gelforge.config import ConfigError
 from gelforge.config.mismatch import Mismatch
 from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mismatch.covariance import Covariance
 from gelforge.mismatch.flow_scan import patterns
 from gelforge.mismatch.holdout import FEW_SITES, Blocks, Gain, gain, predictive_scores, split
 from gelforge.mismatch.identifiability import DETECTED_SNR, RIVAL, Group, group_of_winner
@@ -59,7 +60,7 @@ class Answer:
     groups: tuple[Group, ...]  # one per effect of the answer
     probability: Mapping[str, float]
     adequacy: Remains  # of the training readings
-    everywhere: Remains  # what it leaves of all readings
+    everywhere: Remains  # of all readings, but for what other amounts of the same effects could take up
     after: np.ndarray  # (R, 3) [N] forces with the effects
     gain: Gain | None
     scores: Mapping[str, pd.DataFrame]  # before and after: predictive scores of what was set aside
@@ -84,11 +85,17 @@ class Judgement:
     answer: Answer | None
     notes: tuple[str, ...]  # what went wrong on the way
 
+    @property
+    def refuted(self) -> bool:
+        """Return whether something is certainly there and the readings set aside speak against the best answer to it."""
+        return self.answer is not None and self.mismatch.p < CERTAIN_P and self.answer.refuted
+
 
 def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Judgement:
     """Return the judgement on a problem.
 
-    Whether there is a mismatch, and where, is asked of all readings; which effect it is, of the training readings alone.
+    Whether there is a mismatch, and where, is asked of all readings; what could explain it, and by how much, of the training
+    readings; among the last few those set aside help to choose.
     """
     labels, rng = problem.labels, np.random.default_rng([seed, 5])
     blocks = split(labels, seed, turn)
@@ -146,14 +153,13 @@ def _explained(
     known_false = [c for c in problem.candidates if c.name in problem.first]
     answer, notes = None, []
     if known_false:
-        answer = _round(problem, blocks, settings, rng, known_false, (), notes)
+        answer = _round(problem, blocks, settings, rng, known_false, None, notes)
         answer = answer if answer is not None and answer.winner.log_bayes_factor > 0 else None
     candidates = [c for c in problem.candidates if answer is None or c.name not in problem.first]
     while answer is None or len(answer.fit.parts) < MOST_EFFECTS:
         if answer is not None and answer.adequacy.p > ADEQUATE_P:
             break
-        given = () if answer is None else tuple(_whole(problem, part) for part in answer.winner.parts)
-        more = _round(problem, blocks, settings, rng, candidates, given, notes)
+        more = _round(problem, blocks, settings, rng, candidates, answer, notes)
         if more is None or (answer is not None and _no_better(answer, more)):
             break
         answer = more
@@ -166,24 +172,29 @@ def _round(
     settings: Mismatch,
     rng: np.random.Generator,
     candidates: Sequence[Candidate],
-    given: tuple[Candidate, ...],
+    before: Answer | None,
     notes: list[str],
 ) -> Answer | None:
-    """Return the best answer of one more effect beside those given; None where none can be had.
+    """Return the best answer of one more effect beside those of the answer before; None where none can be had.
 
     Refitted are the most probable ones: those that cost no solution all, of the others 1 + settings.rivals, and more as
     long as the next one promises more than any refit has kept.
     """
-    ranked = testable(_screened(problem, blocks.train, candidates, given))
+    given, paid = ((), 0.0) if before is None else (before.winner.parts, before.winner.paid)
+    ranked = testable(_screened(problem, blocks.train, candidates, given, paid))
     if not ranked:
         return None
     leaders = [s for s in ranked if s.log_bayes_factor > ranked[0].log_bayes_factor - RIVAL]
-    fits = {}
+    fits: dict[str, Refitted] = {}
+
+    def costs(answer: Screened | Refitted) -> bool:
+        return any(problem.solves(part) for part in answer.parts)
+
     for leader in leaders:
         best = max((fit.log_bayes_factor for fit in fits.values()), default=-np.inf)
-        solved = sum(problem.solves(fit.parts[-1]) for fit in fits.values())
+        solved = sum(costs(fit) for fit in fits.values())
         enough = solved > settings.rivals and best >= leader.log_bayes_factor
-        if enough and problem.solves(leader.parts[-1]):
+        if enough and costs(leader):
             continue
         try:
             fits[leader.name] = refitted(problem, _unmasked(problem, leader), blocks.train)
@@ -200,24 +211,31 @@ def _round(
             )
             del fits[failure.name]
             continue
-        everywhere = testable(_screened(problem, np.ones(len(problem.labels), bool), candidates, given))
+        everywhere = testable(_screened(problem, np.ones(len(problem.labels), bool), candidates, given, paid))
         return _answer(problem, blocks, settings, rng, everywhere, fits, told, after, candidates)
     return None
 
 
 def _screened(
-    problem: Problem, mask: np.ndarray, candidates: Sequence[Candidate], given: tuple[Candidate, ...] = ()
+    problem: Problem,
+    mask: np.ndarray,
+    candidates: Sequence[Candidate],
+    given: tuple[Candidate, ...] = (),
+    paid: float = 0.0,
 ) -> list[Screened]:
-    """Return effects judged by entries (n,) bool beside those given, best first, errors of their own changes included."""
+    """Return effects judged by entries (n,) bool beside those given, best first, errors of their own changes included.
+
+    paid: log evidence that those given have lost to the choice of their shapes and scales.
+    """
     residual, covariance, _ = problem.part(mask)
     tried = [candidate.restricted(mask) for candidate in candidates]
     ranked = screened(residual, covariance, tried, tuple(part.restricted(mask) for part in given))
     again = []
     for judged in ranked:
-        if problem.change_error * judged.snr > NOTICED:
+        if max(map(problem.error_of, judged.parts)) * judged.snr > NOTICED:
             wider = problem.believing(_unmasked(problem, judged).parts, judged.amounts)
             judged = believing(judged, residual, covariance, wider.covariance.restricted(mask))
-        again.append(judged)
+        again.append(replace(judged, log_bayes_factor=judged.log_bayes_factor + paid))
     return sorted(again, key=lambda judged: -judged.log_bayes_factor)
 
 
@@ -267,11 +285,9 @@ def _answer(
     judged_again = [winner, *(judged for judged in judged_again if judged is not winner)]
     left = problem.observations.flat(problem.observations.force - after)
     believed = problem.believing(best.parts, np.concatenate(best.amounts))
-    columns = np.column_stack([part.columns for part in best.parts])
-    adequacy, everywhere = (
-        remains(believed, left[mask], mask, settings, rng, columns[mask])
-        for mask in (blocks.train, np.ones(len(left), bool))
-    )
+    every, columns = np.ones(len(left), bool), np.column_stack([part.columns for part in best.parts])
+    adequacy = remains(believed, left[blocks.train], blocks.train, settings, rng, best.columns)
+    everywhere = remains(believed, left, every, settings, rng, columns)
     scores = _scores(problem, blocks, left, best)
     return Answer(
         winner,
@@ -285,11 +301,11 @@ def _answer(
         after,
         gain(scores["before"], scores["after"]) if blocks.held_out.any() else None,
         scores,
-        _folds(problem, winner, settings),
+        _folds(problem, winner),
     )
 
 
-def _folds(problem: Problem, winner: Screened, settings: Mismatch) -> dict:
+def _folds(problem: Problem, winner: Screened) -> dict:
     """Return, where sites are few, how the answer fitted to the others meets each of them."""
     labels, found = problem.labels, {}
     sites = problem.observations.table["site"].unique()
@@ -298,7 +314,7 @@ def _folds(problem: Problem, winner: Screened, settings: Mismatch) -> dict:
     for turn, site in enumerate(np.sort(sites), start=1):
         blocks = split(labels, 0, turn)
         try:
-            fit = refitted(problem, _unmasked(problem, winner), blocks.train)
+            fit = refitted(problem, winner, blocks.train)
             after = forces_of(problem, fit)
         except NotConverged:  # without this fold nothing is shown, and nothing is lost
             continue
@@ -354,6 +370,7 @@ def _with_refit(judged: Screened, fit: Refitted | None, best: Screened, behind: 
         covariance=fit.covariance,
         change=change,
         log_bayes_factor=best.log_bayes_factor + behind,
+        best_log_bayes_factor=best.log_bayes_factor + behind - judged.paid,
     )
 
 
@@ -367,10 +384,10 @@ def _groups(
     winner, covariance = ranked[0], problem.covariance
     every = np.ones(len(covariance), bool)
     if len(winner.parts) == 1:
-        return (_widened(group_of_winner(ranked, covariance, probability), probability),)
+        return (_grouped(ranked, covariance, probability),)
     groups = []
     for own in winner.parts:
-        others = tuple(_whole(problem, part) for part in winner.parts if part is not own)
+        others = tuple(part for part in winner.parts if part is not own)
         first = [candidate for candidate in problem.candidates if candidate.name in problem.first]
         rivals = first if own.name in problem.first else candidates
         beside = testable(_screened(problem, every, rivals, others))
@@ -381,8 +398,19 @@ def _groups(
             continue
         alone = [here, *(judged for judged in alone if judged is not here)]
         chances = normalised({judged.name: judged.log_bayes_factor for judged in alone})
-        groups.append(_widened(group_of_winner(alone, covariance, chances), chances))
+        groups.append(_grouped(alone, covariance, chances))
     return tuple(groups)
+
+
+def _grouped(ranked: Sequence[Screened], covariance: Covariance, probability: Mapping[str, float]) -> Group:
+    """Return the group of the best of some effects, its odds with or without errors of changes, whichever say less.
+
+    One effect is exact and another errs: of two that are alike that alone would decide.
+    """
+    group = _widened(group_of_winner(ranked, covariance, probability), probability)
+    exact = normalised({judged.name: judged.log_bayes_factor - judged.error_cost for judged in ranked})
+    others = sum(exact[name] for name in group.members[1:])
+    return replace(group, odds=min(group.odds, exact[group.members[0]] / others)) if others > 0 else group
 
 
 def _last_alone(judged: Screened) -> Screened:
@@ -415,10 +443,13 @@ def _scores(problem: Problem, blocks: Blocks, left: np.ndarray, fit: Refitted) -
         return {}
     whole = np.column_stack([part.columns for part in fit.parts])
     labels = problem.labels
-    believed = problem.believing(fit.parts, np.concatenate(fit.amounts)).covariance
+    covariance, amounts = problem.covariance, np.concatenate(fit.amounts)
+    errors = covariance.errors(problem.errors_of(fit.parts, amounts))
+    change = problem.residual - left
+    believed = problem.believing(fit.parts, amounts).covariance
     return {
         "before": predictive_scores(
-            problem.residual, problem.covariance, blocks, labels, change=problem.residual - left
+            problem.residual, covariance, blocks, labels, change=change, errors=errors
         ),
         "after": predictive_scores(left, believed, blocks, labels, whole, fit.covariance),
     }
@@ -441,7 +472,7 @@ def _state(problem: Problem, mismatch: Remains, answer: Answer | None) -> str:
     """
     if answer is None or answer.adequacy.p <= ADEQUATE_P or not in_range(problem, answer.fit):
         return "open"
-    if mismatch.p < CERTAIN_P and answer.refuted:
+    if answer.refuted and mismatch.p < CERTAIN_P:
         return "open"
     if answer.gain is None or not answer.gain.clear:
         return "insufficient"

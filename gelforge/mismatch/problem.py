@@ -53,7 +53,12 @@ class Problem:
         )
 
     def believing(self, parts: Sequence[Candidate], amounts: np.ndarray) -> Problem:
-        """Return the problem with the errors of effects' own change at amounts (p,) in its covariance.
+        """Return the problem with the errors of effects' own change at amounts (p,) in its covariance."""
+        errors = self.errors_of(parts, amounts)
+        return replace(self, covariance=self.covariance.erring(errors)) if errors.size else self
+
+    def errors_of(self, parts: Sequence[Candidate], amounts: np.ndarray) -> np.ndarray:
+        """Return the directions (n, q) in which a change by effects at amounts (p,) errs, a standard deviation each.
 
         What is solved errs by mesh and by form, pressing and sideways forces (and each channel) on their own, as a share of
         the change: one for all depths and one that varies slowly with depth. What has a place errs more.
@@ -61,25 +66,29 @@ class Problem:
         labels = self.labels.assign(pressing=self.labels["axis"] == 2)
         kind = labels.groupby([name for name in ("channel", "pressing") if name in labels]).ngroup()
         c, s = slowly(labels["depth_mm"].to_numpy(float))
-        shares = np.array([np.ones_like(c), c**2 - s**2, 2 * c * s]) / np.sqrt(
-            2
-        )  # of squares that add up to 1
-        errors, at = [], 0
+        shares = np.array([np.ones_like(c), c**2 - s**2, 2 * c * s]) / np.sqrt(2)  # their squares add up to 1
+        errors, at = [np.zeros((len(labels), 0))], 0
         for part in parts:
             own = amounts[at : at + part.columns.shape[1]]
             at += len(own)
-            error = max(self.change_error, PLACE_ERROR if "x_mm" in part.shape else 0.0)
-            if not self.change_error or not self.solves(part) or not np.any(own):
-                continue
-            change = error * (part.columns @ own)
-            errors += [np.where(kind == k, change * share, 0.0) for k in kind.unique() for share in shares]
-        return replace(self, covariance=self.covariance.erring(np.column_stack(errors))) if errors else self
+            change = self.error_of(part) * (part.columns @ own)
+            if np.any(change):
+                errors += [
+                    np.where(kind == k, change * share, 0.0) for k in kind.unique() for share in shares
+                ]
+        return np.column_stack(errors)
 
     def readings_of(self, mask: np.ndarray) -> np.ndarray:
         """Return (R,) bool: the readings of which some entry (n,) bool is chosen."""
         chosen = np.zeros(len(self.observations.table), bool)
         chosen[self.labels["reading"].to_numpy()[mask]] = True
         return chosen
+
+    def error_of(self, part: Candidate) -> float:
+        """Return by which share the change by an effect errs: not at all where nothing is solved, or errors are none."""
+        if not (self.change_error and self.solves(part)):
+            return 0.0
+        return max(self.change_error, PLACE_ERROR) if "x_mm" in part.shape else self.change_error
 
     def solves(self, part: Candidate) -> bool:
         """Return whether an effect is solved by the finite elements."""

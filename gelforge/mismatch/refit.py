@@ -27,9 +27,9 @@ class Refitted:
     amounts: tuple[np.ndarray, ...]  # per part
     covariance: np.ndarray  # (p, p) of all of them
     columns: np.ndarray  # (m, p) [N per unit], of the entries that were fitted, at these amounts
-    change: np.ndarray  # (m,) [N] of these entries
-    log_bayes_factor: float  # Laplace, against none, on these entries
-    steps: int  # that moved the amounts
+    log_bayes_factor: (
+        float  # Laplace, against none, on these entries; it pays for shapes and scales as the screen's does
+    )
     converged: bool  # the next step would be below ENOUGH
 
     @property
@@ -90,8 +90,9 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray) -> Refitted:
     covariance = problem.believing(start.parts, a).covariance.restricted(mask)
     factor, spread = _evidence(residual - change, covariance, J, a, free, widths, signs)
     factor -= problem.covariance.restricted(mask).log_density(residual)
+    factor += start.log_bayes_factor - start.best_log_bayes_factor
     splits = np.cumsum([part.columns.shape[1] for part in parts])[:-1]
-    return Refitted(start.parts, tuple(np.split(a, splits)), spread, J, change, factor, steps, converged)
+    return Refitted(start.parts, tuple(np.split(a, splits)), spread, J, factor, converged)
 
 
 def _change(

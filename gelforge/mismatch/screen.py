@@ -38,14 +38,20 @@ class Candidate:
 class Screened:
     """One effect, or several at once, judged against none."""
 
-    parts: tuple[Candidate, ...]  # at their best shapes
-    log_bayes_factor: float  # against none, averaged over the shapes of the last part
-    best_log_bayes_factor: float  # at the best shape
+    parts: tuple[Candidate, ...]  # at their best shapes and scales
+    log_bayes_factor: float  # against none, averaged over shapes and scales
+    best_log_bayes_factor: float  # at the best ones
     amounts: np.ndarray  # (p,) posterior means, the parts' amounts in turn
     covariance: np.ndarray  # (p, p) of the amounts
     change: np.ndarray  # (n,) [N] of the readings at these amounts
     snr: float  # of this change: sqrt(d' C^-1 d)
     plausible_snr: float  # the same of the last part alone, root mean square over its prior
+    error_cost: float = 0.0  # log evidence that the change's own error has taken or given
+
+    @property
+    def paid(self) -> float:
+        """Return the log evidence that the choice of shapes and scales has cost, 0 or less."""
+        return self.log_bayes_factor - self.best_log_bayes_factor
 
     @property
     def name(self) -> str:
@@ -92,15 +98,23 @@ def screened(
 
 
 def believing(judged: Screened, residual: np.ndarray, covariance: Covariance, wider: Covariance) -> Screened:
-    """Return a screened answer judged again with the errors of its own change in the wider covariance."""
+    """Return a screened answer judged again with the errors of its own change in the wider covariance.
+
+    At its best shape and scale; the others are taken to follow.
+    """
     given = covariance.log_density(residual)
     again = _judged(
         wider.whiten(residual), judged.parts, [wider.whiten(part.columns) for part in judged.parts]
     )
     more = again.log_bayes_factor + wider.log_density(residual) - given - judged.best_log_bayes_factor
-    best = judged.best_log_bayes_factor + more
-    own = {"snr": judged.snr, "plausible_snr": judged.plausible_snr}
-    return replace(again, log_bayes_factor=judged.log_bayes_factor + more, best_log_bayes_factor=best, **own)
+    return replace(
+        again,
+        log_bayes_factor=judged.log_bayes_factor + more,
+        best_log_bayes_factor=judged.best_log_bayes_factor + more,
+        snr=float(np.linalg.norm(covariance.whiten(again.change))),
+        plausible_snr=judged.plausible_snr,
+        error_cost=more,
+    )
 
 
 def probabilities(

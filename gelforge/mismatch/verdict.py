@@ -135,7 +135,7 @@ class Score(Section):
 
 
 class HeldOut(Section):
-    """Readings set aside before anything was chosen, of one block or of all together."""
+    """Readings set aside before anything was fitted, of one block or of all together."""
 
     block: str = Field(description="positions, deepest, a channel, or all")
     before: Score = Field(description="Of the base")
@@ -185,6 +185,11 @@ class Adequacy(Section):
     p: Probability = Field(description="Of what remains, by chance, as the mismatch's p [-]")
     scan_p: Probability = Field(description="Of the strongest remaining pattern by chance [-]")
     remains: str = Field("", description="The strongest remaining pattern, in words")
+    everywhere_p: Probability | None = Field(
+        None,
+        description="Of what remains of all readings, those set aside included, by the stronger test [-]",
+    )
+    refuted: bool = Field(False, description="The readings set aside speak against the answer")
 
     @property
     def passed(self) -> bool:

@@ -49,7 +49,7 @@ STATES = {
 STATE_MEANS = {
     "null": "Simulation and readings differ by no more than the errors that were allowed for.",
     "named": "One explanation stands far above all others, leaves nothing but noise, and improves the prediction of readings"
-    " that were set aside before anything was chosen.",
+    " that were set aside before anything was fitted.",
     "group": "The mismatch is real and narrowed down, but the members of the group change these readings in the same way.",
     "open": "The mismatch is real. What the catalogue knows does not explain all of it, and no name is given to the rest.",
     "insufficient": "Plausible amounts of missing physics would not show in these readings, or not clearly enough.",
@@ -87,6 +87,7 @@ def in_short(results: MismatchResults) -> Chapter:
     if verdict.adequacy:
         a = verdict.adequacy
         kind = "only noise remains" if a.passed else "something remains"
+        kind += "; refuted by what was set aside" if a.refuted else ""
         facts.append(("After it", f"{kind}: by chance {p_text(a.p)}, as strong a pattern {p_text(a.scan_p)}"))
     chapter.blocks.append(Facts(facts))
     return chapter
@@ -274,7 +275,7 @@ def set_aside(results: MismatchResults) -> Chapter:
         blocks = [fit.held_out, *fit.held_out_blocks]
         chapter.show(
             "Blue should lie left of grey: with the effect in it, the simulation predicts readings that took no part in"
-            " choosing or fitting it.",
+            " fitting it.",
             held_out_figure(blocks, results.axes),
         )
         chapter.tabulate(

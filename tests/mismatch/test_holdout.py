@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from artificial_readings import covariance_of, grid, readings
+from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal
 from test_screen import make
 
@@ -161,6 +162,28 @@ def test_the_error_of_a_gain_is_what_noise_gives_it(world):
 def test_an_answer_is_refuted_where_it_gains_far_less_than_a_true_one(total, error, refuted):
     """True: SE^2 / 2 give or take SE. At 4: 8 - 12 = -4; at 8: 32 - 24 = 8; at 32 half of 512, since models err a little."""
     assert Gain(total, error, 3).refutes == refuted
+
+
+def test_a_change_that_errs_may_gain_less(world):
+    """Truths with an error of their own: the gain scatters by noise and by that error, added in squares."""
+    labels, covariance, candidates = world
+    blocks, rng = split(labels, seed=3), np.random.default_rng(6)
+    change = 0.3 * candidates[4].columns[:, 2]
+    errors = covariance.errors(0.3 * change[:, None])
+    gains = []
+    for _ in range(300):
+        r = change + errors @ rng.standard_normal(errors.shape[1]) + covariance.draw(rng, 1)[:, 0]
+        before = predictive_scores(r, covariance, blocks, labels, change=change, errors=errors)
+        gains.append(before["score"].sum())
+    found = gain(before, predictive_scores(r - change, covariance, blocks, labels))
+    # what was known of the error from the training readings narrows it; the score of what is left scatters too
+    scatter = np.hypot(found.standard_error, found.doubt)
+    assert found.doubt > found.standard_error
+    assert 0.5 * scatter < np.std(gains) < 2 * scatter
+    C = covariance.whiten(np.eye(len(labels)))
+    wider = covariance.erring(0.3 * change[:, None]).whiten(np.eye(len(labels)))
+    assert_allclose(np.linalg.inv(wider.T @ wider) - np.linalg.inv(C.T @ C), errors @ errors.T, atol=1e-12)
+    assert not Gain(0.2 * scatter, found.standard_error, 3, found.doubt).refutes
 
 
 def test_no_training_is_an_error(world):

@@ -13,12 +13,12 @@ from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.findings import _plain, sentence_of
 from gelforge.mismatch.holdout import Gain
-from gelforge.mismatch.identifiability import RIVAL
-from gelforge.mismatch.judge import Remains, _state, _told, judge
+from gelforge.mismatch.identifiability import RIVAL, group_of_winner
+from gelforge.mismatch.judge import Remains, _grouped, _screened, _state, _told, judge
 from gelforge.mismatch.problem import PLACE_ERROR, Problem
 from gelforge.mismatch.refit import refitted
 from gelforge.mismatch.scan import Finding
-from gelforge.mismatch.screen import screened
+from gelforge.mismatch.screen import normalised, screened
 from gelforge.mismatch.stage import at_first_order, candidates_of
 
 LOCATED = {"void", "inclusion", "delamination"}
@@ -35,7 +35,10 @@ def problem_of(context, left_out=LOCATED):
     R = len(context.observations.table)
     covariance = readings_covariance(context, np.zeros((R, 3, 0)), 0.002 * context.force)
     candidates = candidates_of(context, effects, {})
-    found = Problem(context.observations, context.force, covariance, candidates, effects, None, {})
+    found = Problem(
+        context.observations, context.force, covariance, candidates, effects, None, {},
+        change_error=Mismatch().change_error,
+    )  # fmt: skip
     return replace(found, forces_with=at_first_order(found))
 
 
@@ -157,6 +160,41 @@ def test_what_an_answer_leaves_with_the_readings_set_aside_may_not_be_certain_ei
     test, scan = (replace(one, p=5e-4) for one in (found.mismatch.test, found.mismatch.scan))
     assert state(everywhere=Remains(test, scan)) == "open"
     assert state(p=5e-3, everywhere=Remains(test, scan)) == "named"
+
+
+def test_an_exact_twin_of_an_effect_that_errs_is_not_named_for_that():
+    """On the artificial base a tilt and cross-talk are one; the error of the tilt's change alone must not decide."""
+    base = artificial.context(1, per_side=3)
+    problem = problem_of(artificial.with_effect(base, "tilt", [2.0, -1.0], np.random.default_rng(2)))
+    every = np.ones(len(problem.labels), bool)
+    ranked = [
+        one for one in _screened(problem, every, problem.candidates) if one.name in ("tilt", "cross_talk")
+    ]
+    tilt = next(one for one in ranked if one.name == "tilt")
+    assert tilt.error_cost < -0.3 and next(one for one in ranked if one.name == "cross_talk").error_cost == 0
+    chances = normalised({one.name: one.log_bayes_factor for one in ranked})
+    grouped = _grouped(ranked, problem.covariance, chances)
+    assert set(grouped.members) == {"tilt", "cross_talk"}
+    assert grouped.odds < group_of_winner(ranked, problem.covariance, chances).odds
+
+
+def test_what_shapes_and_scales_have_cost_is_paid_on():
+    """A second effect that does nothing has no more evidence than the first one alone, whatever was chosen for that."""
+    base = artificial.context(23, per_side=3)
+    problem = problem_of(artificial.with_effect(base, "viscoelastic", [0.3], np.random.default_rng(24)))
+    every = np.ones(len(problem.labels), bool)
+    first = next(one for one in _screened(problem, every, problem.candidates) if one.name == "viscoelastic")
+    assert first.paid < -1  # three times and two parts, three scales
+    drift = next(one for one in problem.candidates if one.name == "force_drift")
+    nothing = replace(drift, columns=1e-9 * drift.columns)
+    others = replace(problem, candidates=[*(c for c in problem.candidates if c is not drift), nothing])
+    (second,) = _screened(others, every, [nothing], first.parts, first.paid)
+    assert second.log_bayes_factor == pytest.approx(
+        first.log_bayes_factor, abs=0.2
+    )  # the order of their two errors
+    fit = refitted(problem, first, every)
+    free = refitted(problem, replace(first, best_log_bayes_factor=first.log_bayes_factor), every)
+    assert fit.log_bayes_factor - free.log_bayes_factor == pytest.approx(first.paid)
 
 
 def test_a_group_that_is_less_likely_than_not_is_no_answer():

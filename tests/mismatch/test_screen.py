@@ -278,7 +278,8 @@ def test_a_change_that_errs_itself_is_judged_with_its_error(world):
     wanted = wider.extended(drift.columns * drift.widths).log_density(r) - covariance.log_density(r)
     assert again.log_bayes_factor == pytest.approx(wanted)
     assert np.all(np.diag(again.covariance) >= np.diag(judged.covariance))
-    assert again.snr == judged.snr
+    assert again.error_cost == pytest.approx(again.log_bayes_factor - judged.log_bayes_factor)
+    assert again.snr == pytest.approx(np.linalg.norm(covariance.whiten(again.change)))
 
 
 def test_a_switch_and_an_amount_together(world):
