@@ -225,9 +225,8 @@ def discretisation(context: Context, floor_N: np.ndarray) -> np.ndarray:
     Pressing and sideways forces err on their own, each as a share of the force that changes slowly with depth.
     """
     size = np.hypot(context.force, floor_N)
-    steady = context.force / np.maximum(
-        size, np.finfo(float).tiny
-    )  # +-1, fading where the force is as small as its error
+    # +-1, fading where the force is as small as its error
+    steady = context.force / np.maximum(size, np.finfo(float).tiny)
     directions = [
         np.where(np.isin(range(3), axes), floor_N * steady, 0.0) * share[:, None]
         for axes in ([2], [0, 1])

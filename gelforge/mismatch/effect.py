@@ -81,9 +81,7 @@ class Effect:
     turned: Callable[[np.ndarray], np.ndarray] = (
         unturned  # (2, 2) of D4 -> (P, P): how amounts turn with the sensor
     )
-    allowed: Callable[[Study], tuple[Parameter, ...]] | None = (
-        None  # parameters, where they depend on the base
-    )
+    allowed: Callable[[Study], tuple[Parameter, ...]] | None = None  # parameters that depend on the base
     applies: Callable[[Study], bool] = field(default=lambda study: True)  # the sensor has what it is about
     switch: bool = False  # amounts are 0 and 1 only
     history: bool = False  # every press is a path of its own, in time

@@ -27,9 +27,7 @@ class Refitted:
     amounts: tuple[np.ndarray, ...]  # per part
     covariance: np.ndarray  # (p, p) of all of them
     columns: np.ndarray  # (m, p) [N per unit], of the entries that were fitted, at these amounts
-    log_bayes_factor: (
-        float  # Laplace, against none, on these entries; it pays for shapes and scales as the screen's does
-    )
+    log_bayes_factor: float  # Laplace, against none, on these entries; shapes and scales are paid for
     converged: bool  # the next step would be below ENOUGH
 
     @property

@@ -93,7 +93,7 @@ def screened(
         factors = [judged.log_bayes_factor for judged in shapes]
         best = shapes[int(np.argmax(factors))]
         average = float(logsumexp(factors) - np.log(len(factors)))
-        found.append(replace(best, log_bayes_factor=average, best_log_bayes_factor=best.log_bayes_factor))
+        found.append(replace(best, log_bayes_factor=average))
     return sorted(found, key=lambda judged: -judged.log_bayes_factor)
 
 
