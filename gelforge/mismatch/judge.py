@@ -88,7 +88,7 @@ class Judgement:
     @property
     def refuted(self) -> bool:
         """Return whether something is certainly there and the readings set aside speak against the best answer to it."""
-        return self.answer is not None and self.mismatch.p < CERTAIN_P and self.answer.refuted
+        return self.answer is not None and _refuted(self.mismatch, self.answer)
 
 
 def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Judgement:
@@ -463,6 +463,10 @@ def in_range(problem: Problem, fit: Refitted) -> bool:
     )
 
 
+def _refuted(mismatch: Remains, answer: Answer) -> bool:
+    return mismatch.p < CERTAIN_P and answer.refuted
+
+
 def _state(problem: Problem, mismatch: Remains, answer: Answer | None) -> str:
     """Return named, group, open or insufficient of an answer to a mismatch that is there.
 
@@ -472,7 +476,7 @@ def _state(problem: Problem, mismatch: Remains, answer: Answer | None) -> str:
     """
     if answer is None or answer.adequacy.p <= ADEQUATE_P or not in_range(problem, answer.fit):
         return "open"
-    if answer.refuted and mismatch.p < CERTAIN_P:
+    if _refuted(mismatch, answer):
         return "open"
     if answer.gain is None or not answer.gain.clear:
         return "insufficient"
