@@ -64,8 +64,8 @@ class Library:
     """All that has been solved, ready to be evaluated; places are from the sensor's middle [mm]."""
 
     shape: tuple[np.ndarray, np.ndarray]  # (D,), (D,) log depth [mm] and log -Fz [N] at the middle, fine mesh
-    vertical: np.ndarray  # (4, 4, p) ratio of Fz to that, at |x|, |y| in NODES
-    horizontal: np.ndarray  # (3, 4, p) Fx / Fz / x at |x| in NODES[1:], |y| in NODES
+    vertical: np.ndarray  # (N, N, p) ratio of Fz to that, at |x|, |y| in NODES
+    horizontal: np.ndarray  # (N - 1, N, p) Fx / Fz / x at |x| in NODES[1:], |y| in NODES
     area: np.ndarray  # (p,) contact area / depth at the middle
     changes: dict[str, Change]
     defects: dict[tuple[str, str], LocalChange]
@@ -147,8 +147,8 @@ def _base_tables(folder: Path) -> tuple:
     middle, fine = curves[0.0, 0.0], kept(solves.fine_setup(0.0, 0.0), folder)
     depths = middle.depths_mm
     even, odd = (np.linalg.pinv(np.vander(depths, n + 1, increasing=True)) for n in (DEGREE, FLAT_DEGREE))
-    vertical = np.empty((4, 4, DEGREE + 1))
-    horizontal = np.empty((3, 4, FLAT_DEGREE + 1))
+    vertical = np.empty((len(NODES), len(NODES), DEGREE + 1))
+    horizontal = np.empty((len(NODES) - 1, len(NODES), FLAT_DEGREE + 1))
     for i, a in enumerate(NODES):
         for j, b in enumerate(NODES):
             force = curves[max(a, b), min(a, b)].force_N

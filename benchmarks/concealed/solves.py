@@ -12,7 +12,9 @@ from pathlib import Path
 from .pressed import COARSE, FINE, MIDDLE, Ball, Curve, Setup, solved
 
 FOLDER = Path("results/concealed/solves")
-NODES = (0.0, 2.0, 4.0, 6.0)  # |x|, |y| from the middle [mm] at which the base is solved
+# |x|, |y| from the middle [mm] at which the base is solved; what moves the presses (a turned grid) takes the outermost
+# beyond 6 mm, where a wall's share of the force doubles within a millimetre: extrapolated, it would not.
+NODES = (0.0, 2.0, 4.0, 6.0, 6.8)
 ORBITS = ((0.0, 0.0), (6.0, 0.0), (4.0, 2.0), (6.0, 6.0))  # the plan's places but for mirror images
 CHECKED = ((0.0, 0.0), (6.0, 0.0))  # where the base is solved on the fine mesh too
 EFFECT_DEPTHS = (0.4, 0.8, 1.2, 1.6, 1.85)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -81,7 +81,6 @@ class Effect:
     turned: Callable[[np.ndarray], np.ndarray] = (
         unturned  # (2, 2) of D4 -> (P, P): how amounts turn with the sensor
     )
-    allowed: Callable[[Study], tuple[Parameter, ...]] | None = None  # parameters that depend on the base
     applies: Callable[[Study], bool] = field(default=lambda study: True)  # the sensor has what it is about
     switch: bool = False  # amounts are 0 and 1 only
     history: bool = False  # every press is a path of its own, in time
@@ -92,10 +91,6 @@ class Effect:
     def widths(self) -> np.ndarray:
         """Return the plausible amounts (P,)."""
         return np.array([parameter.width for parameter in self.parameters])
-
-    def at(self, study: Study) -> Effect:
-        """Return the effect with the parameters that a base allows."""
-        return self if self.allowed is None else replace(self, parameters=self.allowed(study))
 
     def in_range(self, amounts: Sequence[float]) -> bool:
         """Return whether every amount has its physical sign and lies inside its bounds, and not on them."""

@@ -280,12 +280,12 @@ def _effects(problem: Problem, judgement: Judgement) -> list[form.NamedEffect]:
         names = [fit.parts[-1].name for fit in answer.refits]
         if len(answer.fit.parts) == 1:
             for judged in answer.ranked[1:]:
-                found[judged.name] = _screened(
-                    problem, judged, answer.probability.get(judged.name, 0.0), judged.name in names
-                )
+                chance = answer.alternatives.holding([judged.name])
+                found[judged.name] = _screened(problem, judged, chance, judged.name in names)
     for judged in judgement.singles:
         if judged.name not in found:
-            chance = 0.0 if answer is not None else judgement.probability.get(judged.name, 0.0)
+            known = judgement.probability.get(judged.name, 0.0)
+            chance = known if answer is None else answer.alternatives.holding([judged.name])
             found[judged.name] = _screened(problem, judged, chance, False)
     rank = {name: k for k, name in enumerate(found)}
     first = {part.name for part in answer.fit.parts} if answer is not None else set()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,22 +11,23 @@ import pandas as pd
 from gelforge.config import ConfigError
 from gelforge.config.mismatch import Mismatch
 from gelforge.mechanics.equilibrium import NotConverged
-from gelforge.mismatch.covariance import Covariance
+from gelforge.mismatch.alternatives import Alternatives, effects_of, probabilities
 from gelforge.mismatch.flow_scan import patterns
+from gelforge.mismatch.groups import grouped, last_alone
 from gelforge.mismatch.holdout import FEW_SITES, Blocks, Gain, gain, predictive_scores, split
-from gelforge.mismatch.identifiability import DETECTED_SNR, RIVAL, Group, group_of_winner
+from gelforge.mismatch.identifiability import DECISIVE, DETECTED_SNR, RIVAL, Group
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.refit import Refitted, refitted
 from gelforge.mismatch.scan import GlobalTest, Scan, global_test, scan
-from gelforge.mismatch.screen import Candidate, Screened, believing, normalised, probabilities, screened
+from gelforge.mismatch.screen import Candidate, Screened, believing, screened
 from gelforge.mismatch.verdict import ADEQUATE_P, ALARM_P, NAMED_ODDS, NAMED_PROBABILITY
 
 MOST_EFFECTS = 3  # at once
+BEAM = 4  # best answers of a round, beside each of which one more effect is tried
 CERTAIN_P = 1e-3  # of the tests, below which chance is no longer an explanation
 NOTICED = 0.1  # standard deviations of a change's own error, below which it moves no evidence
 FELT_SNR = 0.5  # of a plausible amount; below it nothing can be said for or against
 LIKELY = 0.5  # probability below which a group is no answer
-MOST_MEMBERS = 4  # of a group that is widened by rivals
 
 
 class NotSolved(NotConverged):
@@ -57,8 +58,10 @@ class Answer:
     fit: Refitted
     ranked: tuple[Screened, ...]  # all that were tried beside it, refitted ones with their new evidence
     refits: tuple[Refitted, ...]
-    groups: tuple[Group, ...]  # one per effect of the answer
-    probability: Mapping[str, float]
+    groups: tuple[Group, ...]  # one per effect of the answer; none while the search goes on
+    alternatives: Alternatives  # all that was tried, with one more effect beside the best too
+    told: float  # log evidence of the winner's refit on all readings
+    problem: Problem  # with columns through what was solved
     adequacy: Remains  # of the training readings
     everywhere: Remains  # of all readings, but for what other amounts of the same effects could take up
     after: np.ndarray  # (R, 3) [N] forces with the effects
@@ -145,25 +148,50 @@ def _could_have_seen(singles: Sequence[Screened]) -> bool:
 def _explained(
     problem: Problem, blocks: Blocks, settings: Mismatch, rng: np.random.Generator
 ) -> tuple[Answer | None, list[str]]:
-    """Return the simplest answer that leaves noise, or the best of those that do not, and what went wrong.
+    """Return the most probable answer, or the best of those that leave more than noise, and what went wrong.
 
-    What the base assumes and cannot be true (problem.first) is put right before amounts are fitted in a model known to be
-    false; it stays out where that does not help.
+    One effect more is tried as long as noise is not all that is left, the readings set aside refute the answer, or some
+    answer with one more would be much likelier. What the base assumes and cannot be true (problem.first) is put right before
+    amounts are fitted in a model known to be false; it stays out where that does not help.
     """
-    known_false = [c for c in problem.candidates if c.name in problem.first]
+    names = {c.name for c in problem.candidates}
     answer, notes = None, []
-    if known_false:
-        answer = _round(problem, blocks, settings, rng, known_false, None, notes)
+    if names & problem.first:
+        answer = _round(problem, blocks, settings, rng, names & problem.first, None, notes)
         answer = answer if answer is not None and answer.winner.log_bayes_factor > 0 else None
-    candidates = [c for c in problem.candidates if answer is None or c.name not in problem.first]
-    while answer is None or len(answer.fit.parts) < MOST_EFFECTS:
-        if answer is not None and answer.adequacy.p > ADEQUATE_P:
+        names -= problem.first if answer is not None else set()
+    while answer is None or (len(answer.fit.parts) < MOST_EFFECTS and _wanting(answer)):
+        more = _round(problem, blocks, settings, rng, names, answer, notes)
+        if more is None:
             break
-        more = _round(problem, blocks, settings, rng, candidates, answer, notes)
-        if more is None or (answer is not None and _no_better(answer, more)):
+        if answer is not None and _weight(more) <= _weight(answer) + _margin(answer):
+            answer = replace(answer, alternatives=more.alternatives)
             break
         answer = more
+    if answer is not None:
+        answer = replace(answer, groups=_groups(answer, names))
     return answer, notes
+
+
+def _wanting(answer: Answer) -> bool:
+    """Return whether an answer is not all that can be said: an answer with one effect more is wanted, or likelier."""
+    likelier = answer.alternatives.likelier_of(len(answer.fit.parts) + 1, _weight(answer) + _margin(answer))
+    return not _margin(answer) or likelier
+
+
+def _margin(answer: Answer) -> float:
+    """Return the log odds that an answer with one effect more needs.
+
+    None where this one leaves more than noise or is refuted; else they must be decisive: one large amount can as well be
+    two smaller ones of effects that are alike.
+    """
+    wanted = answer.adequacy.p <= ADEQUATE_P or answer.refuted
+    return 0.0 if wanted else DECISIVE
+
+
+def _weight(answer: Answer) -> float:
+    """Return the log of prior times evidence of an answer."""
+    return answer.alternatives.weight(effects_of(answer.winner), answer.winner.log_bayes_factor)
 
 
 def _round(
@@ -171,17 +199,17 @@ def _round(
     blocks: Blocks,
     settings: Mismatch,
     rng: np.random.Generator,
-    candidates: Sequence[Candidate],
+    names: Collection[str],
     before: Answer | None,
     notes: list[str],
 ) -> Answer | None:
-    """Return the best answer of one more effect beside those of the answer before; None where none can be had.
+    """Return the best answer of one more effect, of those named, beside the best of before; None where none can be had.
 
-    Refitted are the most probable ones: those that cost no solution all, of the others 1 + settings.rivals, and more as
-    long as the next one promises more than any refit has kept.
+    Refitted are the most probable ones: those that cost no solution all, of the others 1 + settings.rivals, and more of
+    single ones as long as the next promises more than any refit has kept.
     """
-    given, paid = ((), 0.0) if before is None else (before.winner.parts, before.winner.paid)
-    ranked = testable(_screened(problem, blocks.train, candidates, given, paid))
+    problem = problem if before is None else before.problem
+    ranked = _beside(problem, blocks.train, names, before and before.ranked)
     if not ranked:
         return None
     leaders = [s for s in ranked if s.log_bayes_factor > ranked[0].log_bayes_factor - RIVAL]
@@ -193,7 +221,7 @@ def _round(
     for leader in leaders:
         best = max((fit.log_bayes_factor for fit in fits.values()), default=-np.inf)
         solved = sum(costs(fit) for fit in fits.values())
-        enough = solved > settings.rivals and best >= leader.log_bayes_factor
+        enough = solved > settings.rivals and (before is not None or best >= leader.log_bayes_factor)
         if enough and costs(leader):
             continue
         try:
@@ -211,9 +239,31 @@ def _round(
             )
             del fits[failure.name]
             continue
-        everywhere = testable(_screened(problem, np.ones(len(problem.labels), bool), candidates, given, paid))
-        return _answer(problem, blocks, settings, rng, everywhere, fits, told, after, candidates)
+        for name, with_it in forces.items():
+            if len(fits[name].parts) == 1:
+                problem = problem.seated(fits[name].parts[0], fits[name].amounts[0], with_it)
+        return _answer(problem, blocks, settings, rng, names, before, fits, told, after)
     return None
+
+
+def _beside(
+    problem: Problem, mask: np.ndarray, names: Collection[str], before: Sequence[Screened] | None
+) -> list[Screened]:
+    """Return answers with one more effect, of those named, than the best before, judged by entries (n,) bool, best first.
+
+    Of what puts a false base right only the first is kept.
+    """
+    candidates = [c for c in problem.candidates if c.name in names]
+    if before is None:
+        return testable(_screened(problem, mask, candidates))
+    width = 1 if any(part.name in problem.first for part in before[0].parts) else BEAM
+    best: dict[frozenset[str], Screened] = {}
+    for given in before[:width]:
+        for judged in testable(_screened(problem, mask, candidates, given.parts, given.paid)):
+            known = best.get(effects_of(judged))
+            if known is None or judged.log_bayes_factor > known.log_bayes_factor:
+                best[effects_of(judged)] = judged
+    return sorted(best.values(), key=lambda judged: -judged.log_bayes_factor)
 
 
 def _screened(
@@ -239,20 +289,14 @@ def _screened(
     return sorted(again, key=lambda judged: -judged.log_bayes_factor)
 
 
-def _no_better(answer: Answer, more: Answer) -> bool:
-    """Return whether one more effect has no more evidence than those before it."""
-    return more.winner.log_bayes_factor <= answer.winner.log_bayes_factor
-
-
 def _unmasked(problem: Problem, judged: Screened) -> Screened:
     """Return a screened answer whose parts are the problem's own candidates, of all entries."""
     return replace(judged, parts=tuple(_whole(problem, part) for part in judged.parts))
 
 
 def _whole(problem: Problem, part: Candidate) -> Candidate:
-    """Return a part of an answer with its columns of all entries."""
-    own = next(c for c in problem.candidates if c.name == part.name and dict(c.shape) == dict(part.shape))
-    return replace(part, columns=own.columns)
+    """Return a part of an answer with the problem's columns of all entries."""
+    return replace(part, columns=problem.own(part).columns)
 
 
 def _answer(
@@ -260,42 +304,52 @@ def _answer(
     blocks: Blocks,
     settings: Mismatch,
     rng: np.random.Generator,
-    ranked: Sequence[Screened],
+    names: Collection[str],
+    before: Answer | None,
     fits: Mapping[str, Refitted],
     told: Mapping[str, float],
     after: np.ndarray,
-    candidates: Sequence[Candidate],
 ) -> Answer:
-    best = fits[max(told, key=told.get)]
-    screen = {judged.name: judged for judged in ranked}
-    judged_again = sorted(
-        (
-            _with_refit(
-                judged, fits.get(judged.name), screen[best.name], told.get(judged.name, 0.0) - told[best.name]
-            )
-            for judged in ranked
-        ),
-        key=lambda judged: -judged.log_bayes_factor,
-    )
-    probability = normalised(
-        {"null": 0.0}
-        | {judged.name: judged.log_bayes_factor - np.log(len(ranked)) for judged in judged_again}
-    )
-    winner = next(judged for judged in judged_again if judged.name == best.name)
-    judged_again = [winner, *(judged for judged in judged_again if judged is not winner)]
+    """Return the best of some refits beside all else of its round, judged by all readings.
+
+    Evidence of refits differs from one to the next, and from the answer before, as it is told; of the others as screened.
+    """
+    fit = fits[max(told, key=told.get)]
+    fit = replace(fit, parts=tuple(_whole(problem, part) for part in fit.parts))
+    every = np.ones(len(problem.labels), bool)
+    screen = _beside(problem, every, names, before and before.ranked)
+    own = frozenset(part.name for part in fit.parts)
+    promised = next(one.log_bayes_factor for one in screen if effects_of(one) == own)
+    kept = promised if before is None else before.winner.log_bayes_factor + told[fit.name] - before.told
+    refits = {frozenset(part.name for part in one.parts): one for one in fits.values()}
+    ranked = [
+        replace(one, log_bayes_factor=one.log_bayes_factor + kept - promised)
+        if effects_of(one) not in refits
+        else _with_refit(problem, one, refits[effects_of(one)], kept, told, fit.name)
+        for one in screen
+    ]
+    winner = next(one for one in ranked if effects_of(one) == own)
+    ranked = sorted(ranked, key=lambda one: (one is not winner, -one.log_bayes_factor))
+    known = len({c.name for c in problem.candidates})
+    alternatives = (Alternatives({}, known) if before is None else before.alternatives).joined(ranked)
+    if len(fit.parts) < MOST_EFFECTS:
+        rest = {c.name for c in problem.candidates} - problem.first if own & problem.first else names
+        alternatives = alternatives.joined(_beside(problem, every, rest, ranked), kept - promised)
     left = problem.observations.flat(problem.observations.force - after)
-    believed = problem.believing(best.parts, np.concatenate(best.amounts))
-    every, columns = np.ones(len(left), bool), np.column_stack([part.columns for part in best.parts])
-    adequacy = remains(believed, left[blocks.train], blocks.train, settings, rng, best.columns)
+    believed = problem.believing(fit.parts, np.concatenate(fit.amounts))
+    columns = np.column_stack([part.columns for part in fit.parts])
+    adequacy = remains(believed, left[blocks.train], blocks.train, settings, rng, fit.columns)
     everywhere = remains(believed, left, every, settings, rng, columns)
-    scores = _scores(problem, blocks, left, best)
+    scores = _scores(problem, blocks, left, fit)
     return Answer(
         winner,
-        best,
-        tuple(judged_again),
+        fit,
+        tuple(ranked),
         tuple(fits.values()),
-        _groups(problem, judged_again, probability, candidates),
-        probability,
+        (),
+        alternatives,
+        told[fit.name],
+        problem,
         adequacy,
         everywhere,
         after,
@@ -357,85 +411,42 @@ def forces_of(problem: Problem, fit: Refitted) -> np.ndarray:
         raise NotSolved(fit.name, failure) from failure
 
 
-def _with_refit(judged: Screened, fit: Refitted | None, best: Screened, behind: float) -> Screened:
-    """Return a screened effect with the amounts of its refit and its evidence relative to the best one's of the screen."""
-    if fit is None:
-        return judged
+def _with_refit(
+    problem: Problem, judged: Screened, fit: Refitted, kept: float, told: Mapping[str, float], best: str
+) -> Screened:
+    """Return a screened answer with the amounts of its refit; its evidence is `kept` less its distance from the best."""
     amounts = np.concatenate(fit.amounts)
-    change = np.column_stack([part.columns for part in fit.parts]) @ amounts
+    parts = tuple(_whole(problem, part) for part in fit.parts)
+    factor = kept + told[fit.name] - told[best]
     return replace(
         judged,
-        parts=fit.parts,
+        parts=parts,
         amounts=amounts,
         covariance=fit.covariance,
-        change=change,
-        log_bayes_factor=best.log_bayes_factor + behind,
-        best_log_bayes_factor=best.log_bayes_factor + behind - judged.paid,
+        change=np.column_stack([part.columns for part in parts]) @ amounts,
+        log_bayes_factor=factor,
+        best_log_bayes_factor=factor - judged.paid,
     )
 
 
-def _groups(
-    problem: Problem,
-    ranked: Sequence[Screened],
-    probability: Mapping[str, float],
-    candidates: Sequence[Candidate],
-) -> tuple[Group, ...]:
+def _groups(answer: Answer, names: Collection[str]) -> tuple[Group, ...]:
     """Return the group of every effect of the winner: of one of several, what could stand in its place beside the others."""
-    winner, covariance = ranked[0], problem.covariance
-    every = np.ones(len(covariance), bool)
+    problem, winner = answer.problem, answer.winner
     if len(winner.parts) == 1:
-        return (_grouped(ranked, covariance, probability),)
-    groups = []
+        return (grouped(answer.ranked, problem.covariance, answer.alternatives),)
+    every, groups = np.ones(len(problem.labels), bool), []
     for own in winner.parts:
         others = tuple(part for part in winner.parts if part is not own)
-        first = [candidate for candidate in problem.candidates if candidate.name in problem.first]
-        rivals = first if own.name in problem.first else candidates
-        beside = testable(_screened(problem, every, rivals, others))
-        alone = [_last_alone(judged) for judged in beside]
-        here = next((judged for judged in alone if judged.name == own.name), None)
+        rivals = problem.first if own.name in problem.first else names
+        candidates = [c for c in problem.candidates if c.name in rivals]
+        alone = [last_alone(one) for one in testable(_screened(problem, every, candidates, others))]
+        here = next((one for one in alone if one.name == own.name), None)
         if here is None:  # beside the others these readings do not feel it
             groups.append(Group((own.name,), 0.0, np.inf, {own.name: 1.0}, ()))
             continue
-        alone = [here, *(judged for judged in alone if judged is not here)]
-        chances = normalised({judged.name: judged.log_bayes_factor for judged in alone})
-        groups.append(_grouped(alone, covariance, chances))
+        alone = [here, *(one for one in alone if one is not here)]
+        groups.append(grouped(alone, problem.covariance, answer.alternatives))
     return tuple(groups)
-
-
-def _grouped(ranked: Sequence[Screened], covariance: Covariance, probability: Mapping[str, float]) -> Group:
-    """Return the group of the best of some effects, its odds with or without errors of changes, whichever say less.
-
-    One effect is exact and another errs: of two that are alike that alone would decide.
-    """
-    group = _widened(group_of_winner(ranked, covariance, probability), probability)
-    exact = normalised({judged.name: judged.log_bayes_factor - judged.error_cost for judged in ranked})
-    others = sum(exact[name] for name in group.members[1:])
-    return replace(group, odds=min(group.odds, exact[group.members[0]] / others)) if others > 0 else group
-
-
-def _last_alone(judged: Screened) -> Screened:
-    """Return the last effect of several as one of its own, with its share of the change."""
-    last = judged.parts[-1]
-    p = last.columns.shape[1]
-    amounts = judged.amounts[-p:]
-    own = judged.covariance[-p:, -p:]
-    return replace(judged, parts=(last,), amounts=amounts, covariance=own, change=last.columns @ amounts)
-
-
-def _widened(group: Group, probability: Mapping[str, float]) -> Group:
-    """Return a group with the rivals, most probable first, without which it is not NAMED_PROBABILITY sure.
-
-    They leave another pattern, but these readings are too few to say which it is.
-    """
-    members, p = list(group.members), group.probability
-    for rival in sorted(group.rivals, key=lambda name: -probability[name]):
-        if p >= NAMED_PROBABILITY or len(members) >= MOST_MEMBERS:
-            break
-        members.append(rival)
-        p += probability[rival]
-    others = sum(probability[name] for name in members[1:])
-    odds = probability[members[0]] / others if others > 0 else np.inf
-    return replace(group, members=tuple(members), probability=float(p), odds=float(odds))
 
 
 def _scores(problem: Problem, blocks: Blocks, left: np.ndarray, fit: Refitted) -> dict:

@@ -16,6 +16,8 @@ from gelforge.mismatch.screen import Candidate
 
 # A defect lies up to half a spacing from the places that are tried, and has a size of its own.
 PLACE_ERROR = 0.5
+NEXT = 1.2  # of the distance to the nearest place: along the axes, not across
+SEATED_SNR = 1.0  # of a change, below which a difference of two solutions says no more than the derivative
 # Forces (R, 3) [N] at readings (R,) bool with effects at amounts, nan elsewhere; raises NotConverged.
 ForcesWith = Callable[[Sequence[Candidate], Sequence[np.ndarray], np.ndarray], np.ndarray]
 
@@ -61,7 +63,8 @@ class Problem:
         """Return the directions (n, q) in which a change by effects at amounts (p,) errs, a standard deviation each.
 
         What is solved errs by mesh and by form, pressing and sideways forces (and each channel) on their own, as a share of
-        the change: one for all depths and one that varies slowly with depth. What has a place errs more.
+        the change: one for all depths and one that varies slowly with depth. What has a place errs more, and towards the
+        places beside it.
         """
         labels = self.labels.assign(pressing=self.labels["axis"] == 2)
         kind = labels.groupby([name for name in ("channel", "pressing") if name in labels]).ngroup()
@@ -76,7 +79,18 @@ class Problem:
                 errors += [
                     np.where(kind == k, change * share, 0.0) for k in kind.unique() for share in shares
                 ]
+                errors += [PLACE_ERROR * (other.columns - part.columns) @ own for other in self._beside(part)]
         return np.column_stack(errors)
+
+    def _beside(self, part: Candidate) -> list[Candidate]:
+        """Return the same effect's candidates at the places next to a part's; none where it has no place or is exact."""
+        if "x_mm" not in part.shape or not self.error_of(part):
+            return []
+        at = lambda c: np.array([c.shape[axis] for axis in ("x_mm", "y_mm", "z_mm")])  # noqa: E731
+        others = [c for c in self.candidates if c.name == part.name]
+        away = np.array([np.linalg.norm(at(c) - at(part)) for c in others])
+        nearest = min(away[away > 0], default=0.0)
+        return [c for c, d in zip(others, away) if 0 < d <= NEXT * nearest]
 
     def readings_of(self, mask: np.ndarray) -> np.ndarray:
         """Return (R,) bool: the readings of which some entry (n,) bool is chosen."""
@@ -93,6 +107,25 @@ class Problem:
     def solves(self, part: Candidate) -> bool:
         """Return whether an effect is solved by the finite elements."""
         return self.effects[part.name].to_study is not None
+
+    def seated(self, part: Candidate, amounts: np.ndarray, forces: np.ndarray) -> Problem:
+        """Return the problem with an effect's columns through the forces (R, 3) [N] solved at amounts (p,).
+
+        Of all such columns those nearest to its derivatives, in plausible amounts (Broyden 1965,
+        doi:10.1090/S0025-5718-1965-0198670-6): the linear change is then right where the effect is.
+        """
+        own = self.own(part)
+        missed = self.observations.flat(forces - self.base) - own.columns @ amounts
+        share = amounts / np.broadcast_to(own.widths, len(amounts)) ** 2
+        if np.linalg.norm(self.covariance.whiten(own.columns @ amounts)) < SEATED_SNR:
+            return self
+        columns = own.columns + np.outer(missed, share / (amounts @ share))
+        seated = replace(own, columns=columns)
+        return replace(self, candidates=[seated if c is own else c for c in self.candidates])
+
+    def own(self, part: Candidate) -> Candidate:
+        """Return the problem's own candidate of a part's effect and shape."""
+        return next(c for c in self.candidates if c.name == part.name and dict(c.shape) == dict(part.shape))
 
     def without(self, names: Sequence[str]) -> Problem:
         """Return the problem without some effects."""

@@ -106,7 +106,7 @@ def problem_of_case(case: Case, solver: Solver, table: pd.DataFrame, sigma_N: fl
     """Return the problem of one base; solver: of the study with the curve's assumptions."""
     observations = readings(table, sigma_N)
     effects = {
-        name: effect.at(solver.study)
+        name: effect
         for name, effect in CATALOGUE.items()
         if effect.to_forces is not None and effect.applies(solver.study) and not effect.history
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,10 +12,8 @@ from scipy.special import log_ndtr, logsumexp
 from gelforge.mismatch.covariance import Covariance
 from gelforge.mismatch.effect import Shape
 
-NULL_PRIOR = 0.5  # as likely as not that a careful study has left nothing out
 SCALES = (1.0, 0.3, 0.1)  # of plausible amounts: what is left out is known to be small, not how small
 FAR = -50.0  # standard deviations on the wrong side, from where phi / Phi is its asymptotic series to 1e-6
-PAIR_PRIOR = 0.1  # of what is not null: two effects at once are rarer than one, and there are many pairs
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,36 +113,6 @@ def believing(judged: Screened, residual: np.ndarray, covariance: Covariance, wi
         plausible_snr=judged.plausible_snr,
         error_cost=more,
     )
-
-
-def probabilities(
-    single: Sequence[Screened],
-    pairs: Sequence[Screened] = (),
-    null_prior: float = NULL_PRIOR,
-    pair_prior: float = PAIR_PRIOR,
-) -> dict[str, float]:
-    """Return the probability of "null", of each effect and of each pair by name; they add up to 1.
-
-    Every effect has the same prior, whatever its family and number of shapes; every pair of them too, those that the
-    greedy search did not try counting as refuted.
-    """
-    count = max(len(single), 1)
-    possible = max(count * (count - 1) // 2, 1)
-    pair_prior = pair_prior if pairs else 0.0
-    log_weights = {"null": np.log(null_prior)}
-    for judged in single:
-        log_weights[judged.name] = (
-            np.log((1 - null_prior) * (1 - pair_prior) / count) + judged.log_bayes_factor
-        )
-    for judged in pairs:
-        log_weights[judged.name] = np.log((1 - null_prior) * pair_prior / possible) + judged.log_bayes_factor
-    return normalised(log_weights)
-
-
-def normalised(log_weights: Mapping[str, float]) -> dict[str, float]:
-    """Return weights given by their logarithms as probabilities."""
-    total = logsumexp(list(log_weights.values()))
-    return {name: float(np.exp(value - total)) for name, value in log_weights.items()}
 
 
 def _judged(r: np.ndarray, parts: Sequence[Candidate], columns: Sequence[np.ndarray]) -> Screened:

@@ -132,7 +132,7 @@ def spread_sites(observations: Observations, study: Study) -> Observations:
 def problem_of(solver: Solver, observations: Observations) -> tuple[Problem, Base]:
     """Return the problem of some observations: base, covariance, and the change by every effect that applies."""
     effects = {
-        name: effect.at(solver.study)
+        name: effect
         for name, effect in CATALOGUE.items()
         if name not in solver.study.mismatch.leave_out
         and effect.to_forces is not None

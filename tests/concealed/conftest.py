@@ -21,11 +21,11 @@ def library():
     from concealed.library import Library, LocalChange
 
     shape = np.log([0.2, 0.8, 1.85]), np.log([0.03, 0.2, 1.0])
-    vertical = np.zeros((4, 4, 3))
+    vertical = np.zeros((len(solves.NODES), len(solves.NODES), 3))
     vertical[..., 0], vertical[..., 1] = 1.0, 0.01
     squares = np.array(solves.NODES) ** 2
     vertical *= (1 + 0.003 * (squares[:, None] + squares[None]))[..., None]
-    horizontal = np.full((3, 4, 4), 0.0)
+    horizontal = np.full((len(solves.NODES) - 1, len(solves.NODES), 4), 0.0)
     horizontal[..., 0] = -4e-3
     sizes = {"gel softer": -0.15, "gel stiffer": 0.15, "thicker": -0.06, "thinner": 0.07}
     changes = {name: change(sizes.get(name, 0.05)) for name in solves.EFFECTS}

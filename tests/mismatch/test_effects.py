@@ -17,6 +17,7 @@ from gelforge.indentation.effects.catalogue import Place, middle_of
 from gelforge.mismatch import places
 from gelforge.mismatch.context import Curves
 from gelforge.mismatch.effect import FAMILIES
+from gelforge.mismatch.effects.clock_offset import STAMPS
 from gelforge.mismatch.places import FirstOrderAt
 from gelforge.mismatch.solver_effects import FirstOrder
 from gelforge.recording.camera import project
@@ -265,16 +266,13 @@ def test_an_effect_of_what_the_sensor_does_not_have_is_not_offered(name, sensor_
     assert not CATALOGUE[name].applies(study_from(merged(STUDY.model_dump(mode="json"), sensor_or_mechanics)))
 
 
-def test_a_frictionless_base_can_only_have_more_friction():
-    friction, smooth = (
-        CATALOGUE["friction"],
-        study_from(merged(STUDY.model_dump(mode="json"), {"mechanics": {"friction": 0.0}})),
-    )
-    assert friction.at(STUDY).parameters == friction.parameters and friction.parameters[0].sign == 0
-    (excess,) = friction.at(smooth).parameters
-    assert excess.sign == 1 and excess.bounds == (0.0, 1.5)
-    assert not friction.at(smooth).in_range([-0.1]) and friction.at(smooth).in_range([0.1])
-    assert friction.to_study(smooth, {}, [0.1]).mechanics.friction == pytest.approx(0.1)
+def test_friction_left_out_has_one_name_whatever_the_base():
+    """A base without any is `frictionless`; one that has some has another coefficient, or none."""
+    smooth = study_from(merged(STUDY.model_dump(mode="json"), {"mechanics": {"friction": 0.0}}))
+    names = ("friction", "friction_law", "frictionless")
+    assert [CATALOGUE[name].applies(smooth) for name in names] == [False, False, True]
+    assert all(CATALOGUE[name].applies(STUDY) for name in names)
+    assert CATALOGUE["friction"].to_study(STUDY, {}, [-1.0]).mechanics.friction == 0.0
 
 
 # --------------------------------------------------------------------------------------------------------- places
@@ -443,11 +441,15 @@ def test_without_the_solver_depth_acts_by_the_slope_of_the_base():
     assert_allclose(found, 0.1 * alone.force[:, 2:] * alone.slope(), atol=1e-14)
 
 
-def test_a_late_clock_reads_the_force_of_before():
-    context = one_press([1.0, 2.0, 5.0, 6.0], [0.5, 1.0, 1.0, 0.2], ["load", "load", "dwell", "unload"])
+def test_a_late_clock_reads_the_force_of_before_and_an_early_one_that_of_after():
+    """At the end of the way down an early clock reads the wait: nothing changes there."""
+    context = one_press(
+        [1.0, 2.0, 5.0, 6.0, 7.0], [0.5, 1.0, 1.0, 0.6, 0.2], ["load", "load", "dwell", "unload", "unload"]
+    )
     per_mm = context.derivative("contact_zero")[:, 2]
-    found = change("clock_offset", [0.1], context=context)[:, 2]
-    assert_allclose(found, -0.1 * np.array([0.5, 0.5, 0.0, -0.8]) * per_mm, atol=1e-14)
+    for stamp, speed in {"late": [0.5, 0.5, 0, -0.4, -0.4], "early": [0.5, 0.0, 0, -0.4, -0.4]}.items():
+        found = change("clock_offset", [0.1], STAMPS.index(stamp), context)[:, 2]
+        assert_allclose(found, -0.1 * np.array(speed) * per_mm, atol=1e-14)
 
 
 def test_gain_and_cross_talk_act_on_the_force():

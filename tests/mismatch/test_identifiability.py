@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal
 from test_screen import make
 
+from gelforge.mismatch.alternatives import probabilities
 from gelforge.mismatch.identifiability import (
     DETECTED_SNR,
     Plan,
@@ -20,7 +21,7 @@ from gelforge.mismatch.identifiability import (
     profile,
 )
 from gelforge.mismatch.scan import dictionary, scan
-from gelforge.mismatch.screen import Candidate, probabilities, screened
+from gelforge.mismatch.screen import Candidate, screened
 
 
 @pytest.fixture(scope="module")

@@ -9,16 +9,18 @@ from numpy.testing import assert_allclose
 
 from gelforge.config.mismatch import Mismatch
 from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mismatch.alternatives import Alternatives, normalised
 from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.findings import _plain, sentence_of
+from gelforge.mismatch.groups import grouped
 from gelforge.mismatch.holdout import Gain
 from gelforge.mismatch.identifiability import RIVAL, group_of_winner
-from gelforge.mismatch.judge import Remains, _grouped, _screened, _state, _told, judge
+from gelforge.mismatch.judge import Remains, _screened, _state, _told, judge
 from gelforge.mismatch.problem import PLACE_ERROR, Problem
 from gelforge.mismatch.refit import refitted
 from gelforge.mismatch.scan import Finding
-from gelforge.mismatch.screen import normalised, screened
+from gelforge.mismatch.screen import screened
 from gelforge.mismatch.stage import at_first_order, candidates_of
 
 LOCATED = {"void", "inclusion", "delamination"}
@@ -173,9 +175,10 @@ def test_an_exact_twin_of_an_effect_that_errs_is_not_named_for_that():
     tilt = next(one for one in ranked if one.name == "tilt")
     assert tilt.error_cost < -0.3 and next(one for one in ranked if one.name == "cross_talk").error_cost == 0
     chances = normalised({one.name: one.log_bayes_factor for one in ranked})
-    grouped = _grouped(ranked, problem.covariance, chances)
-    assert set(grouped.members) == {"tilt", "cross_talk"}
-    assert grouped.odds < group_of_winner(ranked, problem.covariance, chances).odds
+    alternatives = Alternatives({}, len(ranked)).joined(ranked)
+    group = grouped(ranked, problem.covariance, alternatives)
+    assert set(group.members) == {"tilt", "cross_talk"}
+    assert group.odds < group_of_winner(ranked, problem.covariance, chances).odds
 
 
 def test_what_shapes_and_scales_have_cost_is_paid_on():
@@ -221,18 +224,51 @@ def test_an_error_of_a_change_is_an_error_of_its_amount():
     assert np.array_equal(*exact)  # what is not solved does not err
 
 
-@pytest.mark.parametrize(
-    ("name", "share"), [("gel_stiffness", 0.1), ("void", PLACE_ERROR), ("force_gain", 0.0)]
-)
+@pytest.mark.parametrize(("name", "share"), [("gel_stiffness", 0.1), ("force_gain", 0.0)])
 def test_a_change_errs_by_its_share_at_every_reading(name, share):
     problem = replace(problem_of(artificial.context(19, per_side=3), left_out=set()), change_error=0.1)
     part = next(c for c in problem.candidates if c.name == name)
     amounts = np.full(part.columns.shape[1], 0.3)
-    wider = problem.believing([part], amounts).covariance
-    added = wider.standard_deviation**2 - problem.covariance.standard_deviation**2
-    assert_allclose(added, (share * part.columns @ amounts) ** 2, rtol=1e-9, atol=1e-15)
+    assert_allclose(
+        added(problem, part, amounts), (share * part.columns @ amounts) ** 2, rtol=1e-9, atol=1e-15
+    )
     none = replace(problem, change_error=0.0)
     assert none.believing([part], amounts) is none
+
+
+def added(problem, part, amounts):
+    """Return the variance (n,) that errors of a change add."""
+    wider = problem.believing([part], amounts).covariance
+    return wider.standard_deviation**2 - problem.covariance.standard_deviation**2
+
+
+def test_a_defect_errs_by_its_place_too():
+    """Towards each place next to its own, by half of the way; none of them lies across."""
+    problem = replace(problem_of(artificial.context(19, per_side=3), left_out=set()), change_error=0.1)
+    voids = [c for c in problem.candidates if c.name == "void"]
+    at = lambda c: np.array([c.shape[k] for k in ("x_mm", "y_mm", "z_mm")])  # noqa: E731
+    part = voids[len(voids) // 2]
+    steps = [at(c) - at(part) for c in voids if c is not part]
+    spacing = min(np.linalg.norm(step) for step in steps)
+    beside = [c for c in voids if c is not part and np.linalg.norm(at(c) - at(part)) < 1.2 * spacing]
+    assert 2 <= len(beside) <= 6 and all(np.count_nonzero(at(c) - at(part)) == 1 for c in beside)
+    own = PLACE_ERROR * np.column_stack([part.columns, *(c.columns - part.columns for c in beside)])
+    assert_allclose(added(problem, part, np.ones(1)), (own**2).sum(axis=1), rtol=1e-9, atol=1e-15)
+
+
+def test_a_change_goes_through_what_was_solved():
+    """Of two amounts along their own direction; across it the derivative stays."""
+    problem = problem_of(artificial.context(19, per_side=3))
+    part = next(c for c in problem.candidates if c.name == "tilt")
+    amounts = np.array([2.0, -1.0])
+    solved = problem.base + 1.3 * (
+        problem.forces_with([part], [amounts], np.ones(len(problem.base), bool)) - problem.base
+    )
+    seated = problem.seated(part, amounts, solved).own(part)
+    assert_allclose(seated.columns @ amounts, problem.observations.flat(solved - problem.base), atol=1e-12)
+    across = np.array([1.0, 2.0])  # equal widths
+    assert_allclose(seated.columns @ across, part.columns @ across, atol=1e-12)
+    assert problem.seated(part, 1e-9 * amounts, solved) is problem
 
 
 def test_the_readings_set_aside_decide_between_effects_that_are_told_apart_by_little():

@@ -6,7 +6,8 @@ from artificial_readings import covariance_of, flat_base, grid, readings
 from numpy.testing import assert_allclose
 from scipy.stats import binom
 
-from gelforge.mismatch.screen import SCALES, Candidate, believing, evidence, probabilities, screened
+from gelforge.mismatch.alternatives import probabilities
+from gelforge.mismatch.screen import SCALES, Candidate, believing, evidence, screened
 
 RNG = np.random.default_rng
 AS_STATED = (1.0,)  # scales of plausible amounts: drawn as the priors say
@@ -226,7 +227,7 @@ def test_two_effects_at_once(world):
     single = screened(r, covariance, candidates, scales=AS_STATED)
     pairs = screened(r, covariance, candidates, given=single[0].parts, scales=AS_STATED)
     assert set(pairs[0].name.split(" + ")) == {"force_drift", "late"}
-    p = probabilities(single, pairs)
+    p = probabilities([*single, *pairs])
     assert sum(p.values()) == pytest.approx(1) and p[pairs[0].name] > 0.95
     joint = evidence(
         covariance.whiten(r),
@@ -242,7 +243,9 @@ def test_one_effect_is_not_taken_for_two(world):
     drift = next(c for c in candidates if c.name == "force_drift")
     r = drift.columns @ [0.06, -0.06, 0.06] + covariance.draw(RNG(13), 1)[:, 0]
     single = screened(r, covariance, candidates, scales=AS_STATED)
-    p = probabilities(single, screened(r, covariance, candidates, given=single[0].parts, scales=AS_STATED))
+    p = probabilities(
+        [*single, *screened(r, covariance, candidates, given=single[0].parts, scales=AS_STATED)]
+    )
     assert max(p, key=p.get) == "force_drift"
 
 

@@ -1,30 +1,48 @@
-"""The force's clock is late against the stage's: forces belong to an earlier depth."""
+"""The force's clock is late or early against the stage's: forces belong to an earlier depth, or a later one."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
+import pandas as pd
 
 from gelforge.mismatch.context import Context
 from gelforge.mismatch.effect import Effect, Parameter, Shape
 from gelforge.mismatch.solver_effects import per_depth
 
+STAMPS = ("late", "early")  # forces belong to the way before a reading, or to that after it
 
-def speed(context: Context) -> np.ndarray:
-    """Return the speed (R,) [mm/s] at which depth grows: from the reading before, or touch; 0 where the stage waits."""
+
+def speed(context: Context, stamp: str) -> np.ndarray:
+    """Return the speed (R,) [mm/s] at which depth grows before (late) or after (early) a reading; 0 where the stage waits.
+
+    Before: from the reading before, or touch. After: to the next reading of the same way; at the end of a way down the
+    stage stops, at that of a way up it goes on.
+    """
     table = context.observations.table
+    press = table["press"].to_numpy()
     before = table.groupby("press", sort=False)[["press_time_s", "depth_mm"]].shift(fill_value=0.0)
     seconds = (table["press_time_s"] - before["press_time_s"]).to_numpy(float)
     way = (table["depth_mm"] - before["depth_mm"]).to_numpy(float)
     moving = table["phase"].isin(["load", "unload"]).to_numpy() & (seconds > 0)
-    return np.where(moving, way / np.where(moving, seconds, 1.0), 0.0)
+    found = pd.Series(np.where(moving, way / np.where(moving, seconds, 1.0), 0.0), table.index)
+    if stamp == "late":
+        return found.to_numpy()
+    following = table["phase"].groupby(press, sort=False).shift(-1)
+    after = found.groupby(press, sort=False).shift(-1).where(following == table["phase"], 0.0)
+    return after.where(following.notna() | (table["phase"] != "unload"), found).to_numpy()
+
+
+def shapes(context: Context) -> list[Shape]:
+    """Return a force read late and one read early: at the end of a way they are no mirror images."""
+    return [{"stamp": stamp} for stamp in STAMPS]
 
 
 def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
     """Return the forces of `lag` seconds before at moving readings: by `per_depth` and speed."""
     (lag,) = amounts
-    return force - lag * speed(context)[:, None] * per_depth(context)
+    return force - lag * speed(context, str(shape["stamp"]))[:, None] * per_depth(context)
 
 
 EFFECT = Effect(
@@ -41,4 +59,5 @@ EFFECT = Effect(
     confused_with=("contact_zero", "force_hysteresis", "viscoelastic"),
     separated_by="the same press at two speeds, with a wait at the end; one trigger line for all recorders",
     to_forces=to_forces,
+    shapes=shapes,
 )  # fmt: skip
