@@ -52,10 +52,10 @@ class Alternatives:
         """Return whether an answer of so many effects has a log weight above one."""
         return any(self.weight(e, value) > than for e, value in self.evidence.items() if len(e) == count)
 
-    def joined(self, answers: Iterable[Screened], shift: float = 0.0) -> Alternatives:
-        """Return these and other answers, in place of the same ones, their evidence moved by a shift."""
+    def joined(self, answers: Iterable[Screened]) -> Alternatives:
+        """Return these and other answers, in place of the same ones."""
         return Alternatives(
-            {**self.evidence, **{effects_of(a): a.log_bayes_factor + shift for a in answers}}, self.known
+            {**self.evidence, **{effects_of(a): a.log_bayes_factor for a in answers}}, self.known
         )
 
 

@@ -15,7 +15,7 @@ from gelforge.mismatch.alternatives import Alternatives, effects_of, probabiliti
 from gelforge.mismatch.flow_scan import patterns
 from gelforge.mismatch.groups import grouped, last_alone
 from gelforge.mismatch.holdout import FEW_SITES, Blocks, Gain, gain, predictive_scores, split
-from gelforge.mismatch.identifiability import DECISIVE, DETECTED_SNR, RIVAL, Group
+from gelforge.mismatch.identifiability import DETECTED_SNR, RIVAL, Group
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.refit import Refitted, refitted
 from gelforge.mismatch.scan import GlobalTest, Scan, global_test, scan
@@ -182,11 +182,11 @@ def _wanting(answer: Answer) -> bool:
 def _margin(answer: Answer) -> float:
     """Return the log odds that an answer with one effect more needs.
 
-    None where this one leaves more than noise or is refuted; else they must be decisive: one large amount can as well be
-    two smaller ones of effects that are alike.
+    None where this one leaves more than noise or is refuted. Else it must be out of its reach: one large amount can as well
+    be two smaller ones of effects that are alike.
     """
     wanted = answer.adequacy.p <= ADEQUATE_P or answer.refuted
-    return 0.0 if wanted else DECISIVE
+    return 0.0 if wanted else RIVAL
 
 
 def _weight(answer: Answer) -> float:
@@ -260,10 +260,21 @@ def _beside(
     best: dict[frozenset[str], Screened] = {}
     for given in before[:width]:
         for judged in testable(_screened(problem, mask, candidates, given.parts, given.paid)):
+            judged = _moved(judged, given.refit_gain)
             known = best.get(effects_of(judged))
             if known is None or judged.log_bayes_factor > known.log_bayes_factor:
                 best[effects_of(judged)] = judged
     return sorted(best.values(), key=lambda judged: -judged.log_bayes_factor)
+
+
+def _moved(judged: Screened, by: float) -> Screened:
+    """Return a screened answer with as much more evidence as refits have given."""
+    return replace(
+        judged,
+        log_bayes_factor=judged.log_bayes_factor + by,
+        best_log_bayes_factor=judged.best_log_bayes_factor + by,
+        refit_gain=judged.refit_gain + by,
+    )
 
 
 def _screened(
@@ -322,19 +333,21 @@ def _answer(
     promised = next(one.log_bayes_factor for one in screen if effects_of(one) == own)
     kept = promised if before is None else before.winner.log_bayes_factor + told[fit.name] - before.told
     refits = {frozenset(part.name for part in one.parts): one for one in fits.values()}
-    ranked = [
-        replace(one, log_bayes_factor=one.log_bayes_factor + kept - promised)
-        if effects_of(one) not in refits
-        else _with_refit(problem, one, refits[effects_of(one)], kept, told, fit.name)
-        for one in screen
-    ]
+    ranked = []
+    for one in screen:
+        refit = refits.get(effects_of(one))
+        if refit is None:
+            ranked.append(_moved(one, kept - promised))
+        else:
+            more = kept + told[refit.name] - told[fit.name] - one.log_bayes_factor
+            ranked.append(_moved(_with_refit(problem, one, refit), more))
     winner = next(one for one in ranked if effects_of(one) == own)
     ranked = sorted(ranked, key=lambda one: (one is not winner, -one.log_bayes_factor))
     known = len({c.name for c in problem.candidates})
     alternatives = (Alternatives({}, known) if before is None else before.alternatives).joined(ranked)
     if len(fit.parts) < MOST_EFFECTS:
         rest = {c.name for c in problem.candidates} - problem.first if own & problem.first else names
-        alternatives = alternatives.joined(_beside(problem, every, rest, ranked), kept - promised)
+        alternatives = alternatives.joined(_beside(problem, every, rest, ranked))
     left = problem.observations.flat(problem.observations.force - after)
     believed = problem.believing(fit.parts, np.concatenate(fit.amounts))
     columns = np.column_stack([part.columns for part in fit.parts])
@@ -411,22 +424,12 @@ def forces_of(problem: Problem, fit: Refitted) -> np.ndarray:
         raise NotSolved(fit.name, failure) from failure
 
 
-def _with_refit(
-    problem: Problem, judged: Screened, fit: Refitted, kept: float, told: Mapping[str, float], best: str
-) -> Screened:
-    """Return a screened answer with the amounts of its refit; its evidence is `kept` less its distance from the best."""
+def _with_refit(problem: Problem, judged: Screened, fit: Refitted) -> Screened:
+    """Return a screened answer with the amounts of its refit."""
     amounts = np.concatenate(fit.amounts)
     parts = tuple(_whole(problem, part) for part in fit.parts)
-    factor = kept + told[fit.name] - told[best]
-    return replace(
-        judged,
-        parts=parts,
-        amounts=amounts,
-        covariance=fit.covariance,
-        change=np.column_stack([part.columns for part in parts]) @ amounts,
-        log_bayes_factor=factor,
-        best_log_bayes_factor=factor - judged.paid,
-    )
+    change = np.column_stack([part.columns for part in parts]) @ amounts
+    return replace(judged, parts=parts, amounts=amounts, covariance=fit.covariance, change=change)
 
 
 def _groups(answer: Answer, names: Collection[str]) -> tuple[Group, ...]:

@@ -45,6 +45,9 @@ class Screened:
     snr: float  # of this change: sqrt(d' C^-1 d)
     plausible_snr: float  # the same of the last part alone, root mean square over its prior
     error_cost: float = 0.0  # log evidence that the change's own error has taken or given
+    refit_gain: float = (
+        0.0  # log evidence that refits, its own or those of its round, have given to what was screened
+    )
 
     @property
     def paid(self) -> float:

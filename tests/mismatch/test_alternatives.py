@@ -1,0 +1,44 @@
+"""Probabilities over answers of no, one and several effects: priors that add up, and groups that know of pairs."""
+
+from itertools import combinations
+from math import comb
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from gelforge.mismatch.alternatives import NULL_PRIOR, Alternatives, log_prior
+
+
+@pytest.mark.parametrize("known", [2, 40])
+def test_priors_add_up_to_one_and_nothing_is_missing_half_of_the_time(known):
+    """But for what Poisson's law has beyond all effects that there are: 2 % with two, nothing with forty."""
+    each = np.array([comb(known, k) * np.exp(log_prior(k, known)) for k in range(known + 1)])
+    assert each[0] == pytest.approx(NULL_PRIOR)
+    assert each.sum() == pytest.approx(1.0, abs=0.035 if known == 2 else 1e-12)
+    assert_allclose(each[2] / each[1], np.log(2) / 2)
+
+
+def test_one_effect_that_stands_for_two_is_not_sure_where_pairs_do_as_well():
+    names = [f"effect {k}" for k in range(9)]
+    evidence = {frozenset([names[0]]): 60.0}
+    alone = Alternatives(evidence, 40)
+    assert alone.holding([names[0]]) > 0.999
+    pairs = {frozenset(pair): 63.0 for pair in combinations(names[1:], 2)}
+    both = Alternatives(evidence | pairs, 40)
+    odds = len(pairs) * np.exp(3.0 + log_prior(2, 40) - log_prior(1, 40))
+    assert_allclose(both.holding([names[0]]), 1 / (1 + odds), rtol=1e-6)
+    assert_allclose(sum(both.probability.values()), 1)
+    # each of the others is in 7 of the 28 pairs; two of them in 13
+    assert_allclose(both.holding(names[1:2]), odds / (1 + odds) * 7 / 28, rtol=1e-6)
+    assert_allclose(both.holding(names[1:3]), odds / (1 + odds) * 13 / 28, rtol=1e-6)
+
+
+def test_a_likelier_answer_of_one_more_effect_is_seen():
+    one, two = frozenset(["tilt"]), frozenset(["tilt", "yaw"])
+    found = Alternatives({one: 50.0, two: 55.0}, 40)
+    dearer = log_prior(1, 40) - log_prior(2, 40)
+    assert 3.9 < dearer < 4.2
+    weight = found.weight(one, 50.0)
+    assert found.likelier_of(2, weight) and not found.likelier_of(2, weight + 1.2)
+    assert not found.likelier_of(3, weight)
