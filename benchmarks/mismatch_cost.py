@@ -25,11 +25,12 @@ import pandas as pd
 
 from gelforge.cli.bench import laws_of
 from gelforge.config import load_study
-from gelforge.mismatch.judge import judge, testable
+from gelforge.mismatch.judge import judge
 from gelforge.mismatch.screen import screened
 from gelforge.mismatch.sessions import observe
 from gelforge.mismatch.solutions import Solver
 from gelforge.mismatch.stage import at_first_order, judge_recording, problem_of
+from gelforge.mismatch.weighing import those_felt
 
 SPACING, DEPTHS = 4.0, 0.25 * np.arange(1, 9)  # mm
 STIFFER, NOISE_N, TOUCHDOWN_MM = 1.12, 0.01, 0.01
@@ -131,7 +132,7 @@ def main() -> None:
         began = time.perf_counter()
         again = write(folder / "second", planned(study, arguments.sites, 7))
         problem, _ = problem_of(solver, observe([again], study.sensor, 1.0))
-        testable(screened(*problem.part(np.ones(len(problem.labels), bool))))
+        those_felt(screened(*problem.part(np.ones(len(problem.labels), bool))))
         told("second recording of the same plan screened", began)
     print()
     print(pd.DataFrame(found).to_markdown(index=False, floatfmt=".0f"))

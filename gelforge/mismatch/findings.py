@@ -12,15 +12,18 @@ from scipy.stats import norm
 
 from gelforge.config import Sensor, Study
 from gelforge.mismatch import verdict as form
+from gelforge.mismatch.alternatives import NOTHING
 from gelforge.mismatch.covariance import Covariance
 from gelforge.mismatch.flow import force_part
 from gelforge.mismatch.holdout import gain, predictive_scores
 from gelforge.mismatch.identifiability import detection_limits, profile
-from gelforge.mismatch.judge import Answer, Judgement, Remains, in_range
+from gelforge.mismatch.judge import Judgement, in_range
 from gelforge.mismatch.law_search import Terms, search, terms
 from gelforge.mismatch.problem import Problem
+from gelforge.mismatch.remains import Remains
 from gelforge.mismatch.scan import Finding
 from gelforge.mismatch.screen import Screened
+from gelforge.mismatch.search import Answer
 
 AXES = ("x", "y", "z")
 NINETY = float(norm.ppf(0.95))
@@ -60,9 +63,7 @@ def verdict_of(
         where=_where(judgement.mismatch) if answer or judgement.state == "open" else [],
         answer=told,
         effects=_effects(problem, judgement),
-        null_probability=0.0
-        if judgement.state in ("named", "group", "open")
-        else judgement.probability["null"],
+        null_probability=_of_nothing(judgement),
         fit=_fit(*in_newtons).model_copy(update={"flow": flow}),
         adequacy=None if answer is None else _adequacy(judgement),
         law=law,
@@ -260,6 +261,15 @@ def _groups(problem: Problem, answer: Answer | None) -> list[form.Group]:
     return found
 
 
+def _of_nothing(judgement: Judgement) -> float:
+    """Return the probability that nothing is missing: by what the search found, or by the screen where none was made."""
+    if judgement.state in ("named", "group", "open"):
+        return 0.0
+    if judgement.answer is None:
+        return judgement.probability["null"]
+    return judgement.answer.alternatives.probability[NOTHING]
+
+
 def _effects(problem: Problem, judgement: Judgement) -> list[form.NamedEffect]:
     answer = judgement.answer
     found: dict[str, form.NamedEffect] = {}
@@ -267,11 +277,9 @@ def _effects(problem: Problem, judgement: Judgement) -> list[form.NamedEffect]:
         for part, amounts, group, spread in zip(
             answer.fit.parts, answer.fit.amounts, answer.groups, _blocks(answer)
         ):
-            chance = min(group.probability, 1.0)
-            others = len(group.members) > 1 and np.isfinite(group.odds)
-            own = chance * (group.odds / (1 + group.odds) if others else 1.0)
             found[part.name] = _effect(
-                problem, part.name, dict(part.shape), amounts, spread, own, answer.winner.log_bayes_factor,
+                problem, part.name, dict(part.shape), amounts, spread,
+                answer.alternatives.holding([part.name]), answer.winner.log_bayes_factor,
                 answer.winner.snr, True, [name.split(" + ")[-1] for name in group.members], part.switch,
             )  # fmt: skip
         if len(answer.fit.parts) == 1 and not answer.fit.parts[0].switch:

@@ -16,8 +16,10 @@ from gelforge.mismatch.screen import Candidate
 
 # A defect lies up to half a spacing from the places that are tried, and has a size of its own.
 PLACE_ERROR = 0.5
-NEXT = 1.2  # of the distance to the nearest place: along the axes, not across
-SEATED_SNR = 1.0  # of a change, below which a difference of two solutions says no more than the derivative
+ALONG_AXES = 1.2  # of the distance to the nearest place; those across are farther
+SEATED_SNR = (
+    1.0  # of a change, linear or solved, below which a difference of two solutions is no better than it
+)
 # Forces (R, 3) [N] at readings (R,) bool with effects at amounts, nan elsewhere; raises NotConverged.
 ForcesWith = Callable[[Sequence[Candidate], Sequence[np.ndarray], np.ndarray], np.ndarray]
 
@@ -79,18 +81,20 @@ class Problem:
                 errors += [
                     np.where(kind == k, change * share, 0.0) for k in kind.unique() for share in shares
                 ]
-                errors += [PLACE_ERROR * (other.columns - part.columns) @ own for other in self._beside(part)]
+                errors += [
+                    PLACE_ERROR * (other.columns - part.columns) @ own for other in self._next_to(part)
+                ]
         return np.column_stack(errors)
 
-    def _beside(self, part: Candidate) -> list[Candidate]:
+    def _next_to(self, part: Candidate) -> list[Candidate]:
         """Return the same effect's candidates at the places next to a part's; none where it has no place or is exact."""
         if "x_mm" not in part.shape or not self.error_of(part):
             return []
-        at = lambda c: np.array([c.shape[axis] for axis in ("x_mm", "y_mm", "z_mm")])  # noqa: E731
         others = [c for c in self.candidates if c.name == part.name]
-        away = np.array([np.linalg.norm(at(c) - at(part)) for c in others])
+        places = np.array([[c.shape[axis] for axis in ("x_mm", "y_mm", "z_mm")] for c in others])
+        away = np.linalg.norm(places - [part.shape[axis] for axis in ("x_mm", "y_mm", "z_mm")], axis=1)
         nearest = min(away[away > 0], default=0.0)
-        return [c for c, d in zip(others, away) if 0 < d <= NEXT * nearest]
+        return [c for c, d in zip(others, away) if 0 < d <= ALONG_AXES * nearest]
 
     def readings_of(self, mask: np.ndarray) -> np.ndarray:
         """Return (R,) bool: the readings of which some entry (n,) bool is chosen."""
@@ -112,16 +116,25 @@ class Problem:
         """Return the problem with an effect's columns through the forces (R, 3) [N] solved at amounts (p,).
 
         Of all such columns those nearest to its derivatives, in plausible amounts (Broyden 1965,
-        doi:10.1090/S0025-5718-1965-0198670-6): the linear change is then right where the effect is.
+        doi:10.1090/S0025-5718-1965-0198670-6): the linear change is then right where the effect is. What has a place
+        changes by the same factor, least squares, at all others.
         """
         own = self.own(part)
-        missed = self.observations.flat(forces - self.base) - own.columns @ amounts
-        share = amounts / np.broadcast_to(own.widths, len(amounts)) ** 2
-        if np.linalg.norm(self.covariance.whiten(own.columns @ amounts)) < SEATED_SNR:
+        linear, solved = own.columns @ amounts, self.observations.flat(forces - self.base)
+        white = self.covariance.whiten(np.column_stack([linear, solved]))
+        if np.linalg.norm(white, axis=0).min() < SEATED_SNR:
             return self
-        columns = own.columns + np.outer(missed, share / (amounts @ share))
-        seated = replace(own, columns=columns)
-        return replace(self, candidates=[seated if c is own else c for c in self.candidates])
+        share = amounts / np.broadcast_to(own.widths, len(amounts)) ** 2
+        seated = replace(own, columns=own.columns + np.outer(solved - linear, share / (amounts @ share)))
+        factor = float(white[:, 0] @ white[:, 1] / (white[:, 0] @ white[:, 0]))
+
+        def with_it(other: Candidate) -> Candidate:
+            if other is own:
+                return seated
+            alike = other.name == own.name and "x_mm" in own.shape
+            return replace(other, columns=factor * other.columns) if alike else other
+
+        return replace(self, candidates=[with_it(c) for c in self.candidates])
 
     def own(self, part: Candidate) -> Candidate:
         """Return the problem's own candidate of a part's effect and shape."""

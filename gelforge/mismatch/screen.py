@@ -71,23 +71,23 @@ def screened(
     candidates: Sequence[Candidate],
     given: tuple[Candidate, ...] = (),
     scales: Sequence[float] = SCALES,
+    white: Sequence[np.ndarray] | None = None,
 ) -> list[Screened]:
     """Return every effect judged against none by residual (n,) = measured - base, best first.
 
     given: effects that act in any case; each other one is then judged together with them, and the factor is that of all
-    together. Shapes of one effect, and scales of its plausible amounts, have equal prior weight: their Bayes factors are
-    averaged.
+    together. white: the candidates' columns whitened, where they are known. Shapes of one effect, and scales of its
+    plausible amounts, have equal prior weight: their Bayes factors are averaged.
     """
     r = covariance.whiten(residual)
     fixed = [covariance.whiten(candidate.columns) for candidate in given]
     by_name = defaultdict(list)
-    for candidate in candidates:
+    for candidate, own in zip(candidates, whitened(covariance, candidates) if white is None else white):
         if candidate.name not in {part.name for part in given}:
-            white = covariance.whiten(candidate.columns)
-            felt = float(np.linalg.norm(white * (1.0 if candidate.switch else candidate.widths)))
+            felt = float(np.linalg.norm(own * (1.0 if candidate.switch else candidate.widths)))
             for scale in (1.0,) if candidate.switch else scales:
                 parts = (*given, replace(candidate, widths=scale * np.asarray(candidate.widths)))
-                judged = replace(_judged(r, parts, [*fixed, white]), plausible_snr=felt)
+                judged = replace(_judged(r, parts, [*fixed, own]), plausible_snr=felt)
                 by_name[candidate.name].append(judged)
     found = []
     for shapes in by_name.values():
@@ -96,6 +96,15 @@ def screened(
         average = float(logsumexp(factors) - np.log(len(factors)))
         found.append(replace(best, log_bayes_factor=average))
     return sorted(found, key=lambda judged: -judged.log_bayes_factor)
+
+
+def whitened(covariance: Covariance, candidates: Sequence[Candidate]) -> list[np.ndarray]:
+    """Return the whitened columns (n, p) of each candidate."""
+    ends = np.cumsum([0, *(candidate.columns.shape[1] for candidate in candidates)])
+    if not len(candidates):
+        return []
+    W = covariance.whiten(np.column_stack([candidate.columns for candidate in candidates]))
+    return [W[:, a:b] for a, b in zip(ends, ends[1:])]
 
 
 def believing(judged: Screened, residual: np.ndarray, covariance: Covariance, wider: Covariance) -> Screened:

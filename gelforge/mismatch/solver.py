@@ -165,26 +165,29 @@ def forces_with(
 ) -> np.ndarray:
     """Return the forces (R, 3) [N] at readings (R,) bool with some effects, by the finite elements; nan at the others.
 
-    Effects without `to_study` act on the forces that result. Raises NotConverged.
+    Presses are followed as a whole, whatever was chosen of them: what remembers, or looks at the way before a reading, must
+    not take the others for missing. Effects without `to_study` act on the forces that result. Raises NotConverged.
     """
-    observations = base.context.observations
-    rows = np.ones(len(observations.table), bool) if readings is None else readings
-    part = observations.chosen(rows)
-    force = base.context.force[rows].copy()
+    context = base.context
+    press = context.observations.table["press"].to_numpy()
+    rows = np.ones(len(press), bool) if readings is None else readings
+    whole = np.isin(press, press[rows])
+    part = context.observations.chosen(whole)
+    changes = np.zeros_like(context.force[whole])
     switched_on = [c for c in chosen if c[0].to_study is not None and np.any(c[2])]
     for felt, there in _by_what_is_felt(part, switched_on):
         study = unmirrored(solver.study)
         for effect, shape, amounts in felt:
             study = effect.to_study(study, shape, amounts)
-        change = _solved_with(solver, study, part.chosen(there)) - base.coarse[rows][there]
-        force[there] += base.finer[rows][there] * change
-    context = replace(base.context.chosen(rows), force=force)
+        solved = _solved_with(solver, study, part.chosen(there))
+        changes[there] = base.finer[whole][there] * (solved - base.coarse[whole][there])
+    force = context.force.copy()
+    force[whole] += changes
+    context = replace(context, force=force)
     for effect, shape, amounts in chosen:
         if effect.to_study is None and effect.to_forces is not None:
             force = effect.to_forces(context, shape, force, np.asarray(amounts, dtype=float))
-    found = np.full(observations.force.shape, np.nan)
-    found[rows] = force
-    return found
+    return np.where(rows[:, None], force, np.nan)
 
 
 def _by_what_is_felt(

@@ -124,7 +124,7 @@ def draw_chances(ax: Axes, results: MismatchResults) -> None:
     ax.tick_params(axis="y", length=0)
     ax.invert_yaxis()
     ax.spines["left"].set_visible(False)
-    ax.set_title("probability that it is what is missing", fontsize=10)
+    ax.set_title("probability that it is part of what is missing", fontsize=10)
 
 
 def chance_text(chance: float) -> str:

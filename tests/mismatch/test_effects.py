@@ -444,12 +444,21 @@ def test_without_the_solver_depth_acts_by_the_slope_of_the_base():
 def test_a_late_clock_reads_the_force_of_before_and_an_early_one_that_of_after():
     """At the end of the way down an early clock reads the wait: nothing changes there."""
     context = one_press(
-        [1.0, 2.0, 5.0, 6.0, 7.0], [0.5, 1.0, 1.0, 0.6, 0.2], ["load", "load", "dwell", "unload", "unload"]
+        [1.0, 2.0, 5.0, 6.0, 7.0], [0.5, 1.2, 1.2, 0.6, 0.4], ["load", "load", "dwell", "unload", "unload"]
     )
     per_mm = context.derivative("contact_zero")[:, 2]
-    for stamp, speed in {"late": [0.5, 0.5, 0, -0.4, -0.4], "early": [0.5, 0.0, 0, -0.4, -0.4]}.items():
+    for stamp, speed in {"late": [0.5, 0.7, 0, -0.6, -0.2], "early": [0.7, 0.0, 0, -0.2, -0.2]}.items():
         found = change("clock_offset", [0.1], STAMPS.index(stamp), context)[:, 2]
         assert_allclose(found, -0.1 * np.array(speed) * per_mm, atol=1e-14)
+
+
+def test_without_a_shape_the_sign_of_the_lag_says_which_way_it_is():
+    """As where a study takes it as known."""
+    context = one_press([1.0, 2.0], [0.5, 1.2], ["load", "load"])
+    clock = CATALOGUE["clock_offset"]
+    for lag, stamp in ((0.1, "late"), (-0.1, "early")):
+        same = [clock.to_forces(context, shape, context.force, [lag]) for shape in ({}, {"stamp": stamp})]
+        assert np.array_equal(*same) and not np.array_equal(same[0], context.force)
 
 
 def test_gain_and_cross_talk_act_on_the_force():

@@ -40,9 +40,13 @@ def shapes(context: Context) -> list[Shape]:
 
 
 def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
-    """Return the forces of `lag` seconds before at moving readings: by `per_depth` and speed."""
+    """Return the forces of `lag` seconds before at moving readings: by `per_depth` and speed.
+
+    Without a shape the lag's sign says which way it is.
+    """
     (lag,) = amounts
-    return force - lag * speed(context, str(shape["stamp"]))[:, None] * per_depth(context)
+    stamp = str(shape.get("stamp", "late" if lag >= 0 else "early"))
+    return force - lag * speed(context, stamp)[:, None] * per_depth(context)
 
 
 EFFECT = Effect(

@@ -1,0 +1,245 @@
+"""The search for an answer: effects are weighed, the best refitted and confirmed, one more tried where that is wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from gelforge.config import ConfigError
+from gelforge.config.mismatch import Mismatch
+from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mismatch.alternatives import Alternatives, effects_of
+from gelforge.mismatch.confirmation import NotSolved, folds_of, forces_of, scores_of, told_of
+from gelforge.mismatch.groups import grouped, last_alone
+from gelforge.mismatch.holdout import Blocks, Gain, gain
+from gelforge.mismatch.identifiability import RIVAL, Group
+from gelforge.mismatch.problem import Problem
+from gelforge.mismatch.refit import Refitted, refitted
+from gelforge.mismatch.remains import Remains, remains
+from gelforge.mismatch.screen import Screened
+from gelforge.mismatch.verdict import ADEQUATE_P
+from gelforge.mismatch.weighing import moved, those_felt, unmasked, weighed, weighed_beside, whole
+
+MOST_EFFECTS = 3  # at once
+CERTAIN_P = 1e-3  # of the tests, below which chance is no longer an explanation
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """On which a search is made."""
+
+    blocks: Blocks
+    settings: Mismatch
+    rng: np.random.Generator
+    known: int  # effects that the readings feel
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """Effects that were put into the base, and what speaks for them."""
+
+    winner: Screened  # by all readings, with refitted amounts and changes
+    fit: Refitted
+    ranked: tuple[Screened, ...]  # all that were tried beside it, refitted ones with their new evidence
+    refits: tuple[Refitted, ...]
+    groups: tuple[Group, ...]  # one per effect of the answer; none while the search goes on
+    alternatives: Alternatives  # all that was tried, with one more effect beside the best too
+    told: float  # log evidence of the winner's refit on all readings
+    problem: Problem  # with columns through what was solved
+    adequacy: Remains  # of the training readings
+    everywhere: Remains  # of all readings, but for what other amounts of the same effects could take up
+    after: np.ndarray  # (R, 3) [N] forces with the effects
+    gain: Gain | None
+    scores: Mapping[str, pd.DataFrame]  # before and after: predictive scores of what was set aside
+    folds: Mapping[str, tuple[Blocks, np.ndarray, Gain, Mapping[str, pd.DataFrame]]]
+    # of few sites, each set aside in turn: blocks, residual (n,) after a fit to the others, gain, scores
+
+    @property
+    def refuted(self) -> bool:
+        """Return whether the readings set aside speak against it: by their gain, or by what is left with them."""
+        return self.everywhere.p < CERTAIN_P or (self.gain is not None and self.gain.refutes)
+
+
+def explained(problem: Problem, terms: Terms) -> tuple[Answer | None, list[str]]:
+    """Return the most probable answer, or the best of those that leave more than noise, and what went wrong.
+
+    One effect more is tried as long as noise is not all that is left, the readings set aside refute the answer, or some
+    answer with one more would be much likelier. What the base assumes and cannot be true (problem.first) is put right before
+    amounts are fitted in a model known to be false; it stays out where that does not help.
+    """
+    names = {c.name for c in problem.candidates}
+    answer, notes = None, []
+    if names & problem.first:
+        answer = _round(problem, terms, names & problem.first, None, notes)
+        answer = answer if answer is not None and answer.winner.log_bayes_factor > 0 else None
+        names -= problem.first if answer is not None else set()
+    while answer is None or (len(answer.fit.parts) < MOST_EFFECTS and _wanting(answer)):
+        more = _round(problem, terms, names, answer, notes)
+        if more is None:
+            break
+        if answer is not None and _weight(more) <= _weight(answer) + _margin(answer):
+            answer = replace(answer, alternatives=more.alternatives)
+            break
+        answer = more
+    if answer is not None:
+        answer = replace(answer, groups=_groups(answer, names))
+    return answer, notes
+
+
+def _wanting(answer: Answer) -> bool:
+    """Return whether an answer is not all that can be said: an answer with one effect more is wanted, or likelier."""
+    likelier = answer.alternatives.likelier_of(len(answer.fit.parts) + 1, _weight(answer) + _margin(answer))
+    return not _margin(answer) or likelier
+
+
+def _margin(answer: Answer) -> float:
+    """Return the log odds that an answer with one effect more needs.
+
+    None where this one leaves more than noise or is refuted. Else it must be out of its reach: one large amount can as well
+    be two smaller ones of effects that are alike.
+    """
+    wanted = answer.adequacy.p <= ADEQUATE_P or answer.refuted
+    return 0.0 if wanted else RIVAL
+
+
+def _weight(answer: Answer) -> float:
+    """Return the log of prior times evidence of an answer."""
+    return answer.alternatives.weight(effects_of(answer.winner), answer.winner.log_bayes_factor)
+
+
+def _round(
+    problem: Problem, terms: Terms, names: Collection[str], before: Answer | None, notes: list[str]
+) -> Answer | None:
+    """Return the best answer of one more effect, of those named, beside the best of before; None where none can be had.
+
+    Refitted are the most probable ones: those that cost no solution all, of the others 1 + settings.rivals, and more of
+    single ones as long as the next promises more than any refit has kept.
+    """
+    problem = problem if before is None else before.problem
+    blocks, rivals = terms.blocks, terms.settings.rivals
+    ranked = weighed_beside(problem, blocks.train, names, before and before.ranked)
+    if not ranked:
+        return None
+    leaders = [s for s in ranked if s.log_bayes_factor > ranked[0].log_bayes_factor - RIVAL]
+    fits: dict[str, Refitted] = {}
+
+    def costs(answer: Screened | Refitted) -> bool:
+        return any(problem.solves(part) for part in answer.parts)
+
+    for leader in leaders:
+        best = max((fit.log_bayes_factor for fit in fits.values()), default=-np.inf)
+        solved = sum(costs(fit) for fit in fits.values())
+        enough = solved > rivals and (before is not None or best >= leader.log_bayes_factor)
+        if enough and costs(leader):
+            continue
+        try:
+            fits[leader.name] = refitted(problem, unmasked(problem, leader), blocks.train)
+        except (NotConverged, ConfigError) as failure:  # ConfigError: effects that do not go together
+            notes.append(f"{leader.name} could not be solved at its fitted amount: {failure}")
+    while fits:
+        try:
+            told, forces = told_of(problem, blocks, fits)
+            best = max(told, key=told.get)
+            after = forces[best] if best in forces else forces_of(problem, fits[best])
+        except NotSolved as failure:  # at other readings than those of the fit
+            notes.append(
+                f"{failure.name} could not be solved at its fitted amount for all readings: {failure}"
+            )
+            del fits[failure.name]
+            continue
+        for name, with_it in forces.items():
+            if len(fits[name].parts) == 1:
+                problem = problem.seated(fits[name].parts[0], fits[name].amounts[0], with_it)
+        return _answer(problem, terms, names, before, fits, told, after)
+    return None
+
+
+def _answer(
+    problem: Problem,
+    terms: Terms,
+    names: Collection[str],
+    before: Answer | None,
+    fits: Mapping[str, Refitted],
+    told: Mapping[str, float],
+    after: np.ndarray,
+) -> Answer:
+    """Return the best of some refits beside all else of its round, judged by all readings.
+
+    Evidence of refits differs from one to the next, and from the answer before, as it is told; of the others as screened.
+    """
+    fit = fits[max(told, key=told.get)]
+    fit = replace(fit, parts=tuple(whole(problem, part) for part in fit.parts))
+    blocks, every = terms.blocks, np.ones(len(problem.labels), bool)
+    own = frozenset(part.name for part in fit.parts)
+    refits = {frozenset(part.name for part in one.parts): one for one in fits.values()}
+    screen = weighed_beside(problem, every, names, before and before.ranked, refits)
+    promised = next(one.log_bayes_factor for one in screen if effects_of(one) == own)
+    kept = promised if before is None else before.winner.log_bayes_factor + told[fit.name] - before.told
+    ranked = []
+    for one in screen:
+        refit = refits.get(effects_of(one))
+        if refit is None:
+            ranked.append(moved(one, kept - promised))
+        else:
+            more = kept + told[refit.name] - told[fit.name] - one.log_bayes_factor
+            ranked.append(moved(_with_refit(problem, one, refit), more))
+    winner = next(one for one in ranked if effects_of(one) == own)
+    ranked = sorted(ranked, key=lambda one: (one is not winner, -one.log_bayes_factor))
+    tried = Alternatives({}, terms.known) if before is None else before.alternatives
+    alternatives = tried.joined(ranked)
+    if len(fit.parts) < MOST_EFFECTS:
+        rest = {c.name for c in problem.candidates} - problem.first if own & problem.first else names
+        alternatives = alternatives.joined(weighed_beside(problem, every, rest, ranked))
+    left = problem.observations.flat(problem.observations.force - after)
+    believed = problem.believing(fit.parts, np.concatenate(fit.amounts))
+    columns = np.column_stack([part.columns for part in fit.parts])
+    adequacy = remains(believed, left[blocks.train], blocks.train, terms.settings, terms.rng, fit.columns)
+    everywhere = remains(believed, left, every, terms.settings, terms.rng, columns)
+    scores = scores_of(problem, blocks, left, fit)
+    return Answer(
+        winner,
+        fit,
+        tuple(ranked),
+        tuple(fits.values()),
+        (),
+        alternatives,
+        told[fit.name],
+        problem,
+        adequacy,
+        everywhere,
+        after,
+        gain(scores["before"], scores["after"]) if blocks.held_out.any() else None,
+        scores,
+        folds_of(problem, winner),
+    )
+
+
+def _with_refit(problem: Problem, judged: Screened, fit: Refitted) -> Screened:
+    """Return a screened answer with the amounts of its refit."""
+    amounts = np.concatenate(fit.amounts)
+    parts = tuple(whole(problem, part) for part in fit.parts)
+    change = np.column_stack([part.columns for part in parts]) @ amounts
+    return replace(judged, parts=parts, amounts=amounts, covariance=fit.covariance, change=change)
+
+
+def _groups(answer: Answer, names: Collection[str]) -> tuple[Group, ...]:
+    """Return the group of every effect of the winner: of one of several, what could stand in its place beside the others."""
+    problem, winner = answer.problem, answer.winner
+    if len(winner.parts) == 1:
+        return (grouped(answer.ranked, problem.covariance, answer.alternatives),)
+    every, groups = np.ones(len(problem.labels), bool), []
+    for own in winner.parts:
+        others = tuple(part for part in winner.parts if part is not own)
+        rivals = problem.first if own.name in problem.first else names
+        candidates = [c for c in problem.candidates if c.name in rivals]
+        alone = [last_alone(one) for one in those_felt(weighed(problem, every, candidates, others))]
+        here = next((one for one in alone if one.name == own.name), None)
+        if here is None:  # beside the others these readings do not feel it
+            groups.append(Group((own.name,), 0.0, np.inf, {own.name: 1.0}, ()))
+            continue
+        alone = [here, *(one for one in alone if one is not here)]
+        groups.append(grouped(alone, problem.covariance, answer.alternatives))
+    return tuple(groups)
