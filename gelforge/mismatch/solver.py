@@ -165,21 +165,20 @@ def forces_with(
 ) -> np.ndarray:
     """Return the forces (R, 3) [N] at readings (R,) bool with some effects, by the finite elements; nan at the others.
 
-    Presses are followed as a whole, whatever was chosen of them: what remembers, or looks at the way before a reading, must
-    not take the others for missing. Effects without `to_study` act on the forces that result. Raises NotConverged.
+    Presses are followed as a whole, whatever was chosen of them, and where the gel softens all of them: what remembers, or
+    looks at the way before a reading, must not take the others for missing. Effects without `to_study` act on the forces
+    that result. Raises NotConverged.
     """
     context = base.context
     press = context.observations.table["press"].to_numpy()
     rows = np.ones(len(press), bool) if readings is None else readings
-    whole = np.isin(press, press[rows])
+    switched_on = [c for c in chosen if c[0].to_study is not None and np.any(c[2])]
+    softens = _with(solver.study, switched_on).mechanics.effects.history.softens
+    whole = np.isin(press, press[rows]) | softens
     part = context.observations.chosen(whole)
     changes = np.zeros_like(context.force[whole])
-    switched_on = [c for c in chosen if c[0].to_study is not None and np.any(c[2])]
     for felt, there in _by_what_is_felt(part, switched_on):
-        study = unmirrored(solver.study)
-        for effect, shape, amounts in felt:
-            study = effect.to_study(study, shape, amounts)
-        solved = _solved_with(solver, study, part.chosen(there))
+        solved = _solved_with(solver, _with(solver.study, felt), part.chosen(there))
         changes[there] = base.finer[whole][there] * (solved - base.coarse[whole][there])
     force = context.force.copy()
     force[whole] += changes
@@ -188,6 +187,14 @@ def forces_with(
         if effect.to_study is None and effect.to_forces is not None:
             force = effect.to_forces(context, shape, force, np.asarray(amounts, dtype=float))
     return np.where(rows[:, None], force, np.nan)
+
+
+def _with(study: Study, chosen: Sequence[Amounts]) -> Study:
+    """Return the study, without mirror images, with some effects."""
+    study = unmirrored(study)
+    for effect, shape, amounts in chosen:
+        study = effect.to_study(study, shape, amounts)
+    return study
 
 
 def _by_what_is_felt(

@@ -76,7 +76,7 @@ def derivatives(x, y, d):
         "linear_elasticity": -0.04 * depth**2 * F,
         "small_strain": -0.06 * depth**2 * (1 + 0.3 * wall) * F,
         "friction": 0.05 * F + 0.3 * lateral * F,
-        "frictionless": -0.03 * F - 0.2 * lateral * F,
+        "frictionless@0": -0.03 * F - 0.2 * lateral * F,
         "friction_law": -0.02 * depth * F - 0.1 * depth * lateral * F,
         "toe_region": -0.02 * (1 - np.exp(-depth / 0.2)) * slope,
         "layer_thickness": -0.12 * (1 + 0.15 * depth) * F,

@@ -224,6 +224,16 @@ def test_a_simplification_is_turned_round(name, base, key, turned):
     assert getattr(CATALOGUE[name].to_study(base_with(**base), {}, [1]).mechanics, key) == turned
 
 
+def test_a_base_without_friction_is_tried_with_several_coefficients():
+    found = CATALOGUE["frictionless"]
+    smooth = base_with(friction=0.0)
+    shapes = found.shapes(replace(CONTEXT, study=smooth))
+    tried = [found.to_study(smooth, shape, [1]).mechanics.friction for shape in shapes]
+    assert tried == [0.2, 0.45, 1.0]
+    (none,) = found.shapes(CONTEXT)
+    assert found.to_study(STUDY, none, [1]).mechanics.friction == 0.0
+
+
 def test_small_strain_is_lifted_with_neo_hookean_laws_and_then_with_the_fitted_ones():
     base = base_with(strain="small", contact_normals="initial")
     lifted = CATALOGUE["small_strain"].to_study(base, {}, [1])

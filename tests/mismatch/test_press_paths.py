@@ -1,13 +1,24 @@
 """Which path and which step of it every reading is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
+import pytest
+import specimens
 
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.observations import COLUMNS, Observations
 from gelforge.mismatch.runs import runs_of, timed_runs_of
-from gelforge.mismatch.solutions import way_down
-from gelforge.mismatch.solver import REACH_MM, _by_what_is_felt, _loading_curves, _ways_down
+from gelforge.mismatch.solutions import Solver, way_down
+from gelforge.mismatch.solver import (
+    REACH_MM,
+    _by_what_is_felt,
+    _loading_curves,
+    _ways_down,
+    base_of,
+    forces_with,
+)
 
 PRESSES = [  # site, depth, depths on the way up
     (0, 0.5, ()),
@@ -120,3 +131,32 @@ def test_what_has_a_place_is_solved_only_where_it_is_felt():
     assert (
         rows.all() and len(felt) == 2
     )  # each press finds what those before it have left, wherever they were
+
+
+# ---------------------------------------------------------------------------------------- what is set aside was pressed
+@pytest.mark.parametrize(
+    ("name", "shape", "amount"),
+    [
+        ("viscoelastic", {"part": "gel", "time_s": 1.0}, 0.5),
+        ("force_hysteresis", {}, 0.1),
+        ("clock_offset", {"stamp": "late"}, 0.05),
+    ],
+)
+def test_presses_are_followed_as_a_whole_whatever_was_chosen_of_them(name, shape, amount, kept):
+    """Without its deepest readings a way up comes from the same peak, and a reading has the same way before it."""
+    solver, found = Solver(specimens.study(), specimens.STUDY_LAWS, {}, kept), observations()
+    table = found.table.assign(x_mm=8.0, y_mm=8.0)
+    found = replace(found, table=table, sites=np.array([[8.0, 8.0], [5.0, 8.0]]))
+    base = base_of(solver, found, [])
+    chosen = [(CATALOGUE[name], shape, [amount])]
+    whole = forces_with(solver, base, chosen)
+    shallow = (table["depth_mm"] < 2.0).to_numpy()
+    cut = forces_with(solver, base, chosen, shallow)
+    assert np.array_equal(cut[shallow], whole[shallow]) and np.isnan(cut[~shallow]).all()
+    up = (table["phase"] == "unload").to_numpy()
+    assert np.abs(whole - base.context.force)[up].max() > 1e-3
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    return tmp_path_factory.mktemp("solves")

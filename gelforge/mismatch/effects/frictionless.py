@@ -1,17 +1,35 @@
 """Contact is taken as frictionless where it is not, or the other way round.
 
-Turned round: a base with friction loses it; one without gets the coefficient that studies have by default.
+Turned round: a base with friction loses it; one without gets a coefficient, of which a few are tried.
 """
 
-from gelforge.config import Mechanics
+from collections.abc import Sequence
+
+from gelforge.config import Mechanics, Study
 from gelforge.indentation.effects.catalogue import CATALOGUE
-from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import ON, amount, first_order, turned_round
+from gelforge.mismatch.context import Context
+from gelforge.mismatch.effect import Effect, Shape
+from gelforge.mismatch.places import FirstOrderAt
+from gelforge.mismatch.solver_effects import ON, amount, turned_round
+
+# Silicone on steel or plastic runs from 0.2, dusted, to above 1, clean; what studies have by default is between.
+COEFFICIENTS = (0.2, Mechanics.model_fields["friction"].default, 1.0)
 
 
-def changes(mechanics: Mechanics) -> dict:
-    """Return the keys of mechanics that turn it round."""
-    return {"friction": 0.0 if mechanics.friction else Mechanics.model_fields["friction"].default}
+def coefficients(study: Study) -> list[Shape]:
+    """Return what friction is turned into: none, or one of a few coefficients where the study has none."""
+    return [{"coefficient": c} for c in ((0.0,) if study.mechanics.friction else COEFFICIENTS)]
+
+
+def shapes(context: Context) -> list[Shape]:
+    """Return the coefficients that are tried."""
+    return coefficients(context.study)
+
+
+def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
+    """Return the study with another coefficient of friction; without a shape it is none, or the default one."""
+    other = 0.0 if study.mechanics.friction else COEFFICIENTS[1]
+    return turned_round(lambda _: {"friction": float(shape.get("coefficient", other))})(study, shape, amounts)
 
 
 EFFECT = Effect(
@@ -22,7 +40,8 @@ EFFECT = Effect(
     signature="lateral force off the middle changes most; force a little at depth",
     confused_with=("friction", "friction_law", "law_exponent"),
     separated_by="a press that shears the surface once it touches, or a lubricated ball",
-    to_study=turned_round(changes),
-    to_forces=first_order("frictionless"),
+    shapes=shapes,
+    to_study=to_study,
+    to_forces=FirstOrderAt("frictionless", coefficients),
     switch=True,
 )
