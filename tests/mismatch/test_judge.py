@@ -13,7 +13,6 @@ from gelforge.mismatch.alternatives import Alternatives, normalised
 from gelforge.mismatch.confirmation import told_of
 from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.findings import _plain, sentence_of
 from gelforge.mismatch.groups import grouped
 from gelforge.mismatch.holdout import Gain
 from gelforge.mismatch.identifiability import RIVAL, group_of_winner
@@ -25,6 +24,7 @@ from gelforge.mismatch.scan import Finding
 from gelforge.mismatch.screen import Candidate, screened
 from gelforge.mismatch.stage import at_first_order, candidates_of
 from gelforge.mismatch.weighing import moved, weighed, weighed_beside
+from gelforge.mismatch.words import plain, sentence_of
 
 LOCATED = {"void", "inclusion", "delamination"}
 SETTINGS = Mismatch(sites=9, rivals=2, draws=1000)
@@ -133,7 +133,7 @@ def test_an_effect_that_cannot_be_solved_gives_way_to_the_next_and_istold_of():
     ],
 )
 def test_patterns_are_told_in_words_that_follow_most_clearly(name, kind, words):
-    assert _plain(Finding(name, kind, {}, 5.0, 0.1)) == words
+    assert plain(Finding(name, kind, {}, 5.0, 0.1)) == words
 
 
 def named():

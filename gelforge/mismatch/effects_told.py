@@ -1,0 +1,142 @@
+"""The effects of a verdict: groups of the answer, every effect that was tried, with probability and amounts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import norm
+
+from gelforge.mismatch import verdict as form
+from gelforge.mismatch.alternatives import NOTHING
+from gelforge.mismatch.identifiability import profile
+from gelforge.mismatch.judge import Judgement
+from gelforge.mismatch.problem import Problem
+from gelforge.mismatch.screen import Screened
+from gelforge.mismatch.search import Answer
+
+NINETY = float(norm.ppf(0.95))
+PROFILE_SD, PROFILE_POINTS = 4.0, 33
+
+
+def groups_told(problem: Problem, answer: Answer | None) -> list[form.Group]:
+    """Return the groups of an answer, none without one."""
+    if answer is None:
+        return []
+    found = []
+    for group in answer.groups:
+        cosines = [abs(c) for name, c in group.cosines.items() if name != group.members[0]]
+        first = problem.effects[group.members[0].split(" + ")[-1]]
+        found.append(
+            form.Group(
+                members=[name.split(" + ")[-1] for name in group.members],
+                probability=min(group.probability, 1.0),
+                odds=min(group.odds, 1e12) if len(group.members) > 1 else None,
+                cosine=min(max(cosines), 1.0) if cosines else None,
+                decided_by=first.separated_by if len(group.members) > 1 else "",
+            )
+        )
+    return found
+
+
+def of_nothing(judgement: Judgement) -> float:
+    """Return the probability that nothing is missing: by what the search found, or by the screen where none was made."""
+    if judgement.state in ("named", "group", "open"):
+        return 0.0
+    if judgement.answer is None:
+        return judgement.probability["null"]
+    return judgement.answer.alternatives.probability[NOTHING]
+
+
+def effects_told(problem: Problem, judgement: Judgement) -> list[form.NamedEffect]:
+    """Return every effect that was tried: those of the answer first, then the most probable."""
+    answer = judgement.answer
+    found: dict[str, form.NamedEffect] = {}
+    if answer is not None:
+        for part, amounts, group, spread in zip(
+            answer.fit.parts, answer.fit.amounts, answer.groups, _blocks(answer)
+        ):
+            found[part.name] = _effect(
+                problem, part.name, dict(part.shape), amounts, spread,
+                answer.alternatives.holding([part.name]), answer.winner.log_bayes_factor,
+                answer.winner.snr, True, [name.split(" + ")[-1] for name in group.members], part.switch,
+            )  # fmt: skip
+        if len(answer.fit.parts) == 1 and not answer.fit.parts[0].switch:
+            name = answer.fit.parts[0].name
+            found[name] = _profiled(problem, judgement, found[name])
+        names = [fit.parts[-1].name for fit in answer.refits]
+        if len(answer.fit.parts) == 1:
+            for judged in answer.ranked[1:]:
+                chance = answer.alternatives.holding([judged.name])
+                found[judged.name] = _screened(problem, judged, chance, judged.name in names)
+    for judged in judgement.singles:
+        if judged.name not in found:
+            known = judgement.probability.get(judged.name, 0.0)
+            chance = known if answer is None else answer.alternatives.holding([judged.name])
+            found[judged.name] = _screened(problem, judged, chance, False)
+    rank = {name: k for k, name in enumerate(found)}
+    first = {part.name for part in answer.fit.parts} if answer is not None else set()
+    return sorted(found.values(), key=lambda e: (e.name not in first, -e.probability, rank[e.name]))
+
+
+def _profiled(problem: Problem, judgement: Judgement, effect: form.NamedEffect) -> form.NamedEffect:
+    """Return the answer's effect with the profiles of its amounts, to first order about the refit, on training readings."""
+    train, answer = judgement.blocks.train, judgement.answer
+    residual = problem.residual[train]
+    covariance = problem.believing(answer.fit.parts, answer.fit.amounts[0]).covariance.restricted(train)
+    part = answer.fit.parts[0].restricted(train)
+    judged = replace(answer.winner, parts=(part,))
+    change = problem.observations.flat(answer.after - problem.base)[train]
+    offset = (
+        residual - change + part.columns @ answer.fit.amounts[0]
+    )  # the model's own change at the fitted amounts
+    amounts = []
+    for k, (amount, sd) in enumerate(zip(effect.amounts, np.sqrt(np.diag(answer.fit.covariance)))):
+        grid = amount.value + sd * np.linspace(-PROFILE_SD, PROFILE_SD, PROFILE_POINTS)
+        values = profile(offset, covariance, judged, k, grid)
+        amounts.append(amount.model_copy(update={"profile": list(zip(grid.tolist(), values.tolist()))}))
+    return effect.model_copy(update={"amounts": amounts})
+
+
+def _blocks(answer: Answer) -> list[np.ndarray]:
+    """Return each part's own block of the amounts' covariance."""
+    ends = np.cumsum([0, *(len(a) for a in answer.fit.amounts)])
+    return [answer.fit.covariance[a:b, a:b] for a, b in zip(ends, ends[1:])]
+
+
+def _screened(problem: Problem, judged: Screened, chance: float, refitted: bool) -> form.NamedEffect:
+    last = judged.parts[-1]
+    p = last.columns.shape[1]
+    return _effect(
+        problem, last.name, dict(last.shape), judged.amounts[-p:], judged.covariance[-p:, -p:], min(chance, 1.0),
+        judged.log_bayes_factor, judged.snr, refitted, [], last.switch,
+    )  # fmt: skip
+
+
+def _effect(
+    problem, name, shape, amounts, spread, chance, factor, snr, refitted, group, switch
+) -> form.NamedEffect:
+    effect = problem.effects[name]
+    sd = np.sqrt(np.maximum(np.diag(spread), 0.0))
+    told = [
+        form.Amount(
+            name=p.name,
+            unit=p.unit,
+            value=float(a),
+            interval_90=(float(a - NINETY * s), float(a + NINETY * s)),
+            bounds=p.bounds if np.isfinite(p.bounds).all() else None,
+        )
+        for p, a, s in zip(effect.parameters, amounts, sd)
+    ]
+    return form.NamedEffect(
+        name=name,
+        family=effect.family,
+        probability=float(np.clip(chance, 0.0, 1.0)),
+        log_bayes_factor=float(factor),
+        snr=float(snr),
+        amounts=told,
+        shape=shape,
+        in_range=switch or effect.in_range(amounts),
+        refitted=refitted,
+        group=group if len(group) > 1 else [],
+    )

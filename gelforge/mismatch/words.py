@@ -1,0 +1,110 @@
+"""What was found, in words."""
+
+from __future__ import annotations
+
+from gelforge.mismatch import verdict as form
+from gelforge.mismatch.effects_told import groups_told
+from gelforge.mismatch.judge import Judgement
+from gelforge.mismatch.problem import Problem
+from gelforge.mismatch.scan import Finding
+from gelforge.mismatch.search import Answer
+
+
+def sentence_of(problem: Problem, judgement: Judgement) -> str:
+    """Return the verdict in one plain sentence."""
+    state, mismatch = judgement.state, judgement.mismatch
+    if state == "null":
+        return (
+            f"Simulation and readings agree within their errors (p = {mismatch.p:.2g}); no physics is missing that these "
+            "readings could show."
+        )
+    if judgement.answer is None and state == "insufficient":
+        return (
+            f"Simulation and readings agree within their errors (p = {mismatch.p:.2g}), but these readings could not show "
+            "plausible amounts of most effects."
+        )
+    where = f"Simulation and readings differ beyond their errors, most clearly {plain(mismatch.scan.best)}"
+    if judgement.answer is None:
+        return f"{where}; no effect of the catalogue could be fitted."
+    words = _answer_words(problem, judgement.answer, state != "insufficient")
+    if state == "open" and judgement.answer.adequacy.p > form.ADEQUATE_P and judgement.refuted:
+        everywhere = judgement.answer.everywhere
+        most = f", most clearly {plain(everywhere.scan.best)}" if everywhere.p <= form.ADEQUATE_P else ""
+        return (
+            f"{where}; no effect of the catalogue explains it: the best, {words}, fits the readings that it was fitted to, "
+            f"but those set aside refute it{most}."
+        )
+    if state == "open":
+        remaining = plain(judgement.answer.adequacy.scan.best)
+        return (
+            f"{where}; no effect of the catalogue explains it: the best, {words}, leaves something, most clearly "
+            f"{remaining}."
+        )
+    if state == "insufficient" and not judgement.answer.fit.converged:
+        return (
+            f"{where}; {words} would fit, but its fit in the solver has not come to rest: no name is given."
+        )
+    if state == "insufficient" and judgement.answer.gain is not None and judgement.answer.gain.clear:
+        return (
+            f"{where}; {words} would fit, but nothing is likely enough to be named: too few readings to say."
+        )
+    if state == "insufficient":
+        return f"{where}; {words} would fit, but the readings set aside do not confirm it: too few to say."
+    return f"{where}; it is explained by {words}."
+
+
+def _answer_words(problem: Problem, answer: Answer, with_others: bool) -> str:
+    found = []
+    for part, amounts, group in zip(answer.fit.parts, answer.fit.amounts, groups_told(problem, answer)):
+        effect = problem.effects[part.name]
+        values = " and ".join(
+            f"{p.name} {a:.3g} {'' if p.unit == '1' else p.unit}".rstrip()
+            for p, a in zip(effect.parameters, amounts)
+        )
+        own = part.name.replace("_", " ") + ("" if part.switch else f" ({values})")
+        others = [name.replace("_", " ") for name in group.members if name != part.name and with_others]
+        found.append(
+            own + (f", or {', '.join(others)}, which these readings cannot tell from it" if others else "")
+        )
+    return " together with ".join(found)
+
+
+def plain(finding: Finding) -> str:
+    """Return a pattern of the scan in words that follow "most clearly"."""
+    name, _, kind = finding.name.rpartition(", ")  # the last comma: places hold one of their own
+    before = {"depth": "", "position": "", "axis": "", "wave": "as a ", "phase": "as "}.get(finding.kind, "")
+    if finding.kind == "depth" and name[0] == "d":
+        before = "at "
+    how = {"share of the force": " in proportion to the force"}.get(kind, f" as a {kind}" if kind else "")
+    return f"{before}{name}{how}"
+
+
+def experiments_in_words(problem: Problem, judgement: Judgement) -> list[form.Experiment]:
+    """Return the experiments that the effects' own files name for what cannot be told apart."""
+    if judgement.answer is None:
+        return []
+    return [
+        form.Experiment(words=group.decided_by, separates=group.members)
+        for group in groups_told(problem, judgement.answer)
+        if group.decided_by
+    ]
+
+
+def unfinished(answer: Answer | None) -> list[str]:
+    """Return which refits were cut short: their amounts would still change by more than their intervals show."""
+    fits = [] if answer is None else [fit for fit in answer.refits if not fit.converged]
+    names = [fit.name.replace("_", " ") for fit in fits]
+    if not names:
+        return []
+    text = (
+        f"{', '.join(names)}: the fit was still moving after its last step, or the solver could not"
+        " follow it; amounts and intervals are not final"
+    )
+    return [text + ("" if answer.fit.converged else ", and the answer rests on one of them: it is not named")]
+
+
+def uncomputed(problem: Problem) -> list[str]:
+    by_reason: dict[str, list[str]] = {}
+    for name, reason in problem.failed.items():
+        by_reason.setdefault(reason, []).append(name)
+    return [f"{', '.join(names)} could not be tried: {reason}" for reason, names in by_reason.items()]
