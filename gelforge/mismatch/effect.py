@@ -84,6 +84,7 @@ class Effect:
     applies: Callable[[Study], bool] = field(default=lambda study: True)  # the sensor has what it is about
     switch: bool = False  # amounts are 0 and 1 only
     history: bool = False  # every press is a path of its own, in time
+    in_order: bool = False  # a press leaves something to those after it: all are solved, one after the other
     mesh_changes: bool = False  # its derivative is a difference of two solutions on its own mesh
     unloading: bool = False  # seen on the way up only
 

@@ -136,6 +136,30 @@ class Problem:
 
         return replace(self, candidates=[with_it(c) for c in self.candidates])
 
+    def drafted(self) -> Problem:
+        """Return the problem with forces that take what is solved in order (softening) for linear beside other effects.
+
+        Through its own solution where it has one. To follow all presses anew at every amount of the others takes minutes.
+        """
+
+        def forces_with(parts, amounts, rows):
+            if not self.in_order_beside(parts):
+                return self.forces_with(parts, amounts, rows)
+            slow = [self.effects[part.name].in_order for part in parts]
+            others = [(part, a) for part, a, is_slow in zip(parts, amounts, slow) if not is_slow]
+            change = sum(
+                self.own(part).columns @ a for part, a, is_slow in zip(parts, amounts, slow) if is_slow
+            )
+            found = self.forces_with(*zip(*others), rows)
+            found[self.observations.read] += change
+            return found
+
+        return replace(self, forces_with=forces_with)
+
+    def in_order_beside(self, parts: Sequence[Candidate]) -> bool:
+        """Return whether something that is solved in order is among several effects."""
+        return len(parts) > 1 and any(self.effects[part.name].in_order for part in parts)
+
     def own(self, part: Candidate) -> Candidate:
         """Return the problem's own candidate of a part's effect and shape."""
         return next(c for c in self.candidates if c.name == part.name and dict(c.shape) == dict(part.shape))

@@ -116,9 +116,11 @@ def _round(
     """Return the best answer of one more effect, of those named, beside the best of before; None where none can be had.
 
     Refitted are the most probable ones: those that cost no solution all, of the others 1 + settings.rivals, and more of
-    single ones as long as the next promises more than any refit has kept.
+    single ones as long as the next promises more than any refit has kept. What is solved in order is solved beside others
+    only for the best (Problem.drafted).
     """
     problem = problem if before is None else before.problem
+    draft = problem.drafted()
     blocks, rivals = terms.blocks, terms.settings.rivals
     ranked = weighed_beside(problem, blocks.train, names, before and before.ranked)
     if not ranked:
@@ -136,14 +138,15 @@ def _round(
         if enough and costs(leader):
             continue
         try:
-            fits[leader.name] = refitted(problem, unmasked(problem, leader), blocks.train)
+            fits[leader.name] = refitted(draft, unmasked(problem, leader), blocks.train)
         except (NotConverged, ConfigError) as failure:  # ConfigError: effects that do not go together
             notes.append(f"{leader.name} could not be solved at its fitted amount: {failure}")
     while fits:
         try:
-            told, forces = told_of(problem, blocks, fits)
+            told, forces = told_of(draft, blocks, fits)
             best = max(told, key=told.get)
-            after = forces[best] if best in forces else forces_of(problem, fits[best])
+            known = best in forces and not problem.in_order_beside(fits[best].parts)
+            after = forces[best] if known else forces_of(problem, fits[best])
         except NotSolved as failure:  # at other readings than those of the fit
             notes.append(
                 f"{failure.name} could not be solved at its fitted amount for all readings: {failure}"

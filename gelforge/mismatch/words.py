@@ -104,6 +104,7 @@ def unfinished(answer: Answer | None) -> list[str]:
 
 
 def uncomputed(problem: Problem) -> list[str]:
+    """Return which effects could not be tried, by reason."""
     by_reason: dict[str, list[str]] = {}
     for name, reason in problem.failed.items():
         by_reason.setdefault(reason, []).append(name)

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from gelforge.config.mismatch import Mismatch
 from gelforge.mechanics.equilibrium import NotConverged
-from gelforge.mismatch.alternatives import Alternatives, normalised
+from gelforge.mismatch.alternatives import Alternatives, effects_of, normalised
 from gelforge.mismatch.confirmation import told_of
 from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effects import CATALOGUE
@@ -391,6 +391,23 @@ def test_what_a_refit_has_taken_back_is_not_promised_again():
     lost = [was.log_bayes_factor - one.log_bayes_factor for was, one in zip(promised, left)]
     assert_allclose(lost, 20.0)
     assert_allclose([one.paid for one in left], [one.paid for one in promised])  # no shape has cost it
+
+
+def test_what_is_solved_in_order_is_solved_beside_others_only_for_the_best():
+    """A softening gel beside a gain: its own solution is taken along in the fits, and both together are solved once."""
+    patterns = {"mullins": [1, 0, 0], "wall_stiffness": [0, 1, 0], "skin_stiffness": [0, 0, 1]}
+
+    def curved(amounts):
+        a = amounts.get("mullins", 0.0)
+        return linear(patterns)(amounts) + np.array([a**2, 0.0, 0.0])
+
+    problem, solved = patterned(patterns, curved, [0.2 + 0.2**2, 0.2, 0.0])
+    found = judge(problem, SETTINGS, seed=1).answer
+    assert effects_of(found.winner) == {"mullins", "wall_stiffness"}
+    assert sum("mullins" in names and len(names) > 1 for names in solved) == 1
+    assert sum(names == ("wall_stiffness",) for names in solved) > 1
+    amounts = dict(zip((part.name for part in found.fit.parts), found.fit.amounts))
+    assert amounts["mullins"] == pytest.approx(0.2, abs=0.03)  # its noise is 0.01
 
 
 def test_an_answer_that_its_secant_makes_hardly_felt_is_still_an_answer():
