@@ -83,7 +83,8 @@ def _refuted(mismatch: Remains, answer: Answer) -> bool:
 def _state(problem: Problem, mismatch: Remains, answer: Answer | None) -> str:
     """Return named, group, open or insufficient of an answer to a mismatch that is there.
 
-    Where the mismatch is certain and the readings set aside refute the best answer, something unknown is there. What rests
+    Where the mismatch is certain and the readings set aside refute the best answer, something unknown is there, and so it is
+    where they refuted one effect and none of several is sure. What rests
     on a refit that has not converged is not named: its amounts and evidence are not final. A group that is less likely
     than not says nothing.
     """
@@ -91,8 +92,9 @@ def _state(problem: Problem, mismatch: Remains, answer: Answer | None) -> str:
         return "open"
     if _refuted(mismatch, answer):
         return "open"
+    unsure = "open" if mismatch.p < CERTAIN_P and answer.after_refuted else "insufficient"
     if answer.gain is None or not answer.gain.clear:
-        return "insufficient"
+        return unsure
     sure = all(
         group.probability >= NAMED_PROBABILITY and (len(group.members) == 1 or group.odds >= NAMED_ODDS)
         for group in answer.groups
@@ -100,4 +102,4 @@ def _state(problem: Problem, mismatch: Remains, answer: Answer | None) -> str:
     if sure and answer.fit.converged:
         return "named"
     likely = all(group.probability >= LIKELY for group in answer.groups)
-    return "group" if likely and any(len(group.members) > 1 for group in answer.groups) else "insufficient"
+    return "group" if likely and any(len(group.members) > 1 for group in answer.groups) else unsure

@@ -22,6 +22,7 @@ from gelforge.characterisation.material_source import MaterialSource
 from gelforge.csv_table import TableError
 from gelforge.files import digest, file_sha256, write_text
 from gelforge.mismatch import verdict as v
+from gelforge.mismatch.alternatives import NULL_PRIOR, normalised
 from gelforge.mismatch.contact_readings import ContactTest, pair_readings, press_readings
 from gelforge.mismatch.material_effects import DECIDED_BY, FAMILY_OF, WORDS, stress_candidates
 from gelforge.mismatch.material_evidence import (
@@ -38,7 +39,6 @@ from gelforge.mismatch.material_evidence import (
 )
 from gelforge.mismatch.material_readings import StressTests, stress_tests
 from gelforge.mismatch.scan import Atoms, Finding
-from gelforge.mismatch.screen import NULL_PRIOR, normalised
 
 SEED = 20261121
 DRAWS = 2000

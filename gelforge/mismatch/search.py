@@ -56,6 +56,7 @@ class Answer:
     scores: Mapping[str, pd.DataFrame]  # before and after: predictive scores of what was set aside
     folds: Mapping[str, tuple[Blocks, np.ndarray, Gain, Mapping[str, pd.DataFrame]]]
     # of few sites, each set aside in turn: blocks, residual (n,) after a fit to the others, gain, scores
+    after_refuted: bool = False  # one with fewer effects was refuted, so that this one was looked for
 
     @property
     def refuted(self) -> bool:
@@ -83,7 +84,7 @@ def explained(problem: Problem, terms: Terms) -> tuple[Answer | None, list[str]]
         if answer is not None and _weight(more) <= _weight(answer) + _margin(answer):
             answer = replace(answer, alternatives=more.alternatives)
             break
-        answer = more
+        answer = replace(more, after_refuted=answer is not None and (answer.refuted or answer.after_refuted))
     if answer is not None:
         answer = replace(answer, groups=_groups(answer, names))
     return answer, notes

@@ -34,6 +34,11 @@ def sentence_of(problem: Problem, judgement: Judgement) -> str:
             f"{where}; no effect of the catalogue explains it: the best, {words}, fits the readings that it was fitted to, "
             f"but those set aside refute it{most}."
         )
+    if state == "open" and judgement.answer.adequacy.p > form.ADEQUATE_P and judgement.answer.after_refuted:
+        return (
+            f"{where}; no effect of the catalogue explains it: the readings set aside refute one effect alone, and {words} "
+            "would fit, but nothing is likely enough to be named."
+        )
     if state == "open":
         remaining = plain(judgement.answer.adequacy.scan.best)
         return (

@@ -211,6 +211,16 @@ def test_a_group_that_is_less_likely_than_not_is_no_answer():
     assert states == ["group", "insufficient"]
 
 
+def test_where_one_effect_was_refuted_and_none_of_several_is_sure_something_unknown_is_there():
+    problem, found, state = named()
+    (group,) = found.answer.groups
+    unsure = {"groups": (replace(group, probability=0.3),), "after_refuted": True}
+    assert [state(p=p, **unsure) for p in (1e-4, 5e-3)] == ["open", "insufficient"]
+    assert state(after_refuted=True) == "named"  # a sure answer stays one
+    told = sentence_of(problem, replace(found, state="open", answer=replace(found.answer, **unsure)))
+    assert "no effect of the catalogue explains it" in told and "refute one effect alone" in told
+
+
 def test_an_error_of_a_change_is_an_error_of_its_amount():
     base = artificial.context(21, per_side=3)
     problem = problem_of(artificial.with_effect(base, "gel_stiffness", [0.5], np.random.default_rng(22)))
