@@ -492,8 +492,8 @@ KINDS: dict[str, Kind] = {
         Kind("yeoh stiffening", "law_exponent", "material", _positive, _solved("stiffening", lambda s, d: s)),
         Kind("softer volume", "compressibility", "material", _positive, _solved("compressible", lambda s, d: s),
              lambda s, d: {"excess": s * (1 / 40 - 1 / 1000)}),
-        Kind("slab", "elastic_base", "material", _positive, _solved("slab", lambda s, d: s),
-             lambda s, d: {"yielding": s}, most=1.5),
+        # no amount: a share of what a slab of 1 MPa changes is not what a slab does of which the 1/E is that share of 1/MPa
+        Kind("slab", "elastic_base", "material", _positive, _solved("slab", lambda s, d: s), most=1.5),
         Kind("power law", "viscoelastic", "history",
              lambda rng: {"sign": 1.0, "t0": float(10 ** rng.uniform(-1, 0.5)), "n": float(rng.uniform(0.3, 0.9))},
              _power_law),
