@@ -132,7 +132,7 @@ def main() -> None:
         began = time.perf_counter()
         again = write(folder / "second", planned(study, arguments.sites, 7))
         problem, _ = problem_of(solver, observe([again], study.sensor, 1.0))
-        those_felt(screened(*problem.part(np.ones(len(problem.labels), bool))))
+        those_felt(screened(problem.residual, problem.covariance, problem.candidates))
         told("second recording of the same plan screened", began)
     print()
     print(pd.DataFrame(found).to_markdown(index=False, floatfmt=".0f"))

@@ -64,9 +64,9 @@ def effects_of(answer: Screened) -> frozenset[str]:
     return frozenset(part.name for part in answer.parts)
 
 
-def probabilities(answers: Collection[Screened], known: int | None = None) -> dict[str, float]:
-    """Return the probability of "null" and of each answer by name; they add up to 1. known: all single ones by default."""
-    known = sum(len(answer.parts) == 1 for answer in answers) if known is None else known
+def probabilities(answers: Collection[Screened]) -> dict[str, float]:
+    """Return the probability of "null" and of each answer by name; they add up to 1. Known are the single ones."""
+    known = sum(len(answer.parts) == 1 for answer in answers)
     found = Alternatives({}, known).joined(answers).probability
     return {"null": found[NOTHING]} | {answer.name: found[effects_of(answer)] for answer in answers}
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+import pandas as pd
 
 from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mismatch.holdout import FEW_SITES, Blocks, gain, predictive_scores, split
@@ -54,7 +55,8 @@ def forces_of(problem: Problem, fit: Refitted) -> np.ndarray:
         raise NotSolved(fit.name, failure) from failure
 
 
-def scores_of(problem: Problem, blocks: Blocks, left: np.ndarray, fit: Refitted) -> dict:
+def scores_of(problem: Problem, blocks: Blocks, left: np.ndarray, fit: Refitted) -> dict[str, pd.DataFrame]:
+    """Return predictive scores, "before" and "after", of what was set aside; left (n,) [N]: by the fit. None of nothing."""
     if not blocks.held_out.any():
         return {}
     whole = np.column_stack([part.columns for part in fit.parts])

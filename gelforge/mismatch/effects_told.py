@@ -26,11 +26,11 @@ def groups_told(problem: Problem, answer: Answer | None) -> list[form.Group]:
     found = []
     for group in answer.groups:
         cosines = [abs(c) for name, c in group.cosines.items() if name != group.members[0]]
-        first = problem.effects[group.members[0].split(" + ")[-1]]
+        first = problem.effects[group.members[0]]
         found.append(
             form.Group(
-                members=[name.split(" + ")[-1] for name in group.members],
-                probability=min(group.probability, 1.0),
+                members=list(group.members),
+                probability=group.probability,
                 odds=min(group.odds, 1e12) if len(group.members) > 1 else None,
                 cosine=min(max(cosines), 1.0) if cosines else None,
                 decided_by=first.separated_by if len(group.members) > 1 else "",
@@ -59,7 +59,7 @@ def effects_told(problem: Problem, judgement: Judgement) -> list[form.NamedEffec
             found[part.name] = _effect(
                 problem, part.name, dict(part.shape), amounts, spread,
                 answer.alternatives.holding([part.name]), answer.winner.log_bayes_factor,
-                answer.winner.snr, True, [name.split(" + ")[-1] for name in group.members], part.switch,
+                answer.winner.snr, True, list(group.members), part.switch,
             )  # fmt: skip
         if len(answer.fit.parts) == 1 and not answer.fit.parts[0].switch:
             name = answer.fit.parts[0].name
@@ -108,7 +108,7 @@ def _screened(problem: Problem, judged: Screened, chance: float, refitted: bool)
     last = judged.parts[-1]
     p = last.columns.shape[1]
     return _effect(
-        problem, last.name, dict(last.shape), judged.amounts[-p:], judged.covariance[-p:, -p:], min(chance, 1.0),
+        problem, last.name, dict(last.shape), judged.amounts[-p:], judged.covariance[-p:, -p:], chance,
         judged.log_bayes_factor, judged.snr, refitted, [], last.switch,
     )  # fmt: skip
 
@@ -131,7 +131,7 @@ def _effect(
     return form.NamedEffect(
         name=name,
         family=effect.family,
-        probability=float(np.clip(chance, 0.0, 1.0)),
+        probability=chance,
         log_bayes_factor=float(factor),
         snr=float(snr),
         amounts=told,

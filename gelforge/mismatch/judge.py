@@ -84,9 +84,8 @@ def _state(problem: Problem, mismatch: Remains, answer: Answer | None) -> str:
     """Return named, group, open or insufficient of an answer to a mismatch that is there.
 
     Where the mismatch is certain and the readings set aside refute the best answer, something unknown is there, and so it is
-    where they refuted one effect and none of several is sure. What rests
-    on a refit that has not converged is not named: its amounts and evidence are not final. A group that is less likely
-    than not says nothing.
+    where they refuted one effect and none of several is sure. What rests on a refit that has not converged is not named: its
+    amounts and evidence are not final. A group that is less likely than not says nothing.
     """
     if answer is None or answer.adequacy.p <= ADEQUATE_P or not in_range(problem, answer.fit):
         return "open"

@@ -17,9 +17,8 @@ from gelforge.mismatch.screen import Candidate
 # A defect lies up to half a spacing from the places that are tried, and has a size of its own.
 PLACE_ERROR = 0.5
 ALONG_AXES = 1.2  # of the distance to the nearest place; those across are farther
-SEATED_SNR = (
-    1.0  # of a change, linear or solved, below which a difference of two solutions is no better than it
-)
+# Of a change, linear or solved: below it a difference of two solutions says no more than the derivative.
+SEATED_SNR = 1.0
 # Forces (R, 3) [N] at readings (R,) bool with effects at amounts, nan elsewhere; raises NotConverged.
 ForcesWith = Callable[[Sequence[Candidate], Sequence[np.ndarray], np.ndarray], np.ndarray]
 
@@ -47,14 +46,6 @@ class Problem:
     def residual(self) -> np.ndarray:
         """Return measured less base (n,)."""
         return self.observations.flat(self.observations.force - self.base)
-
-    def part(self, mask: np.ndarray) -> tuple[np.ndarray, Covariance, list[Candidate]]:
-        """Return residual, covariance and candidates of some entries (n,) bool."""
-        return (
-            self.residual[mask],
-            self.covariance.restricted(mask),
-            [candidate.restricted(mask) for candidate in self.candidates],
-        )
 
     def believing(self, parts: Sequence[Candidate], amounts: np.ndarray) -> Problem:
         """Return the problem with the errors of effects' own change at amounts (p,) in its covariance."""

@@ -41,7 +41,7 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray) -> Refitted:
     After the first step the columns follow the model's own change (Broyden 1965, doi:10.1090/S0025-5718-1965-0198670-6);
     where nothing is solved they are taken anew.
     """
-    residual, _, _ = problem.part(mask)
+    residual = problem.residual[mask]
     covariance = problem.believing(start.parts, start.amounts).covariance.restricted(mask)
     parts = tuple(part.restricted(mask) for part in start.parts)
     switch = np.concatenate([np.full(part.columns.shape[1], part.switch) for part in parts])

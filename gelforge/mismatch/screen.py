@@ -46,7 +46,7 @@ class Screened:
     plausible_snr: float  # the same of the last part alone, root mean square over its prior
     error_cost: float = 0.0  # log evidence that the change's own error has taken or given
     refit_gain: float = (
-        0.0  # log evidence that refits, its own or those of its round, have given to what was screened
+        0.0  # log evidence that refits gave: its own, its round's, those of what it stands beside
     )
 
     @property

@@ -21,7 +21,15 @@ from gelforge.mismatch.refit import Refitted, refitted
 from gelforge.mismatch.remains import Remains, remains
 from gelforge.mismatch.screen import Screened
 from gelforge.mismatch.verdict import ADEQUATE_P
-from gelforge.mismatch.weighing import moved, those_felt, unmasked, weighed, weighed_beside, whole
+from gelforge.mismatch.weighing import (
+    moved,
+    those_felt,
+    unmasked,
+    weighed,
+    weighed_alone,
+    weighed_beside,
+    whole,
+)
 
 MOST_EFFECTS = 3  # at once
 CERTAIN_P = 1e-3  # of the tests, below which chance is no longer an explanation
@@ -46,7 +54,8 @@ class Answer:
     ranked: tuple[Screened, ...]  # all that were tried beside it, refitted ones with their new evidence
     refits: tuple[Refitted, ...]
     groups: tuple[Group, ...]  # one per effect of the answer; none while the search goes on
-    alternatives: Alternatives  # all that was tried, with one more effect beside the best too
+    ahead: tuple[Screened, ...]  # one more effect beside the best, by all readings; none beyond MOST_EFFECTS
+    alternatives: Alternatives  # all that was tried, what is ahead too
     told: float  # log evidence of the winner's refit on all readings
     problem: Problem  # with columns through what was solved
     adequacy: Remains  # of the training readings
@@ -123,7 +132,10 @@ def _round(
     problem = problem if before is None else before.problem
     draft = problem.drafted()
     blocks, rivals = terms.blocks, terms.settings.rivals
-    ranked = weighed_beside(problem, blocks.train, names, before and before.ranked)
+    if before is None:
+        ranked = weighed_alone(problem, blocks.train, names)
+    else:
+        ranked = weighed_beside(problem, blocks.train, names, before.ranked)
     if not ranked:
         return None
     leaders = [s for s in ranked if s.log_bayes_factor > ranked[0].log_bayes_factor - RIVAL]
@@ -179,7 +191,7 @@ def _answer(
     blocks, every = terms.blocks, np.ones(len(problem.labels), bool)
     own = frozenset(part.name for part in fit.parts)
     refits = {frozenset(part.name for part in one.parts): one for one in fits.values()}
-    screen = weighed_beside(problem, every, names, before and before.ranked, refits)
+    screen = weighed_alone(problem, every, names, refits) if before is None else before.ahead
     promised = next(one.log_bayes_factor for one in screen if effects_of(one) == own)
     kept = promised if before is None else before.winner.log_bayes_factor + told[fit.name] - before.told
     ranked = []
@@ -192,11 +204,11 @@ def _answer(
             ranked.append(moved(_with_refit(problem, one, refit), more))
     winner = next(one for one in ranked if effects_of(one) == own)
     ranked = sorted(ranked, key=lambda one: (one is not winner, -one.log_bayes_factor))
-    tried = Alternatives({}, terms.known) if before is None else before.alternatives
-    alternatives = tried.joined(ranked)
+    ahead = ()
     if len(fit.parts) < MOST_EFFECTS:
         rest = {c.name for c in problem.candidates} - problem.first if own & problem.first else names
-        alternatives = alternatives.joined(weighed_beside(problem, every, rest, ranked))
+        ahead = tuple(weighed_beside(problem, every, rest, ranked))
+    tried = Alternatives({}, terms.known) if before is None else before.alternatives
     left = problem.observations.flat(problem.observations.force - after)
     believed = problem.believing(fit.parts, np.concatenate(fit.amounts))
     columns = np.column_stack([part.columns for part in fit.parts])
@@ -204,20 +216,21 @@ def _answer(
     everywhere = remains(believed, left, every, terms.settings, terms.rng, columns)
     scores = scores_of(problem, blocks, left, fit)
     return Answer(
-        winner,
-        fit,
-        tuple(ranked),
-        tuple(fits.values()),
-        (),
-        alternatives,
-        told[fit.name],
-        problem,
-        adequacy,
-        everywhere,
-        after,
-        gain(scores["before"], scores["after"]) if blocks.held_out.any() else None,
-        scores,
-        folds_of(problem, winner),
+        winner=winner,
+        fit=fit,
+        ranked=tuple(ranked),
+        refits=tuple(fits.values()),
+        groups=(),
+        ahead=ahead,
+        alternatives=tried.joined(ranked).joined(ahead),
+        told=told[fit.name],
+        problem=problem,
+        adequacy=adequacy,
+        everywhere=everywhere,
+        after=after,
+        gain=gain(scores["before"], scores["after"]) if blocks.held_out.any() else None,
+        scores=scores,
+        folds=folds_of(problem, winner),
     )
 
 

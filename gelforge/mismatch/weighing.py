@@ -11,9 +11,8 @@ from gelforge.mismatch.alternatives import effects_of
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.screen import Candidate, Screened, believing, screened, whitened
 
-BEAM = (
-    12  # best answers of a round, beside each of which one more effect is tried: thrice what a group may hold
-)
+# Best answers of a round, beside each of which one more effect is tried: thrice what a group may hold.
+BEAM = 12
 NOTICED = 0.1  # standard deviations of a change's own error, below which it moves no evidence
 FELT_SNR = 0.5  # of a plausible amount; below it nothing can be said for or against
 
@@ -26,25 +25,22 @@ def those_felt(ranked: Sequence[Screened], always: Collection[frozenset[str]] = 
     return [one for one in ranked if one.plausible_snr > FELT_SNR or effects_of(one) in always]
 
 
-def weighed_beside(
-    problem: Problem,
-    mask: np.ndarray,
-    names: Collection[str],
-    before: Sequence[Screened] | None,
-    always: Collection[frozenset[str]] = (),
+def weighed_alone(
+    problem: Problem, mask: np.ndarray, names: Collection[str], always: Collection[frozenset[str]] = ()
 ) -> list[Screened]:
-    """Return answers with one more effect, of those named, than the best before, judged by entries (n,) bool, best first.
+    """Return the effects of some names that entries (n,) bool feel, best first; always: those of answers tried already."""
+    return those_felt(weighed(problem, mask, [c for c in problem.candidates if c.name in names]), always)
 
-    always: the effects of answers that were tried already, felt or not.
-    """
+
+def weighed_beside(
+    problem: Problem, mask: np.ndarray, names: Collection[str], before: Sequence[Screened]
+) -> list[Screened]:
+    """Return answers with one more effect, of those named, than the best before, judged by entries (n,) bool, best first."""
     candidates = [c for c in problem.candidates if c.name in names]
-    if before is None:
-        return those_felt(weighed(problem, mask, candidates), always)
     white = whitened(problem.covariance.restricted(mask), [c.restricted(mask) for c in candidates])
     best: dict[frozenset[str], Screened] = {}
     for given in before[:BEAM]:
-        found = weighed(problem, mask, candidates, given.parts, given.paid, white)
-        for judged in those_felt(found, always):
+        for judged in those_felt(weighed(problem, mask, candidates, given.parts, given.paid, white)):
             judged = moved(judged, given.refit_gain)
             known = best.get(effects_of(judged))
             if known is None or judged.log_bayes_factor > known.log_bayes_factor:

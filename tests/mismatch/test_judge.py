@@ -225,14 +225,22 @@ def test_an_error_of_a_change_is_an_error_of_its_amount():
     base = artificial.context(21, per_side=3)
     problem = problem_of(artificial.with_effect(base, "gel_stiffness", [0.5], np.random.default_rng(22)))
     every = np.ones(len(problem.labels), bool)
-    start = next(one for one in screened(*problem.part(every)) if one.name == "gel_stiffness")
+    start = next(
+        one
+        for one in screened(problem.residual, problem.covariance, problem.candidates)
+        if one.name == "gel_stiffness"
+    )
     fits = [refitted(replace(problem, change_error=e), start, every) for e in (0.0, 0.1)]
     sd = [float(np.sqrt(fit.covariance[0, 0])) for fit in fits]
     added = np.sqrt(sd[1] ** 2 - sd[0] ** 2) / fits[1].amounts[0][0]
     # Of the variance of 10 % a quarter is the same at all depths and places, for pressing and sideways forces on their own:
     # 5 / sqrt(2) % at least, 10 % at most.
     assert 0.035 < added < 0.1
-    gains = next(one for one in screened(*problem.part(every)) if one.name == "force_gain")
+    gains = next(
+        one
+        for one in screened(problem.residual, problem.covariance, problem.candidates)
+        if one.name == "force_gain"
+    )
     exact = [refitted(replace(problem, change_error=e), gains, every).covariance for e in (0.0, 0.1)]
     assert np.array_equal(*exact)  # what is not solved does not err
 
