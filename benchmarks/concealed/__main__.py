@@ -23,7 +23,7 @@ def main() -> None:
     )
     steps = parser.add_subparsers(dest="step", required=True)
     steps.add_parser("solve", help="solve what all cases share")
-    steps.add_parser("check", help="print how far the base is from the fine mesh")
+    steps.add_parser("check", help="print how far the base is from the fine mesh, and from solutions between")
     one = steps.add_parser("generate", help="draw, write and seal a set")
     one.add_argument("set")
     which = one.add_mutually_exclusive_group(required=True)
@@ -52,10 +52,15 @@ def run(asked: argparse.Namespace) -> None:
 
         solve_all(say=lambda text: print(text, flush=True))
     elif asked.step == "check":
-        from .library import convergence
+        from .library import between, convergence
 
         for row in convergence():
             print("{place} {depth_mm:g} mm: {base_N:.4f} N, fine {fine_N:.4f} N: {ratio:.4f}".format(**row))
+        for row in between():
+            given, solved = (" ".join(f"{f:.4f}" for f in row[name]) for name in ("given_N", "solved_N"))
+            print(
+                f"{row['place']} {row['depth_mm']:g} mm: Fx Fy Fz {given} N between solutions, {solved} N solved there"
+            )
     elif asked.step == "generate":
         _generate(asked)
     elif asked.step == "judge":

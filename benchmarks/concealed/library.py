@@ -14,7 +14,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from . import solves
-from .solves import CHECKED, FOLDER, NODES, ORBITS, kept
+from .solves import BETWEEN, CHECKED, FOLDER, NODES, ORBITS, kept
 
 DEGREE, FLAT_DEGREE, EFFECT_DEGREE = 2, 3, 2  # of the polynomials over depth
 THROUGH_ALL = {
@@ -135,6 +135,23 @@ def convergence(folder: Path = FOLDER) -> list[dict]:
                     "ratio": float(b / a),
                 }
             )
+    return rows
+
+
+def between(folder: Path = FOLDER) -> list[dict]:
+    """Return the base's forces [N] between the places where it was solved: as the library gives them, and solved there.
+
+    At the deepest depth of the presses; the library's Fz is that of the fine mesh.
+    """
+    library, depth = load_library(folder), 1.6
+    rows = []
+    for place in BETWEEN:
+        if not (folder / f"{solves.base_setup(*place).key}.npz").is_file():
+            continue
+        solved = kept(solves.base_setup(*place), folder)
+        k = int(np.argmin(np.abs(solved.depths_mm - depth)))
+        given = library.base(np.array([place]), np.array([depth]))[0]
+        rows.append({"place": place, "depth_mm": depth, "given_N": given, "solved_N": solved.force_N[k]})
     return rows
 
 

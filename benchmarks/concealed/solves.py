@@ -12,11 +12,15 @@ from pathlib import Path
 from .pressed import COARSE, FINE, MIDDLE, Ball, Curve, Setup, solved
 
 FOLDER = Path("results/concealed/solves")
-# |x|, |y| from the middle [mm] at which the base is solved; what moves the presses (a turned grid) takes the outermost
-# beyond 6 mm, where a wall's share of the force doubles within a millimetre: extrapolated, it would not.
+# |x|, |y| from the middle [mm] at which the base is solved; the last for presses that a turned grid takes beyond the plan's
+# 6 mm, where the wall's sideways pull grows fast.
 NODES = (0.0, 2.0, 4.0, 6.0, 6.8)
 ORBITS = ((0.0, 0.0), (6.0, 0.0), (4.0, 2.0), (6.0, 6.0))  # the plan's places but for mirror images
 CHECKED = ((0.0, 0.0), (6.0, 0.0))  # where the base is solved on the fine mesh too
+BETWEEN = (
+    (4.1197, 1.7403),
+    (5.6044, 6.3712),
+)  # (4, 2) and (6, 6) of a grid turned by -3.66 degrees: to check what is between
 EFFECT_DEPTHS = (0.4, 0.8, 1.2, 1.6, 1.85)
 
 EFFECTS: dict[str, dict] = {
@@ -87,6 +91,8 @@ def all_setups() -> Iterable[tuple[str, Setup]]:
             for x, y in touched:
                 yield f"{name or 'whole'} {place} ({x:g}, {y:g})", defect_setup(name, place, x, y)
     yield "fine (6, 0)", fine_setup(6.0, 0.0)
+    for x, y in BETWEEN:
+        yield f"between ({x:g}, {y:g})", base_setup(x, y)
 
 
 def solve_all(folder: Path = FOLDER, say: Callable[[str], None] = print) -> None:

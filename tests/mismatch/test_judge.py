@@ -23,7 +23,7 @@ from gelforge.mismatch.remains import Remains
 from gelforge.mismatch.scan import Finding
 from gelforge.mismatch.screen import Candidate, screened
 from gelforge.mismatch.stage import at_first_order, candidates_of
-from gelforge.mismatch.weighing import moved, weighed, weighed_beside
+from gelforge.mismatch.weighing import FELT_SNR, moved, weighed, weighed_beside
 from gelforge.mismatch.words import plain, sentence_of
 
 LOCATED = {"void", "inclusion", "delamination"}
@@ -257,6 +257,17 @@ def test_a_change_errs_by_its_share_at_every_reading(name, share):
     assert none.believing([part], amounts) is none
 
 
+def test_what_was_solved_at_one_place_scales_the_others():
+    problem = problem_of(artificial.context(19, per_side=3), left_out=set())
+    part, other = [c for c in problem.candidates if c.name == "void"][:2]
+    change = problem.forces_with([part], [np.ones(1)], np.ones(len(problem.base), bool)) - problem.base
+    seated = problem.seated(part, np.ones(1), problem.base + 0.3 * change)
+    for place in (part, other):
+        assert_allclose(seated.own(place).columns, 0.3 * place.columns, atol=1e-12)
+    gel = next(c for c in problem.candidates if c.name == "gel_stiffness")
+    assert seated.own(gel) is gel
+
+
 def added(problem, part, amounts):
     """Return the variance (n,) that errors of a change add."""
     wider = problem.believing([part], amounts).covariance
@@ -429,15 +440,12 @@ def test_what_is_solved_in_order_is_solved_beside_others_only_for_the_best():
 
 
 def test_an_answer_that_its_secant_makes_hardly_felt_is_still_an_answer():
-    """A weak effect that does much less than its derivative says: no error, and nothing is named on it."""
-    base = artificial.context(7, per_side=3)
-    problem = problem_of(
-        artificial.with_effect(base, "force_gain", [0.06, 0.06, 0.06], np.random.default_rng(8))
-    )
-    problem = replace(problem, candidates=[c for c in problem.candidates if c.name == "wall_stiffness"])
-    exact = problem.forces_with
-
-    def weak(parts, amounts, rows):
-        return problem.base + 0.3 * (exact(parts, amounts, rows) - problem.base)
-
-    assert judge(replace(problem, forces_with=weak), SETTINGS, seed=1).state in ("open", "insufficient")
+    """A plausible amount is felt with 0.8 standard deviations, and with 0.4 as it is solved; the readings ask for more."""
+    patterns = {"wall_stiffness": [1.0]}
+    problem, _ = patterned(patterns, lambda amounts: 0.5 * linear(patterns)(amounts), [0.2])
+    (weak,) = problem.candidates
+    problem = replace(problem, candidates=[replace(weak, widths=np.array([0.008]))])
+    found = judge(problem, SETTINGS, seed=1)
+    (solved,) = found.answer.problem.candidates
+    assert 0.008 * np.linalg.norm(problem.covariance.whiten(solved.columns)) < FELT_SNR
+    assert found.answer.winner.name == "wall_stiffness"
