@@ -22,7 +22,8 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     steps = parser.add_subparsers(dest="step", required=True)
-    steps.add_parser("solve", help="solve what all cases share")
+    one = steps.add_parser("solve", help="solve what all cases share")
+    one.add_argument("--workers", type=int, default=1, help="presses side by side")
     steps.add_parser("check", help="print how far the base is from the fine mesh, and from solutions between")
     one = steps.add_parser("generate", help="draw, write and seal a set")
     one.add_argument("set")
@@ -50,7 +51,7 @@ def run(asked: argparse.Namespace) -> None:
     if asked.step == "solve":
         from .solves import solve_all
 
-        solve_all(say=lambda text: print(text, flush=True))
+        solve_all(say=lambda text: print(text, flush=True), workers=asked.workers)
     elif asked.step == "check":
         from .library import between, convergence
 

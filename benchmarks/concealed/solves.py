@@ -7,6 +7,8 @@ press on that same mesh; the base has a finer mesh, and at two places a still fi
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
 from pathlib import Path
 
 from .pressed import COARSE, FINE, MIDDLE, Ball, Curve, Setup, solved
@@ -95,20 +97,20 @@ def all_setups() -> Iterable[tuple[str, Setup]]:
         yield f"between ({x:g}, {y:g})", base_setup(x, y)
 
 
-def solve_all(folder: Path = FOLDER, say: Callable[[str], None] = print) -> None:
-    """Solve what is missing, one after the other; what is there is kept."""
-    done = set()
+def solve_all(folder: Path = FOLDER, say: Callable[[str], None] = print, workers: int = 1) -> None:
+    """Solve what is missing, `workers` presses side by side; what is there is kept."""
+    named: dict[str, tuple[str, Setup]] = {}
     for name, setup in all_setups():
-        if setup.key in done:
-            continue
-        done.add(setup.key)
-        if (folder / f"{setup.key}.npz").is_file():
-            continue
-        curve = solved(setup, folder)
-        say(
-            f"{name}: {curve.force_N[-1, 2]:.4f} N at {curve.depths_mm[-1]:g} mm, {curve.unknowns} unknowns, "
-            f"{curve.iterations} iterations, {curve.seconds:.0f} CPU s"
-        )
+        if not (folder / f"{setup.key}.npz").is_file():
+            named.setdefault(setup.key, (name, setup))
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        running = {pool.submit(solved, setup, folder): name for name, setup in named.values()}
+        for done in as_completed(running):
+            curve = done.result()
+            say(
+                f"{running[done]}: {curve.force_N[-1, 2]:.4f} N at {curve.depths_mm[-1]:g} mm, "
+                f"{curve.unknowns} unknowns, {curve.iterations} iterations, {curve.seconds:.0f} CPU s"
+            )
 
 
 def kept(setup: Setup, folder: Path = FOLDER) -> Curve:
