@@ -15,6 +15,7 @@ from gelforge.mismatch.verdict import (
     HeldOut,
     NamedEffect,
     Score,
+    Unknown,
     VerdictError,
     Where,
 )
@@ -81,14 +82,15 @@ def in_short(results: MismatchResults) -> Chapter:
         ("Error that is no mismatch", f"{noise:.3g} N: instrument, depth zero, materials' fit, mesh")
     )
     test = verdict.mismatch
-    facts.append(
-        ("By chance alone", f"as much mismatch: {p_text(test.p)}; as strong a pattern: {p_text(test.scan_p)}")
-    )
+    chance = f"as much mismatch: {p_text(test.p)}; as strong a pattern: {p_text(test.scan_p)}"
+    if test.unknown_p is not None:
+        chance += f"; as much for something unknown: {p_text(test.unknown_p)} at most"
+    facts.append(("By chance alone", chance))
     if verdict.adequacy:
         a = verdict.adequacy
         kind = "only noise remains" if a.passed else "something remains"
-        kind += "; refuted by what was set aside" if a.refuted else ""
-        facts.append(("After it", f"{kind}: by chance {p_text(a.p)}, as strong a pattern {p_text(a.scan_p)}"))
+        told = f"{kind}: by chance {p_text(a.p)}, as strong a pattern {p_text(a.scan_p)}"
+        facts.append(("After it", told + ("; but what was set aside refutes it" if a.refuted else "")))
     chapter.blocks.append(Facts(facts))
     return chapter
 
@@ -215,6 +217,13 @@ def through_body(results: MismatchResults) -> Chapter:
     return chapter
 
 
+def _unknown_text(unknown: Unknown | None) -> str:
+    """Return how probable something unknown is, and what it would change."""
+    if unknown is None:
+        return ""
+    return f", that something unknown is missing {chance_text(unknown.probability)} (it would change {unknown.words})"
+
+
 def ranking(results: MismatchResults) -> Chapter:
     """Return all effects that were tried, the most probable first."""
     chapter, verdict = Chapter("effects", "Which physics"), results.verdict
@@ -237,8 +246,8 @@ def ranking(results: MismatchResults) -> Chapter:
     ]
     chapter.tabulate(
         f"What was tried, the most probable first; that nothing is missing has probability"
-        f" {chance_text(verdict.null_probability)}. A good fit alone names nothing: an amount must also be physically"
-        " possible.",
+        f" {chance_text(verdict.null_probability)}{_unknown_text(verdict.unknown)}. A good fit alone names nothing: an"
+        " amount must also be physically possible.",
         _filled(rows),
     )
     rest = verdict.effects[RANKED:]

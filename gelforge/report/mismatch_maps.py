@@ -106,13 +106,16 @@ def headline_figure(results: MismatchResults) -> Figure:
 
 
 def draw_chances(ax: Axes, results: MismatchResults) -> None:
-    """Draw the probability of the first few effects and of nothing being missing; the answer's members in blue."""
+    """Draw the probability of the first few effects, of something unknown and of nothing; the answer's members in blue."""
     verdict = results.verdict
     members = {name for group in verdict.answer for name in group.members}
     bars = [
         (pretty(e.name), e.probability, SIMULATED if e.name in members else OTHER)
         for e in verdict.effects[:CHANCES]
     ]
+    if verdict.unknown is not None:
+        colour = SIMULATED if verdict.state == "open" else OTHER
+        bars.append(("something unknown", verdict.unknown.probability, colour))
     nothing = NOTHING if verdict.state == "null" else OTHER
     bars.append(("nothing is missing", verdict.null_probability, nothing))
     for row, (_, chance, colour) in enumerate(bars):
@@ -124,7 +127,7 @@ def draw_chances(ax: Axes, results: MismatchResults) -> None:
     ax.tick_params(axis="y", length=0)
     ax.invert_yaxis()
     ax.spines["left"].set_visible(False)
-    ax.set_title("probability that it is part of what is missing", fontsize=10)
+    ax.set_title("probability that it is missing", fontsize=10)
 
 
 def chance_text(chance: float) -> str:
