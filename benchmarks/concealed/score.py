@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 CONFIDENT, STRONG = 0.9, 8.0
-LEVEL = 0.01  # of each of the two tests of the judge
+LEVEL = 0.01  # of each of the three tests of the judge
 SNR_BANDS = ((2.0, 4.0), (4.0, 8.0), (8.0, 16.0), (16.0, np.inf))
 SAYS_NOTHING = ("null", "insufficient")
 
@@ -96,7 +96,8 @@ def judged_from(truth: dict, verdict: dict | None, readings: pd.DataFrame | None
 
 def _p(verdict: dict) -> float:
     tests = verdict.get("mismatch", {})
-    return min((tests[name] for name in ("p", "scan_p") if name in tests), default=float("nan"))
+    found = [tests.get(name) for name in ("p", "scan_p", "unknown_p")]
+    return min((p for p in found if p is not None), default=float("nan"))
 
 
 def held_out_gain(truth: dict, readings: pd.DataFrame) -> tuple[float, float, float]:

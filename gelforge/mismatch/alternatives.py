@@ -13,6 +13,7 @@ from gelforge.mismatch.screen import Screened
 
 NULL_PRIOR = 0.5  # as likely as not that a careful study has left nothing out
 NOTHING = frozenset()
+UNKNOWN = "unknown"  # something that no known effect is: as likely, before the readings, as any one of them
 
 
 def log_prior(effects: int, known: int) -> float:
@@ -49,14 +50,20 @@ class Alternatives:
         return float(min(sum(p for effects, p in self.probability.items() if effects & wanted), 1.0))
 
     def likelier_of(self, count: int, than: float) -> bool:
-        """Return whether an answer of so many effects has a log weight above one."""
-        return any(self.weight(e, value) > than for e, value in self.evidence.items() if len(e) == count)
+        """Return whether an answer of so many effects, or of something unknown, has a log weight above one."""
+        return any(
+            self.weight(e, value) > than
+            for e, value in self.evidence.items()
+            if len(e) == count or (UNKNOWN in e and len(e) < count)
+        )
 
     def joined(self, answers: Iterable[Screened]) -> Alternatives:
         """Return these and other answers, in place of the same ones."""
-        return Alternatives(
-            {**self.evidence, **{effects_of(a): a.log_bayes_factor for a in answers}}, self.known
-        )
+        return self.beside({effects_of(a): a.log_bayes_factor for a in answers})
+
+    def beside(self, evidence: Mapping[frozenset[str], float]) -> Alternatives:
+        """Return these and other answers by their log evidence, in place of the same ones."""
+        return Alternatives({**self.evidence, **evidence}, self.known)
 
 
 def effects_of(answer: Screened) -> frozenset[str]:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import norm
 
 from gelforge.mismatch import verdict as form
-from gelforge.mismatch.alternatives import NOTHING
+from gelforge.mismatch.alternatives import NOTHING, UNKNOWN
 from gelforge.mismatch.identifiability import profile
 from gelforge.mismatch.judge import Judgement
 from gelforge.mismatch.problem import Problem
@@ -46,6 +46,14 @@ def of_nothing(judgement: Judgement) -> float:
     if judgement.answer is None:
         return judgement.probability["null"]
     return judgement.answer.alternatives.probability[NOTHING]
+
+
+def unknown_told(judgement: Judgement) -> form.Unknown | None:
+    """Return what something unknown has for it; None where no effect was looked for."""
+    answer = judgement.answer
+    if answer is None:
+        return None
+    return form.Unknown(probability=answer.alternatives.holding([UNKNOWN]), words=answer.stranger)
 
 
 def effects_told(problem: Problem, judgement: Judgement) -> list[form.NamedEffect]:

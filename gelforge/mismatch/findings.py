@@ -11,7 +11,7 @@ import pandas as pd
 from gelforge.config import Sensor, Study
 from gelforge.mismatch import verdict as form
 from gelforge.mismatch.covariance import Covariance
-from gelforge.mismatch.effects_told import effects_told, groups_told, of_nothing
+from gelforge.mismatch.effects_told import effects_told, groups_told, of_nothing, unknown_told
 from gelforge.mismatch.flow import force_part
 from gelforge.mismatch.holdout import gain, predictive_scores
 from gelforge.mismatch.identifiability import detection_limits
@@ -53,10 +53,12 @@ def verdict_of(
             degrees=judgement.mismatch.test.degrees,
             p=judgement.mismatch.test.p,
             scan_p=judgement.mismatch.scan.p,
+            unknown_p=judgement.mismatch.unknown_p,
         ),
         where=_where(judgement.mismatch) if answer or judgement.state == "open" else [],
         answer=told,
         effects=effects_told(problem, judgement),
+        unknown=unknown_told(judgement),
         null_probability=of_nothing(judgement),
         fit=_fit(*in_newtons).model_copy(update={"flow": flow}),
         adequacy=None if answer is None else _adequacy(judgement),

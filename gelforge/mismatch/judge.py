@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gelforge.config.mismatch import Mismatch
-from gelforge.mismatch.alternatives import probabilities
+from gelforge.mismatch.alternatives import UNKNOWN, probabilities
 from gelforge.mismatch.holdout import Blocks, split
 from gelforge.mismatch.identifiability import DETECTED_SNR
 from gelforge.mismatch.problem import Problem
@@ -16,6 +16,7 @@ from gelforge.mismatch.refit import Refitted
 from gelforge.mismatch.remains import Remains, remains
 from gelforge.mismatch.screen import Screened
 from gelforge.mismatch.search import CERTAIN_P, Answer, Terms, explained
+from gelforge.mismatch.unknown import manners_of, weighed_unknown
 from gelforge.mismatch.verdict import ADEQUATE_P, ALARM_P, NAMED_ODDS, NAMED_PROBABILITY
 from gelforge.mismatch.weighing import those_felt, weighed
 
@@ -33,11 +34,17 @@ class Judgement:
     probability: Mapping[str, float]  # of null and of single effects, by the screen
     answer: Answer | None
     notes: tuple[str, ...]  # what went wrong on the way
+    out_of_range: bool = False  # an amount of the answer is not physical, or on its bounds
 
     @property
     def refuted(self) -> bool:
         """Return whether something is certainly there and the readings set aside speak against the best answer to it."""
         return self.answer is not None and _refuted(self.mismatch, self.answer)
+
+    @property
+    def strange(self) -> bool:
+        """Return whether something that no known effect is, alone or beside the answer, is likelier than not."""
+        return self.answer is not None and _strange(self.answer)
 
 
 def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Judgement:
@@ -49,17 +56,20 @@ def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Jud
     labels, rng = problem.labels, np.random.default_rng([seed, 5])
     blocks = split(labels, seed, turn)
     everything = np.ones(len(labels), bool)
+    manners = manners_of(problem)
+    unknown = weighed_unknown(problem, manners)
     mismatch = remains(problem, problem.residual, everything, settings, rng)
+    mismatch = replace(mismatch, unknown_p=unknown.p)
     singles = weighed(problem, blocks.train, problem.candidates)
     felt = those_felt(singles)
     probability = probabilities(felt)
     if mismatch.p >= ALARM_P:
         state = "null" if _could_have_seen(felt) else "insufficient"
         return Judgement(state, blocks, mismatch, tuple(singles), probability, None, ())
-    answer, notes = explained(problem, Terms(blocks, settings, rng, len(felt)))
-    return Judgement(
-        _state(problem, mismatch, answer), blocks, mismatch, tuple(singles), probability, answer, tuple(notes)
-    )
+    answer, notes = explained(problem, Terms(blocks, settings, rng, len(felt), manners, unknown))
+    state = _state(problem, mismatch, answer)
+    out = answer is not None and not in_range(problem, answer.fit)
+    return Judgement(state, blocks, mismatch, tuple(singles), probability, answer, tuple(notes), out)
 
 
 def _could_have_seen(singles: Sequence[Screened]) -> bool:
@@ -80,6 +90,10 @@ def _refuted(mismatch: Remains, answer: Answer) -> bool:
     return mismatch.p < CERTAIN_P and answer.refuted
 
 
+def _strange(answer: Answer) -> bool:
+    return answer.alternatives.holding([UNKNOWN]) > LIKELY
+
+
 def _state(problem: Problem, mismatch: Remains, answer: Answer | None) -> str:
     """Return named, group, open or insufficient of an answer to a mismatch that is there.
 
@@ -91,7 +105,10 @@ def _state(problem: Problem, mismatch: Remains, answer: Answer | None) -> str:
         return "open"
     if _refuted(mismatch, answer):
         return "open"
-    unsure = "open" if mismatch.p < CERTAIN_P and answer.after_refuted else "insufficient"
+    strange = _strange(answer)
+    unsure = "open" if mismatch.p < CERTAIN_P and (strange or answer.after_refuted) else "insufficient"
+    if strange:
+        return unsure
     if answer.gain is None or not answer.gain.clear:
         return unsure
     sure = all(

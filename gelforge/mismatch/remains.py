@@ -1,4 +1,4 @@
-"""What a model leaves of readings: both tests of whether that is noise."""
+"""What a model leaves of readings: the tests of whether that is noise."""
 
 from __future__ import annotations
 
@@ -18,10 +18,11 @@ class Remains:
 
     test: GlobalTest
     scan: Scan
+    unknown_p: float = 1.0  # bound on that of as much evidence for something unknown, where that was asked
 
     @property
     def p(self) -> float:
-        return min(self.test.p, self.scan.p)
+        return min(self.test.p, self.scan.p, self.unknown_p)
 
 
 def remains(

@@ -127,6 +127,15 @@ def believing(judged: Screened, residual: np.ndarray, covariance: Covariance, wi
     )
 
 
+def log_evidence(residual: np.ndarray, covariance: Covariance, parts: Sequence[Candidate] = ()) -> float:
+    """Return the log density of residual (n,) with parts of unknown amounts, or with none."""
+    density = covariance.log_density(residual)
+    if not parts:
+        return density
+    columns = [covariance.whiten(part.columns) for part in parts]
+    return density + _judged(covariance.whiten(residual), parts, columns).log_bayes_factor
+
+
 def _judged(r: np.ndarray, parts: Sequence[Candidate], columns: Sequence[np.ndarray]) -> Screened:
     """Return the parts, with whitened columns, judged by the whitened residual r (n,)."""
     J = np.column_stack(columns)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +11,7 @@ import pandas as pd
 from gelforge.config import ConfigError
 from gelforge.config.mismatch import Mismatch
 from gelforge.mechanics.equilibrium import NotConverged
-from gelforge.mismatch.alternatives import Alternatives, effects_of
+from gelforge.mismatch.alternatives import UNKNOWN, Alternatives, effects_of
 from gelforge.mismatch.confirmation import NotSolved, folds_of, forces_of, scores_of, told_of
 from gelforge.mismatch.groups import grouped, last_alone
 from gelforge.mismatch.holdout import Blocks, Gain, gain
@@ -20,6 +20,7 @@ from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.refit import Refitted, refitted
 from gelforge.mismatch.remains import Remains, remains
 from gelforge.mismatch.screen import Screened
+from gelforge.mismatch.unknown import Manner, Weighed, weighed_unknown
 from gelforge.mismatch.verdict import ADEQUATE_P
 from gelforge.mismatch.weighing import (
     moved,
@@ -43,6 +44,8 @@ class Terms:
     settings: Mismatch
     rng: np.random.Generator
     known: int  # effects that the readings feel
+    manners: Sequence[Manner]  # in which something unknown may act
+    unknown: Weighed  # alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +58,8 @@ class Answer:
     refits: tuple[Refitted, ...]
     groups: tuple[Group, ...]  # one per effect of the answer; none while the search goes on
     ahead: tuple[Screened, ...]  # one more effect beside the best, by all readings; none beyond MOST_EFFECTS
-    alternatives: Alternatives  # all that was tried, what is ahead too
+    alternatives: Alternatives  # all that was tried, what is ahead too, and something unknown alone and beside each winner
+    unknown: Mapping[frozenset[str], Weighed]  # something unknown, alone and beside the winner
     told: float  # log evidence of the winner's refit on all readings
     problem: Problem  # with columns through what was solved
     adequacy: Remains  # of the training readings
@@ -71,6 +75,11 @@ class Answer:
     def refuted(self) -> bool:
         """Return whether the readings set aside speak against it: by their gain, or by what is left with them."""
         return self.everywhere.p < CERTAIN_P or (self.gain is not None and self.gain.refutes)
+
+    @property
+    def stranger(self) -> str:
+        """Return the manner that something unknown would have, in words."""
+        return self.unknown[max(self.unknown, key=self.alternatives.probability.get)].manner
 
 
 def explained(problem: Problem, terms: Terms) -> tuple[Answer | None, list[str]]:
@@ -208,8 +217,10 @@ def _answer(
     if len(fit.parts) < MOST_EFFECTS:
         rest = {c.name for c in problem.candidates} - problem.first if own & problem.first else names
         ahead = tuple(weighed_beside(problem, every, rest, ranked))
-    tried = Alternatives({}, terms.known) if before is None else before.alternatives
     left = problem.observations.flat(problem.observations.force - after)
+    unknown = _unknown(problem, terms, winner, fit, left)
+    tried = Alternatives({}, terms.known) if before is None else before.alternatives
+    tried = tried.beside({effects: found.log_bayes_factor for effects, found in unknown.items()})
     believed = problem.believing(fit.parts, np.concatenate(fit.amounts))
     columns = np.column_stack([part.columns for part in fit.parts])
     adequacy = remains(believed, left[blocks.train], blocks.train, terms.settings, terms.rng, fit.columns)
@@ -223,6 +234,7 @@ def _answer(
         groups=(),
         ahead=ahead,
         alternatives=tried.joined(ranked).joined(ahead),
+        unknown=unknown,
         told=told[fit.name],
         problem=problem,
         adequacy=adequacy,
@@ -232,6 +244,15 @@ def _answer(
         scores=scores,
         folds=folds_of(problem, winner),
     )
+
+
+def _unknown(
+    problem: Problem, terms: Terms, winner: Screened, fit: Refitted, left: np.ndarray
+) -> dict[frozenset[str], Weighed]:
+    """Return something unknown weighed by all readings, alone and beside a winner; left (n,) [N]: by the winner's refit."""
+    beside = weighed_unknown(problem, terms.manners, fit.parts, np.concatenate(fit.amounts), left)
+    both = replace(beside, log_bayes_factor=winner.log_bayes_factor + beside.log_bayes_factor)
+    return {frozenset({UNKNOWN}): terms.unknown, effects_of(winner) | {UNKNOWN}: both}
 
 
 def _with_refit(problem: Problem, judged: Screened, fit: Refitted) -> Screened:

@@ -23,8 +23,8 @@ FORMAT = "gelforge-verdict-1"
 VERDICT, READINGS, BODY_MAP = "verdict.json", "readings.csv", "body_map.csv"
 PATCH, PAGE = "config.patch.yaml", "report.html"
 
-# Of the global test and of the scan each: either is an alarm, so at most one in fifty recordings, or materials, of which
-# nothing is missing gives a false one.
+# Of the global test, of the scan and of something unknown each: any is an alarm, so at most three in a hundred recordings,
+# or materials, of which nothing is missing give a false one.
 ALARM_P = 0.01
 # What `named` asks for (mismatch.md, states)
 NAMED_PROBABILITY = 0.9  # of the group
@@ -112,6 +112,13 @@ class NamedEffect(Section):
     group: list[str] = Field([], description="What these readings cannot tell it from, itself included")
 
 
+class Unknown(Section):
+    """What no known effect is: a smooth change of one manner, of unknown size and form."""
+
+    probability: Probability = Field(description="Probability that it is part of what is missing [-]")
+    words: str = Field(description="The manner that it would most probably have, beside the answer")
+
+
 class Group(Section):
     """Part of the answer: effects of which one is there, and which these readings cannot tell apart."""
 
@@ -177,6 +184,9 @@ class Mismatch(Section):
     degrees: int = Field(ge=0, description="Its number of degrees of freedom [-]")
     p: Probability = Field(description="Of as much by chance [-]")
     scan_p: Probability = Field(description="Of the strongest pattern by chance, looked for everywhere [-]")
+    unknown_p: Probability | None = Field(
+        None, description="Bound on as much evidence for something unknown by chance [-]"
+    )
 
 
 class Adequacy(Section):
@@ -307,6 +317,7 @@ class Verdict(Section):
         [], description="What is missing: one group, or two of which one member each is there"
     )
     effects: list[NamedEffect] = Field([], description="All that were tried, the most probable first")
+    unknown: Unknown | None = Field(None, description="What no known effect is, weighed beside them")
     null_probability: Probability = Field(description="Probability that nothing is missing [-]")
     fit: Fit = Field(description="Before and after, on all readings and on those set aside")
     adequacy: Adequacy | None = Field(None, description="What remains after the answer")

@@ -34,17 +34,8 @@ def sentence_of(problem: Problem, judgement: Judgement) -> str:
             f"{where}; no effect of the catalogue explains it: the best, {words}, fits the readings that it was fitted to, "
             f"but those set aside refute it{most}."
         )
-    if state == "open" and judgement.answer.adequacy.p > form.ADEQUATE_P and judgement.answer.after_refuted:
-        return (
-            f"{where}; no effect of the catalogue explains it: the readings set aside refute one effect alone, and {words} "
-            "would fit, but nothing is likely enough to be named."
-        )
     if state == "open":
-        remaining = plain(judgement.answer.adequacy.scan.best)
-        return (
-            f"{where}; no effect of the catalogue explains it: the best, {words}, leaves something, most clearly "
-            f"{remaining}."
-        )
+        return f"{where}; no effect of the catalogue explains it: {_why_open(judgement, words)}{_manner(judgement)}."
     if state == "insufficient" and not judgement.answer.fit.converged:
         return (
             f"{where}; {words} would fit, but its fit in the solver has not come to rest: no name is given."
@@ -56,6 +47,29 @@ def sentence_of(problem: Problem, judgement: Judgement) -> str:
     if state == "insufficient":
         return f"{where}; {words} would fit, but the readings set aside do not confirm it: too few to say."
     return f"{where}; it is explained by {words}."
+
+
+def _why_open(judgement: Judgement, words: str) -> str:
+    """Return why the best answer, in words, is none."""
+    answer = judgement.answer
+    if answer.adequacy.p <= form.ADEQUATE_P:
+        return f"the best, {words}, leaves something, most clearly {plain(answer.adequacy.scan.best)}"
+    if judgement.refuted:
+        everywhere = answer.everywhere
+        most = f", most clearly {plain(everywhere.scan.best)}" if everywhere.p <= form.ADEQUATE_P else ""
+        return (
+            f"the best, {words}, fits the readings that it was fitted to, but those set aside refute it{most}"
+        )
+    if judgement.out_of_range:
+        return f"the best, {words}, would have to be larger than is physical"
+    if judgement.strange:
+        return f"the best, {words}, would fit, but something unknown is likelier"
+    return f"the readings set aside refute one effect alone, and {words} would fit, but nothing is likely enough to be named"
+
+
+def _manner(judgement: Judgement) -> str:
+    """Return what something unknown would do, where it is likely."""
+    return f"; it would be a change of {judgement.answer.stranger}" if judgement.strange else ""
 
 
 def _answer_words(problem: Problem, answer: Answer, with_others: bool) -> str:

@@ -155,7 +155,7 @@ def fake_content() -> dict:
         "state": "group",
         "sentence": "The sensor is 9 % softer than simulated, everywhere and at every depth: its gel is softer, or the force"
         " sensor reads low; these readings cannot tell which.",
-        "mismatch": {"chi2": 1450.2, "degrees": len(table), "p": 3e-9, "scan_p": 0.0004},
+        "mismatch": {"chi2": 1450.2, "degrees": len(table), "p": 3e-9, "scan_p": 0.0004, "unknown_p": 2e-7},
         "where": [
             {
                 "words": "grows with depth",
@@ -176,6 +176,7 @@ def fake_content() -> dict:
             }
         ],
         "effects": [gel, gain, settling, *(effect(*e) for e in TRIED)],
+        "unknown": {"probability": 0.02, "words": "the pressing force with depth"},
         "null_probability": 1e-6,
         "fit": {
             "before": score(table, "base_N"),

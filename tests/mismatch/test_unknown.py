@@ -1,0 +1,146 @@
+"""Something that no effect of the catalogue is: its covariance against a dense one, and effects that it beats or not."""
+
+from dataclasses import replace
+
+import artificial
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from test_judge import LOCATED, SETTINGS, judged, named, problem_of
+
+from gelforge.mismatch.alternatives import UNKNOWN, Alternatives
+from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.judge import judge
+from gelforge.mismatch.unknown import PLAUSIBLE, _modes, manners_of, weighed_unknown
+from gelforge.mismatch.weighing import weighed
+from gelforge.mismatch.words import sentence_of
+
+
+def problem_with(name, amounts, seed=7, **keys):
+    base = artificial.context(seed, per_side=3)
+    rng = np.random.default_rng(seed + 1)
+    return problem_of(artificial.with_effect(base, name, np.array(amounts, dtype=float), rng), **keys)
+
+
+def backlash(seed=7, size_mm=0.8):
+    """Return a context whose presses each arrive displaced, one way or the other, by what no effect knows."""
+    base, rng = artificial.context(seed, per_side=3), np.random.default_rng(seed)
+    rows = base.observations.table
+    press = np.unique(rows["press"], return_inverse=True)[1]
+    dx, dy = size_mm * rng.choice([-1.0, 1.0], (2, press.max() + 1))[:, press]
+    forces = artificial.force(rows["x_mm"] + dx, rows["y_mm"] + dy, rows["depth_mm"].to_numpy())
+    return artificial.read(base, forces, rng)
+
+
+def test_cosines_are_a_random_function_of_unit_size_that_is_smooth():
+    values = np.linspace(3.0, 7.0, 4001)
+    K = _modes(values, 40) @ _modes(values, 40).T
+    assert_allclose(np.mean(np.diag(K)), 1.0, rtol=2e-3)  # 4001 points: the ends count once too often
+    alike = K[0] / np.sqrt(K[0, 0] * np.diag(K))
+    assert alike[100] > 0.99 and alike[4000] < 0.5  # a fortieth of the range away, and the other end
+    assert np.array_equal(_modes(np.full(5, 2.0), 6), np.ones((5, 1)))
+
+
+def test_each_manner_adds_the_product_of_its_directions():
+    problem = problem_of(artificial.context(3, per_side=3))
+    rows = np.random.default_rng(1).permutation(len(problem.labels))[:150]
+    mask = np.isin(np.arange(len(problem.labels)), rows)
+    for manner in manners_of(problem):
+        wider = manner.beside(problem.covariance, 0.3).restricted(mask)
+        plain, U = problem.covariance.restricted(mask), 0.3 * manner.directions[mask]
+        eye = np.eye(mask.sum())
+        added = U @ U.T
+        if manner.each is not None:
+            added *= manner.each[mask][:, None] == manner.each[mask]
+        inverse = wider.whiten(eye).T @ wider.whiten(eye)
+        dense = np.linalg.inv(plain.whiten(eye).T @ plain.whiten(eye)) + added
+        assert_allclose(dense @ inverse, eye, atol=1e-5)
+        assert wider.log_det == pytest.approx(np.linalg.slogdet(dense)[1], abs=1e-5)
+
+
+def test_a_manner_is_as_large_as_is_plausible():
+    """The pressing force differs by PLAUSIBLE of itself, root mean square, whatever the coordinate."""
+    problem = problem_of(artificial.context(3, per_side=3))
+    z = (problem.labels["axis"] == 2).to_numpy()
+    F = problem.observations.flat(problem.base)
+    sizes = {
+        m.words: np.sqrt((m.directions[z] ** 2).sum() / (F[z] ** 2).sum())
+        for m in manners_of(problem)
+        if "pressing" in m.words
+    }
+    assert {words.split(" ", 3)[3] for words in sizes} == {
+        "with depth", "from place to place", "from press to press", "over the session's time",
+        "along a press's path",
+    }  # fmt: skip
+    assert all(0.5 * PLAUSIBLE < size < 1.5 * PLAUSIBLE for size in sizes.values()), sizes
+
+
+def test_of_nulls_nothing_unknown_is_likely():
+    """Evidence against the true model exceeds e^3 in at most e^-3 of recordings, whatever the other (Markov): 1.5 of 30."""
+    found = [problem_of(artificial.context(seed, per_side=3)) for seed in range(30)]
+    factors = [weighed_unknown(problem, manners_of(problem)).log_bayes_factor for problem in found]
+    assert np.median(factors) < -1
+    assert np.sum(np.array(factors) > 3.0) <= 5  # more in one of 200 such runs
+
+
+@pytest.mark.parametrize(
+    ("name", "amounts"),
+    [
+        ("misregistration", [0.8, 0.3]),
+        ("contact_zero", [0.08]),
+        ("viscoelastic", [0.3]),
+        ("tilt", [1.0, 0.5]),
+    ],
+)
+def test_an_effect_that_is_right_is_likelier_than_something_unknown_and_leaves_it_nothing(name, amounts):
+    problem = problem_with(name, amounts)
+    manners, every = manners_of(problem), np.ones(len(problem.labels), bool)
+    right = next(one for one in weighed(problem, every, problem.candidates) if one.name == name)
+    assert weighed_unknown(problem, manners).log_bayes_factor < right.log_bayes_factor - 2
+    left = problem.residual - right.change
+    assert weighed_unknown(problem, manners, right.parts, right.amounts, left).log_bayes_factor < -1
+
+
+def test_effects_that_only_happen_to_fit_are_less_likely_than_something_unknown():
+    problem = problem_with("misregistration", [0.8, 0.3], left_out=LOCATED | {"misregistration"})
+    manners, every = manners_of(problem), np.ones(len(problem.labels), bool)
+    best = weighed(problem, every, problem.candidates)[0]
+    assert weighed_unknown(problem, manners).log_bayes_factor > best.log_bayes_factor + 5
+    left = problem.residual - best.change
+    assert weighed_unknown(problem, manners, best.parts, best.amounts, left).log_bayes_factor > 5
+
+
+def test_what_differs_from_press_to_press_is_open_and_called_so():
+    problem, found = judged(backlash())
+    assert found.state == "open"
+    assert found.answer.alternatives.holding([UNKNOWN]) > 0.99
+    assert "from press to press" in found.answer.stranger
+    told = sentence_of(problem, found)
+    assert (
+        "no effect of the catalogue" in told and "a change of the sideways forces from press to press" in told
+    )
+
+
+def test_an_answer_beside_which_something_unknown_is_likelier_than_not_is_open():
+    problem, found, state = named()
+    own = frozenset(part.name for part in found.answer.winner.parts)
+    evidence = found.answer.alternatives.evidence[own]
+    beside = found.answer.alternatives.beside({own | {UNKNOWN}: evidence + 20.0})
+    assert isinstance(beside, Alternatives) and beside.holding([UNKNOWN]) > 0.99
+    assert beside.holding(own) > 0.99  # the effect is still there
+    assert [state(p=p, alternatives=beside) for p in (1e-4, 5e-3)] == ["open", "insufficient"]
+    told = sentence_of(
+        problem, replace(found, state="open", answer=replace(found.answer, alternatives=beside))
+    )
+    assert "would fit, but something unknown is likelier; it would be a change of " in told
+
+
+def test_something_unknown_asks_for_one_more_effect():
+    """A pair of which one part is found: something beside it is likelier than not, until the other part is looked for."""
+    base, rng = artificial.context(9, per_side=3), np.random.default_rng(10)
+    zero = CATALOGUE["contact_zero"].to_forces(base, {}, base.force, np.array([0.06]))
+    both = CATALOGUE["misregistration"].to_forces(base, {}, zero, np.array([0.8, 0.3]))
+    problem = problem_of(artificial.read(base, both, rng))
+    found = judge(problem, SETTINGS, seed=1)
+    assert {"contact_zero", "misregistration"} <= {part.name for part in found.answer.fit.parts}
+    assert found.answer.alternatives.holding([UNKNOWN]) < 0.5
