@@ -1,6 +1,6 @@
 """The proof on concealed effects, step by step; every step goes on where it was left.
 
-usage: python -m benchmarks.concealed solve                                 presses by FElupe (about 40 min of one core)
+usage: python -m benchmarks.concealed solve                                 presses by FElupe that solutions.jsonl lacks
        python -m benchmarks.concealed generate SET [--seed 7 | --commit HASH] recordings, and truths under seal
        python -m benchmarks.concealed judge SET [--limit 10] [--command "..."] gelforge mismatch on each
        python -m benchmarks.concealed score SET                            opens the seals, writes scores.md

@@ -8,13 +8,12 @@ forces, and changes of horizontal over vertical force.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from . import solves
-from .solves import BETWEEN, CHECKED, FOLDER, NODES, ORBITS, kept
+from .solves import BETWEEN, CHECKED, NODES, ORBITS, Solutions, read_solutions
 
 DEGREE, FLAT_DEGREE, EFFECT_DEGREE = 2, 3, 2  # of the polynomials over depth
 THROUGH_ALL = {
@@ -92,22 +91,23 @@ class Library:
         return -np.exp(spline(np.maximum(at, first)) + spline(first, 1) * below)
 
 
-def load_library(folder: Path = FOLDER) -> Library:
-    """Return the library of the solutions in a folder; effects whose solutions are not all there are left out."""
-    tables = _base_tables(folder)
+def load_library(solutions: Solutions | None = None) -> Library:
+    """Return the library of solutions, those kept where none are given; effects that are not all solved are left out."""
+    solutions = read_solutions() if solutions is None else solutions
+    tables = _base_tables(solutions)
     changes, defects = {}, {}
     for name in solves.EFFECTS:
-        if all((folder / f"{solves.effect_setup(name, *o).key}.npz").is_file() for o in ORBITS):
-            changes[name] = _change(name, folder)
+        if all(solves.effect_setup(name, *o) in solutions for o in ORBITS):
+            changes[name] = _change(name, solutions)
     for name in solves.DEFECTS:
         pairs = {
             place: [[solves.defect_setup(n, place, x, y) for n in (name, "")] for x, y in touched]
             for place, (_, touched) in solves.DEFECT_PLACES.items()
         }
         setups = [setup for own in pairs.values() for pair in own for setup in pair]
-        if all((folder / f"{setup.key}.npz").is_file() for setup in setups):
+        if all(setup in solutions for setup in setups):
             for place, (_, touched) in solves.DEFECT_PLACES.items():
-                defects[name, place] = _local(pairs[place], np.array(touched), folder)
+                defects[name, place] = _local(pairs[place], np.array(touched), solutions)
     if "slipping" in changes and "friction" in changes:
         changes["friction"] = _without_slip(changes["friction"], changes.pop("slipping"))
     return Library(*tables, changes, defects)
@@ -118,13 +118,13 @@ def _without_slip(change: Change, twice: Change) -> Change:
     return Change(2 * change.log_ratio - twice.log_ratio, 2 * change.horizontal - twice.horizontal)
 
 
-def convergence(folder: Path = FOLDER) -> list[dict]:
+def convergence() -> list[dict]:
     """Return the base's vertical forces beside those of the fine mesh, where both are known."""
-    rows = []
+    rows, solutions = [], read_solutions()
     for place in CHECKED:
-        if not (folder / f"{solves.fine_setup(*place).key}.npz").is_file():
+        if solves.fine_setup(*place) not in solutions:
             continue
-        base, fine = kept(solves.base_setup(*place), folder), kept(solves.fine_setup(*place), folder)
+        base, fine = solutions[solves.base_setup(*place)], solutions[solves.fine_setup(*place)]
         for d, a, b in zip(base.depths_mm, base.force_N[:, 2], fine.force_N[:, 2]):
             rows.append(
                 {
@@ -138,30 +138,30 @@ def convergence(folder: Path = FOLDER) -> list[dict]:
     return rows
 
 
-def between(folder: Path = FOLDER) -> list[dict]:
+def between() -> list[dict]:
     """Return the base's forces [N] between the places where it was solved: as the library gives them, and solved there.
 
     At the deepest depth of the presses; the library's Fz is that of the fine mesh.
     """
-    library, depth = load_library(folder), 1.6
-    rows = []
+    solutions, depth = read_solutions(), 1.6
+    library, rows = load_library(solutions), []
     for place in BETWEEN:
-        if not (folder / f"{solves.base_setup(*place).key}.npz").is_file():
+        if solves.base_setup(*place) not in solutions:
             continue
-        solved = kept(solves.base_setup(*place), folder)
+        solved = solutions[solves.base_setup(*place)]
         k = int(np.argmin(np.abs(solved.depths_mm - depth)))
         given = library.base(np.array([place]), np.array([depth]))[0]
         rows.append({"place": place, "depth_mm": depth, "given_N": given, "solved_N": solved.force_N[k]})
     return rows
 
 
-def _base_tables(folder: Path) -> tuple:
+def _base_tables(solutions: Solutions) -> tuple:
     """Return shape, vertical, horizontal and area of a library.
 
     A place's ratio to the middle is smoothed over depth: nodes that come to touch make it jump by half a per cent.
     """
-    curves = {place: kept(solves.base_setup(*place), folder) for place in solves.triangle()}
-    middle, fine = curves[0.0, 0.0], kept(solves.fine_setup(0.0, 0.0), folder)
+    curves = {place: solutions[solves.base_setup(*place)] for place in solves.triangle()}
+    middle, fine = curves[0.0, 0.0], solutions[solves.fine_setup(0.0, 0.0)]
     depths = middle.depths_mm
     even, odd = (np.linalg.pinv(np.vander(depths, n + 1, increasing=True)) for n in (DEGREE, FLAT_DEGREE))
     vertical = np.empty((len(NODES), len(NODES), DEGREE + 1))
@@ -182,8 +182,8 @@ def _ratio(curve, base) -> tuple[np.ndarray, np.ndarray]:
     return np.log(F[:, 2] / F0[:, 2]), F[:, :2] / F[:, 2:] - F0[:, :2] / F0[:, 2:]
 
 
-def _change(name: str, folder: Path) -> Change:
-    found = [_ratio(*(kept(solves.effect_setup(n, *o), folder) for n in (name, ""))) for o in ORBITS]
+def _change(name: str, solutions: Solutions) -> Change:
+    found = [_ratio(*(solutions[solves.effect_setup(n, *o)] for n in (name, ""))) for o in ORBITS]
     depths = np.array(solves.EFFECT_DEPTHS)
     degree = THROUGH_ALL.get(name, EFFECT_DEGREE)
     fit = np.linalg.pinv(np.vander(depths, degree + 1, increasing=True))
@@ -196,9 +196,9 @@ def _change(name: str, folder: Path) -> Change:
     return Change(log_ratio, np.linalg.solve(_odd_basis(x**2, y**2), values))
 
 
-def _local(pairs, places, folder: Path) -> LocalChange:
+def _local(pairs, places, solutions: Solutions) -> LocalChange:
     fit = np.linalg.pinv(np.vander(np.array(solves.EFFECT_DEPTHS), EFFECT_DEGREE + 1, increasing=True))
-    found = [_ratio(*(kept(setup, folder) for setup in pair)) for pair in pairs]
+    found = [_ratio(*(solutions[setup] for setup in pair)) for pair in pairs]
     return LocalChange(
         places, np.array([fit @ ratio for ratio, _ in found]), np.array([fit @ flat for _, flat in found])
     )

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import time
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 
 import felupe as fem
 import numpy as np
@@ -104,19 +102,6 @@ class Curve:
     seconds: float  # of one core
     unknowns: int
     iterations: int
-
-
-def solved(setup: Setup, folder: Path) -> Curve:
-    """Return a solution, from its file in the folder if it is there."""
-    path = folder / f"{setup.key}.npz"
-    if not path.is_file():
-        curve = press(setup)
-        folder.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_name(f".{path.stem}.{os.getpid()}.npz")
-        np.savez(temporary, setup=json.dumps(asdict(setup)), **curve.__dict__)
-        os.replace(temporary, path)
-    with np.load(path) as file:
-        return Curve(**{name: file[name][()] for name in Curve.__dataclass_fields__})
 
 
 def press(setup: Setup) -> Curve:

@@ -1,19 +1,24 @@
 """The solutions that all cases share: the base at places all over the sensor, and effects of finite elements at four places.
 
-A press to one place stands for its mirror images. Effects are solved on the coarse mesh and enter as ratios to the plain
+They are kept in solutions.jsonl, one line each, so that a set can be made without solving anything. A press to one place stands
+for its mirror images. Effects are solved on the coarse mesh and enter as ratios to the plain
 press on that same mesh; the base has a finer mesh, and at two places a still finer one that says how far it is from it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import json
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict
 from multiprocessing import get_context
 from pathlib import Path
 
-from .pressed import COARSE, FINE, MIDDLE, Ball, Curve, Setup, solved
+import numpy as np
 
-FOLDER = Path("results/concealed/solves")
+from .pressed import COARSE, FINE, MIDDLE, Ball, Curve, Setup, press
+
+SOLUTIONS = Path(__file__).with_name("solutions.jsonl")
 # |x|, |y| from the middle [mm] at which the base is solved; the last for presses that a turned grid takes beyond the plan's
 # 6 mm, where the wall's sideways pull grows fast.
 NODES = (0.0, 2.0, 4.0, 6.0, 6.8)
@@ -97,27 +102,54 @@ def all_setups() -> Iterable[tuple[str, Setup]]:
         yield f"between ({x:g}, {y:g})", base_setup(x, y)
 
 
-def solve_all(folder: Path = FOLDER, say: Callable[[str], None] = print, workers: int = 1) -> None:
-    """Solve what is missing, `workers` presses side by side; what is there is kept."""
-    named: dict[str, tuple[str, Setup]] = {}
+class Solutions:
+    """Curves by the setup that they solve."""
+
+    def __init__(self, curves: Mapping[str, Curve]):
+        self._curves = dict(curves)
+
+    def __contains__(self, setup: Setup) -> bool:
+        return setup.key in self._curves
+
+    def __getitem__(self, setup: Setup) -> Curve:
+        if setup not in self:
+            raise KeyError(
+                f"a press at ({setup.x_mm:g}, {setup.y_mm:g}) mm has not been solved; "
+                "run python -m benchmarks.concealed solve"
+            )
+        return self._curves[setup.key]
+
+
+def read_solutions(path: Path = SOLUTIONS) -> Solutions:
+    """Return the curves in a file; none where there is no file."""
+    lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
+    found = {}
+    for one in map(json.loads, lines):
+        arrays = {name: np.array(one[name]) for name in ("depths_mm", "force_N", "area_mm2")}
+        numbers = {name: one[name] for name in ("seconds", "unknowns", "iterations")}
+        found[one["key"]] = Curve(**arrays, **numbers)
+    return Solutions(found)
+
+
+def line_of(setup: Setup, curve: Curve) -> str:
+    """Return the line of a curve, with what it solves."""
+    content = {"key": setup.key} | asdict(curve) | {"setup": asdict(setup)}
+    return json.dumps(content, default=np.ndarray.tolist)
+
+
+def solve_all(path: Path = SOLUTIONS, say: Callable[[str], None] = print, workers: int = 1) -> None:
+    """Solve what is missing, `workers` presses side by side, and add it line by line to the file."""
+    known, missing = read_solutions(path), {}
     for name, setup in all_setups():
-        if not (folder / f"{setup.key}.npz").is_file():
-            named.setdefault(setup.key, (name, setup))
+        if setup not in known:
+            missing.setdefault(setup.key, (name, setup))
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        running = {pool.submit(solved, setup, folder): name for name, setup in named.values()}
+        running = {pool.submit(press, setup): (name, setup) for name, setup in missing.values()}
         for done in as_completed(running):
-            curve = done.result()
+            (name, setup), curve = running[done], done.result()
+            with open(path, "a", encoding="utf-8") as file:
+                file.write(line_of(setup, curve) + "\n")
             say(
-                f"{running[done]}: {curve.force_N[-1, 2]:.4f} N at {curve.depths_mm[-1]:g} mm, "
+                f"{name}: {curve.force_N[-1, 2]:.4f} N at {curve.depths_mm[-1]:g} mm, "
                 f"{curve.unknowns} unknowns, {curve.iterations} iterations, {curve.seconds:.0f} CPU s"
             )
-
-
-def kept(setup: Setup, folder: Path = FOLDER) -> Curve:
-    """Return a solution that has been made. Raises FileNotFoundError with the command that makes it."""
-    if not (folder / f"{setup.key}.npz").is_file():
-        raise FileNotFoundError(
-            f"{folder}: a press at ({setup.x_mm:g}, {setup.y_mm:g}) mm has not been solved; "
-            "run python -m benchmarks.concealed solve"
-        )
-    return solved(setup, folder)
