@@ -1,8 +1,8 @@
 """The solutions that all cases share: the base at places all over the sensor, and effects of finite elements at four places.
 
-They are kept in solutions.jsonl, one line each, so that a set can be made without solving anything. A press to one place stands
-for its mirror images. Effects are solved on the coarse mesh and enter as ratios to the plain
-press on that same mesh; the base has a finer mesh, and at two places a still finer one that says how far it is from it.
+They are kept in solutions.jsonl, one line each, so that a set can be made without solving anything. A press to one place
+stands for its mirror images. Effects are solved on the coarse mesh and enter as ratios to the plain press on that same
+mesh; the base has a finer mesh, and at two places a still finer one that says how far it is from it.
 """
 
 from __future__ import annotations
