@@ -11,6 +11,7 @@ from test_judge import LOCATED, SETTINGS, judged, named, problem_of
 from gelforge.mismatch.alternatives import UNKNOWN, Alternatives
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.judge import judge
+from gelforge.mismatch.search import CERTAIN_P
 from gelforge.mismatch.unknown import PLAUSIBLE, _modes, manners_of, weighed_unknown
 from gelforge.mismatch.weighing import weighed
 from gelforge.mismatch.words import sentence_of
@@ -116,15 +117,22 @@ def test_what_differs_from_press_to_press_is_open_and_called_so():
     assert found.answer.alternatives.holding([UNKNOWN]) > 0.99
     assert "from press to press" in found.answer.stranger
     told = sentence_of(problem, found)
-    assert (
-        "no effect of the catalogue" in told and "a change of the sideways forces from press to press" in told
-    )
+    assert "no effect of the catalogue" in told and "a change of the sideways forces from press to press" in told
+
+
+def test_evidence_for_something_unknown_is_a_test_of_its_own():
+    """Of half the backlash neither the sum of squares nor the scan is certain."""
+    _, found = judged(backlash(size_mm=0.4))
+    assert min(found.mismatch.test.p, found.mismatch.scan.p) > CERTAIN_P > found.mismatch.unknown_p
+    assert found.state == "open"
 
 
 def test_an_answer_beside_which_something_unknown_is_likelier_than_not_is_open():
     problem, found, state = named()
     own = frozenset(part.name for part in found.answer.winner.parts)
     evidence = found.answer.alternatives.evidence[own]
+    # it adds nothing to what is right, and takes little away
+    assert evidence - 6 < found.answer.alternatives.evidence[own | {UNKNOWN}] < evidence - 1
     beside = found.answer.alternatives.beside({own | {UNKNOWN}: evidence + 20.0})
     assert isinstance(beside, Alternatives) and beside.holding([UNKNOWN]) > 0.99
     assert beside.holding(own) > 0.99  # the effect is still there
