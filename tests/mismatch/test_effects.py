@@ -489,7 +489,19 @@ def test_offset_and_drift_are_what_the_zero_of_a_tared_session_leaves():
     )
     drift = change("force_drift", [0.0, 0.0, 3600.0])[:, 2]
     assert_allclose(drift[own], (table["time_s"] - table["time_s"][own].min())[own], atol=1e-9)
+    shapes = CATALOGUE["force_drift"].shapes(CONTEXT)
+    assert shapes[0] == {} and all("settles_s" in one for one in shapes[1:])
+    settling = CATALOGUE["force_drift"].to_forces(
+        CONTEXT, {"settles_s": 100.0}, CONTEXT.force, [0.0, 0.0, 0.2]
+    )
+    t = (table["time_s"] - table.groupby("session")["time_s"].transform("min")).to_numpy()
+    assert_allclose(
+        (settling - CONTEXT.force)[:, 2], 0.2 * (1 - np.exp(-t / 100.0)), atol=1e-12
+    )  # all within the hour
+    slow = CATALOGUE["force_drift"].to_forces(CONTEXT, {"settles_s": 1e9}, CONTEXT.force, [0.0, 0.0, 3600.0])
+    assert_allclose((slow - CONTEXT.force)[:, 2], drift, rtol=1e-5, atol=1e-9)
     zeroed = artificial.context(per_side=2)
+    assert CATALOGUE["force_drift"].shapes(zeroed) == [{}]
     assert effect.shapes(zeroed) == [{}] and not change("force_offset", [1.0, 1.0, 1.0], context=zeroed).any()
     since_touch = change("force_drift", [0.0, 0.0, 3600.0], context=zeroed)[:, 2]
     assert_allclose(since_touch, zeroed.observations.table["press_time_s"], atol=1e-9)

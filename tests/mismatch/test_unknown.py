@@ -117,7 +117,9 @@ def test_what_differs_from_press_to_press_is_open_and_called_so():
     assert found.answer.alternatives.holding([UNKNOWN]) > 0.99
     assert "from press to press" in found.answer.stranger
     told = sentence_of(problem, found)
-    assert "no effect of the catalogue" in told and "a change of the sideways forces from press to press" in told
+    assert (
+        "no effect of the catalogue" in told and "a change of the sideways forces from press to press" in told
+    )
 
 
 def test_evidence_for_something_unknown_is_a_test_of_its_own():

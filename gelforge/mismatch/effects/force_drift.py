@@ -14,6 +14,8 @@ SOURCE = (
     " bounds: seen by eye"
 )
 
+SETTLES_S = (120.0, 600.0)  # electronics, and a machine: minutes, and the better part of an hour (judgement)
+
 
 def hours(context: Context) -> np.ndarray:
     """Return the time (R,) [h] since zero: the session's first reading if it is tared, the press's touch if not."""
@@ -22,18 +24,30 @@ def hours(context: Context) -> np.ndarray:
     return np.where(context.observations.tared, of_session, table["press_time_s"]) / 3600.0
 
 
+def shapes(context: Context) -> list[Shape]:
+    """Return a drift that goes on evenly, and of a tared session one that settles, as what warms up does."""
+    settling = [{"settles_s": seconds} for seconds in SETTLES_S]
+    return [{}, *settling] if context.observations.tared.any() else [{}]
+
+
 def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
-    """Return the forces with a zero that grows evenly in time."""
-    return force + np.outer(hours(context), amounts)
+    """Return the forces with a zero that grows in time, evenly or exponentially to rest, by the amounts in an hour."""
+    t = hours(context)
+    if "settles_s" in shape:
+        tau = float(shape["settles_s"]) / 3600.0
+        t = np.expm1(-t / tau) / np.expm1(-1.0 / tau)
+    return force + np.outer(t, amounts)
 
 
 EFFECT = Effect(
     name="force_drift",
     family="force sensor",
     parameters=tuple(Parameter(axis, "N/h", 0.1, (-5.0, 5.0), SOURCE) for axis in ("x", "y", "z")),
-    enters="force readings: F + rate x time since zero",
-    signature="the same force at every place and depth, growing with time; in raster order a slope over the sensor",
+    enters="force readings: F + rate x time since zero, or settling exponentially",
+    signature="the same force at every place and depth, growing with time for good or until all is warm; in raster order"
+    " a slope over the sensor",
     confused_with=("force_offset", "ageing", "thickness_gradient", "mullins", "viscoelastic"),
     separated_by="random order, zero readings before and after every press",
     to_forces=to_forces,
+    shapes=shapes,
 )
