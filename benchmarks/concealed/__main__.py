@@ -36,6 +36,7 @@ def main() -> None:
     one.add_argument("set")
     one.add_argument("--limit", type=int)
     one.add_argument("--workers", type=int, default=1, help="cases side by side")
+    one.add_argument("--base", help="only cases on that base: concealed, neo_hooke or rough")
     one.add_argument("--command", help="in place of gelforge mismatch; {recording} {config} {out} {kept}")
     one = steps.add_parser("left-out", help="judge strong singles without their effect in the catalogue")
     one.add_argument("set")
@@ -73,6 +74,7 @@ def run(asked: argparse.Namespace) -> None:
             asked.limit,
             say=lambda text: print(text, flush=True),
             workers=asked.workers,
+            base=asked.base,
         )
     elif asked.step == "left-out":
         from .left_out import judge_left_out, table_of_left_out

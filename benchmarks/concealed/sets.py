@@ -63,17 +63,19 @@ def judge(
     say: Callable[[str], None] = print,
     limit_s: int = 7200,
     workers: int = 1,
+    base: str | None = None,
 ) -> int:
     """Judge cases that have not been judged yet, at most `limit`, and return how many were; truths stay closed.
 
     The command may hold {recording}, {config}, {out} and {kept} (a folder that all cases share). What it says goes to
     verdicts/<case>/log.txt. A case whose command fails has a verdict of nothing, which the scores count as a failure.
-    workers: cases side by side.
+    workers: cases side by side. base: only the cases that stand on it.
     """
     published = sealing.read(folder / "sealed.json")
     register = folder / "judged.json"
     judged = sealing.read(register) if register.is_file() else {}
-    todo = [name for name in published["cases"] if name not in judged][:limit]
+    todo = [name for name in published["cases"] if name not in judged]
+    todo = [name for name in todo if base is None or base_config(folder, name).stem == base][:limit]
     with ThreadPoolExecutor(workers) as pool:
         running = {pool.submit(_judged, folder, name, command, limit_s): name for name in todo}
         for done in as_completed(running):

@@ -46,6 +46,19 @@ def test_a_judged_set_is_not_judged_again(judged):
     assert sets.judge(judged, FAKE, say=lambda text: None) == 0
 
 
+def test_the_cases_of_one_base_are_judged_first_where_that_is_asked(library, tmp_path):
+    folder = tmp_path / "sets" / "small"
+    sets.generate(library, folder, 3, NUMBERS)
+    bases = {
+        name: sets.base_config(folder, name).stem for name in sealing.read(folder / "sealed.json")["cases"]
+    }
+    others = sum(base != "concealed" for base in bases.values())
+    assert 0 < others < 4
+    assert sets.judge(folder, FAKE, say=lambda text: None, base="concealed") == 4 - others
+    assert {bases[name] for name in sealing.read(folder / "judged.json")} == {"concealed"}
+    assert sets.judge(folder, FAKE, say=lambda text: None) == others
+
+
 def test_a_failed_judge_leaves_no_verdict(library, tmp_path):
     folder = tmp_path / "sets" / "small"
     sets.generate(library, folder, 3, NUMBERS)

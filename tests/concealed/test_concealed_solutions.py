@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+
+pytest.importorskip("felupe", reason="FElupe is not installed: pip install -e .[verification]")
 from concealed import solves
 from concealed.library import load_library
 from concealed.pressed import Curve
