@@ -188,7 +188,8 @@ def over_depth(results: MismatchResults) -> Chapter:
 def over_time(results: MismatchResults) -> Chapter:
     """Return the residual over the recording."""
     chapter = Chapter("time", "Over time")
-    if results.readings["time_s"].isna().all():
+    time = results.readings.groupby("session")["time_s"]
+    if not (time.max() > time.min()).any():  # not known, or all the same
         chapter.miss("No strip over time: these readings have no times.")
         return chapter
     chapter.show(

@@ -179,11 +179,12 @@ def test_a_null_has_no_after_and_says_so(tmp_path):
     assert len(figure.axes) == 4  # one row, one bar
 
 
-def test_a_recording_of_one_axis_and_two_sites_is_drawn(tmp_path):
+@pytest.mark.parametrize("time_s", [np.nan, 0.0])
+def test_a_recording_of_one_axis_and_two_sites_is_drawn(tmp_path, time_s):
     """As the paper's readings: 16 of Fz, at the centre and a corner."""
     fake_verdict.write_fake_verdict(tmp_path)
     table = fake_verdict.fake_readings()
-    table["time_s"] = np.nan  # nobody wrote them down
+    table["time_s"] = time_s  # nobody wrote them down
     few = table[(table["axis"] == "z") & (table["phase"] == "load") & table["site"].isin([12, 24])]
     fake_verdict.write_readings(tmp_path, few)
     html = write_mismatch_page(tmp_path).read_text(encoding="utf-8")
