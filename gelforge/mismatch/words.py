@@ -27,13 +27,6 @@ def sentence_of(problem: Problem, judgement: Judgement) -> str:
     if judgement.answer is None:
         return f"{where}; no effect of the catalogue could be fitted."
     words = _answer_words(problem, judgement.answer, state != "insufficient")
-    if state == "open" and judgement.answer.adequacy.p > form.ADEQUATE_P and judgement.refuted:
-        everywhere = judgement.answer.everywhere
-        most = f", most clearly {plain(everywhere.scan.best)}" if everywhere.p <= form.ADEQUATE_P else ""
-        return (
-            f"{where}; no effect of the catalogue explains it: the best, {words}, fits the readings that it was fitted to, "
-            f"but those set aside refute it{most}."
-        )
     if state == "open":
         return f"{where}; no effect of the catalogue explains it: {_why_open(judgement, words)}{_manner(judgement)}."
     if state == "insufficient" and not judgement.answer.fit.converged:
