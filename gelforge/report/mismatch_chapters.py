@@ -71,9 +71,13 @@ def in_short(results: MismatchResults) -> Chapter:
     for group in verdict.answer:
         names = " or ".join(pretty(name) for name in group.members)
         odds = f", odds {group.odds:.3g} : 1 for the first" if group.odds else ""
-        facts.append(("Missing", f"{names} (probability {chance_text(group.probability)}{odds})"))
+        label = "Missing" if verdict.state != "open" else "The best of the known"
+        facts.append((label, f"{names} (probability {chance_text(group.probability)}{odds})"))
         first = next(effect for effect in verdict.effects if effect.name == group.members[0])
         facts += [("Amount", f"{pretty(first.name)}: {amounts_text(first)}")] if first.amounts else []
+    if verdict.unknown is not None and verdict.state == "open":
+        told = f"{chance_text(verdict.unknown.probability)} probable; it would change {verdict.unknown.words}"
+        facts.append(("Something unknown", told))
     held_out = verdict.fit.held_out
     if held_out:
         facts.append((f"Error of F{axis}, set aside", _before_after(held_out, axis)))
