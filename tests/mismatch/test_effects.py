@@ -482,10 +482,12 @@ def test_gain_and_cross_talk_act_on_the_force():
 def test_offset_and_drift_are_what_the_zero_of_a_tared_session_leaves():
     table = CONTEXT.observations.table
     effect = CATALOGUE["force_offset"]
-    assert effect.shapes(CONTEXT) == [{"session": "s1"}, {"session": "s2"}]
+    assert effect.shapes(CONTEXT) == [{}, {"session": "s1"}, {"session": "s2"}]
+    every = np.tile([0.1, 0.2, 0.3], (len(table), 1))
+    assert_allclose(change("force_offset", [0.1, 0.2, 0.3], shape=0), every, atol=1e-14)
     own = (table["session"] == "s2").to_numpy()
     assert_allclose(
-        change("force_offset", [0.1, 0.2, 0.3], shape=1), np.outer(own, [0.1, 0.2, 0.3]), atol=1e-14
+        change("force_offset", [0.1, 0.2, 0.3], shape=2), np.outer(own, [0.1, 0.2, 0.3]), atol=1e-14
     )
     drift = change("force_drift", [0.0, 0.0, 3600.0])[:, 2]
     assert_allclose(drift[own], (table["time_s"] - table["time_s"][own].min())[own], atol=1e-9)

@@ -16,17 +16,18 @@ SOURCE = (
 
 
 def shapes(context: Context) -> list[Shape]:
-    """Return the sessions that were tared, one by one: each has its own zero; none of them: one without any."""
+    """Return the sessions that were tared, one by one, and all at once: a zero that nobody took is the same in each."""
     observations = context.observations
     tared = observations.table["session"][observations.tared].unique()
-    return [{"session": name} for name in tared] or [{}]
+    each = [{"session": name} for name in tared]
+    return each if len(each) == 1 else [{}, *each]
 
 
 def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
-    """Return the forces with a constant at every reading of a tared session."""
-    observations = context.observations
-    own = observations.tared & (observations.table["session"] == shape.get("session")).to_numpy()
-    return force + np.outer(own, amounts)
+    """Return the forces with a constant at every reading of a tared session, or of all of them."""
+    session = context.observations.table["session"]
+    own = (session == shape["session"]).to_numpy() if "session" in shape else np.ones(len(session), bool)
+    return force + np.outer(own & context.observations.tared, amounts)
 
 
 EFFECT = Effect(
