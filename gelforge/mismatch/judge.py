@@ -44,7 +44,7 @@ class Judgement:
     @property
     def strange(self) -> bool:
         """Return whether something that no known effect is, alone or beside the answer, is likelier than not."""
-        return self.answer is not None and _strange(self.answer)
+        return self.answer is not None and self.answer.alternatives.holding([UNKNOWN]) > LIKELY
 
 
 def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Judgement:
@@ -90,26 +90,22 @@ def _refuted(mismatch: Remains, answer: Answer) -> bool:
     return mismatch.p < CERTAIN_P and answer.refuted
 
 
-def _strange(answer: Answer) -> bool:
-    return answer.alternatives.holding([UNKNOWN]) > LIKELY
-
-
 def _state(problem: Problem, mismatch: Remains, answer: Answer | None) -> str:
     """Return named, group, open or insufficient of an answer to a mismatch that is there.
 
     Where the mismatch is certain and the readings set aside refute the best answer, something unknown is there, and so it is
-    where they refuted one effect and none of several is sure. What rests on a refit that has not converged is not named: its
-    amounts and evidence are not final. A group that is less likely than not says nothing.
+    where they refuted one effect and none of several is sure, or where something unknown is as sure as a name has to be, or
+    likelier than not while no name is. What rests on a refit that has not converged is not named: its amounts and evidence
+    are not final. A group that is less likely than not says nothing.
     """
     if answer is None or answer.adequacy.p <= ADEQUATE_P or not in_range(problem, answer.fit):
         return "open"
     if _refuted(mismatch, answer):
         return "open"
-    strange = _strange(answer)
-    unsure = "open" if mismatch.p < CERTAIN_P and (strange or answer.after_refuted) else "insufficient"
-    if strange:
-        return unsure
-    if answer.gain is None or not answer.gain.clear:
+    unknown = answer.alternatives.holding([UNKNOWN])
+    strange = unknown > LIKELY or answer.after_refuted
+    unsure = "open" if mismatch.p < CERTAIN_P and strange else "insufficient"
+    if answer.gain is None or not answer.gain.clear or unknown >= NAMED_PROBABILITY:
         return unsure
     sure = all(
         group.probability >= NAMED_PROBABILITY and (len(group.members) == 1 or group.odds >= NAMED_ODDS)
@@ -117,5 +113,7 @@ def _state(problem: Problem, mismatch: Remains, answer: Answer | None) -> str:
     )
     if sure and answer.fit.converged:
         return "named"
+    if unknown > LIKELY and not all(group.probability >= NAMED_PROBABILITY for group in answer.groups):
+        return unsure
     likely = all(group.probability >= LIKELY for group in answer.groups)
     return "group" if likely and any(len(group.members) > 1 for group in answer.groups) else unsure

@@ -39,7 +39,12 @@ def sentence_of(problem: Problem, judgement: Judgement) -> str:
         )
     if state == "insufficient":
         return f"{where}; {words} would fit, but the readings set aside do not confirm it: too few to say."
-    return f"{where}; it is explained by {words}."
+    beside = (
+        f"; something unknown may be there too, a change of {judgement.answer.stranger}"
+        if judgement.strange
+        else ""
+    )
+    return f"{where}; it is explained by {words}{beside}."
 
 
 def _why_open(judgement: Judgement, words: str) -> str:

@@ -10,9 +10,10 @@ from test_judge import LOCATED, SETTINGS, judged, named, problem_of
 
 from gelforge.mismatch.alternatives import UNKNOWN, Alternatives
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.judge import judge
+from gelforge.mismatch.judge import LIKELY, judge
 from gelforge.mismatch.search import CERTAIN_P
 from gelforge.mismatch.unknown import PLAUSIBLE, _modes, manners_of, weighed_unknown
+from gelforge.mismatch.verdict import NAMED_PROBABILITY
 from gelforge.mismatch.weighing import weighed
 from gelforge.mismatch.words import sentence_of
 
@@ -143,6 +144,22 @@ def test_an_answer_beside_which_something_unknown_is_likelier_than_not_is_open()
         problem, replace(found, state="open", answer=replace(found.answer, alternatives=beside))
     )
     assert "would fit, but something unknown is likelier; it would be a change of " in told
+
+
+def test_a_sure_name_stands_where_something_unknown_beside_it_is_not():
+    problem, found, state = named()
+    own = frozenset(part.name for part in found.answer.winner.parts)
+    evidence = found.answer.alternatives.evidence[own]
+    # two effects are less likely than one before the readings, by the log of some sixty
+    likely = found.answer.alternatives.beside({own | {UNKNOWN}: evidence + 5.0})
+    assert LIKELY < likely.holding([UNKNOWN]) < NAMED_PROBABILITY
+    assert state(alternatives=likely) == "named"
+    (group,) = found.answer.groups
+    two = replace(group, members=(*group.members, "yaw"), odds=3.0)
+    assert state(alternatives=likely, groups=(two,)) == "group"
+    assert state(alternatives=likely, groups=(replace(two, probability=0.8),)) == "open"
+    told = sentence_of(problem, replace(found, answer=replace(found.answer, alternatives=likely)))
+    assert "it is explained by" in told and "something unknown may be there too" in told
 
 
 def test_something_unknown_asks_for_one_more_effect():
