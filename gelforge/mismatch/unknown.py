@@ -44,8 +44,9 @@ class Manner:
         wide = scale * self.directions
         if self.each is None:
             return covariance.extended(wide)
-        levels = covariance.levels  # presses lie in the groups of the last two
-        return replace(covariance, levels=(*levels[:-2], Draws(self.each, wide), *levels[-2:]))
+        *finer, alike, common = covariance.levels  # presses lie in the groups of the last two
+        group = np.where(self.each < 0, self.each.max() + 1 + alike.group, self.each)
+        return replace(covariance, levels=(*finer, Draws(group, wide), alike, common))
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,7 @@ def manners_of(problem: Problem) -> list[Manner]:
     own = np.where(flow, 0.0, problem.observations.flat(problem.base))
     pressing = np.where(flow, 0.0, pressing)
     axis = labels["axis"].to_numpy()
-    press = np.unique(labels["press"], return_inverse=True)[1].ravel()
+    press = np.where(flow, -1, np.unique(labels["press"], return_inverse=True)[1].ravel())
     found = []
     for words, profile, share, each in _profiles(labels):
         size = pressing if share else np.full(len(labels), np.sqrt(np.mean(pressing[pressing > 0] ** 2)))
