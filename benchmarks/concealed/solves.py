@@ -27,7 +27,9 @@ CHECKED = ((0.0, 0.0), (6.0, 0.0))  # where the base is solved on the fine mesh 
 BETWEEN = (
     (4.1197, 1.7403),
     (5.6044, 6.3712),
-)  # (4, 2) and (6, 6) of a grid turned by -3.66 degrees: to check what is between
+    (5.5, 0.0),
+    (6.4, 0.0),
+)  # (4, 2) and (6, 6) of a grid turned by -3.66 degrees, and where the contact reaches the wall: to check what is between
 EFFECT_DEPTHS = (0.4, 0.8, 1.2, 1.6, 1.85)
 
 EFFECTS: dict[str, dict] = {
