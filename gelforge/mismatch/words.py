@@ -59,7 +59,7 @@ def _why_open(judgement: Judgement, words: str) -> str:
             f"the best, {words}, fits the readings that it was fitted to, but those set aside refute it{most}"
         )
     if judgement.out_of_range:
-        return f"the best, {words}, would have to be larger than is physical"
+        return f"the best, {words}, would need an amount that is not physical"
     if judgement.strange:
         return f"the best, {words}, would fit, but something unknown is likelier"
     return f"the readings set aside refute one effect alone, and {words} would fit, but nothing is likely enough to be named"

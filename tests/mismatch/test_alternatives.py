@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import poisson
 
-from gelforge.mismatch.alternatives import NULL_PRIOR, Alternatives, log_prior
+from gelforge.mismatch.alternatives import NULL_PRIOR, UNKNOWN, Alternatives, log_prior
 
 
 @pytest.mark.parametrize("known", [2, 40])
@@ -43,3 +43,11 @@ def test_a_likelier_answer_of_one_more_effect_is_seen():
     weight = found.weight(one, 50.0)
     assert found.likelier_of(2, weight) and not found.likelier_of(2, weight + 1.2)
     assert not found.likelier_of(3, weight)
+
+
+def test_something_unknown_that_is_likelier_alone_asks_for_one_effect_more():
+    one, unknown = frozenset(["tilt"]), frozenset([UNKNOWN])
+    found = Alternatives({one: 50.0, unknown: 60.0}, 40)
+    weight = found.weight(one, 50.0)
+    assert found.likelier_of(2, weight + 9) and not found.likelier_of(2, weight + 11)
+    assert not Alternatives({one: 50.0, frozenset(["yaw"]): 60.0}, 40).likelier_of(2, weight)

@@ -162,8 +162,7 @@ def test_a_sure_name_stands_where_something_unknown_beside_it_is_not():
     assert "it is explained by" in told and "something unknown may be there too" in told
 
 
-def test_something_unknown_asks_for_one_more_effect():
-    """A pair of which one part is found: something beside it is likelier than not, until the other part is looked for."""
+def test_a_pair_that_is_found_leaves_nothing_unknown():
     base, rng = artificial.context(9, per_side=3), np.random.default_rng(10)
     zero = CATALOGUE["contact_zero"].to_forces(base, {}, base.force, np.array([0.06]))
     both = CATALOGUE["misregistration"].to_forces(base, {}, zero, np.array([0.8, 0.3]))
