@@ -1,8 +1,8 @@
 """Forces anywhere between the solved places and depths, of the base and of the finite-element effects.
 
-The force at the middle is a cubic spline in logarithms of depth and force; its ratio at other places is even in both
-distances from the middle, and horizontal over vertical force odd in its own. Effects are logarithms of ratios of vertical
-forces, and changes of horizontal over vertical force.
+The force at the middle is a cubic spline in logarithms of depth and force. Its ratio at other places and horizontal over
+vertical force are surfaces over the face. Effects are logarithms of ratios of vertical forces, and changes of horizontal
+over vertical force.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ from scipy.interpolate import CubicSpline
 
 from . import solves
 from .solves import BETWEEN, CHECKED, NODES, ORBITS, Solutions, read_solutions
+from .surface import Surface
 
-DEGREE, FLAT_DEGREE, EFFECT_DEGREE = 2, 3, 2  # of the polynomials over depth
+DEGREE, FLAT_DEGREE, EFFECT_DEGREE = 3, 4, 2  # of the polynomials over depth
 THROUGH_ALL = {
     "friction": 4,
     "slipping": 4,
@@ -63,8 +64,8 @@ class Library:
     """All that has been solved, ready to be evaluated; places are from the sensor's middle [mm]."""
 
     shape: tuple[np.ndarray, np.ndarray]  # (D,), (D,) log depth [mm] and log -Fz [N] at the middle, fine mesh
-    vertical: np.ndarray  # (N, N, p) ratio of Fz to that, at |x|, |y| in NODES
-    horizontal: np.ndarray  # (N - 1, N, p) Fx / Fz / x at |x| in NODES[1:], |y| in NODES
+    vertical: Surface  # ratio of Fz to that
+    horizontal: Surface  # Fx / Fz
     area: np.ndarray  # (p,) contact area / depth at the middle
     changes: dict[str, Change]
     defects: dict[tuple[str, str], LocalChange]
@@ -72,16 +73,10 @@ class Library:
     def base(self, xy: np.ndarray, depth: np.ndarray) -> np.ndarray:
         """Return the base forces (R, 3) [N] at places (R, 2) and depths (R,) [mm]; 0 above the surface."""
         d = np.maximum(depth, 1e-6)
-        powers = np.vander(d, self.vertical.shape[2], increasing=True)
-        flat_powers = np.vander(d, self.horizontal.shape[2], increasing=True)
-        s, t = xy.T**2
-        nodes = np.array(NODES) ** 2
-        S, T = _lagrange(nodes, s), _lagrange(nodes, t)
-        z = np.einsum("ri,rj,ijp,rp->r", S, T, self.vertical, powers) * self._middle(d)
-        odd_S, odd_T = _lagrange(nodes[1:], s), _lagrange(nodes[1:], t)
-        x = np.einsum("ri,rj,ijp,rp->r", odd_S, T, self.horizontal, flat_powers) * xy[:, 0] * z
-        y = np.einsum("ri,rj,ijp,rp->r", odd_T, S, self.horizontal, flat_powers) * xy[:, 1] * z
-        return np.where((depth > 0)[:, None], np.stack([x, y, z], axis=1), 0.0)
+        x, y = xy.T
+        z = self.vertical.at(x, y, d) * self._middle(d)
+        flat_x, flat_y = self.horizontal.at(x, y, d) * z, self.horizontal.at(y, x, d) * z
+        return np.where((depth > 0)[:, None], np.stack([flat_x, flat_y, z], axis=1), 0.0)
 
     def _middle(self, d: np.ndarray) -> np.ndarray:
         """Return Fz (R,) [N] at the middle; below the least solved depth a power of the depth, as in Hertz's law."""
@@ -162,18 +157,19 @@ def _base_tables(solutions: Solutions) -> tuple:
     """
     curves = {place: solutions[solves.base_setup(*place)] for place in solves.triangle()}
     middle, fine = curves[0.0, 0.0], solutions[solves.fine_setup(0.0, 0.0)]
-    depths = middle.depths_mm
-    even, odd = (np.linalg.pinv(np.vander(depths, n + 1, increasing=True)) for n in (DEGREE, FLAT_DEGREE))
-    vertical = np.empty((len(NODES), len(NODES), DEGREE + 1))
-    horizontal = np.empty((len(NODES) - 1, len(NODES), FLAT_DEGREE + 1))
+    depths, nodes = middle.depths_mm, np.array(NODES)
+    ratio, flat = np.empty((2, len(nodes), len(nodes), len(depths)))
     for i, a in enumerate(NODES):
         for j, b in enumerate(NODES):
             force = curves[max(a, b), min(a, b)].force_N
-            vertical[i, j] = even @ (force[:, 2] / middle.force_N[:, 2])
-            if i:
-                horizontal[i - 1, j] = odd @ (force[:, 0 if a >= b else 1] / force[:, 2] / a)
+            ratio[i, j] = force[:, 2] / middle.force_N[:, 2]
+            flat[i, j] = force[:, 0 if a >= b else 1] / force[:, 2]
+    flat[0] = 0.0  # by symmetry
+    vertical = Surface.through(nodes, depths, ratio, DEGREE)
+    horizontal = Surface.through(nodes, depths, flat, FLAT_DEGREE, sign=-1)
     shape = np.log(depths), np.log(-fine.force_N[:, 2])
-    return shape, vertical, horizontal, odd @ (fine.area_mm2 / depths)
+    area = np.linalg.pinv(np.vander(depths, FLAT_DEGREE + 1, increasing=True)) @ (fine.area_mm2 / depths)
+    return shape, vertical, horizontal, area
 
 
 def _ratio(curve, base) -> tuple[np.ndarray, np.ndarray]:
@@ -210,12 +206,3 @@ def _even_basis(s, t) -> np.ndarray:
 
 def _odd_basis(s, t) -> np.ndarray:
     return np.stack([np.ones_like(s), s, t, s * t], axis=1)
-
-
-def _lagrange(nodes: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """Return Lagrange's polynomials (R, n) through nodes (n,) at s (R,)."""
-    weights = np.empty((len(s), len(nodes)))
-    for i, node in enumerate(nodes):
-        others = np.delete(nodes, i)
-        weights[:, i] = np.prod((s[:, None] - others) / (node - others), axis=1)
-    return weights

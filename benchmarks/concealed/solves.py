@@ -19,16 +19,16 @@ import numpy as np
 from .pressed import COARSE, FINE, MIDDLE, Ball, Curve, Setup, press
 
 SOLUTIONS = Path(__file__).with_name("solutions.jsonl")
-# |x|, |y| from the middle [mm] at which the base is solved; the last for presses that a turned grid takes beyond the plan's
-# 6 mm, where the wall's sideways pull grows fast.
-NODES = (0.0, 2.0, 4.0, 6.0, 6.8)
+# |x|, |y| from the middle [mm] at which the base is solved, close together where the contact reaches the wall and its
+# sideways pull sets in; the last for presses that a turned grid takes beyond the plan's 6 mm.
+NODES = (0.0, 2.0, 4.0, 5.5, 6.0, 6.4, 6.8)
 ORBITS = ((0.0, 0.0), (6.0, 0.0), (4.0, 2.0), (6.0, 6.0))  # the plan's places but for mirror images
 CHECKED = ((0.0, 0.0), (6.0, 0.0))  # where the base is solved on the fine mesh too
 BETWEEN = (
     (4.1197, 1.7403),
     (5.6044, 6.3712),
-    (5.5, 0.0),
-    (6.4, 0.0),
+    (5.75, 0.0),
+    (6.2, 0.0),
 )  # (4, 2) and (6, 6) of a grid turned by -3.66 degrees, and where the contact reaches the wall: to check what is between
 EFFECT_DEPTHS = (0.4, 0.8, 1.2, 1.6, 1.85)
 

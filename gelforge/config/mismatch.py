@@ -10,7 +10,7 @@ from gelforge.config.common import Name, NonNegative, Positive, Section
 
 
 class Known(Section):
-    """An effect of force sensor or clock that is taken as known: the judge adds it to the base."""
+    """An effect of force sensor, clock, camera or single presses that is taken as known: the judge adds it to the base."""
 
     effect: Name = Field(description="name in the catalogue")
     amounts: dict[str, float] = Field(description="amount by parameter, in the parameter's unit")

@@ -14,7 +14,7 @@ from gelforge.mismatch.context import Context
 from gelforge.mismatch.covariance import Covariance, readings_covariance
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.identifiability import Plan, detection_limits, next_experiment
-from gelforge.mismatch.observations import COLUMNS, Observations
+from gelforge.mismatch.observations import COLUMNS, Observations, last_moves
 from gelforge.mismatch.screen import Candidate, Screened
 from gelforge.mismatch.sessions import SPEED_MM_PER_S, TOUCHDOWN_MM
 from gelforge.mismatch.solutions import Solver
@@ -71,6 +71,7 @@ def planned_observations(
         noise / np.sqrt(3),
         np.full(R, TOUCHDOWN_MM),
         np.full(R, "press"),
+        came_along=np.concatenate([last_moves(own) for _, own in table.groupby("session", sort=False)]),
     )
     return spread_sites(found, study)
 

@@ -62,8 +62,9 @@ def unturned(turn: np.ndarray) -> np.ndarray:
 class Effect:
     """One kind of left-out physics. Amounts (P,) are in the parameters' units; all zero is the base bit for bit.
 
-    to_study puts it into the finite elements. to_forces gives the forces (R, 3) on the sensor as read with the effect, from
-    those without: exact for the force sensor and the clock, a first approximation for what is also given by to_study.
+    to_study puts it into the finite elements; to_places gives where (R, 2) [mm] each press really lands, and it is solved
+    there. to_forces gives the forces (R, 3) on the sensor as read with the effect, from
+    those without: exact for the force sensor and the clock, a first approximation for what is solved.
     to_camera changes the camera that looks at the particles.
     """
 
@@ -75,6 +76,7 @@ class Effect:
     confused_with: tuple[str, ...]
     separated_by: str  # the experiment that tells it from these
     to_study: Callable[[Study, Shape, Sequence[float]], Study] | None = None
+    to_places: Callable[[Context, Shape, Sequence[float]], np.ndarray] | None = None
     to_forces: Callable[[Context, Shape, np.ndarray, np.ndarray], np.ndarray] | None = None
     to_camera: Callable[[Study, Camera, Sequence[float]], Camera] | None = None
     shapes: Callable[[Context], list[Shape]] = one_shape
@@ -87,6 +89,11 @@ class Effect:
     in_order: bool = False  # a press leaves something to those after it: all are solved, one after the other
     mesh_changes: bool = False  # its derivative is a difference of two solutions on its own mesh
     unloading: bool = False  # seen on the way up only
+
+    @property
+    def solved(self) -> bool:
+        """Return whether the finite elements are solved with it."""
+        return self.to_study is not None or self.to_places is not None
 
     @property
     def widths(self) -> np.ndarray:

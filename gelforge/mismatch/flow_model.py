@@ -141,6 +141,8 @@ class FlowModel:
                 ],
                 axis=-1,
             )
+        if effect.to_places is not None:
+            return np.stack([self._by_landing(effect, shape, k, flows) for k in range(len(steps))], axis=-1)
         nothing = np.zeros((*flows.shape, len(steps)))
         key = _acts_as(effect, shape)
         if key is None:
@@ -161,6 +163,17 @@ class FlowModel:
         own = context.derivative(key)[rows, 2]
         least = 1e-6 * np.abs(own).max(initial=0)
         return np.where(np.abs(own) > least, change[rows, 2] / step / np.where(own == 0, 1, own), 0.0)
+
+    def _by_landing(self, effect: Effect, shape: Shape, k: int, flows: np.ndarray) -> np.ndarray:
+        """Return the change of the flow (F, m, 2) [px per unit] by amount k of an effect that shifts presses."""
+        context, one = self.base.context, np.eye(len(effect.parameters))[k]
+        shift = effect.to_places(context, shape, one) - effect.to_places(context, shape, 0 * one)
+        shift = shift[[int(press.row.name) for press in self.seen]]
+        everywhere = CATALOGUE["misregistration"]
+        return sum(
+            shift[:, axis, None, None] * self.change_along(f"misregistration.{p.name}", p.width, flows)
+            for axis, p in enumerate(everywhere.parameters)
+        )
 
     def _by_camera(self, effect: Effect, k: int, step: float, flows: np.ndarray) -> np.ndarray:
         amounts = np.zeros(len(effect.parameters))

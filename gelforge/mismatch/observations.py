@@ -11,6 +11,7 @@ COLUMNS = [
     *("session", "press", "order", "site", "phase", "time_s", "press_time_s", "x_mm", "y_mm", "depth_mm"),
     *("deepest_mm", "age_days", "temperature_C"),
 ]
+PLACE_DIGITS = 6  # positions that agree so far [mm] are one
 
 
 @dataclass(frozen=True)
@@ -31,13 +32,17 @@ class Observations:
     zero_by: np.ndarray  # (R,) "press" or "session": what shares one draw of it
     _: KW_ONLY
     rounding_N: np.ndarray = 0.0  # (R, 3) standard deviation of rounding, shared at one depth of a press
+    came_along: np.ndarray = (
+        0.0  # (R, 2) sign of the stage's last move along x and y before the press; 0: not known
+    )
     repeats: np.ndarray = np.inf  # (R,) degrees of freedom behind noise_N; inf: it is known
     tails: np.ndarray = 1.0  # (R,) variance of a squared reading's noise over that of normal noise
     cannot_know: tuple[str, ...] = field(default=())  # what these readings cannot say, in plain sentences
     set_aside: tuple[str, ...] = field(default=())  # outliers: which, and why
 
     def __post_init__(self):
-        shapes = {"rounding_N": self.force.shape, "repeats": len(self.force), "tails": len(self.force)}
+        R = len(self.force)
+        shapes = {"rounding_N": (R, 3), "came_along": (R, 2), "repeats": R, "tails": R}
         for name, shape in shapes.items():  # one number stands for all readings
             object.__setattr__(self, name, np.broadcast_to(getattr(self, name), shape))
 
@@ -62,6 +67,25 @@ class Observations:
 
     def chosen(self, rows: np.ndarray) -> Observations:
         """Return the observations of some readings (R,) bool; sites keep their numbers."""
-        arrays = ("force", "noise_N", "zero_N", "touchdown_mm", "zero_by", "rounding_N", "repeats", "tails")
+        arrays = ("force", "noise_N", "zero_N", "touchdown_mm", "zero_by")
+        arrays += ("rounding_N", "came_along", "repeats", "tails")
         table = self.table[rows].reset_index(drop=True)
         return replace(self, table=table, **{name: np.asarray(getattr(self, name))[rows] for name in arrays})
+
+    def landing(self, places: np.ndarray) -> Observations:
+        """Return the observations at other places (R, 2) [mm], sites counted anew."""
+        places = np.round(places, PLACE_DIGITS)
+        sites, number = np.unique(places, axis=0, return_inverse=True)
+        table = self.table.assign(site=number.ravel(), x_mm=places[:, 0], y_mm=places[:, 1])
+        return replace(self, table=table, sites=sites)
+
+
+def last_moves(table: pd.DataFrame) -> np.ndarray:
+    """Return the sign (R, 2) of the stage's last move along x and y before each row's press; 0 before the first.
+
+    table: columns press, x_mm and y_mm of one session, its presses in the order taken.
+    """
+    at = table.groupby("press", sort=False)[["x_mm", "y_mm"]].first()
+    sign = np.sign(at.diff())
+    last = sign.where(sign != 0).ffill().fillna(0.0)
+    return last.loc[table["press"]].to_numpy()

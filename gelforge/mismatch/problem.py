@@ -101,7 +101,7 @@ class Problem:
 
     def solves(self, part: Candidate) -> bool:
         """Return whether an effect is solved by the finite elements."""
-        return self.effects[part.name].to_study is not None
+        return self.effects[part.name].solved
 
     def seated(self, part: Candidate, amounts: np.ndarray, forces: np.ndarray) -> Problem:
         """Return the problem with an effect's columns through the forces (R, 3) [N] solved at amounts (p,).

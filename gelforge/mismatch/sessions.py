@@ -11,7 +11,7 @@ import pandas as pd
 
 from gelforge.config import ConfigError, Sensor, Session
 from gelforge.indentation.plan import POSITION_MATCH_MM
-from gelforge.mismatch.observations import COLUMNS, Observations
+from gelforge.mismatch.observations import COLUMNS, Observations, last_moves
 from gelforge.recording.readings import FORCE, Recording, read_recording
 
 AXES = ("x", "y", "z")
@@ -44,7 +44,7 @@ def session_folders(folder: str | Path, names: Sequence[str] = ()) -> list[Path]
 def observe(folders: Sequence[Path], sensor: Sensor, speed_mm_per_s: float = SPEED_MM_PER_S) -> Observations:
     """Return the readings of some sessions, judged together. Raises RecordingError as the reader does."""
     parts, forces, noises, zeros, scatters, zero_by, unknown, aside = [], [], [], [], [], [], [], []
-    roundings, knowns = [], []
+    roundings, knowns, moves = [], [], []
     for folder in folders:
         recording = read_recording(folder, None, sensor)
         noise, rounding, known, said = reading_noise(recording)
@@ -64,6 +64,7 @@ def observe(folders: Sequence[Path], sensor: Sensor, speed_mm_per_s: float = SPE
         forces.append(force[held])
         noises.append(np.broadcast_to(noise, force.shape)[held])
         zeros.append(zero[held])
+        moves.append(last_moves(part)[held])
         roundings.append(np.broadcast_to(rounding, force.shape)[held])
         knowns.append(np.broadcast_to(known, (held.sum(), 2)))
         scatter = recording.session.depth_zero.scatter_mm
@@ -75,7 +76,7 @@ def observe(folders: Sequence[Path], sensor: Sensor, speed_mm_per_s: float = SPE
     found = Observations(
         table[COLUMNS], np.concatenate(forces), sites, np.concatenate(noises), np.concatenate(zeros),
         np.concatenate(scatters), np.concatenate(zero_by),
-        rounding_N=np.concatenate(roundings), repeats=repeats, tails=tails,
+        rounding_N=np.concatenate(roundings), came_along=np.concatenate(moves), repeats=repeats, tails=tails,
         cannot_know=tuple(dict.fromkeys(unknown)), set_aside=tuple(aside),
     )  # fmt: skip
     return _with_touchdown(_with_order(found))

@@ -172,10 +172,10 @@ def forces_with(
     context = base.context
     press = context.observations.table["press"].to_numpy()
     rows = np.ones(len(press), bool) if readings is None else readings
-    switched_on = [c for c in chosen if c[0].to_study is not None and np.any(c[2])]
+    switched_on = [c for c in chosen if c[0].solved and np.any(c[2])]
     softens = _with(solver.study, switched_on).mechanics.effects.history.softens
     whole = np.isin(press, press[rows]) | softens
-    part = context.observations.chosen(whole)
+    part = _landing(context.chosen(whole), switched_on)
     changes = np.zeros_like(context.force[whole])
     for felt, there in _by_what_is_felt(part, switched_on):
         solved = _solved_with(solver, _with(solver.study, felt), part.chosen(there))
@@ -184,7 +184,7 @@ def forces_with(
     force[whole] += changes
     context = replace(context, force=force)
     for effect, shape, amounts in chosen:
-        if effect.to_study is None and effect.to_forces is not None:
+        if not effect.solved and effect.to_forces is not None:
             force = effect.to_forces(context, shape, force, np.asarray(amounts, dtype=float))
     return np.where(rows[:, None], force, np.nan)
 
@@ -193,8 +193,18 @@ def _with(study: Study, chosen: Sequence[Amounts]) -> Study:
     """Return the study, without mirror images, with some effects."""
     study = unmirrored(study)
     for effect, shape, amounts in chosen:
-        study = effect.to_study(study, shape, amounts)
+        if effect.to_study is not None:
+            study = effect.to_study(study, shape, amounts)
     return study
+
+
+def _landing(context: Context, chosen: Sequence[Amounts]) -> Observations:
+    """Return the observations at the places where presses really land with some effects."""
+    for effect, shape, amounts in chosen:
+        if effect.to_places is not None:
+            landed = context.observations.landing(effect.to_places(context, shape, amounts))
+            context = replace(context, observations=landed)
+    return context.observations
 
 
 def _by_what_is_felt(

@@ -138,7 +138,7 @@ def problem_of(solver: Solver, observations: Observations) -> tuple[Problem, Bas
         and effect.to_forces is not None
         and effect.applies(solver.study)
     }
-    base = with_known(base_of(solver, observations, effects.values()), solver.study)
+    base = with_known(base_of(solver, observations, effects.values()), solver)
     failed = dict(base.failed)
     candidates = candidates_of(base.context, effects, failed)
     covariance = readings_covariance(base.context, base.law, base.floor, base.alike)
@@ -171,10 +171,10 @@ def known_false(study: Study, observations: Observations, effects: Mapping[str, 
     )
 
 
-def with_known(base: Base, study: Study) -> Base:
-    """Return the base with the effects of force sensor and clock that the study takes as known (the camera's: flow.py)."""
-    context = base.context
-    for known in study.mismatch.known:
+def with_known(base: Base, solver: Solver) -> Base:
+    """Return the base with the effects that the study takes as known (the camera's: flow.py). Raises NotConverged."""
+    chosen = []
+    for known in solver.study.mismatch.known:
         effect = CATALOGUE.get(known.effect)
         if effect is None or (effect.to_forces is None and effect.to_camera is None):
             raise ConfigError(
@@ -188,9 +188,12 @@ def with_known(base: Base, study: Study) -> Base:
             )
         if effect.to_forces is None:
             continue
-        amounts = np.array([known.amounts.get(p.name, 0.0) for p in effect.parameters])
-        context = replace(context, force=effect.to_forces(context, known.shape, context.force, amounts))
-    return replace(base, context=context)
+        chosen.append(
+            (effect, known.shape, np.array([known.amounts.get(p.name, 0.0) for p in effect.parameters]))
+        )
+    if not chosen:
+        return base
+    return replace(base, context=replace(base.context, force=forces_with(solver, base, chosen)))
 
 
 def candidates_of(context: Context, effects: Mapping[str, Effect], failed: dict[str, str]) -> list[Candidate]:

@@ -19,14 +19,14 @@ def library():
     pytest.importorskip("felupe", reason="FElupe is not installed: pip install -e .[verification]")
     from concealed import solves
     from concealed.library import Library, LocalChange
+    from concealed.surface import Surface
 
     shape = np.log([0.2, 0.8, 1.85]), np.log([0.03, 0.2, 1.0])
-    vertical = np.zeros((len(solves.NODES), len(solves.NODES), 3))
-    vertical[..., 0], vertical[..., 1] = 1.0, 0.01
-    squares = np.array(solves.NODES) ** 2
-    vertical *= (1 + 0.003 * (squares[:, None] + squares[None]))[..., None]
-    horizontal = np.full((len(solves.NODES) - 1, len(solves.NODES), 4), 0.0)
-    horizontal[..., 0] = -4e-3
+    nodes, depths = np.array(solves.NODES), np.exp(shape[0])
+    ratio = 1 + 0.003 * (nodes[:, None, None] ** 2 + nodes[None, :, None] ** 2) + 0.01 * depths
+    flat = np.broadcast_to(-4e-3 * nodes[:, None, None], ratio.shape)
+    vertical = Surface.through(nodes, depths, ratio, 1)
+    horizontal = Surface.through(nodes, depths, flat, 1, sign=-1)
     sizes = {"gel softer": -0.15, "gel stiffer": 0.15, "thicker": -0.06, "thinner": 0.07}
     changes = {name: change(sizes.get(name, 0.05)) for name in solves.EFFECTS}
     defects = {

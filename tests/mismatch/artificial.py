@@ -13,7 +13,7 @@ import specimens
 from gelforge.mismatch import places
 from gelforge.mismatch.context import Context, Curves
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.observations import COLUMNS, Observations
+from gelforge.mismatch.observations import COLUMNS, Observations, last_moves
 
 WIDTH, RADIUS = 20.0, 5.0  # mm
 DEPTHS = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)  # of the curves, mm
@@ -162,11 +162,13 @@ def context(
         for k in range(sessions)
     ]
     rows = pd.concat(parts, ignore_index=True)[COLUMNS]
+    moves = np.concatenate([last_moves(part) for part in parts])
     base = force(rows["x_mm"].to_numpy(), rows["y_mm"].to_numpy(), rows["depth_mm"].to_numpy())
     noise = np.broadcast_to(np.array(noise_N, dtype=float), base.shape)
     zero = np.zeros_like(noise) if tared else noise / np.sqrt(ZERO_ROWS)
     touchdown = np.full(len(rows), float(touchdown_mm))
-    observations = Observations(rows, base, where, noise, zero, touchdown, np.full(len(rows), zero_by))
+    by = np.full(len(rows), zero_by)
+    observations = Observations(rows, base, where, noise, zero, touchdown, by, came_along=moves)
     knots = np.array(DEPTHS)
     curves = Curves((knots,) * len(where), tuple(force(x, y, knots) for x, y in where))
     by_site = [derivatives(x, y, knots) for x, y in where]

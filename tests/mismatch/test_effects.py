@@ -25,7 +25,7 @@ NAMES = """gel_stiffness skin_stiffness law_exponent compressibility elastic_bas
 mullins ageing temperature friction frictionless friction_law adhesion toe_region layer_thickness thickness_gradient
 wall_stiffness wall_gap delamination void inclusion indenter_radius particle_settling contact_zero tilt misregistration yaw
 grid_scale frame_compliance base_bending clock_offset force_gain force_offset force_drift cross_talk force_hysteresis
-camera_scale camera_pose refraction prestretch""".split()
+camera_scale camera_pose refraction prestretch lateral_play""".split()
 FORCES = [name for name, effect in CATALOGUE.items() if effect.to_forces]
 STUDIES = [name for name, effect in CATALOGUE.items() if effect.to_study]
 # What a base of finite strain with fitted laws has no need of, and the base that does
@@ -65,6 +65,7 @@ def test_everything_is_said(name):
     assert effect.to_forces or effect.to_camera
     by_solver = isinstance(effect.to_forces, FirstOrder | FirstOrderAt)
     assert not by_solver or effect.to_study
+    assert not (effect.to_study and effect.to_places)
     for p in effect.parameters:
         assert p.unit and p.width > 0 and re.search(r"bounds|on or off", p.source)
         assert p.bounds[0] < p.bounds[1] and p.bounds[0] <= 0

@@ -159,6 +159,18 @@ def test_raster_order_is_told(tmp_path):
     assert any("raster order" in said for said in observed(folder).cannot_know)
 
 
+def test_the_stage_s_moves_are_known_from_the_presses_before(stiffer):
+    """Of all presses, whether they are judged or not; an axis that did not move keeps its last move."""
+    found = observed(stiffer[0])
+    at = pd.read_csv(stiffer[0] / "indentations.csv").groupby("press", sort=False)[["x_mm", "y_mm"]].first()
+    signs = np.sign(np.diff(at.to_numpy(), axis=0, prepend=at.to_numpy()[:1]))
+    for earlier, now in zip(signs, signs[1:]):
+        now[now == 0] = earlier[now == 0]
+    number = [list(at.index).index(press.split("/")[1]) for press in found.table["press"]]
+    assert np.array_equal(found.came_along, signs[number])
+    assert set(np.unique(signs)) == {-1.0, 0.0, 1.0}
+
+
 def test_missing_repeats_and_unloading_are_told(stiffer, tmp_path):
     said = observed(stiffer[0]).cannot_know
     assert any("twice to one depth" in s for s in said) and any("way up" in s for s in said)

@@ -1,0 +1,190 @@
+"""Hidden effects of the body, in time too, and of the contact: shares of what FElupe found, each in a form of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from .presses import commanded_depth
+from .world import World
+
+# --- the body: ratios of forces that FElupe found -----------------------------------------------------------------------
+
+
+def gel_change(world: World, factor: float):
+    """Return log ratio and horizontal change for gel moduli times a factor: quadratic in its logarithm."""
+    up, down = world.library.changes["gel stiffer"], world.library.changes["gel softer"]
+    return _through(up, np.log(1.25), down, np.log(0.8), np.log(factor))
+
+
+def _through(one, at_one, other, at_other, at):
+    """Return the change at `at` on the parabola through 0 and two solved amounts."""
+    a = at * (at - at_other) / (at_one * (at_one - at_other))
+    b = at * (at - at_one) / (at_other * (at_other - at_one))
+
+    def change(xy, depth):
+        (r1, h1), (r2, h2) = one.at(xy, depth), other.at(xy, depth)
+        return a * r1 + b * r2, a * h1 + b * h2
+
+    return change
+
+
+def _scaled(change, share):
+    def scaled(xy, depth):
+        ratio, flat = change.at(xy, depth)
+        return share * ratio, share * flat
+
+    return scaled
+
+
+def gel(world, size, drawn):
+    world.changes.append(gel_change(world, 1 + 0.2 * size * drawn["sign"]))
+
+
+def skin(world, size, drawn):
+    factor = (
+        1 + 0.2 * size * drawn["sign"]
+    )  # F(gel, skin) = s F(gel / s, 1): forces are of first degree in all moduli
+    relative = gel_change(world, 1 / factor)
+
+    def change(xy, depth):
+        ratio, flat = relative(xy, depth)
+        return ratio + np.log(factor), flat
+
+    world.changes.append(change)
+
+
+def thickness(world, size, drawn):
+    library, t = world.library, 4.0 + 0.5 * size * drawn["sign"]
+    world.changes.append(
+        _through(
+            library.changes["thicker"], np.log(1.1), library.changes["thinner"], np.log(0.9), np.log(t / 4)
+        )
+    )
+
+
+def solved(name: str, share: Callable[[float, dict], float]):
+    """Return the function that puts a solved change into a world, scaled by a share of what was solved."""
+
+    def put(world, size, drawn):
+        world.changes.append(_scaled(world.library.changes[name], share(size, drawn)))
+
+    return put
+
+
+def defect(name: str):
+    def put(world, size, drawn):
+        change = world.library.defects[name, drawn["place"]]
+
+        def local(xy, depth):
+            ratio, flat = change.at(xy, depth, drawn["turns"])
+            return size * ratio, size * flat
+
+        world.changes.append(local)
+
+    return put
+
+
+# --- history: forms without Prony's series or Ogden and Roxburgh's function -----------------------------------------------
+
+
+def power_law(world, size, drawn):
+    """Relaxation by a power of time: the gel's share of every increment decays as (1 + t / t0)^-n above the law at rest."""
+
+    def remember(world, rows, xy, depth, force):
+        share = _gel_share(world, xy, np.maximum(depth, 0.05))
+        at, deepest = rows["at_s"].to_numpy(), rows["deepest_mm"].to_numpy()
+        offset = depth - rows["depth_mm"].to_numpy()
+        u = (np.arange(60) + 0.5) / 60
+        times = u[None] * at[:, None]
+        d0 = commanded_depth(at[:, None] * np.arange(61) / 60, deepest[:, None])
+        d0 = np.where(d0 > 0, d0 + offset[:, None], 0.0)
+        flat = np.repeat(xy, d0.shape[1], axis=0)
+        z = world.elastic(flat, d0.ravel())[:, 2].reshape(d0.shape)
+        decay = (1 + (at[:, None] - times) / drawn["t0"]) ** -drawn["n"]
+        extra = (decay * np.diff(z, axis=1)).sum(axis=1)
+        safe = np.where(force[:, 2] == 0, 1.0, force[:, 2])
+        grown = 1 + 0.2 * size * share * extra / safe
+        return force * np.where(force[:, 2] == 0, 1.0, grown)[:, None]
+
+    world.history.append(remember)
+
+
+def _gel_share(world, xy, depth) -> np.ndarray:
+    """Return d log Fz / d log(gel moduli) (R,)."""
+    return gel_change(world, 1.02)(xy, depth)[0] / np.log(1.02)
+
+
+def damage(world, size, drawn):
+    """Scalar damage: stress times 1 - D(most energy so far), virgin presses as the law says; the energy spreads sideways."""
+
+    def remember(world, rows, xy, depth, force):
+        share = _gel_share(world, xy, np.maximum(depth, 0.05))
+        D = lambda w: 0.3 * size * (1 - np.exp(-((np.maximum(w, 0) / drawn["w0"]) ** 2)))  # noqa: E731
+        past = np.zeros(len(rows))
+        order = (rows["session"] * 100000 + rows["order"]).to_numpy()
+        starts = np.flatnonzero(np.diff(order, prepend=-1))
+        deepest = np.maximum.reduceat(depth, starts)
+        for k, start in enumerate(starts):
+            end = starts[k + 1] if k + 1 < len(starts) else len(rows)
+            most = 0.0
+            if k:
+                away = np.linalg.norm(xy[starts[:k]] - xy[start], axis=1)
+                most = float((deepest[:k] * np.exp(-((away / drawn["spread"]) ** 2))).max())
+            past[start:end] = np.maximum(most, np.maximum.accumulate(depth[start:end]))
+        lost = (1 - D(past)) / (1 - D(np.maximum(depth, 0)))
+        return force * (1 + share * (lost - 1))[:, None]
+
+    world.history.append(remember)
+
+
+def ageing(world, size, drawn):
+    """The gel stiffens with the logarithm of its age from the first session on, as slow curing does."""
+    _circumstance(world, lambda rows: drawn["sign"] * 0.08 * size * np.log(rows["age"] / rows["age"].iloc[0]))
+
+
+def temperature(world, size, drawn):
+    """The gel's modulus follows the absolute temperature to a power."""
+    _circumstance(
+        world,
+        lambda rows: drawn["sign"] * 6.0 * size * np.log((rows["temperature"] + 273.15) / (23.0 + 273.15)),
+    )
+
+
+def _circumstance(world, log_growth):
+    def remember(world, rows, xy, depth, force):
+        share = _gel_share(world, xy, np.maximum(depth, 0.05))
+        return force * np.exp(share * log_growth(rows).to_numpy())[:, None]
+
+    world.history.append(remember)
+
+
+# --- contact ------------------------------------------------------------------------------------------------------------
+
+
+def adhesion(world, size, drawn):
+    """Johnson, Kendall and Roberts with the solved stiffness S and contact radius a; work of separation on the way up."""
+
+    def remember(world, rows, xy, depth, force):
+        up = (rows["phase"] == "unload").to_numpy() & (depth > 0)
+        w = 1e-4 * size
+        d = np.maximum(depth, 0.05)
+        S = (world.elastic(xy, d + 0.02)[:, 2] - world.elastic(xy, d - 0.02)[:, 2]) / -0.04
+        # a from the contact area at the middle; S grows with a as with depth
+        powers = np.vander(d, len(world.library.area), increasing=True)
+        a = np.sqrt(np.maximum(powers @ world.library.area, 1e-6) * d / np.pi)
+        S2 = (world.elastic(xy, d + 0.04)[:, 2] - world.elastic(xy, d)[:, 2]) / -0.04
+        powers = np.vander(d + 0.02, len(world.library.area), increasing=True)
+        a2 = np.sqrt(np.maximum(powers @ world.library.area, 1e-6) * (d + 0.02) / np.pi)
+        slope = np.maximum((S2 - S) / np.maximum(a2 - a, 1e-6), 1e-4)
+        pull = S * np.sqrt(4 * np.pi * a * w / slope)
+        return force + np.where(up, pull, 0.0)[:, None] * np.array([0.0, 0.0, 1.0])
+
+    world.history.append(remember)
+
+
+def toe(world, size, drawn):
+    """A film that gives way exponentially: its thickness h is used up over a force."""
+    h, give = 0.04 * size, drawn["give_N"]
+    world.yielding.append(lambda xy, z: h * (1 - np.exp(np.minimum(z, 0.0) / give)))

@@ -1,0 +1,155 @@
+"""Hidden effects of the machine: where it presses, how it yields, and what its force sensor shows."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import expm
+
+from .presses import commanded_depth
+from .world import LENGTH
+
+# --- kinematics -----------------------------------------------------------------------------------------------------------
+
+
+def zero(world, size, drawn):
+    world.depths.append(lambda rows, xy: 0.1 * size * drawn["sign"] * np.ones(len(rows)))
+
+
+def tilt(world, size, drawn):
+    """The sensor's body is turned; the ball comes down along the machine's axis and meets it elsewhere and at another depth.
+
+    Forces are read in the tilted sensor's axes. Turns about x and y [deg]: drawn x, y.
+    """
+    angle = np.deg2rad(size) * np.array([drawn["x"], drawn["y"]])
+    turn = expm(
+        np.array([[0, 0, angle[1]], [0, 0, -angle[0]], [-angle[1], angle[0], 0]])
+    )  # sensor to machine
+    ball = 5.0  # its radius [mm]
+
+    def centre(rows, xy):
+        """Return the ball's centre (R, 3) in the sensor's axes; depth 0 is where it touches the middle."""
+        down = np.maximum(rows["depth_mm"].to_numpy(), 0.0)
+        return np.column_stack([xy, ball / turn[2, 2] - down]) @ turn
+
+    world.places.append(lambda rows, xy: centre(rows, xy)[:, :2] - ball * turn[2, :2] / turn[2, 2])
+    sent = lambda rows: rows[["x_mm", "y_mm"]].to_numpy()  # noqa: E731
+    world.depths.append(
+        lambda rows, xy: ball - centre(rows, sent(rows))[:, 2] - np.maximum(rows["depth_mm"], 0.0)
+    )
+
+
+def wedge(world, size, drawn):
+    """The gel grows thicker across the sensor: each place presses its own thickness, and its sloping top is nearer.
+
+    To first order in the slope: the solved changes of an even layer, at the local thickness.
+    """
+    slope = 0.02 * size * np.array([drawn["x"], drawn["y"]])
+    library = world.library
+
+    def change(xy, depth):
+        at = np.log1p(xy @ slope / 4.0)
+        (r1, h1), (r2, h2) = (library.changes[n].at(xy, depth) for n in ("thicker", "thinner"))
+        one, other = np.log(1.1), np.log(0.9)
+        a = at * (at - other) / (one * (one - other))
+        b = at * (at - one) / (other * (other - one))
+        return a * r1 + b * r2, (
+            a[:, None] * h1 + b[:, None] * h2
+        ) - slope  # a frictionless ball pushes along the normal
+
+    world.changes.append(change)
+    world.depths.append(lambda rows, xy: xy @ slope)
+
+
+def shift(world, size, drawn):
+    world.places.append(lambda rows, xy: xy + 0.5 * size * np.array([drawn["x"], drawn["y"]]))
+
+
+def yaw(world, size, drawn):
+    c, s = np.cos(np.deg2rad(2 * size * drawn["sign"])), np.sin(np.deg2rad(2 * size * drawn["sign"]))
+    world.places.append(lambda rows, xy: xy @ np.array([[c, s], [-s, c]]))
+
+
+def grid(world, size, drawn):
+    world.places.append(lambda rows, xy: xy * (1 + 0.01 * size * drawn["sign"]))
+
+
+def frame(world, size, drawn):
+    world.yielding.append(lambda xy, z: -0.05 * size * z)
+
+
+def plate(world, size, drawn):
+    """The base plate sags by the static shape of a clamped square, not by its first mode of sines."""
+    shape = lambda xy: ((1 - (xy / LENGTH) ** 2) ** 2).prod(axis=1)  # noqa: E731
+    world.yielding.append(lambda xy, z: -0.05 * size * shape(xy) ** 2 * z)
+
+
+def late(world, size, drawn):
+    """Force is stamped late: the stage is read where it was before."""
+
+    def read(rows):
+        at = rows["at_s"].to_numpy()
+        depth = commanded_depth(at - 0.05 * size * drawn["sign"], rows["deepest_mm"].to_numpy())
+        return np.where(rows["phase"] == "zero", rows["depth_mm"], np.maximum(depth, 1e-6))
+
+    world.clock.append(read)
+
+
+def backlash(world, size, drawn):
+    """Play of the stage across the press: where a press lands depends on the side from which it came."""
+    play = 0.4 * size * np.array([drawn["x"], drawn["y"]])
+
+    def move(rows, xy):
+        press = rows.groupby(["session", "order"], sort=False).ngroup().to_numpy()
+        at = np.array([xy[press == p][0] for p in range(press.max() + 1)])
+        side = np.sign(np.diff(at, axis=0, prepend=at[:1]))
+        for p in range(1, len(side)):
+            side[p] = np.where(side[p] == 0, side[p - 1], side[p])
+        return xy - play / 2 * side[press]
+
+    world.places.append(move)
+
+
+# --- force sensor ---------------------------------------------------------------------------------------------------------
+
+
+def gain(world, size, drawn):
+    gain = 1 + 0.05 * size * np.array([drawn["gx"], drawn["gy"], drawn["gz"]])
+    world.sensor.append(lambda rows, force: force * gain)
+
+
+def offset(world, size, drawn):
+    world.sensor.append(
+        lambda rows, force: force + 0.02 * size * np.array([drawn["ox"], drawn["oy"], drawn["oz"]])
+    )
+
+
+def drift(world, size, drawn):
+    """The amplifier warms up: the zero goes to its new value exponentially."""
+    by = 0.05 * size * np.array([drawn["ox"], drawn["oy"], drawn["oz"]])
+    world.sensor.append(
+        lambda rows, force: force + by * (1 - np.exp(-rows["time_s"].to_numpy() / drawn["warm_s"]))[:, None]
+    )
+
+
+def cross(world, size, drawn):
+    """The sensor sits turned on its plate: a rotation by angles, not small terms."""
+    a = 0.03 * size * np.array([drawn["a"], drawn["b"], drawn["c"]])
+    turn = expm(np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]]))
+    world.sensor.append(lambda rows, force: force @ turn.T)
+
+
+def play(world, size, drawn):
+    """Play: readings follow the force only outside a band about the last, a share of the largest force of the press."""
+
+    def read(rows, force):
+        shown, z = force.copy(), force[:, 2]
+        press = rows.groupby(["session", "order"], sort=False).ngroup().to_numpy()
+        largest = np.zeros(press.max() + 1)
+        np.maximum.at(largest, press, np.abs(z))
+        half = 0.02 * size * largest[press]
+        for k in range(len(z)):
+            last = 0.0 if k == 0 or press[k] != press[k - 1] else shown[k - 1, 2]
+            shown[k, 2] = np.clip(last, z[k] - half[k], z[k] + half[k])
+        return shown
+
+    world.sensor.append(read)

@@ -1,0 +1,85 @@
+"""Play across the press: from where the stage came, where the ball lands, and that the finite elements press there."""
+
+from dataclasses import replace
+
+import artificial
+import numpy as np
+import pandas as pd
+import specimens
+from numpy.testing import assert_allclose, assert_array_equal
+
+from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.observations import COLUMNS, Observations, last_moves
+from gelforge.mismatch.solutions import Solver
+from gelforge.mismatch.solver import base_of, forces_with
+
+PLAY = CATALOGUE["lateral_play"]
+STUDY = specimens.study()
+PLACES = np.array([[8.0, 8.0], [6.5, 8.0]])
+DEPTH = 0.5
+
+
+def pressed(sites, came_along):
+    """Return observations of one reading per press at sites, the stage having come along some directions."""
+    rows = [
+        ("s", f"p{k}", k, site, "load", 20.0 * k, DEPTH, *PLACES[site], DEPTH, DEPTH, np.nan, np.nan)
+        for k, site in enumerate(sites)
+    ]
+    R = len(rows)
+    ones = np.ones((R, 3))
+    table = pd.DataFrame(rows, columns=COLUMNS)
+    by = np.full(R, "press")
+    return Observations(
+        table, ones, PLACES, ones, ones, np.ones(R), by, came_along=np.asarray(came_along, float)
+    )
+
+
+def test_the_last_move_along_each_axis_counts_however_long_ago():
+    table = pd.DataFrame(
+        {
+            "press": ["a", "a", "b", "c", "d", "d"],
+            "x_mm": [5.0, 5.0, 7.0, 7.0, 6.0, 6.0],
+            "y_mm": [1.0, 1.0, 1.0, 0.0, 0.0, 0.0],
+        }
+    )
+    expected = [[0, 0], [0, 0], [1, 0], [1, -1], [-1, -1], [-1, -1]]
+    assert_array_equal(last_moves(table), expected)
+
+
+def test_a_press_stays_behind_by_half_of_the_play():
+    found = pressed([0, 1, 0], [[0, 0], [-1, 1], [1, 0]])
+    context = replace(artificial.context(), observations=found)
+    landed = PLAY.to_places(context, {}, [0.4, 0.2])
+    assert_allclose(landed, [[8.0, 8.0], [6.7, 7.9], [7.8, 8.0]])
+    moved = found.landing(landed)
+    assert_array_equal(moved.sites[moved.table["site"]], landed)
+    assert_array_equal(moved.force, found.force)
+
+
+def test_what_is_solved_is_a_press_to_where_the_ball_lands(tmp_path):
+    """Its change is that from the press as commanded to the one there, each on the mesh made for it."""
+    found = pressed([0, 1, 0], [[1, 0], [-1, 0], [0, 0]])
+    solver = Solver(STUDY, specimens.STUDY_LAWS, {}, tmp_path)
+    base = base_of(solver, found, [])
+    there = base_of(solver, found.landing(np.array([[7.8, 8.0], [6.7, 8.0], [8.0, 8.0]])), [])
+    played = forces_with(solver, base, [(PLAY, {}, [0.4, 0.0])])
+    change = base.finer * (there.coarse - base.coarse)
+    assert_allclose(played, base.context.force + change, rtol=1e-9, atol=1e-12)
+    assert np.abs(change[:2]).max(axis=1).min() > 1e-4 and not change[2].any()
+
+
+def test_the_first_order_is_that_of_a_grid_shifted_the_other_way():
+    context, to_forces = artificial.context(), CATALOGUE["misregistration"].to_forces
+    R = len(context.force)
+    context = replace(
+        context, observations=replace(context.observations, came_along=np.tile([1.0, -1.0], (R, 1)))
+    )
+    played = PLAY.to_forces(context, {}, context.force, [0.4, 0.2])
+    assert_allclose(played, to_forces(context, {}, context.force, [-0.2, 0.1]), rtol=1e-12)
+
+
+def test_no_play_is_the_base_bit_for_bit(tmp_path):
+    found = pressed([0, 1], [[1, 0], [-1, 1]])
+    solver = Solver(STUDY, specimens.STUDY_LAWS, {}, tmp_path)
+    base = base_of(solver, found, [])
+    assert_array_equal(forces_with(solver, base, [(PLAY, {}, [0.0, 0.0])]), base.context.force)
