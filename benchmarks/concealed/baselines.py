@@ -173,7 +173,7 @@ CONSTANTS = {
 }
 SHAPE_OF = {
     "wedge": "direction", "turned body": "direction", "pressed elsewhere": "direction", "amplifier gains": "gains",
-    "zero left": "offsets", "warming up": "offsets", "turned sensor": "angles",
+    "zero left": "offsets", "warming up": "offsets", "turned sensor": "angles", "backlash": "direction",
 }  # fmt: skip
 
 

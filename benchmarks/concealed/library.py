@@ -16,7 +16,7 @@ from . import solves
 from .solves import BETWEEN, CHECKED, NODES, ORBITS, Solutions, read_solutions
 from .surface import Surface
 
-DEGREE, FLAT_DEGREE, EFFECT_DEGREE = 3, 4, 2  # of the polynomials over depth
+DEGREE, FLAT_DEGREE, AREA_DEGREE, EFFECT_DEGREE = 3, 4, 3, 2  # of the polynomials over depth
 THROUGH_ALL = {
     "friction": 4,
     "slipping": 4,
@@ -168,7 +168,7 @@ def _base_tables(solutions: Solutions) -> tuple:
     vertical = Surface.through(nodes, depths, ratio, DEGREE)
     horizontal = Surface.through(nodes, depths, flat, FLAT_DEGREE, sign=-1)
     shape = np.log(depths), np.log(-fine.force_N[:, 2])
-    area = np.linalg.pinv(np.vander(depths, FLAT_DEGREE + 1, increasing=True)) @ (fine.area_mm2 / depths)
+    area = np.linalg.pinv(np.vander(depths, AREA_DEGREE + 1, increasing=True)) @ (fine.area_mm2 / depths)
     return shape, vertical, horizontal, area
 
 

@@ -95,16 +95,18 @@ def late(world, size, drawn):
 
 
 def backlash(world, size, drawn):
-    """Play of the stage across the press: where a press lands depends on the side from which it came."""
-    play = 0.4 * size * np.array([drawn["x"], drawn["y"]])
+    """Play of the stage across the press: it follows the motor once this has gone through the play."""
+    half = 0.2 * size * np.array([drawn["x"], drawn["y"]])
 
     def move(rows, xy):
         press = rows.groupby(["session", "order"], sort=False).ngroup().to_numpy()
-        at = np.array([xy[press == p][0] for p in range(press.max() + 1)])
-        side = np.sign(np.diff(at, axis=0, prepend=at[:1]))
-        for p in range(1, len(side)):
-            side[p] = np.where(side[p] == 0, side[p - 1], side[p])
-        return xy - play / 2 * side[press]
+        first = np.unique(press, return_index=True)[1]
+        session, sent = rows["session"].to_numpy()[first], xy[first]
+        stage = sent.copy()
+        for p in range(1, len(sent)):
+            if session[p] == session[p - 1]:
+                stage[p] = np.clip(stage[p - 1], sent[p] - half, sent[p] + half)
+        return xy + (stage - sent)[press]
 
     world.places.append(move)
 

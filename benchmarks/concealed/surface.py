@@ -10,7 +10,7 @@ from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 @dataclass(frozen=True)
 class Surface:
-    """Cubics from node to node whose slopes never overshoot, and a polynomial over depth.
+    """Cubics from node to node, monotone where the nodes are, and a polynomial over depth.
 
     Where the ball's contact reaches the wall slopes change within half a millimetre: a polynomial through all nodes, or
     slopes of parabolas, would swing beside it.
@@ -34,12 +34,15 @@ class Surface:
         right = np.concatenate([sign * smooth[:0:-1], smooth])
         whole = np.concatenate([right[:, :0:-1], right], axis=1)
         mirrored = np.concatenate([-nodes[:0:-1], nodes])
-        return cls(mirrored, _with_slopes(mirrored, _with_slopes(mirrored, whole, 0), 1), fit)
+        # slopes of slopes depend on which axis comes first: the mean of both keeps what is alike in x and y alike
+        orders = (_with_slopes(mirrored, _with_slopes(mirrored, whole, a), 1 - a) for a in (0, 1))
+        return cls(mirrored, sum(orders) / 2, fit)
 
     def at(self, x: np.ndarray, y: np.ndarray, depth: np.ndarray) -> np.ndarray:
         """Return the quantity (R,) at places and depths [mm]; beyond the outermost nodes the last cubics go on."""
         over_depth = np.vander(depth, len(self.fit), increasing=True) @ self.fit
-        return np.einsum("ri,rj,ijd,rd->r", self._weights(x), self._weights(y), self.table, over_depth)
+        weights = self._weights(x), self._weights(y)
+        return np.einsum("ri,rj,ijd,rd->r", *weights, self.table, over_depth, optimize=True)
 
     def _weights(self, at: np.ndarray) -> np.ndarray:
         """Return the weights (R, 2 M) of values and slopes at the nodes."""

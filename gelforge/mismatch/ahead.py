@@ -12,7 +12,7 @@ from gelforge.config import ConfigError, ForceSensor, Study
 from gelforge.indentation.plan import plan_cells
 from gelforge.mismatch.context import Context
 from gelforge.mismatch.covariance import Covariance, readings_covariance
-from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.effects import CATALOGUE, with_taken
 from gelforge.mismatch.identifiability import Plan, detection_limits, next_experiment
 from gelforge.mismatch.observations import COLUMNS, Observations, last_moves
 from gelforge.mismatch.screen import Candidate, Screened
@@ -139,7 +139,9 @@ def plans_of(solver: Solver, survivors: list[NamedEffect]) -> Iterator[Plan]:
     effects = [CATALOGUE[name] for name in {effect.name for effect in survivors}]
     for name, observations in variants.items():
         base = base_of(
-            solver, observations, {*effects, CATALOGUE["gel_stiffness"], CATALOGUE["skin_stiffness"]}
+            solver,
+            observations,
+            with_taken([*effects, CATALOGUE["gel_stiffness"], CATALOGUE["skin_stiffness"]]),
         )
         failed: dict[str, str] = {}
         known = {c.name for c in candidates_of(base.context, {e.name: e for e in effects}, failed)}

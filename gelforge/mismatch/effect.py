@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -75,6 +76,7 @@ class Effect:
     signature: str  # what it does to readings, in words
     confused_with: tuple[str, ...]
     separated_by: str  # the experiment that tells it from these
+    takes: tuple[str, ...] = ()  # the effects whose derivatives it is made of
     to_study: Callable[[Study, Shape, Sequence[float]], Study] | None = None
     to_places: Callable[[Context, Shape, Sequence[float]], np.ndarray] | None = None
     to_forces: Callable[[Context, Shape, np.ndarray, np.ndarray], np.ndarray] | None = None
@@ -101,7 +103,10 @@ class Effect:
         return np.array([parameter.width for parameter in self.parameters])
 
     def in_range(self, amounts: Sequence[float]) -> bool:
-        """Return whether every amount has its physical sign and lies inside its bounds, and not on them."""
-        return all(
-            p.bounds[0] < a < p.bounds[1] and p.sign * a >= 0 for p, a in zip(self.parameters, amounts)
-        )
+        """Return whether every amount has its physical sign and lies inside its bounds, and not on them.
+
+        Of several amounts of one sign some may be absent.
+        """
+        absent = [p.sign != 0 and a == 0 for p, a in zip(self.parameters, amounts)]
+        inside = [p.bounds[0] < a < p.bounds[1] and p.sign * a >= 0 for p, a in zip(self.parameters, amounts)]
+        return not all(absent) and all(map(operator.or_, absent, inside))

@@ -70,6 +70,10 @@ def _unfit(study: Study, seen: Sequence[Seen]) -> str:
         return "the motion of particles is known on hexahedra, in a block, only"
     if not any(layer.particle_volume_fraction > 0 for layer in study.sensor.layers):
         return "no layer of the study carries particles (particle_volume_fraction)"
+    if any(CATALOGUE[known.effect].to_places is not None for known in study.mismatch.known):
+        return (
+            "presses that are known to land beside their places (mismatch.known) are not followed in images"
+        )
     if any(not np.isfinite(press.noise).all() for press in seen):
         return "one image per press and none at zero force: their noise is not known"
     return ""
@@ -141,6 +145,7 @@ def _observations(forces: Observations, seen: Sequence[Seen], shown: np.ndarray)
         touchdown_mm=np.concatenate([forces.touchdown_mm, forces.touchdown_mm[numbers]]),
         zero_by=np.concatenate([forces.zero_by, np.asarray(forces.zero_by)[numbers]]),
         rounding_N=np.concatenate([forces.rounding_N, np.zeros((len(table), 3))]),
+        came_along=np.concatenate([forces.came_along, forces.came_along[numbers]]),
         repeats=np.concatenate([forces.repeats, np.full(len(table), np.inf)]),
         tails=np.concatenate([forces.tails, np.ones(len(table))]),
     )
@@ -182,7 +187,10 @@ def _candidates(
 
 @dataclass(frozen=True, eq=False)
 class _Both:
-    """Forces and flow with effects (Problem.forces_with): the camera's exactly, the finite elements' at their amounts."""
+    """Forces and flow with effects (Problem.forces_with): the camera's exactly, the finite elements' at their amounts.
+
+    What moves single presses, and what remembers, stays at first order in the flow.
+    """
 
     channel: FlowChannel
     rows: Rows

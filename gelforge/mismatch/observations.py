@@ -7,6 +7,8 @@ from dataclasses import KW_ONLY, dataclass, field, replace
 import numpy as np
 import pandas as pd
 
+from gelforge.indentation.plan import POSITION_MATCH_MM
+
 COLUMNS = [
     *("session", "press", "order", "site", "phase", "time_s", "press_time_s", "x_mm", "y_mm", "depth_mm"),
     *("deepest_mm", "age_days", "temperature_C"),
@@ -42,7 +44,7 @@ class Observations:
 
     def __post_init__(self):
         R = len(self.force)
-        shapes = {"rounding_N": (R, 3), "came_along": (R, 2), "repeats": R, "tails": R}
+        shapes = {"rounding_N": (R, 3), "came_along": (R, 2, 2), "repeats": R, "tails": R}
         for name, shape in shapes.items():  # one number stands for all readings
             object.__setattr__(self, name, np.broadcast_to(getattr(self, name), shape))
 
@@ -80,12 +82,16 @@ class Observations:
         return replace(self, table=table, sites=sites)
 
 
-def last_moves(table: pd.DataFrame) -> np.ndarray:
-    """Return the sign (R, 2) of the stage's last move along x and y before each row's press; 0 before the first.
+def last_moves(table: pd.DataFrame, axes: np.ndarray | None = None) -> np.ndarray:
+    """Return the directions (R, 2, 2) of the stage's last move along each of its axes before each row's press.
 
-    table: columns press, x_mm and y_mm of one session, its presses in the order taken.
+    table: columns press, x_mm and y_mm of one session, its presses in the order taken. axes: the stage's axes in the sensor
+    frame as columns (2, 2), those of the frame where none are given. Row by row one column for each axis, 0 before its
+    first move; moves below POSITION_MATCH_MM are none.
     """
+    axes = np.eye(2) if axes is None else axes
     at = table.groupby("press", sort=False)[["x_mm", "y_mm"]].first()
-    sign = np.sign(at.diff())
-    last = sign.where(sign != 0).ffill().fillna(0.0)
-    return last.loc[table["press"]].to_numpy()
+    move = at.diff().fillna(0.0).to_numpy() @ axes  # along the stage's axes
+    sign = pd.DataFrame(np.where(np.abs(move) > POSITION_MATCH_MM, np.sign(move), np.nan), at.index)
+    last = sign.ffill().fillna(0.0).loc[table["press"]].to_numpy()
+    return axes * last[:, None, :]

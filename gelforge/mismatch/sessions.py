@@ -12,7 +12,7 @@ import pandas as pd
 from gelforge.config import ConfigError, Sensor, Session
 from gelforge.indentation.plan import POSITION_MATCH_MM
 from gelforge.mismatch.observations import COLUMNS, Observations, last_moves
-from gelforge.recording.readings import FORCE, Recording, read_recording
+from gelforge.recording.readings import FORCE, Recording, axes_of_stage, read_recording
 
 AXES = ("x", "y", "z")
 TOUCHDOWN_MM = 0.02  # assumed where neither the session nor repeated presses say how well zero was found
@@ -64,7 +64,8 @@ def observe(folders: Sequence[Path], sensor: Sensor, speed_mm_per_s: float = SPE
         forces.append(force[held])
         noises.append(np.broadcast_to(noise, force.shape)[held])
         zeros.append(zero[held])
-        moves.append(last_moves(part)[held])
+        axes = axes_of_stage(recording.session.stage_to_sensor)
+        moves.append(last_moves(part, axes)[held])
         roundings.append(np.broadcast_to(rounding, force.shape)[held])
         knowns.append(np.broadcast_to(known, (held.sum(), 2)))
         scatter = recording.session.depth_zero.scatter_mm

@@ -166,7 +166,7 @@ def forces_with(
     """Return the forces (R, 3) [N] at readings (R,) bool with some effects, by the finite elements; nan at the others.
 
     Presses are followed as a whole, whatever was chosen of them, and where the gel softens all of them: what remembers, or
-    looks at the way before a reading, must not take the others for missing. Effects without `to_study` act on the forces
+    looks at the way before a reading, must not take the others for missing. Effects that are not solved act on the forces
     that result. Raises NotConverged.
     """
     context = base.context

@@ -11,10 +11,11 @@ import numpy as np
 
 from gelforge.config import ConfigError, Study, load_session, write_yaml
 from gelforge.files import digest, file_sha256
+from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mismatch.context import Context
 from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.effects import CATALOGUE, with_taken
 from gelforge.mismatch.findings import body_map, confirmed, law_of, readings_table, verdict_of, versions
 from gelforge.mismatch.flow import flow_section, force_part, with_flow
 from gelforge.mismatch.judge import Judgement, judge
@@ -24,7 +25,7 @@ from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.runs import DEPTH_DIGITS
 from gelforge.mismatch.screen import Candidate
 from gelforge.mismatch.sessions import observe
-from gelforge.mismatch.solutions import Solver
+from gelforge.mismatch.solutions import Solver, SolverFailed
 from gelforge.mismatch.solver import Base, base_of, forces_with
 from gelforge.mismatch.spread import spread_out
 from gelforge.mismatch.verdict import (
@@ -138,7 +139,7 @@ def problem_of(solver: Solver, observations: Observations) -> tuple[Problem, Bas
         and effect.to_forces is not None
         and effect.applies(solver.study)
     }
-    base = with_known(base_of(solver, observations, effects.values()), solver)
+    base = with_known(base_of(solver, observations, with_taken(effects.values())), solver)
     failed = dict(base.failed)
     candidates = candidates_of(base.context, effects, failed)
     covariance = readings_covariance(base.context, base.law, base.floor, base.alike)
@@ -172,7 +173,7 @@ def known_false(study: Study, observations: Observations, effects: Mapping[str, 
 
 
 def with_known(base: Base, solver: Solver) -> Base:
-    """Return the base with the effects that the study takes as known (the camera's: flow.py). Raises NotConverged."""
+    """Return the base with the effects that the study takes as known (the camera's: flow.py). Raises SolverFailed."""
     chosen = []
     for known in solver.study.mismatch.known:
         effect = CATALOGUE.get(known.effect)
@@ -193,7 +194,12 @@ def with_known(base: Base, solver: Solver) -> Base:
         )
     if not chosen:
         return base
-    return replace(base, context=replace(base.context, force=forces_with(solver, base, chosen)))
+    try:
+        force = forces_with(solver, base, chosen)
+    except NotConverged as failure:
+        names = ", ".join(effect.name for effect, *_ in chosen)
+        raise SolverFailed(f"mismatch.known: the base with {names} does not converge: {failure}") from None
+    return replace(base, context=replace(base.context, force=force))
 
 
 def candidates_of(context: Context, effects: Mapping[str, Effect], failed: dict[str, str]) -> list[Candidate]:

@@ -83,9 +83,14 @@ def read_recording(
 
 def stage_to_sensor(xy: np.ndarray, stage: StageToSensor) -> np.ndarray:
     """Return stage positions (N, 2) [mm] in the sensor frame: R(rotation) H x + origin, H flips y of a left-handed stage."""
+    return xy @ axes_of_stage(stage).T + stage.origin_mm
+
+
+def axes_of_stage(stage: StageToSensor) -> np.ndarray:
+    """Return the directions of the stage's axes in the sensor frame, as columns (2, 2)."""
     c, s = np.cos(np.deg2rad(stage.rotation_deg)), np.sin(np.deg2rad(stage.rotation_deg))
     H = np.diag([1.0, -1.0 if stage.handedness == "left" else 1.0])
-    return xy @ (np.array([[c, -s], [s, c]]) @ H).T + stage.origin_mm
+    return np.array([[c, -s], [s, c]]) @ H
 
 
 def force_on_sensor(raw: np.ndarray, force: ForceSensor) -> np.ndarray:

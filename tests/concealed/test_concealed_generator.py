@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("felupe", reason="FElupe is not installed: pip install -e .[verification]")
-from concealed import draw, kinds, presses, recording, sets
+from concealed import baselines, draw, kinds, presses, recording, sets
 from concealed.ogden import Ogden
 from concealed.world import World, held, zeroed
 from numpy.testing import assert_allclose
@@ -185,3 +185,31 @@ def test_the_signal_is_that_of_the_whole_covariance(library):
     found = recording.signal_to_noise(world, rows, instrument, change)
     assert found == pytest.approx(np.sqrt(d @ np.linalg.solve(C, d)), rel=1e-9)
     assert found < without
+
+
+@pytest.mark.parametrize("form", kinds.KINDS)
+def test_baselines_can_put_every_kind(form, library):
+    """Along each of its shapes, with the constants that they assume: a new kind needs its line there."""
+    kind, rows = kinds.KINDS[form], presses.timeline(np.random.default_rng(0), sessions=2)
+    rows = recording.with_circumstances(rows, recording.drawn_instrument(np.random.default_rng(0), 2))
+    for shape in baselines.SHAPES[baselines.SHAPE_OF.get(form, "sign")]:
+        world = World(library)
+        kind.put(world, 0.2, baselines.CONSTANTS | shape)
+        assert np.isfinite(world.forces(rows)).all()
+
+
+def test_backlash_leaves_the_stage_behind_its_last_move(library):
+    """Moves of the plan are longer than the play, so each takes it up; a session begins in its middle."""
+    world, rows = World(library), presses.timeline(np.random.default_rng(1), sessions=2)
+    kinds.KINDS["backlash"].put(world, 1.0, {"x": 1.0, "y": 0.5})
+    xy = world.reached(rows, np.zeros(len(rows)))[0]
+    sent = rows[["x_mm", "y_mm"]].to_numpy()
+    for of_session in rows.groupby("session").groups.values():
+        behind, before = np.zeros(2), None
+        for _, press in rows.loc[of_session].groupby("order", sort=True):
+            here, landed = sent[press.index[0]], xy[press.index]
+            if before is not None:
+                move = np.sign(here - before)
+                behind = np.where(move == 0, behind, -move * [0.2, 0.1])
+            assert_allclose(landed, np.tile(here + behind, (len(press), 1)), atol=1e-12)
+            before = here

@@ -8,10 +8,12 @@ import pandas as pd
 import specimens
 from numpy.testing import assert_allclose, assert_array_equal
 
+from gelforge.config import StageToSensor
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.observations import COLUMNS, Observations, last_moves
 from gelforge.mismatch.solutions import Solver
 from gelforge.mismatch.solver import base_of, forces_with
+from gelforge.recording.readings import axes_of_stage, stage_to_sensor
 
 PLAY = CATALOGUE["lateral_play"]
 STUDY = specimens.study()
@@ -28,10 +30,9 @@ def pressed(sites, came_along):
     R = len(rows)
     ones = np.ones((R, 3))
     table = pd.DataFrame(rows, columns=COLUMNS)
+    moves = np.array([np.diag(signs) for signs in came_along], dtype=float)
     by = np.full(R, "press")
-    return Observations(
-        table, ones, PLACES, ones, ones, np.ones(R), by, came_along=np.asarray(came_along, float)
-    )
+    return Observations(table, ones, PLACES, ones, ones, np.ones(R), by, came_along=moves)
 
 
 def test_the_last_move_along_each_axis_counts_however_long_ago():
@@ -43,7 +44,24 @@ def test_the_last_move_along_each_axis_counts_however_long_ago():
         }
     )
     expected = [[0, 0], [0, 0], [1, 0], [1, -1], [-1, -1], [-1, -1]]
-    assert_array_equal(last_moves(table), expected)
+    assert_array_equal(last_moves(table), [np.diag(signs) for signs in expected])
+
+
+def test_moves_are_those_of_the_stage_whatever_its_place_on_the_sensor():
+    """Along a line of one stage coordinate the other axis does not move, in rounding, in jitter or turned by 90 degrees."""
+    rng = np.random.default_rng(5)
+    sent = np.array([[5.0, 3.0], [7.0, 3.0], [4.0, 3.0], [6.0, 3.0]]) + rng.uniform(-1e-3, 1e-3, (4, 2))
+    for stage in (StageToSensor(rotation_deg=90.0), StageToSensor(rotation_deg=31.0, handedness="left")):
+        axes = axes_of_stage(stage)
+        table = pd.DataFrame(stage_to_sensor(sent, stage), columns=["x_mm", "y_mm"]).assign(
+            press=list("abcd")
+        )
+        assert_allclose(last_moves(table, axes), [axes * [sign, 0] for sign in (0, 1, -1, 1)], atol=1e-15)
+
+
+def test_play_along_one_axis_alone_is_an_answer_and_none_is_not():
+    assert PLAY.in_range([0.3, 0.0]) and PLAY.in_range([0.3, 0.2])
+    assert not PLAY.in_range([0.0, 0.0]) and not PLAY.in_range([0.3, -0.1]) and not PLAY.in_range([0.0, 2.0])
 
 
 def test_a_press_stays_behind_by_half_of_the_play():
@@ -71,9 +89,8 @@ def test_what_is_solved_is_a_press_to_where_the_ball_lands(tmp_path):
 def test_the_first_order_is_that_of_a_grid_shifted_the_other_way():
     context, to_forces = artificial.context(), CATALOGUE["misregistration"].to_forces
     R = len(context.force)
-    context = replace(
-        context, observations=replace(context.observations, came_along=np.tile([1.0, -1.0], (R, 1)))
-    )
+    moves = np.tile(np.diag([1.0, -1.0]), (R, 1, 1))
+    context = replace(context, observations=replace(context.observations, came_along=moves))
     played = PLAY.to_forces(context, {}, context.force, [0.4, 0.2])
     assert_allclose(played, to_forces(context, {}, context.force, [-0.2, 0.1]), rtol=1e-12)
 

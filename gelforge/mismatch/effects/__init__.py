@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from importlib import import_module
 from pkgutil import iter_modules
 
@@ -29,3 +30,9 @@ def found() -> dict[str, Effect]:
 
 
 CATALOGUE: dict[str, Effect] = found()
+
+
+def with_taken(effects: Iterable[Effect]) -> list[Effect]:
+    """Return effects and those whose derivatives they are made of."""
+    own = list(effects)
+    return list(dict.fromkeys([*own, *(CATALOGUE[name] for effect in own for name in effect.takes)]))

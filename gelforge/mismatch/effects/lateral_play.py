@@ -15,7 +15,7 @@ SOURCE = "width: a belt or a worn screw (judgement; a preloaded one has 1e-3 mm)
 
 def shifts(context: Context, amounts: Sequence[float]) -> np.ndarray:
     """Return by how much (R, 2) [mm] presses land beside their place: half of the play towards where the stage came from."""
-    return -0.5 * context.observations.came_along * np.asarray(amounts, dtype=float)
+    return -0.5 * context.observations.came_along @ np.asarray(amounts, dtype=float)
 
 
 def to_places(context: Context, shape: Shape, amounts: Sequence[float]) -> np.ndarray:
@@ -35,11 +35,12 @@ EFFECT = Effect(
     name="lateral_play",
     family="kinematics",
     parameters=tuple(Parameter(axis, "mm", 0.2, (0.0, 2.0), SOURCE, 1) for axis in AXES),
-    enters="where each press lands, by the stage's last move along each axis",
+    enters="where each press lands, by the stage's last move along each of its axes",
     signature="presses to one place differ with the side from which the stage came; near a wall softer where it comes from "
     "within, harder where it comes from without",
     confused_with=("wall_stiffness", "misregistration", "grid_scale", "yaw"),
     separated_by="one place near a wall, met from both sides in turn; the last move always from the same side",
+    takes=("misregistration",),
     to_places=to_places,
     to_forces=to_forces,
 )
