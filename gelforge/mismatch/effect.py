@@ -90,6 +90,7 @@ class Effect:
     history: bool = False  # every press is a path of its own, in time
     in_order: bool = False  # a press leaves something to those after it: all are solved, one after the other
     mesh_changes: bool = False  # its derivative is a difference of two solutions on its own mesh
+    across: float = 0.0  # of a plausible amount, to either side, across which its derivative is a difference; 0: at the base
     unloading: bool = False  # seen on the way up only
 
     @property

@@ -341,19 +341,28 @@ def asked_of(solver: Solver, effects: Iterable[Effect], context: Context) -> Ite
             continue
         if effect.unloading and not seen_up:
             continue
-        alone = effect.mesh_changes or effect.switch or effect.history or effect.unloading
         shapes = effect.shapes(context)
         for number, shape in enumerate(shapes):
-            for which, parameter in enumerate(effect.parameters):
-                amount = 1.0 if effect.switch else AMOUNT * parameter.width * (parameter.sign or 1)
-                amounts = np.zeros(len(effect.parameters))
-                amounts[which] = amount
+            for which in range(len(effect.parameters)):
                 try:
-                    varied = solver.seen(effect.to_study(coarse, shape, amounts))
-                    still = effect.to_study(coarse, shape, 0 * amounts) if effect.mesh_changes else None
+                    variation = _variation(solver, coarse, laws, effect, shape, which)
                 except ConfigError:  # this sensor does not have what the effect is about
                     continue
-                yield Asked(effect, shapes, number, which, Variation(varied, laws, amount, alone, still))
+                yield Asked(effect, shapes, number, which, variation)
+
+
+def _variation(solver: Solver, coarse: Study, laws, effect: Effect, shape: Shape, which: int) -> Variation:
+    """Return the coarser study a little beside itself along amount `which` of an effect. Raises ConfigError."""
+    parameter, one = effect.parameters[which], np.eye(len(effect.parameters))[which]
+    if effect.across:
+        amount = effect.across * parameter.width
+        there, back = (solver.seen(effect.to_study(coarse, shape, sign * amount * one)) for sign in (1, -1))
+        return Variation(there, laws, 2 * amount, alone=True, without=back)
+    amount = 1.0 if effect.switch else AMOUNT * parameter.width * (parameter.sign or 1)
+    varied = solver.seen(effect.to_study(coarse, shape, amount * one))
+    still = effect.to_study(coarse, shape, 0 * one) if effect.mesh_changes else None
+    alone = effect.mesh_changes or effect.switch or effect.history or effect.unloading
+    return Variation(varied, laws, amount, alone, still)
 
 
 def key_of(effect: Effect, shape: int | None, parameter: int) -> str:

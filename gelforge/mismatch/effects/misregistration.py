@@ -21,5 +21,6 @@ EFFECT = Effect(
         ),
         "to_forces": first_order("misregistration", "x", "y"),
         "turned": as_vector,
+        "across": 0.2,  # 0.1 mm: below the elements' size the force has ripples from node to node
     },
 )

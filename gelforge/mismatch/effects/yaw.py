@@ -16,5 +16,5 @@ EFFECT = Effect(
     confused_with=("misregistration", "grid_scale", "cross_talk"),
     separated_by="presses close to the walls off the lines of symmetry; images",
     **solver("yaw", has("kinematics.yaw_deg"), directed=True)
-    | {"turned": as_spin},
+    | {"turned": as_spin, "across": 0.3},  # some 0.1 mm far from the middle, as misregistration
 )  # fmt: skip
