@@ -134,8 +134,9 @@ def _round(
 ) -> Answer | None:
     """Return the best answer of one more effect, of those named, beside the best of before; None where none can be had.
 
-    Refitted are the most probable ones: those that cost no solution all, of the others 1 + settings.rivals, and more of
-    single ones as long as the next promises more than any refit has kept. What is solved in order is solved beside others
+    Refitted are the most probable ones by the training readings: those that cost no solution all, of the others
+    1 + settings.rivals, and more of single ones as long as the next promises more than any refit has kept; then, as often as
+    settings.rivals, what all readings find likelier than the best of these. What is solved in order is solved beside others
     only for the best (Problem.drafted).
     """
     problem = problem if before is None else before.problem
@@ -149,20 +150,25 @@ def _round(
         return None
     leaders = [s for s in ranked if s.log_bayes_factor > ranked[0].log_bayes_factor - RIVAL]
     fits: dict[str, Refitted] = {}
+    tried: set[frozenset[str]] = set()
 
     def costs(answer: Screened | Refitted) -> bool:
         return any(problem.solves(part) for part in answer.parts)
+
+    def refit(one: Screened) -> None:
+        tried.add(effects_of(one))
+        try:
+            fits[one.name] = refitted(draft, unmasked(problem, one), blocks.train)
+        except (NotConverged, ConfigError) as failure:  # ConfigError: effects that do not go together
+            notes.append(f"{one.name} could not be solved at its fitted amount: {failure}")
 
     for leader in leaders:
         best = max((fit.log_bayes_factor for fit in fits.values()), default=-np.inf)
         solved = sum(costs(fit) for fit in fits.values())
         enough = solved > rivals and (before is not None or best >= leader.log_bayes_factor)
-        if enough and costs(leader):
-            continue
-        try:
-            fits[leader.name] = refitted(draft, unmasked(problem, leader), blocks.train)
-        except (NotConverged, ConfigError) as failure:  # ConfigError: effects that do not go together
-            notes.append(f"{leader.name} could not be solved at its fitted amount: {failure}")
+        if not (enough and costs(leader)):
+            refit(leader)
+    most = len(tried) + rivals
     while fits:
         try:
             told, forces = told_of(draft, blocks, fits)
@@ -178,8 +184,19 @@ def _round(
         for name, with_it in forces.items():
             if len(fits[name].parts) == 1:
                 problem = problem.seated(fits[name].parts[0], fits[name].amounts[0], with_it)
-        return _answer(problem, terms, names, before, fits, told, after)
+        answer = _answer(problem, terms, names, before, fits, told, after)
+        overlooked = _overlooked(answer, tried)
+        if overlooked is None or len(tried) >= most:
+            return answer
+        refit(overlooked)
     return None
+
+
+def _overlooked(answer: Answer, tried: Collection[frozenset[str]]) -> Screened | None:
+    """Return what all readings find likelier than the answer and no refit has tried, as the training readings had not."""
+    best = max(answer.ranked, key=lambda one: one.log_bayes_factor)
+    likelier = best.log_bayes_factor > answer.winner.log_bayes_factor
+    return best if likelier and effects_of(best) not in tried else None
 
 
 def _answer(

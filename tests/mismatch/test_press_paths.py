@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 import specimens
 
+from gelforge.indentation.effects.kinematics import real_place
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.observations import COLUMNS, Observations
 from gelforge.mismatch.runs import runs_of, timed_runs_of
@@ -16,6 +17,7 @@ from gelforge.mismatch.solver import (
     _by_what_is_felt,
     _loading_curves,
     _ways_down,
+    asked_of,
     base_of,
     forces_with,
 )
@@ -160,3 +162,20 @@ def test_presses_are_followed_as_a_whole_whatever_was_chosen_of_them(name, shape
 @pytest.fixture(scope="module")
 def kept(tmp_path_factory):
     return tmp_path_factory.mktemp("solves")
+
+
+# ----------------------------------------------------------------------------------------------- derivatives that are asked
+@pytest.mark.parametrize("name", ["misregistration", "yaw", "grid_scale"])
+def test_moves_of_the_grid_are_differences_across_a_tenth_of_a_millimetre(name, kept):
+    """As the ball moves over nodes its force has ripples: a slope at the base would be that of one ripple."""
+    solver = Solver(specimens.study(), specimens.STUDY_LAWS, {}, kept)
+    blank = replace(base_of(solver, observations(), []).context, derivatives={})
+    for one in asked_of(solver, [CATALOGUE[name]], blank):
+        variation, width = one.variation, one.effect.parameters[one.which].width
+        places = [
+            real_place(s.sensor, s.mechanics.effects, 4.0, 4.0) for s in (variation.study, variation.without)
+        ]
+        apart = np.linalg.norm(np.subtract(*places))
+        assert variation.alone and variation.amount == 2 * one.effect.across * width
+        # a turn, or a stretch, moves a place by its distance from the middle: 5.7 mm of this sensor's here
+        assert 0.1 < apart <= 0.2 + 1e-12
