@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 import pandas as pd
@@ -24,17 +24,18 @@ class NotSolved(NotConverged):
 
 
 def told_of(
-    problem: Problem, blocks: Blocks, fits: Mapping[str, Refitted]
+    problem: Problem, blocks: Blocks, fits: Mapping[str, Refitted], promising: Collection[str] = ()
 ) -> tuple[dict[str, float], dict[str, np.ndarray]]:
     """Return the evidence for refitted effects, and the forces (R, 3) [N] with those that were solved everywhere for it.
 
-    Of those within RIVAL of the best the readings set aside count too, by their predictive log score: theirs is then the
-    evidence of all readings (chain rule), as is that of the screen beside them. Amounts follow the training readings alone.
+    Of those within RIVAL of the best, and of the promising ones, the readings set aside count too, by their predictive log
+    score: theirs is then the evidence of all readings (chain rule), as is that of the screen beside them. Amounts follow the
+    training readings alone.
     Raises NotSolved.
     """
     told = {name: fit.log_bayes_factor for name, fit in fits.items()}
     reach = max(told.values()) - RIVAL
-    near = [name for name, value in told.items() if value > reach]
+    near = [name for name, value in told.items() if value > reach or name in promising]
     if not blocks.held_out.any():
         return told, {}
     forces = {name: forces_of(problem, fits[name]) for name in near}

@@ -168,10 +168,10 @@ def _round(
         enough = solved > rivals and (before is not None or best >= leader.log_bayes_factor)
         if not (enough and costs(leader)):
             refit(leader)
-    most = len(tried) + rivals
+    promising: list[str] = []  # to all readings
     while fits:
         try:
-            told, forces = told_of(draft, blocks, fits)
+            told, forces = told_of(draft, blocks, fits, promising)
             best = max(told, key=told.get)
             known = best in forces and not problem.in_order_beside(fits[best].parts)
             after = forces[best] if known else forces_of(problem, fits[best])
@@ -186,8 +186,9 @@ def _round(
                 problem = problem.seated(fits[name].parts[0], fits[name].amounts[0], with_it)
         answer = _answer(problem, terms, names, before, fits, told, after)
         overlooked = _overlooked(answer, tried)
-        if overlooked is None or len(tried) >= most:
+        if overlooked is None or len(promising) == rivals:
             return answer
+        promising.append(overlooked.name)
         refit(overlooked)
     return None
 
