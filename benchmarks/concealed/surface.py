@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
+from scipy.interpolate import CubicHermiteSpline, NdPPoly, PchipInterpolator
 
 
 @dataclass(frozen=True)
@@ -16,8 +16,7 @@ class Surface:
     slopes of parabolas, would swing beside it.
     """
 
-    nodes: np.ndarray  # (M,) mirrored about 0 [mm]
-    table: np.ndarray  # (2 M, 2 M, D) values at the nodes and slopes along x; the same along y
+    face: NdPPoly  # (D,) values at the depths, over x and y
     fit: np.ndarray  # (degree + 1, D) from values at the depths to the polynomial's coefficients
 
     @classmethod
@@ -33,25 +32,25 @@ class Surface:
         smooth = values @ (powers @ fit).T
         right = np.concatenate([sign * smooth[:0:-1], smooth])
         whole = np.concatenate([right[:, :0:-1], right], axis=1)
-        mirrored = np.concatenate([-nodes[:0:-1], nodes])
-        # slopes of slopes depend on which axis comes first: the mean of both keeps what is alike in x and y alike
-        orders = (_with_slopes(mirrored, _with_slopes(mirrored, whole, a), 1 - a) for a in (0, 1))
-        return cls(mirrored, sum(orders) / 2, fit)
+        return cls(_cubics(np.concatenate([-nodes[:0:-1], nodes]), whole), fit)
 
     def at(self, x: np.ndarray, y: np.ndarray, depth: np.ndarray) -> np.ndarray:
         """Return the quantity (R,) at places and depths [mm]; beyond the outermost nodes the last cubics go on."""
         over_depth = np.vander(depth, len(self.fit), increasing=True) @ self.fit
-        weights = self._weights(x), self._weights(y)
-        return np.einsum("ri,rj,ijd,rd->r", *weights, self.table, over_depth, optimize=True)
-
-    def _weights(self, at: np.ndarray) -> np.ndarray:
-        """Return the weights (R, 2 M) of values and slopes at the nodes."""
-        ones, zeros = np.eye(len(self.nodes)), np.zeros((len(self.nodes),) * 2)
-        of_values = CubicHermiteSpline(self.nodes, ones, zeros)(at)
-        return np.hstack([of_values, CubicHermiteSpline(self.nodes, zeros, ones)(at)])
+        return np.einsum("rd,rd->r", self.face(np.column_stack([x, y])), over_depth)
 
 
-def _with_slopes(nodes: np.ndarray, values: np.ndarray, axis: int) -> np.ndarray:
-    """Return values at nodes along an axis, and after them the slopes there of Fritsch and Carlson's monotone cubics."""
-    slopes = PchipInterpolator(nodes, values, axis=axis).derivative()(nodes)
-    return np.concatenate([values, slopes], axis=axis)
+def _cubics(nodes: np.ndarray, values: np.ndarray) -> NdPPoly:
+    """Return the bicubics through values (M, M, D) at nodes (M,) along both axes, with the slopes of monotone cubics."""
+    along_x, along_y = (_slopes(nodes, values, axis) for axis in (0, 1))
+    # slopes of slopes depend on which axis comes first: the mean of both keeps what is alike in x and y alike
+    along_both = (_slopes(nodes, along_x, 1) + _slopes(nodes, along_y, 0)) / 2
+    of_values = CubicHermiteSpline(nodes, values, along_x, axis=0).c  # (4, M - 1, M, D)
+    of_slopes = CubicHermiteSpline(nodes, along_y, along_both, axis=0).c
+    both = CubicHermiteSpline(nodes, of_values, of_slopes, axis=2).c  # (4, M - 1, 4, M - 1, D), y before x
+    return NdPPoly(both.transpose(2, 0, 3, 1, 4), (nodes, nodes))
+
+
+def _slopes(nodes: np.ndarray, values: np.ndarray, axis: int) -> np.ndarray:
+    """Return the slopes at nodes along an axis of Fritsch and Carlson's monotone cubics."""
+    return PchipInterpolator(nodes, values, axis=axis).derivative()(nodes)
