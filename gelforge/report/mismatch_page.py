@@ -10,8 +10,9 @@ from markupsafe import Markup
 import gelforge
 from gelforge.files import write_text
 from gelforge.mismatch.verdict import PAGE
-from gelforge.report.mismatch_chapters import CHAPTERS, STATES
+from gelforge.report.mismatch_chapters import CHAPTERS
 from gelforge.report.mismatch_reader import MismatchResults
+from gelforge.report.mismatch_words import STATES
 from gelforge.report.page import environment
 
 

@@ -16,9 +16,10 @@ from test_page import parsed
 
 from gelforge.mismatch.verdict import NoiseCase, Verdict, VerdictError
 from gelforge.report import mismatch_curves, mismatch_maps
-from gelforge.report.mismatch_chapters import CHAPTERS, amounts_text, mismatch, p_text
+from gelforge.report.mismatch_chapters import CHAPTERS, mismatch
 from gelforge.report.mismatch_page import write_mismatch_page
 from gelforge.report.mismatch_reader import MismatchResults
+from gelforge.report.mismatch_words import amounts_text, p_text
 from gelforge.report.results_reader import StudyResults
 
 

@@ -1,0 +1,146 @@
+"""The chapters of a verdict about its answer: effects in their order, readings set aside, what is undecided."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from gelforge.mismatch.verdict import Experiment, HeldOut, Score
+from gelforge.report.chapters import Chapter
+from gelforge.report.mismatch_curves import held_out_figure, profile_figure
+from gelforge.report.mismatch_maps import chance_text, pretty
+from gelforge.report.mismatch_reader import MismatchResults
+from gelforge.report.mismatch_words import (
+    amounts_text,
+    filled,
+    number,
+    odds_text,
+    p_text,
+    short,
+    unknown_text,
+)
+
+RANKED = 12  # effects in the table; the others are named below it
+
+
+def ranking(results: MismatchResults) -> Chapter:
+    """Return all effects that were tried, the most probable first."""
+    chapter, verdict = Chapter("effects", "Which physics"), results.verdict
+    if not verdict.effects:
+        chapter.miss("No effect was tried.")
+        return chapter
+    rows = [
+        {
+            "effect": pretty(effect.name),
+            "family": effect.family,
+            "probability": chance_text(effect.probability),
+            "log Bayes factor": round(effect.log_bayes_factor, 1),
+            "signal over noise": number(effect.snr),
+            "amount (90 % interval)": amounts_text(effect) or None,
+            "scanned": ", ".join(f"{pretty(k)} {short(v)}" for k, v in effect.shape.items()) or None,
+            "physically possible": effect.in_range,
+            "judged in": "solver" if effect.refitted else "first order",
+        }
+        for effect in verdict.effects[:RANKED]
+    ]
+    chapter.tabulate(
+        f"What was tried, the most probable first; that nothing is missing has probability"
+        f" {chance_text(verdict.null_probability)}{unknown_text(verdict.unknown)}. A good fit alone names nothing: an"
+        " amount must also be physically possible.",
+        filled(rows),
+    )
+    rest = verdict.effects[RANKED:]
+    if rest:
+        names = ", ".join(pretty(effect.name) for effect in rest)
+        most = max(effect.probability for effect in rest)
+        chapter.say(f"Also tried ({chance_text(most)}{' each' if most < 0.005 else ' or less'}): {names}.")
+    answered = {name for group in verdict.answer for name in group.members}
+    profiled = [e for e in verdict.effects if e.name in answered and any(a.profile for a in e.amounts)]
+    if profiled:
+        chapter.show(
+            "The narrower the peak, the better the readings fix the amount; shaded is the 90 % interval, and the effect's"
+            " absence is at 0.",
+            profile_figure(profiled),
+        )
+    if verdict.law:
+        terms = ", ".join(f"{term}: {value:.4g} N" for term, value in verdict.law.terms.items())
+        chapter.say(f"A law, not a cause, of what no effect explains: {verdict.law.words} ({terms}).")
+    return chapter
+
+
+def set_aside(results: MismatchResults) -> Chapter:
+    """Return the errors before and after on blocks that were set aside."""
+    chapter, fit = Chapter("held-out", "On readings it had not seen"), results.verdict.fit
+    if fit.held_out is None:
+        chapter.miss(
+            "Nothing was put into the simulation, so there is nothing to try on readings that were set aside."
+        )
+    else:
+        blocks = [fit.held_out, *fit.held_out_blocks]
+        chapter.show(
+            "Blue should lie left of grey: with the effect in it, the simulation predicts readings that took no part in"
+            " fitting it.",
+            held_out_figure(blocks, results.axes),
+        )
+        chapter.tabulate(
+            "A gain counts where it is more than twice its standard error.",
+            pd.DataFrame([_gain_row(block) for block in blocks]),
+        )
+    rows = [_score_row("before", fit.before)] + ([_score_row("after", fit.after)] if fit.after else [])
+    chapter.tabulate("The same on all readings, those that were fitted included.", pd.DataFrame(rows))
+    if fit.flow:
+        after = "" if fit.flow.rmse_after_px is None else f", {fit.flow.rmse_after_px:.3g} px after"
+        chapter.say(
+            f"The images' flow was {fit.flow.used}: error {fit.flow.rmse_before_px:.3g} px before{after};"
+            f" by chance alone {p_text(fit.flow.p)}."
+        )
+    return chapter
+
+
+def _gain_row(block: HeldOut) -> dict:
+    return {
+        "set aside": block.block,
+        "values": block.before.readings,
+        "log score before": block.before.log_score,
+        "log score after": block.after.log_score,
+        "gain": f"{block.gain:+.3g} ± {block.standard_error:.2g}",
+        "counts": block.shown,
+    }
+
+
+def _score_row(name: str, score: Score) -> dict:
+    errors = {f"rms error {axis}_N": number(value) for axis, value in zip("xyz", score.rmse_N)}
+    return {"simulation": name, "values": score.readings, **errors, "log score": score.log_score}
+
+
+def undecided(results: MismatchResults) -> Chapter:
+    """Return what could not be told apart, and the experiment that would decide."""
+    chapter, verdict = Chapter("undecided", "What could not be told apart, and what would"), results.verdict
+    several = [group for group in verdict.answer if len(group.members) > 1]
+    for group in several:
+        names = ", ".join(pretty(name) for name in group.members)
+        alike = f" (their changes have a cosine of {group.cosine:.4f})" if group.cosine is not None else ""
+        chapter.say(f"These readings cannot tell apart {names}{alike}. {group.decided_by}".strip())
+    if verdict.answer and not several:
+        chapter.say("Nothing else that was tried changes these readings in the same way as the answer.")
+    if verdict.state == "open":
+        chapter.say("No known effect explains what remains, so there is none to tell apart.")
+    if verdict.next_experiments:
+        chapter.tabulate(
+            "What to record next, the most telling first.",
+            filled([_experiment_row(experiment) for experiment in verdict.next_experiments]),
+        )
+    else:
+        chapter.say("No further experiment is proposed.")
+    return chapter
+
+
+def _experiment_row(experiment: Experiment) -> dict:
+    odds = experiment.expected_log_odds
+    cost = experiment.cost_s
+    return {
+        "experiment": experiment.words,
+        "tells apart": ", ".join(pretty(name) for name in experiment.separates),
+        "presses": experiment.presses,
+        "time": None if cost is None else f"{cost / 60:.0f} min" if cost < 7200 else f"{cost / 3600:.1f} h",
+        "expected odds": None if odds is None else f"{odds_text(odds)} : 1",
+    }

@@ -1,0 +1,69 @@
+"""Numbers, amounts and states of a verdict as its page says them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from gelforge.mismatch.verdict import Amount, NamedEffect, Unknown
+from gelforge.report.mismatch_maps import chance_text, pretty
+
+STATES = {
+    "null": "nothing to explain",
+    "named": "the missing physics has a name",
+    "group": "one of a few, which these readings cannot tell apart",
+    "open": "something is missing that no known effect explains",
+    "insufficient": "these readings cannot tell",
+}
+STATE_MEANS = {
+    "null": "Simulation and readings differ by no more than the errors that were allowed for.",
+    "named": "One explanation stands far above all others, leaves nothing but noise, and improves the prediction of readings"
+    " that were set aside before anything was fitted.",
+    "group": "The mismatch is real and narrowed down, but the members of the group change these readings in the same way.",
+    "open": "The mismatch is real. What the catalogue knows does not explain all of it, and no name is given to the rest.",
+    "insufficient": "Plausible amounts of missing physics would not show in these readings, or not clearly enough.",
+}
+
+
+def amounts_text(effect: NamedEffect) -> str:
+    """Return an effect's amounts with unit and 90 % interval."""
+    return "; ".join(_amount_text(amount) for amount in effect.amounts)
+
+
+def _amount_text(amount: Amount) -> str:
+    unit = "" if amount.unit in ("", "-", "1") else f" {amount.unit}"
+    low, high = amount.interval_90
+    return f"{pretty(amount.name)} {amount.value:+.3g}{unit} ({low:+.3g} to {high:+.3g})"
+
+
+def p_text(p: float) -> str:
+    """Return a probability of chance, never a bare zero."""
+    return "p < 0.0001" if p < 1e-4 else f"p = {p:.2g}"
+
+
+def number(value: float | None) -> float:
+    return np.nan if value is None else float(value)
+
+
+def span_text(span: tuple[float, float] | None) -> str | None:
+    return None if span is None else f"{span[0]:.3g} to {span[1]:.3g}"
+
+
+def short(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:.3g}"
+
+
+def odds_text(log_odds: float) -> str:
+    return "> 1000" if log_odds > np.log(1000) else f"{np.exp(log_odds):.2g}"
+
+
+def unknown_text(unknown: Unknown | None) -> str:
+    """Return how probable something unknown is, and what it would change."""
+    if unknown is None:
+        return ""
+    return f", that something unknown is missing {chance_text(unknown.probability)} (it would change {unknown.words})"
+
+
+def filled(rows: list[dict]) -> pd.DataFrame:
+    """Return rows as a table without the columns that say nothing."""
+    return pd.DataFrame(rows).dropna(axis="columns", how="all")
