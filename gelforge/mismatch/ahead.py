@@ -141,7 +141,7 @@ def plans_of(solver: Solver, survivors: list[NamedEffect]) -> Iterator[Plan]:
         base = base_of(
             solver,
             observations,
-            with_taken([*effects, CATALOGUE["gel_stiffness"], CATALOGUE["skin_stiffness"]]),
+            with_taken(effects),
         )
         failed: dict[str, str] = {}
         known = {c.name for c in candidates_of(base.context, {e.name: e for e in effects}, failed)}

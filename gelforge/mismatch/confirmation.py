@@ -44,7 +44,7 @@ def told_of(
         left = problem.observations.flat(problem.observations.force - after)
         scores = scores_of(problem, blocks, left, fits[name])
         gains[name] = float(scores["after"]["score"].sum() - scores["before"]["score"].sum())
-    most = max(gains.values())  # those farther behind keep their distance
+    most = max(gains[name] for name in near if told[name] > reach)  # those farther behind keep their distance
     return {name: value + gains.get(name, most) for name, value in told.items()}, forces
 
 

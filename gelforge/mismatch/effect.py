@@ -64,9 +64,8 @@ class Effect:
     """One kind of left-out physics. Amounts (P,) are in the parameters' units; all zero is the base bit for bit.
 
     to_study puts it into the finite elements; to_places gives where (R, 2) [mm] each press really lands, and it is solved
-    there. to_forces gives the forces (R, 3) on the sensor as read with the effect, from
-    those without: exact for the force sensor and the clock, a first approximation for what is solved.
-    to_camera changes the camera that looks at the particles.
+    there. to_forces gives the forces (R, 3) on the sensor as read with the effect, from those without: exact for the force
+    sensor and the clock, a first approximation for what is solved. to_camera changes the camera that looks at the particles.
     """
 
     name: str

@@ -16,7 +16,7 @@ import pandas as pd
 from gelforge.config import Study
 from gelforge.mismatch import verdict as form
 from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.effects import CATALOGUE, with_taken
 from gelforge.mismatch.flow_covariance import flow_covariance
 from gelforge.mismatch.flow_images import REGIONS, Eye, Seen, likely_particles, seen_flows, shows_gel
 from gelforge.mismatch.flow_model import CHANGES, FlowModel, FlowUnknown, flow_model
@@ -61,7 +61,8 @@ def with_flow(solver: Solver, base: Base, problem: Problem, folders: Sequence[Pa
     particles = likely_particles(study.sensor, study.seed)
     effects = {name: e for name, e in CATALOGUE.items() if e.to_camera is not None and e.applies(study)}
     effects = {name: e for name, e in effects.items() if name not in study.mismatch.leave_out}
-    model = flow_model(solver, base, seen, problem.effects, particles)
+    asked = {effect.name: effect for effect in with_taken(problem.effects.values())}
+    model = flow_model(solver, base, seen, asked, particles)
     return _joined(problem, model, dict(problem.effects) | effects)
 
 

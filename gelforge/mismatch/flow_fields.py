@@ -72,9 +72,17 @@ def moved_along(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> Moved
         for material, directions in sorted(solver.uncertain.items())
         for k, law in enumerate(directions)
     }
-    settings = {key: [v.study.model_dump(mode="json"), v.amount] for key, v in variations.items()}
-    described = {key: {m: law.description() for m, law in own.items()} for key, own in moved_laws.items()}
-    own = [inputs_digest(study, laws, planned), settings, described, source_digest("mismatch/flow_fields.py")]
+    settings = {
+        key: [
+            v.study.model_dump(mode="json"),
+            v.amount,
+            v.alone,
+            v.without and v.without.model_dump(mode="json"),
+        ]
+        for key, v in variations.items()
+    }
+    moved = {key: {m: law.description() for m, law in own.items()} for key, own in moved_laws.items()}
+    own = [inputs_digest(study, laws, planned), settings, moved, source_digest("mismatch/flow_fields.py")]
     name = digest(["moved along", own])
     kept = found_before(solver, name)
     if kept is None:

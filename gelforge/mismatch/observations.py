@@ -35,7 +35,7 @@ class Observations:
     _: KW_ONLY
     rounding_N: np.ndarray = 0.0  # (R, 3) standard deviation of rounding, shared at one depth of a press
     came_along: np.ndarray = (
-        0.0  # (R, 2) sign of the stage's last move along x and y before the press; 0: not known
+        0.0  # (R, 2, 2) the stage's last moves before the press, see last_moves; 0: not known
     )
     repeats: np.ndarray = np.inf  # (R,) degrees of freedom behind noise_N; inf: it is known
     tails: np.ndarray = 1.0  # (R,) variance of a squared reading's noise over that of normal noise

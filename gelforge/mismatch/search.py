@@ -185,7 +185,7 @@ def _round(
             if len(fits[name].parts) == 1:
                 problem = problem.seated(fits[name].parts[0], fits[name].amounts[0], with_it)
         answer = _answer(problem, terms, names, before, fits, told, after)
-        overlooked = _overlooked(answer, tried)
+        overlooked = _overlooked(answer, tried, ranked)
         if overlooked is None or len(promising) == rivals:
             return answer
         promising.append(overlooked.name)
@@ -193,11 +193,18 @@ def _round(
     return None
 
 
-def _overlooked(answer: Answer, tried: Collection[frozenset[str]]) -> Screened | None:
-    """Return what all readings find likelier than the answer and no refit has tried, as the training readings had not."""
-    best = max(answer.ranked, key=lambda one: one.log_bayes_factor)
-    likelier = best.log_bayes_factor > answer.winner.log_bayes_factor
-    return best if likelier and effects_of(best) not in tried else None
+def _overlooked(
+    answer: Answer, tried: Collection[frozenset[str]], ranked: Sequence[Screened]
+) -> Screened | None:
+    """Return the best of what all readings find likelier than the answer and no refit has tried, or None.
+
+    As the training readings know it, where they do: what was set aside says that it is worth a refit, and no more.
+    """
+    rest = [one for one in answer.ranked if effects_of(one) not in tried]
+    best = max(rest, key=lambda one: one.log_bayes_factor, default=answer.winner)
+    if best.log_bayes_factor <= answer.winner.log_bayes_factor:
+        return None
+    return next((one for one in ranked if effects_of(one) == effects_of(best)), best)
 
 
 def _answer(

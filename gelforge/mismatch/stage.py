@@ -210,7 +210,8 @@ def candidates_of(context: Context, effects: Mapping[str, Effect], failed: dict[
             try:
                 columns = columns_of(context, effect, shape)
             except KeyError as missing:  # its derivative could not be had
-                failed.setdefault(str(missing.args[0]), "no derivative at this sensor's base")
+                why = failed.setdefault(str(missing.args[0]), "no derivative at this sensor's base")
+                failed.setdefault(name, why)
                 continue
             if not np.any(columns):
                 continue

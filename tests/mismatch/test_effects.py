@@ -72,6 +72,29 @@ def test_everything_is_said(name):
         assert p.sign == 0 or effect.switch or p.bounds[0] == 0  # of one sign: none is the bound
 
 
+class Watched(dict):
+    """Derivatives by key that remember which were looked up."""
+
+    def __init__(self, known):
+        super().__init__(known)
+        self.read = set()
+
+    def __getitem__(self, key):
+        self.read.add(key)
+        return super().__getitem__(key)
+
+
+@pytest.mark.parametrize("name", FORCES)
+def test_what_an_effect_takes_is_told(name):
+    """Of other effects; the judge asks the solver for their derivatives even where they are left out."""
+    effect, watched = CATALOGUE[name], Watched(CONTEXT.derivatives)
+    context = replace(CONTEXT, derivatives=watched, at_readings={})
+    for shape in effect.shapes(context):
+        effect.to_forces(context, shape, context.force, amounts_of(effect))
+    others = {key.split(".")[0].split("@")[0] for key in watched.read} - {name}
+    assert others <= set(effect.takes)
+
+
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_a_plausible_amount_is_in_range_and_an_unphysical_one_is_not(name):
     effect = CATALOGUE[name]

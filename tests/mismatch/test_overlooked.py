@@ -1,16 +1,22 @@
 """What the training readings rank low and all readings rank first is refitted too: the deepest presses are set aside."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import artificial
 import numpy as np
+import pandas as pd
 import pytest
 from test_judge import problem_of
 
 from gelforge.config.mismatch import Mismatch
+from gelforge.mismatch import confirmation
+from gelforge.mismatch.alternatives import effects_of
 from gelforge.mismatch.holdout import split
 from gelforge.mismatch.judge import judge
 from gelforge.mismatch.screen import Candidate
+from gelforge.mismatch.search import _overlooked
+from gelforge.mismatch.weighing import moved, weighed
 
 SEED, WIDTH = 1, 0.2
 # Along three directions that only training readings feel, and one that only those set aside feel. All four of the decoys
@@ -60,3 +66,40 @@ def test_the_answer_of_all_readings_is_refitted(rivals, found):
     tried = {part.name for fit in answer.refits for part in fit.parts}
     assert (TRUTH in tried) == found
     assert (answer.winner.parts[0].name == TRUTH) == found
+
+
+class Fit:
+    """A refit of one part, as far as what is told needs it."""
+
+    def __init__(self, name, evidence):
+        self.name, self.log_bayes_factor = name, evidence
+
+
+def test_what_others_gain_is_not_given_to_those_far_behind(monkeypatch):
+    """A promising one has its own gain; those that nobody looked at keep their distance from those within reach."""
+    gains = {"first": 10.0, "promising": 200.0}
+    table = {name: {"before": table_of(0.0), "after": table_of(own)} for name, own in gains.items()}
+    monkeypatch.setattr(confirmation, "forces_of", lambda problem, fit: np.zeros((1, 3)))
+    monkeypatch.setattr(confirmation, "scores_of", lambda problem, blocks, left, fit: table[fit.name])
+    fits = {n: Fit(n, e) for n, e in (("first", 100.0), ("far", 94.0), ("promising", 20.0))}
+    found = problem()
+    told, forces = confirmation.told_of(found, split(found.labels, SEED), fits, ["promising"])
+    assert told == {"first": 110.0, "far": 104.0, "promising": 220.0}
+    assert set(forces) == {"first", "promising"}
+
+
+def table_of(score):
+    return pd.DataFrame({"score": [score]})
+
+
+def test_one_that_cannot_be_solved_hides_no_other():
+    """The likeliest has been tried in vain; the next one is looked at."""
+    found = problem()
+    ranked = weighed(found, np.ones(len(found.labels), bool), found.candidates)
+    by_name = {one.name: one for one in ranked}
+    winner = by_name["gel_stiffness"]
+    failed = moved(by_name["skin_stiffness"], 30.0)
+    answer = SimpleNamespace(winner=winner, ranked=(winner, failed, by_name[TRUTH]))
+    tried = [effects_of(winner), effects_of(failed)]
+    assert _overlooked(answer, tried, []) is by_name[TRUTH]
+    assert _overlooked(answer, [*tried, effects_of(by_name[TRUTH])], []) is None

@@ -170,12 +170,20 @@ def test_moves_of_the_grid_are_differences_across_a_tenth_of_a_millimetre(name, 
     """As the ball moves over nodes its force has ripples: a slope at the base would be that of one ripple."""
     solver = Solver(specimens.study(), specimens.STUDY_LAWS, {}, kept)
     blank = replace(base_of(solver, observations(), []).context, derivatives={})
-    for one in asked_of(solver, [CATALOGUE[name]], blank):
-        variation, width = one.variation, one.effect.parameters[one.which].width
+    effect, found = CATALOGUE[name], list(asked_of(solver, [CATALOGUE[name]], blank))
+    assert len(found) == len(effect.parameters)
+    for one in found:
+        variation = one.variation
         places = [
             real_place(s.sensor, s.mechanics.effects, 4.0, 4.0) for s in (variation.study, variation.without)
         ]
-        apart = np.linalg.norm(np.subtract(*places))
-        assert variation.alone and variation.amount == 2 * one.effect.across * width
-        # a turn, or a stretch, moves a place by its distance from the middle: 5.7 mm of this sensor's here
-        assert 0.1 < apart <= 0.2 + 1e-12
+        from_middle = np.array([4.0, 4.0]) - 8.0
+        along = {
+            "misregistration": np.eye(2)[one.which],
+            "yaw": np.deg2rad(1.0) * np.array([-from_middle[1], from_middle[0]]),
+            "grid_scale": from_middle,
+        }[name]  # d place / d amount
+        shift = np.subtract(*places)
+        # a turn's chord is shorter than its arc by a 24th of the angle's square, 1e-5 here
+        np.testing.assert_allclose(shift, variation.amount * along, rtol=1e-4)
+        assert variation.alone and 0.1 < np.linalg.norm(shift) <= 0.2 + 1e-12

@@ -62,6 +62,7 @@ EFFECT = Effect(
     signature="less force on the way down and more on the way up, in proportion to speed; nothing while the stage waits",
     confused_with=("contact_zero", "force_hysteresis", "viscoelastic"),
     separated_by="the same press at two speeds, with a wait at the end; one trigger line for all recorders",
+    takes=("contact_zero",),
     to_forces=to_forces,
     shapes=shapes,
 )  # fmt: skip

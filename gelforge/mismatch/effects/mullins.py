@@ -68,6 +68,7 @@ EFFECT = Effect(
     signature="softer where deeper presses have been before, neighbours included, and on the way up; first presses clean",
     confused_with=("ageing", "viscoelastic", "force_drift", "adhesion", "force_hysteresis"),
     separated_by="random order, with a sentinel press at one place every ninth one, and first presses on a fresh sensor",
+    takes=("gel_stiffness",),
     applies=lambda study: has_none_of("history.mullins")(study) and study.mechanics.strain == "finite",
     **solver("mullins", limit=(0.0, 0.95), directed=True) | {"to_forces": to_forces, "in_order": True},
 )  # fmt: skip

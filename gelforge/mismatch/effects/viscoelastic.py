@@ -86,6 +86,7 @@ EFFECT = Effect(
     signature="harder when fast, falling during a dwell, lower on the way up than on the way down at the same depth",
     confused_with=("gel_stiffness", "force_gain", "skin_stiffness", "mullins", "force_drift", "force_hysteresis"),
     separated_by="a long dwell at one depth, and the same press at speeds ten times apart",
+    takes=("gel_stiffness", "skin_stiffness"),
     to_study=to_study,
     to_forces=to_forces,
     shapes=shapes,
