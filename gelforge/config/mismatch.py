@@ -29,8 +29,9 @@ class Mismatch(Section):
     rivals: int = Field(
         4,
         ge=0,
-        description="effects that are refitted beside the most probable one; of single ones more where the next promises"
-        " more than any refit has kept, and all that nothing is solved for [-]",
+        description="effects that are refitted beside the most probable one, and what all readings find likelier than"
+        " these, at most as many again; of single ones more where the next promises more than any refit has kept, and all"
+        " that nothing is solved for [-]",
     )
     coarser: float = Field(
         2.0,

@@ -190,7 +190,7 @@ def _candidates(
 class _Both:
     """Forces and flow with effects (Problem.forces_with): the camera's exactly, the finite elements' at their amounts.
 
-    What moves single presses, and what remembers, stays at first order in the flow.
+    What moves single presses, remembers, changes the mesh or is seen on the way up stays at first order in the flow.
     """
 
     channel: FlowChannel

@@ -135,9 +135,9 @@ def _round(
     """Return the best answer of one more effect, of those named, beside the best of before; None where none can be had.
 
     Refitted are the most probable ones by the training readings: those that cost no solution all, of the others
-    1 + settings.rivals, and more of single ones as long as the next promises more than any refit has kept; then, as often as
-    settings.rivals, what all readings find likelier than the best of these. What is solved in order is solved beside others
-    only for the best (Problem.drafted).
+    1 + settings.rivals, and more of single ones as long as the next promises more than any refit has kept; then, at most
+    settings.rivals times, what all readings find likelier than the best of these. What is solved in order is solved beside
+    others only for the best (Problem.drafted).
     """
     problem = problem if before is None else before.problem
     draft = problem.drafted()

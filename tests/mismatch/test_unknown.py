@@ -24,7 +24,7 @@ def problem_with(name, amounts, seed=7, **keys):
     return problem_of(artificial.with_effect(base, name, np.array(amounts, dtype=float), rng), **keys)
 
 
-def backlash(seed=7, size_mm=0.8):
+def displaced(seed=7, size_mm=0.8):
     """Return a context whose presses each arrive displaced, one way or the other, by what no effect knows."""
     base, rng = artificial.context(seed, per_side=3), np.random.default_rng(seed)
     rows = base.observations.table
@@ -113,7 +113,7 @@ def test_effects_that_only_happen_to_fit_are_less_likely_than_something_unknown(
 
 
 def test_what_differs_from_press_to_press_is_open_and_called_so():
-    problem, found = judged(backlash())
+    problem, found = judged(displaced())
     assert found.state == "open"
     assert found.answer.alternatives.holding([UNKNOWN]) > 0.99
     assert "from press to press" in found.answer.stranger
@@ -125,7 +125,7 @@ def test_what_differs_from_press_to_press_is_open_and_called_so():
 
 def test_evidence_for_something_unknown_is_a_test_of_its_own():
     """Of half the backlash neither the sum of squares nor the scan is certain."""
-    _, found = judged(backlash(size_mm=0.4))
+    _, found = judged(displaced(size_mm=0.4))
     assert min(found.mismatch.test.p, found.mismatch.scan.p) > CERTAIN_P > found.mismatch.unknown_p
     assert found.state == "open"
 
