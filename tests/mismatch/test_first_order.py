@@ -33,10 +33,10 @@ STICKS, SLIPS = 0.45, 0.1
 PRESSED = PlannedCell("place", *PLACE, (DEPTH,))
 
 WITHIN = 0.02  # of the change, as the specification of the stage asks
-# Derivatives are differences over AMOUNT of a width, one way, as those of cells are. As the ball moves over surface nodes 1 mm
-# apart its force has ripples: at AMOUNT of misregistration, 0.005 mm, half of the second order is 4.5 % (x) and 2.04 % (y) of
-# the first, and it falls with the step. A press at which a node is about to touch is worse: 17 % at 0.4 mm, where a gradient
-# has 22 % too. For that reason the judge takes those along moves of the grid across 0.1 mm (test_press_paths).
+# Derivatives are differences over AMOUNT of a width, one way, as those of cells are. As the ball moves over surface nodes
+# 1 mm apart its force has ripples: at AMOUNT of misregistration, 0.005 mm, half of the second order is 4.5 % (x) and 2.04 %
+# (y) of the first, and it falls with the step. A press at which a node is about to touch is worse: 17 % at 0.4 mm, where a
+# gradient has 22 % too. For that reason the judge takes those along moves of the grid across 0.1 mm (test_press_paths).
 SHARE_OF_AMOUNT = {"misregistration": 0.2}
 
 NAMES = [
