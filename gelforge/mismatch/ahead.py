@@ -199,7 +199,9 @@ def _still(study: Study, observations: Observations, force: np.ndarray) -> Conte
 def _survivor(effect: NamedEffect) -> Screened:
     """Return what a verdict says of an effect as a judged effect; its amounts are taken as independent."""
     amounts = np.array([amount.value for amount in effect.amounts])
-    sd = np.array([(a.interval_90[1] - a.interval_90[0]) / NINETY_TO_SIGMA for a in effect.amounts])
+    # the longer side: the other one may be cut at none
+    sides = [max(a.interval_90[1] - a.value, a.value - a.interval_90[0]) for a in effect.amounts]
+    sd = 2 * np.array(sides) / NINETY_TO_SIGMA
     none = np.zeros((0, len(amounts)))
     part = Candidate(effect.name, effect.shape, none, CATALOGUE[effect.name].widths, np.zeros(len(amounts)))
     return Screened(

@@ -9,6 +9,7 @@ from scipy.stats import norm
 
 from gelforge.mismatch import verdict as form
 from gelforge.mismatch.alternatives import NOTHING, UNKNOWN
+from gelforge.mismatch.effect import Parameter
 from gelforge.mismatch.identifiability import profile
 from gelforge.mismatch.judge import Judgement
 from gelforge.mismatch.problem import Problem
@@ -121,6 +122,14 @@ def _screened(problem: Problem, judged: Screened, chance: float, refitted: bool)
     )  # fmt: skip
 
 
+def _interval(parameter: Parameter, a: float, sd: float) -> tuple[float, float]:
+    """Return the 90 % interval of an amount, on its physical side."""
+    low, high = a - NINETY * sd, a + NINETY * sd
+    if not parameter.sign:
+        return low, high
+    return (max(low, 0.0), max(high, 0.0)) if parameter.sign > 0 else (min(low, 0.0), min(high, 0.0))
+
+
 def _effect(
     problem, name, shape, amounts, spread, chance, factor, snr, refitted, group, switch
 ) -> form.NamedEffect:
@@ -131,7 +140,7 @@ def _effect(
             name=p.name,
             unit=p.unit,
             value=float(a),
-            interval_90=(float(a - NINETY * s), float(a + NINETY * s)),
+            interval_90=_interval(p, float(a), float(s)),
             bounds=p.bounds if np.isfinite(p.bounds).all() else None,
         )
         for p, a, s in zip(effect.parameters, amounts, sd)

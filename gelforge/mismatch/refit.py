@@ -139,7 +139,10 @@ def _evidence(
     widths: np.ndarray,
     signs: np.ndarray,
 ) -> tuple[float, np.ndarray]:
-    """Return the log evidence of what is left (m,) by Laplace's approximation, and the covariance (p, p) of the amounts."""
+    """Return the log evidence of what is left (m,) by Laplace's approximation, and the covariance (p, p) of the amounts.
+
+    Where an amount's sign holds it at none, the posterior's slope there tells how little of it lies on the allowed side.
+    """
     factor = covariance.log_density(left)
     spread = np.zeros((len(a), len(a)))
     if free.any():
@@ -148,8 +151,13 @@ def _evidence(
         H = np.eye(len(w)) + Jw.T @ Jw
         inverse = np.linalg.inv(H)
         factor -= 0.5 * float(np.sum((a[free] / w) ** 2)) + 0.5 * float(np.linalg.slogdet(H)[1])
+        slope = np.where(signs[free] != 0, Jw.T @ covariance.whiten(left) - a[free] / w, 0.0)
+        held = signs[free] * (a[free] / w + inverse @ slope) < 0
+        slope = np.where(held, slope, 0.0)
+        further = inverse @ slope  # to where the posterior would be largest
+        factor += 0.5 * float(slope @ further)
         sd = np.sqrt(np.diag(inverse))
-        for scaled, error, sign in zip(a[free] / w, sd, signs[free]):
+        for scaled, error, sign in zip(a[free] / w + further, sd, signs[free]):
             if sign:  # the prior lives on one side, and so does the posterior
                 factor += float(np.log(2) + log_ndtr(sign * scaled / error))
         spread[np.ix_(free, free)] = w[:, None] * inverse * w
