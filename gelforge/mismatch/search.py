@@ -184,46 +184,44 @@ def _round(
         for name, with_it in forces.items():
             if len(fits[name].parts) == 1:
                 problem = problem.seated(fits[name].parts[0], fits[name].amounts[0], with_it)
-        answer = _answer(problem, terms, names, before, fits, told, after)
-        overlooked = _overlooked(answer, tried, ranked)
+        best = fits[best]
+        by_all = _ranked_by_all(problem, names, before, best, fits, told)
+        overlooked = _overlooked(by_all, tried, ranked)
         if overlooked is None or len(promising) == rivals:
-            return answer
+            return _answer(problem, terms, names, before, best, by_all, fits, told[best.name], after)
         promising.append(overlooked.name)
         refit(overlooked)
     return None
 
 
 def _overlooked(
-    answer: Answer, tried: Collection[frozenset[str]], ranked: Sequence[Screened]
+    by_all: Sequence[Screened], tried: Collection[frozenset[str]], ranked: Sequence[Screened]
 ) -> Screened | None:
-    """Return the best of what all readings find likelier than the answer and no refit has tried, or None.
+    """Return the best of what all readings find likelier than the winner, their first, and no refit has tried, or None.
 
     As the training readings know it, where they do: what was set aside says that it is worth a refit, and no more.
     """
-    rest = [one for one in answer.ranked if effects_of(one) not in tried]
-    best = max(rest, key=lambda one: one.log_bayes_factor, default=answer.winner)
-    if best.log_bayes_factor <= answer.winner.log_bayes_factor:
+    winner, *others = by_all
+    rest = [one for one in others if effects_of(one) not in tried]
+    best = max(rest, key=lambda one: one.log_bayes_factor, default=winner)
+    if best.log_bayes_factor <= winner.log_bayes_factor:
         return None
     return next((one for one in ranked if effects_of(one) == effects_of(best)), best)
 
 
-def _answer(
+def _ranked_by_all(
     problem: Problem,
-    terms: Terms,
     names: Collection[str],
     before: Answer | None,
+    fit: Refitted,
     fits: Mapping[str, Refitted],
     told: Mapping[str, float],
-    after: np.ndarray,
-) -> Answer:
-    """Return the best of some refits beside all else of its round, judged by all readings.
+) -> list[Screened]:
+    """Return all that was tried in a round judged by all readings, the best refit first, the others as likely as they are.
 
     Evidence of refits differs from one to the next, and from the answer before, as it is told; of the others as screened.
     """
-    fit = fits[max(told, key=told.get)]
-    fit = replace(fit, parts=tuple(whole(problem, part) for part in fit.parts))
-    blocks, every = terms.blocks, np.ones(len(problem.labels), bool)
-    own = frozenset(part.name for part in fit.parts)
+    every, own = np.ones(len(problem.labels), bool), frozenset(part.name for part in fit.parts)
     refits = {frozenset(part.name for part in one.parts): one for one in fits.values()}
     screen = weighed_alone(problem, every, names, refits) if before is None else before.ahead
     promised = next(one.log_bayes_factor for one in screen if effects_of(one) == own)
@@ -236,8 +234,24 @@ def _answer(
         else:
             more = kept + told[refit.name] - told[fit.name] - one.log_bayes_factor
             ranked.append(moved(_with_refit(problem, one, refit), more))
-    winner = next(one for one in ranked if effects_of(one) == own)
-    ranked = sorted(ranked, key=lambda one: (one is not winner, -one.log_bayes_factor))
+    return sorted(ranked, key=lambda one: (effects_of(one) != own, -one.log_bayes_factor))
+
+
+def _answer(
+    problem: Problem,
+    terms: Terms,
+    names: Collection[str],
+    before: Answer | None,
+    fit: Refitted,
+    ranked: Sequence[Screened],
+    fits: Mapping[str, Refitted],
+    told: float,
+    after: np.ndarray,
+) -> Answer:
+    """Return the best of some refits beside all else of its round, ranked by all readings, the best first."""
+    fit = replace(fit, parts=tuple(whole(problem, part) for part in fit.parts))
+    blocks, every = terms.blocks, np.ones(len(problem.labels), bool)
+    own, winner = frozenset(part.name for part in fit.parts), ranked[0]
     ahead = ()
     if len(fit.parts) < MOST_EFFECTS:
         rest = {c.name for c in problem.candidates} - problem.first if own & problem.first else names
@@ -260,7 +274,7 @@ def _answer(
         ahead=ahead,
         alternatives=tried.joined(ranked).joined(ahead),
         unknown=unknown,
-        told=told[fit.name],
+        told=told,
         problem=problem,
         adequacy=adequacy,
         everywhere=everywhere,

@@ -1,7 +1,6 @@
 """What the training readings rank low and all readings rank first is refitted too: the deepest presses are set aside."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import artificial
 import numpy as np
@@ -99,7 +98,6 @@ def test_one_that_cannot_be_solved_hides_no_other():
     by_name = {one.name: one for one in ranked}
     winner = by_name["gel_stiffness"]
     failed = moved(by_name["skin_stiffness"], 30.0)
-    answer = SimpleNamespace(winner=winner, ranked=(winner, failed, by_name[TRUTH]))
-    tried = [effects_of(winner), effects_of(failed)]
-    assert _overlooked(answer, tried, []) is by_name[TRUTH]
-    assert _overlooked(answer, [*tried, effects_of(by_name[TRUTH])], []) is None
+    by_all, tried = [winner, failed, by_name[TRUTH]], [effects_of(winner), effects_of(failed)]
+    assert _overlooked(by_all, tried, []) is by_name[TRUTH]
+    assert _overlooked(by_all, [*tried, effects_of(by_name[TRUTH])], []) is None
