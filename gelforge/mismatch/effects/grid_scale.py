@@ -13,7 +13,7 @@ EFFECT = Effect(
         ),
     ),
     signature="harder near all walls alike if larger; nothing in the middle",
-    confused_with=("wall_stiffness", "wall_gap", "yaw", "misregistration", "skin_stiffness"),
+    confused_with=("wall_stiffness", "lateral_play", "wall_gap", "yaw", "misregistration", "skin_stiffness"),
     separated_by="a dial gauge over the stage's range; images, which show where the ball presses",
     **solver("grid_scale", has("kinematics.grid_scale"))
     | {"across": 1.0},  # some 0.1 mm far from the middle, as misregistration

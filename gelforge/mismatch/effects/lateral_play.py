@@ -38,7 +38,7 @@ EFFECT = Effect(
     enters="where each press lands, by the stage's last move along each of its axes",
     signature="presses to one place differ with the side from which the stage came; near a wall softer where it comes from "
     "within, harder where it comes from without",
-    confused_with=("wall_stiffness", "misregistration", "grid_scale", "yaw"),
+    confused_with=("grid_scale", "wall_stiffness", "prestretch", "misregistration", "yaw"),
     separated_by="one place near a wall, met from both sides in turn; the last move always from the same side",
     takes=("misregistration",),
     to_places=to_places,
