@@ -138,11 +138,7 @@ def plans_of(solver: Solver, survivors: list[NamedEffect]) -> Iterator[Plan]:
     }
     effects = [CATALOGUE[name] for name in {effect.name for effect in survivors}]
     for name, observations in variants.items():
-        base = base_of(
-            solver,
-            observations,
-            with_taken(effects),
-        )
+        base = base_of(solver, observations, with_taken(effects))
         failed: dict[str, str] = {}
         known = {c.name for c in candidates_of(base.context, {e.name: e for e in effects}, failed)}
         if {effect.name for effect in survivors} <= known:

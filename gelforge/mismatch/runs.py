@@ -8,7 +8,7 @@ import numpy as np
 
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.trajectory import Trajectory
-from gelforge.mismatch.observations import Observations
+from gelforge.mismatch.observations import PLACE_DIGITS, Observations
 from gelforge.recording.path_through import path_through
 
 DEPTH_DIGITS = 4  # depths that agree so far [mm] are one
@@ -54,7 +54,7 @@ def runs_of(observations: Observations) -> Runs:
             way_down = down[down <= peak]
             phases = ("load",) * len(way_down) + ("unload",) * len(way_up)
             number = len(planned)
-            x, y = (round(float(v), 6) for v in observations.sites[site])
+            x, y = (round(float(v), PLACE_DIGITS) for v in observations.sites[site])
             planned.append(
                 PlannedCell(
                     f"site{site:04d}_{peak:g}mm",
@@ -116,5 +116,5 @@ def timed_runs_of(observations: Observations, step_mm: float, in_order: bool) ->
 def _timed_path(place, depths, times, step_mm) -> tuple[Trajectory, list[int]]:
     """Return a path through readings at depths and times, from the first touch on, and which of its steps they are."""
     way = path_through(depths, times, step_mm)
-    x, y = (round(float(v), 6) for v in place)
+    x, y = (round(float(v), PLACE_DIGITS) for v in place)
     return Trajectory(x, y, way.depths_mm, way.phases, times_s=way.times_s), list(way.readings)

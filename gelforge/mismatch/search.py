@@ -184,11 +184,10 @@ def _round(
         for name, with_it in forces.items():
             if len(fits[name].parts) == 1:
                 problem = problem.seated(fits[name].parts[0], fits[name].amounts[0], with_it)
-        best = fits[best]
-        by_all = _ranked_by_all(problem, names, before, best, fits, told)
+        by_all = _ranked_by_all(problem, names, before, fits[best], fits, told)
         overlooked = _overlooked(by_all, tried, ranked)
         if overlooked is None or len(promising) == rivals:
-            return _answer(problem, terms, names, before, best, by_all, fits, told[best.name], after)
+            return _answer(problem, terms, names, before, fits[best], by_all, fits, told[best], after)
         promising.append(overlooked.name)
         refit(overlooked)
     return None

@@ -100,3 +100,4 @@ def test_no_play_is_the_base_bit_for_bit(tmp_path):
     solver = Solver(STUDY, specimens.STUDY_LAWS, {}, tmp_path)
     base = base_of(solver, found, [])
     assert_array_equal(forces_with(solver, base, [(PLAY, {}, [0.0, 0.0])]), base.context.force)
+    assert_array_equal(PLAY.to_places(base.context, {}, [0.0, 0.0]), PLACES)
