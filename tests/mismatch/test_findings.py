@@ -5,7 +5,7 @@ from dataclasses import replace
 import artificial
 import numpy as np
 import pytest
-from test_judge import SETTINGS, problem_of
+from artificial_problem import SETTINGS, problem_of
 
 from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mismatch.covariance import readings_covariance

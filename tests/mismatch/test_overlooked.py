@@ -6,7 +6,7 @@ import artificial
 import numpy as np
 import pandas as pd
 import pytest
-from test_judge import problem_of
+from artificial_problem import problem_of
 
 from gelforge.config.mismatch import Mismatch
 from gelforge.mismatch import confirmation

@@ -5,7 +5,7 @@ from dataclasses import replace
 import artificial
 import numpy as np
 import pytest
-from test_judge import problem_of
+from artificial_problem import problem_of
 
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.effects_told import _interval

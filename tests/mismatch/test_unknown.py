@@ -5,8 +5,8 @@ from dataclasses import replace
 import artificial
 import numpy as np
 import pytest
+from artificial_problem import LOCATED, SETTINGS, judged, named, problem_of
 from numpy.testing import assert_allclose
-from test_judge import LOCATED, SETTINGS, judged, named, problem_of
 
 from gelforge.mismatch.alternatives import UNKNOWN, Alternatives
 from gelforge.mismatch.effects import CATALOGUE

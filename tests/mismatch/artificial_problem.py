@@ -1,0 +1,53 @@
+"""Problems of the judge on artificial readings: effects at first order, no finite elements."""
+
+from dataclasses import replace
+
+import artificial
+import numpy as np
+
+from gelforge.config.mismatch import Mismatch
+from gelforge.mismatch.covariance import readings_covariance
+from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.judge import _state, judge
+from gelforge.mismatch.problem import Problem
+from gelforge.mismatch.remains import Remains
+from gelforge.mismatch.stage import at_first_order, candidates_of
+
+LOCATED = {"void", "inclusion", "delamination"}
+SETTINGS = Mismatch(sites=9, rivals=2, draws=1000)
+
+
+def problem_of(context, left_out=LOCATED):
+    """Return the problem of a context: covariance as stated, every effect by its first order."""
+    effects = {
+        name: effect
+        for name, effect in CATALOGUE.items()
+        if name not in left_out and effect.to_forces is not None and effect.applies(context.study)
+    }
+    R = len(context.observations.table)
+    covariance = readings_covariance(context, np.zeros((R, 3, 0)), 0.002 * context.force)
+    candidates = candidates_of(context, effects, {})
+    found = Problem(
+        context.observations, context.force, covariance, candidates, effects, None, {},
+        change_error=Mismatch().change_error,
+    )  # fmt: skip
+    return replace(found, forces_with=at_first_order(found))
+
+
+def judged(context, **keys):
+    problem = problem_of(context, **keys)
+    return problem, judge(problem, SETTINGS, seed=1)
+
+
+def named():
+    """Return a problem with a tilt in it, its judgement, and a function that puts another answer in its place."""
+    base = artificial.context(17, per_side=3)
+    problem = problem_of(artificial.with_effect(base, "tilt", [4.0, -3.0], np.random.default_rng(18)))
+    found = judge(problem, SETTINGS, seed=1)
+    assert found.state == "named" and not found.answer.refuted
+
+    def state(p=1e-4, **other):
+        test, scan = (replace(one, p=p) for one in (found.mismatch.test, found.mismatch.scan))
+        return _state(problem, Remains(test, scan), replace(found.answer, **other))
+
+    return problem, found, state
