@@ -265,10 +265,7 @@ def flow_section(joint: Problem, judgement: Judgement) -> form.Flow | None:
     mask = np.arange(len(joint.labels)) >= joint.flow.entries
     before, after, answer = joint.residual[mask], None, judgement.answer
     if answer is not None:
-        parts = [
-            next(c for c in joint.candidates if c.name == p.name and dict(c.shape) == dict(p.shape))
-            for p in answer.fit.parts
-        ]
+        parts = [replace(p, columns=joint.own(p).columns) for p in answer.fit.parts]
         with_it = joint.forces_with(parts, answer.fit.amounts, np.ones(len(joint.base), bool))
         after = joint.observations.flat(joint.observations.force - with_it)[mask]
     return form.Flow(

@@ -1,10 +1,10 @@
-"""Where a located effect may sit: places spread over the soft layers, scanned and not fitted."""
+"""Where a located effect may sit: places spread over the soft layers are scanned, and refits move between them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,7 +12,9 @@ from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import gel_layers
 from gelforge.mismatch.context import Context
 from gelforge.mismatch.effect import Shape
+from gelforge.mismatch.screen import Candidate
 
+AXES = ("x_mm", "y_mm", "z_mm")
 SPACING = 4.2  # mm, at most; half the diagonal is 2.97: every point of a plane lies within 3 mm of a place
 
 
@@ -35,7 +37,7 @@ def patches(study: Study) -> list[Shape]:
 
 @dataclass(frozen=True)
 class FirstOrderAt:
-    """The `to_forces` of a located effect with derivatives "name@k", k the number of the place."""
+    """The `to_forces` of an effect with derivatives "name@k", k the number of the shape; interpolated between places."""
 
     name: str
     places: Callable[[Study], list[Shape]]
@@ -44,7 +46,60 @@ class FirstOrderAt:
         self, context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]
     ) -> np.ndarray:
         (a,) = amounts
-        return force + a * context.derivative(f"{self.name}@{self.places(context.study).index(dict(shape))}")
+        for k, share in shares(shape, self.places(context.study)).items():
+            force = force + share * a * context.derivative(f"{self.name}@{k}")
+        return force
+
+
+def shares(shape: Shape, tried: Sequence[Shape]) -> dict[int, float]:
+    """Return the numbers of the shapes tried between which a shape lies, and their shares (trilinear, 1 in all)."""
+    if dict(shape) in tried:
+        return {tried.index(dict(shape)): 1.0}
+    here, places = _point(shape), np.array([_point(place) for place in tried])
+    shares = np.ones(len(places))
+    for x, line in zip(here, places.T):
+        spacing = np.diff(np.unique(line)).min(initial=np.inf)
+        if np.isfinite(spacing):
+            shares *= np.clip(1 - np.abs(np.clip(x, line.min(), line.max()) - line) / spacing, 0, None)
+    if not shares.any():  # in the corner of a dome no place is next to it
+        shares[np.argmin(np.linalg.norm(places - here, axis=1))] = 1.0
+    return {int(k): float(shares[k] / shares.sum()) for k in np.flatnonzero(shares)}
+
+
+def slopes(part: Candidate, others: Sequence[Candidate]) -> dict[str, tuple[np.ndarray, float]]:
+    """Return by axis how the columns (n, p) of a located effect change per mm of its place, and the next place's distance.
+
+    Distances in mm; differences of the columns at the places to either side, or to one where there is but one. Without
+    the axes along which no other place was tried.
+    """
+    found = {}
+    for k, axis in enumerate(AXES):
+        along = {0.0: part}
+        for other in others:
+            away = between(part.tried, other.tried)
+            if away[k] and not np.delete(away, k).any():
+                along[float(away[k])] = other
+        before = max((d for d in along if d < 0), default=0.0)
+        after = min((d for d in along if d > 0), default=0.0)
+        if after > before:
+            slope = (along[after].columns - along[before].columns) / (after - before)
+            found[axis] = slope, min(abs(d) for d in (before, after) if d)
+    return found
+
+
+def moved(part: Candidate, by: dict[str, float]) -> Candidate:
+    """Return a located effect as far [mm] from the place that was tried, axis by axis; its columns are as they were."""
+    place = {axis: part.tried[axis] + float(offset) for axis, offset in by.items()}
+    return replace(part, shape={**part.shape, **place}, moved_from=part.tried)
+
+
+def between(one: Shape, other: Shape) -> np.ndarray:
+    """Return the way (3,) [mm] from one place to another."""
+    return _point(other) - _point(one)
+
+
+def _point(shape: Shape) -> np.ndarray:
+    return np.array([shape[axis] for axis in AXES])
 
 
 def _plane(study: Study, z: float) -> list[dict[str, float]]:

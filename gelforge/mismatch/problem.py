@@ -9,13 +9,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from gelforge.mismatch import places
 from gelforge.mismatch.covariance import Covariance, slowly
 from gelforge.mismatch.effect import Effect
 from gelforge.mismatch.observations import Observations
 from gelforge.mismatch.screen import Candidate
 
-# A defect lies up to half a spacing from the places that are tried, and has a size of its own.
+# A defect lies up to half a spacing from the places that are tried, and has a size and a form of its own: of its change, and
+# of the way to the next places. Where a refit has found its place the latter are smaller.
 PLACE_ERROR = 0.5
+FOUND_PLACE_ERROR = 0.2
+FORM_ERROR = 0.25
 ALONG_AXES = 1.2  # of the distance to the nearest place; those across are farther
 # Of a change, linear or solved: below it a difference of two solutions says no more than the derivative.
 SEATED_SNR = 1.0
@@ -57,7 +61,7 @@ class Problem:
 
         What is solved errs by mesh and by form, pressing and sideways forces (and each channel) on their own, as a share of
         the change: one for all depths and one that varies slowly with depth. What has a place errs more, and towards the
-        places beside it.
+        places beside it; less so where a refit has found it.
         """
         labels = self.labels.assign(pressing=self.labels["axis"] == 2)
         kind = labels.groupby([name for name in ("channel", "pressing") if name in labels]).ngroup()
@@ -72,18 +76,16 @@ class Problem:
                 errors += [
                     np.where(kind == k, change * share, 0.0) for k in kind.unique() for share in shares
                 ]
-                errors += [
-                    PLACE_ERROR * (other.columns - part.columns) @ own for other in self._next_to(part)
-                ]
+                way = PLACE_ERROR if part.moved_from is None else FOUND_PLACE_ERROR
+                errors += [way * (other.columns - part.columns) @ own for other in self._next_to(part)]
         return np.column_stack(errors)
 
     def _next_to(self, part: Candidate) -> list[Candidate]:
         """Return the same effect's candidates at the places next to a part's; none where it has no place or is exact."""
         if "x_mm" not in part.shape or not self.error_of(part):
             return []
-        others = [c for c in self.candidates if c.name == part.name]
-        places = np.array([[c.shape[axis] for axis in ("x_mm", "y_mm", "z_mm")] for c in others])
-        away = np.linalg.norm(places - [part.shape[axis] for axis in ("x_mm", "y_mm", "z_mm")], axis=1)
+        others = self.places_of(part)
+        away = np.linalg.norm([places.between(part.tried, other.tried) for other in others], axis=1)
         nearest = min(away[away > 0], default=0.0)
         return [c for c, d in zip(others, away) if 0 < d <= ALONG_AXES * nearest]
 
@@ -97,7 +99,9 @@ class Problem:
         """Return by which share the change by an effect errs: not at all where nothing is solved, or errors are none."""
         if not (self.change_error and self.solves(part)):
             return 0.0
-        return max(self.change_error, PLACE_ERROR) if "x_mm" in part.shape else self.change_error
+        if "x_mm" not in part.shape:
+            return self.change_error
+        return max(self.change_error, PLACE_ERROR if part.moved_from is None else FORM_ERROR)
 
     def solves(self, part: Candidate) -> bool:
         """Return whether an effect is solved by the finite elements."""
@@ -108,15 +112,16 @@ class Problem:
 
         Of all such columns those nearest to its derivatives, in plausible amounts (Broyden 1965,
         doi:10.1090/S0025-5718-1965-0198670-6): the linear change is then right where the effect is. What has a place
-        changes by the same factor, least squares, at all others.
+        stays where the part was moved to, and changes by the same factor, least squares, at all others.
         """
         own = self.own(part)
-        linear, solved = own.columns @ amounts, self.observations.flat(forces - self.base)
+        there = replace(part, columns=self.columns_at(part), widths=own.widths)
+        linear, solved = there.columns @ amounts, self.observations.flat(forces - self.base)
         white = self.covariance.whiten(np.column_stack([linear, solved]))
         if np.linalg.norm(white, axis=0).min() < SEATED_SNR:
             return self
         share = amounts / np.broadcast_to(own.widths, len(amounts)) ** 2
-        seated = replace(own, columns=own.columns + np.outer(solved - linear, share / (amounts @ share)))
+        seated = replace(there, columns=there.columns + np.outer(solved - linear, share / (amounts @ share)))
         factor = float(white[:, 0] @ white[:, 1] / (white[:, 0] @ white[:, 0]))
 
         def with_it(other: Candidate) -> Candidate:
@@ -152,8 +157,24 @@ class Problem:
         return len(parts) > 1 and any(self.effects[part.name].in_order for part in parts)
 
     def own(self, part: Candidate) -> Candidate:
-        """Return the problem's own candidate of a part's effect and shape."""
-        return next(c for c in self.candidates if c.name == part.name and dict(c.shape) == dict(part.shape))
+        """Return the problem's own candidate of a part's effect and tried shape."""
+        return next(c for c in self.candidates if c.name == part.name and c.tried == part.tried)
+
+    def slopes_of(self, part: Candidate) -> dict[str, tuple[np.ndarray, float]]:
+        """Return what `places.slopes` tells of a part; nothing where it has no place or nothing is solved for it."""
+        located = "x_mm" in part.shape and self.solves(part)
+        return places.slopes(self.own(part), self.places_of(part)) if located else {}
+
+    def places_of(self, part: Candidate) -> list[Candidate]:
+        """Return the problem's candidates of a part's effect, one for each shape."""
+        return [c for c in self.candidates if c.name == part.name]
+
+    def columns_at(self, part: Candidate) -> np.ndarray:
+        """Return the linear change (n, p) per unit by a part at its place, between places to first order."""
+        own, columns = self.own(part), self.own(part).columns
+        for axis, (slope, _) in self.slopes_of(part).items():
+            columns = columns + (part.shape[axis] - own.shape[axis]) * slope
+        return columns
 
     def without(self, names: Sequence[str]) -> Problem:
         """Return the problem without some effects."""

@@ -26,10 +26,16 @@ class Candidate:
     widths: np.ndarray  # (p,) standard deviations of the priors
     signs: np.ndarray  # (p,) 1, -1: the only physical sign; 0: both
     switch: bool = False  # the amount is 1 or 0
+    moved_from: Shape | None = None  # the shape that was tried, where a refit has moved its place
+
+    @property
+    def tried(self) -> Shape:
+        """Return the shape that was tried: one of the effect's own list."""
+        return dict(self.shape if self.moved_from is None else self.moved_from)
 
     def restricted(self, mask: np.ndarray) -> Candidate:
         """Return the candidate on some entries."""
-        return Candidate(self.name, self.shape, self.columns[mask], self.widths, self.signs, self.switch)
+        return replace(self, columns=self.columns[mask])
 
 
 @dataclass(frozen=True, eq=False)

@@ -262,10 +262,10 @@ def noise_case(problem: Problem, judgement: Judgement, scale: float) -> NoiseCas
 
 
 def at_first_order(problem: Problem):
-    """Return forces with effects by the linear changes of the candidates."""
+    """Return forces with effects by the problem's own linear changes."""
 
     def forces(parts, amounts, rows):
-        change = sum(part.columns @ a for part, a in zip(parts, amounts))
+        change = sum(problem.columns_at(part) @ a for part, a in zip(parts, amounts))
         found = np.full(problem.base.shape, np.nan)
         found[problem.observations.read] = problem.base[problem.observations.read] + change
         found[~rows] = np.nan

@@ -266,18 +266,16 @@ def test_the_readings_set_aside_decide_between_effects_that_are_told_apart_by_li
     """The evidence of refitted effects is that of the training readings and, among those within reach, of all others."""
     problem, found, _ = named()
     fit = found.answer.fit
-    rival = replace(fit, parts=tuple(replace(part, name="yaw") for part in fit.parts))
-    near = {
-        "tilt": fit,
-        "yaw": replace(rival, log_bayes_factor=fit.log_bayes_factor + 1, amounts=(0 * fit.amounts[0],)),
-    }
+    wedge = next(c for c in problem.candidates if c.name == "thickness_gradient")
+    none = replace(fit, parts=(wedge,), amounts=(np.zeros(2),), covariance=np.eye(2))
+    near = {"own": fit, "wedge": replace(none, log_bayes_factor=fit.log_bayes_factor + 1)}
     told, forces = told_of(problem, found.blocks, near)
-    assert told["tilt"] > told["yaw"] and set(forces) == {"tilt", "yaw"}
-    assert told["tilt"] - fit.log_bayes_factor == pytest.approx(found.answer.gain.total)
-    far = near | {"yaw": replace(rival, log_bayes_factor=fit.log_bayes_factor - RIVAL - 1)}
+    assert told["own"] > told["wedge"] and set(forces) == {"own", "wedge"}
+    assert told["own"] - fit.log_bayes_factor == pytest.approx(found.answer.gain.total)
+    far = near | {"wedge": replace(none, log_bayes_factor=fit.log_bayes_factor - RIVAL - 1)}
     told, forces = told_of(problem, found.blocks, far)
-    assert set(forces) == {"tilt"}
-    assert told["tilt"] - told["yaw"] == pytest.approx(RIVAL + 1)  # its distance is kept
+    assert set(forces) == {"own"}
+    assert told["own"] - told["wedge"] == pytest.approx(RIVAL + 1)  # its distance is kept
 
 
 def test_one_site_and_one_depth_are_never_named():
