@@ -8,16 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from gelforge.config import ConfigError
 from gelforge.config.mismatch import Mismatch
-from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mismatch.alternatives import UNKNOWN, Alternatives, effects_of
-from gelforge.mismatch.confirmation import NotSolved, folds_of, forces_of, scores_of, told_of
+from gelforge.mismatch.confirmation import folds_of, scores_of
 from gelforge.mismatch.groups import grouped, last_alone
 from gelforge.mismatch.holdout import Blocks, Gain, gain
 from gelforge.mismatch.identifiability import RIVAL, Group
 from gelforge.mismatch.problem import Problem
-from gelforge.mismatch.refit import Refitted, refitted
+from gelforge.mismatch.refit import Refitted
+from gelforge.mismatch.refits import Refits, Told
 from gelforge.mismatch.remains import Remains, remains
 from gelforge.mismatch.screen import Screened
 from gelforge.mismatch.unknown import Manner, Weighed, weighed_unknown
@@ -25,7 +24,6 @@ from gelforge.mismatch.verdict import ADEQUATE_P
 from gelforge.mismatch.weighing import (
     moved,
     those_felt,
-    unmasked,
     weighed,
     weighed_alone,
     weighed_beside,
@@ -136,60 +134,30 @@ def _round(
 
     Refitted are the most probable ones by the training readings: those that cost no solution all, of the others
     1 + settings.rivals, and more of single ones as long as the next promises more than any refit has kept; then, at most
-    settings.rivals times, what all readings find likelier than the best of these. What is solved in order is solved beside
-    others only for the best (Problem.drafted).
+    settings.rivals times, what all readings find likelier than the best of these.
     """
     problem = problem if before is None else before.problem
-    draft = problem.drafted()
     blocks, rivals = terms.blocks, terms.settings.rivals
     if before is None:
         ranked = weighed_alone(problem, blocks.train, names)
     else:
         ranked = weighed_beside(problem, blocks.train, names, before.ranked)
-    if not ranked:
-        return None
-    leaders = [s for s in ranked if s.log_bayes_factor > ranked[0].log_bayes_factor - RIVAL]
-    fits: dict[str, Refitted] = {}
-    tried: set[frozenset[str]] = set()
-
-    def costs(answer: Screened | Refitted) -> bool:
-        return any(problem.solves(part) for part in answer.parts)
-
-    def refit(one: Screened) -> None:
-        tried.add(effects_of(one))
-        try:
-            fits[one.name] = refitted(draft, unmasked(problem, one), blocks.train)
-        except (NotConverged, ConfigError) as failure:  # ConfigError: effects that do not go together
-            notes.append(f"{one.name} could not be solved at its fitted amount: {failure}")
-
-    for leader in leaders:
-        best = max((fit.log_bayes_factor for fit in fits.values()), default=-np.inf)
-        solved = sum(costs(fit) for fit in fits.values())
-        enough = solved > rivals and (before is not None or best >= leader.log_bayes_factor)
-        if not (enough and costs(leader)):
-            refit(leader)
+    refits = Refits(problem, blocks, notes)
+    for leader in ranked:
+        if leader.log_bayes_factor <= ranked[0].log_bayes_factor - RIVAL:
+            break
+        enough = refits.solved > rivals and (before is not None or refits.best >= leader.log_bayes_factor)
+        if not (enough and refits.cost(leader)):
+            refits.add(leader)
     promising: list[str] = []  # to all readings
-    while fits:
-        try:
-            told, forces = told_of(draft, blocks, fits, promising)
-            best = max(told, key=told.get)
-            known = best in forces and not problem.in_order_beside(fits[best].parts)
-            after = forces[best] if known else forces_of(problem, fits[best])
-        except NotSolved as failure:  # at other readings than those of the fit
-            notes.append(
-                f"{failure.name} could not be solved at its fitted amount for all readings: {failure}"
-            )
-            del fits[failure.name]
-            continue
-        for name, with_it in forces.items():
-            if len(fits[name].parts) == 1:
-                problem = problem.seated(fits[name].parts[0], fits[name].amounts[0], with_it)
-        by_all = _ranked_by_all(problem, names, before, fits[best], fits, told)
-        overlooked = _overlooked(by_all, tried, ranked)
+    while (told := refits.told(promising)) is not None:
+        problem = refits.seat(told.forces)
+        by_all = _ranked_by_all(problem, names, before, refits.fits, told)
+        overlooked = _overlooked(by_all, refits.tried, ranked)
         if overlooked is None or len(promising) == rivals:
-            return _answer(problem, terms, names, before, fits[best], by_all, fits, told[best], after)
+            return _answer(problem, terms, names, before, by_all, refits.fits, told)
         promising.append(overlooked.name)
-        refit(overlooked)
+        refits.add(overlooked)
     return None
 
 
@@ -212,26 +180,26 @@ def _ranked_by_all(
     problem: Problem,
     names: Collection[str],
     before: Answer | None,
-    fit: Refitted,
     fits: Mapping[str, Refitted],
-    told: Mapping[str, float],
+    told: Told,
 ) -> list[Screened]:
     """Return all that was tried in a round judged by all readings, the best refit first, the others as likely as they are.
 
     Evidence of refits differs from one to the next, and from the answer before, as it is told; of the others as screened.
     """
+    evidence, fit = told.evidence, fits[told.best]
     every, own = np.ones(len(problem.labels), bool), frozenset(part.name for part in fit.parts)
     refits = {frozenset(part.name for part in one.parts): one for one in fits.values()}
     screen = weighed_alone(problem, every, names, refits) if before is None else before.ahead
     promised = next(one.log_bayes_factor for one in screen if effects_of(one) == own)
-    kept = promised if before is None else before.winner.log_bayes_factor + told[fit.name] - before.told
+    kept = promised if before is None else before.winner.log_bayes_factor + evidence[fit.name] - before.told
     ranked = []
     for one in screen:
         refit = refits.get(effects_of(one))
         if refit is None:
             ranked.append(moved(one, kept - promised))
         else:
-            more = kept + told[refit.name] - told[fit.name] - one.log_bayes_factor
+            more = kept + evidence[refit.name] - evidence[fit.name] - one.log_bayes_factor
             ranked.append(moved(_with_refit(problem, one, refit), more))
     return sorted(ranked, key=lambda one: (effects_of(one) != own, -one.log_bayes_factor))
 
@@ -241,13 +209,12 @@ def _answer(
     terms: Terms,
     names: Collection[str],
     before: Answer | None,
-    fit: Refitted,
     ranked: Sequence[Screened],
     fits: Mapping[str, Refitted],
-    told: float,
-    after: np.ndarray,
+    told: Told,
 ) -> Answer:
     """Return the best of some refits beside all else of its round, ranked by all readings, the best first."""
+    fit = fits[told.best]
     fit = replace(fit, parts=tuple(whole(problem, part) for part in fit.parts))
     blocks, every = terms.blocks, np.ones(len(problem.labels), bool)
     own, winner = frozenset(part.name for part in fit.parts), ranked[0]
@@ -255,7 +222,7 @@ def _answer(
     if len(fit.parts) < MOST_EFFECTS:
         rest = {c.name for c in problem.candidates} - problem.first if own & problem.first else names
         ahead = tuple(weighed_beside(problem, every, rest, ranked))
-    left = problem.observations.flat(problem.observations.force - after)
+    left = problem.observations.flat(problem.observations.force - told.after)
     unknown = _unknown(problem, terms, winner, fit, left)
     tried = Alternatives({}, terms.known) if before is None else before.alternatives
     tried = tried.beside({effects: found.log_bayes_factor for effects, found in unknown.items()})
@@ -273,11 +240,11 @@ def _answer(
         ahead=ahead,
         alternatives=tried.joined(ranked).joined(ahead),
         unknown=unknown,
-        told=told,
+        told=told.evidence[told.best],
         problem=problem,
         adequacy=adequacy,
         everywhere=everywhere,
-        after=after,
+        after=told.after,
         gain=gain(scores["before"], scores["after"]) if blocks.held_out.any() else None,
         scores=scores,
         folds=folds_of(problem, winner),

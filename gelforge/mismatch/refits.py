@@ -1,0 +1,89 @@
+"""The refits of one round of the search: which answers were fitted in the real model, and what all readings say of them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from gelforge.config import ConfigError
+from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mismatch.alternatives import effects_of
+from gelforge.mismatch.confirmation import NotSolved, forces_of, told_of
+from gelforge.mismatch.holdout import Blocks
+from gelforge.mismatch.problem import Problem
+from gelforge.mismatch.refit import Refitted, refitted
+from gelforge.mismatch.screen import Screened
+from gelforge.mismatch.weighing import unmasked
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """What all readings say of a round's refits."""
+
+    best: str  # of the refits
+    evidence: Mapping[str, float]  # log, of every refit
+    forces: Mapping[str, np.ndarray]  # (R, 3) [N] of those that were solved for all readings
+    after: np.ndarray  # (R, 3) [N] of the best
+
+
+class Refits:
+    """Answers fitted to the training readings, by name.
+
+    What is solved in order is taken for linear beside others (Problem.drafted), but for the best.
+    """
+
+    def __init__(self, problem: Problem, blocks: Blocks, notes: list[str]):
+        self.problem, self.draft, self.blocks, self.notes = problem, problem.drafted(), blocks, notes
+        self.fits: dict[str, Refitted] = {}
+        self.tried: set[frozenset[str]] = set()  # what failed too
+
+    def cost(self, answer: Screened | Refitted) -> bool:
+        """Return whether a refit of an answer needs the solver."""
+        return any(self.problem.solves(part) for part in answer.parts)
+
+    @property
+    def solved(self) -> int:
+        """Return how many needed the solver."""
+        return sum(self.cost(fit) for fit in self.fits.values())
+
+    @property
+    def best(self) -> float:
+        """Return the largest log evidence of the training readings; minus infinity of no refit."""
+        return max((fit.log_bayes_factor for fit in self.fits.values()), default=-np.inf)
+
+    def add(self, one: Screened) -> None:
+        """Refit an answer; one that cannot be solved is noted."""
+        self.tried.add(effects_of(one))
+        try:
+            self.fits[one.name] = refitted(self.draft, unmasked(self.problem, one), self.blocks.train)
+        except (NotConverged, ConfigError) as failure:  # ConfigError: effects that do not go together
+            self.notes.append(f"{one.name} could not be solved at its fitted amount: {failure}")
+
+    def told(self, promising: Collection[str]) -> Told | None:
+        """Return what all readings say of the refits, without those that cannot be solved there; None of none.
+
+        promising: names of those that all readings are asked of however far behind they are.
+        """
+        while self.fits:
+            try:
+                evidence, forces = told_of(self.draft, self.blocks, self.fits, promising)
+                best = max(evidence, key=evidence.get)
+                known = best in forces and not self.problem.in_order_beside(self.fits[best].parts)
+                after = forces[best] if known else forces_of(self.problem, self.fits[best])
+                return Told(best, evidence, forces, after)
+            except NotSolved as failure:  # at other readings than those of the fit
+                self.notes.append(
+                    f"{failure.name} could not be solved at its fitted amount for all readings: {failure}"
+                )
+                del self.fits[failure.name]
+        return None
+
+    def seat(self, forces: Mapping[str, np.ndarray]) -> Problem:
+        """Return the problem with the single effects of which forces (R, 3) [N] are known seated there, and keep it."""
+        for name, with_it in forces.items():
+            fit = self.fits[name]
+            if len(fit.parts) == 1:
+                self.problem = self.problem.seated(fit.parts[0], fit.amounts[0], with_it)
+        return self.problem
