@@ -1,0 +1,84 @@
+"""How near a hidden defect a refit comes: at the best place that is tried, and with the place fitted between them.
+
+usage: python benchmarks/defect_places.py SET [--kept results/concealed/sets/kept] [--limit 4]
+
+Of a development set (`python -m benchmarks.concealed generate SET --seed 7`), as its truths are read: the single effects
+that have a place, on the plain base. The effect is given and its place is not: what is asked is where, not what. Prints for
+each the distance from the hidden place [mm], and what is left in standard deviations of the readings' errors (1: only
+noise), root mean square.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from benchmarks.concealed import sealing
+from benchmarks.concealed.sets import CONFIG
+from gelforge.cli.mismatch import solver_of
+from gelforge.config import load_study
+from gelforge.mismatch.confirmation import forces_of
+from gelforge.mismatch.holdout import split
+from gelforge.mismatch.problem import Problem
+from gelforge.mismatch.refit import Refitted, refitted
+from gelforge.mismatch.sessions import session_folders
+from gelforge.mismatch.stage import observations_of, problem_of
+from gelforge.mismatch.weighing import unmasked, weighed
+
+SETS = Path("results/concealed/sets")
+
+
+def row(name: str, hidden: dict, problem: Problem, seed: int) -> dict:
+    """Return what refits of a hidden effect at its best tried place and between places leave of the readings."""
+    train = split(problem.labels, seed).train
+    candidates = [c for c in problem.candidates if c.name == hidden["name"]]
+    (best,) = weighed(problem, train, candidates)
+    start = unmasked(problem, best)
+    alone = replace(problem, candidates=start.parts)  # no place is next to it: it stays
+    fixed, free = refitted(alone, start, train), refitted(problem, start, train)
+    told = {"case": name, "hidden": hidden["name"], "SNR": hidden["snr"], "before": _left(problem, None)}
+    for words, fit in (("tried", fixed), ("fitted", free)):
+        place = fit.parts[0].shape
+        away = np.hypot(place["x_mm"] - hidden["where"]["x_mm"], place["y_mm"] - hidden["where"]["y_mm"])
+        told |= {f"{words}: away [mm]": away, f"{words}: left": _left(problem, fit)}
+    return told | {"at rest": free.converged}
+
+
+def _left(problem: Problem, fit: Refitted | None) -> float:
+    force = problem.base if fit is None else forces_of(problem, fit)
+    left = problem.observations.flat(problem.observations.force - force)
+    return float(np.sqrt(np.mean(problem.covariance.whiten(left) ** 2)))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("set")
+    parser.add_argument("--kept", type=Path, default=SETS / "kept")
+    parser.add_argument("--limit", type=int)
+    asked = parser.parse_args()
+    found = []
+    for path in sorted((SETS / asked.set / "truth").glob("*.json")):
+        truth = sealing.read(path)["truth"]
+        hidden = truth["effects"][0] if truth["content"] == "single" else {}
+        if truth["base"] != "concealed" or "where" not in hidden or len(found) == asked.limit:
+            continue
+        study = load_study(CONFIG / f"{truth['base']}.yaml")
+        folders = session_folders(SETS / asked.set / "cases" / path.stem)
+        solver = solver_of(study, asked.kept, [], asked.kept, 1, folders)
+        problem, _ = problem_of(solver, observations_of(folders, study)[0])
+        found.append(row(path.stem, hidden, problem, study.seed))
+        print(found[-1], file=sys.stderr, flush=True)
+    print(pd.DataFrame(found).to_markdown(index=False, floatfmt=".2f"))
+
+
+if __name__ == "__main__":
+    main()
