@@ -60,7 +60,7 @@ def scores_of(problem: Problem, blocks: Blocks, left: np.ndarray, fit: Refitted)
     """Return predictive scores, "before" and "after", of what was set aside; left (n,) [N]: by the fit. None of nothing."""
     if not blocks.held_out.any():
         return {}
-    whole = np.column_stack([part.columns for part in fit.parts])
+    whole = np.column_stack([*(part.columns for part in fit.parts), fit.ways])
     labels = problem.labels
     covariance, amounts = problem.covariance, np.concatenate(fit.amounts)
     errors = covariance.errors(problem.errors_of(fit.parts, amounts))
@@ -70,7 +70,7 @@ def scores_of(problem: Problem, blocks: Blocks, left: np.ndarray, fit: Refitted)
         "before": predictive_scores(
             problem.residual, covariance, blocks, labels, change=change, errors=errors
         ),
-        "after": predictive_scores(left, believed, blocks, labels, whole, fit.covariance),
+        "after": predictive_scores(left, believed, blocks, labels, whole, fit.spread),
     }
 
 

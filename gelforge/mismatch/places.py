@@ -55,6 +55,10 @@ def shares(shape: Shape, tried: Sequence[Shape]) -> dict[int, float]:
     """Return the numbers of the shapes tried between which a shape lies, and their shares (trilinear, 1 in all)."""
     if dict(shape) in tried:
         return {tried.index(dict(shape)): 1.0}
+    if "x_mm" not in shape:
+        raise ValueError(
+            f"{dict(shape)} is none of the shapes that are tried: {[dict(one) for one in tried]}"
+        )
     here, places = _point(shape), np.array([_point(place) for place in tried])
     shares = np.ones(len(places))
     for x, line in zip(here, places.T):
@@ -66,11 +70,20 @@ def shares(shape: Shape, tried: Sequence[Shape]) -> dict[int, float]:
     return {int(k): float(shares[k] / shares.sum()) for k in np.flatnonzero(shares)}
 
 
-def slopes(part: Candidate, others: Sequence[Candidate]) -> dict[str, tuple[np.ndarray, float]]:
-    """Return by axis how the columns (n, p) of a located effect change per mm of its place, and the next place's distance.
+@dataclass(frozen=True, eq=False)
+class Slope:
+    """How a located effect's columns change along an axis, and how far its place may lie from the one that was tried."""
 
-    Distances in mm; differences of the columns at the places to either side, or to one where there is but one. Without
-    the axes along which no other place was tried.
+    columns: np.ndarray  # (n, p) [N per unit and mm]
+    half: float  # mm, half-way to the next place
+    low: float  # mm, to the place before; half-way to the one after where there is none
+    high: float
+
+
+def slopes(part: Candidate, others: Sequence[Candidate]) -> dict[str, Slope]:
+    """Return the slopes by axis, but for axes along which no other place was tried.
+
+    Differences of the columns at the places to either side, or to one where there is but one.
     """
     found = {}
     for k, axis in enumerate(AXES):
@@ -83,12 +96,13 @@ def slopes(part: Candidate, others: Sequence[Candidate]) -> dict[str, tuple[np.n
         after = min((d for d in along if d > 0), default=0.0)
         if after > before:
             slope = (along[after].columns - along[before].columns) / (after - before)
-            found[axis] = slope, min(abs(d) for d in (before, after) if d)
+            half = min(abs(d) for d in (before, after) if d) / 2
+            found[axis] = Slope(slope, half, before or -half, after or half)
     return found
 
 
 def moved(part: Candidate, by: dict[str, float]) -> Candidate:
-    """Return a located effect as far [mm] from the place that was tried, axis by axis; its columns are as they were."""
+    """Return a located effect as far [mm] from the place that was tried, axis by axis; its columns stay as they are."""
     place = {axis: part.tried[axis] + float(offset) for axis, offset in by.items()}
     return replace(part, shape={**part.shape, **place}, moved_from=part.tried)
 

@@ -15,10 +15,9 @@ from gelforge.mismatch.effect import Effect
 from gelforge.mismatch.observations import Observations
 from gelforge.mismatch.screen import Candidate
 
-# A defect lies up to half a spacing from the places that are tried, and has a size and a form of its own: of its change, and
-# of the way to the next places. Where a refit has found its place the latter are smaller.
+# Of its change, and of the way to the next places: a defect lies up to half a spacing from the places that are tried.
+# Where a refit has found its place, its size and form may still be others.
 PLACE_ERROR = 0.5
-FOUND_PLACE_ERROR = 0.2
 FORM_ERROR = 0.25
 ALONG_AXES = 1.2  # of the distance to the nearest place; those across are farther
 # Of a change, linear or solved: below it a difference of two solutions says no more than the derivative.
@@ -61,7 +60,7 @@ class Problem:
 
         What is solved errs by mesh and by form, pressing and sideways forces (and each channel) on their own, as a share of
         the change: one for all depths and one that varies slowly with depth. What has a place errs more, and towards the
-        places beside it; less so where a refit has found it.
+        places beside it, until a refit has found it.
         """
         labels = self.labels.assign(pressing=self.labels["axis"] == 2)
         kind = labels.groupby([name for name in ("channel", "pressing") if name in labels]).ngroup()
@@ -76,13 +75,14 @@ class Problem:
                 errors += [
                     np.where(kind == k, change * share, 0.0) for k in kind.unique() for share in shares
                 ]
-                way = PLACE_ERROR if part.moved_from is None else FOUND_PLACE_ERROR
-                errors += [way * (other.columns - part.columns) @ own for other in self._next_to(part)]
+                errors += [
+                    PLACE_ERROR * (other.columns - part.columns) @ own for other in self._next_to(part)
+                ]
         return np.column_stack(errors)
 
     def _next_to(self, part: Candidate) -> list[Candidate]:
-        """Return the same effect's candidates at the places next to a part's; none where it has no place or is exact."""
-        if "x_mm" not in part.shape or not self.error_of(part):
+        """Return the same effect's candidates at the places next to a part's; none where it has none, is found or exact."""
+        if "x_mm" not in part.shape or part.moved_from is not None or not self.error_of(part):
             return []
         others = self.places_of(part)
         away = np.linalg.norm([places.between(part.tried, other.tried) for other in others], axis=1)
@@ -160,7 +160,7 @@ class Problem:
         """Return the problem's own candidate of a part's effect and tried shape."""
         return next(c for c in self.candidates if c.name == part.name and c.tried == part.tried)
 
-    def slopes_of(self, part: Candidate) -> dict[str, tuple[np.ndarray, float]]:
+    def slopes_of(self, part: Candidate) -> dict[str, places.Slope]:
         """Return what `places.slopes` tells of a part; nothing where it has no place or nothing is solved for it."""
         located = "x_mm" in part.shape and self.solves(part)
         return places.slopes(self.own(part), self.places_of(part)) if located else {}
@@ -172,8 +172,8 @@ class Problem:
     def columns_at(self, part: Candidate) -> np.ndarray:
         """Return the linear change (n, p) per unit by a part at its place, between places to first order."""
         own, columns = self.own(part), self.own(part).columns
-        for axis, (slope, _) in self.slopes_of(part).items():
-            columns = columns + (part.shape[axis] - own.shape[axis]) * slope
+        for axis, slope in self.slopes_of(part).items():
+            columns = columns + (part.shape[axis] - own.shape[axis]) * slope.columns
         return columns
 
     def without(self, names: Sequence[str]) -> Problem:

@@ -25,14 +25,23 @@ class Refitted:
 
     parts: tuple[Candidate, ...]  # what has a place lies where it fits best, between those that were tried
     amounts: tuple[np.ndarray, ...]  # per part
-    covariance: np.ndarray  # (p, p) of all of them
-    columns: np.ndarray  # (m, p) [N per unit], of the entries that were fitted, at these amounts
+    columns: (
+        np.ndarray
+    )  # (m, q) [N per unit, N/mm] of the entries that were fitted: of all amounts, then of places
+    spread: np.ndarray  # (q, q) covariance of the same
+    ways: np.ndarray  # (n, q - p) [N/mm] linear change of all entries along the places' ways
     log_bayes_factor: float  # Laplace, against none, on these entries; shapes and scales are paid for
     converged: bool  # the next step would be below ENOUGH
 
     @property
     def name(self) -> str:
         return " + ".join(part.name for part in self.parts)
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Return the covariance (p, p) of all amounts, whatever the places."""
+        p = sum(len(a) for a in self.amounts)
+        return self.spread[:p, :p]
 
 
 def refitted(problem: Problem, start: Screened, mask: np.ndarray) -> Refitted:
@@ -43,11 +52,16 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray) -> Refitted:
     """
     variables = variables_of(problem, start, mask)
     a, change, J, converged = _fitted(variables)
-    factor, spread = _evidence(problem.residual[mask] - change, variables, J, a)
+    left = problem.residual[mask] - change
+    factor, spread = _evidence(left, variables, J, a, variables.free)
+    parts, amounts = variables.split(a)
+    if variables.moves:
+        placed = np.arange(len(a)) < variables.amounts
+        alone, _ = _evidence(left, variables, J, a, variables.free & placed)
+        parts = variables.having_paid(parts, factor - alone)
     factor -= problem.covariance.restricted(mask).log_density(problem.residual[mask])
     factor += start.log_bayes_factor - start.best_log_bayes_factor
-    p, (parts, amounts) = variables.amounts, variables.split(a)
-    return Refitted(parts, amounts, spread[:p, :p], J[:, :p], factor, converged)
+    return Refitted(parts, amounts, J, spread, variables.ways, factor, converged)
 
 
 def _fitted(variables: Variables) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
@@ -60,7 +74,7 @@ def _fitted(variables: Variables) -> tuple[np.ndarray, np.ndarray, np.ndarray, b
     residual, widths, (low, high) = problem.residual[mask], variables.widths, variables.bounds
     J, a = variables.columns(), variables.first()
     covariance, change = variables.covariance(a), variables.change(a)
-    free, steps = ~variables.switch, 0
+    free, steps = variables.free, 0
     solved = any(problem.solves(part) for part in variables.start.parts)
     most = MOST_STEPS + STEPS_OF_PLACE * bool(variables.moves) if solved else MOST_CHEAP_STEPS
     if not free.any():
@@ -76,6 +90,8 @@ def _fitted(variables: Variables) -> tuple[np.ndarray, np.ndarray, np.ndarray, b
         converged = bool(np.all(np.abs(delta) <= enough))
         if converged or steps == most:
             return a, change, J, converged
+        # A place at rest stays, so that the next secant is that of the amounts alone.
+        delta[(np.abs(delta) <= enough) & (variables.enough[free] > 0)] = 0.0
         trial, found = a.copy(), None
         for share in (1.0, 0.5, 0.25):  # the solver may not reach the whole step
             trial[free] = a[free] + share * delta
@@ -97,7 +113,7 @@ def _fitted(variables: Variables) -> tuple[np.ndarray, np.ndarray, np.ndarray, b
         else:
             J = _columns_at(variables, trial, found)
         steps += 1
-        if not (solved and worse > 0):  # a step too far has taught the columns, and is not taken
+        if not (solved and worse > ENOUGH**2):  # a step too far has taught the columns, and is not taken
             a, change = trial, found
 
 
@@ -118,15 +134,13 @@ def _columns_at(variables: Variables, a: np.ndarray, change: np.ndarray) -> np.n
 
 
 def _evidence(
-    left: np.ndarray, variables: Variables, J: np.ndarray, a: np.ndarray
+    left: np.ndarray, variables: Variables, J: np.ndarray, a: np.ndarray, free: np.ndarray
 ) -> tuple[float, np.ndarray]:
-    """Return the log evidence of what is left (m,) by Laplace's approximation, and the covariance (q, q) of the variables.
+    """Return the log evidence of what is left (m,) by Laplace's approximation, and the covariance (q, q) of what is free.
 
     Where an amount's sign holds it at none, the posterior's slope there tells how little of it lies on the allowed side.
     """
-    covariance, free, widths, signs = (
-        variables.covariance(a), ~variables.switch, variables.widths, variables.signs
-    )  # fmt: skip
+    covariance, widths, signs = variables.covariance(a), variables.widths, variables.signs
     factor = covariance.log_density(left)
     spread = np.zeros((len(a), len(a)))
     if free.any():

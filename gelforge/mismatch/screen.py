@@ -27,6 +27,7 @@ class Candidate:
     signs: np.ndarray  # (p,) 1, -1: the only physical sign; 0: both
     switch: bool = False  # the amount is 1 or 0
     moved_from: Shape | None = None  # the shape that was tried, where a refit has moved its place
+    place_cost: float = 0.0  # log evidence that fitting its place has cost, 0 or less
 
     @property
     def tried(self) -> Shape:

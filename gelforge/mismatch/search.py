@@ -227,7 +227,7 @@ def _answer(
     tried = Alternatives({}, terms.known) if before is None else before.alternatives
     tried = tried.beside({effects: found.log_bayes_factor for effects, found in unknown.items()})
     believed = problem.believing(fit.parts, np.concatenate(fit.amounts))
-    columns = np.column_stack([part.columns for part in fit.parts])
+    columns = np.column_stack([*(part.columns for part in fit.parts), fit.ways])
     adequacy = remains(believed, left[blocks.train], blocks.train, terms.settings, terms.rng, fit.columns)
     everywhere = remains(believed, left, every, terms.settings, terms.rng, columns)
     scores = scores_of(problem, blocks, left, fit)

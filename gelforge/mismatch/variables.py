@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -25,6 +25,8 @@ class Move:
     axis: str
     slope: np.ndarray  # (n,) [N/mm] of the change by the part
     half: float  # mm, half-way to the next place
+    low: float  # mm
+    high: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +51,22 @@ class Variables:
     def switch(self) -> np.ndarray:
         """Return (q,) bool: what is on and not fitted."""
         return self._each("switch", [False for _ in self.moves]).astype(bool)
+
+    @property
+    def free(self) -> np.ndarray:
+        """Return (q,) bool: what is fitted."""
+        return ~self.switch
+
+    @property
+    def ways(self) -> np.ndarray:
+        """Return the linear change (n, q - p) [N/mm] of all entries along the moves."""
+        return np.array([move.slope for move in self.moves]).reshape(len(self.moves), len(self.mask)).T
+
+    def having_paid(self, parts: tuple[Candidate, ...], cost: float) -> tuple[Candidate, ...]:
+        """Return the parts, each of those with moves with its share of the log evidence that fitting places has cost."""
+        moves = [sum(move.part == k for move in self.moves) for k in range(len(parts))]
+        shares = [cost * count / len(self.moves) for count in moves]
+        return tuple(replace(part, place_cost=share or part.place_cost) for part, share in zip(parts, shares))
 
     @cached_property
     def widths(self) -> np.ndarray:
@@ -76,8 +94,9 @@ class Variables:
                 hi = min(hi, 0.0) if parameter.sign < 0 else hi
                 low.append(lo * (1 - INSIDE) if np.isfinite(lo) else lo)
                 high.append(hi * (1 - INSIDE) if np.isfinite(hi) else hi)
-        half = [move.half for move in self.moves]
-        return np.array([*low, *(-way for way in half)]), np.array([*high, *half])
+        low += [move.low for move in self.moves]
+        high += [move.high for move in self.moves]
+        return np.array(low), np.array(high)
 
     def first(self) -> np.ndarray:
         """Return (q,) the numbers of the screened answer, within their bounds."""
@@ -90,11 +109,12 @@ class Variables:
         return np.column_stack(every)[self.mask]
 
     def split(self, a: np.ndarray) -> tuple[tuple[Candidate, ...], tuple[np.ndarray, ...]]:
-        """Return the parts at their places, and the amounts of each."""
+        """Return the parts at their places, with their linear change there, and the amounts of each."""
         parts = list(self.start.parts)
         for k in {move.part for move in self.moves}:
             by = {move.axis: x for move, x in zip(self.moves, a[self.amounts :]) if move.part == k}
-            parts[k] = moved(parts[k], by)
+            part = moved(parts[k], by)
+            parts[k] = replace(part, columns=self.problem.columns_at(part))
         return tuple(parts), tuple(np.split(a[: self.amounts], self.ends[:-1]))
 
     def change(self, a: np.ndarray) -> np.ndarray:
@@ -114,17 +134,17 @@ class Variables:
 
 
 def variables_of(problem: Problem, start: Screened, mask: np.ndarray) -> Variables:
-    """Return what is varied in a refit of a screened answer: of places the ways that the readings see.
+    """Return what is varied in a refit of a screened answer: of places the ways that the fitted entries see.
 
     What an earlier refit has placed stays there: beside others its amount alone is fitted.
     """
-    moves, at = [], 0
+    moves, at, covariance = [], 0, problem.covariance.restricted(mask)
     for k, part in enumerate(start.parts):
         own = start.amounts[at : at + part.columns.shape[1]]
         at += len(own)
         slopes = problem.slopes_of(part) if part.moved_from is None else {}
-        for axis, (slope, spacing) in slopes.items():
-            move = Move(k, axis, slope @ own, spacing / 2)
-            if np.linalg.norm(problem.covariance.whiten(move.slope)) * move.half > SEEN_SNR:
-                moves.append(move)
+        for axis, slope in slopes.items():
+            way = slope.columns @ own
+            if np.linalg.norm(covariance.whiten(way[mask])) * slope.half > SEEN_SNR:
+                moves.append(Move(k, axis, way, slope.half, slope.low, slope.high))
     return Variables(problem, start, tuple(moves), mask)

@@ -68,7 +68,7 @@ def weighed(
 ) -> list[Screened]:
     """Return effects judged by entries (n,) bool beside those given, best first, errors of their own changes included.
 
-    paid: log evidence that those given have lost to the choice of their shapes and scales. white: as in `screened`.
+    paid: log evidence that those given have lost to the choice of their shapes, places and scales. white: as in `screened`.
     """
     residual, covariance = problem.residual[mask], problem.covariance.restricted(mask)
     tried = [candidate.restricted(mask) for candidate in candidates]
@@ -79,7 +79,8 @@ def weighed(
         if max(map(problem.error_of, judged.parts)) * judged.snr > NOTICED:
             wider = problem.believing(unmasked(problem, judged).parts, judged.amounts)
             judged = believing(judged, residual, covariance, wider.covariance.restricted(mask))
-        again.append(replace(judged, log_bayes_factor=judged.log_bayes_factor + paid))
+        cost = paid + judged.parts[-1].place_cost
+        again.append(replace(judged, log_bayes_factor=judged.log_bayes_factor + cost))
     return sorted(again, key=lambda judged: -judged.log_bayes_factor)
 
 
@@ -89,5 +90,5 @@ def unmasked(problem: Problem, judged: Screened) -> Screened:
 
 
 def whole(problem: Problem, part: Candidate) -> Candidate:
-    """Return a part of an answer with the problem's columns of all entries."""
-    return replace(part, columns=problem.own(part).columns)
+    """Return a part of an answer with the problem's columns of all entries, at the part's own place."""
+    return replace(part, columns=problem.columns_at(part))

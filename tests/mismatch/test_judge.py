@@ -267,7 +267,7 @@ def test_the_readings_set_aside_decide_between_effects_that_are_told_apart_by_li
     problem, found, _ = named()
     fit = found.answer.fit
     wedge = next(c for c in problem.candidates if c.name == "thickness_gradient")
-    none = replace(fit, parts=(wedge,), amounts=(np.zeros(2),), covariance=np.eye(2))
+    none = replace(fit, parts=(wedge,), amounts=(np.zeros(2),), spread=np.eye(2))
     near = {"own": fit, "wedge": replace(none, log_bayes_factor=fit.log_bayes_factor + 1)}
     told, forces = told_of(problem, found.blocks, near)
     assert told["own"] > told["wedge"] and set(forces) == {"own", "wedge"}

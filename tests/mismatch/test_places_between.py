@@ -9,9 +9,10 @@ from artificial_problem import problem_of
 
 from gelforge.mismatch import places
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.problem import FORM_ERROR, FOUND_PLACE_ERROR, PLACE_ERROR
+from gelforge.mismatch.problem import FORM_ERROR, PLACE_ERROR
 from gelforge.mismatch.refit import refitted
 from gelforge.mismatch.screen import screened
+from gelforge.mismatch.weighing import unmasked, weighed, whole
 
 TRIED = places.balls(artificial.study())
 
@@ -48,47 +49,97 @@ def test_slopes_are_those_of_columns_that_are_linear_in_the_place():
         found = places.slopes(ball, balls)
         assert set(found) >= {"x_mm", "y_mm"}
         for axis, slope in (("x_mm", 2), ("y_mm", -3)):
-            assert found[axis][0] == pytest.approx(slope * rows)
-            assert 2 < found[axis][1] <= places.SPACING
+            assert found[axis].columns == pytest.approx(slope * rows)
+            assert 1 < found[axis].half <= places.SPACING / 2
+            assert found[axis].low < 0 < found[axis].high
 
 
-@pytest.mark.parametrize(("along", "across"), [(0.4, 0.0), (0.3, 0.4), (-0.45, 0.2)])
-def test_a_refit_moves_to_where_the_bubble_is(along, across):
-    """Readings are made at the very place, the refit's forces are interpolated: within a fifth of the spacing."""
-    base = artificial.context(62)
+def bubble(context, place, amount=1.0):
+    """Return the change (R, 3) [N] by a bubble at any place."""
+    table = context.observations.table
+    x, y, d = (table[name].to_numpy(float) for name in ("x_mm", "y_mm", "depth_mm"))
+    return -0.2 * amount * artificial._bump(place, x, y) * d[:, None] * context.force
+
+
+def solvable(context):
+    """Return the problem of a context whose void is "solved" wherever it is."""
+    problem = replace(problem_of(context, left_out=()), change_error=1e-3)
+    linear = problem.forces_with
+
+    def forces_with(parts, amounts, rows):
+        others = [(part, a) for part, a in zip(parts, amounts) if part.name != "void"]
+        force = linear(*zip(*others), rows) if others else problem.base.copy()
+        for part, a in zip(parts, amounts):
+            if part.name == "void":
+                force = force + bubble(context, part.shape, a[0])
+        return np.where(rows[:, None], force, np.nan)
+
+    return replace(problem, forces_with=forces_with)
+
+
+def beside_the_middle(along, across):
     k = next(k for k, place in enumerate(TRIED) if place["x_mm"] > 8 and place["y_mm"] > 8)
     spacing = min(p["x_mm"] - TRIED[k]["x_mm"] for p in TRIED if p["x_mm"] > TRIED[k]["x_mm"] + 1e-9)
     there = TRIED[k] | {
         "x_mm": TRIED[k]["x_mm"] + along * spacing,
         "y_mm": TRIED[k]["y_mm"] + across * spacing,
     }
-    table = base.observations.table
-    x, y, d = (table[name].to_numpy(float) for name in ("x_mm", "y_mm", "depth_mm"))
-    softer = -0.2 * artificial._bump(there, x, y) * d[:, None] * base.force
-    context = artificial.read(base, base.force + softer, np.random.default_rng(63))
-    problem = replace(problem_of(context, left_out=()), change_error=1e-3)
+    return there, spacing
+
+
+def away(place, there):
+    return np.hypot(place["x_mm"] - there["x_mm"], place["y_mm"] - there["y_mm"])
+
+
+@pytest.mark.parametrize(("along", "across"), [(0.4, 0.0), (0.3, 0.4), (-0.45, 0.2)])
+def test_a_refit_moves_to_where_the_bubble_is(along, across):
+    """Within 0.08 of the spacing: it waits for no step below 0.05. An error of the way would hold it back by 0.1."""
+    base = artificial.context(62)
+    there, spacing = beside_the_middle(along, across)
+    context = artificial.read(base, base.force + bubble(base, there), np.random.default_rng(63))
+    problem = solvable(context)
     every = np.ones(len(problem.labels), bool)
     voids = [c for c in problem.candidates if c.name == "void"]
     (start,) = screened(problem.residual, problem.covariance, voids)
     fit = refitted(problem, start, every)
     (found,) = fit.parts
-
-    def away(place):
-        return np.hypot(place["x_mm"] - there["x_mm"], place["y_mm"] - there["y_mm"])
-
-    assert found.tried == dict(start.shape) and away(found.shape) < 0.2 * spacing < away(found.tried)
-    assert fit.amounts[0] == pytest.approx(1.0, rel=0.15)
-    assert fit.log_bayes_factor > start.log_bayes_factor
+    assert fit.converged and found.tried == dict(start.shape)
+    assert away(found.shape, there) < 0.08 * spacing < away(found.tried, there)
+    assert fit.amounts[0] == pytest.approx(1.0, rel=0.1)  # its form may be another by a quarter
+    assert fit.log_bayes_factor > start.log_bayes_factor and found.place_cost < 0
 
     solved = problem.forces_with(fit.parts, fit.amounts, np.ones(len(problem.base), bool))
     seated = problem.seated(found, fit.amounts[0], solved)
-    assert seated.own(found).shape == found.shape  # and later rounds weigh it there
+    own = seated.own(found)
+    assert own.shape == found.shape and own.place_cost == found.place_cost  # and later rounds weigh it there
     change = problem.observations.flat(solved - problem.base)
-    assert seated.own(found).columns @ fit.amounts[0] == pytest.approx(change, abs=1e-12)
+    assert whole(seated, found).columns @ fit.amounts[0] == pytest.approx(change, abs=1e-12)
+
+
+def test_beside_another_effect_the_place_is_fitted_too_and_the_screen_is_asked_there():
+    """Not seated, as it was never alone: its linear change is that of its own place, not of the one that was tried."""
+    base = artificial.context(62)
+    there, spacing = beside_the_middle(0.3, 0.3)
+    stiffer = CATALOGUE["gel_stiffness"].to_forces(base, {}, base.force, [0.1])
+    context = artificial.read(base, stiffer + bubble(base, there), np.random.default_rng(64))
+    problem = solvable(context)
+    every = np.ones(len(problem.labels), bool)
+    gel = next(c for c in problem.candidates if c.name == "gel_stiffness")
+    voids = [c for c in problem.candidates if c.name == "void"]
+    (start,) = weighed(problem, every, voids, (gel,))
+    fit = refitted(problem, unmasked(problem, start), every)
+    void = fit.parts[1]
+    assert away(void.shape, there) < 0.1 * spacing and fit.ways.shape[1] == len(fit.spread) - 2
+    change = problem.observations.flat(bubble(context, there))
+    off = [
+        np.linalg.norm(one.columns @ fit.amounts[1] - change)
+        for one in (whole(problem, void), problem.own(void))
+    ]
+    assert off[0] < 0.6 * off[1]
 
 
 def test_what_has_been_found_errs_less_than_what_was_tried():
-    """In form by a quarter of the change, and towards the next places by a fifth of the way."""
+    """In form by a quarter of the change, and no more towards the next places."""
     problem = replace(problem_of(artificial.context(65, per_side=3), left_out=()), change_error=0.1)
     part = next(c for c in problem.candidates if c.name == "void" and c.tried == TRIED[12])
     there = places.moved(part, {"x_mm": 1.0})
@@ -97,8 +148,7 @@ def test_what_has_been_found_errs_less_than_what_was_tried():
     tried, found = (problem.errors_of([one], np.ones(1)) for one in (part, there))
     next_to = slice(6, None)  # before: three shares of pressing and of sideways forces
     assert found[:, :6] == pytest.approx(tried[:, :6] * FORM_ERROR / PLACE_ERROR)
-    assert tried[:, next_to].any()
-    assert found[:, next_to] == pytest.approx(tried[:, next_to] * FOUND_PLACE_ERROR / PLACE_ERROR)
+    assert tried[:, next_to].any() and not found[:, next_to].any()
 
 
 def test_a_step_too_far_is_not_taken():
