@@ -22,7 +22,7 @@ FAMILIES = (
     "analyst",
     "simplification",
 )
-Shape = Mapping[str, float | str]  # what is scanned and not fitted: a place, a time constant
+Shape = Mapping[str, float | str]  # what is scanned: a place (refits move it between those), a time constant
 
 
 @dataclass(frozen=True)
