@@ -29,6 +29,7 @@ from gelforge.mismatch.scan import global_test
 from gelforge.mismatch.screen import Candidate
 from gelforge.mismatch.solutions import Solver
 from gelforge.mismatch.solver import Base
+from gelforge.mismatch.weighing import whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,7 +266,7 @@ def flow_section(joint: Problem, judgement: Judgement) -> form.Flow | None:
     mask = np.arange(len(joint.labels)) >= joint.flow.entries
     before, after, answer = joint.residual[mask], None, judgement.answer
     if answer is not None:
-        parts = [replace(p, columns=joint.own(p).columns) for p in answer.fit.parts]
+        parts = [whole(joint, part) for part in answer.fit.parts]
         with_it = joint.forces_with(parts, answer.fit.amounts, np.ones(len(joint.base), bool))
         after = joint.observations.flat(joint.observations.force - with_it)[mask]
     return form.Flow(

@@ -39,14 +39,14 @@ class Refits:
         self.fits: dict[str, Refitted] = {}
         self.tried: set[frozenset[str]] = set()  # what failed too
 
-    def cost(self, answer: Screened | Refitted) -> bool:
+    def costs(self, answer: Screened | Refitted) -> bool:
         """Return whether a refit of an answer needs the solver."""
         return any(self.problem.solves(part) for part in answer.parts)
 
     @property
     def solved(self) -> int:
         """Return how many needed the solver."""
-        return sum(self.cost(fit) for fit in self.fits.values())
+        return sum(self.costs(fit) for fit in self.fits.values())
 
     @property
     def best(self) -> float:

@@ -147,7 +147,7 @@ def _round(
         if leader.log_bayes_factor <= ranked[0].log_bayes_factor - RIVAL:
             break
         enough = refits.solved > rivals and (before is not None or refits.best >= leader.log_bayes_factor)
-        if not (enough and refits.cost(leader)):
+        if not (enough and refits.costs(leader)):
             refits.add(leader)
     promising: list[str] = []  # to all readings
     while (told := refits.told(promising)) is not None:

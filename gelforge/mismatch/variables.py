@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from gelforge.mismatch.covariance import Covariance
-from gelforge.mismatch.places import moved
+from gelforge.mismatch.places import displaced
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.screen import Candidate, Screened
 
@@ -113,7 +113,7 @@ class Variables:
         parts = list(self.start.parts)
         for k in {move.part for move in self.moves}:
             by = {move.axis: x for move, x in zip(self.moves, a[self.amounts :]) if move.part == k}
-            part = moved(parts[k], by)
+            part = displaced(parts[k], by)
             parts[k] = replace(part, columns=self.problem.columns_at(part))
         return tuple(parts), tuple(np.split(a[: self.amounts], self.ends[:-1]))
 

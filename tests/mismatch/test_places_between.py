@@ -142,7 +142,7 @@ def test_what_has_been_found_errs_less_than_what_was_tried():
     """In form by a quarter of the change, and no more towards the next places."""
     problem = replace(problem_of(artificial.context(65, per_side=3), left_out=()), change_error=0.1)
     part = next(c for c in problem.candidates if c.name == "void" and c.tried == TRIED[12])
-    there = places.moved(part, {"x_mm": 1.0})
+    there = places.displaced(part, {"x_mm": 1.0})
     assert there.shape["x_mm"] == TRIED[12]["x_mm"] + 1.0 and there.tried == TRIED[12]
     assert (problem.error_of(part), problem.error_of(there)) == (PLACE_ERROR, FORM_ERROR)
     tried, found = (problem.errors_of([one], np.ones(1)) for one in (part, there))
