@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import sys
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -20,30 +21,29 @@ import pandas as pd
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from benchmarks.concealed import sealing
-from benchmarks.concealed.sets import CONFIG
-from gelforge.cli.mismatch import solver_of
-from gelforge.config import load_study
+from benchmarks.development_cases import SETS, Known, known_singles
 from gelforge.mismatch.confirmation import forces_of
 from gelforge.mismatch.holdout import split
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.refit import Refitted, refitted
-from gelforge.mismatch.sessions import session_folders
-from gelforge.mismatch.stage import observations_of, problem_of
 from gelforge.mismatch.weighing import unmasked, weighed
 
-SETS = Path("results/concealed/sets")
 
-
-def row(name: str, hidden: dict, problem: Problem, seed: int) -> dict:
+def row(known: Known) -> dict:
     """Return what refits of a hidden effect at its best tried place and between places leave of the readings."""
-    train = split(problem.labels, seed).train
+    problem, hidden = known.problem, known.hidden
+    train = split(problem.labels, known.seed).train
     candidates = [c for c in problem.candidates if c.name == hidden["name"]]
     (best,) = weighed(problem, train, candidates)
     start = unmasked(problem, best)
     alone = replace(problem, candidates=start.parts)  # no place is next to it: it stays
     fixed, free = refitted(alone, start, train), refitted(problem, start, train)
-    told = {"case": name, "hidden": hidden["name"], "SNR": hidden["snr"], "before": _left(problem, None)}
+    told = {
+        "case": known.name,
+        "hidden": hidden["name"],
+        "SNR": hidden["snr"],
+        "before": _left(problem, None),
+    }
     for words, fit in (("tried", fixed), ("fitted", free)):
         place = fit.parts[0].shape
         away = np.hypot(place["x_mm"] - hidden["where"]["x_mm"], place["y_mm"] - hidden["where"]["y_mm"])
@@ -66,16 +66,8 @@ def main() -> None:
     parser.add_argument("--limit", type=int)
     asked = parser.parse_args()
     found = []
-    for path in sorted((SETS / asked.set / "truth").glob("*.json")):
-        truth = sealing.read(path)["truth"]
-        hidden = truth["effects"][0] if truth["content"] == "single" else {}
-        if truth["base"] != "concealed" or "where" not in hidden or len(found) == asked.limit:
-            continue
-        study = load_study(CONFIG / f"{truth['base']}.yaml")
-        folders = session_folders(SETS / asked.set / "cases" / path.stem)
-        solver = solver_of(study, asked.kept, [], asked.kept, 1, folders)
-        problem, _ = problem_of(solver, observations_of(folders, study)[0])
-        found.append(row(path.stem, hidden, problem, study.seed))
+    for known in islice(known_singles(SETS / asked.set, asked.kept, located=True), asked.limit):
+        found.append(row(known))
         print(found[-1], file=sys.stderr, flush=True)
     print(pd.DataFrame(found).to_markdown(index=False, floatfmt=".2f"))
 

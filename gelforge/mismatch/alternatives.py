@@ -57,6 +57,12 @@ class Alternatives:
             if len(e) == count or (UNKNOWN in e and len(e) < count)
         )
 
+    def without_more_than(self, effects: Collection[str]) -> Alternatives:
+        """Return these but for answers that hold all of some effects and another known one."""
+        own = frozenset(effects)
+        kept = {e: value for e, value in self.evidence.items() if not own < e - {UNKNOWN}}
+        return Alternatives(kept, self.known)
+
     def joined(self, answers: Iterable[Screened]) -> Alternatives:
         """Return these and other answers, in place of the same ones."""
         return self.beside({effects_of(a): a.log_bayes_factor for a in answers})

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import norm
 
 from gelforge.mismatch import verdict as form
-from gelforge.mismatch.alternatives import NOTHING, UNKNOWN
+from gelforge.mismatch.alternatives import NOTHING, UNKNOWN, effects_of
 from gelforge.mismatch.effect import Parameter
 from gelforge.mismatch.identifiability import profile
 from gelforge.mismatch.judge import Judgement
@@ -58,10 +58,15 @@ def unknown_told(judgement: Judgement) -> form.Unknown | None:
 
 
 def effects_told(problem: Problem, judgement: Judgement) -> list[form.NamedEffect]:
-    """Return every effect that was tried: those of the answer first, then the most probable."""
+    """Return every effect that was tried: those of the answer first, then the most probable.
+
+    How probable others are is told without what adds them to the answer: that was within the reach of what the answer's own
+    error may leave, and is not claimed.
+    """
     answer = judgement.answer
     found: dict[str, form.NamedEffect] = {}
     if answer is not None:
+        claimed = answer.alternatives.without_more_than(effects_of(answer.winner))
         for part, amounts, group, spread in zip(
             answer.fit.parts, answer.fit.amounts, answer.groups, _blocks(answer)
         ):
@@ -76,12 +81,12 @@ def effects_told(problem: Problem, judgement: Judgement) -> list[form.NamedEffec
         names = [fit.parts[-1].name for fit in answer.refits]
         if len(answer.fit.parts) == 1:
             for judged in answer.ranked[1:]:
-                chance = answer.alternatives.holding([judged.name])
+                chance = claimed.holding([judged.name])
                 found[judged.name] = _screened(problem, judged, chance, judged.name in names)
     for judged in judgement.singles:
         if judged.name not in found:
             known = judgement.probability.get(judged.name, 0.0)
-            chance = known if answer is None else answer.alternatives.holding([judged.name])
+            chance = known if answer is None else claimed.holding([judged.name])
             found[judged.name] = _screened(problem, judged, chance, False)
     rank = {name: k for k, name in enumerate(found)}
     first = {part.name for part in answer.fit.parts} if answer is not None else set()

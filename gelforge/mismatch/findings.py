@@ -133,9 +133,12 @@ def law_of(problem: Problem, judgement: Judgement, study: Study) -> form.Law | N
 def body_map(problem: Problem, covariance: Covariance) -> pd.DataFrame | None:
     """Return the rows of body_map.csv: relative changes of the modulus of balls in the body that fit the residual best.
 
-    Every ball has the prior N(0, BODY_WIDTH^2), by the linear changes of `inclusion`; None where they are not known.
+    Every ball of the largest size has the prior N(0, BODY_WIDTH^2), by the linear changes of `inclusion`; None where they
+    are not known.
     """
     balls = [candidate for candidate in problem.candidates if candidate.name == "inclusion"]
+    largest = max((ball.shape["radius_mm"] for ball in balls), default=0.0)
+    balls = [ball for ball in balls if ball.shape["radius_mm"] == largest]
     if not balls:
         return None
     r = covariance.whiten(problem.residual)

@@ -1,4 +1,4 @@
-"""Where a located effect may sit: places spread over the soft layers are scanned, and refits move between them."""
+"""Where a located effect may sit, and how large it is: places spread over the soft layers are tried, refits move between."""
 
 from __future__ import annotations
 
@@ -14,8 +14,13 @@ from gelforge.mismatch.context import Context
 from gelforge.mismatch.effect import Shape
 from gelforge.mismatch.screen import Candidate
 
-AXES = ("x_mm", "y_mm", "z_mm")
+RADIUS = "radius_mm"
+AXES = ("x_mm", "y_mm", "z_mm", RADIUS)  # of a place: its size is one
 SPACING = 4.2  # mm, at most; half the diagonal is 2.97: every point of a plane lies within 3 mm of a place
+SIZES = (
+    1.0,
+    0.6,
+)  # of balls, as shares of the largest, which fills the layers: refits find sizes between, and some smaller
 
 
 def balls(study: Study) -> list[Shape]:
@@ -24,7 +29,12 @@ def balls(study: Study) -> list[Shape]:
     height = sum(layer.thickness_mm for layer in sensor.layers if layer.name in gel_layers(study))
     levels = _evenly(-sensor.height_mm, height - sensor.height_mm, max(1, round(height / SPACING)))
     radius = min(SPACING / 2, 0.45 * height)
-    return [place | {"z_mm": z, "radius_mm": radius} for z in levels for place in _plane(study, z)]
+    return [
+        place | {"z_mm": z, "radius_mm": size * radius}
+        for size in SIZES
+        for z in levels
+        for place in _plane(study, z)
+    ]
 
 
 def patches(study: Study) -> list[Shape]:
@@ -52,7 +62,7 @@ class FirstOrderAt:
 
 
 def shares(shape: Shape, tried: Sequence[Shape]) -> dict[int, float]:
-    """Return the numbers of the shapes tried between which a shape lies, and their shares (trilinear, 1 in all)."""
+    """Return the numbers of the shapes tried between which a shape lies, and their shares (linear by axis, 1 in all)."""
     if dict(shape) in tried:
         return {tried.index(dict(shape)): 1.0}
     if "x_mm" not in shape:
@@ -77,7 +87,7 @@ class Slope:
     columns: np.ndarray  # (n, p) [N per unit and mm]
     half: float  # mm, half-way to the next place
     low: float  # mm, to the place before; half-way to the one after where there is none
-    high: float
+    high: float  # the same to the other side; a radius grows no further than what was tried
 
 
 def slopes(part: Candidate, others: Sequence[Candidate]) -> dict[str, Slope]:
@@ -85,19 +95,16 @@ def slopes(part: Candidate, others: Sequence[Candidate]) -> dict[str, Slope]:
 
     Differences of the columns at the places to either side, or to one where there is but one.
     """
-    found = {}
+    found, near = {}, [(other, between(part.tried, other.tried)) for other in next_to(part, others)]
     for k, axis in enumerate(AXES):
-        along = {0.0: part}
-        for other in others:
-            away = between(part.tried, other.tried)
-            if away[k] and not np.delete(away, k).any():
-                along[float(away[k])] = other
+        along = {0.0: part} | {float(way[k]): other for other, way in near if way[k]}
         before = max((d for d in along if d < 0), default=0.0)
         after = min((d for d in along if d > 0), default=0.0)
         if after > before:
             slope = (along[after].columns - along[before].columns) / (after - before)
             half = min(abs(d) for d in (before, after) if d) / 2
-            found[axis] = Slope(slope, half, before or -half, after or half)
+            beyond = 0.0 if axis == RADIUS else half
+            found[axis] = Slope(slope, half, before or -half, after or beyond)
     return found
 
 
@@ -107,8 +114,20 @@ def displaced(part: Candidate, by: dict[str, float]) -> Candidate:
     return replace(part, shape={**part.shape, **place}, moved_from=part.tried)
 
 
+def next_to(part: Candidate, others: Sequence[Candidate]) -> list[Candidate]:
+    """Return those of other places that lie nearest to a part's to either side along one axis."""
+    ways = np.array([between(part.tried, other.tried) for other in others]).reshape(-1, len(AXES))
+    found = []
+    for k in range(len(AXES)):
+        for side in (-1, 1):
+            along = (side * ways[:, k] > 0) & ~np.delete(ways, k, axis=1).any(axis=1)
+            if along.any():
+                found.append(others[int(np.argmin(np.where(along, np.abs(ways[:, k]), np.inf)))])
+    return found
+
+
 def between(one: Shape, other: Shape) -> np.ndarray:
-    """Return the way (3,) [mm] from one place to another."""
+    """Return the way (4,) [mm] from one place to another, the growth of its radius last."""
     return _point(other) - _point(one)
 
 

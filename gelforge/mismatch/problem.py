@@ -19,7 +19,6 @@ from gelforge.mismatch.screen import Candidate
 # Where a refit has found its place, its size and form may still be others.
 PLACE_ERROR = 0.5
 FORM_ERROR = 0.25
-ALONG_AXES = 1.2  # of the distance to the nearest place; those across are farther
 # Of a change, linear or solved: below it a difference of two solutions says no more than the derivative.
 SEATED_SNR = 1.0
 # Forces (R, 3) [N] at readings (R,) bool with effects at amounts, nan elsewhere; raises NotConverged.
@@ -84,10 +83,7 @@ class Problem:
         """Return the same effect's candidates at the places next to a part's; none where it has none, is found or exact."""
         if "x_mm" not in part.shape or part.moved_from is not None or not self.error_of(part):
             return []
-        others = self.places_of(part)
-        away = np.linalg.norm([places.between(part.tried, other.tried) for other in others], axis=1)
-        nearest = min(away[away > 0], default=0.0)
-        return [c for c, d in zip(others, away) if 0 < d <= ALONG_AXES * nearest]
+        return places.next_to(part, self.places_of(part))
 
     def readings_of(self, mask: np.ndarray) -> np.ndarray:
         """Return (R,) bool: the readings of which some entry (n,) bool is chosen."""

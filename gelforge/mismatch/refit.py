@@ -9,13 +9,14 @@ from scipy.special import log_ndtr
 
 from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mismatch.covariance import Covariance
-from gelforge.mismatch.problem import Problem
+from gelforge.mismatch.problem import SEATED_SNR, Problem
 from gelforge.mismatch.screen import Candidate, Screened
 from gelforge.mismatch.variables import Variables, variables_of
 
 MOST_STEPS, MOST_CHEAP_STEPS = 4, 12  # where something is solved, and where nothing is
-STEPS_OF_PLACE = 4  # more, where a place is fitted too
+STEPS_OF_PLACE = 8  # more, where a place is fitted too
 DIFFERENCE = 1e-3  # of a plausible amount: for columns taken anew where nothing is solved
+PART_OF_A_WAY = 0.25  # half-way to the next place: across it the columns of ways are differences
 ENOUGH = 0.15  # of a posterior standard deviation: a step that no interval would show
 
 
@@ -47,7 +48,7 @@ class Refitted:
 def refitted(problem: Problem, start: Screened, mask: np.ndarray) -> Refitted:
     """Return the effects of a screened answer fitted to the entries (n,) bool. Raises NotConverged at the first solution.
 
-    The place of what has one is fitted too, as far as half-way to the next that was tried, along axes along which the
+    The place of what has one is fitted too, as far as the next that was tried, and a ball's size, along axes along which the
     readings see it.
     """
     variables = variables_of(problem, start, mask)
@@ -74,8 +75,10 @@ def _fitted(variables: Variables) -> tuple[np.ndarray, np.ndarray, np.ndarray, b
     residual, widths, (low, high) = problem.residual[mask], variables.widths, variables.bounds
     J, a = variables.columns(), variables.first()
     covariance, change = variables.covariance(a), variables.change(a)
-    free, steps = variables.free, 0
+    free, steps, reach = variables.free, 0, 1.0
     solved = any(problem.solves(part) for part in variables.start.parts)
+    if solved:
+        J = _along_ways(_through(change, J, a, variables, covariance), change, a, variables)
     most = MOST_STEPS + STEPS_OF_PLACE * bool(variables.moves) if solved else MOST_CHEAP_STEPS
     if not free.any():
         return a, change, J, True
@@ -84,17 +87,18 @@ def _fitted(variables: Variables) -> tuple[np.ndarray, np.ndarray, np.ndarray, b
         Jw = covariance.whiten(J[:, free])
         H = Jw.T @ Jw + np.diag(1 / widths[free] ** 2)
         gradient = Jw.T @ covariance.whiten(residual - change) - a[free] / widths[free] ** 2
-        to = np.clip(a[free] + np.linalg.solve(H, gradient), low[free], high[free])
-        delta = to - a[free]
         enough = np.maximum(ENOUGH * np.sqrt(np.diag(np.linalg.inv(H))), variables.enough[free])
+        delta = _step(H, gradient, a[free], low[free], high[free], np.ones(len(gradient), bool))
+        # A place at rest stays, and the amounts are those that fit best there.
+        at_rest = (np.abs(delta) <= enough) & (variables.enough[free] > 0)
+        delta = _step(H, gradient, a[free], low[free], high[free], ~at_rest)
         converged = bool(np.all(np.abs(delta) <= enough))
+        delta /= max(1.0, np.max(np.abs(delta) / variables.farthest[free]))
         if converged or steps == most:
             return a, change, J, converged
-        # A place at rest stays, so that the next secant is that of the amounts alone.
-        delta[(np.abs(delta) <= enough) & (variables.enough[free] > 0)] = 0.0
         trial, found = a.copy(), None
         for share in (1.0, 0.5, 0.25):  # the solver may not reach the whole step
-            trial[free] = a[free] + share * delta
+            trial[free] = a[free] + share * reach * delta
             try:
                 found = variables.change(trial)
                 break
@@ -113,8 +117,45 @@ def _fitted(variables: Variables) -> tuple[np.ndarray, np.ndarray, np.ndarray, b
         else:
             J = _columns_at(variables, trial, found)
         steps += 1
-        if not (solved and worse > ENOUGH**2):  # a step too far has taught the columns, and is not taken
-            a, change = trial, found
+        if solved and worse > ENOUGH**2:
+            reach /= 2  # a step too far has taught the columns, and is not taken; the next is shorter
+        else:
+            a, change, reach = trial, found, min(2 * reach, 1.0)
+
+
+def _through(
+    change: np.ndarray, J: np.ndarray, a: np.ndarray, variables: Variables, covariance: Covariance
+) -> np.ndarray:
+    """Return columns (m, q) through none at 0 and the first change (m,) solved at a (q,); ways grow as the change does."""
+    linear = J @ a
+    white = covariance.whiten(np.column_stack([linear, change]))
+    if np.linalg.norm(white, axis=0).min() < SEATED_SNR:
+        return J
+    J, share = J.copy(), a / variables.widths**2
+    J[:, variables.amounts :] *= float(white[:, 0] @ white[:, 1] / (white[:, 0] @ white[:, 0]))
+    return J + np.outer(change - linear, share / (a @ share))
+
+
+def _along_ways(J: np.ndarray, change: np.ndarray, a: np.ndarray, variables: Variables) -> np.ndarray:
+    """Return columns (m, q) of which those of the ways are solved differences about a (q,), where that converges."""
+    J = J.copy()
+    for k, move in enumerate(variables.moves, start=variables.amounts):
+        beside = a.copy()
+        beside[k] += PART_OF_A_WAY * (move.half if move.high > 0 else -move.half)
+        try:
+            J[:, k] = (variables.change(beside) - change) / (beside[k] - a[k])
+        except NotConverged:
+            continue
+    return J
+
+
+def _step(
+    H: np.ndarray, gradient: np.ndarray, a: np.ndarray, low: np.ndarray, high: np.ndarray, moving: np.ndarray
+) -> np.ndarray:
+    """Return Newton's step (q,) of those that move (q,) bool, the others held, within bounds."""
+    step = np.zeros(len(a))
+    step[moving] = np.linalg.solve(H[np.ix_(moving, moving)], gradient[moving])
+    return np.clip(a + step, low, high) - a
 
 
 def _cost(left: np.ndarray, a: np.ndarray, covariance: Covariance, widths: np.ndarray) -> float:

@@ -14,6 +14,7 @@ from gelforge.mismatch.screen import Candidate, Screened
 
 SEEN_SNR = 1.0  # of a way half to the next place: what the readings see less of is not fitted
 ENOUGH_OF_A_WAY = 0.1  # half-way to the next place: smaller steps of a place, some 0.2 mm, are not waited for
+FARTHEST = 0.6  # half-way to the next place: a longer step is shortened, with all that goes along with it
 INSIDE = 1e-3  # of a bound's distance from zero that amounts keep from it
 
 
@@ -82,6 +83,11 @@ class Variables:
     def enough(self) -> np.ndarray:
         """Return the steps (q,) below which there is nothing to wait for, whatever the readings could tell."""
         return np.array([0.0] * self.amounts + [ENOUGH_OF_A_WAY * move.half for move in self.moves])
+
+    @cached_property
+    def farthest(self) -> np.ndarray:
+        """Return the longest steps (q,): of amounts any."""
+        return np.array([np.inf] * self.amounts + [FARTHEST * move.half for move in self.moves])
 
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 import specimens
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from gelforge.characterisation.characterise import given_law
@@ -11,7 +13,7 @@ from gelforge.config import ConfigError, study_from
 from gelforge.config.materials import Material
 from gelforge.config.variants import merged
 from gelforge.indentation.effects.catalogue import CATALOGUE, Place, with_keys
-from gelforge.indentation.effects.fields import element_stiffness, eshelby_factor
+from gelforge.indentation.effects.fields import element_stiffness, eshelby_factor, mixed_factor
 from gelforge.indentation.effects.geometry import moved_mesh
 from gelforge.indentation.effects.kinematics import plane_touch, real_place, yielding
 from gelforge.indentation.effects.material import check_laws, region_bulk, region_laws
@@ -167,12 +169,29 @@ def test_a_toe_is_in_series_with_the_rest_of_its_element():
     assert (shear[~top] == 1).all()
 
 
-def test_a_ball_weakens_its_own_volume():
-    ball = {"centre_mm": [8.0, 8.0, -2.4], "radius_mm": 1.2, "factor": 0.25}
+def far_field(factor):
+    """Return what a ball of a stiffness does to all around it, per volume (Eshelby 1957, an incompressible matrix)."""
+    return (factor - 1) / (1 + 0.4 * (factor - 1))
+
+
+@pytest.mark.parametrize("factor", [0.001, 0.25, 4.0, 100.0])
+def test_elements_in_part_in_a_ball_act_as_the_ball_by_its_own_volume(factor):
+    ball = {"centre_mm": [8.0, 8.0, -2.4], "radius_mm": 1.2, "factor": factor}
     mesh, shear, bulk = factors(geometry={"inclusions": [ball]})
-    lost = ((1 - shear) / 0.75 * volumes(mesh)).sum()
-    assert lost == pytest.approx(4 / 3 * np.pi * 1.2**3, rel=0.02)  # samples 0.17 mm apart
-    assert bulk is shear and (shear > 0.249).all()
+    there = (far_field(shear) / far_field(factor) * volumes(mesh)).sum()
+    assert there == pytest.approx(4 / 3 * np.pi * 1.2**3, rel=0.02)  # samples 0.17 mm apart
+    softer = ((1 / bulk - 1) / (1 / factor - 1) * volumes(mesh)).sum()  # compliances to a pressure add
+    assert softer == pytest.approx(4 / 3 * np.pi * 1.2**3, rel=0.02)
+    assert ((shear - 1) * (factor - 1) >= 0).all()
+    assert (np.abs(np.log(shear)) <= np.abs(np.log(factor)) * (1 + 1e-12)).all()
+
+
+@given(share=st.floats(0, 1), factor=st.floats(1e-3, 1e4))
+def test_a_mixed_element_is_between_stiffnesses_in_a_row_and_side_by_side(share, factor):
+    """Reuss and Voigt bound it, and a weak ball is the mean of both."""
+    row, side_by_side = 1 / (1 + share * (1 / factor - 1)), 1 + share * (factor - 1)
+    assert row * (1 - 1e-9) <= mixed_factor(factor, share) <= side_by_side * (1 + 1e-9)
+    assert mixed_factor(1 + 1e-6, share) - 1 == pytest.approx(share * 1e-6, rel=1e-3, abs=1e-15)
 
 
 def test_a_wall_gap_weakens_a_strip_of_the_gel_along_the_wall():
@@ -377,8 +396,12 @@ def test_the_catalogue_says_what_a_reader_needs():
 
 
 def test_an_effect_is_added_to_what_the_study_has():
-    both = CATALOGUE["void"](CATALOGUE["inclusion"](study(), 5.0), 0.5, Place(5.0, 5.0, -2.0, 0.8))
-    assert [i.factor for i in both.mechanics.effects.geometry.inclusions] == [6.0, pytest.approx(0.5005)]
+    both = CATALOGUE["void"](CATALOGUE["inclusion"](study(), 0.6), 0.5, Place(5.0, 5.0, -2.0, 0.8))
+    found = [i.factor for i in both.mechanics.effects.geometry.inclusions]
+    assert found == [
+        pytest.approx(4.75),
+        pytest.approx(0.375),
+    ]  # of 2.5 for a rigid ball, of -5/3 for an empty one
     twice = CATALOGUE["gel_stiffness"](CATALOGUE["gel_stiffness"](study(), 0.1), 0.1)
     assert twice.mechanics.effects.material.stiffness_factor == {"gel": pytest.approx(1.21)}
 

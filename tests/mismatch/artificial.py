@@ -53,7 +53,8 @@ def _along(x, y, depth, dx=0.0, dy=0.0, step=1e-4):
 
 def _bump(place, x, y):
     away = (x - place["x_mm"]) ** 2 + (y - place["y_mm"]) ** 2
-    return np.exp(-away / (2 * 3.0**2))[..., None]
+    radius = place["radius_mm"]
+    return (radius / 2) ** 3 * np.exp(-away / (2 * (1.6 + 0.7 * radius) ** 2))[..., None]
 
 
 def derivatives(x, y, d):

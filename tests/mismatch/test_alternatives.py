@@ -51,3 +51,11 @@ def test_something_unknown_that_is_likelier_alone_asks_for_one_effect_more():
     weight = found.weight(one, 50.0)
     assert found.likelier_of(2, weight + 9) and not found.likelier_of(2, weight + 11)
     assert not Alternatives({one: 50.0, frozenset(["yaw"]): 60.0}, 40).likelier_of(2, weight)
+
+
+def test_what_adds_to_an_answer_is_left_out_and_what_stands_in_its_place_is_not():
+    tilt, pair, more = frozenset(["tilt"]), frozenset(["yaw", "void"]), frozenset(["tilt", "yaw"])
+    strange = frozenset(["tilt", UNKNOWN])
+    found = Alternatives({tilt: 50.0, pair: 53.0, more: 60.0, strange: 51.0}, 40).without_more_than(tilt)
+    assert set(found.evidence) == {tilt, pair, strange}
+    assert found.holding(["yaw"]) == found.probability[pair]

@@ -61,7 +61,8 @@ def base(mu):
 
 def shape_of(name):
     """Return number and place of a located effect that is nearest to the press; nothing of others."""
-    if not isinstance(CATALOGUE[name].to_forces, FirstOrderAt):
+    made_of = [CATALOGUE[own].to_forces for own in (name, *CATALOGUE[name].takes)]
+    if not any(isinstance(to_forces, FirstOrderAt) for to_forces in made_of):
         return None, {}
     shapes = CATALOGUE[name].shapes(Context(base(STICKS), None, None, None, {}))
     away = [np.hypot(shape["x_mm"] - PLACE[0], shape["y_mm"] - PLACE[1]) for shape in shapes]

@@ -237,12 +237,16 @@ def test_a_defect_errs_by_its_place_too():
     """Towards each place next to its own, by half of the way; none of them lies across."""
     problem = replace(problem_of(artificial.context(19, per_side=3), left_out=set()), change_error=0.1)
     voids = [c for c in problem.candidates if c.name == "void"]
-    at = lambda c: np.array([c.shape[k] for k in ("x_mm", "y_mm", "z_mm")])  # noqa: E731
-    part = voids[len(voids) // 2]
-    steps = [at(c) - at(part) for c in voids if c is not part]
-    spacing = min(np.linalg.norm(step) for step in steps)
-    beside = [c for c in voids if c is not part and np.linalg.norm(at(c) - at(part)) < 1.2 * spacing]
-    assert 2 <= len(beside) <= 6 and all(np.count_nonzero(at(c) - at(part)) == 1 for c in beside)
+    axes = ("x_mm", "y_mm", "z_mm", "radius_mm")
+    part = voids[len(voids) // 4]  # of the middle, of the larger size
+    beside = []
+    for axis in axes:
+        along = [c for c in voids if all(c.shape[k] == part.shape[k] for k in axes if k != axis)]
+        for side in (-1, 1):
+            away = [(side * (c.shape[axis] - part.shape[axis]), k) for k, c in enumerate(along)]
+            nearest = min(((d, k) for d, k in away if d > 0), default=None)
+            beside += [along[nearest[1]]] if nearest else []
+    assert len(beside) == 5  # four in the plane, and the smaller size
     own = PLACE_ERROR * np.column_stack([part.columns, *(c.columns - part.columns for c in beside)])
     assert_allclose(added(problem, part, np.ones(1)), (own**2).sum(axis=1), rtol=1e-9, atol=1e-15)
 

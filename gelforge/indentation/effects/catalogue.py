@@ -10,8 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from gelforge.config import Study, study_from
 from gelforge.config.variants import merged
+from gelforge.indentation.effects.fields import LOST, RIGID, factor_of, far_field
 
 
 @dataclass(frozen=True)
@@ -105,11 +108,14 @@ def _rate(key):
     return apply
 
 
-def _ball(study, place, factor):
+EMPTY, HARD = 1e-3, 50.0  # least and largest stiffness of a ball over that around it
+
+
+def _ball(study, place, field):
     here = {
         "centre_mm": [place.x_mm, place.y_mm, place.z_mm],
         "radius_mm": place.radius_mm,
-        "factor": factor,
+        "factor": float(factor_of(np.clip(field, far_field(EMPTY), far_field(HARD)))),
     }
     others = [i.model_dump() for i in study.mechanics.effects.geometry.inclusions]
     return with_keys(study, geometry={"inclusions": [*others, here]})
@@ -143,8 +149,6 @@ def _one(family: str, key: str, pair: bool = False, of: Callable[[float], float]
 
     return apply
 
-
-VOID = 1e-3  # a void's share of the stiffness
 
 CATALOGUE: dict[str, Effect] = {
     effect.name: effect
@@ -245,12 +249,12 @@ CATALOGUE: dict[str, Effect] = {
             "geometry.delaminations", _delamination, located=True,
         ),
         Effect(
-            "void", "geometry", "lost share of the stiffness of a ball", "1", 1.0, "geometry.inclusions",
-            lambda study, amount, place: _ball(study, place, 1 - (1 - VOID) * amount), located=True,
+            "void", "geometry", "share of what an empty ball does to all around it", "1", 1.0, "geometry.inclusions",
+            lambda study, amount, place: _ball(study, place, amount * LOST), located=True,
         ),
         Effect(
-            "inclusion", "geometry", "growth of the stiffness of a ball", "1", 10.0, "geometry.inclusions",
-            lambda study, amount, place: _ball(study, place, 1 + amount), located=True,
+            "inclusion", "geometry", "share of what a rigid ball does to all around it", "1", 1.0, "geometry.inclusions",
+            lambda study, amount, place: _ball(study, place, amount * RIGID), located=True,
         ),
         Effect(
             "prestretch", "geometry", "residual stretch of the skin along x and y, less 1", "1", 0.05,

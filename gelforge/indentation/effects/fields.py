@@ -15,6 +15,8 @@ from gelforge.mechanics.elements import ELEMENTS
 from gelforge.mechanics.meshes import Mesh
 
 LEAST = 1e-3  # share of its stiffness that what is wholly lost keeps, so that every node is held
+CONSTRAINT = 0.4  # Eshelby's 6 (K + 2 G) / (5 (3 K + 4 G)) of a ball, K >> G
+RIGID, LOST = 1 / CONSTRAINT, -1 / (1 - CONSTRAINT)
 PARTS = 6  # sample points along an element's side: a share of volume to about 1e-2
 
 
@@ -35,14 +37,18 @@ def element_stiffness(
         factor *= 1 / (1 + _overlap(mesh, 2, -geometry.toe.thickness_mm, 0.0) * (1 / geometry.toe.factor - 1))
     if geometry.wall_gap.loss:
         factor *= 1 - geometry.wall_gap.loss * (1 - LEAST) * _wall_strip(mesh, sensor, effects)
+    shear, bulk = factor, factor
     for inclusion in geometry.inclusions:
-        factor *= 1 + (inclusion.factor - 1) * _ball_share(mesh, inclusion)
-    shear = factor
+        share = _ball_share(mesh, inclusion)
+        shear = shear * mixed_factor(inclusion.factor, share)
+        bulk = bulk / (
+            1 + share * (1 / inclusion.factor - 1)
+        )  # one pressure in all parts: their compliances add
     for patch in geometry.delaminations:
         shear = shear * (1 - patch.loss * (1 - LEAST) * _film_share(mesh, sensor, patch))
-    if shear is factor and (factor == 1).all():
+    if (shear == 1).all() and (bulk == 1).all():
         return None, None
-    return shear, factor
+    return shear, bulk
 
 
 def eshelby_factor(phi):
@@ -52,6 +58,29 @@ def eshelby_factor(phi):
     its compliance; to first order Smallwood's 1 + 5/2 phi (1944, doi 10.1063/1.1707385).
     """
     return 1 / (1 - 2.5 * phi)
+
+
+def far_field(factor):
+    """Return what a ball `factor` times as stiff as an incompressible matrix does to all around it, per volume.
+
+    Its growth of stiffness over the growth of its strain's constraint (Eshelby 1957): LOST for an empty ball, RIGID for a
+    rigid one, and no more however stiff.
+    """
+    return (factor - 1) / (1 + CONSTRAINT * (factor - 1))
+
+
+def factor_of(field):
+    """Return the factor of which `far_field` is the given one."""
+    return 1 + field / (1 - CONSTRAINT * field)
+
+
+def mixed_factor(factor, share):
+    """Return the shear stiffness over that of the matrix of an element of which a share is `factor` times as stiff.
+
+    A part does to all around what it would do as a ball (Mori & Tanaka 1973, doi 10.1016/0001-6160(73)90064-3). The mean of
+    the moduli, which parts reach only where all strain alike, makes what is hard several times too strong.
+    """
+    return factor_of(share * far_field(factor))
 
 
 def circumstance_factors(c: Circumstances) -> dict[str, float]:

@@ -9,8 +9,9 @@ EFFECT = Effect(
     family="geometry",
     parameters=(
         amount(
-            "void", "lost_share", (0.0, 1.5),
-            "width and bounds: none to all of the stiffness of a ball of 2 mm; an amount above 1 is all of it", sign=1,
+            "void", "emptiness", (0.0, 1.02),
+            "width and bounds: none to all of what an empty ball does to all around it; an amount above 1 is all of it",
+            sign=1,
         ),
     ),
     signature="softer over a few millimetres, more at depth",
