@@ -4,8 +4,8 @@ usage: python benchmarks/defect_places.py SET [--kept results/concealed/sets/kep
 
 Of a development set (`python -m benchmarks.concealed generate SET --seed 7`), as its truths are read: the single effects
 that have a place, on the plain base. The effect is given and its place is not: what is asked is where, not what. Prints for
-each the distance from the hidden place [mm], and what is left in standard deviations of the readings' errors (1: only
-noise), root mean square.
+each the distance from the hidden place and the radii [mm], and what is left in standard deviations of the readings'
+errors (1: only noise), root mean square.
 """
 
 from __future__ import annotations
@@ -48,7 +48,8 @@ def row(known: Known) -> dict:
         place = fit.parts[0].shape
         away = np.hypot(place["x_mm"] - hidden["where"]["x_mm"], place["y_mm"] - hidden["where"]["y_mm"])
         told |= {f"{words}: away [mm]": away, f"{words}: left": _left(problem, fit)}
-    return told | {"at rest": free.converged}
+    sizes = {"hidden radius [mm]": hidden["where"]["radius_mm"], "fitted": free.parts[0].shape["radius_mm"]}
+    return told | sizes | {"at rest": free.converged}
 
 
 def _left(problem: Problem, fit: Refitted | None) -> float:

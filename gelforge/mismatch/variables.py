@@ -12,7 +12,7 @@ from gelforge.mismatch.places import displaced
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.screen import Candidate, Screened
 
-SEEN_SNR = 1.0  # of a way half to the next place: what the readings see less of is not fitted
+SEEN_SNR = 0.5  # of a way half to the next place: what the readings see less of is not fitted
 ENOUGH_OF_A_WAY = 0.1  # half-way to the next place: smaller steps of a place, some 0.2 mm, are not waited for
 FARTHEST = 0.6  # half-way to the next place: a longer step is shortened, with all that goes along with it
 INSIDE = 1e-3  # of a bound's distance from zero that amounts keep from it
