@@ -10,7 +10,8 @@ import numpy as np
 
 from benchmarks.concealed import sealing
 from benchmarks.concealed.draw import DEVELOPMENT, Case, cases
-from benchmarks.concealed.library import load_library
+from benchmarks.concealed.library import Library, load_library
+from benchmarks.concealed.score import session_names
 from benchmarks.concealed.sets import CONFIG
 from benchmarks.concealed.world import World, zeroed
 from gelforge.cli.mismatch import solver_of
@@ -49,7 +50,8 @@ def known_singles(
     published = sealing.read(folder / "sealed.json")
     if published["seed"] >= DEVELOPMENT:
         raise ValueError(f"{folder} is a reporting set; its truths are opened by `score` alone")
-    for case in cases(load_library(), published["seed"], **published["numbers"]):
+    library = load_library()
+    for case in cases(library, published["seed"], **published["numbers"]):
         hidden = case.truth["effects"][0] if case.content == "single" else {"snr": -1.0}
         if case.base != "concealed" or hidden["snr"] < weakest or (located and "where" not in hidden):
             continue
@@ -59,15 +61,14 @@ def known_singles(
         folders = session_folders(folder / "cases" / case.name)
         solver = solver_of(study, kept, [], kept, workers, folders)
         problem, _ = problem_of(solver, observations_of(folders, study)[0])
-        yield Known(case.name, hidden, _change(case, problem), problem, study.seed)
+        yield Known(case.name, hidden, _change(library, case, problem), problem, study.seed)
 
 
-def _change(case: Case, problem: Problem) -> np.ndarray:
+def _change(library: Library, case: Case, problem: Problem) -> np.ndarray:
     """Return what is hidden changes of the entries (n,) [N], no noise or touchdown error in either."""
     rows, labels = case.rows, problem.labels
-    plain = World(load_library()).forces(rows)
+    plain = World(library).forces(rows)
     by = np.array(case.truth["readings"]["force_N"]) - zeroed(rows, plain, case.instrument.tared)
-    sessions = [f"{case.name}_{chr(ord('a') + int(s))}" for s in rows["session"]]
-    of_reading = dict(zip(zip(sessions, rows["time_s"].round(3)), by))
+    of_reading = dict(zip(zip(session_names(case.truth), rows["time_s"].round(3)), by))
     entries = zip(labels["session"], labels["time_s"].round(3), labels["axis"])
     return np.array([of_reading[session, time][axis] for session, time, axis in entries])

@@ -108,7 +108,7 @@ def held_out_gain(truth: dict, readings: pd.DataFrame) -> tuple[float, float, fl
     The oracle is the truth itself, without touchdown and noise: a stricter one than the tool's own model refitted.
     """
     said = truth["readings"]
-    names = [(s, round(t, 3)) for s, t in zip(_session_names(truth), said["time_s"])]
+    names = [(s, round(t, 3)) for s, t in zip(session_names(truth), said["time_s"])]
     oracle = dict(zip(names, said["force_N"]))
     rows = readings[readings["held_out"].astype(str) != "no"]
     if rows.empty:
@@ -132,7 +132,8 @@ def share_of_gain(before: float, after: float, oracle: float) -> float:
     return (before - after) / (before - oracle) if before - oracle > 0.05 * oracle else float("nan")
 
 
-def _session_names(truth: dict) -> list[str]:
+def session_names(truth: dict) -> list[str]:
+    """Return the session's name of each reading (R,) of a truth."""
     return [f"{truth['case']}_{chr(ord('a') + int(s))}" for s in truth["readings"]["session"]]
 
 

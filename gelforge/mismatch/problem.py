@@ -106,8 +106,7 @@ class Problem:
     def seated(self, part: Candidate, amounts: np.ndarray, forces: np.ndarray) -> Problem:
         """Return the problem with an effect's columns through the forces (R, 3) [N] solved at amounts (p,).
 
-        Of all such columns those nearest to its derivatives, in plausible amounts (Broyden 1965,
-        doi:10.1090/S0025-5718-1965-0198670-6): the linear change is then right where the effect is. What has a place
+        The linear change is then right where the effect is (`secant`). What has a place
         stays where the part was moved to, and changes by the same factor, least squares, at all others.
         """
         own = self.own(part)
@@ -116,8 +115,8 @@ class Problem:
         white = self.covariance.whiten(np.column_stack([linear, solved]))
         if np.linalg.norm(white, axis=0).min() < SEATED_SNR:
             return self
-        share = amounts / np.broadcast_to(own.widths, len(amounts)) ** 2
-        seated = replace(there, columns=there.columns + np.outer(solved - linear, share / (amounts @ share)))
+        widths = np.broadcast_to(own.widths, len(amounts))
+        seated = replace(there, columns=secant(there.columns, solved - linear, amounts, widths))
         factor = float(white[:, 0] @ white[:, 1] / (white[:, 0] @ white[:, 0]))
 
         def with_it(other: Candidate) -> Candidate:
@@ -175,3 +174,13 @@ class Problem:
     def without(self, names: Sequence[str]) -> Problem:
         """Return the problem without some effects."""
         return replace(self, candidates=[c for c in self.candidates if c.name not in names])
+
+
+def secant(columns: np.ndarray, missing: np.ndarray, step: np.ndarray, widths: np.ndarray) -> np.ndarray:
+    """Return columns (n, p) that along a step (p,) change by as much more as was missing (n,).
+
+    Of all such columns those nearest to the given ones, in plausible amounts (Broyden 1965,
+    doi:10.1090/S0025-5718-1965-0198670-6).
+    """
+    share = step / widths**2
+    return columns + np.outer(missing, share / (step @ share))

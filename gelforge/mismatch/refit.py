@@ -9,7 +9,7 @@ from scipy.special import log_ndtr
 
 from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mismatch.covariance import Covariance
-from gelforge.mismatch.problem import SEATED_SNR, Problem
+from gelforge.mismatch.problem import SEATED_SNR, Problem, secant
 from gelforge.mismatch.screen import Candidate, Screened
 from gelforge.mismatch.variables import Variables, variables_of
 
@@ -68,7 +68,7 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray) -> Refitted:
 def _fitted(variables: Variables) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
     """Return the variables (q,) that fit best, the change (m,) [N] there, its columns (m, q), and whether they are at rest.
 
-    After the first step the columns follow the model's own change (Broyden 1965, doi:10.1090/S0025-5718-1965-0198670-6);
+    After the first step the columns follow the model's own change (`secant`);
     where nothing is solved they are taken anew.
     """
     problem, mask = variables.problem, variables.mask
@@ -110,10 +110,8 @@ def _fitted(variables: Variables) -> tuple[np.ndarray, np.ndarray, np.ndarray, b
         if not solved and worse > -ENOUGH:
             return a, change, J, True  # what is computed from images has a grain: nothing better can be seen
         if solved:
-            d = (trial - a)[free] / widths[free]
-            J[:, free] += (
-                np.outer(found - change - J[:, free] @ (trial - a)[free], d / (d @ d)) / widths[free]
-            )
+            step = (trial - a)[free]
+            J[:, free] = secant(J[:, free], found - change - J[:, free] @ step, step, widths[free])
         else:
             J = _columns_at(variables, trial, found)
         steps += 1
@@ -131,9 +129,9 @@ def _through(
     white = covariance.whiten(np.column_stack([linear, change]))
     if np.linalg.norm(white, axis=0).min() < SEATED_SNR:
         return J
-    J, share = J.copy(), a / variables.widths**2
+    J = J.copy()
     J[:, variables.amounts :] *= float(white[:, 0] @ white[:, 1] / (white[:, 0] @ white[:, 0]))
-    return J + np.outer(change - linear, share / (a @ share))
+    return secant(J, change - linear, a, variables.widths)
 
 
 def _along_ways(J: np.ndarray, change: np.ndarray, a: np.ndarray, variables: Variables) -> np.ndarray:

@@ -77,6 +77,14 @@ def solvable(context):
     return replace(problem, forces_with=forces_with)
 
 
+def fitted_alone(context):
+    """Return the problem of a context, its void as screened and as refitted to all readings."""
+    problem = solvable(context)
+    voids = [c for c in problem.candidates if c.name == "void"]
+    (start,) = screened(problem.residual, problem.covariance, voids)
+    return problem, start, refitted(problem, start, np.ones(len(problem.labels), bool))
+
+
 def beside_the_middle(along, across):
     k = next(k for k, place in enumerate(TRIED) if place["x_mm"] > 8 and place["y_mm"] > 8)
     spacing = min(p["x_mm"] - TRIED[k]["x_mm"] for p in TRIED if p["x_mm"] > TRIED[k]["x_mm"] + 1e-9)
@@ -97,11 +105,7 @@ def test_a_refit_moves_to_where_the_bubble_is(along, across):
     base = artificial.context(62)
     there, spacing = beside_the_middle(along, across)
     context = artificial.read(base, base.force + bubble(base, there), np.random.default_rng(63))
-    problem = solvable(context)
-    every = np.ones(len(problem.labels), bool)
-    voids = [c for c in problem.candidates if c.name == "void"]
-    (start,) = screened(problem.residual, problem.covariance, voids)
-    fit = refitted(problem, start, every)
+    problem, start, fit = fitted_alone(context)
     (found,) = fit.parts
     assert fit.converged and found.tried == dict(start.shape)
     assert away(found.shape, there) < 0.09 * spacing < away(found.tried, there)
@@ -127,11 +131,7 @@ def test_a_refit_finds_how_large_the_bubble_is(share):
     sizes = sorted({place["radius_mm"] for place in TRIED})
     there["radius_mm"] = sizes[0] + share * (sizes[1] - sizes[0])
     context = artificial.read(base, base.force + bubble(base, there), np.random.default_rng(69))
-    problem = solvable(context)
-    every = np.ones(len(problem.labels), bool)
-    voids = [c for c in problem.candidates if c.name == "void"]
-    (start,) = screened(problem.residual, problem.covariance, voids)
-    fit = refitted(problem, start, every)
+    *_, fit = fitted_alone(context)
     (found,) = fit.parts
     off = abs(found.shape["radius_mm"] - there["radius_mm"])
     assert off < 0.1 < abs(found.tried["radius_mm"] - there["radius_mm"])
