@@ -96,7 +96,9 @@ def load_library(solutions: Solutions | None = None) -> Library:
             changes[name] = _change(name, solutions)
     for name in solves.DEFECTS:
         pairs = {
-            place: [[solves.defect_setup(n, place, x, y) for n in (name, "")] for x, y in touched]
+            place: [
+                [solves.defect_setup(name, place, x, y, there) for there in (True, False)] for x, y in touched
+            ]
             for place, (_, touched) in solves.DEFECT_PLACES.items()
         }
         setups = [setup for own in pairs.values() for pair in own for setup in pair]

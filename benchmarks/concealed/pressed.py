@@ -18,6 +18,11 @@ GEL = ((7.9652e-3, 0.3093e-3), (1.2769, 3.5676))  # MPa; Sferrazza et al. 2019, 
 SKIN = ((85.1168e-3, -0.0020e-3), (2.8991, -8.2915))
 BULK_TO_SHEAR = 1000.0
 PENALTY = 200.0  # N/mm^3; the ball sinks in by pressure / penalty, about 2e-4 mm
+FILM = 0.3  # thickness of a film that has come off [mm]
+CUBE = (np.pi / 6) ** (
+    1 / 3
+)  # half of the side of the cube that is as large as a ball, over the ball's radius
+ROUNDED = 1.5  # no node moves from this distance on, over the radius: less than the way to the skin
 UNDER = 2.4  # half of the even part of the mesh under the ball [mm]; contact reaches 2.9 mm from its middle
 SHALLOW_STEP, DEEP_STEP = (
     0.4,
@@ -28,12 +33,25 @@ ITERATIONS, TOLERANCE = 12, 1e-7
 
 @dataclass(frozen=True)
 class Ball:
-    """A region of other stiffness: a ball, or (flat) a disc of the film under the skin that keeps its bulk modulus."""
+    """A region of other stiffness: a ball, or (film) a disc of the film under the skin that keeps its bulk modulus.
+
+    A ball is a cube of elements as large as it to which the mesh is bent: one that cuts elements is far too strong where it
+    is hard.
+    """
 
     centre_mm: tuple[float, float, float]  # from the sensor's middle, z from the top, down is negative
     radius_mm: float
     factor: float
+    bulk: float | None = None  # the bulk modulus's own factor
     film: bool = False
+    near_mm: float = 0.5  # largest element in it
+
+    @property
+    def half_mm(self) -> tuple[float, float, float]:
+        """Return half of its extent along x, y, z before the mesh is bent."""
+        if self.film:
+            return self.radius_mm, self.radius_mm, FILM / 2
+        return (CUBE * self.radius_mm,) * 3
 
 
 @dataclass(frozen=True)
@@ -147,6 +165,8 @@ class _Model:
         self.setup = setup
         lines = _lines(setup)
         points, cells, middles = _grid(lines)
+        if setup.defect is not None and not setup.defect.film:
+            points = _rounded(points, cells[_in_cube(setup.defect, middles)], setup.defect)
         centre = [setup.x_mm, setup.y_mm, setup.radius_mm]
         self.mesh = fem.Mesh(np.vstack([points, centre]), cells, "hexahedron")
         region = fem.RegionHexahedron(self.mesh)
@@ -245,20 +265,64 @@ def _lines(setup: Setup) -> list[np.ndarray]:
     """Return the mesh lines along x, y, z [mm]: fine under the ball, growing away."""
     h, half, inner = setup.sizes, WIDTH / 2, WIDTH / 2 - WALL
     sides = []
-    for at, halved in zip((setup.x_mm, setup.y_mm), setup.halves):
+    for axis, (at, halved) in enumerate(zip((setup.x_mm, setup.y_mm), setup.halves)):
         breaks = [0.0, inner, half] if halved else [-half, -inner, inner, half]
+        breaks = sorted([*breaks, *_edges(setup.defect, axis)])
         least = [h.through_wall if b - a <= WALL else 1 for a, b in zip(breaks, breaks[1:])]
 
-        def size(x, at=at):
-            return np.minimum(h.near + h.growth * np.maximum(np.abs(x - at) - UNDER, 0), h.largest)
+        def size(x, at=at, axis=axis):
+            under = h.near + h.growth * np.maximum(np.abs(x - at) - UNDER, 0)
+            return np.minimum(np.minimum(under, h.largest), _size_at_defect(setup, axis, x))
 
         sides.append(_divided(breaks, size, least))
     total = setup.gel_mm + setup.skin_mm
-    z = _divided([-total, -setup.skin_mm, 0.0], lambda z: h.top + h.downward * np.abs(z), least=[4, 2])
+    breaks = sorted([-total, *_edges(setup.defect, 2), -setup.skin_mm, 0.0])
+    z = _divided(
+        breaks,
+        lambda z: np.minimum(h.top + h.downward * np.abs(z), _size_at_defect(setup, 2, z)),
+        least=[1] * (len(breaks) - 2) + [2],
+    )
     if setup.slab_MPa is not None:
         below = -total - 17.0 * np.array([1.0, 0.62, 0.34, 0.15, 0.05])
         z = np.concatenate([below, z])
     return [*sides, z]
+
+
+def _edges(defect: Ball | None, axis: int) -> list[float]:
+    """Return where the mesh needs lines along an axis: at both ends of a ball's cube, below a film."""
+    if defect is None or (defect.film and axis < 2):
+        return []
+    ends = (-1,) if defect.film else (-1, 1)
+    return [defect.centre_mm[axis] + end * defect.half_mm[axis] for end in ends]
+
+
+def _in_cube(ball: Ball, middles) -> np.ndarray:
+    """Return which elements (E,) a ball is made of."""
+    return np.abs(middles - np.array(ball.centre_mm)).max(axis=1) < ball.half_mm[0]
+
+
+def _rounded(points, cells, ball: Ball) -> np.ndarray:
+    """Return nodes (N, 3) [mm] moved so that a cube of elements, `cells`, is a ball as large; farther away none moves."""
+    away = points - np.array(ball.centre_mm)
+    reach, half = np.abs(away).max(axis=1), ball.half_mm[0]
+    far = ROUNDED * ball.radius_mm
+    share = np.where(reach <= half, reach / half, np.clip((far - reach) / (far - half), 0, 1))
+    length = np.maximum(np.linalg.norm(away, axis=1), 1e-12)
+
+    def with_nodes_on(radius):
+        on_ball = radius * reach / (half * length)  # times away: what lies on a cube lies on a ball
+        return points + away * (share * (on_ball - 1))[:, None]
+
+    inscribed = fem.RegionHexahedron(fem.Mesh(with_nodes_on(ball.radius_mm), cells, "hexahedron")).dV.sum()
+    return with_nodes_on(ball.radius_mm * (4 / 3 * np.pi * ball.radius_mm**3 / inscribed) ** (1 / 3))
+
+
+def _size_at_defect(setup: Setup, axis: int, x) -> np.ndarray:
+    """Return the element size (n,) [mm] that a defect asks for at x (n,) along an axis; infinite without one."""
+    if setup.defect is None:
+        return np.full(np.shape(x), np.inf)
+    beyond = np.abs(x - setup.defect.centre_mm[axis]) - setup.defect.half_mm[axis]
+    return setup.defect.near_mm + setup.sizes.growth * np.maximum(beyond, 0)
 
 
 def _divided(breaks, size, least) -> np.ndarray:
@@ -325,23 +389,20 @@ def _body(setup: Setup, mesh, cells, middles, name: str):
         factor[strip] *= setup.gap
         bulk *= np.where(strip, setup.gap, 1.0).mean(axis=0)
     if setup.defect is not None and name != "slab":
-        within = _within(setup.defect, X, setup.skin_mm)
-        factor[within] *= setup.defect.factor
-        if (
-            not setup.defect.film
-        ):  # a pressure of its own per element: volume's resistance is averaged over it
-            bulk *= np.where(within, setup.defect.factor, 1.0).mean(axis=0)
+        if setup.defect.film:
+            factor[_in_film(setup.defect, X, setup.skin_mm)] *= setup.defect.factor
+        else:
+            within = _in_cube(setup.defect, middles[mine])
+            factor[:, within] *= setup.defect.factor
+            bulk[within] *= setup.defect.factor if setup.defect.bulk is None else setup.defect.bulk
     law = Ogden(mu, alpha, factor, setup.stiffening * shear * whole)
     return fem.SolidBodyNearlyIncompressible(law, field, bulk=bulk)
 
 
-def _within(defect: Ball, X, skin_mm: float) -> np.ndarray:
-    """Return whether points (q, E, 3) lie in a defect."""
-    away = X - np.array(defect.centre_mm)
-    if defect.film:
-        below = -X[..., 2] - skin_mm
-        return (np.hypot(away[..., 0], away[..., 1]) < defect.radius_mm) & (below > 0) & (below < 0.3)
-    return np.linalg.norm(away, axis=-1) < defect.radius_mm
+def _in_film(defect: Ball, X, skin_mm: float) -> np.ndarray:
+    """Return whether points (q, E, 3) lie in a disc of the film under the skin."""
+    away, below = X - np.array(defect.centre_mm), -X[..., 2] - skin_mm
+    return (np.hypot(away[..., 0], away[..., 1]) < defect.radius_mm) & (below > 0) & (below < FILM)
 
 
 def moved(setup: Setup, x_mm: float, y_mm: float, **changes) -> Setup:

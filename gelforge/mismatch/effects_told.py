@@ -128,11 +128,13 @@ def _screened(problem: Problem, judged: Screened, chance: float, refitted: bool)
 
 
 def _interval(parameter: Parameter, a: float, sd: float) -> tuple[float, float]:
-    """Return the 90 % interval of an amount, on its physical side."""
-    low, high = a - NINETY * sd, a + NINETY * sd
-    if not parameter.sign:
-        return low, high
-    return (max(low, 0.0), max(high, 0.0)) if parameter.sign > 0 else (min(low, 0.0), min(high, 0.0))
+    """Return the 90 % interval of an amount, within its physical range."""
+    low, high = parameter.bounds
+    low, high = (
+        (max(low, 0.0) if parameter.sign > 0 else low),
+        (min(high, 0.0) if parameter.sign < 0 else high),
+    )
+    return tuple(np.clip([a - NINETY * sd, a + NINETY * sd], low, high).tolist())
 
 
 def _effect(

@@ -30,7 +30,9 @@ def library():
     sizes = {"gel softer": -0.15, "gel stiffer": 0.15, "thicker": -0.06, "thinner": 0.07}
     changes = {name: change(sizes.get(name, 0.05)) for name in solves.EFFECTS}
     defects = {
-        (name, place): LocalChange(np.array(touched), np.full((3, 3), -0.03), np.full((3, 3, 2), 1e-3))
+        (name, place): LocalChange(
+            np.array(touched), np.full((len(touched), 3), -0.03), np.full((len(touched), 3, 2), 1e-3)
+        )
         for name in solves.DEFECTS
         for place, (_, touched) in solves.DEFECT_PLACES.items()
     }

@@ -1,5 +1,7 @@
 """The solutions that are kept beside the generator: all of them, and what is written is read again."""
 
+from concurrent.futures import Future
+
 import numpy as np
 import pytest
 
@@ -31,14 +33,11 @@ def test_a_curve_is_read_as_it_was_written(tmp_path):
         found[solves.effect_setup("friction", 6.0, 6.0)]
 
 
-def test_solving_goes_on_where_it_was_left(tmp_path, monkeypatch):
-    """One press is left out of the file; it alone is solved and added, by a press that is cut short here."""
+def solved_again(tmp_path, monkeypatch, done):
+    """Return the file, the setups asked for and what was said when all but one press is known, and that one is `done`."""
     path = tmp_path / "solutions.jsonl"
     lines = solves.SOLUTIONS.read_text(encoding="utf-8").splitlines()
     path.write_text("\n".join(lines[1:]) + "\n", encoding="utf-8")
-    left_out = solves.base_setup(0.0, 0.0)
-    assert left_out not in solves.read_solutions(path)
-    curve = solves.read_solutions()[left_out]
     asked, said = [], []
 
     class AtOnce:
@@ -49,14 +48,27 @@ def test_solving_goes_on_where_it_was_left(tmp_path, monkeypatch):
         def __exit__(self, *_): ...
         def submit(self, _, setup):
             asked.append(setup)
-            return Done()
-
-    class Done:
-        def result(self):
-            return curve
+            return done
 
     monkeypatch.setattr(solves, "ProcessPoolExecutor", AtOnce)
     monkeypatch.setattr(solves, "as_completed", list)
     solves.solve_all(path, say=said.append)
+    return path, asked, said
+
+
+def test_solving_goes_on_where_it_was_left(tmp_path, monkeypatch):
+    """One press is left out of the file; it alone is solved and added, by a press that is cut short here."""
+    left_out = solves.base_setup(0.0, 0.0)
+    done = Future()
+    done.set_result(solves.read_solutions()[left_out])
+    path, asked, said = solved_again(tmp_path, monkeypatch, done)
     assert asked == [left_out] and len(said) == 1
-    assert np.array_equal(solves.read_solutions(path)[left_out].force_N, curve.force_N)
+    assert np.array_equal(solves.read_solutions(path)[left_out].force_N, done.result().force_N)
+
+
+def test_a_press_that_cannot_be_solved_is_told_and_not_kept(tmp_path, monkeypatch):
+    failed = Future()
+    failed.set_exception(ValueError("no equilibrium at 1.85 mm"))
+    path, asked, said = solved_again(tmp_path, monkeypatch, failed)
+    assert asked[0] not in solves.read_solutions(path)
+    assert said == ["base (0, 0): not solved: no equilibrium at 1.85 mm"]

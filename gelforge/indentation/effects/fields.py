@@ -1,7 +1,7 @@
 """Stiffness of every element: factors of layers, particles, age, temperature, and what is soft or hard in places.
 
-Places are those of the sensor as drawn. An element that an edge cuts takes part by its share of volume, so that nothing
-jumps as an edge moves.
+Places are those of the sensor as drawn. An element that an edge cuts takes part by what its share of volume does to all
+around it, in series or beside the rest, so that nothing jumps as an edge moves.
 """
 
 from __future__ import annotations
