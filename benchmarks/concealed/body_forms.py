@@ -9,6 +9,8 @@ import numpy as np
 from .presses import commanded_depth
 from .world import World
 
+TEMPERATURE_POWER, ROOM_K = 1.5, 296.15
+
 # --- the body: ratios of forces that FElupe found -----------------------------------------------------------------------
 
 
@@ -145,17 +147,23 @@ def ageing(world, size, drawn):
 
 
 def temperature(world, size, drawn):
-    """The gel's modulus follows the absolute temperature to a power."""
-    _circumstance(
-        world,
-        lambda rows: drawn["sign"] * 6.0 * size * np.log((rows["temperature"] + 273.15) / (23.0 + 273.15)),
-    )
+    """The gel's modulus follows the absolute temperature to a power; rubber's to the first."""
+    power = drawn["sign"] * TEMPERATURE_POWER * size
+    _circumstance(world, lambda rows: power * np.log((rows["temperature"] + 273.15) / ROOM_K))
 
 
 def _circumstance(world, log_growth):
+    """Put a gel into a world whose moduli grow from session to session by the exponential of `log_growth`."""
+
     def remember(world, rows, xy, depth, force):
-        share = _gel_share(world, xy, np.maximum(depth, 0.05))
-        return force * np.exp(share * log_growth(rows).to_numpy())[:, None]
+        growth, force = log_growth(rows).to_numpy(), force.copy()
+        for g in np.unique(growth):
+            at = (growth == g) & (force[:, 2] != 0)
+            ratio, flat = gel_change(world, np.exp(g))(xy[at], np.maximum(depth[at], 0.05))
+            z = force[at, 2]
+            force[at, 2] = z * np.exp(ratio)
+            force[at, :2] = (force[at, :2] / z[:, None] + flat) * force[at, 2:]
+        return force
 
     world.history.append(remember)
 

@@ -95,6 +95,12 @@ class Inclusion(Section):
     factor: float = Field(
         1e-3, ge=1e-4, le=1e4, description="its stiffness over that of what it displaces [-]"
     )
+    bulk_factor: float | None = Field(
+        None,
+        ge=1e-4,
+        le=1e4,
+        description="its bulk modulus over that of what it displaces, where it is not the same [-]",
+    )
 
 
 class Toe(Section):

@@ -23,8 +23,6 @@ from gelforge.mechanics.equilibrium import NotConverged, Press
 from gelforge.mechanics.laws import PrincipalLaw
 from gelforge.mechanics.sensitivity import DIFFERENCE_TOLERANCE, Neighbour, follow_beside
 
-AMOUNT = 1e-2  # of an effect's plausible width
-
 
 @dataclass(frozen=True)
 class Variation:
@@ -74,7 +72,7 @@ def variations_of(study: Study, laws: dict[str, PrincipalLaw], names: Sequence[s
     study, variations = unmirrored(study), {}
     for name in names:
         effect = CATALOGUE[name]
-        amount = AMOUNT * effect.width
+        amount = effect.step * effect.width
         alone = effect.history or effect.mesh_changes
         try:
             without = effect(study, 0.0) if alone else None

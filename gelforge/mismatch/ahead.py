@@ -195,7 +195,7 @@ def _still(study: Study, observations: Observations, force: np.ndarray) -> Conte
 def _survivor(effect: NamedEffect) -> Screened:
     """Return what a verdict says of an effect as a judged effect; its amounts are taken as independent."""
     amounts = np.array([amount.value for amount in effect.amounts])
-    # the longer side: the other one may be cut at none
+    # the longer side: the other one may be cut at the end of the physical range
     sides = [max(a.interval_90[1] - a.value, a.value - a.interval_90[0]) for a in effect.amounts]
     sd = 2 * np.array(sides) / NINETY_TO_SIGMA
     none = np.zeros((0, len(amounts)))

@@ -88,7 +88,11 @@ class Effect:
     switch: bool = False  # amounts are 0 and 1 only
     history: bool = False  # every press is a path of its own, in time
     in_order: bool = False  # a press leaves something to those after it: all are solved, one after the other
+    form_error: float = (
+        0.0  # of its change: by which other models of the same physics differ, a standard deviation
+    )
     mesh_changes: bool = False  # its derivative is a difference of two solutions on its own mesh
+    step: float = 1e-2  # of a plausible amount, at which its derivative is taken
     across: float = 0.0  # of a plausible amount, to either side, across which its derivative is a difference; 0: at the base
     unloading: bool = False  # seen on the way up only
 

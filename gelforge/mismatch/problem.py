@@ -95,9 +95,10 @@ class Problem:
         """Return by which share the change by an effect errs: not at all where nothing is solved, or errors are none."""
         if not (self.change_error and self.solves(part)):
             return 0.0
+        least = max(self.change_error, self.effects[part.name].form_error)
         if "x_mm" not in part.shape:
-            return self.change_error
-        return max(self.change_error, PLACE_ERROR if part.moved_from is None else FORM_ERROR)
+            return least
+        return max(least, PLACE_ERROR if part.moved_from is None else FORM_ERROR)
 
     def solves(self, part: Candidate) -> bool:
         """Return whether an effect is solved by the finite elements."""

@@ -17,7 +17,7 @@ from gelforge.config import ConfigError, Study
 from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.indentation.error_bars import COARSER, PART_TOTALS, mesh_totals
 from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.sensitivities import AMOUNT, Variation, unmirrored
+from gelforge.indentation.sensitivities import Variation, unmirrored
 from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mismatch.context import Context, Curves
 from gelforge.mismatch.effect import Effect, Shape
@@ -36,7 +36,7 @@ from gelforge.mismatch.solver_effects import FirstOrder
 
 MOST_MESH_ERROR = 1.5  # factor; beyond it (the way up's last touch) the ratio says nothing
 REACH_MM = (
-    6.0  # a defect farther than this outside its own radius is not felt: it changes less than 0.5 % there
+    6.0  # a defect farther than this outside its own radius is not felt: a ball changes Fz by 0.6 % and less
 )
 Amounts = tuple[Effect, Shape, np.ndarray]
 
@@ -360,7 +360,7 @@ def _variation(solver: Solver, coarse: Study, laws, effect: Effect, shape: Shape
         amount = effect.across * parameter.width
         there, back = (solver.seen(effect.to_study(coarse, shape, sign * amount * one)) for sign in (1, -1))
         return Variation(there, laws, 2 * amount, alone=True, without=back)
-    amount = 1.0 if effect.switch else AMOUNT * parameter.width * (parameter.sign or 1)
+    amount = 1.0 if effect.switch else effect.step * parameter.width * (parameter.sign or 1)
     varied = solver.seen(effect.to_study(coarse, shape, amount * one))
     still = effect.to_study(coarse, shape, 0 * one) if effect.mesh_changes else None
     alone = effect.mesh_changes or effect.switch or effect.history or effect.unloading

@@ -52,6 +52,7 @@ def solver(
         "history": known.history,
         "mesh_changes": known.mesh_changes,
         "unloading": known.unloading,
+        "step": known.step,
     }
 
 

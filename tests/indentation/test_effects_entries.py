@@ -194,6 +194,31 @@ def test_a_mixed_element_is_between_stiffnesses_in_a_row_and_side_by_side(share,
     assert mixed_factor(1 + 1e-6, share) - 1 == pytest.approx(share * 1e-6, rel=1e-3, abs=1e-15)
 
 
+def test_a_bubble_does_a_share_of_what_an_empty_one_does_to_shear_and_to_pressure():
+    """Eshelby: its strain per far shear grows as far_field, its change of volume per far pressure as 1 / (K + 4/3 G)."""
+    ratio = study().mechanics.bulk_to_shear
+
+    def answers(amount):
+        (ball,) = CATALOGUE["void"](study(), amount).mechanics.effects.geometry.inclusions
+        volume = 1 / (ratio * ball.bulk_factor + 4 / 3) - 1 / (ratio + 4 / 3)
+        return far_field(ball.factor), volume
+
+    whole = answers(1.0)
+    assert (
+        whole[0] == pytest.approx(-1 / 0.6, rel=2e-3) and whole[1] > 0.4
+    )  # 3/4 were its own resistance none
+    for amount in (1e-3, 0.3, 0.8):
+        assert answers(amount) == pytest.approx([amount * a for a in whole], rel=3e-3)
+
+
+def test_a_ball_may_give_way_to_pressure_by_a_factor_of_its_own():
+    ball = {"centre_mm": [8.0, 8.0, -2.4], "radius_mm": 1.2, "factor": 0.5}
+    _, shear, bulk = factors(geometry={"inclusions": [ball | {"bulk_factor": 0.01}]})
+    _, same, other = factors(geometry={"inclusions": [ball]})
+    assert np.array_equal(shear, same)
+    np.testing.assert_allclose((1 / bulk - 1) / 99, 1 / other - 1, rtol=1e-9)
+
+
 def test_a_wall_gap_weakens_a_strip_of_the_gel_along_the_wall():
     mesh, shear, _ = factors(geometry={"wall_gap": {"width_mm": 0.5, "loss": 0.4}})
     gel = mesh.region == mesh.regions.index("gel")

@@ -16,7 +16,7 @@ import specimens
 from gelforge.config import study_from
 from gelforge.config.variants import merged
 from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.sensitivities import AMOUNT, Variation, derivatives, unmirrored
+from gelforge.indentation.sensitivities import Variation, derivatives, unmirrored
 from gelforge.indentation.simulate import simulate_cell
 from gelforge.mismatch.context import Context
 from gelforge.mismatch.effects import CATALOGUE
@@ -33,8 +33,8 @@ STICKS, SLIPS = 0.45, 0.1
 PRESSED = PlannedCell("place", *PLACE, (DEPTH,))
 
 WITHIN = 0.02  # of the change, as the specification of the stage asks
-# Derivatives are differences over AMOUNT of a width, one way, as those of cells are. As the ball moves over surface nodes
-# 1 mm apart its force has ripples: at AMOUNT of misregistration, 0.005 mm, half of the second order is 4.5 % (x) and 2.04 %
+# Derivatives are differences over `step` of a width, one way, as those of cells are. As the ball moves over surface nodes
+# 1 mm apart its force has ripples: at 0.005 mm of misregistration half of the second order is 4.5 % (x) and 2.04 %
 # (y) of the first, and it falls with the step. A press at which a node is about to touch is worse: 17 % at 0.4 mm, where a
 # gradient has 22 % too. For that reason the judge takes those along moves of the grid across 0.1 mm (test_press_paths).
 SHARE_OF_AMOUNT = {"misregistration": 0.2}
@@ -76,7 +76,7 @@ def amounts(name, k, amount):
 def step(name, k):
     """Return the amount over which differences are taken."""
     parameter = CATALOGUE[name].parameters[k]
-    return SHARE_OF_AMOUNT.get(name, 1.0) * AMOUNT * parameter.width * (parameter.sign or 1)
+    return SHARE_OF_AMOUNT.get(name, 1.0) * CATALOGUE[name].step * parameter.width * (parameter.sign or 1)
 
 
 def varied(name, k, amount):

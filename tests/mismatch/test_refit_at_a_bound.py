@@ -27,8 +27,9 @@ def test_the_evidence_of_one_sign_is_exact(amount):
     assert fit.amounts[0][0] >= 0 and (amount >= 0 or fit.amounts[0][0] < 1e-3)
 
 
-def test_intervals_stay_on_the_physical_side():
+def test_intervals_stay_in_the_physical_range():
     compliance, turn = CATALOGUE["frame_compliance"].parameters[0], CATALOGUE["yaw"].parameters[0]
-    assert _interval(compliance, 0.0, 1.0) == (0.0, pytest.approx(1.645, abs=1e-3))
-    assert _interval(compliance, 3.0, 1.0)[0] == pytest.approx(3 - 1.645, abs=1e-3)
+    assert _interval(compliance, 0.0, 0.1) == (0.0, pytest.approx(0.1645, abs=1e-4))
+    assert _interval(compliance, 0.3, 0.1)[0] == pytest.approx(0.3 - 0.1645, abs=1e-4)
+    assert _interval(compliance, compliance.bounds[1], 0.1)[1] == compliance.bounds[1]
     assert _interval(turn, 0.0, 1.0)[0] == pytest.approx(-1.645, abs=1e-3)

@@ -14,7 +14,14 @@ import numpy as np
 
 from gelforge.config import Study, study_from
 from gelforge.config.variants import merged
-from gelforge.indentation.effects.fields import LOST, RIGID, factor_of, far_field
+from gelforge.indentation.effects.fields import (
+    LOST,
+    RIGID,
+    bulk_factor_of,
+    factor_of,
+    far_field,
+    volume_field,
+)
 
 
 @dataclass(frozen=True)
@@ -43,6 +50,7 @@ class Effect:
     located: bool = False  # the place counts
     switch: bool = False  # amounts are 0 and 1 only
     unloading: bool = False  # seen on the way up only
+    step: float = 1e-2  # of the width: the amount by which derivatives are taken
 
     def __call__(self, study: Study, amount: float, place: Place | None = None) -> Study:
         """Return the study with this amount of the effect, located ones by default in the middle of the soft layers."""
@@ -111,14 +119,21 @@ def _rate(key):
 EMPTY, HARD = 1e-3, 50.0  # least and largest stiffness of a ball over that around it
 
 
-def _ball(study, place, field):
-    here = {
+def _ball(study, place, field, **keys):
+    here = keys | {
         "centre_mm": [place.x_mm, place.y_mm, place.z_mm],
         "radius_mm": place.radius_mm,
         "factor": float(factor_of(np.clip(field, far_field(EMPTY), far_field(HARD)))),
     }
     others = [i.model_dump() for i in study.mechanics.effects.geometry.inclusions]
     return with_keys(study, geometry={"inclusions": [*others, here]})
+
+
+def _bubble(study, amount, place):
+    """Return a ball that does a share of what an empty one does, to shear and to pressure alike."""
+    ratio = study.mechanics.bulk_to_shear
+    bulk = bulk_factor_of(np.clip(amount, 0, 1) * volume_field(EMPTY, ratio), ratio)
+    return _ball(study, place, amount * LOST, bulk_factor=float(bulk))
 
 
 def _delamination(study, amount, place):
@@ -250,7 +265,7 @@ CATALOGUE: dict[str, Effect] = {
         ),
         Effect(
             "void", "geometry", "share of what an empty ball does to all around it", "1", 1.0, "geometry.inclusions",
-            lambda study, amount, place: _ball(study, place, amount * LOST), located=True,
+            _bubble, located=True, step=1e-3,
         ),
         Effect(
             "inclusion", "geometry", "share of what a rigid ball does to all around it", "1", 1.0, "geometry.inclusions",

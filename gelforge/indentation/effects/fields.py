@@ -41,9 +41,8 @@ def element_stiffness(
     for inclusion in geometry.inclusions:
         share = _ball_share(mesh, inclusion)
         shear = shear * mixed_factor(inclusion.factor, share)
-        bulk = bulk / (
-            1 + share * (1 / inclusion.factor - 1)
-        )  # one pressure in all parts: their compliances add
+        own = inclusion.factor if inclusion.bulk_factor is None else inclusion.bulk_factor
+        bulk = bulk / (1 + share * (1 / own - 1))  # one pressure in all parts: their compliances add
     for patch in geometry.delaminations:
         shear = shear * (1 - patch.loss * (1 - LEAST) * _film_share(mesh, sensor, patch))
     if (shear == 1).all() and (bulk == 1).all():
@@ -72,6 +71,19 @@ def far_field(factor):
 def factor_of(field):
     """Return the factor of which `far_field` is the given one."""
     return 1 + field / (1 - CONSTRAINT * field)
+
+
+def volume_field(factor, ratio):
+    """Return how far a ball whose bulk modulus is `factor` times that of the matrix gives way to pressure, per volume.
+
+    Its loss of bulk modulus over that modulus and the 4/3 G with which the matrix holds it (Eshelby 1957); ratio: K / G.
+    """
+    return (1 - factor) / (factor + 4 / (3 * ratio))
+
+
+def bulk_factor_of(field, ratio):
+    """Return the factor of which `volume_field` is the given one."""
+    return (1 - 4 / (3 * ratio) * field) / (1 + field)
 
 
 def mixed_factor(factor, share):

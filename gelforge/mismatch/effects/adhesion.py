@@ -37,6 +37,7 @@ EFFECT = Effect(
     signature="less force on the way up, down to a pull before the indenter lets go; loading clean within millinewtons",
     confused_with=("force_hysteresis", "viscoelastic", "mullins"),
     separated_by="slow unloading with readings up to where the indenter lets go; a dusted surface",
+    form_error=0.4,  # of the pull of Johnson, Kendall and Roberts, which grows with the contact
     applies=lambda study: all(part.kind == "sphere" for part in study.indenter.shapes),
     **solver("adhesion", has("contact.adhesion.work_N_per_mm")) | {"to_forces": to_forces},
 )  # fmt: skip

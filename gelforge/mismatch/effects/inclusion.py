@@ -2,22 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-import numpy as np
-
-from gelforge.indentation.effects.fields import LOST, RIGID
 from gelforge.mismatch import places
-from gelforge.mismatch.context import Context
-from gelforge.mismatch.effect import Effect, Shape
-from gelforge.mismatch.effects import void
+from gelforge.mismatch.effect import Effect
 from gelforge.mismatch.solver_effects import amount, solver
-
-
-def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
-    """Return the forces to first order (R, 3) [N]: what stiffness that is lost takes away, stiffness that is gained adds."""
-    return void.EFFECT.to_forces(context, shape, force, [RIGID / LOST * a for a in amounts])
-
 
 EFFECT = Effect(
     name="inclusion",
@@ -32,7 +19,7 @@ EFFECT = Effect(
     signature="harder over a few millimetres, more at depth",
     confused_with=("void", "contact_zero", "thickness_gradient"),
     separated_by="presses 2 mm apart around the place; images, in which the lump itself is seen",
-    takes=("void",),
     shapes=lambda context: places.balls(context.study),
-    **solver("inclusion", limit=(0.0, 1.0), directed=True) | {"to_forces": to_forces},
+    **solver("inclusion", limit=(0.0, 1.0), directed=True)
+    | {"to_forces": places.FirstOrderAt("inclusion", places.balls)},
 )  # fmt: skip
