@@ -10,7 +10,7 @@ from gelforge.indentation.cell_file import read_cell, write_cell
 from gelforge.indentation.companion import simulate_label
 from gelforge.indentation.effects.catalogue import CATALOGUE
 from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.sensitivities import AMOUNT, derivable, sensitivities
+from gelforge.indentation.sensitivities import derivable, sensitivities
 from gelforge.indentation.simulate import simulate_cell
 
 # An aged, warm session: else ageing and temperature have nothing to act on.
@@ -34,7 +34,7 @@ def stored():
 def test_a_derivative_predicts_what_a_little_of_the_effect_does(stored, name):
     """The issue: 1e-2 of a plausible width moves every total force by what the derivative predicts within 5 %."""
     derivatives, study = stored
-    amount = AMOUNT * CATALOGUE[name].width
+    amount = CATALOGUE[name].step * CATALOGUE[name].width
     forces = [
         simulate_cell(CATALOGUE[name](study, a), specimens.STUDY_LAWS, PLANNED).arrays["total_force_N"]
         for a in (amount, 0.0)
