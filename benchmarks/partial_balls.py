@@ -67,8 +67,8 @@ def mean_of_moduli():
     return mock.patch.object(simulate, "element_stiffness", _by_means)
 
 
-def _by_means(mesh, sensor, effects):
-    factor = np.ones(len(mesh.elements))
+def _by_means(mesh, sensor, mechanics):
+    factor, effects = np.ones(len(mesh.elements)), mechanics.effects
     for ball in effects.geometry.inclusions:
         factor *= 1 + (ball.factor - 1) * fields._ball_share(mesh, ball)
     return (factor, factor) if effects.geometry.inclusions else (None, None)

@@ -9,7 +9,7 @@ import numpy as np
 from .presses import commanded_depth
 from .world import World
 
-TEMPERATURE_POWER, ROOM_K = 1.5, 296.15
+TEMPERATURE_POWER, ROOM_K = 3.0, 296.15
 
 # --- the body: ratios of forces that FElupe found -----------------------------------------------------------------------
 

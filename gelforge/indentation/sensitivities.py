@@ -106,7 +106,10 @@ def derivatives(
             others.append(name)
         else:
             beside[name] = (varied, variation.amount)
-    cell, found = _beside(study, base, beside, tolerance)
+    if base.yielding is None:
+        cell, found = _beside(study, base, beside, tolerance)
+    else:
+        cell, found = _solved(study, laws, planned), {}
     for name in others:
         found[name] = _subtracted(cell, laws, planned, variations[name])
     return cell.arrays["total_force_N"], {name: found[name] for name in variations}
@@ -160,16 +163,20 @@ def _beside(
 def _subtracted(base: Cell, laws, planned: PlannedCell, variation: Variation) -> Derivative:
     """Return the difference of two solutions: the varied one less the base, or less what it is to be compared with."""
     clock = time.perf_counter()
-    with_it = simulate_cell(variation.study, variation.laws, planned)
-    without = simulate_cell(variation.without, laws, planned) if variation.without else base
-    for cell in (with_it, without):
-        if not cell.attributes.get("status", "converged") == "converged":
-            raise NotConverged(cell.attributes["reason"])
+    with_it = _solved(variation.study, variation.laws, planned)
+    without = _solved(variation.without, laws, planned) if variation.without else base
     total, bins = (
         (with_it.arrays[array] - without.arrays[array]) / variation.amount
         for array in ("total_force_N", "bin_force_N")
     )
     return Derivative(total, bins, time.perf_counter() - clock)
+
+
+def _solved(study: Study, laws, planned: PlannedCell) -> Cell:
+    cell = simulate_cell(study, laws, planned)
+    if not cell.converged:
+        raise NotConverged(cell.attributes["reason"])
+    return cell
 
 
 def with_sensitivities(cell: Cell, derivatives: Mapping[str, Derivative]) -> Cell:

@@ -129,7 +129,7 @@ def _body(
     """Return the body of a mesh; drawn is the mesh of the sensor as drawn, in which effects have their places."""
     by_region = region_laws(sensor, mechanics.effects, mesh.regions, laws)
     bulk = region_bulk(sensor, mechanics, mesh.regions)
-    stiffness, bulk_stiffness = element_stiffness(drawn, sensor, mechanics.effects)
+    stiffness, bulk_stiffness = element_stiffness(drawn, sensor, mechanics)
     if mechanics.strain == "small":
         return SmallStrainBody(mesh, by_region, bulk, stiffness, bulk_stiffness)
     keys = {

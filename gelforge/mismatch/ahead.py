@@ -12,6 +12,7 @@ from gelforge.config import ConfigError, ForceSensor, Study
 from gelforge.indentation.plan import plan_cells
 from gelforge.mismatch.context import Context
 from gelforge.mismatch.covariance import Covariance, readings_covariance
+from gelforge.mismatch.effect import Parameter
 from gelforge.mismatch.effects import CATALOGUE, with_taken
 from gelforge.mismatch.identifiability import Plan, detection_limits, next_experiment
 from gelforge.mismatch.observations import COLUMNS, Observations, last_moves
@@ -20,7 +21,7 @@ from gelforge.mismatch.sessions import SPEED_MM_PER_S, TOUCHDOWN_MM
 from gelforge.mismatch.solutions import Solver
 from gelforge.mismatch.solver import Base, base_of
 from gelforge.mismatch.stage import candidates_of, columns_of, problem_of, spread_sites
-from gelforge.mismatch.verdict import NamedEffect, Verdict
+from gelforge.mismatch.verdict import Amount, NamedEffect, Verdict
 
 CLEAR_S = 8.0  # between two presses: the way up, to the next position and down to the surface
 DWELL_S = (0.5, 0.6, 0.7, 0.8, 0.9)  # readings beside the images
@@ -192,12 +193,19 @@ def _still(study: Study, observations: Observations, force: np.ndarray) -> Conte
     return replace(Context(study, observations, force, flat, {}), force=force)
 
 
+def _spread(amount: Amount, parameter: Parameter) -> float:
+    """Return the standard deviation of a told amount, by a side that its physical range does not cut; else its width."""
+    (low, high), value = amount.interval_90, amount.value
+    ends = {*parameter.bounds, 0.0} if parameter.sign else {*parameter.bounds}
+    sides = [abs(end - value) for end in (low, high) if end not in ends and low <= value <= high]
+    return 2 * max(sides) / NINETY_TO_SIGMA if sides else parameter.width
+
+
 def _survivor(effect: NamedEffect) -> Screened:
     """Return what a verdict says of an effect as a judged effect; its amounts are taken as independent."""
     amounts = np.array([amount.value for amount in effect.amounts])
-    # the longer side: the other one may be cut at the end of the physical range
-    sides = [max(a.interval_90[1] - a.value, a.value - a.interval_90[0]) for a in effect.amounts]
-    sd = 2 * np.array(sides) / NINETY_TO_SIGMA
+    parameters = CATALOGUE[effect.name].parameters
+    sd = np.array([_spread(amount, parameter) for amount, parameter in zip(effect.amounts, parameters)])
     none = np.zeros((0, len(amounts)))
     part = Candidate(effect.name, effect.shape, none, CATALOGUE[effect.name].widths, np.zeros(len(amounts)))
     return Screened(

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import Sensor, Study
+from gelforge.indentation.effects.fields import RIGID
 from gelforge.mismatch import verdict as form
 from gelforge.mismatch.covariance import Covariance
 from gelforge.mismatch.effects_told import effects_told, groups_told, of_nothing, unknown_told
@@ -133,8 +134,8 @@ def law_of(problem: Problem, judgement: Judgement, study: Study) -> form.Law | N
 def body_map(problem: Problem, covariance: Covariance) -> pd.DataFrame | None:
     """Return the rows of body_map.csv: relative changes of the modulus of balls in the body that fit the residual best.
 
-    Every ball of the largest size has the prior N(0, BODY_WIDTH^2), by the linear changes of `inclusion`; None where they
-    are not known.
+    Every ball of the largest size has the prior N(0, BODY_WIDTH^2), by the linear changes of `inclusion`, whose amount is to
+    first order the modulus's growth over RIGID; None where they are not known.
     """
     balls = [candidate for candidate in problem.candidates if candidate.name == "inclusion"]
     largest = max((ball.shape["radius_mm"] for ball in balls), default=0.0)
@@ -142,7 +143,7 @@ def body_map(problem: Problem, covariance: Covariance) -> pd.DataFrame | None:
     if not balls:
         return None
     r = covariance.whiten(problem.residual)
-    J = covariance.whiten(np.column_stack([ball.columns for ball in balls])) * BODY_WIDTH
+    J = covariance.whiten(np.column_stack([ball.columns for ball in balls])) / RIGID * BODY_WIDTH
     S = np.linalg.inv(np.eye(J.shape[1]) + J.T @ J)
     change, sigma = BODY_WIDTH * (S @ (J.T @ r)), BODY_WIDTH * np.sqrt(np.diag(S))
     places = pd.DataFrame([dict(ball.shape) for ball in balls])[["x_mm", "y_mm", "z_mm"]]

@@ -10,7 +10,7 @@ from gelforge.indentation.cell_file import read_cell, write_cell
 from gelforge.indentation.companion import simulate_label
 from gelforge.indentation.effects.catalogue import CATALOGUE
 from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.sensitivities import derivable, sensitivities
+from gelforge.indentation.sensitivities import derivable, derivatives, sensitivities, variations_of
 from gelforge.indentation.simulate import simulate_cell
 
 # An aged, warm session: else ageing and temperature have nothing to act on.
@@ -33,21 +33,33 @@ def stored():
 @pytest.mark.parametrize("name", DERIVABLE)
 def test_a_derivative_predicts_what_a_little_of_the_effect_does(stored, name):
     """The issue: 1e-2 of a plausible width moves every total force by what the derivative predicts within 5 %."""
-    derivatives, study = stored
-    amount = CATALOGUE[name].step * CATALOGUE[name].width
+    by_name, study = stored
+    amount = 1e-2 * CATALOGUE[name].width
     forces = [
         simulate_cell(CATALOGUE[name](study, a), specimens.STUDY_LAWS, PLANNED).arrays["total_force_N"]
         for a in (amount, 0.0)
     ]
-    change, predicted = forces[0] - forces[1], amount * derivatives[name].total
+    change, predicted = forces[0] - forces[1], amount * by_name[name].total
     size = np.linalg.norm(change, axis=1).max()
     assert size > 0
     assert_allclose(predicted, change, atol=0.05 * size)
 
 
+def test_a_base_that_yields_has_its_own_forces_and_derivatives():
+    """Beside it nothing can be followed: differences of cells, as d Fz / d gel without any compliance but for a little."""
+    study = specimens.study(**TIGHT)
+    yielding = CATALOGUE["frame_compliance"](study, 0.05)
+    cell = simulate_cell(yielding, specimens.STUDY_LAWS, PLANNED)
+    variations = variations_of(yielding, specimens.STUDY_LAWS, ["gel_stiffness"])
+    force, found = derivatives(yielding, specimens.STUDY_LAWS, PLANNED, variations)
+    assert_allclose(force, cell.arrays["total_force_N"], rtol=1e-9, atol=1e-12)
+    held = sensitivities(study, specimens.STUDY_LAWS, PLANNED, ["gel_stiffness"])["gel_stiffness"].total
+    assert_allclose(found["gel_stiffness"].total, held, atol=0.1 * np.abs(held).max())
+
+
 def test_shapes_and_sums(stored):
-    derivatives, _ = stored
-    for derivative in derivatives.values():
+    by_name, _ = stored
+    for derivative in by_name.values():
         assert derivative.total.shape == (2, 3) and derivative.bins.shape == (2, 100, 3)
         size = np.abs(derivative.total).max()
         assert_allclose(derivative.bins.sum(axis=1), derivative.total, atol=1e-6 * size + 1e-7)

@@ -184,6 +184,14 @@ def test_what_has_been_found_errs_less_than_what_was_tried():
     assert tried[:, next_to].any() and not found[:, next_to].any()
 
 
+def test_an_effect_of_which_other_forms_are_far_off_errs_by_as_much():
+    problem = replace(problem_of(artificial.context(65, per_side=3), left_out=()), change_error=0.1)
+    names = ("misregistration", "gel_stiffness")
+    parts = [next(c for c in problem.candidates if c.name == name) for name in names]
+    assert [problem.error_of(part) for part in parts] == [CATALOGUE["misregistration"].form_error, 0.1]
+    assert replace(problem, change_error=0.0).error_of(parts[0]) == 0.0
+
+
 def test_a_step_too_far_is_not_taken():
     """Of a model that fits nowhere as well as where the fit begins."""
     base = artificial.context(66, per_side=3)

@@ -115,7 +115,7 @@ def test_what_has_a_place_is_solved_only_where_it_is_felt():
     site = found.table["site"].to_numpy()
     stiffer = (CATALOGUE["gel_stiffness"], {}, np.array([0.1]))
     near = {
-        "x_mm": 4.0 + 1.0 + REACH_MM - 0.5,
+        "x_mm": 4.0 + REACH_MM - 0.5,
         "y_mm": 4.0,
         "z_mm": -2.0,
         "radius_mm": 1.0,

@@ -22,6 +22,7 @@ from gelforge.indentation.effects.fields import (
     far_field,
     volume_field,
 )
+from gelforge.indentation.effects.material import region_bulk
 
 
 @dataclass(frozen=True)
@@ -131,7 +132,10 @@ def _ball(study, place, field, **keys):
 
 def _bubble(study, amount, place):
     """Return a ball that does a share of what an empty one does, to shear and to pressure alike."""
-    ratio = study.mechanics.bulk_to_shear
+    layers, bottom = study.sensor.layers, -study.sensor.height_mm
+    tops = bottom + np.cumsum([layer.thickness_mm for layer in layers])
+    layer = layers[min(int(np.searchsorted(tops, place.z_mm)), len(layers) - 1)].name
+    ratio = region_bulk(study.sensor, study.mechanics, (layer,))[layer]
     bulk = bulk_factor_of(np.clip(amount, 0, 1) * volume_field(EMPTY, ratio), ratio)
     return _ball(study, place, amount * LOST, bulk_factor=float(bulk))
 

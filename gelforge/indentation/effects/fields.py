@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gelforge.config import ConfigError, Effects, Sensor
+from gelforge.config import ConfigError, Effects, Mechanics, Sensor
 from gelforge.config.effects import Circumstances, Delamination, Inclusion
-from gelforge.indentation.effects.material import by_region
+from gelforge.indentation.effects.material import by_region, region_bulk
 from gelforge.mechanics.elements import ELEMENTS
 from gelforge.mechanics.meshes import Mesh
 
@@ -21,9 +21,10 @@ PARTS = 6  # sample points along an element's side: a share of volume to about 1
 
 
 def element_stiffness(
-    mesh: Mesh, sensor: Sensor, effects: Effects
+    mesh: Mesh, sensor: Sensor, mechanics: Mechanics
 ) -> tuple[np.ndarray | None, np.ndarray | None]:
     """Return the factors (E,) on the elements' moduli, shear and bulk; None where nothing changes any."""
+    effects = mechanics.effects
     material, geometry = effects.material, effects.geometry
     top = sensor.layers[-1].name
     factor = np.ones(len(mesh.elements))
@@ -38,11 +39,13 @@ def element_stiffness(
     if geometry.wall_gap.loss:
         factor *= 1 - geometry.wall_gap.loss * (1 - LEAST) * _wall_strip(mesh, sensor, effects)
     shear, bulk = factor, factor
+    by_region_bulk = region_bulk(sensor, mechanics, mesh.regions)
+    ratio = np.array([by_region_bulk[name] for name in mesh.regions])[mesh.region]
     for inclusion in geometry.inclusions:
         share = _ball_share(mesh, inclusion)
         shear = shear * mixed_factor(inclusion.factor, share)
         own = inclusion.factor if inclusion.bulk_factor is None else inclusion.bulk_factor
-        bulk = bulk / (1 + share * (1 / own - 1))  # one pressure in all parts: their compliances add
+        bulk = bulk * bulk_factor_of(share * volume_field(own, ratio), ratio)
     for patch in geometry.delaminations:
         shear = shear * (1 - patch.loss * (1 - LEAST) * _film_share(mesh, sensor, patch))
     if (shear == 1).all() and (bulk == 1).all():
