@@ -104,7 +104,7 @@ class Inclusion(Section):
 
 
 class Toe(Section):
-    """A soft thin part on top of the highest layer: dust, film, an uncured skin."""
+    """A soft thin part on top of the highest layer, which stays as soft: an uncured skin."""
 
     thickness_mm: Positive = Field(0.1, description="thickness of the soft part [mm]")
     factor: Positive = Field(1.0, ge=1e-3, description="its stiffness over that of the layer [-]")
@@ -162,6 +162,13 @@ class Adhesion(Section):
     range_mm: Positive = Field(0.05, description="gap beyond which nothing is felt [mm]")
 
 
+class Film(Section):
+    """What gives way between indenter and surface, and is used up: dust, powder, roughness."""
+
+    thickness_mm: NonNegative = Field(0.0, description="by which it gives way at most [mm]")
+    pressure_MPa: Positive = Field(0.01, description="pressure at which half of it has [MPa]")
+
+
 class ContactEffects(Section):
     """What friction and contact do besides Coulomb's law; its coefficient is mechanics.friction."""
 
@@ -173,6 +180,7 @@ class ContactEffects(Section):
     )
     reference_pressure_MPa: Positive = Field(0.01, description="reference pressure [MPa]")
     adhesion: Adhesion = Field(Adhesion(), description="adhesion")
+    film: Film = Field(Film(), description="film that gives way")
 
 
 class KinematicEffects(Section):

@@ -363,6 +363,8 @@ def _settings(mechanics: Mechanics) -> Settings:
         adhesion_work=contact.adhesion.work_N_per_mm,
         adhesion_approach=contact.adhesion.approach_N_per_mm,
         adhesion_range=contact.adhesion.range_mm,
+        film_thickness=contact.film.thickness_mm,
+        film_pressure=contact.film.pressure_MPa,
     )
 
 

@@ -27,10 +27,10 @@ def contact_forces(
 ):  # fmt: skip
     """Fill the forces of the indenter on the nodes and their tangents; return nothing.
 
-    In: gap (S,) [mm], normal (S, 3) from the indenter into the body, turn (S, 3, 3) = dn/dx [1/mm], slip (S, 3) motion
-    relative to the indenter since the last converged state [mm], pressure (S,) lam_n [MPa], active (S,) bool, area (S,)
-    [mm^2], t_old (S, 3) friction forces of the last converged state [N], new_contact (S,) bool: open at the last converged
-    state, eps_n, eps_t [N/mm^3], mu [-], exponent n [-] and reference p_0 [MPa] of mu (1 + p/p_0)^-n.
+    In: gap (S,) [mm] that is to be closed, normal (S, 3) from the indenter into the body, turn (S, 3, 3) = dn/dx [1/mm],
+    slip (S, 3) motion relative to the indenter since the last converged state [mm], pressure (S,) lam_n [MPa], active (S,)
+    bool, area (S,) [mm^2], t_old (S, 3) friction forces of the last converged state [N], new_contact (S,) bool: open at the
+    last converged state, eps_n (S,), eps_t [N/mm^3], mu [-], exponent n [-] and reference p_0 [MPa] of mu (1 + p/p_0)^-n.
     Out: f_mixed (S, 3) [N] with the pressure given; f_condensed (S, 3) with lam_n - eps_n g; friction (S, 3) the tangential
     part of both; stiffness (S, 3, 3) [N/mm], about -d f_condensed/dx, symmetric positive; f_consistent (S, 3) and
     stiffness_consistent (S, 3, 3) = -d f_consistent/dx exactly, the limit of friction following lam_n - eps_n g; state (S,).
@@ -53,15 +53,16 @@ def contact_forces(
         n = normal[s]
         H = turn[s]
         N = A * pressure[s]
-        N_next = A * (pressure[s] - eps_n * gap[s])
+        eps = eps_n[s]
+        N_next = A * (pressure[s] - eps * gap[s])
         for i in range(3):
             f_mixed[s, i] = N * n[i]
             f_condensed[s, i] = N_next * n[i]
             f_consistent[s, i] = N_next * n[i]
             for j in range(3):
-                stiffness[s, i, j] = eps_n * A * n[i] * n[j]
+                stiffness[s, i, j] = eps * A * n[i] * n[j]
                 # The turn of the normal softens: it is left out of the symmetric tangent, which must stay positive.
-                stiffness_consistent[s, i, j] = eps_n * A * n[i] * n[j] - N_next * H[i, j]
+                stiffness_consistent[s, i, j] = eps * A * n[i] * n[j] - N_next * H[i, j]
         state[s] = SLIP
         if mu <= 0.0 or N <= 0.0:
             continue
@@ -108,8 +109,18 @@ def contact_forces(
                     pull = (trial[0] * M[0, j] + trial[1] * M[1, j] + trial[2] * M[2, j]) / size**2
                     change -= factor_next * trial[i] * pull
                     if N_next > 0.0:  # else the limit of friction is held at zero
-                        change -= slope * eps_n * A * trial[i] / size * n[j]
+                        change -= slope * eps * A * trial[i] / size * n[j]
                 stiffness_consistent[s, i, j] -= change
+
+
+def film_given(pressure: np.ndarray, thickness: float, half_pressure: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return by how much a film has given way (S,) [mm] under pressures (S,) [MPa], and its slope (S,) [mm/MPa].
+
+    h p / (p + p_0): a film of thickness h is half used up at p_0, and no more than all of it gives way (Bandis, Lumsden &
+    Barton 1983, doi:10.1016/0148-9062(83)90595-8, for rough joints that close).
+    """
+    used = half_pressure + np.maximum(pressure, 0.0)
+    return thickness * (1 - half_pressure / used), thickness * half_pressure / used**2
 
 
 def adhesive_traction(

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, gmres
 
 from gelforge.mechanics.body import NO_TANGENT, Body, Response
-from gelforge.mechanics.contact import OPEN, add_node_blocks, adhesive_traction, contact_forces
+from gelforge.mechanics.contact import OPEN, add_node_blocks, adhesive_traction, contact_forces, film_given
 from gelforge.mechanics.indenters import Indenter, rotation_of
 from gelforge.mechanics.kernels import symmetric_product
 from gelforge.mechanics.sparse import DirectSolver, NotPositiveDefinite, direct_solver, refined_solve
@@ -56,6 +56,8 @@ class Settings:
     adhesion_work: float = 0.0  # N/mm, of separation
     adhesion_approach: float = 0.0  # N/mm, before the first touch
     adhesion_range: float = 0.05  # mm
+    film_thickness: float = 0.0  # mm, of what gives way between indenter and surface
+    film_pressure: float = 0.01  # MPa, at which half of it has
 
 
 @dataclass(frozen=True)
@@ -205,7 +207,7 @@ class Press:
         response, contact = self._evaluate(u, pressure, lam, active, gap, normal, turn, state, centre)
         for iteration in range(limit + 1):
             residual = self._residual(response, contact)
-            penetration = float(np.abs(gap[active]).max(initial=0.0))
+            penetration = float(np.abs(self._closing(gap, lam)[0][active]).max(initial=0.0))
             volume_error = self.body.pressure_error(response, pressure)
             if not np.isfinite(residual):
                 raise NotConverged(f"no finite residual at centre {np.round(centre, 4)} mm")
@@ -241,11 +243,7 @@ class Press:
             exact = chord or creeps
             du = self._correction(response, contact, consistent=exact)
             new_pressure = self.body.linearised_pressure(response, du)
-            new_lam = np.where(
-                active,
-                lam - s.normal_stiffness * (gap + np.einsum("si,si->s", normal, du[self.surface])),
-                0.0,
-            )
+            new_lam = self._next_pressure(lam, active, gap, normal, du)
             for length in STEP_LENGTHS:
                 trial_u = u + length * du
                 trial_p = pressure + length * (new_pressure - pressure)
@@ -302,6 +300,18 @@ class Press:
             return self.indenter.vertical_gap(moved, centre)
         return self.indenter.gap(moved, centre)
 
+    def _closing(self, gap: np.ndarray, lam: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the gap that contact has to close (S,) [mm], less what a film gives, and the augmentation (S,) [N/mm^3]."""
+        s = self.settings
+        given, slope = film_given(lam, s.film_thickness, s.film_pressure)
+        return gap + given, s.normal_stiffness / (1 + s.normal_stiffness * slope)
+
+    def _next_pressure(self, lam, active, gap, normal, du) -> np.ndarray:
+        """Return the contact pressures (S,) [MPa] after a correction du (N, 3), to first order."""
+        closing, stiffness = self._closing(gap, lam)
+        moved = np.einsum("si,si->s", normal, du[self.surface])
+        return np.where(active, lam - stiffness * (closing + moved), 0.0)
+
     def _carried(self, old: State, centre: np.ndarray) -> np.ndarray:
         """Return the motion (S, 3) or (3,) [mm] since the old state of the indenter's points at the surface nodes."""
         shift = (centre - old.centre)[:3]
@@ -319,9 +329,10 @@ class Press:
         contact |= {name: np.empty((S, 3, 3)) for name in ("stiffness", "stiffness_consistent")}
         contact["state"] = np.empty(S, np.int8)
         slip = (u - old.u)[self.surface] - self._carried(old, centre)
+        closing, stiffness = self._closing(gap, lam)
         contact_forces(
-            gap, normal, turn, slip, lam, active, self.area, old.friction_force, old.contact_state == OPEN,
-            self.settings.normal_stiffness, self.settings.tangential_stiffness, self.settings.friction,
+            closing, normal, turn, slip, lam, active, self.area, old.friction_force, old.contact_state == OPEN,
+            stiffness, self.settings.tangential_stiffness, self.settings.friction,
             contact["f_mixed"], contact["f_condensed"], contact["f_consistent"], contact["friction"],
             contact["stiffness"], contact["stiffness_consistent"], contact["state"],
             self.settings.friction_exponent, self.settings.friction_pressure,

@@ -75,8 +75,7 @@ class Neighbour(Press):
             if not np.isfinite(last):
                 break
             pressure = self.body.linearised_pressure(response, du)
-            closing = gap + np.einsum("si,si->s", normal, du[self.surface])
-            lam = np.where(active, lam - self.settings.normal_stiffness * closing, 0.0)
+            lam = self._next_pressure(lam, active, gap, normal, du)
             u = u + du
             active = np.where(active, lam > 0, self._gap(u, centre)[0] < 0)
             lam = np.where(active, lam, 0.0)

@@ -50,13 +50,13 @@ class FirstOrderAt:
     """The `to_forces` of an effect with derivatives "name@k", k the number of the shape; interpolated between places."""
 
     name: str
-    places: Callable[[Study], list[Shape]]
+    shapes: Callable[[Study], list[Shape]]
 
     def __call__(
         self, context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]
     ) -> np.ndarray:
         (a,) = amounts
-        for k, share in shares(shape, self.places(context.study)).items():
+        for k, share in shares(shape, self.shapes(context.study)).items():
             force = force + share * a * context.derivative(f"{self.name}@{k}")
         return force
 

@@ -24,6 +24,9 @@ T_OLD = 0.02 * rng.normal(size=(NODES, 3))
 NEW = rng.random(NODES) < 0.3
 
 
+EPS = np.full(NODES, EPS_N)
+
+
 def forces(points=POINTS, mu=MU):
     """Return all that the compiled loop fills, by name."""
     gap, normal, turn = BALL.gap(points, CENTRE)
@@ -33,7 +36,7 @@ def forces(points=POINTS, mu=MU):
     out |= {name: np.full((NODES, 3, 3), np.nan) for name in ("stiffness", "stiffness_consistent")}
     out["state"] = np.full(NODES, 9, np.int8)
     contact_forces(
-        gap, normal, turn, points - REST, PRESSURE, ACTIVE, AREA, T_OLD, NEW, EPS_N, EPS_T, mu, *out.values()
+        gap, normal, turn, points - REST, PRESSURE, ACTIVE, AREA, T_OLD, NEW, EPS, EPS_T, mu, *out.values()
     )
     return out
 
@@ -81,7 +84,7 @@ def test_friction_of_a_slipping_node_opposes_its_trial_slip():
         AREA,
         0 * T_OLD,
         NEW,
-        EPS_N,
+        EPS,
         EPS_T,
         MU,
         *out.values(),

@@ -79,7 +79,7 @@ def derivatives(x, y, d):
         "friction": 0.05 * F + 0.3 * lateral * F,
         "frictionless@0": -0.03 * F - 0.2 * lateral * F,
         "friction_law": -0.02 * depth * F - 0.1 * depth * lateral * F,
-        "toe_region": -0.02 * (1 - np.exp(-depth / 0.2)) * slope,
+        **{f"toe_region@{k}": -(1 - np.exp(-depth / d)) * slope for k, d in enumerate((0.1, 0.2, 0.4))},
         "layer_thickness": -0.12 * (1 + 0.15 * depth) * F,
         "thickness_gradient.x": -0.12 * (x - c) * F - 0.3 * pressing * along,
         "thickness_gradient.y": -0.12 * (y - c) * F - 0.3 * pressing * across,

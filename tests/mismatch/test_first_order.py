@@ -60,11 +60,13 @@ def base(mu):
 
 
 def shape_of(name):
-    """Return number and place of a located effect that is nearest to the press; nothing of others."""
+    """Return number and shape of what has several: the first, of places the nearest to the press; nothing of others."""
     made_of = [CATALOGUE[own].to_forces for own in (name, *CATALOGUE[name].takes)]
     if not any(isinstance(to_forces, FirstOrderAt) for to_forces in made_of):
         return None, {}
     shapes = CATALOGUE[name].shapes(Context(base(STICKS), None, None, None, {}))
+    if "x_mm" not in shapes[0]:
+        return 0, shapes[0]
     away = [np.hypot(shape["x_mm"] - PLACE[0], shape["y_mm"] - PLACE[1]) for shape in shapes]
     return int(np.argmin(away)), shapes[int(np.argmin(away))]
 

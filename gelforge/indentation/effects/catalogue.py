@@ -241,9 +241,8 @@ CATALOGUE: dict[str, Effect] = {
             unloading=True,
         ),
         Effect(
-            "toe_region", "contact", "compliance of the topmost 0.1 mm over the skin's, less 1", "1", 9.0,
-            "geometry.toe",
-            lambda study, amount, place: with_keys(study, geometry={"toe": {"factor": 1 / (1 + amount)}}),
+            "toe_region", "contact", "thickness of a film that gives way and is used up", "mm", 0.05, "contact.film",
+            lambda study, amount, place: with_keys(study, contact={"film": {"thickness_mm": amount}}),
         ),
         Effect(
             "layer_thickness", "geometry", "thickness more than drawn of the layer under the skin", "mm", 0.5,
