@@ -19,9 +19,7 @@ SKIN = ((85.1168e-3, -0.0020e-3), (2.8991, -8.2915))
 BULK_TO_SHEAR = 1000.0
 PENALTY = 200.0  # N/mm^3; the ball sinks in by pressure / penalty, about 2e-4 mm
 FILM = 0.3  # thickness of a film that has come off [mm]
-CUBE = (np.pi / 6) ** (
-    1 / 3
-)  # half of the side of the cube that is as large as a ball, over the ball's radius
+CUBE = float(np.cbrt(np.pi / 6))  # half of the side of a cube as large as a ball, over the ball's radius
 ROUNDED = 1.5  # no node moves from this distance on, over the radius: less than the way to the skin
 UNDER = 2.4  # half of the even part of the mesh under the ball [mm]; contact reaches 2.9 mm from its middle
 SHALLOW_STEP, DEEP_STEP = (

@@ -22,8 +22,6 @@ ACTIVE = rng.random(NODES) < 0.8
 AREA = rng.uniform(0.1, 0.5, NODES)
 T_OLD = 0.02 * rng.normal(size=(NODES, 3))
 NEW = rng.random(NODES) < 0.3
-
-
 EPS = np.full(NODES, EPS_N)
 
 

@@ -36,6 +36,20 @@ def test_dead_weights_tell_a_gain_from_a_stiffness_and_not_two_stiffnesses():
     assert blind.expected_log_odds == pytest.approx(0.0, abs=1e-9) and not blind.decides
 
 
+def test_the_spread_of_what_is_cut_at_its_range_is_read_from_the_other_side():
+    """Of 90 % intervals: 1.645 standard deviations to a side; cut on both, or told beyond its range, it is the prior's."""
+
+    def spread(value, low, high):
+        void = effect("void", value)
+        cut = void.amounts[0].model_copy(update={"interval_90": (low, high)})
+        return float(np.sqrt(_survivor(void.model_copy(update={"amounts": [cut]})).covariance[0, 0]))
+
+    top, width = CATALOGUE["void"].parameters[0].bounds[1], CATALOGUE["void"].parameters[0].width
+    assert spread(0.9, 0.9 - 0.1645, top) == pytest.approx(0.1, rel=1e-3)
+    assert spread(0.1, 0.0, 0.1 + 0.329) == pytest.approx(0.2, rel=1e-3)
+    assert spread(0.5, 0.0, top) == spread(1.6, top, top) == width
+
+
 def test_planned_readings_are_every_cell_at_every_depth_in_random_order():
     planned = planned_observations(STUDY, dwell_s=(1.0, 2.0), ways_up=(0.5,), ages_days=(0.0, 30.0))
     table = planned.table

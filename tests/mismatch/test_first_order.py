@@ -61,8 +61,7 @@ def base(mu):
 
 def shape_of(name):
     """Return number and shape of what has several: the first, of places the nearest to the press; nothing of others."""
-    made_of = [CATALOGUE[own].to_forces for own in (name, *CATALOGUE[name].takes)]
-    if not any(isinstance(to_forces, FirstOrderAt) for to_forces in made_of):
+    if not isinstance(CATALOGUE[name].to_forces, FirstOrderAt):
         return None, {}
     shapes = CATALOGUE[name].shapes(Context(base(STICKS), None, None, None, {}))
     if "x_mm" not in shapes[0]:

@@ -1,7 +1,7 @@
 """Stiffness of every element: factors of layers, particles, age, temperature, and what is soft or hard in places.
 
-Places are those of the sensor as drawn. An element that an edge cuts takes part by what its share of volume does to all
-around it, in series or beside the rest, so that nothing jumps as an edge moves.
+Places are those of the sensor as drawn. An element that an edge cuts takes part by its share of volume (a ball's by
+what that share does to all around it), so that nothing jumps as an edge moves.
 """
 
 from __future__ import annotations
@@ -39,8 +39,7 @@ def element_stiffness(
     if geometry.wall_gap.loss:
         factor *= 1 - geometry.wall_gap.loss * (1 - LEAST) * _wall_strip(mesh, sensor, effects)
     shear, bulk = factor, factor
-    by_region_bulk = region_bulk(sensor, mechanics, mesh.regions)
-    ratio = np.array([by_region_bulk[name] for name in mesh.regions])[mesh.region]
+    ratio = np.array(list(region_bulk(sensor, mechanics, mesh.regions).values()))[mesh.region]
     for inclusion in geometry.inclusions:
         share = _ball_share(mesh, inclusion)
         shear = shear * mixed_factor(inclusion.factor, share)
