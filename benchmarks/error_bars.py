@@ -38,9 +38,8 @@ def truth(number: int, x: float, y: float, study, laws) -> tuple[np.ndarray, np.
     """Return total (D, 3) and bins (D, B, 3) [N] of the finer mesh, solved or as kept."""
     path = KEPT / f"{number:02d}_{x:g}_{y:g}.npz"
     if not path.is_file():
-        sizes = study.mechanics.mesh
-        finer = sizes.model_copy(update={"near_mm": sizes.near_mm / 2, "far_mm": sizes.far_mm / 2})
-        mechanics = study.mechanics.model_copy(update={"mesh": finer, "error_bars": False})
+        mesh = study.mechanics.mesh.coarser(1 / 2)
+        mechanics = study.mechanics.model_copy(update={"mesh": mesh, "error_bars": False})
         fine = study.model_copy(update={"mechanics": mechanics})
         cell = simulate_label(fine, laws, {}, PlannedCell("truth", x, y, DEPTHS))
         KEPT.mkdir(parents=True, exist_ok=True)

@@ -189,7 +189,36 @@ def dome() -> None:
                     ),
                 }
             )
+    print(pd.DataFrame(rows).to_markdown(index=False), end="\n\n")
+    rows = [row for name, cell in solved.items() for row in beside_finer(study, laws, planned[name], cell)]
     print(pd.DataFrame(rows).to_markdown(index=False))
+
+
+def beside_finer(study, laws, planned, cell) -> list[dict]:
+    """Return a row per depth: a cell's forces and bars beside a solve with two thirds of its sizes."""
+    from gelforge.indentation.companion import simulate_label
+
+    mechanics = study.mechanics.model_copy(
+        update={"mesh": study.mechanics.mesh.coarser(2 / 3), "error_bars": False}
+    )
+    finer = simulate_label(study.model_copy(update={"mechanics": mechanics}), laws, {}, planned)
+    F, G = (c.arrays["total_force_N"] for c in (cell, finer))
+    bars = cell.arrays["total_sigma_mesh_N"]
+    unknowns = [
+        cell.attributes["companion_unknowns"],
+        *(c.attributes["degrees_of_freedom"] for c in (cell, finer)),
+    ]
+    return [
+        {
+            "press [mm]": f"({planned.x_mm:g}, {planned.y_mm:g})",
+            "unknowns: companion, cell, finer": ", ".join(map(str, unknowns)),
+            "depth [mm]": depth,
+            "-Fz [N]": f"{-F[k, 2]:.4f} ± {bars[k, 2]:.4f}",
+            "finer, -Fz [N]": round(-G[k, 2], 4),
+            "difference over sigma, x y z": ", ".join(f"{v:.2f}" for v in (G - F)[k] / bars[k]),
+        }
+        for k, depth in enumerate(planned.depths_mm)
+    ]
 
 
 def main() -> None:

@@ -96,7 +96,7 @@ def judged_from(truth: dict, verdict: dict | None, readings: pd.DataFrame | None
 
 def _p(verdict: dict) -> float:
     tests = verdict.get("mismatch", {})
-    found = [tests.get(name) for name in ("p", "scan_p", "unknown_p")]
+    found = [tests.get(name) for name in ("p", "scan_p", "unknown_p", "known_p")]
     return min((p for p in found if p is not None), default=float("nan"))
 
 

@@ -21,6 +21,17 @@ class Mesh(Section):
     near_radius_mm: Positive = Field(3.6, description="radius of the fine region around the contact [mm]")
     growth: float = Field(0.25, gt=0, le=2, description="growth of the size per mm of distance from it [-]")
     far_mm: Positive = Field(1.2, description="largest element size; near_mm or less: an even mesh [mm]")
+    envelope_mm: Positive = Field(
+        0.04, description="how far tetrahedra may stray from a surface before nodes are moved onto it [mm]"
+    )
+
+    def coarser(self, factor: float) -> Mesh:
+        """Return these with near and far size multiplied, and the envelope with the square.
+
+        An edge's distance from a curve goes with the square of its length: in a narrower envelope the edges stay short.
+        """
+        sizes = {"near_mm": factor * self.near_mm, "far_mm": factor * self.far_mm}
+        return self.model_copy(update=sizes | {"envelope_mm": factor**2 * self.envelope_mm})
 
 
 class Contact(Section):

@@ -147,12 +147,10 @@ def _companion(
 def _coarser(study: Study) -> Study:
     """Return the study with all sizes of mesh and softening's grid doubled."""
     mechanics = study.mechanics
-    sizes, effects = mechanics.mesh, mechanics.effects
+    effects = mechanics.effects
     grid = {"grid_mm": COARSER * effects.history.grid_mm}
     changes = {
-        "mesh": sizes.model_copy(
-            update={"near_mm": COARSER * sizes.near_mm, "far_mm": COARSER * sizes.far_mm}
-        ),
+        "mesh": mechanics.mesh.coarser(COARSER),
         "effects": effects.model_copy(update={"history": effects.history.model_copy(update=grid)}),
     }
     return study.model_copy(update={"mechanics": mechanics.model_copy(update=changes)})

@@ -93,9 +93,10 @@ def solve_companion(
     Effects that make the path another than a plain one (history, residual stretch, a machine that yields) are in its forces;
     how the forces follow the laws is taken from the plain path, of which they change little.
     """
-    sizes, effects = study.mechanics.mesh, study.mechanics.effects
-    coarse = sizes.model_copy(update={"near_mm": COARSER * sizes.near_mm, "far_mm": COARSER * sizes.far_mm})
-    coarser = study.model_copy(update={"mechanics": study.mechanics.model_copy(update={"mesh": coarse})})
+    mechanics, effects = study.mechanics, study.mechanics.effects
+    coarser = study.model_copy(
+        update={"mechanics": mechanics.model_copy(update={"mesh": mechanics.mesh.coarser(COARSER)})}
+    )
     kinematics = effects.kinematics
     yields = kinematics.frame_compliance_mm_per_N or kinematics.base_bending_mm_per_N
     if not (effects.history.any or effects.geometry.prestretch or yields):

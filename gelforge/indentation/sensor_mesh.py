@@ -34,7 +34,7 @@ def sensor_mesh(
     base: an elastic slab under a block.
     Raises ConfigError for surfaces that bound no body or do not fit the description.
     """
-    sizes = Sizes(near=mesh.near_mm, near_radius=mesh.near_radius_mm, growth=mesh.growth, far=mesh.far_mm)
+    sizes = Sizes(mesh.near_mm, mesh.near_radius_mm, mesh.growth, mesh.far_mm, mesh.envelope_mm)
     if sensor.shape.kind == "block" and mesh.elements != "tetrahedra":
         return layered_block(_on_base(_block(sensor), base), x_mm, y_mm, sizes, touched)
     if base:
@@ -43,7 +43,7 @@ def sensor_mesh(
         )
     discs = np.array([[x_mm, y_mm, 0.0]]) if touched is None else np.asarray(touched)
     try:
-        solids = sensor_solids(sensor)
+        solids = sensor_solids(sensor, sizes.envelope)
         heights = [_height(solids.surfaces[-1], x, y) for x, y, _ in discs]
         return tetrahedral_mesh(solids, sizes, np.insert(discs, 2, heights, axis=1))
     except (SurfaceError, MeshingError) as error:
@@ -84,16 +84,19 @@ def _from_files(files: tuple[tuple[str, str, str], ...], base: float) -> Solids:
 
 
 @lru_cache(maxsize=4)
-def _dome(width_x: float, width_y: float, layers: tuple) -> Solids:
-    return dome_solids(width_x, width_y, layers)
+def _dome(width_x: float, width_y: float, layers: tuple, envelope: float) -> Solids:
+    return dome_solids(width_x, width_y, layers, envelope)
 
 
-def sensor_solids(sensor: Sensor) -> Solids:
-    """Return the closed surfaces of a sensor's layers. Raises SurfaceError where they do not fit its description."""
+def sensor_solids(sensor: Sensor, envelope: float = Sizes.envelope) -> Solids:
+    """Return the closed surfaces of a sensor's layers, drafted within an envelope [mm].
+
+    Raises SurfaceError where they do not fit the sensor's description.
+    """
     if sensor.shape.kind == "block":
         return block_solids(_block(sensor))
     if sensor.shape.kind == "dome":
-        return _dome(sensor.width_x_mm, sensor.width_y_mm, _layers(sensor))
+        return _dome(sensor.width_x_mm, sensor.width_y_mm, _layers(sensor), envelope)
     base = -sensor.height_mm if sensor.shape.base_mm is None else sensor.shape.base_mm
     digests = surface_digests(sensor)
     solids = _from_files(

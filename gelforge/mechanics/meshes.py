@@ -40,6 +40,9 @@ class Sizes:
     near_radius: float = 3.6
     growth: float = 0.25  # d(size)/d(distance)
     far: float = 1.2
+    envelope: float = (
+        0.04  # mm: how far a mesher of tetrahedra may stray from a surface before nodes are moved onto it
+    )
 
     @property
     def halvings(self) -> int:

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from gelforge.mechanics.closed_surface import ClosedSurface, SurfaceError, closed_surface
-from gelforge.mechanics.meshes import Block
+from gelforge.mechanics.meshes import Block, Sizes
 
 DOME_STEP = (
     0.3  # mm between the points of a dome's surface: its faces lie 1e-3 mm inside a dome of radius 11 mm
 )
-COARSE_STEP = 1.2  # mm, the same for the mesher, which follows it within its envelope only
+DRAFT_STEP = 1.2  # mm, the same for the mesher in an envelope of 0.04 mm, which it follows within that only
 
 
 @dataclass(frozen=True)
@@ -63,10 +63,13 @@ def block_solids(block: Block) -> Solids:
     return Solids(names, tuple(closed_surface(*box) for box in boxes), tuple(boxes), float(heights[0]))
 
 
-def dome_solids(width_x: float, width_y: float, layers: tuple[tuple[str, float], ...]) -> Solids:
+def dome_solids(
+    width_x: float, width_y: float, layers: tuple[tuple[str, float], ...], envelope: float = Sizes.envelope
+) -> Solids:
     """Return a half-ellipsoid on its flat base: a core under layers of constant thickness.
 
-    layers are (name, thickness [mm] at the top) from the base up; inner surfaces are parallel to the outer one.
+    layers are (name, thickness [mm] at the top) from the base up; inner surfaces are parallel to the outer one. The drafts
+    for the mesher are as coarse as its envelope [mm] lets them be.
     Raises SurfaceError where a layer is thicker than the dome's sharpest curvature.
     """
     height = sum(thickness for _, thickness in layers)
@@ -79,7 +82,10 @@ def dome_solids(width_x: float, width_y: float, layers: tuple[tuple[str, float],
             f"{sharpest:.3g} mm: no surface parallel to the dome lies there; make them thinner or the dome rounder"
         )
     surfaces = tuple(closed_surface(*_dome(axes, offset, DOME_STEP)) for offset in offsets)
-    drafts = tuple(_dome(axes, offset, COARSE_STEP) for offset in offsets)
+    step = DRAFT_STEP * np.sqrt(
+        envelope / Sizes.envelope
+    )  # a chord's distance from its curve goes with its square
+    drafts = tuple(_dome(axes, offset, step) for offset in offsets)
     return Solids(tuple(name for name, _ in layers), surfaces, drafts, -height)
 
 

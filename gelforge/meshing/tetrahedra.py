@@ -25,18 +25,19 @@ from gelforge.mechanics.meshes import Mesh, Sizes, Surface
 from gelforge.meshing.solids import Solids, area, enclosed_volume
 from gelforge.meshing.tetwild import tetrahedralize
 
-ENVELOPE = (
-    0.04  # mm, or a sixth of the smallest node distance: nodes are moved onto the surface by less than this
-)
+ENVELOPE_PER_NODE_DISTANCE = (
+    1 / 6
+)  # at most, of the smallest: nodes are moved onto the surface by less than the envelope
 EDGE_PER_NODE_DISTANCE = 2.0  # a quadratic tetrahedron has a node at the middle of each edge
 STEEP = (
     0.1  # a face whose outward normal has a smaller vertical component is a side: it has no place in the bins
 )
 # The envelope cuts edges off by slivers that look anywhere: a node of which less than this share looks up lies on a side.
 SLIVER = 0.1
-ASTRAY = 5 * ENVELOPE  # mm: envelope and a dome's coarse draft together move a node by less than half of this
-ON_BASE = 2 * ENVELOPE  # mm: the mesh's edge around the base may lie this much beside the surface's
-AREA_TOLERANCE, VOLUME_TOLERANCE = 0.01, 0.005  # of each surface and of what it encloses
+ASTRAY = 5  # envelopes: the mesher and a dome's coarse draft together move a node by less than half of this
+ON_BASE = 2  # envelopes: the mesh's edge around the base may lie this much beside the surface's
+# Of each surface and of what it encloses, in the default envelope; in proportion in a wider one, as companions have.
+AREA_TOLERANCE, VOLUME_TOLERANCE = 0.01, 0.005
 LEAST_JACOBIAN = 0.2  # of the straight element's: below this an edge's middle stays on the straight edge
 
 
@@ -52,6 +53,8 @@ def tetrahedral_mesh(solids: Solids, sizes: Sizes, touched: np.ndarray) -> Mesh:
     Raises MeshingError where a surface of the mesh or its volume is not the one that was given.
     """
 
+    envelope = min(sizes.envelope, ENVELOPE_PER_NODE_DISTANCE * sizes.near)
+
     def edge(points):
         away = np.linalg.norm(points[:, None] - touched[:, :3], axis=-1) - np.maximum(
             touched[:, 3], sizes.near_radius
@@ -65,7 +68,7 @@ def tetrahedral_mesh(solids: Solids, sizes: Sizes, touched: np.ndarray) -> Mesh:
         np.concatenate([triangles + k for (_, triangles), k in zip(solids.drafts, offsets)]),
         edge,
         EDGE_PER_NODE_DISTANCE * sizes.far,
-        min(ENVELOPE, sizes.near / 6),
+        envelope,
     )
     middle = X[tetrahedra].mean(axis=1)
     inside = np.stack([surface.distance(middle)[0] < 0 for surface in solids.surfaces], axis=-1)
@@ -73,11 +76,11 @@ def tetrahedral_mesh(solids: Solids, sizes: Sizes, touched: np.ndarray) -> Mesh:
     inside, used = inside[kept], np.unique(tetrahedra[kept])
     X, tetrahedra = X[used], np.searchsorted(used, tetrahedra[kept])
     skins = [faces_between(tetrahedra, inside[:, k]) for k in range(len(solids.names))]
-    X = _snapped(X, tetrahedra, skins, solids)
+    X = _snapped(X, tetrahedra, skins, solids, ASTRAY * sizes.envelope)
     X, elements = quadratic_tetrahedra(X, tetrahedra)
     X = _curved(X, elements, skins, solids)
-    _check(X, elements, inside, solids)
-    fixed, surface = _boundary(X, elements, solids.base)
+    _check(X, elements, inside, solids, max(1.0, sizes.envelope / Sizes.envelope))
+    fixed, surface = _boundary(X, elements, solids.base + ON_BASE * sizes.envelope)
     return Mesh(X, elements, np.argmax(inside, axis=1).astype(np.int32), solids.names, fixed, surface)
 
 
@@ -109,12 +112,12 @@ def _volumes(X: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
     return np.linalg.det(corner[:, 1:] - corner[:, :1]) / 6
 
 
-def _snapped(X, tetrahedra, skins, solids: Solids) -> np.ndarray:
+def _snapped(X, tetrahedra, skins, solids: Solids, limit: float) -> np.ndarray:
     moved = _projected(X, [np.unique(skin) for skin in skins], solids)
-    if (furthest := np.linalg.norm(moved - X, axis=1).max()) > ASTRAY:
+    if (furthest := np.linalg.norm(moved - X, axis=1).max()) > limit:
         raise MeshingError(
             f"the mesh's surfaces lie up to {furthest:.2g} mm beside those of the solids {list(solids.names)} (limit "
-            f"{ASTRAY:g} mm): one of them crosses itself; join its overlapping parts in the program that wrote the file"
+            f"{limit:g} mm): one of them crosses itself; join its overlapping parts in the program that wrote the file"
         )
     inverted = _volumes(moved, tetrahedra) <= 0
     if inverted.any():
@@ -126,8 +129,8 @@ def _snapped(X, tetrahedra, skins, solids: Solids) -> np.ndarray:
     return moved
 
 
-def _check(X, elements, inside, solids: Solids) -> None:
-    """Refuse a mesh whose surfaces are not the given ones within the tolerances."""
+def _check(X, elements, inside, solids: Solids, wider: float) -> None:
+    """Refuse a mesh whose surfaces are not the given ones within the tolerances, times wider."""
     volumes = element_gradient(X, elements)[1].sum(axis=1)
     for k, (name, surface) in enumerate(zip(solids.names, solids.surfaces)):
         found = lumped_area(X, faces_between(elements, inside[:, k])).sum()
@@ -135,10 +138,11 @@ def _check(X, elements, inside, solids: Solids) -> None:
             ("volume", volumes[inside[:, k]].sum(), enclosed_volume(surface), VOLUME_TOLERANCE),
             ("surface", found, area(surface), AREA_TOLERANCE),
         ):
-            if abs(value / given - 1) > tolerance:
+            if abs(value / given - 1) > wider * tolerance:
                 raise MeshingError(
-                    f"solid {name}: the mesh's {quantity} is {value:.6g}, given is {given:.6g} (limit {tolerance:.1%}); "
-                    "the surface crosses itself, or mechanics.mesh.far_mm is too large for the shape: make it smaller"
+                    f"solid {name}: the mesh's {quantity} is {value:.6g}, given is {given:.6g} (limit "
+                    f"{wider * tolerance:.1%}); the surface crosses itself, or mechanics.mesh.far_mm is too large for the "
+                    "shape: make it smaller"
                 )
 
 
@@ -173,7 +177,7 @@ def _boundary(X: np.ndarray, elements: np.ndarray, base: float) -> tuple[np.ndar
     """Return the fixed nodes (N,) and the surface that is touched: the boundary without its part on the base."""
     faces = faces_between(elements, np.ones(len(elements), bool))
     fixed = np.zeros(len(X), bool)
-    fixed[np.unique(faces)] = X[np.unique(faces), 2] <= base + ON_BASE
+    fixed[np.unique(faces)] = X[np.unique(faces), 2] <= base
     if not fixed.any():
         raise MeshingError(
             f"no node of the mesh lies at or below the base z = {base:g} mm; correct shape.base_mm"
@@ -226,5 +230,5 @@ def read_mesh(path: str | Path, regions: tuple[str, ...], base: float) -> Mesh:
         raise MeshingError(f"{path}: {turned.sum()} tetrahedra are inside out; write corners in VTK's order")
     if kind == "tetra":
         X, elements = quadratic_tetrahedra(X, elements)
-    fixed, surface = _boundary(X, elements.astype(np.int32), base)
+    fixed, surface = _boundary(X, elements.astype(np.int32), base + ON_BASE * Sizes.envelope)
     return Mesh(X, elements.astype(np.int32), region, regions, fixed, surface)

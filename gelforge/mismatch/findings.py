@@ -55,6 +55,7 @@ def verdict_of(
             p=judgement.mismatch.test.p,
             scan_p=judgement.mismatch.scan.p,
             unknown_p=judgement.mismatch.unknown_p,
+            known_p=judgement.mismatch.known_p,
         ),
         where=_where(judgement.mismatch) if answer or judgement.state == "open" else [],
         answer=told,

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.mismatch.covariance import Covariance
+from gelforge.mismatch.verdict import shown
 
 FEW_SITES = 4
 REFUTED = 3.0  # standard errors by which a gain falls short of what a true answer gives
@@ -39,8 +40,8 @@ class Gain:
 
     @property
     def clear(self) -> bool:
-        """Return whether the gain is above two standard errors."""
-        return self.total > 2 * self.standard_error
+        """Return whether the gain is more than chance."""
+        return shown(self.total, self.standard_error)
 
     @property
     def refutes(self) -> bool:

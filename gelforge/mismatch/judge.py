@@ -18,7 +18,7 @@ from gelforge.mismatch.screen import Screened
 from gelforge.mismatch.search import CERTAIN_P, Answer, Terms, explained
 from gelforge.mismatch.unknown import manners_of, weighed_unknown
 from gelforge.mismatch.verdict import ADEQUATE_P, ALARM_P, NAMED_ODDS, NAMED_PROBABILITY
-from gelforge.mismatch.weighing import those_felt, weighed
+from gelforge.mismatch.weighing import chance_of_known, those_felt, weighed
 
 LIKELY = 0.5  # probability below which a group is no answer
 
@@ -59,7 +59,7 @@ def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Jud
     manners = manners_of(problem)
     unknown = weighed_unknown(problem, manners)
     mismatch = remains(problem, problem.residual, everything, settings, rng)
-    mismatch = replace(mismatch, unknown_p=unknown.p)
+    mismatch = replace(mismatch, unknown_p=unknown.p, known_p=chance_of_known(problem))
     singles = weighed(problem, blocks.train, problem.candidates)
     felt = those_felt(singles)
     probability = probabilities(felt)

@@ -19,10 +19,11 @@ class Remains:
     test: GlobalTest
     scan: Scan
     unknown_p: float = 1.0  # bound on that of as much evidence for something unknown, where that was asked
+    known_p: float = 1.0  # and for the known effects
 
     @property
     def p(self) -> float:
-        return min(self.test.p, self.scan.p, self.unknown_p)
+        return min(self.test.p, self.scan.p, self.unknown_p, self.known_p)
 
 
 def remains(

@@ -105,6 +105,11 @@ def screened(
     return sorted(found, key=lambda judged: -judged.log_bayes_factor)
 
 
+def chance_of(log_bayes_factor: float) -> float:
+    """Return the bound on the probability that noise alone gives as much evidence (Markov's inequality)."""
+    return float(np.exp(-max(log_bayes_factor, 0.0)))
+
+
 def whitened(covariance: Covariance, candidates: Sequence[Candidate]) -> list[np.ndarray]:
     """Return the whitened columns (n, p) of each candidate."""
     ends = np.cumsum([0, *(candidate.columns.shape[1] for candidate in candidates)])

@@ -52,8 +52,7 @@ class Solver:
     @property
     def coarse(self) -> Study:
         """Return the study on the coarser mesh."""
-        sizes, coarser = self.study.mechanics.mesh, self.study.mismatch.coarser
-        mesh = sizes.model_copy(update={"near_mm": coarser * sizes.near_mm, "far_mm": coarser * sizes.far_mm})
+        mesh = self.study.mechanics.mesh.coarser(self.study.mismatch.coarser)
         mechanics = self.study.mechanics.model_copy(update={"mesh": mesh})
         return self.seen(unmirrored(self.study.model_copy(update={"mechanics": mechanics})))
 

@@ -17,7 +17,7 @@ from scipy.special import logsumexp
 
 from gelforge.mismatch.covariance import Covariance, Draws
 from gelforge.mismatch.problem import Problem
-from gelforge.mismatch.screen import SCALES, Candidate, log_evidence
+from gelforge.mismatch.screen import SCALES, Candidate, chance_of, log_evidence
 
 PLAUSIBLE = 0.1  # of the pressing force, standard deviation; SCALES make it smaller
 MODES = {"depth": 6, "place": 4, "time": 8, "path": 3}  # cosines along each coordinate
@@ -58,8 +58,8 @@ class Weighed:
 
     @property
     def p(self) -> float:
-        """Return the bound on the probability of as much evidence by chance (Markov's inequality)."""
-        return float(np.exp(-max(self.log_bayes_factor, 0.0)))
+        """Return the bound on the probability of as much evidence by chance."""
+        return chance_of(self.log_bayes_factor)
 
 
 def weighed_unknown(

@@ -8,6 +8,7 @@ body_map.csv    where in the body the modulus would have to change, before any e
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -23,14 +24,17 @@ FORMAT = "gelforge-verdict-1"
 VERDICT, READINGS, BODY_MAP = "verdict.json", "readings.csv", "body_map.csv"
 PATCH, PAGE = "config.patch.yaml", "report.html"
 
-# Of the global test, of the scan and of something unknown each: any is an alarm, so at most three in a hundred recordings,
-# or materials, of which nothing is missing give a false one.
+# Of the global test, of the scan, of something unknown and of the known effects each: any is an alarm, so at most four in
+# a hundred recordings, or materials, of which nothing is missing give a false one.
 ALARM_P = 0.01
 # What `named` asks for (mismatch.md, states)
 NAMED_PROBABILITY = 0.9  # of the group
 NAMED_ODDS = 10.0  # of the effect within its group
 ADEQUATE_P = 0.01
-HELD_OUT_ERRORS = 2.0  # standard errors that the held-out gain must exceed
+# The held-out gain must exceed so many standard errors, or make what was set aside as many times likelier: if nothing is
+# missing it does that by chance in one of HELD_OUT_ODDS recordings at most (Markov's inequality).
+HELD_OUT_ERRORS = 2.0
+HELD_OUT_ODDS = 100.0
 
 State = Literal["null", "named", "group", "open", "insufficient"]
 Probability = Annotated[float, Field(ge=0, le=1)]
@@ -142,6 +146,11 @@ class Score(Section):
     log_score: float = Field(description="Log predictive density of all of them together [-]")
 
 
+def shown(gain: float, standard_error: float) -> bool:
+    """Return whether a gain in log score of what was set aside, with its standard error, is more than chance."""
+    return gain > min(HELD_OUT_ERRORS * standard_error, math.log(HELD_OUT_ODDS))
+
+
 class HeldOut(Section):
     """Readings set aside before anything was fitted, of one block or of all together."""
 
@@ -154,7 +163,7 @@ class HeldOut(Section):
     @property
     def shown(self) -> bool:
         """Return whether the gain is more than chance."""
-        return self.gain > HELD_OUT_ERRORS * self.standard_error
+        return shown(self.gain, self.standard_error)
 
 
 class Flow(Section):
@@ -187,6 +196,9 @@ class Mismatch(Section):
     scan_p: Probability = Field(description="Of the strongest pattern by chance, looked for everywhere [-]")
     unknown_p: Probability | None = Field(
         None, description="Bound on as much evidence for something unknown by chance [-]"
+    )
+    known_p: Probability | None = Field(
+        None, description="Bound on as much evidence for the known effects by chance [-]"
     )
 
 
@@ -373,7 +385,8 @@ class Verdict(Section):
             return f"named, but what remains is not noise (adequacy p > {ADEQUATE_P:g} is needed): open"
         if self.fit.held_out is None or not self.fit.held_out.shown:
             return (
-                f"named, but no held-out gain above {HELD_OUT_ERRORS:g} standard errors: insufficient or open"
+                f"named, but no held-out gain above {HELD_OUT_ERRORS:g} standard errors or odds of {HELD_OUT_ODDS:g}: "
+                "insufficient or open"
             )
         return ""
 

@@ -6,10 +6,11 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import logsumexp
 
 from gelforge.mismatch.alternatives import effects_of
 from gelforge.mismatch.problem import Problem
-from gelforge.mismatch.screen import Candidate, Screened, believing, screened, whitened
+from gelforge.mismatch.screen import Candidate, Screened, believing, chance_of, screened, whitened
 
 # Best answers of a round, beside each of which one more effect is tried: thrice what a group may hold.
 BEAM = 12
@@ -23,6 +24,17 @@ def those_felt(ranked: Sequence[Screened], always: Collection[frozenset[str]] = 
     One that they do not feel has evidence 0, which is no evidence and would win over what they refute.
     """
     return [one for one in ranked if one.plausible_snr > FELT_SNR or effects_of(one) in always]
+
+
+def chance_of_known(problem: Problem) -> float:
+    """Return the bound on the probability of as much evidence for the known effects by chance.
+
+    All readings are asked, and all effects that they feel are as likely: the mean of their Bayes factors against none.
+    """
+    felt = those_felt(screened(problem.residual, problem.covariance, problem.candidates))
+    if not felt:
+        return 1.0
+    return chance_of(float(logsumexp([one.log_bayes_factor for one in felt]) - np.log(len(felt))))
 
 
 def weighed_alone(

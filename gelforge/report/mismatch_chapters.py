@@ -51,6 +51,8 @@ def in_short(results: MismatchResults) -> Chapter:
     chance = f"as much mismatch: {p_text(test.p)}; as strong a pattern: {p_text(test.scan_p)}"
     if test.unknown_p is not None:
         chance += f"; as much for something unknown: {p_text(test.unknown_p)} at most"
+    if test.known_p is not None:
+        chance += f"; as much for what is known: {p_text(test.known_p)} at most"
     facts.append(("By chance alone", chance))
     if verdict.adequacy:
         a = verdict.adequacy

@@ -5,11 +5,12 @@ import pytest
 from numpy.testing import assert_array_equal
 from small_shapes import SHAPES, SIZES
 
+from gelforge.config.mechanics import Mesh as MeshSizes
 from gelforge.mechanics.closed_surface import closed_surface
 from gelforge.mechanics.elements import element_gradient, lumped_area
 from gelforge.mechanics.meshes import Sizes
 from gelforge.meshing import tetrahedra
-from gelforge.meshing.solids import Solids, area, enclosed_volume
+from gelforge.meshing.solids import Solids, area, dome_solids, enclosed_volume
 from gelforge.meshing.tetrahedra import MeshingError, faces_between, read_mesh, tetrahedral_mesh, write_mesh
 
 ON_SURFACE_MM = 0.005  # what the sensor's maker can tell from the true surface
@@ -68,7 +69,7 @@ def test_sizes_are_used_under_the_contact(meshed):
 def test_base_and_touched_surface(meshed):
     mesh, surface = meshed.mesh, meshed.mesh.surface
     low = mesh.X[:, 2].min()
-    assert mesh.X[mesh.fixed, 2].max() <= low + tetrahedra.ON_BASE
+    assert mesh.X[mesh.fixed, 2].max() <= low + tetrahedra.ON_BASE * SIZES.envelope
     assert mesh.fixed[mesh.X[:, 2] < low + 1e-9].all()
     corner = mesh.X[surface.faces[:, :3]]
     normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
@@ -77,7 +78,7 @@ def test_base_and_touched_surface(meshed):
     if meshed.name == "block":
         height = mesh.X[surface.nodes, 2]
         assert surface.top[height > -1e-9].all()
-        assert not surface.top[height < -tetrahedra.ENVELOPE].any()  # within it the rim is cut off
+        assert not surface.top[height < -SIZES.envelope].any()  # within it the rim is cut off
         assert surface.area.sum() == pytest.approx(
             10 * 8 + 36 * 3.5, rel=2e-3
         )  # edges are cut by the envelope
@@ -89,6 +90,20 @@ def test_meshes_repeat_to_the_byte():
     first, second = (tetrahedral_mesh(solids, sizes, np.array([touched])) for _ in range(2))
     assert first.X.tobytes() == second.X.tobytes()
     assert first.elements.tobytes() == second.elements.tobytes()
+
+
+def test_a_coarser_mesh_of_a_dome_has_a_third_of_the_elements():
+    """Twice the sizes in an envelope of four times: edges as long as asked would stray further from a narrower one."""
+    sizes = MeshSizes(near_mm=0.3, near_radius_mm=1.5, growth=0.4, far_mm=1.0)
+    layers, touched = (("gel", 4.0), ("skin", 1.0)), np.array([[6.0, 5.0, 0.0, 0.0]])
+
+    def elements(wanted):
+        used = Sizes(wanted.near_mm, wanted.near_radius_mm, wanted.growth, wanted.far_mm, wanted.envelope_mm)
+        return len(tetrahedral_mesh(dome_solids(12.0, 10.0, layers, used.envelope), used, touched).elements)
+
+    fine, coarse = elements(sizes), elements(sizes.coarser(2.0))
+    narrow = elements(sizes.coarser(2.0).model_copy(update={"envelope_mm": sizes.envelope_mm}))
+    assert coarse < fine / 3 < fine / 2 < narrow
 
 
 def test_a_surface_that_crosses_itself_is_refused():

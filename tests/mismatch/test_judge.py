@@ -26,7 +26,7 @@ from gelforge.mismatch.words import plain, sentence_of
 
 
 def test_nulls_raise_few_alarms():
-    """Two tests at 0.01 each: of 40 nulls 0.8 are expected to alarm, and more than 4 in one of 700 such runs."""
+    """Four tests at 0.01 each, two of them bounds: of 40 nulls 0.8 to 1.6 are expected to alarm, and more than 4 seldom."""
     states = [judged(artificial.context(seed, per_side=3))[1].state for seed in range(40)]
     assert sum(state not in ("null", "insufficient") for state in states) <= 4
 

@@ -155,7 +155,14 @@ def fake_content() -> dict:
         "state": "group",
         "sentence": "The sensor is 9 % softer than simulated, everywhere and at every depth: its gel is softer, or the force"
         " sensor reads low; these readings cannot tell which.",
-        "mismatch": {"chi2": 1450.2, "degrees": len(table), "p": 3e-9, "scan_p": 0.0004, "unknown_p": 2e-7},
+        "mismatch": {
+            "chi2": 1450.2,
+            "degrees": len(table),
+            "p": 3e-9,
+            "scan_p": 0.0004,
+            "unknown_p": 2e-7,
+            "known_p": 3e-8,
+        },
         "where": [
             {
                 "words": "grows with depth",

@@ -1,0 +1,64 @@
+"""What counts as a mismatch, and as a gain of what was set aside: bounds that chance keeps to. ARTIFICIAL readings."""
+
+from dataclasses import replace
+
+import artificial
+import numpy as np
+import pytest
+from artificial_problem import judged, problem_of
+
+from gelforge.mismatch.holdout import Gain
+from gelforge.mismatch.verdict import ALARM_P, HELD_OUT_ODDS
+from gelforge.mismatch.weighing import chance_of_known, those_felt, weighed
+
+
+def read_as(problem, residual):
+    """Return the problem with other readings: the base and a residual (n,) [N]."""
+    force = problem.base.copy()
+    force[problem.observations.read] += residual
+    return replace(problem, observations=replace(problem.observations, force=force))
+
+
+def test_noise_gives_known_effects_little_evidence():
+    """The mean Bayes factor of noise is 1, so 100 and more come once in a hundred at most: none of 200 expected."""
+    problem = problem_of(artificial.context(7, per_side=3))
+    draws = problem.covariance.draw(np.random.default_rng(3), 200).T
+    chances = np.array([chance_of_known(read_as(problem, draw)) for draw in draws])
+    assert (chances < ALARM_P).sum() <= 2
+    assert chances.min() < 0.5  # and they are no constants
+
+
+def test_the_bound_is_the_mean_of_the_bayes_factors():
+    base = artificial.context(7, per_side=3)
+    problem = problem_of(artificial.with_effect(base, "tilt", [0.4, 0.0], np.random.default_rng(5)))
+    every = np.ones(len(problem.labels), bool)
+    exact = replace(problem, change_error=0.0)  # as the bound takes them
+    factors = np.exp([one.log_bayes_factor for one in those_felt(weighed(exact, every, exact.candidates))])
+    assert chance_of_known(problem) == pytest.approx(min(1.0, 1 / factors.mean()), rel=1e-9)
+    assert chance_of_known(problem) < 0.9
+
+
+def test_what_only_a_known_effect_can_see_is_an_alarm():
+    """A grid that is turned by 2 degrees: neither its size nor any pattern of the scan nor a random function shows it."""
+    base = artificial.context(7, per_side=3)
+    _, found = judged(artificial.with_effect(base, "yaw", [2.0], np.random.default_rng(8)))
+    seen = found.mismatch
+    assert min(seen.test.p, seen.scan.p, seen.unknown_p) > 0.1 > ALARM_P > seen.known_p
+    assert found.state == "named" and found.answer.fit.name == "yaw"
+
+
+@pytest.mark.parametrize(
+    ("total", "error", "clear"),
+    [(3.0, 1.0, True), (1.9, 1.0, False), (5.0, 6.0, True), (4.5, 6.0, False), (-20.0, 0.0, False)],
+)
+def test_a_gain_is_clear_above_two_errors_or_a_hundred_to_one(total, error, clear):
+    assert Gain(total, error, 4).clear is clear
+
+
+def test_without_anything_to_find_a_gain_of_a_hundred_to_one_is_rare():
+    """The log score of the truth is beaten by that much once in HELD_OUT_ODDS at most, whatever is promised."""
+    rng, beaten = np.random.default_rng(4), 0
+    for distance in np.linspace(0.5, 12.0, 4000):  # of the promised change, in standard deviations
+        noise = rng.standard_normal()
+        beaten += Gain(distance * noise - distance**2 / 2, distance, 1).total > np.log(HELD_OUT_ODDS)
+    assert beaten <= 4000 / HELD_OUT_ODDS
