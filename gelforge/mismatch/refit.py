@@ -18,6 +18,9 @@ STEPS_OF_PLACE = 8  # more, where a place is fitted too
 DIFFERENCE = 1e-3  # of a plausible amount: for columns taken anew where nothing is solved
 PART_OF_A_WAY = 0.25  # half-way to the next place: across it the columns of ways are differences
 ENOUGH = 0.15  # of a posterior standard deviation: a step that no interval would show
+# Log evidence below what is to be beaten, from where a solved fit is broken off: twice what keeps a rival (RIVAL).
+HOPELESS = 10.0
+HOPED = 2.0  # times what the columns promise of further steps: they are not exact
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +35,7 @@ class Refitted:
     spread: np.ndarray  # (q, q) covariance of the same
     ways: np.ndarray  # (n, q - p) [N/mm] linear change of all entries along the places' ways
     log_bayes_factor: float  # Laplace, against none, on these entries; shapes and scales are paid for
-    converged: bool  # the next step would be below ENOUGH
+    converged: bool  # the next step would be below ENOUGH; one that was broken off has not
 
     @property
     def name(self) -> str:
@@ -45,14 +48,16 @@ class Refitted:
         return self.spread[:p, :p]
 
 
-def refitted(problem: Problem, start: Screened, mask: np.ndarray) -> Refitted:
+def refitted(problem: Problem, start: Screened, mask: np.ndarray, beat: float = -np.inf) -> Refitted:
     """Return the effects of a screened answer fitted to the entries (n,) bool. Raises NotConverged at the first solution.
 
     The place of what has one is fitted too, as far as the next that was tried, and a ball's size, along axes along which the
-    readings see it.
+    readings see it. beat: log Bayes factor of another fit; one that promises to stay far below it is broken off.
     """
     variables = variables_of(problem, start, mask)
-    a, change, J, converged = _fitted(variables)
+    against = -problem.covariance.restricted(mask).log_density(problem.residual[mask])
+    against += start.log_bayes_factor - start.best_log_bayes_factor
+    a, change, J, converged = _fitted(variables, beat - against)
     left = problem.residual[mask] - change
     factor, spread = _evidence(left, variables, J, a, variables.free)
     parts, amounts = variables.split(a)
@@ -60,16 +65,14 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray) -> Refitted:
         placed = np.arange(len(a)) < variables.amounts
         alone, _ = _evidence(left, variables, J, a, variables.free & placed)
         parts = variables.having_paid(parts, factor - alone)
-    factor -= problem.covariance.restricted(mask).log_density(problem.residual[mask])
-    factor += start.log_bayes_factor - start.best_log_bayes_factor
-    return Refitted(parts, amounts, J, spread, variables.ways, factor, converged)
+    return Refitted(parts, amounts, J, spread, variables.ways, factor + against, converged)
 
 
-def _fitted(variables: Variables) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
+def _fitted(variables: Variables, beat: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
     """Return the variables (q,) that fit best, the change (m,) [N] there, its columns (m, q), and whether they are at rest.
 
     After the first step the columns follow the model's own change (`secant`);
-    where nothing is solved they are taken anew.
+    where nothing is solved they are taken anew. beat: log evidence, see `refitted`.
     """
     problem, mask = variables.problem, variables.mask
     residual, widths, (low, high) = problem.residual[mask], variables.widths, variables.bounds
@@ -78,7 +81,10 @@ def _fitted(variables: Variables) -> tuple[np.ndarray, np.ndarray, np.ndarray, b
     free, steps, reach = variables.free, 0, 1.0
     solved = any(problem.solves(part) for part in variables.start.parts)
     if solved:
-        J = _along_ways(_through(change, J, a, variables, covariance), change, a, variables)
+        J = _through(change, J, a, variables, covariance)
+        if _hopeless(residual - change, variables, J, a, beat):
+            return a, change, J, False
+        J = _along_ways(J, change, a, variables)
     most = MOST_STEPS + STEPS_OF_PLACE * bool(variables.moves) if solved else MOST_CHEAP_STEPS
     if not free.any():
         return a, change, J, True
@@ -94,7 +100,7 @@ def _fitted(variables: Variables) -> tuple[np.ndarray, np.ndarray, np.ndarray, b
         delta = _step(H, gradient, a[free], low[free], high[free], ~at_rest)
         converged = bool(np.all(np.abs(delta) <= enough))
         delta /= max(1.0, np.max(np.abs(delta) / variables.farthest[free]))
-        if converged or steps == most:
+        if converged or steps == most or (solved and _hopeless(residual - change, variables, J, a, beat)):
             return a, change, J, converged
         trial, found = a.copy(), None
         for share in (1.0, 0.5, 0.25):  # the solver may not reach the whole step
@@ -119,6 +125,19 @@ def _fitted(variables: Variables) -> tuple[np.ndarray, np.ndarray, np.ndarray, b
             reach /= 2  # a step too far has taught the columns, and is not taken; the next is shorter
         else:
             a, change, reach = trial, found, min(2 * reach, 1.0)
+
+
+def _hopeless(left: np.ndarray, variables: Variables, J: np.ndarray, a: np.ndarray, beat: float) -> bool:
+    """Return whether even HOPED times what the columns (m, q) promise leaves a fit HOPELESS below log evidence beat."""
+    free, covariance = variables.free, variables.covariance(a)
+    if beat == -np.inf or not free.any():
+        return False
+    widths = variables.widths[free]
+    Jw = covariance.whiten(J[:, free])
+    gradient = Jw.T @ covariance.whiten(left) - a[free] / widths**2
+    promised = 0.5 * gradient @ np.linalg.solve(Jw.T @ Jw + np.diag(1 / widths**2), gradient)
+    here, _ = _evidence(left, variables, J, a, free)
+    return bool(here + HOPED * promised < beat - HOPELESS)
 
 
 def _through(

@@ -57,7 +57,9 @@ class Refits:
         """Refit an answer; one that cannot be solved is noted."""
         self.tried.add(effects_of(one))
         try:
-            self.fits[one.name] = refitted(self.draft, unmasked(self.problem, one), self.blocks.train)
+            self.fits[one.name] = refitted(
+                self.draft, unmasked(self.problem, one), self.blocks.train, self.best
+            )
         except (NotConverged, ConfigError) as failure:  # ConfigError: effects that do not go together
             self.notes.append(f"{one.name} could not be solved at its fitted amount: {failure}")
 

@@ -10,7 +10,7 @@ from artificial_problem import problem_of
 from gelforge.mismatch import places
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.problem import FORM_ERROR, PLACE_ERROR
-from gelforge.mismatch.refit import refitted
+from gelforge.mismatch.refit import HOPELESS, refitted
 from gelforge.mismatch.screen import screened
 from gelforge.mismatch.weighing import unmasked, weighed, whole
 
@@ -216,3 +216,44 @@ def test_the_first_order_of_a_void_between_places_is_between_theirs():
     ends = [effect.to_forces(base, shapes[k], base.force, [0.5]) for k in (6, 7)]
     middle = effect.to_forces(base, between(shapes[6], shapes[7], 0.5), base.force, [0.5])
     assert middle == pytest.approx((ends[0] + ends[1]) / 2, abs=1e-12)
+
+
+def counted(problem):
+    """Return the problem with a list that grows by one with every solution."""
+    calls = []
+
+    def forces_with(*asked):
+        calls.append(asked)
+        return problem.forces_with(*asked)
+
+    return replace(problem, forces_with=forces_with), calls
+
+
+def test_a_fit_that_promises_too_little_is_broken_off():
+    """A hard ball makes nothing of a bubble: its place is not looked for where the bubble's own fit is known."""
+    base = artificial.context(62)
+    there, _ = beside_the_middle(0.3, 0.4)
+    context = artificial.read(base, base.force + bubble(base, there), np.random.default_rng(63))
+    problem, calls = counted(solvable(context))
+    every = np.ones(len(problem.labels), bool)
+    hard = [c for c in problem.candidates if c.name == "inclusion"]
+    (start,) = screened(problem.residual, problem.covariance, hard)
+    to_beat = fitted_alone(context)[2].log_bayes_factor
+    fits, spent = [], []
+    for beat in (-np.inf, to_beat):
+        calls.clear()
+        fits.append(refitted(problem, start, every, beat))
+        spent.append(len(calls))
+    assert spent[0] >= 5 and spent[1] == 1
+    assert fits[0].converged and not fits[1].converged
+    assert max(fit.log_bayes_factor for fit in fits) < to_beat - HOPELESS
+
+
+def test_a_fit_that_may_win_is_not_broken_off():
+    base = artificial.context(62)
+    there, _ = beside_the_middle(0.3, 0.4)
+    context = artificial.read(base, base.force + bubble(base, there), np.random.default_rng(63))
+    problem, start, free = fitted_alone(context)
+    fit = refitted(problem, start, np.ones(len(problem.labels), bool), free.log_bayes_factor + 5.0)
+    assert fit.converged and fit.parts[0].shape == free.parts[0].shape
+    assert fit.amounts[0] == free.amounts[0]
