@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 from scipy.special import log_ndtr
@@ -19,8 +20,16 @@ DIFFERENCE = 1e-3  # of a plausible amount: for columns taken anew where nothing
 PART_OF_A_WAY = 0.25  # half-way to the next place: across it the columns of ways are differences
 ENOUGH = 0.15  # of a posterior standard deviation: a step that no interval would show
 # Log evidence below what is to be beaten, from where a solved fit is broken off: twice what keeps a rival (RIVAL).
-HOPELESS = 10.0
+FAR_BELOW = 10.0
 HOPED = 2.0  # times what the columns promise of further steps: they are not exact
+
+
+class End(Enum):
+    """How a fit ended."""
+
+    AT_REST = "at rest"
+    MOVING = "still moving"  # after its last step, or the solver could not follow it
+    HOPELESS = "hopeless"  # broken off, far below what was to be beaten
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +44,12 @@ class Refitted:
     spread: np.ndarray  # (q, q) covariance of the same
     ways: np.ndarray  # (n, q - p) [N/mm] linear change of all entries along the places' ways
     log_bayes_factor: float  # Laplace, against none, on these entries; shapes and scales are paid for
-    converged: bool  # the next step would be below ENOUGH; one that was broken off has not
+    end: End
+
+    @property
+    def converged(self) -> bool:
+        """Return whether the next step would be below ENOUGH."""
+        return self.end is End.AT_REST
 
     @property
     def name(self) -> str:
@@ -57,7 +71,7 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray, beat: float = 
     variables = variables_of(problem, start, mask)
     against = -problem.covariance.restricted(mask).log_density(problem.residual[mask])
     against += start.log_bayes_factor - start.best_log_bayes_factor
-    a, change, J, converged = _fitted(variables, beat - against)
+    a, change, J, end = _fitted(variables, beat - against)
     left = problem.residual[mask] - change
     factor, spread = _evidence(left, variables, J, a, variables.free)
     parts, amounts = variables.split(a)
@@ -65,11 +79,11 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray, beat: float = 
         placed = np.arange(len(a)) < variables.amounts
         alone, _ = _evidence(left, variables, J, a, variables.free & placed)
         parts = variables.having_paid(parts, factor - alone)
-    return Refitted(parts, amounts, J, spread, variables.ways, factor + against, converged)
+    return Refitted(parts, amounts, J, spread, variables.ways, factor + against, end)
 
 
-def _fitted(variables: Variables, beat: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
-    """Return the variables (q,) that fit best, the change (m,) [N] there, its columns (m, q), and whether they are at rest.
+def _fitted(variables: Variables, beat: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, End]:
+    """Return the variables (q,) that fit best, the change (m,) [N] there, its columns (m, q), and how the fit ended.
 
     After the first step the columns follow the model's own change (`secant`);
     where nothing is solved they are taken anew. beat: log evidence, see `refitted`.
@@ -83,11 +97,11 @@ def _fitted(variables: Variables, beat: float) -> tuple[np.ndarray, np.ndarray, 
     if solved:
         J = _through(change, J, a, variables, covariance)
         if _hopeless(residual - change, variables, J, a, beat):
-            return a, change, J, False
+            return a, change, J, End.HOPELESS
         J = _along_ways(J, change, a, variables)
     most = MOST_STEPS + STEPS_OF_PLACE * bool(variables.moves) if solved else MOST_CHEAP_STEPS
     if not free.any():
-        return a, change, J, True
+        return a, change, J, End.AT_REST
     while True:
         cost = _cost(residual - change, a, covariance, widths)
         Jw = covariance.whiten(J[:, free])
@@ -100,8 +114,10 @@ def _fitted(variables: Variables, beat: float) -> tuple[np.ndarray, np.ndarray, 
         delta = _step(H, gradient, a[free], low[free], high[free], ~at_rest)
         converged = bool(np.all(np.abs(delta) <= enough))
         delta /= max(1.0, np.max(np.abs(delta) / variables.farthest[free]))
-        if converged or steps == most or (solved and _hopeless(residual - change, variables, J, a, beat)):
-            return a, change, J, converged
+        if converged or steps == most:
+            return a, change, J, End.AT_REST if converged else End.MOVING
+        if solved and _hopeless(residual - change, variables, J, a, beat):
+            return a, change, J, End.HOPELESS
         trial, found = a.copy(), None
         for share in (1.0, 0.5, 0.25):  # the solver may not reach the whole step
             trial[free] = a[free] + share * reach * delta
@@ -111,10 +127,11 @@ def _fitted(variables: Variables, beat: float) -> tuple[np.ndarray, np.ndarray, 
             except NotConverged:
                 continue
         if found is None:
-            return a, change, J, False
+            return a, change, J, End.MOVING
         worse = _cost(residual - found, trial, covariance, widths) - cost
         if not solved and worse > -ENOUGH:
-            return a, change, J, True  # what is computed from images has a grain: nothing better can be seen
+            # What is computed from images has a grain: nothing better can be seen.
+            return a, change, J, End.AT_REST
         if solved:
             step = (trial - a)[free]
             J[:, free] = secant(J[:, free], found - change - J[:, free] @ step, step, widths[free])
@@ -128,7 +145,7 @@ def _fitted(variables: Variables, beat: float) -> tuple[np.ndarray, np.ndarray, 
 
 
 def _hopeless(left: np.ndarray, variables: Variables, J: np.ndarray, a: np.ndarray, beat: float) -> bool:
-    """Return whether even HOPED times what the columns (m, q) promise leaves a fit HOPELESS below log evidence beat."""
+    """Return whether even HOPED times what the columns (m, q) promise leaves a fit FAR_BELOW log evidence beat."""
     free, covariance = variables.free, variables.covariance(a)
     if beat == -np.inf or not free.any():
         return False
@@ -137,7 +154,7 @@ def _hopeless(left: np.ndarray, variables: Variables, J: np.ndarray, a: np.ndarr
     gradient = Jw.T @ covariance.whiten(left) - a[free] / widths**2
     promised = 0.5 * gradient @ np.linalg.solve(Jw.T @ Jw + np.diag(1 / widths**2), gradient)
     here, _ = _evidence(left, variables, J, a, free)
-    return bool(here + HOPED * promised < beat - HOPELESS)
+    return bool(here + HOPED * promised < beat - FAR_BELOW)
 
 
 def _through(

@@ -53,13 +53,12 @@ class Refits:
         """Return the largest log evidence of the training readings; minus infinity of no refit."""
         return max((fit.log_bayes_factor for fit in self.fits.values()), default=-np.inf)
 
-    def add(self, one: Screened) -> None:
-        """Refit an answer; one that cannot be solved is noted."""
+    def add(self, one: Screened, whatever: bool = False) -> None:
+        """Refit an answer; one that cannot be solved is noted. whatever: however far behind the best it stays."""
         self.tried.add(effects_of(one))
+        beat = -np.inf if whatever else self.best
         try:
-            self.fits[one.name] = refitted(
-                self.draft, unmasked(self.problem, one), self.blocks.train, self.best
-            )
+            self.fits[one.name] = refitted(self.draft, unmasked(self.problem, one), self.blocks.train, beat)
         except (NotConverged, ConfigError) as failure:  # ConfigError: effects that do not go together
             self.notes.append(f"{one.name} could not be solved at its fitted amount: {failure}")
 

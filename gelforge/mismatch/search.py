@@ -157,7 +157,7 @@ def _round(
         if overlooked is None or len(promising) == rivals:
             return _answer(problem, terms, names, before, by_all, refits.fits, told)
         promising.append(overlooked.name)
-        refits.add(overlooked)
+        refits.add(overlooked, whatever=True)
     return None
 
 

@@ -6,6 +6,7 @@ from gelforge.mismatch import verdict as form
 from gelforge.mismatch.effects_told import groups_told
 from gelforge.mismatch.judge import Judgement
 from gelforge.mismatch.problem import Problem
+from gelforge.mismatch.refit import End
 from gelforge.mismatch.scan import Finding
 from gelforge.mismatch.search import Answer
 
@@ -108,8 +109,11 @@ def experiments_in_words(problem: Problem, judgement: Judgement) -> list[form.Ex
 
 
 def unfinished(answer: Answer | None) -> list[str]:
-    """Return which refits were cut short: their amounts would still change by more than their intervals show."""
-    fits = [] if answer is None else [fit for fit in answer.refits if not fit.converged]
+    """Return which refits were cut short: their amounts would still change by more than their intervals show.
+
+    Not those that were broken off: nothing rests on them.
+    """
+    fits = [] if answer is None else [fit for fit in answer.refits if fit.end is End.MOVING]
     names = [fit.name.replace("_", " ") for fit in fits]
     if not names:
         return []

@@ -10,7 +10,7 @@ from artificial_problem import problem_of
 from gelforge.mismatch import places
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.problem import FORM_ERROR, PLACE_ERROR
-from gelforge.mismatch.refit import HOPELESS, refitted
+from gelforge.mismatch.refit import FAR_BELOW, End, refitted
 from gelforge.mismatch.screen import screened
 from gelforge.mismatch.weighing import unmasked, weighed, whole
 
@@ -245,8 +245,8 @@ def test_a_fit_that_promises_too_little_is_broken_off():
         fits.append(refitted(problem, start, every, beat))
         spent.append(len(calls))
     assert spent[0] >= 5 and spent[1] == 1
-    assert fits[0].converged and not fits[1].converged
-    assert max(fit.log_bayes_factor for fit in fits) < to_beat - HOPELESS
+    assert [fit.end for fit in fits] == [End.AT_REST, End.HOPELESS]
+    assert max(fit.log_bayes_factor for fit in fits) < to_beat - FAR_BELOW
 
 
 def test_a_fit_that_may_win_is_not_broken_off():
