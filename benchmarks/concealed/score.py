@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 CONFIDENT, STRONG = 0.9, 8.0
-LEVEL = 0.01  # of each of the three tests of the judge
+LEVEL = 0.01  # of each of the tests of the judge
 SNR_BANDS = ((2.0, 4.0), (4.0, 8.0), (8.0, 16.0), (16.0, np.inf))
 SAYS_NOTHING = ("null", "insufficient")
 

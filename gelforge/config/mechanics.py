@@ -22,7 +22,8 @@ class Mesh(Section):
     growth: float = Field(0.25, gt=0, le=2, description="growth of the size per mm of distance from it [-]")
     far_mm: Positive = Field(1.2, description="largest element size; near_mm or less: an even mesh [mm]")
     envelope_mm: Positive = Field(
-        0.04, description="how far tetrahedra may stray from a surface before nodes are moved onto it [mm]"
+        0.04,
+        description="how far tetrahedra may stray from a surface before nodes are moved onto it, near_mm / 6 at most [mm]",
     )
 
     def coarser(self, factor: float) -> Mesh:

@@ -43,7 +43,7 @@ def sensor_mesh(
         )
     discs = np.array([[x_mm, y_mm, 0.0]]) if touched is None else np.asarray(touched)
     try:
-        solids = sensor_solids(sensor, sizes.envelope)
+        solids = sensor_solids(sensor, sizes.stray)
         heights = [_height(solids.surfaces[-1], x, y) for x, y, _ in discs]
         return tetrahedral_mesh(solids, sizes, np.insert(discs, 2, heights, axis=1))
     except (SurfaceError, MeshingError) as error:

@@ -40,14 +40,17 @@ class Sizes:
     near_radius: float = 3.6
     growth: float = 0.25  # d(size)/d(distance)
     far: float = 1.2
-    envelope: float = (
-        0.04  # mm: how far a mesher of tetrahedra may stray from a surface before nodes are moved onto it
-    )
+    envelope: float = 0.04  # mm: see stray
 
     @property
     def halvings(self) -> int:
         """How often a cell of the base grid is halved to reach `near`."""
         return max(0, round(np.log2(self.far / self.near)))
+
+    @property
+    def stray(self) -> float:
+        """How far a mesher of tetrahedra may stray from a surface before nodes are moved onto it [mm]."""
+        return min(self.envelope, self.near / 6)
 
     @property
     def base(self) -> float:

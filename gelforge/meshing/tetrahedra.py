@@ -25,17 +25,14 @@ from gelforge.mechanics.meshes import Mesh, Sizes, Surface
 from gelforge.meshing.solids import Solids, area, enclosed_volume
 from gelforge.meshing.tetwild import tetrahedralize
 
-ENVELOPE_PER_NODE_DISTANCE = (
-    1 / 6
-)  # at most, of the smallest: nodes are moved onto the surface by less than the envelope
 EDGE_PER_NODE_DISTANCE = 2.0  # a quadratic tetrahedron has a node at the middle of each edge
 STEEP = (
     0.1  # a face whose outward normal has a smaller vertical component is a side: it has no place in the bins
 )
 # The envelope cuts edges off by slivers that look anywhere: a node of which less than this share looks up lies on a side.
 SLIVER = 0.1
-ASTRAY = 5  # envelopes: the mesher and a dome's coarse draft together move a node by less than half of this
-ON_BASE = 2  # envelopes: the mesh's edge around the base may lie this much beside the surface's
+ASTRAY = 5  # times sizes.stray: the mesher and a dome's coarse draft together move a node by less than half of this
+ON_BASE = 2  # times sizes.stray: the mesh's edge around the base may lie this much beside the surface's
 # Of each surface and of what it encloses, in the default envelope; in proportion in a wider one, as companions have.
 AREA_TOLERANCE, VOLUME_TOLERANCE = 0.01, 0.005
 LEAST_JACOBIAN = 0.2  # of the straight element's: below this an edge's middle stays on the straight edge
@@ -53,8 +50,6 @@ def tetrahedral_mesh(solids: Solids, sizes: Sizes, touched: np.ndarray) -> Mesh:
     Raises MeshingError where a surface of the mesh or its volume is not the one that was given.
     """
 
-    envelope = min(sizes.envelope, ENVELOPE_PER_NODE_DISTANCE * sizes.near)
-
     def edge(points):
         away = np.linalg.norm(points[:, None] - touched[:, :3], axis=-1) - np.maximum(
             touched[:, 3], sizes.near_radius
@@ -68,7 +63,7 @@ def tetrahedral_mesh(solids: Solids, sizes: Sizes, touched: np.ndarray) -> Mesh:
         np.concatenate([triangles + k for (_, triangles), k in zip(solids.drafts, offsets)]),
         edge,
         EDGE_PER_NODE_DISTANCE * sizes.far,
-        envelope,
+        sizes.stray,
     )
     middle = X[tetrahedra].mean(axis=1)
     inside = np.stack([surface.distance(middle)[0] < 0 for surface in solids.surfaces], axis=-1)
@@ -76,11 +71,11 @@ def tetrahedral_mesh(solids: Solids, sizes: Sizes, touched: np.ndarray) -> Mesh:
     inside, used = inside[kept], np.unique(tetrahedra[kept])
     X, tetrahedra = X[used], np.searchsorted(used, tetrahedra[kept])
     skins = [faces_between(tetrahedra, inside[:, k]) for k in range(len(solids.names))]
-    X = _snapped(X, tetrahedra, skins, solids, ASTRAY * sizes.envelope)
+    X = _snapped(X, tetrahedra, skins, solids, ASTRAY * sizes.stray)
     X, elements = quadratic_tetrahedra(X, tetrahedra)
     X = _curved(X, elements, skins, solids)
-    _check(X, elements, inside, solids, max(1.0, sizes.envelope / Sizes.envelope))
-    fixed, surface = _boundary(X, elements, solids.base + ON_BASE * sizes.envelope)
+    _check(X, elements, inside, solids, max(1.0, sizes.stray / Sizes.envelope))
+    fixed, surface = _boundary(X, elements, solids.base, ON_BASE * sizes.stray)
     return Mesh(X, elements, np.argmax(inside, axis=1).astype(np.int32), solids.names, fixed, surface)
 
 
@@ -173,11 +168,14 @@ def _curved(X, elements, skins, solids: Solids) -> np.ndarray:
     return curved
 
 
-def _boundary(X: np.ndarray, elements: np.ndarray, base: float) -> tuple[np.ndarray, Surface]:
-    """Return the fixed nodes (N,) and the surface that is touched: the boundary without its part on the base."""
+def _boundary(X: np.ndarray, elements: np.ndarray, base: float, above: float) -> tuple[np.ndarray, Surface]:
+    """Return the fixed nodes (N,) and the surface that is touched: the boundary without its part on the base.
+
+    On the base lies what is less than `above` [mm] over it.
+    """
     faces = faces_between(elements, np.ones(len(elements), bool))
     fixed = np.zeros(len(X), bool)
-    fixed[np.unique(faces)] = X[np.unique(faces), 2] <= base
+    fixed[np.unique(faces)] = X[np.unique(faces), 2] <= base + above
     if not fixed.any():
         raise MeshingError(
             f"no node of the mesh lies at or below the base z = {base:g} mm; correct shape.base_mm"
@@ -230,5 +228,5 @@ def read_mesh(path: str | Path, regions: tuple[str, ...], base: float) -> Mesh:
         raise MeshingError(f"{path}: {turned.sum()} tetrahedra are inside out; write corners in VTK's order")
     if kind == "tetra":
         X, elements = quadratic_tetrahedra(X, elements)
-    fixed, surface = _boundary(X, elements.astype(np.int32), base + ON_BASE * Sizes.envelope)
+    fixed, surface = _boundary(X, elements.astype(np.int32), base, ON_BASE * Sizes.envelope)
     return Mesh(X, elements.astype(np.int32), region, regions, fixed, surface)

@@ -13,6 +13,7 @@ from gelforge.mismatch.effect import Parameter
 from gelforge.mismatch.identifiability import profile
 from gelforge.mismatch.judge import Judgement
 from gelforge.mismatch.problem import Problem
+from gelforge.mismatch.refit import End
 from gelforge.mismatch.screen import Screened
 from gelforge.mismatch.search import Answer
 
@@ -78,7 +79,7 @@ def effects_told(problem: Problem, judgement: Judgement) -> list[form.NamedEffec
         if len(answer.fit.parts) == 1 and not answer.fit.parts[0].switch:
             name = answer.fit.parts[0].name
             found[name] = _profiled(problem, judgement, found[name])
-        names = [fit.parts[-1].name for fit in answer.refits]
+        names = [fit.parts[-1].name for fit in answer.refits if fit.end is not End.HOPELESS]
         if len(answer.fit.parts) == 1:
             for judged in answer.ranked[1:]:
                 chance = claimed.holding([judged.name])

@@ -40,8 +40,8 @@ class Gain:
 
     @property
     def clear(self) -> bool:
-        """Return whether the gain is more than chance."""
-        return shown(self.total, self.standard_error)
+        """Return whether the gain is more than chance, and not so small that it speaks against the answer."""
+        return shown(self.total, self.standard_error) and not self.refutes
 
     @property
     def refutes(self) -> bool:

@@ -162,7 +162,7 @@ def _state(differs, groups, effects, fit: v.Fit, adequacy, limits, further) -> v
         and adequacy is not None
         and adequacy.passed
         and fit.held_out is not None
-        and fit.held_out.shown
+        and fit.held_out.gain > v.HELD_OUT_ERRORS * fit.held_out.standard_error
         and not further
     )
     if not sound:

@@ -43,7 +43,8 @@ class Refitted:
     )  # (m, q) [N per unit, N/mm] of the entries that were fitted: of all amounts, then of places
     spread: np.ndarray  # (q, q) covariance of the same
     ways: np.ndarray  # (n, q - p) [N/mm] linear change of all entries along the places' ways
-    log_bayes_factor: float  # Laplace, against none, on these entries; shapes and scales are paid for
+    # Laplace, against none, on these entries; shapes and scales are paid for. Of a hopeless one what it promises at most.
+    log_bayes_factor: float
     end: End
 
     @property
@@ -74,8 +75,10 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray, beat: float = 
     a, change, J, end = _fitted(variables, beat - against)
     left = problem.residual[mask] - change
     factor, spread = _evidence(left, variables, J, a, variables.free)
+    if end is End.HOPELESS:  # it has not been looked for where it fits best: what it could have at most
+        factor = _promised(left, variables, J, a)
     parts, amounts = variables.split(a)
-    if variables.moves:
+    if variables.moves and end is not End.HOPELESS:
         placed = np.arange(len(a)) < variables.amounts
         alone, _ = _evidence(left, variables, J, a, variables.free & placed)
         parts = variables.having_paid(parts, factor - alone)
@@ -96,7 +99,7 @@ def _fitted(variables: Variables, beat: float) -> tuple[np.ndarray, np.ndarray, 
     solved = any(problem.solves(part) for part in variables.start.parts)
     if solved:
         J = _through(change, J, a, variables, covariance)
-        if _hopeless(residual - change, variables, J, a, beat):
+        if _promised(residual - change, variables, J, a) < beat - FAR_BELOW:
             return a, change, J, End.HOPELESS
         J = _along_ways(J, change, a, variables)
     most = MOST_STEPS + STEPS_OF_PLACE * bool(variables.moves) if solved else MOST_CHEAP_STEPS
@@ -116,7 +119,7 @@ def _fitted(variables: Variables, beat: float) -> tuple[np.ndarray, np.ndarray, 
         delta /= max(1.0, np.max(np.abs(delta) / variables.farthest[free]))
         if converged or steps == most:
             return a, change, J, End.AT_REST if converged else End.MOVING
-        if solved and _hopeless(residual - change, variables, J, a, beat):
+        if solved and _promised(residual - change, variables, J, a) < beat - FAR_BELOW:
             return a, change, J, End.HOPELESS
         trial, found = a.copy(), None
         for share in (1.0, 0.5, 0.25):  # the solver may not reach the whole step
@@ -144,17 +147,17 @@ def _fitted(variables: Variables, beat: float) -> tuple[np.ndarray, np.ndarray, 
             a, change, reach = trial, found, min(2 * reach, 1.0)
 
 
-def _hopeless(left: np.ndarray, variables: Variables, J: np.ndarray, a: np.ndarray, beat: float) -> bool:
-    """Return whether even HOPED times what the columns (m, q) promise leaves a fit FAR_BELOW log evidence beat."""
+def _promised(left: np.ndarray, variables: Variables, J: np.ndarray, a: np.ndarray) -> float:
+    """Return the log evidence that a fit at a (q,) may have with HOPED times what its columns (m, q) promise of a step."""
     free, covariance = variables.free, variables.covariance(a)
-    if beat == -np.inf or not free.any():
-        return False
+    here, _ = _evidence(left, variables, J, a, free)
+    if not free.any():
+        return here
     widths = variables.widths[free]
     Jw = covariance.whiten(J[:, free])
     gradient = Jw.T @ covariance.whiten(left) - a[free] / widths**2
     promised = 0.5 * gradient @ np.linalg.solve(Jw.T @ Jw + np.diag(1 / widths**2), gradient)
-    here, _ = _evidence(left, variables, J, a, free)
-    return bool(here + HOPED * promised < beat - FAR_BELOW)
+    return float(here + HOPED * promised)
 
 
 def _through(

@@ -13,7 +13,7 @@ from gelforge.mismatch.alternatives import effects_of
 from gelforge.mismatch.confirmation import NotSolved, forces_of, told_of
 from gelforge.mismatch.holdout import Blocks
 from gelforge.mismatch.problem import Problem
-from gelforge.mismatch.refit import Refitted, refitted
+from gelforge.mismatch.refit import End, Refitted, refitted
 from gelforge.mismatch.screen import Screened
 from gelforge.mismatch.weighing import unmasked
 
@@ -37,11 +37,16 @@ class Refits:
     def __init__(self, problem: Problem, blocks: Blocks, notes: list[str]):
         self.problem, self.draft, self.blocks, self.notes = problem, problem.drafted(), blocks, notes
         self.fits: dict[str, Refitted] = {}
-        self.tried: set[frozenset[str]] = set()  # what failed too
+        self.asked: dict[str, Screened] = {}  # what failed too
 
     def costs(self, answer: Screened | Refitted) -> bool:
         """Return whether a refit of an answer needs the solver."""
         return any(self.problem.solves(part) for part in answer.parts)
+
+    @property
+    def tried(self) -> set[frozenset[str]]:
+        """Return the effects of every answer that a refit was asked for."""
+        return {effects_of(one) for one in self.asked.values()}
 
     @property
     def solved(self) -> int:
@@ -55,7 +60,7 @@ class Refits:
 
     def add(self, one: Screened, whatever: bool = False) -> None:
         """Refit an answer; one that cannot be solved is noted. whatever: however far behind the best it stays."""
-        self.tried.add(effects_of(one))
+        self.asked[one.name] = one
         beat = -np.inf if whatever else self.best
         try:
             self.fits[one.name] = refitted(self.draft, unmasked(self.problem, one), self.blocks.train, beat)
@@ -79,7 +84,16 @@ class Refits:
                     f"{failure.name} could not be solved at its fitted amount for all readings: {failure}"
                 )
                 del self.fits[failure.name]
+                self._go_on()
         return None
+
+    def _go_on(self) -> None:
+        """Refit those that were broken off for the sake of one that is no more."""
+        hopeless = [name for name, fit in self.fits.items() if fit.end is End.HOPELESS]
+        for name in hopeless:
+            del self.fits[name]
+        for name in hopeless:
+            self.add(self.asked[name])
 
     def seat(self, forces: Mapping[str, np.ndarray]) -> Problem:
         """Return the problem with the single effects of which forces (R, 3) [N] are known seated there, and keep it."""

@@ -29,12 +29,13 @@ def those_felt(ranked: Sequence[Screened], always: Collection[frozenset[str]] = 
 def chance_of_known(problem: Problem) -> float:
     """Return the bound on the probability of as much evidence for the known effects by chance.
 
-    All readings are asked, and all effects that they feel are as likely: the mean of their Bayes factors against none.
+    All readings are asked, and all effects are as likely: the mean of their Bayes factors against none. Those that the
+    readings do not feel are among them, as which these are depends on the readings.
     """
-    felt = those_felt(screened(problem.residual, problem.covariance, problem.candidates))
-    if not felt:
-        return 1.0
-    return chance_of(float(logsumexp([one.log_bayes_factor for one in felt]) - np.log(len(felt))))
+    factors = [
+        one.log_bayes_factor for one in screened(problem.residual, problem.covariance, problem.candidates)
+    ]
+    return chance_of(float(logsumexp(factors) - np.log(len(factors)))) if factors else 1.0
 
 
 def weighed_alone(

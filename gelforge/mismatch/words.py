@@ -111,7 +111,7 @@ def experiments_in_words(problem: Problem, judgement: Judgement) -> list[form.Ex
 def unfinished(answer: Answer | None) -> list[str]:
     """Return which refits were cut short: their amounts would still change by more than their intervals show.
 
-    Not those that were broken off: nothing rests on them.
+    Not those that were broken off far behind the best.
     """
     fits = [] if answer is None else [fit for fit in answer.refits if fit.end is End.MOVING]
     names = [fit.name.replace("_", " ") for fit in fits]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from math import log
+
 import pandas as pd
 
-from gelforge.mismatch.verdict import Experiment, HeldOut, Score
+from gelforge.mismatch.verdict import HELD_OUT_ODDS, Experiment, HeldOut, Score
 from gelforge.report.chapters import Chapter
 from gelforge.report.mismatch_curves import held_out_figure, profile_figure
 from gelforge.report.mismatch_maps import chance_text, pretty
@@ -82,7 +84,7 @@ def set_aside(results: MismatchResults) -> Chapter:
             held_out_figure(blocks, results.axes),
         )
         chapter.tabulate(
-            "A gain counts where it is more than twice its standard error.",
+            f"A gain counts above twice its standard error, or above {log(HELD_OUT_ODDS):.1f}: odds of a hundred.",
             pd.DataFrame([_gain_row(block) for block in blocks]),
         )
     rows = [_score_row("before", fit.before)] + ([_score_row("after", fit.after)] if fit.after else [])

@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 from artificial_problem import problem_of
 
+from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mismatch import places
 from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.holdout import split
 from gelforge.mismatch.problem import FORM_ERROR, PLACE_ERROR
 from gelforge.mismatch.refit import FAR_BELOW, End, refitted
+from gelforge.mismatch.refits import Refits
 from gelforge.mismatch.screen import screened
 from gelforge.mismatch.weighing import unmasked, weighed, whole
 
@@ -257,3 +260,26 @@ def test_a_fit_that_may_win_is_not_broken_off():
     fit = refitted(problem, start, np.ones(len(problem.labels), bool), free.log_bayes_factor + 5.0)
     assert fit.converged and fit.parts[0].shape == free.parts[0].shape
     assert fit.amounts[0] == free.amounts[0]
+
+
+def test_what_was_broken_off_is_fitted_where_the_best_cannot_be_solved():
+    """At the training readings a bubble is solved, at all of them it is not: the hard ball is what is left."""
+    base = artificial.context(62)
+    there, _ = beside_the_middle(0.3, 0.4)
+    context = artificial.read(base, base.force + bubble(base, there), np.random.default_rng(63))
+    problem, notes = solvable(context), []
+
+    def forces_with(parts, amounts, rows):
+        if rows.all() and parts[0].name == "void":
+            raise NotConverged("too deep")
+        return problem.forces_with(parts, amounts, rows)
+
+    fragile = replace(problem, forces_with=forces_with)
+    refits = Refits(fragile, split(problem.labels, seed=1), notes)
+    balls = [c for c in fragile.candidates if c.name in ("void", "inclusion")]
+    for one in weighed(fragile, refits.blocks.train, balls):
+        refits.add(one)
+    assert [fit.end for fit in refits.fits.values()] == [End.AT_REST, End.HOPELESS]
+    told = refits.told([])
+    assert told.best == "inclusion" and refits.fits["inclusion"].end is End.AT_REST
+    assert len(notes) == 1 and "void could not be solved" in notes[0]
