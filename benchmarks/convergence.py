@@ -3,6 +3,9 @@
 Prints Fz [N] per depth and the difference to the finest mesh of the list.
 
 usage: python benchmarks/convergence.py [--place centre|corner] [--quick]      (one thread; minutes)
+       python benchmarks/convergence.py --meshes 0.3,0.25,1.2 0.15,0.125,0.6 [--depths 0.5 1 1.5 2]
+
+Meshes of one's own are near size, growth, far size and, if wanted, the radius of the fine region.
 """
 
 from __future__ import annotations
@@ -34,13 +37,14 @@ MESHES = [
 QUICK = [(0.3, 0.25, 1.2), (0.6, 0.25, 1.2), (0.6, 0.25, 2.4), (0.4, 0.25, 0.8)]
 
 
-def forces(place: str, near: float, growth: float, far: float) -> tuple[np.ndarray, dict]:
+def forces(place: str, mesh: tuple[float, ...], depths: tuple[float, ...]) -> tuple[np.ndarray, dict]:
+    """Return -Fz (D,) [N] of a cell on a mesh (near, growth, far and perhaps near radius), and the cell's attributes."""
     study = paper_study()
     laws = laws_of(study, [])
-    sizes = {"near_mm": near, "growth": growth, "far_mm": far}
+    sizes = dict(zip(("near_mm", "growth", "far_mm", "near_radius_mm"), mesh))
     mechanics = study.mechanics.model_copy(update={"mesh": study.mechanics.mesh.model_copy(update=sizes)})
     cell = simulate_cell(
-        study.model_copy(update={"mechanics": mechanics}), laws, PlannedCell(place, *PLACES[place], DEPTHS)
+        study.model_copy(update={"mechanics": mechanics}), laws, PlannedCell(place, *PLACES[place], depths)
     )
     return -cell.arrays["total_force_N"][:, 2], cell.attributes
 
@@ -49,20 +53,22 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--place", choices=PLACES, default="centre")
     parser.add_argument("--quick", action="store_true")
+    parser.add_argument(
+        "--meshes", nargs="+", type=lambda text: tuple(map(float, text.split(","))), metavar="N,G,F[,R]"
+    )
+    parser.add_argument("--depths", nargs="+", type=float, default=DEPTHS, help="mm")
     arguments = parser.parse_args()
-    rows, curves = [], []
-    for near, growth, far in QUICK if arguments.quick else MESHES:
-        curve, attributes = forces(arguments.place, near, growth, far)
+    rows, curves, depths = [], [], tuple(arguments.depths)
+    for mesh in arguments.meshes or (QUICK if arguments.quick else MESHES):
+        curve, attributes = forces(arguments.place, mesh, depths)
         curves.append(curve)
         sizes = {
-            "near": near,
-            "growth": growth,
-            "far": far,
+            **dict(zip(("near", "growth", "far", "radius"), mesh)),
             "unknowns": int(attributes["degrees_of_freedom"]),
         }
         rows.append(
             sizes
-            | {f"{d:g} mm": f"{f:.4f}" for d, f in zip(DEPTHS, curve)}
+            | {f"{d:g} mm": f"{f:.4f}" for d, f in zip(depths, curve)}
             | {"s": round(attributes["seconds"])}
         )
         print(pd.DataFrame(rows[-1:]).to_markdown(index=False), flush=True)
@@ -70,7 +76,7 @@ def main() -> None:
     print(f"\nFz [N] at the {arguments.place}; difference to the finest mesh in per cent:\n")
     for row, curve in zip(rows, curves):
         difference = 100 * (curve / finest - 1)
-        row.update({f"{d:g} mm": f"{f:.4f} ({e:+.1f})" for d, f, e in zip(DEPTHS, curve, difference)})
+        row.update({f"{d:g} mm": f"{f:.4f} ({e:+.1f})" for d, f, e in zip(depths, curve, difference)})
     print(pd.DataFrame(rows).to_markdown(index=False))
 
 
