@@ -108,7 +108,7 @@ class NamedEffect(Section):
     snr: NonNegative | None = Field(None, description="Signal over noise of its fitted change [-]")
     amounts: list[Amount] = Field([], description="Fitted amounts; none where it was not fitted")
     shape: dict[str, float | str] = Field(
-        {}, description="What was scanned: place, time constant; keys carry units"
+        {}, description="Place, size, part, time constant; keys carry units"
     )
     in_range: bool = Field(
         description="Amounts have their physical sign, inside their bounds and not on them; of several of one sign some may"

@@ -17,7 +17,7 @@ from gelforge.report.mismatch_words import (
     number,
     odds_text,
     p_text,
-    short,
+    shape_text,
     unknown_text,
 )
 
@@ -38,7 +38,7 @@ def ranking(results: MismatchResults) -> Chapter:
             "log Bayes factor": round(effect.log_bayes_factor, 1),
             "signal over noise": number(effect.snr),
             "amount (90 % interval)": amounts_text(effect) or None,
-            "scanned": ", ".join(f"{pretty(k)} {short(v)}" for k, v in effect.shape.items()) or None,
+            "place or time": shape_text(effect.shape) or None,
             "physically possible": effect.in_range,
             "judged in": "solver" if effect.refitted else "first order",
         }

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
 
 from gelforge.mismatch.verdict import Amount, NamedEffect, Unknown
 from gelforge.report.mismatch_maps import chance_text, pretty
 
+UNITS = ("_mm", "_s", "_deg")  # that end the keys of a shape
 STATES = {
     "null": "nothing to explain",
     "named": "the missing physics has a name",
@@ -49,8 +52,14 @@ def span_text(span: tuple[float, float] | None) -> str | None:
     return None if span is None else f"{span[0]:.3g} to {span[1]:.3g}"
 
 
-def short(value: float | str) -> str:
-    return value if isinstance(value, str) else f"{value:.3g}"
+def shape_text(shape: Mapping[str, float | str]) -> str:
+    """Return an effect's place, part or time, units behind the values: "x 9.07 mm, y 13 mm", "part gel, time 69 s"."""
+    found = []
+    for key, value in shape.items():
+        name, _, unit = key.rpartition("_") if key.endswith(UNITS) else (key, "", "")
+        said = value if isinstance(value, str) else f"{value:.3g}"
+        found.append(" ".join(filter(None, (pretty(name), said, unit))))
+    return ", ".join(found)
 
 
 def odds_text(log_odds: float) -> str:

@@ -19,7 +19,7 @@ from gelforge.report import mismatch_curves, mismatch_maps
 from gelforge.report.mismatch_chapters import CHAPTERS, mismatch
 from gelforge.report.mismatch_page import write_mismatch_page
 from gelforge.report.mismatch_reader import MismatchResults
-from gelforge.report.mismatch_words import amounts_text, p_text
+from gelforge.report.mismatch_words import amounts_text, p_text, shape_text
 from gelforge.report.results_reader import StudyResults
 
 
@@ -256,3 +256,9 @@ def test_the_verdict_over_noise_keeps_its_words():
     rows = [label.get_text() for label in figure.axes[0].get_yticklabels()]
     assert rows == ["group: small strain or tilt and void", "null"]
     assert "as stated" in [t.get_text() for t in figure.axes[0].texts]
+
+
+def test_shapes_are_told_with_their_units_behind():
+    assert shape_text({"x_mm": 9.0662, "y_mm": 13.0, "radius_mm": 1.8}) == "x 9.07 mm, y 13 mm, radius 1.8 mm"
+    assert shape_text({"part": "gel", "time_s": 69.0}) == "part gel, time 69 s"
+    assert shape_text({}) == ""
