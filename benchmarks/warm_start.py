@@ -86,7 +86,7 @@ def followed(way: str, model: Model, press: Press, start: State, moves: list) ->
         "iterations": sum(state.iterations for state in done),
         "factorisations": sum(state.factorisations for state in done),
         "iterations per depth": " ".join(str(state.iterations) for state in done),
-        "-Fz at the last depth [N]": -done[-1].force[2],
+        "-Fz at the last depth [N]": -done[-1].force[2] if done else None,
         "ended early": reason,
     }
 

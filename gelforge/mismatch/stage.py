@@ -28,15 +28,8 @@ from gelforge.mismatch.sessions import observe
 from gelforge.mismatch.solutions import Solver, SolverFailed
 from gelforge.mismatch.solver import Base, base_of, forces_with
 from gelforge.mismatch.spread import spread_out
-from gelforge.mismatch.verdict import (
-    PATCH,
-    NoiseCase,
-    Provenance,
-    Verdict,
-    write_body_map,
-    write_readings,
-    write_verdict,
-)
+from gelforge.mismatch.verdict import PATCH, NoiseCase, Provenance, Verdict, write_verdict
+from gelforge.mismatch.verdict_tables import write_body_map, write_readings
 
 SMALL_STRAIN = 0.1  # of the height: the term that small strain leaves out is then of that share
 UNIT = 1e-3  # of a width: a step at which every first-order change is a straight line

@@ -1,9 +1,4 @@
-"""What the judge says: verdict.json with its schema, and the two tables beside it.
-
-verdict.json    this model; the same content gives the same bytes
-readings.csv    one row per reading and axis: measured, base, after
-body_map.csv    where in the body the modulus would have to change, before any effect is named
-"""
+"""What the judge says: verdict.json with its schema. The tables beside it are those of verdict_tables.py."""
 
 from __future__ import annotations
 
@@ -12,17 +7,14 @@ import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import pandas as pd
 from pydantic import Field, ValidationError, model_validator
 
 from gelforge.config import Name, NonNegative, Positive, Section
-from gelforge.csv_table import read_csv
-from gelforge.files import write_json, write_text
+from gelforge.files import write_json
 from gelforge.mismatch.effect import FAMILIES
 
 FORMAT = "gelforge-verdict-1"
-VERDICT, READINGS, BODY_MAP = "verdict.json", "readings.csv", "body_map.csv"
-PATCH, PAGE = "config.patch.yaml", "report.html"
+VERDICT, PATCH, PAGE = "verdict.json", "config.patch.yaml", "report.html"
 
 # Of the global test, of the scan, of something unknown and of the known effects each: any is an alarm, so at most four in
 # a hundred recordings, or materials, of which nothing is missing give a false one.
@@ -41,18 +33,6 @@ State = Literal["null", "named", "group", "open", "insufficient"]
 Probability = Annotated[float, Field(ge=0, le=1)]
 Interval = tuple[float, float]
 ThreeAxes = Annotated[list[float | None], Field(min_length=3, max_length=3)]
-
-READINGS_NUMBERS = ["x_mm", "y_mm", "depth_mm", "measured_N", "base_N", "sigma_N"]
-READINGS_OPTIONAL = ["time_s", "after_N", "after_sigma_N"]  # empty: no times known, nothing put into the base
-READINGS_TEXTS = [
-    "session",
-    "press",
-    "site",
-    "phase",
-    "axis",
-    "held_out",
-]  # held_out: no, positions, deepest, ...
-BODY_MAP_NUMBERS = ["x_mm", "y_mm", "z_mm", "change", "sigma"]  # patch centre; modulus change, relative
 
 
 class VerdictError(ValueError):
@@ -417,43 +397,3 @@ def read_verdict(folder: str | Path) -> Verdict:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"]) or "(whole file)"
         raise VerdictError(f"{path}: {key}: {first['msg']}; write it anew with `gelforge mismatch`") from None
-
-
-def write_readings(folder: str | Path, table: pd.DataFrame) -> None:
-    """Write readings.csv: one row per reading and axis, in the order taken.
-
-    session, press, site (text), x_mm, y_mm, depth_mm, phase, time_s (of the session, empty where not known), axis (x, y, z);
-    measured_N, base_N, after_N (with the answer in the base, empty where there is none); sigma_N (standard deviation of
-    measured minus base that all allowed errors give together); after_sigma_N (the same of measured minus after, amounts
-    included; may be left out); held_out (no, or the name of the block).
-    """
-    _write_table(Path(folder) / READINGS, table, [*READINGS_TEXTS, *READINGS_NUMBERS], READINGS_OPTIONAL)
-
-
-def write_body_map(folder: str | Path, table: pd.DataFrame) -> None:
-    """Write body_map.csv: patches (centre x_mm, y_mm, z_mm), fitted relative change of the modulus and its sigma."""
-    _write_table(Path(folder) / BODY_MAP, table, BODY_MAP_NUMBERS, [])
-
-
-def read_readings(folder: str | Path) -> pd.DataFrame:
-    """Return the readings, see write_readings; times and after_N, after_sigma_N are nan where they are empty."""
-    return read_csv(
-        Path(folder) / READINGS,
-        numbers=READINGS_NUMBERS,
-        optional_numbers=READINGS_OPTIONAL,
-        texts=READINGS_TEXTS,
-    ).reset_index(drop=True)
-
-
-def read_body_map(folder: str | Path) -> pd.DataFrame | None:
-    """Return the body map, see write_body_map; None where none was made."""
-    path = Path(folder) / BODY_MAP
-    return read_csv(path, numbers=BODY_MAP_NUMBERS).reset_index(drop=True) if path.is_file() else None
-
-
-def _write_table(path: Path, table: pd.DataFrame, needed: list[str], optional: list[str]) -> None:
-    missing = [name for name in needed if name not in table]
-    if missing:
-        raise VerdictError(f"{path}: columns {missing} are missing; found {list(table.columns)}")
-    columns = needed + [name for name in optional if name in table]
-    write_text(path, table[columns].to_csv(index=False, float_format="%.9g"))

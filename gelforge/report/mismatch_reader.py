@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from gelforge.mismatch.verdict import Verdict, read_body_map, read_readings, read_verdict
+from gelforge.mismatch.verdict import Verdict, read_verdict
+from gelforge.mismatch.verdict_tables import read_body_map, read_readings
 
 AXES = ("x", "y", "z")
 LOADING = ("load", "dwell")

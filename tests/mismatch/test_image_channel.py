@@ -25,7 +25,8 @@ from gelforge.mismatch.judge import judge
 from gelforge.mismatch.screen import screened
 from gelforge.mismatch.solutions import Solver
 from gelforge.mismatch.stage import judge_recording, observations_of, problem_of
-from gelforge.mismatch.verdict import read_readings, read_verdict
+from gelforge.mismatch.verdict import read_verdict
+from gelforge.mismatch.verdict_tables import read_readings
 from gelforge.recording.camera import project
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))

@@ -16,7 +16,8 @@ from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.sessions import observe, session_folders
 from gelforge.mismatch.solutions import Solver
 from gelforge.mismatch.stage import check_matches, judge_recording, observations_of, problem_of
-from gelforge.mismatch.verdict import read_readings, read_verdict
+from gelforge.mismatch.verdict import read_verdict
+from gelforge.mismatch.verdict_tables import read_readings
 
 # The recordings are made on the study's own coarse mesh, so that they do not show its error: it is stated as small.
 MISMATCH = {"sites": 6, "rivals": 1, "noise_scales": [1.0], "discretisation": 0.002}

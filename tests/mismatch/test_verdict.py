@@ -7,17 +7,8 @@ import pandas as pd
 import pytest
 from pydantic import ValidationError
 
-from gelforge.mismatch.verdict import (
-    Verdict,
-    VerdictError,
-    read_body_map,
-    read_readings,
-    read_verdict,
-    schema,
-    write_body_map,
-    write_readings,
-    write_verdict,
-)
+from gelforge.mismatch.verdict import Verdict, VerdictError, read_verdict, schema, write_verdict
+from gelforge.mismatch.verdict_tables import read_body_map, read_readings, write_body_map, write_readings
 
 
 def score(rmse_z: float, log_score: float) -> dict:
