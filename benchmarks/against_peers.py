@@ -2,10 +2,11 @@
 
 usage: python benchmarks/against_peers.py [--size 0.75] [--limit 120]        (one thread; prints a Markdown table)
 
-The same even mesh, neo-Hookean laws, K/mu, frictionless ball and eight depths for all; unbalanced force 1e-6. FElupe solves
-with SciPy's SuperLU, its default, and with PARDISO, which its documentation advises. CalculiX has with its default tolerance
-and at the K/mu where its element does not lock; ours is repeated at that K/mu. Each code uses one thread, so that CPU time
-tells on a busy machine too. What is not installed is left out, by name.
+The same even mesh, neo-Hookean laws, K/mu, ball and eight depths for all; unbalanced force 1e-6. FElupe solves
+without friction, with SciPy's SuperLU, its default, and with PARDISO, which its documentation advises. CalculiX
+solves to its default tolerance at the K/mu where its element does not lock, without friction and with the paper's;
+ours is repeated there. Each code uses one thread, so that CPU time tells on a busy machine too. What is not installed
+is left out, by name.
 """
 # ruff: noqa: E402  (threads are set before the libraries start theirs)
 
@@ -41,6 +42,7 @@ OURS, CALCULIX = 1000.0, 20.0  # K/mu
 FORCE = "Fz at 1 mm [N]"
 SOLVERS = ("scipy.sparse.linalg", "pypardiso")
 PENALTY = 100.0  # N/mm^3; ours needs none
+FRICTION = 0.45  # the paper's; FElupe's twin has none
 
 
 def even_mesh(size: float) -> Mesh:
@@ -58,16 +60,15 @@ class Clock:
         return {"wall [s]": time.perf_counter() - self._wall, "CPU [s]": sum(os.times()[:4]) - self._cpu}
 
 
-def gelforge_row(mesh: Mesh, bulk_to_shear: float) -> dict:
+def gelforge_row(mesh: Mesh, bulk_to_shear: float, friction: float = 0.0) -> dict:
     """Return our row, from the mesh to the last force."""
     clock = Clock()
-    press = Press(Body(mesh, LAWS, bulk_to_shear), Sphere(RADIUS), Settings(friction=0.0))
+    press = Press(Body(mesh, LAWS, bulk_to_shear), Sphere(RADIUS), Settings(friction=friction))
     start = press.start(*MIDDLE)
     states = list(press.follow(start, start.centre - np.outer(DEPTHS, [0.0, 0.0, 1.0])))
     spent = clock.read()
-    return _row(
-        "gelforge", mesh, bulk_to_shear, spent, states[-1].force[2], sum(s.iterations for s in states)
-    )
+    iterations = sum(s.iterations for s in states)
+    return _row("gelforge", mesh, bulk_to_shear, friction, spent, states[-1].force[2], iterations)
 
 
 def felupe_row(mesh: Mesh, bulk_to_shear: float, library: str) -> dict | None:
@@ -82,25 +83,28 @@ def felupe_row(mesh: Mesh, bulk_to_shear: float, library: str) -> dict | None:
     block = felupe_model.twin(mesh, LAWS, bulk_to_shear, np.array([*MIDDLE, RADIUS]))
     forces, iterations = felupe_model.press_with_penalty(block, RADIUS, DEPTHS, PENALTY, spsolve, 1e-6)
     name = f"FElupe, {library.split('.')[0]}"
-    return _row(name, mesh, bulk_to_shear, clock.read(), forces[-1][2], iterations)
+    return _row(name, mesh, bulk_to_shear, 0.0, clock.read(), forces[-1][2], iterations)
 
 
-def calculix_row(mesh: Mesh, bulk_to_shear: float, limit_s: float) -> dict | None:
+def calculix_row(mesh: Mesh, bulk_to_shear: float, friction: float, limit_s: float) -> dict | None:
     """Return CalculiX' row, or None where there is no ccx; without a force if it did not reach the last depth in time."""
     import calculix_model
 
     if shutil.which("ccx") is None:
         return None
     clock = Clock()
-    forces = calculix_model.press(mesh, LAWS, bulk_to_shear, RADIUS, DEPTHS, PENALTY, limit_s)
+    contact = calculix_model.Contact(PENALTY, friction, Settings().tangential_stiffness)
+    forces = calculix_model.press(mesh, LAWS, bulk_to_shear, RADIUS, DEPTHS, contact, limit_s)
     last = -forces[-1] if len(forces) == len(DEPTHS) else np.nan
-    return _row(f"CalculiX {calculix_model.ELEMENT}", mesh, bulk_to_shear, clock.read(), last, None)
+    name = f"CalculiX {calculix_model.ELEMENT}"
+    return _row(name, mesh, bulk_to_shear, friction, clock.read(), last, None)
 
 
-def _row(code, mesh, bulk_to_shear, spent, force, iterations) -> dict:
+def _row(code, mesh, bulk_to_shear, friction, spent, force, iterations) -> dict:
     return {
         "code": code,
         "K/mu": bulk_to_shear,
+        "friction": friction,
         "unknowns": 3 * int((~mesh.fixed).sum()),
         **spent,
         "iterations": iterations,
@@ -122,13 +126,17 @@ def main() -> None:
     parser.add_argument("--limit", type=float, default=120.0, help="seconds that CalculiX may take")
     arguments = parser.parse_args()
     gelforge_row(even_mesh(3.0), OURS)  # loads the compiled kernels
-    mesh = even_mesh(arguments.size)
+    mesh, limit = even_mesh(arguments.size), arguments.limit
     rows = []
-    for ratio, peers in (
-        (OURS, {library: lambda name=library: felupe_row(mesh, OURS, name) for library in SOLVERS}),
-        (CALCULIX, {"CalculiX (ccx)": lambda: calculix_row(mesh, CALCULIX, arguments.limit)}),
+    felupe = {f"FElupe, {name}": lambda name=name: felupe_row(mesh, OURS, name) for name in SOLVERS}
+    for ratio, friction, peers in (
+        (OURS, 0.0, felupe),
+        *(
+            (CALCULIX, mu, {"CalculiX": lambda mu=mu: calculix_row(mesh, CALCULIX, mu, limit)})
+            for mu in (0.0, FRICTION)
+        ),
     ):
-        ours = gelforge_row(mesh, ratio)
+        ours = gelforge_row(mesh, ratio, friction)
         rows.append(beside(ours, ours))
         for name, run in peers.items():
             row = run()

@@ -11,6 +11,7 @@ import os
 import re
 import subprocess
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,15 @@ from gelforge.mechanics.meshes import Mesh
 CAP_THICKNESS = 0.3  # mm
 ELEMENT = "C3D8R"
 TOP_FACE = 2  # CalculiX's number of the face with corners 5 to 8
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Constants of the penalty contact."""
+
+    penalty: float  # N/mm^3
+    friction: float = 0.0
+    stick: float = 3.0  # N/mm^3, slope of the friction before it slips
 
 
 def cap(radius: float, reach: float, size: float, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -38,7 +48,7 @@ def cap(radius: float, reach: float, size: float, centre: np.ndarray) -> tuple[n
 
 
 def deck(
-    mesh: Mesh, laws: dict[str, Ogden], bulk_to_shear: float, radius: float, depths, penalty: float
+    mesh: Mesh, laws: dict[str, Ogden], bulk_to_shear: float, radius: float, depths, contact: Contact
 ) -> str:
     """Return the input deck; one step per depth."""
     size = np.linalg.norm(mesh.X[mesh.elements[0, 1]] - mesh.X[mesh.elements[0, 0]])
@@ -67,8 +77,10 @@ def deck(
     lines += [
         "*SURFACE INTERACTION, NAME=HARD",
         "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR",
-        f"{penalty:g}",
+        f"{contact.penalty:g}",
     ]
+    if contact.friction:
+        lines += ["*FRICTION", f"{contact.friction:g},{contact.stick:g}"]
     lines += ["*CONTACT PAIR, INTERACTION=HARD, TYPE=SURFACE TO SURFACE", "TOP,BALL"]
     lines += ["*BOUNDARY", "BASE,1,3"]
     for depth in depths:
@@ -79,11 +91,11 @@ def deck(
 
 
 def press(
-    mesh: Mesh, laws, bulk_to_shear: float, radius: float, depths, penalty: float, limit_s: float
+    mesh: Mesh, laws, bulk_to_shear: float, radius: float, depths, contact: Contact, limit_s: float
 ) -> list[float]:
     """Return the vertical force [N] on the block's base at each depth reached within limit_s seconds."""
     with tempfile.TemporaryDirectory() as folder:
-        Path(folder, "press.inp").write_text(deck(mesh, laws, bulk_to_shear, radius, depths, penalty))
+        Path(folder, "press.inp").write_text(deck(mesh, laws, bulk_to_shear, radius, depths, contact))
         try:
             subprocess.run(
                 ["ccx", "press"], cwd=folder, env=os.environ | {"OMP_NUM_THREADS": "1"}, timeout=limit_s,
