@@ -20,7 +20,7 @@ def read_as(problem, residual):
 
 
 def test_noise_gives_known_effects_little_evidence():
-    """The mean Bayes factor of noise is 1, much of it in rare draws: of 200 a mean of half that, and hardly one beyond 10."""
+    """The mean Bayes factor of noise is 1, much of it in rare draws: of 200 hardly one beyond 10."""
     problem = problem_of(artificial.context(7, per_side=3))
     draws = problem.covariance.draw(np.random.default_rng(3), 200).T
     factors = 1 / np.array([chance_of_known(read_as(problem, draw)) for draw in draws])  # those below 1 as 1
