@@ -19,7 +19,7 @@ from gelforge.mismatch.effect import Effect
 from gelforge.mismatch.effects import CATALOGUE, with_taken
 from gelforge.mismatch.flow_covariance import flow_covariance
 from gelforge.mismatch.flow_images import REGIONS, Eye, Seen, likely_particles, seen_flows, shows_gel
-from gelforge.mismatch.flow_model import CHANGES, FlowModel, FlowUnknown, flow_model
+from gelforge.mismatch.flow_model import FlowModel, FlowUnknown, flow_model
 from gelforge.mismatch.flow_rows import Rows
 from gelforge.mismatch.holdout import Blocks
 from gelforge.mismatch.judge import Judgement
@@ -100,14 +100,12 @@ def _told(problem: Problem, sentence: str) -> Problem:
 
 
 def _joined(problem: Problem, model: FlowModel, effects: Mapping[str, Effect]) -> Problem:
-    drawn = model.base_flows()  # (F, K, m, 2)
-    few = drawn[:, :CHANGES].mean(axis=1)  # in the placements in which changes are drawn
-    base, shown = drawn.mean(axis=1), np.stack([shows_gel(p.eye, model.particles) for p in model.seen])
+    base, shown = model.drawn.mean(axis=1), np.stack([shows_gel(p.eye, model.particles) for p in model.seen])
     observations = _observations(problem.observations, model.seen, shown)
     labels = observations.labels()
     rows = Rows(observations, len(problem.labels), shown)
     failed = dict(problem.failed)
-    candidates = _candidates(problem, model, effects, rows, few, failed)
+    candidates = _candidates(problem, model, effects, rows, failed)
     channel = FlowChannel(problem, model, base)
     joint = np.concatenate([problem.base, rows.as_readings(base)])
     known = {c.name for c in candidates}
@@ -115,12 +113,12 @@ def _joined(problem: Problem, model: FlowModel, effects: Mapping[str, Effect]) -
         problem,
         observations=observations,
         base=joint,
-        covariance=flow_covariance(problem, model, drawn, few, rows, labels),
+        covariance=flow_covariance(problem, model, rows, labels),
         candidates=candidates,
         effects={
             name: effect for name, effect in effects.items() if name in known or name in problem.effects
         },
-        forces_with=_Both(channel, rows, few, {}, effects),
+        forces_with=_Both(channel, rows, {}, effects),
         failed=failed,
         flow=channel,
     )
@@ -158,7 +156,6 @@ def _candidates(
     model: FlowModel,
     effects: Mapping[str, Effect],
     rows: Rows,
-    few: np.ndarray,
     failed: dict[str, str],
 ) -> list[Candidate]:
     """Return the candidates with what they change of the flow; one whose flow is not known is left out and told."""
@@ -167,7 +164,7 @@ def _candidates(
         effect = effects[candidate.name]
         shapes = [dict(shape) for shape in effect.shapes(model.base.context)]
         try:
-            change = model.columns(effect, candidate.shape, shapes.index(dict(candidate.shape)), few)
+            change = model.columns(effect, candidate.shape, shapes.index(dict(candidate.shape)))
         except FlowUnknown as missing:
             failed.setdefault(str(missing), "its flow in the images could not be computed")
             continue
@@ -176,7 +173,7 @@ def _candidates(
         if effect.to_camera is None:
             continue
         try:
-            change = rows.flat(model.columns(effect, {}, 0, few))
+            change = rows.flat(model.columns(effect, {}, 0))
         except ValueError as impossible:  # this camera cannot have it
             failed[name] = str(impossible)
             continue
@@ -196,7 +193,6 @@ class _Both:
 
     channel: FlowChannel
     rows: Rows
-    few: np.ndarray
     known: dict
     effects: Mapping[str, Effect]
 
@@ -221,7 +217,7 @@ class _Both:
 
     def _drawn(self, parts: Sequence[Candidate], amounts: Sequence[np.ndarray]) -> np.ndarray:
         model = self.channel.model
-        studied, cameras, linear = [], [], np.zeros(self.few.shape)
+        studied, cameras, linear = [], [], np.zeros(self.channel.base.shape)
         for part, a in zip(parts, amounts):
             effect = self.effects[part.name]
             if not np.any(a):
@@ -236,7 +232,7 @@ class _Both:
             return linear
         more = model.solved(studied) if studied else [None] * len(model.seen)
         eyes = [model.seen_by(press, cameras) for press in model.seen]
-        return linear + model.flows_with(more, eyes) - self.few
+        return linear + model.change(more, eyes)
 
 
 def force_part(problem: Problem, judgement: Judgement) -> tuple[Problem, Judgement]:

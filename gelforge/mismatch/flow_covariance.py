@@ -9,8 +9,8 @@ import pandas as pd
 
 from gelforge.indentation.error_bars import PART_TOTALS
 from gelforge.mismatch.covariance import Covariance, Draws, estimated_noise
-from gelforge.mismatch.flow_images import DRAWINGS, REGIONS
-from gelforge.mismatch.flow_model import OTHER_BLUR_PX, OTHER_DIAMETER, FlowModel
+from gelforge.mismatch.flow_images import REGIONS
+from gelforge.mismatch.flow_model import LOOKS, OTHER_BLUR_PX, OTHER_DIAMETER, FlowModel
 from gelforge.mismatch.flow_rows import Rows
 from gelforge.mismatch.problem import Problem
 
@@ -25,27 +25,27 @@ LEAST_PX = 0.005  # an 8-bit image holds no smaller mean motion
 def flow_covariance(
     problem: Problem,
     model: FlowModel,
-    drawn: np.ndarray,
-    few: np.ndarray,
     rows: Rows,
     labels: pd.DataFrame,
 ) -> Covariance:
     """Return the covariance of both channels.
 
     Of the flow: independent its images' noise and what drawing leaves out; per site, region and direction the reference
-    frame's noise and where the particles are (their scatter over placements); shared by all the touchdown of a press with
-    images, in force and flow alike, the laws' directions, the discretisation, and two other looks of the particles.
+    frame's noise and where the particles are (their scatter over placements); per region, in all images alike, how near its
+    particles are, as a share of the flow; shared by all the touchdown of a press with images, in force and flow alike, the
+    laws' directions, the discretisation, and two other looks of the particles.
     """
     forces = problem.covariance
     *depth, press, alike, common = forces.levels
     n, seen = rows.entries, model.seen
     noise = np.stack([p.noise for p in seen])
     images = np.array([p.images for p in seen])[:, None, None]
+    drawn = model.drawn
     base = drawn.mean(axis=1)
-    scatter = _smoothed(drawn.var(axis=1, ddof=1)) * (1 + 1 / DRAWINGS)
+    alike_off, own_off = scatter_of(drawn)
     variance = (
         noise**2 / images
-        + (1 - SHARED) * scatter
+        + (1 - SHARED) * own_off**2
         + (DRAWN_SHARE * _smoothed(base**2) ** 0.5) ** 2
         + LEAST_PX**2
     )
@@ -55,17 +55,17 @@ def flow_covariance(
     )[0]
     placed = np.column_stack(
         [
-            rows.flat(np.sqrt(SHARED * scatter)),
+            rows.flat(np.sqrt(SHARED) * own_off),
             rows.flat(noise),
             *np.zeros((press.directions.shape[1] - 2, len(own))),
         ]
     )
-    by_press, shared_force, shared_flow = _touchdown(problem, model, few, rows)
+    by_press, shared_force, shared_flow = _touchdown(problem, model, rows)
     laws = np.zeros((len(own), common.directions.shape[1]))
     for k, key in enumerate(sorted_laws(model)):
-        laws[:, k] = rows.flat(model.change_along(key, 1.0, few))
+        laws[:, k] = rows.flat(model.change_along(key, 1.0))
     laws += shared_flow["session"]
-    flow_alone = np.column_stack([rows.flat(change) for change in _doubts(model, few)])
+    flow_alone = np.column_stack([rows.flat(change) for change in _doubts(model)])
     q = flow_alone.shape[1]
     return Covariance(
         np.concatenate([forces.variance, rows.flat(variance)]),
@@ -74,7 +74,7 @@ def flow_covariance(
             Draws(
                 np.concatenate([press.group, press.group.max() + 1 + region]), np.vstack([by_press, placed])
             ),
-            _of_forces(alike, pd.factorize(own["site"])[0]),
+            _beside(alike, own["region"].to_numpy(int), rows.flat(alike_off)),
             Draws(
                 np.zeros(len(labels), dtype=int),
                 np.block(
@@ -89,11 +89,34 @@ def flow_covariance(
     )
 
 
+def scatter_of(drawn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return by how much (F, m, 2) [px] a placement's flow is off alike at all sites, and what is left by itself.
+
+    Standard deviations over placements, drawn (F, K, m, 2) [px]. Where the particles of a region are near the camera, or at
+    the side that moves more, it shows the same share too much of the flow in all images.
+    """
+    K, base = drawn.shape[1], drawn.mean(axis=1, keepdims=True)
+    off, size = drawn - base, np.sum(base**2, axis=(0, 3))  # (F, K, m, 2), (1, m)
+    share = np.sum(off * base, axis=(0, 3)) / np.maximum(size, np.finfo(float).tiny)  # (K, m)
+    own = off - share[None, :, :, None] * base
+    freedom = (1 + 1 / K) / (K - 1)  # K placements about their mean, and the real one
+    alike = np.sqrt(freedom * np.sum(share**2 * size) / np.sum(size)) * base[:, 0]
+    return alike, np.sqrt(freedom * _smoothed(np.sum(own**2, axis=1)))
+
+
 def _of_forces(level: Draws, own: np.ndarray) -> Draws:
     """Return draws of the forces that the flow has no part in; own (f,) int: groups of its entries."""
-    nothing = np.zeros((len(own), level.directions.shape[1]))
+    return _beside(level, own, np.zeros(len(own)))
+
+
+def _beside(level: Draws, own: np.ndarray, direction: np.ndarray) -> Draws:
+    """Return draws of the forces and, on their own, of the flow: its groups (f,) int, one direction (f,) [px] in each."""
+    directions = np.zeros((len(own), max(level.directions.shape[1], 1)))
+    directions[:, 0] = direction
+    of_forces = np.zeros((len(level.group), directions.shape[1]))
+    of_forces[:, : level.directions.shape[1]] = level.directions
     return Draws(
-        np.concatenate([level.group, level.group.max() + 1 + own]), np.vstack([level.directions, nothing])
+        np.concatenate([level.group, level.group.max() + 1 + own]), np.vstack([of_forces, directions])
     )
 
 
@@ -112,10 +135,10 @@ def _smoothed(square: np.ndarray) -> np.ndarray:
     return np.repeat(near.reshape(F, -1, 1), 2, axis=-1)
 
 
-def _touchdown(problem: Problem, model: FlowModel, few: np.ndarray, rows: Rows):
+def _touchdown(problem: Problem, model: FlowModel, rows: Rows):
     """Return the forces' directions per press without the touchdown of presses with images, and these as shared columns."""
     *_, press, alike, common = problem.covariance.levels
-    labels, slope = problem.labels, model.slope(few)
+    labels, slope = problem.labels, model.slope()
     by_press = press.directions.copy()
     force, flow = [], []
     session = np.zeros((rows.shown.sum() * 2, common.directions.shape[1]))
@@ -141,13 +164,13 @@ def _touchdown(problem: Problem, model: FlowModel, few: np.ndarray, rows: Rows):
     )
 
 
-def _doubts(model: FlowModel, few: np.ndarray) -> list[np.ndarray]:
+def _doubts(model: FlowModel) -> list[np.ndarray]:
     """Return changes of the flow (F, m, 2) by one standard deviation of what is not known: mesh, blur, diameter."""
     more = []
     for press in model.seen:
         site, d = int(press.row["site"]), model.depth(press)
         coarse = model.weights[site] @ model.coarse[site].base[d].astype(float)
-        more.append(coarse - model.moved(press, model.few))
+        more.append(coarse - model.evenly[site][d])
     blurred = [
         replace(
             p.eye,
@@ -155,10 +178,11 @@ def _doubts(model: FlowModel, few: np.ndarray) -> list[np.ndarray]:
         )
         for p in model.seen
     ]
-    other = replace(model.few, diameter_mm=model.few.diameter_mm * OTHER_DIAMETER)
-    larger = replace(model, few=other, scenes={}, changes={})
+    few, eyes = model.particles.first(LOOKS), [p.eye for p in model.seen]
+    larger = replace(few, diameter_mm=few.diameter_mm * OTHER_DIAMETER)
+    as_they_are = model.drawn[:, :LOOKS]
     return [
-        PART_TOTALS * (model.flows_with(more) - few),
-        model.flows_with([None] * len(model.seen), blurred) - few,
-        larger.flows_with([None] * len(model.seen)) - few,
+        PART_TOTALS * model.change(more),
+        (model.drawn_with(blurred, few) - as_they_are).mean(axis=1),
+        (model.drawn_with(eyes, larger) - as_they_are).mean(axis=1),
     ]

@@ -3,7 +3,8 @@
 What would be seen is drawn and searched as the session's images are (virtual_lab.imaging, recording.flow), with particles
 placed at random in the layers that carry them: the search mixes particles of all heights, fills the gaps between them and
 shrinks what it finds, and all of that is then in the prediction too. What stays open is where the real particles are, and
-how they look.
+how they look. Changes are too small for that: which particles lie in a region scatters by more than an effect changes. They
+are mean motions of points that fill the layers evenly.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy.special import ndtr
+from scipy.stats import qmc
 
 from gelforge.config import Camera, Sensor, VirtualImaging, VirtualParticles
 from gelforge.mismatch.observations import Observations
@@ -22,11 +25,13 @@ from gelforge.recording.camera import image_axes, project
 from gelforge.recording.flow import Flow, crop, read_grey
 from gelforge.recording.readings import Recording, image_path, read_recording, reference_path
 from gelforge.virtual_lab.imaging import draw, expose
-from gelforge.virtual_lab.particles import place_particles
+from gelforge.virtual_lab.particles import gel_boxes, place_particles
 
 REGIONS = 8  # along each side: 15 to 20 particles per region of the published sensor's gel
 PRESET = "fine"  # of the flow, as the factory's features
 DRAWINGS = 8  # placements of particles, for the mean and its scatter
+EVEN_POINTS_LOG2 = 14
+SPREAD_PX = 10.0  # over which the search spreads what it finds: about the distance of particles in the image
 MOST_SITES = 6
 FAR_MM = 1e4  # from where a flat scale is drawn as a pinhole: parallel rays within 1e-3
 LEAST_SHARE = (
@@ -85,6 +90,33 @@ def likely_particles(sensor: Sensor, seed: int) -> Particles:
     settings = VirtualParticles(**({"volume_fraction": min(share, 0.1)} if share > 0 else {}))
     placed = [place_particles(settings, sensor, f"flow {seed} {k}") for k in range(DRAWINGS)]
     return Particles(tuple(placed), settings.diameter_mm)
+
+
+def even_points(sensor: Sensor, diameter_mm: float) -> np.ndarray:
+    """Return points (Q, 3) [mm] that fill the layers with particles evenly, where middles of particles can be."""
+    boxes = [(low + diameter_mm / 2, high - diameter_mm / 2) for low, high in gel_boxes(sensor)]
+    volumes = np.array([np.prod(high - low) for low, high in boxes])
+    even = qmc.Sobol(3, scramble=False).random_base2(EVEN_POINTS_LOG2)
+    counts = np.round(len(even) * volumes / volumes.sum()).astype(int)
+    return np.concatenate([low + even[:n] * (high - low) for (low, high), n in zip(boxes, counts)])
+
+
+def mean_motion(eye: Eye, points: np.ndarray, moved: np.ndarray) -> np.ndarray:
+    """Return the mean motion (m, 2) [px] in the image of points (Q, 3) [mm] seen in each region, moved by (Q, 3) [mm]."""
+    camera = pinhole(eye.camera)
+    left, top, width, height = eye.crop_px or (0, 0, camera.width_px, camera.height_px)
+    pixels, _ = project(camera, points)
+    motion = project(camera, points + moved)[0] - pixels
+    u, v = (pixels - [left - 0.5, top - 0.5]).T
+    columns, rows = _within(u, width), _within(v, height)
+    seen = np.maximum(rows.T @ columns, np.finfo(float).tiny)
+    return np.stack([(rows.T @ (columns * motion[:, k, None]) / seen).ravel() for k in range(2)], axis=-1)
+
+
+def _within(at: np.ndarray, pixels: int) -> np.ndarray:
+    """Return the share (Q, REGIONS) of each region of an axis in what the search spreads from places (Q,) [px]."""
+    edges = np.arange(REGIONS + 1) * pixels / REGIONS
+    return np.diff(ndtr((edges - at[:, None]) / SPREAD_PX), axis=1)
 
 
 def region_means(flow: np.ndarray) -> np.ndarray:

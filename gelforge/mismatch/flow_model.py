@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -13,13 +14,13 @@ from gelforge.indentation.plan import PlannedCell
 from gelforge.mismatch.effect import Effect, Shape
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.flow_fields import Moved, moved_along, moved_by, solved_with
-from gelforge.mismatch.flow_images import Eye, Particles, Scene, Seen
+from gelforge.mismatch.flow_images import Eye, Particles, Scene, Seen, even_points, mean_motion
 from gelforge.mismatch.places import FirstOrderAt
 from gelforge.mismatch.solutions import Solver, SolverFailed, way_down
 from gelforge.mismatch.solver import Base, asked_of, felt_by, key_of
 from gelforge.mismatch.solver_effects import FirstOrder
 
-CHANGES = 3  # placements in which a change is drawn: their scatter is a part of a part
+LOOKS = 3  # placements in which another look of the particles is drawn: their scatter is a part of a part
 STEP_MM = 0.05  # of depth, over which the flow's slope is taken
 UNIT = 1e-3  # of a width: a step at which a first-order change of the force is a straight line
 # What the recording does not state of its particles' look is off by as much: blur by half a pixel, diameter by a fifth.
@@ -39,51 +40,59 @@ class FlowModel:
     seen: Sequence[Seen]
     particles: Particles
     planned: Mapping[int, PlannedCell]  # by site, the way down through its depths
-    fine: Mapping[int, Moved]  # by site, the study's own mesh
     coarse: Mapping[int, Moved]  # by site, with derivatives
     asked: Mapping[int, frozenset[str]]  # by site, the derivatives that were asked for
-    few: Particles
+    even: np.ndarray  # (Q, 3) [mm], points that fill the layers with particles
     points: Mapping[int, np.ndarray]  # by site, base displacement (D, P, 3) of all particles
-    weights: Mapping[int, object]  # by site, of the coarser mesh at the few particles
-    scenes: dict[tuple, Scene]  # drawn so far
-    changes: dict[tuple, np.ndarray]  # of the flow, drawn so far
+    evenly: Mapping[int, np.ndarray]  # by site, the same (D, Q, 3) of the even points
+    weights: Mapping[int, object]  # by site, of the coarser mesh at the even points
 
     def depth(self, press: Seen) -> int:
         """Return the step of its site's way down at which a press was seen."""
         depths = np.array(self.planned[int(press.row["site"])].depths_mm)
         return int(np.argmin(np.abs(depths - press.row["depth_mm"])))
 
-    def moved(self, press: Seen, particles: Particles) -> np.ndarray:
-        """Return the base displacement (P, 3) of particles at a press."""
-        return self.points[int(press.row["site"])][self.depth(press)][: len(particles.points)]
+    @cached_property
+    def drawn(self) -> np.ndarray:
+        """Return the base's flow (F, K, m, 2) [px] in every placement, searched in drawn images."""
+        return self.drawn_with([press.eye for press in self.seen], self.particles)
 
-    def scene(self, eye: Eye, particles: Particles) -> Scene:
-        """Return a scene, drawn once."""
-        key = (
-            eye.camera.model_dump_json(),
-            eye.crop_px,
-            eye.imaging.model_dump_json(),
-            len(particles.placed),
-            particles.diameter_mm,
+    def drawn_with(self, eyes: Sequence[Eye], particles: Particles) -> np.ndarray:
+        """Return the same with other eyes, in the first placements or with another diameter of their particles."""
+        scenes: dict[str, Scene] = {}
+        flows = []
+        for press, eye in zip(self.seen, eyes):
+            scene = scenes.setdefault(repr(eye), Scene(eye, particles))
+            u = self.points[int(press.row["site"])][self.depth(press)]
+            flows.append(scene.flows(u[: len(particles.points)]))
+        return np.stack(flows)
+
+    @cached_property
+    def mean(self) -> np.ndarray:
+        """Return the mean motion (F, m, 2) [px] in the base."""
+        nothing = [None] * len(self.seen)
+        return self._means(nothing, [press.eye for press in self.seen])
+
+    @cached_property
+    def found(self) -> np.ndarray:
+        """Return what part (F, 1, 1) of the mean motion the search finds at each press."""
+        drawn = self.drawn.mean(axis=1)
+        return np.sum(drawn * self.mean, axis=(1, 2), keepdims=True) / np.sum(
+            self.mean**2, axis=(1, 2), keepdims=True
         )
-        if key not in self.scenes:
-            self.scenes[key] = Scene(eye, particles)
-        return self.scenes[key]
 
-    def base_flows(self) -> np.ndarray:
-        """Return the base's flow (F, K, m, 2) [px] in every placement."""
-        every = self.particles
-        return np.stack([self.scene(p.eye, every).flows(self.moved(p, every)) for p in self.seen])
+    def change(self, more: Sequence[np.ndarray | None], eyes: Sequence[Eye] | None = None) -> np.ndarray:
+        """Return the change of the flow (F, m, 2) [px] by further displacements (Q, 3) of the even points, or other eyes."""
+        return self.found * (self._means(more, eyes or [press.eye for press in self.seen]) - self.mean)
 
-    def flow_of(self, press: Seen, more: np.ndarray | None, eye: Eye | None = None) -> np.ndarray:
-        """Return the mean flow (m, 2) [px] at a press with a further displacement (P, 3) of the few particles."""
-        moved = self.moved(press, self.few) + (0.0 if more is None else more)
-        return self.scene(eye or press.eye, self.few).flows(moved).mean(axis=0)
-
-    def flows_with(self, more: Sequence[np.ndarray | None], eyes: Sequence[Eye] | None = None) -> np.ndarray:
-        """Return the same (F, m, 2) [px] at every press."""
-        eyes = eyes or [press.eye for press in self.seen]
-        return np.stack([self.flow_of(press, du, eye) for press, du, eye in zip(self.seen, more, eyes)])
+    def _means(self, more: Sequence[np.ndarray | None], eyes: Sequence[Eye]) -> np.ndarray:
+        moved = [self.evenly[int(press.row["site"])][self.depth(press)] for press in self.seen]
+        return np.stack(
+            [
+                mean_motion(eye, self.even, u if du is None else u + du)
+                for eye, u, du in zip(eyes, moved, more)
+            ]
+        )
 
     def along(self, key: str) -> list[np.ndarray | None]:
         """Return the displacement (P, 3) per unit of a derivative at every press; None where it is not felt.
@@ -105,49 +114,40 @@ class FlowModel:
             raise FlowUnknown(key)
         return found
 
-    def slope(self, flows: np.ndarray) -> np.ndarray:
-        """Return d flow / d depth (F, m, 2) [px/mm]; flows: of the few particles."""
+    def slope(self) -> np.ndarray:
+        """Return d flow / d depth (F, m, 2) [px/mm]."""
         more = []
         for press in self.seen:
             site = int(press.row["site"])
-            knots = np.concatenate([[0.0], self.planned[site].depths_mm])
-            u = self.points[site][:, : len(self.few.points)]
+            knots, u = np.concatenate([[0.0], self.planned[site].depths_mm]), self.evenly[site]
             curve = PchipInterpolator(knots, np.concatenate([np.zeros_like(u[:1]), u]))
             more.append(-STEP_MM * curve.derivative()(press.row["depth_mm"]))
-        return (flows - self.flows_with(more)) / STEP_MM
+        return -self.change(more) / STEP_MM
 
-    def change_along(self, key: str, step: float, flows: np.ndarray) -> np.ndarray:
-        """Return the change of the flow (F, m, 2) [px per unit] along a derivative, over a step; drawn once."""
-        if (key, step) not in self.changes:
-            change = np.zeros_like(flows)
-            for k, (press, du) in enumerate(zip(self.seen, self.along(key))):
-                if du is not None:
-                    change[k] = self.flow_of(press, step * du) - flows[k]
-            self.changes[key, step] = change / step
-        return self.changes[key, step]
+    def change_along(self, key: str, step: float) -> np.ndarray:
+        """Return the change of the flow (F, m, 2) [px per unit] along a derivative, over a step."""
+        return self.change([None if du is None else step * du for du in self.along(key)]) / step
 
-    def columns(self, effect: Effect, shape: Shape, number: int, flows: np.ndarray) -> np.ndarray:
+    def columns(self, effect: Effect, shape: Shape, number: int) -> np.ndarray:
         """Return the change of the flow (F, m, 2, P) [px per unit] by each amount of an effect. Raises FlowUnknown."""
         steps = [1.0 if effect.switch else p.width * (p.sign or 1) for p in effect.parameters]
         if effect.to_camera is not None:
-            return np.stack(
-                [self._by_camera(effect, k, step, flows) for k, step in enumerate(steps)], axis=-1
-            )
+            return np.stack([self._by_camera(effect, k, step) for k, step in enumerate(steps)], axis=-1)
         if isinstance(effect.to_forces, (FirstOrder, FirstOrderAt)):
             return np.stack(
                 [
-                    self.change_along(key_of(effect, number if shape else None, k), step, flows)
+                    self.change_along(key_of(effect, number if shape else None, k), step)
                     for k, step in enumerate(steps)
                 ],
                 axis=-1,
             )
         if effect.to_places is not None:
-            return np.stack([self._by_landing(effect, shape, k, flows) for k in range(len(steps))], axis=-1)
-        nothing = np.zeros((*flows.shape, len(steps)))
+            return np.stack([self._by_landing(effect, shape, k) for k in range(len(steps))], axis=-1)
+        nothing = np.zeros((*self.mean.shape, len(steps)))
         key = _acts_as(effect, shape)
         if key is None:
             return nothing
-        along = self.change_along(key, float(CATALOGUE[key].widths[0]), flows)
+        along = self.change_along(key, float(CATALOGUE[key].widths[0]))
         return np.stack(
             [self.share(effect, shape, k, key)[:, None, None] * along for k in range(len(steps))], axis=-1
         )
@@ -164,22 +164,22 @@ class FlowModel:
         least = 1e-6 * np.abs(own).max(initial=0)
         return np.where(np.abs(own) > least, change[rows, 2] / step / np.where(own == 0, 1, own), 0.0)
 
-    def _by_landing(self, effect: Effect, shape: Shape, k: int, flows: np.ndarray) -> np.ndarray:
+    def _by_landing(self, effect: Effect, shape: Shape, k: int) -> np.ndarray:
         """Return the change of the flow (F, m, 2) [px per unit] by amount k of an effect that shifts presses."""
         context, one = self.base.context, np.eye(len(effect.parameters))[k]
         shift = effect.to_places(context, shape, one) - effect.to_places(context, shape, 0 * one)
         shift = shift[[int(press.row.name) for press in self.seen]]
         everywhere = CATALOGUE["misregistration"]
         return sum(
-            shift[:, axis, None, None] * self.change_along(f"misregistration.{p.name}", p.width, flows)
+            shift[:, axis, None, None] * self.change_along(f"misregistration.{p.name}", p.width)
             for axis, p in enumerate(everywhere.parameters)
         )
 
-    def _by_camera(self, effect: Effect, k: int, step: float, flows: np.ndarray) -> np.ndarray:
+    def _by_camera(self, effect: Effect, k: int, step: float) -> np.ndarray:
         amounts = np.zeros(len(effect.parameters))
         amounts[k] = step
         eyes = [self.seen_by(press, [(effect, amounts)]) for press in self.seen]
-        return (self.flows_with([None] * len(self.seen), eyes) - flows) / step
+        return self.change([None] * len(self.seen), eyes) / step
 
     def seen_by(self, press: Seen, cameras: Sequence[tuple[Effect, np.ndarray]]) -> Eye:
         """Return the eye of a press with effects of the camera in it."""
@@ -189,7 +189,7 @@ class FlowModel:
         return replace(press.eye, camera=camera)
 
     def solved(self, studied: Sequence[tuple[Effect, Shape, np.ndarray]]) -> list[np.ndarray]:
-        """Return the further displacement (P, 3) of the few particles at each press with effects of the finite elements.
+        """Return the further displacement (P, 3) of the even points at each press with effects of the finite elements.
 
         Raises NotConverged.
         """
@@ -197,7 +197,7 @@ class FlowModel:
         for effect, shape, amounts in studied:
             study = effect.to_study(study, shape, amounts)
         sites = sorted(self.planned)
-        found = solved_with(self.solver, study, [self.planned[s] for s in sites], self.few.points)
+        found = solved_with(self.solver, study, [self.planned[s] for s in sites], self.even)
         with_it = dict(zip(sites, found))
         more = []
         for press in self.seen:
@@ -223,7 +223,7 @@ def flow_model(
     solver: Solver, base: Base, seen: Sequence[Seen], effects: Mapping[str, Effect], particles: Particles
 ) -> FlowModel:
     """Return the model of the flow of some presses, solved. Raises SolverFailed where the base cannot be."""
-    few = particles.first(CHANGES)
+    even = even_points(solver.study.sensor, particles.diameter_mm)
     sites = sorted({int(press.row["site"]) for press in seen})
     asked = list(asked_of(solver, effects.values(), base.context))
     planned, near = {}, {}
@@ -237,12 +237,13 @@ def flow_model(
         if isinstance(result, str):
             raise SolverFailed(f"the gel's motion at a press with images does not converge: {result}")
     coarse = solver.each(moved_along, [(solver, planned[s], near[s]) for s in sites])
-    points = {}
+    points, evenly = {}, {}
     for site, moved in zip(sites, fine):
-        weights = moved.weights(particles.points)
-        points[site] = np.stack([weights @ u.astype(float) for u in moved.base])
+        for at, found in ((particles.points, points), (even, evenly)):
+            weights = moved.weights(at)
+            found[site] = np.stack([weights @ u.astype(float) for u in moved.base])
     return FlowModel(
-        solver, base, seen, particles, planned, dict(zip(sites, fine)), dict(zip(sites, coarse)),
-        {site: frozenset(near[site]) for site in sites}, few, points,
-        {site: moved.weights(few.points) for site, moved in zip(sites, coarse)}, {}, {},
+        solver, base, seen, particles, planned, dict(zip(sites, coarse)),
+        {site: frozenset(near[site]) for site in sites}, even, points, evenly,
+        {site: moved.weights(even) for site, moved in zip(sites, coarse)},
     )  # fmt: skip

@@ -11,10 +11,13 @@ from gelforge.config import Camera, VirtualImaging
 from gelforge.config.variants import merged
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.flow import flow_section, with_flow
+from gelforge.mismatch.flow_covariance import scatter_of
 from gelforge.mismatch.flow_images import (
     REGIONS,
     Eye,
+    even_points,
     likely_particles,
+    mean_motion,
     pinhole,
     region_means,
     seen_flows,
@@ -28,6 +31,7 @@ from gelforge.mismatch.stage import judge_recording, observations_of, problem_of
 from gelforge.mismatch.verdict import read_verdict
 from gelforge.mismatch.verdict_tables import read_readings
 from gelforge.recording.camera import project
+from gelforge.virtual_lab.particles import gel_boxes
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import flow_channel
@@ -113,6 +117,10 @@ def test_the_camera_leads_with_forces_clean(joint):
     assert both[0].name in ("camera_scale", "camera_pose")
     others = [s.log_bayes_factor for s in both if not s.name.startswith("camera")]
     assert both[0].log_bayes_factor > max(others) + 5
+    scale = next(s for s in both if s.name == "camera_scale")
+    # five standard deviations: where the real particles are is one draw, and so is its error
+    assert_allclose(scale.amounts[0], SCALE, atol=5 * np.sqrt(scale.covariance[0, 0]))
+    assert np.sqrt(scale.covariance[0, 0]) < SCALE / 10
 
 
 def test_the_stage_tells_of_the_images(recorded, tmp_path):
@@ -142,6 +150,50 @@ def test_patterns_of_one_channel_are_nothing_on_the_other(joint):
     of_flow = np.array([name.startswith("the images") for name in atoms.names])
     assert of_flow.any() and (~of_flow).any()
     assert not atoms.values[:n, of_flow].any() and not atoms.values[n:, ~of_flow].any()
+
+
+def test_mean_motion_of_a_shifted_gel_is_the_shift():
+    """Parallel rays: every region sees the same, whatever points lie in it; and a crop moves the regions alone."""
+    flat = Camera(**(flow_channel.CAMERA | {"focal_px": None, "mm_per_px": 0.05, "position_mm": [8, 8, -4]}))
+    points = np.random.default_rng(0).uniform([0, 0, -4], [16, 16, 0], (400, 3))
+    for crop in (None, (40, 30, 300, 200)):
+        eye = Eye(flat, crop, VirtualImaging())
+        motion = mean_motion(eye, points, np.tile([0.1, -0.2, 0.0], (len(points), 1)))
+        expected = project(flat, [0.1, -0.2, 0.0])[0] - project(flat, [0.0, 0.0, 0.0])[0]
+        assert_allclose(
+            motion, np.tile(expected, (REGIONS**2, 1)), rtol=2e-3
+        )  # rays are parallel within 1e-3
+
+
+def test_mean_motion_of_a_growing_picture_grows_from_its_middle():
+    """What grows by a about the optical axis moves each region by a times the distance of its middle."""
+    flat = Camera(**(flow_channel.CAMERA | {"focal_px": None, "mm_per_px": 0.05, "position_mm": [8, 8, -4]}))
+    eye, middle = Eye(flat, None, VirtualImaging()), np.array([8.0, 8.0, 0.0])
+    grid = np.stack(np.meshgrid(*[np.linspace(-6, 22, 281)] * 2), axis=-1).reshape(-1, 2)
+    points = np.column_stack([grid, np.full(len(grid), -1.0)])
+    motion = mean_motion(eye, points, 0.01 * (points - middle) * [1, 1, 0])
+    centres = (np.arange(REGIONS) + 0.5) * 400 / REGIONS - 200
+    expected = 0.01 * np.stack(np.meshgrid(centres, centres), axis=-1).reshape(-1, 2)
+    assert_allclose(
+        motion, expected, atol=0.01
+    )  # of up to 1.75 px: the grid's points against a region's edges
+
+
+def test_scatter_parts_what_regions_show_alike_at_all_sites():
+    """ARTIFICIAL flows off by a share of 10 % per region, and by 0.05 px in every image: each is found, within 10 %."""
+    rng, K = np.random.default_rng(1), 40
+    base = 3 * rng.standard_normal((6, 1, REGIONS**2, 2))
+    share, own = 0.1 * rng.standard_normal((1, K, REGIONS**2, 1)), rng.standard_normal((6, K, REGIONS**2, 2))
+    alike, alone = scatter_of(base * (1 + share) + 0.05 * own)
+    assert_allclose(np.median(np.abs(alike / base[:, 0])), 0.1, rtol=0.1)
+    assert_allclose(alone.mean(), 0.05, rtol=0.1)
+
+
+def test_even_points_fill_the_gel(study):
+    points, inset = even_points(study.sensor, 0.3), 0.15
+    ((low, high),) = gel_boxes(study.sensor)
+    assert (points >= low + inset).all() and (points <= high - inset).all()
+    assert_allclose(points.mean(axis=0), (low + high) / 2, atol=1e-3 * (high - low).max())
 
 
 def test_region_means_are_by_area():

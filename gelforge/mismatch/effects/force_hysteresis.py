@@ -48,4 +48,5 @@ EFFECT = Effect(
     separated_by="dead weights put on and taken off; unloading at two speeds (hysteresis does not know time)",
     to_forces=to_forces,
     unloading=True,
+    form_error=0.4,  # of play, whose loop is as wide at any force
 )  # fmt: skip
