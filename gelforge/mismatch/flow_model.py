@@ -62,9 +62,10 @@ class FlowModel:
         scenes: dict[str, Scene] = {}
         flows = []
         for press, eye in zip(self.seen, eyes):
-            scene = scenes.setdefault(repr(eye), Scene(eye, particles))
+            if repr(eye) not in scenes:
+                scenes[repr(eye)] = Scene(eye, particles)
             u = self.points[int(press.row["site"])][self.depth(press)]
-            flows.append(scene.flows(u[: len(particles.points)]))
+            flows.append(scenes[repr(eye)].flows(u[: len(particles.points)]))
         return np.stack(flows)
 
     @cached_property
@@ -95,7 +96,7 @@ class FlowModel:
         )
 
     def along(self, key: str) -> list[np.ndarray | None]:
-        """Return the displacement (P, 3) per unit of a derivative at every press; None where it is not felt.
+        """Return the displacement (Q, 3) per unit of a derivative at every press; None where it is not felt.
 
         Raises FlowUnknown where it was asked for and could not be had.
         """
@@ -189,7 +190,7 @@ class FlowModel:
         return replace(press.eye, camera=camera)
 
     def solved(self, studied: Sequence[tuple[Effect, Shape, np.ndarray]]) -> list[np.ndarray]:
-        """Return the further displacement (P, 3) of the even points at each press with effects of the finite elements.
+        """Return the further displacement (Q, 3) of the even points at each press with effects of the finite elements.
 
         Raises NotConverged.
         """
