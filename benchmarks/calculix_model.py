@@ -29,8 +29,8 @@ class Contact:
     """Constants of the penalty contact."""
 
     penalty: float  # N/mm^3
-    friction: float = 0.0
-    stick: float = 3.0  # N/mm^3, slope of the friction before it slips
+    friction: float
+    stick: float  # N/mm^3, slope of the friction before it slips
 
 
 def cap(radius: float, reach: float, size: float, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

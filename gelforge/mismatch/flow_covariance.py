@@ -15,7 +15,8 @@ from gelforge.mismatch.flow_rows import Rows
 from gelforge.mismatch.problem import Problem
 
 # The real particles are one placement, the prediction a mean over some: their difference stays from press to press of a
-# site but for what lies elsewhere in the moved image. Measured between two depths (benchmarks/flow_channel.py).
+# site but for what lies elsewhere in the moved image. Measured between two depths of a site for all of the difference
+# (benchmarks/flow_channel.py); for what is left without the regions' shares (scatter_of) it is taken over.
 SHARED = 0.8  # of its variance
 # Of the flow of a region: what drawing leaves out of a real image (glare, particles that are no balls, distortion).
 DRAWN_SHARE = 0.01

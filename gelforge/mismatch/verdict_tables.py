@@ -18,14 +18,8 @@ READINGS, BODY_MAP = "readings.csv", "body_map.csv"
 
 READINGS_NUMBERS = ["x_mm", "y_mm", "depth_mm", "measured_N", "base_N", "sigma_N"]
 READINGS_OPTIONAL = ["time_s", "after_N", "after_sigma_N"]  # empty: no times known, nothing put into the base
-READINGS_TEXTS = [
-    "session",
-    "press",
-    "site",
-    "phase",
-    "axis",
-    "held_out",
-]  # held_out: no, positions, deepest, ...
+# held_out: no, positions, deepest, ...
+READINGS_TEXTS = ["session", "press", "site", "phase", "axis", "held_out"]
 BODY_MAP_NUMBERS = ["x_mm", "y_mm", "z_mm", "change", "sigma"]  # patch centre; modulus change, relative
 
 

@@ -153,30 +153,33 @@ def test_patterns_of_one_channel_are_nothing_on_the_other(joint):
 
 
 def test_mean_motion_of_a_shifted_gel_is_the_shift():
-    """Parallel rays: every region sees the same, whatever points lie in it; and a crop moves the regions alone."""
+    """Parallel rays: every region sees the same, whatever points lie in it, cropped or not."""
     flat = Camera(**(flow_channel.CAMERA | {"focal_px": None, "mm_per_px": 0.05, "position_mm": [8, 8, -4]}))
     points = np.random.default_rng(0).uniform([0, 0, -4], [16, 16, 0], (400, 3))
     for crop in (None, (40, 30, 300, 200)):
         eye = Eye(flat, crop, VirtualImaging())
         motion = mean_motion(eye, points, np.tile([0.1, -0.2, 0.0], (len(points), 1)))
         expected = project(flat, [0.1, -0.2, 0.0])[0] - project(flat, [0.0, 0.0, 0.0])[0]
-        assert_allclose(
-            motion, np.tile(expected, (REGIONS**2, 1)), rtol=2e-3
-        )  # rays are parallel within 1e-3
+        # rays are parallel within 1e-3
+        assert_allclose(motion, np.tile(expected, (REGIONS**2, 1)), rtol=2e-3)
 
 
 def test_mean_motion_of_a_growing_picture_grows_from_its_middle():
     """What grows by a about the optical axis moves each region by a times the distance of its middle."""
     flat = Camera(**(flow_channel.CAMERA | {"focal_px": None, "mm_per_px": 0.05, "position_mm": [8, 8, -4]}))
-    eye, middle = Eye(flat, None, VirtualImaging()), np.array([8.0, 8.0, 0.0])
+    middle = np.array([8.0, 8.0, 0.0])
     grid = np.stack(np.meshgrid(*[np.linspace(-6, 22, 281)] * 2), axis=-1).reshape(-1, 2)
     points = np.column_stack([grid, np.full(len(grid), -1.0)])
-    motion = mean_motion(eye, points, 0.01 * (points - middle) * [1, 1, 0])
-    centres = (np.arange(REGIONS) + 0.5) * 400 / REGIONS - 200
-    expected = 0.01 * np.stack(np.meshgrid(centres, centres), axis=-1).reshape(-1, 2)
-    assert_allclose(
-        motion, expected, atol=0.01
-    )  # of up to 1.75 px: the grid's points against a region's edges
+    for crop in (None, (40, 30, 300, 200)):
+        motion = mean_motion(Eye(flat, crop, VirtualImaging()), points, 0.01 * (points - middle) * [1, 1, 0])
+        left, top, width, height = crop or (0, 0, 400, 400)
+        u, v = (
+            (np.arange(REGIONS) + 0.5) * n / REGIONS + first - 200
+            for n, first in ((width, left), (height, top))
+        )
+        expected = 0.01 * np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+        # of up to 1.75 px: the grid's points against a region's edges
+        assert_allclose(motion, expected, atol=0.01)
 
 
 def test_scatter_parts_what_regions_show_alike_at_all_sites():

@@ -41,5 +41,6 @@ EFFECT = Effect(
     separated_by="a sentinel press in every session, at one temperature, with dead weights on the force sensor beside it",
     takes=("gel_stiffness",),
     shapes=where_it_differs("age_days"),
-    **solver("ageing", present) | {"to_forces": to_forces, "form_error": 0.2},  # of a rate that is not constant
+    form_error=0.2,  # of a rate that is not constant
+    **solver("ageing", present) | {"to_forces": to_forces},
 )  # fmt: skip
