@@ -128,7 +128,7 @@ def drawn_cases(seed: int) -> list[Case]:
             amount = stiffness.pop()
             gel = 1 + amount
         elif kind == "force_gain":
-            amount = sign * rng.uniform(0.15, 0.25)  # as much force as 0.4 of the gel's stiffness
+            amount = sign * rng.uniform(0.10, 0.15)  # of a plausible 0.05
             gain = (amount, amount, amount)
         elif kind == "camera_scale":
             amount = sign * rng.uniform(0.03, 0.05)  # of a plausible 0.02

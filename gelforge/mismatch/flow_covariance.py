@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 import pandas as pd
@@ -14,13 +15,23 @@ from gelforge.mismatch.flow_model import LOOKS, OTHER_BLUR_PX, OTHER_DIAMETER, F
 from gelforge.mismatch.flow_rows import Rows
 from gelforge.mismatch.problem import Problem
 
-# The real particles are one placement, the prediction a mean over some: their difference stays from press to press of a
-# site but for what lies elsewhere in the moved image. Measured between two depths of a site for all of the difference
-# (benchmarks/flow_channel.py); for what is left without the regions' shares (scatter_of) it is taken over.
-SHARED = 0.8  # of its variance
 # Of the flow of a region: what drawing leaves out of a real image (glare, particles that are no balls, distortion).
 DRAWN_SHARE = 0.01
 LEAST_PX = 0.005  # an 8-bit image holds no smaller mean motion
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """How far one placement of particles, as the real ones are, is off the mean over placements: standard deviations.
+
+    Where the particles of a region are near the camera, or at the side that moves more, it shows the same share too much of
+    the flow in all images; what is left stays from press to press of a site, but for what lies elsewhere in the moved image.
+    """
+
+    alike: np.ndarray  # (F, m, 2) [px] by the regions' shares of the flow
+    beside: float  # correlation of these shares between neighbours
+    own: np.ndarray  # (F, m, 2) [px] what is left
+    kept: float  # correlation of that between presses of a site; 0 where there is one alone
 
 
 def flow_covariance(
@@ -31,10 +42,10 @@ def flow_covariance(
 ) -> Covariance:
     """Return the covariance of both channels.
 
-    Of the flow: independent its images' noise and what drawing leaves out; per site, region and direction the reference
-    frame's noise and where the particles are (their scatter over placements); per region, in all images alike, how near its
-    particles are, as a share of the flow; shared by all the touchdown of a press with images, in force and flow alike, the
-    laws' directions, the discretisation, and two other looks of the particles.
+    Of the flow: independent its images' noise and what drawing leaves out; per site and direction the reference frame's
+    noise and where the particles of every region are (`Scatter`), neighbours alike in part; shared by all their share of the
+    flow in all images, the touchdown of a press with images, in force and flow alike, the laws' directions, the
+    discretisation, and two other looks of the particles.
     """
     forces = problem.covariance
     *depth, press, alike, common = forces.levels
@@ -43,39 +54,31 @@ def flow_covariance(
     images = np.array([p.images for p in seen])[:, None, None]
     drawn = model.drawn
     base = drawn.mean(axis=1)
-    alike_off, own_off = scatter_of(drawn)
+    scatter = scatter_of(drawn, np.array([int(press.row["site"]) for press in model.seen]))
     variance = (
         noise**2 / images
-        + (1 - SHARED) * own_off**2
+        + (1 - scatter.kept) * scatter.own**2
         + (DRAWN_SHARE * _smoothed(base**2) ** 0.5) ** 2
         + LEAST_PX**2
     )
     own = labels.iloc[n:]
-    region = pd.factorize(
-        own["site"].astype(str) + "/" + own["region"].astype(str) + "/" + own["axis"].astype(str)
-    )[0]
-    placed = np.column_stack(
-        [
-            rows.flat(np.sqrt(SHARED) * own_off),
-            rows.flat(noise),
-            *np.zeros((press.directions.shape[1] - 2, len(own))),
-        ]
-    )
+    seen_at = own.groupby(["site", "axis"]).ngroup().to_numpy()
+    root = neighbours(scatter.beside)[own["region"].to_numpy(int)]
+    placed = root * rows.flat(np.sqrt(scatter.kept * scatter.own**2 + noise**2))[:, None]
     by_press, shared_force, shared_flow = _touchdown(problem, model, rows)
     laws = np.zeros((len(own), common.directions.shape[1]))
     for k, key in enumerate(sorted_laws(model)):
         laws[:, k] = rows.flat(model.change_along(key, 1.0))
     laws += shared_flow["session"]
-    flow_alone = np.column_stack([rows.flat(change) for change in _doubts(model)])
+    regions = root * rows.flat(scatter.alike)[:, None]
+    flow_alone = np.column_stack([*(rows.flat(change) for change in _doubts(model)), regions])
     q = flow_alone.shape[1]
     return Covariance(
         np.concatenate([forces.variance, rows.flat(variance)]),
         (
-            *(_of_forces(level, np.arange(len(own))) for level in depth),
-            Draws(
-                np.concatenate([press.group, press.group.max() + 1 + region]), np.vstack([by_press, placed])
-            ),
-            _beside(alike, own["region"].to_numpy(int), rows.flat(alike_off)),
+            *(_of_forces(level, len(own)) for level in depth),
+            Draws(np.concatenate([press.group, press.group.max() + 1 + seen_at]), _wide(by_press, placed)),
+            _as_forces(alike, labels["site"].to_numpy()),
             Draws(
                 np.zeros(len(labels), dtype=int),
                 np.block(
@@ -90,35 +93,56 @@ def flow_covariance(
     )
 
 
-def scatter_of(drawn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return by how much (F, m, 2) [px] a placement's flow is off alike at all sites, and what is left by itself.
-
-    Standard deviations over placements, drawn (F, K, m, 2) [px]. Where the particles of a region are near the camera, or at
-    the side that moves more, it shows the same share too much of the flow in all images.
-    """
+def scatter_of(drawn: np.ndarray, site: np.ndarray) -> Scatter:
+    """Return the scatter of drawn flows (F, K, m, 2) [px] over K placements, at presses of sites (F,) int."""
     K, base = drawn.shape[1], drawn.mean(axis=1, keepdims=True)
     off, size = drawn - base, np.sum(base**2, axis=(0, 3))  # (F, K, m, 2), (1, m)
     share = np.sum(off * base, axis=(0, 3)) / np.maximum(size, np.finfo(float).tiny)  # (K, m)
     own = off - share[None, :, :, None] * base
     freedom = (1 + 1 / K) / (K - 1)  # K placements about their mean, and the real one
     alike = np.sqrt(freedom * np.sum(share**2 * size) / np.sum(size)) * base[:, 0]
-    return alike, np.sqrt(freedom * _smoothed(np.sum(own**2, axis=1)))
+    grid = share.reshape(K, REGIONS, REGIONS)
+    beside = np.mean(grid[:, 1:] * grid[:, :-1]) + np.mean(grid[:, :, 1:] * grid[:, :, :-1])
+    sd = np.sqrt(freedom * _smoothed(np.sum(own**2, axis=1)))
+    return Scatter(alike, float(beside / 2 / np.mean(grid**2)), sd, _kept(own, site))
 
 
-def _of_forces(level: Draws, own: np.ndarray) -> Draws:
-    """Return draws of the forces that the flow has no part in; own (f,) int: groups of its entries."""
-    return _beside(level, own, np.zeros(len(own)))
+def _kept(own: np.ndarray, site: np.ndarray) -> float:
+    """Return the correlation of a quantity (F, ...) between two presses of a site."""
+    unit = own / np.sqrt(np.mean(own**2, axis=1, keepdims=True))
+    pairs = [np.mean(unit[a] * unit[b]) for a, b in combinations(range(len(site)), 2) if site[a] == site[b]]
+    return float(np.clip(np.mean(pairs), 0.0, 1.0)) if pairs else 0.0
 
 
-def _beside(level: Draws, own: np.ndarray, direction: np.ndarray) -> Draws:
-    """Return draws of the forces and, on their own, of the flow: its groups (f,) int, one direction (f,) [px] in each."""
-    directions = np.zeros((len(own), max(level.directions.shape[1], 1)))
-    directions[:, 0] = direction
-    of_forces = np.zeros((len(level.group), directions.shape[1]))
-    of_forces[:, : level.directions.shape[1]] = level.directions
-    return Draws(
-        np.concatenate([level.group, level.group.max() + 1 + own]), np.vstack([of_forces, directions])
-    )
+def neighbours(beside: float) -> np.ndarray:
+    """Return a root (m, m) of the regions' correlation, which falls by a factor from each to the next along u and v."""
+    away = np.abs(np.subtract.outer(np.arange(REGIONS), np.arange(REGIONS)))
+    root = np.linalg.cholesky(np.clip(beside, 0.0, 0.9) ** away)
+    return np.kron(root, root)
+
+
+def _of_forces(level: Draws, f: int) -> Draws:
+    """Return draws of the forces that f entries of the flow have no part in, each in a group of its own."""
+    own = level.group.max() + 1 + np.arange(f)
+    return Draws(np.concatenate([level.group, own]), _with_nothing(level.directions, f))
+
+
+def _as_forces(level: Draws, site: np.ndarray) -> Draws:
+    """Return draws of the forces alone, the flow at sites (n + f,) in their groups: what errs alike there errs in both."""
+    n = len(level.group)
+    group_of = dict(zip(site[:n], level.group))
+    own = np.array([group_of[s] for s in site[n:]], dtype=int)
+    return Draws(np.concatenate([level.group, own]), _with_nothing(level.directions, len(own)))
+
+
+def _wide(*blocks: np.ndarray) -> np.ndarray:
+    """Return directions of groups apart (n, q each), one below the other, with columns of nothing beside the narrower."""
+    q = max(block.shape[1] for block in blocks)
+    return np.vstack([np.pad(block, ((0, 0), (0, q - block.shape[1]))) for block in blocks])
+
+
+def _with_nothing(directions: np.ndarray, f: int) -> np.ndarray:
+    return np.vstack([directions, np.zeros((f, directions.shape[1]))])
 
 
 def sorted_laws(model: FlowModel) -> list[str]:

@@ -29,7 +29,7 @@ from gelforge.virtual_lab.particles import gel_boxes, place_particles
 
 REGIONS = 8  # along each side: 15 to 20 particles per region of the published sensor's gel
 PRESET = "fine"  # of the flow, as the factory's features
-DRAWINGS = 8  # placements of particles, for the mean and its scatter
+DRAWINGS = 32  # placements of particles, for the mean and its scatter
 EVEN_POINTS_LOG2 = 14
 SPREAD_PX = 10.0  # over which the search spreads what it finds: about the distance of particles in the image
 MOST_SITES = 6

@@ -92,10 +92,13 @@ class Problem:
         return chosen
 
     def error_of(self, part: Candidate) -> float:
-        """Return by which share the change by an effect errs: not at all where nothing is solved, or errors are none."""
-        if not (self.change_error and self.solves(part)):
+        """Return by which share the change by an effect errs: by the mesh where it is solved, and by form.
+
+        Not at all where errors are none.
+        """
+        if not self.change_error:
             return 0.0
-        least = max(self.change_error, self.effects[part.name].form_error)
+        least = max(self.change_error if self.solves(part) else 0.0, self.effects[part.name].form_error)
         if "x_mm" not in part.shape:
             return least
         return max(least, PLACE_ERROR if part.moved_from is None else FORM_ERROR)

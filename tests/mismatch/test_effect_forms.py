@@ -215,6 +215,18 @@ def test_hysteresis_opens_on_the_way_up_by_its_share_at_half_of_the_peak():
     assert_allclose(found, [0.0, 0.0, 0.0, -0.05 * 2.0, -0.05 * 2.0 * 0.75], atol=1e-14)
 
 
+def test_play_is_as_wide_at_any_force_and_opens_no_further_than_to_the_peak():
+    """As a share of the largest force that the base has anywhere; from the peak on the reading waits for the force."""
+    times, depths = [1.0, 2.0, 3.0, 4.0, 5.0], [1.0, 2.0, 2.0, 1.99, 0.5]
+    context = one_press(times, depths, ["load", "load", "dwell", "unload", "unload"])
+    full = max(np.abs(values[:, 2]).max() for values in context.curves.values)
+    back = context.force[3, 2] - context.force[1, 2]
+    assert 0 < back < 0.05 * full
+    effect = CATALOGUE["force_hysteresis"]
+    found = effect.to_forces(context, {"loop": "play"}, context.force, [0.05]) - context.force
+    assert_allclose(found[:, 2], [0.0, 0.0, 0.0, -back, -0.05 * full], atol=1e-14)
+
+
 def test_adhesion_is_seen_on_the_way_up_only():
     up = (CONTEXT.observations.table["phase"] == "unload").to_numpy()
     expected = np.outer(up, [0, 0, 2e-4 * np.pi * artificial.RADIUS])

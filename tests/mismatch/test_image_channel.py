@@ -11,7 +11,7 @@ from gelforge.config import Camera, VirtualImaging
 from gelforge.config.variants import merged
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.flow import flow_section, with_flow
-from gelforge.mismatch.flow_covariance import scatter_of
+from gelforge.mismatch.flow_covariance import neighbours, scatter_of
 from gelforge.mismatch.flow_images import (
     REGIONS,
     Eye,
@@ -23,6 +23,8 @@ from gelforge.mismatch.flow_images import (
     seen_flows,
     shows_gel,
 )
+from gelforge.mismatch.flow_model import flow_model
+from gelforge.mismatch.flow_rows import Rows
 from gelforge.mismatch.flow_scan import patterns
 from gelforge.mismatch.judge import judge
 from gelforge.mismatch.screen import screened
@@ -81,7 +83,7 @@ def test_predicted_flow_is_the_measured_one_but_for_the_camera(joint):
     measured = joint.observations.flat(joint.observations.force)[mask]
     predicted = joint.observations.flat(joint.base)[mask]
     # half of the growth is a larger flow, half is flow farther from the middle: see the column's test. The scale of one
-    # placement of particles scatters by 3 % about the mean of eight (measured): two of these
+    # placement of particles scatters by 3 % about the mean (measured): two of these
     assert_allclose(measured @ predicted / (predicted @ predicted), 1 + 2 * SCALE, atol=0.06)
     assert np.corrcoef(measured, predicted)[0, 1] > 0.97
 
@@ -187,9 +189,50 @@ def test_scatter_parts_what_regions_show_alike_at_all_sites():
     rng, K = np.random.default_rng(1), 40
     base = 3 * rng.standard_normal((6, 1, REGIONS**2, 2))
     share, own = 0.1 * rng.standard_normal((1, K, REGIONS**2, 1)), rng.standard_normal((6, K, REGIONS**2, 2))
-    alike, alone = scatter_of(base * (1 + share) + 0.05 * own)
-    assert_allclose(np.median(np.abs(alike / base[:, 0])), 0.1, rtol=0.1)
-    assert_allclose(alone.mean(), 0.05, rtol=0.1)
+    scatter = scatter_of(base * (1 + share) + 0.05 * own, np.arange(6))
+    assert_allclose(np.median(np.abs(scatter.alike / base[:, 0])), 0.1, rtol=0.1)
+    assert_allclose(scatter.own.mean(), 0.05, rtol=0.1)
+
+
+def test_scatter_tells_what_neighbours_and_presses_of_a_site_share():
+    """ARTIFICIAL shares whose correlation falls by 0.4 from region to region, the rest 0.7 alike at two depths."""
+    rng, K, m = np.random.default_rng(2), 400, REGIONS**2
+    root = neighbours(0.4)
+    base = 30 * rng.standard_normal((4, 1, m, 2))
+    share = 0.1 * (rng.standard_normal((K, m)) @ root.T)
+    of_site, of_press = rng.standard_normal((2, K, m, 2)), rng.standard_normal((4, K, m, 2))
+    own = np.sqrt(0.7) * of_site[[0, 0, 1, 1]] + np.sqrt(0.3) * of_press
+    drawn = base * (1 + share[None, :, :, None]) + 0.05 * own
+    scatter = scatter_of(drawn, np.array([0, 0, 1, 1]))
+    assert_allclose(scatter.beside, 0.4, atol=0.03)
+    # a share of its own takes some of what is alike at the presses of a site away
+    assert_allclose(scatter.kept, 0.7, atol=0.1)
+    assert scatter_of(drawn, np.arange(4)).kept == 0.0
+    across = (root @ root.T).reshape(REGIONS, REGIONS, REGIONS, REGIONS)
+    assert_allclose([across[2, 3, 2, 3], across[2, 3, 2, 4], across[2, 3, 4, 2]], [1.0, 0.4, 0.4**3])
+
+
+def test_other_placements_are_as_far_off_as_the_covariance_says(joint, study):
+    """Those that it was not made of: their flow over all regions, and its share as a whole."""
+    model, mask = joint.flow.model, flow_entries(joint)
+    covariance, base = joint.covariance.restricted(mask), model.drawn.mean(axis=1)
+    others = likely_particles(study.sensor, study.seed + 1).first(8)
+    drawn = flow_model(model.solver, model.base, model.seen, {}, others).drawn
+    rows = Rows(joint.observations, 0, np.stack([shows_gel(p.eye, model.particles) for p in model.seen]))
+    white = covariance.whiten(np.column_stack([rows.flat(drawn[:, k] - base) for k in range(8)]))
+    whole = covariance.whiten(rows.flat(base))
+    shares = whole @ white / np.linalg.norm(whole)
+    # noise and looks of the particles are in the covariance, and not in these: some 0.8
+    assert 0.5 < np.mean(white**2) < 1.1
+    assert 0.4 < np.sqrt(np.mean(shares**2)) < 1.7  # of eight draws: 0.4 and 1.6 have a chance of 1 % each
+
+
+def test_the_flow_errs_alike_where_the_forces_do(joint):
+    """Errors of a change are drawn for sites, and not for regions: these would take up where particles are."""
+    n, labels = joint.flow.entries, joint.labels
+    group = joint.covariance.levels[-2].group
+    forces = dict(zip(labels["site"][:n], group[:n]))
+    assert all(forces[site] == g for site, g in zip(labels["site"][n:], group[n:]))
 
 
 def test_even_points_fill_the_gel(study):

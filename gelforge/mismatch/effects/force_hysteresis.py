@@ -9,27 +9,50 @@ import numpy as np
 from gelforge.mismatch.context import Context
 from gelforge.mismatch.effect import Effect, Parameter, Shape
 
+LOOPS = (
+    "lens",
+    "play",
+)  # material that damps, as data sheets draw it; friction of a mount, as wide at any force
 
-def loop(context: Context, force: np.ndarray) -> np.ndarray:
-    """Return the opening (R, 3) [N] of the loop per share: 4 s (1 - s) P, s = F / P and P the largest F of the press so far.
 
-    It is zero at the peak and at no force and P at half of it: hysteresis as data sheets define it, by axis.
-    """
-    opening = np.zeros_like(force)
+def shapes(context: Context) -> list[Shape]:
+    """Return both loops."""
+    return [{"loop": loop} for loop in LOOPS]
+
+
+def largest_so_far(context: Context, force: np.ndarray) -> np.ndarray:
+    """Return by axis the largest force (R, 3) [N] of each reading's press so far, with its sign."""
+    largest = np.zeros_like(force)
     for rows in context.observations.table.groupby("press", sort=False).indices.values():
         F = force[rows]
         size = np.abs(F)
         number = np.where(size >= np.maximum.accumulate(size, axis=0), np.arange(len(rows))[:, None], 0)
-        P = np.take_along_axis(F, np.maximum.accumulate(number, axis=0), axis=0)
-        s = np.clip(np.divide(F, P, out=np.ones_like(F), where=P != 0), 0.0, 1.0)
-        opening[rows] = 4 * s * (1 - s) * P
-    return opening
+        largest[rows] = np.take_along_axis(F, np.maximum.accumulate(number, axis=0), axis=0)
+    return largest
+
+
+def lens(context: Context, force: np.ndarray, share: float) -> np.ndarray:
+    """Return the opening (R, 3) [N] share 4 s (1 - s) P, s = F / P and P the largest F of the press so far.
+
+    It is zero at the peak and at no force and share P at half of it: hysteresis as data sheets define it, by axis.
+    """
+    P = largest_so_far(context, force)
+    s = np.clip(np.divide(force, P, out=np.ones_like(force), where=P != 0), 0.0, 1.0)
+    return share * 4 * s * (1 - s) * P
+
+
+def play(context: Context, force: np.ndarray, share: float) -> np.ndarray:
+    """Return the opening (R, 3) [N] of a share of the largest base force of all, but no more than from F back to P."""
+    full = np.max([np.abs(values).max(axis=0) for values in context.curves.values], axis=0)
+    P = largest_so_far(context, force)
+    return np.sign(P) * np.clip(np.sign(P) * (P - force), 0.0, share * full)
 
 
 def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
     """Return the forces as a sensor with hysteresis reads them, calibrated on the way down."""
     (share,) = amounts
-    return force + share * loop(context, force)
+    opening = play if shape.get("loop") == "play" else lens
+    return force + opening(context, force, share)
 
 
 EFFECT = Effect(
@@ -43,10 +66,11 @@ EFFECT = Effect(
         ),
     ),
     enters="force readings on the way up",
-    signature="more force on the way up, most at half of the press's largest force; loading clean",
+    signature="more force on the way up, most at half of the press's largest force or as much at any; loading clean",
     confused_with=("viscoelastic", "adhesion", "mullins", "clock_offset"),
     separated_by="dead weights put on and taken off; unloading at two speeds (hysteresis does not know time)",
     to_forces=to_forces,
+    shapes=shapes,
     unloading=True,
-    form_error=0.4,  # of play, whose loop is as wide at any force
+    form_error=0.4,  # of play that grows with the press's force and lags on the way down too
 )  # fmt: skip
