@@ -211,20 +211,21 @@ def test_offset_and_drift_are_what_the_zero_of_a_tared_session_leaves():
 def test_hysteresis_opens_on_the_way_up_by_its_share_at_half_of_the_peak():
     times, depths = [1.0, 2.0, 3.0, 4.0, 5.0], [1.0, 2.0, 2.0, 1.0, 0.5]
     context = one_press(times, depths, ["load", "load", "dwell", "unload", "unload"])
-    found = change("force_hysteresis", [0.05], context=context)[:, 2]
+    found = change("force_hysteresis", [0.0, 0.0, 0.05], context=context)[:, 2]
     assert_allclose(found, [0.0, 0.0, 0.0, -0.05 * 2.0, -0.05 * 2.0 * 0.75], atol=1e-14)
 
 
-def test_play_is_as_wide_at_any_force_and_opens_no_further_than_to_the_peak():
-    """As a share of the largest force that the base has anywhere; from the peak on the reading waits for the force."""
+def test_play_lags_both_ways_and_needs_its_band_to_turn():
+    """By a share of the largest force that the base has anywhere; just past the peak the reading still waits."""
     times, depths = [1.0, 2.0, 3.0, 4.0, 5.0], [1.0, 2.0, 2.0, 1.99, 0.5]
     context = one_press(times, depths, ["load", "load", "dwell", "unload", "unload"])
-    full = max(np.abs(values[:, 2]).max() for values in context.curves.values)
-    back = context.force[3, 2] - context.force[1, 2]
-    assert 0 < back < 0.05 * full
+    half = 0.05 * max(np.abs(values[:, 2]).max() for values in context.curves.values)
+    down, back = np.sign(context.force[1, 2]), context.force[1, 2] - context.force[3, 2]
+    assert 0 < abs(back) < half
     effect = CATALOGUE["force_hysteresis"]
-    found = effect.to_forces(context, {"loop": "play"}, context.force, [0.05]) - context.force
-    assert_allclose(found[:, 2], [0.0, 0.0, 0.0, -back, -0.05 * full], atol=1e-14)
+    found = effect.to_forces(context, {"loop": "play"}, context.force, [0.0, 0.0, 0.05]) - context.force
+    lag = down * half
+    assert_allclose(found[:, 2], [-lag, -lag, -lag, back - lag, lag], atol=1e-14)
 
 
 def test_adhesion_is_seen_on_the_way_up_only():

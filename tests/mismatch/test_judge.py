@@ -39,7 +39,7 @@ CASES = [
     ("contact_zero", [0.08]),
     ("cross_talk", [0.0, 0.08, 0.0, -0.06, 0.0, 0.0]),
     ("viscoelastic", [0.3]),
-    ("force_hysteresis", [0.15]),
+    ("force_hysteresis", [0.0, 0.0, 0.15]),
     ("frame_compliance", [0.12]),
     ("thickness_gradient", [0.03, 0.0]),
 ]

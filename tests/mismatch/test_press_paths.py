@@ -137,20 +137,21 @@ def test_what_has_a_place_is_solved_only_where_it_is_felt():
 
 # ---------------------------------------------------------------------------------------- what is set aside was pressed
 @pytest.mark.parametrize(
-    ("name", "shape", "amount"),
+    ("name", "shape", "amounts"),
     [
-        ("viscoelastic", {"part": "gel", "time_s": 1.0}, 0.5),
-        ("force_hysteresis", {}, 0.1),
-        ("clock_offset", {"stamp": "late"}, 0.05),
+        ("viscoelastic", {"part": "gel", "time_s": 1.0}, [0.5]),
+        ("force_hysteresis", {"loop": "lens"}, [0.1, 0.1, 0.1]),
+        ("force_hysteresis", {"loop": "play"}, [0.1, 0.1, 0.1]),
+        ("clock_offset", {"stamp": "late"}, [0.05]),
     ],
 )
-def test_presses_are_followed_as_a_whole_whatever_was_chosen_of_them(name, shape, amount, kept):
+def test_presses_are_followed_as_a_whole_whatever_was_chosen_of_them(name, shape, amounts, kept):
     """Without its deepest readings a way up comes from the same peak, and a reading has the same way before it."""
     solver, found = Solver(specimens.study(), specimens.STUDY_LAWS, {}, kept), observations()
     table = found.table.assign(x_mm=8.0, y_mm=8.0)
     found = replace(found, table=table, sites=np.array([[8.0, 8.0], [5.0, 8.0]]))
     base = base_of(solver, found, [])
-    chosen = [(CATALOGUE[name], shape, [amount])]
+    chosen = [(CATALOGUE[name], shape, amounts)]
     whole = forces_with(solver, base, chosen)
     shallow = (table["depth_mm"] < 2.0).to_numpy()
     cut = forces_with(solver, base, chosen, shallow)

@@ -9,10 +9,8 @@ import numpy as np
 from gelforge.mismatch.context import Context
 from gelforge.mismatch.effect import Effect, Parameter, Shape
 
-LOOPS = (
-    "lens",
-    "play",
-)  # material that damps, as data sheets draw it; friction of a mount, as wide at any force
+# A material that damps, as data sheets draw it; friction of a mount, as wide at any force.
+LOOPS = ("lens", "play")
 
 
 def shapes(context: Context) -> list[Shape]:
@@ -31,8 +29,8 @@ def largest_so_far(context: Context, force: np.ndarray) -> np.ndarray:
     return largest
 
 
-def lens(context: Context, force: np.ndarray, share: float) -> np.ndarray:
-    """Return the opening (R, 3) [N] share 4 s (1 - s) P, s = F / P and P the largest F of the press so far.
+def lens(context: Context, force: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Return the opening (R, 3) [N] share (3,) 4 s (1 - s) P, s = F / P and P the largest F of the press so far.
 
     It is zero at the peak and at no force and share P at half of it: hysteresis as data sheets define it, by axis.
     """
@@ -41,36 +39,41 @@ def lens(context: Context, force: np.ndarray, share: float) -> np.ndarray:
     return share * 4 * s * (1 - s) * P
 
 
-def play(context: Context, force: np.ndarray, share: float) -> np.ndarray:
-    """Return the opening (R, 3) [N] of a share of the largest base force of all, but no more than from F back to P."""
-    full = np.max([np.abs(values).max(axis=0) for values in context.curves.values], axis=0)
-    P = largest_so_far(context, force)
-    return np.sign(P) * np.clip(np.sign(P) * (P - force), 0.0, share * full)
+def play(context: Context, force: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Return the opening (R, 3) [N] of a reading that stays where it is as long as the force is within a band about it.
+
+    Half of the band is a share (3,) of the largest base force of all, by axis: on the way down the reading is so much too
+    small, on the way up too large (Prandtl's play, as Coulomb friction in a mount makes it).
+    """
+    half = share * np.max([np.abs(values).max(axis=0) for values in context.curves.values], axis=0)
+    shown = np.empty_like(force)
+    for rows in context.observations.table.groupby("press", sort=False).indices.values():
+        last = np.zeros(3)
+        for row in rows:
+            last = shown[row] = np.clip(last, force[row] - half, force[row] + half)
+    return shown - force
 
 
 def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
-    """Return the forces as a sensor with hysteresis reads them, calibrated on the way down."""
-    (share,) = amounts
+    """Return the forces as a sensor with hysteresis reads them; the lens is calibrated on the way down."""
     opening = play if shape.get("loop") == "play" else lens
-    return force + opening(context, force, share)
+    return force + opening(context, force, np.asarray(amounts))
 
 
+SOURCE = (
+    "width: data sheets of load cells give 0.1 to 1 % of full scale, printed and optical ones several per cent;"
+    " bounds: no sensor to measure with"
+)
 EFFECT = Effect(
     name="force_hysteresis",
     family="force sensor",
-    parameters=(
-        Parameter(
-            "share", "1", 0.02, (0.0, 0.3),
-            "width: data sheets of load cells give 0.1 to 1 % of full scale, printed and optical ones several per cent;"
-            " bounds: no sensor to measure with", sign=1,
-        ),
-    ),
-    enters="force readings on the way up",
-    signature="more force on the way up, most at half of the press's largest force or as much at any; loading clean",
+    parameters=tuple(Parameter(axis, "1", 0.02, (0.0, 0.3), SOURCE, sign=1) for axis in ("x", "y", "z")),
+    enters="force readings, as shares of the largest force by axis",
+    signature="more force on the way up than on the way down, most at half of the press's largest force or as much at any",
     confused_with=("viscoelastic", "adhesion", "mullins", "clock_offset"),
     separated_by="dead weights put on and taken off; unloading at two speeds (hysteresis does not know time)",
     to_forces=to_forces,
     shapes=shapes,
     unloading=True,
-    form_error=0.4,  # of play that grows with the press's force and lags on the way down too
-)  # fmt: skip
+    form_error=0.4,  # of a band that is as wide as a share of each press's own largest force
+)
