@@ -28,10 +28,9 @@ def told_of(
 ) -> tuple[dict[str, float], dict[str, np.ndarray]]:
     """Return the evidence for refitted effects, and the forces (R, 3) [N] with those that were solved everywhere for it.
 
-    Of those within RIVAL of the best, and of the promising ones, the readings set aside count too, by their predictive log
-    score: theirs is then the evidence of all readings (chain rule), as is that of the screen beside them. Amounts follow the
-    training readings alone.
-    Raises NotSolved.
+    The readings set aside count too, by their predictive log score: theirs is then the evidence of all readings (chain
+    rule), as is that of the screen beside them. Solved there are those within RIVAL of the best and the promising ones;
+    those farther behind are taken for linear. Amounts follow the training readings alone. Raises NotSolved.
     """
     told = {name: fit.log_bayes_factor for name, fit in fits.items()}
     reach = max(told.values()) - RIVAL
@@ -40,12 +39,18 @@ def told_of(
         return told, {}
     forces = {name: forces_of(problem, fits[name]) for name in near}
     gains = {}
-    for name, after in forces.items():
-        left = problem.observations.flat(problem.observations.force - after)
-        scores = scores_of(problem, blocks, left, fits[name])
+    for name, fit in fits.items():
+        change = (
+            problem.observations.flat(forces[name] - problem.base) if name in forces else linear_change(fit)
+        )
+        scores = scores_of(problem, blocks, problem.residual - change, fit)
         gains[name] = float(scores["after"]["score"].sum() - scores["before"]["score"].sum())
-    most = max(gains[name] for name in near if told[name] > reach)  # those farther behind keep their distance
-    return {name: value + gains.get(name, most) for name, value in told.items()}, forces
+    return {name: value + gains[name] for name, value in told.items()}, forces
+
+
+def linear_change(fit: Refitted) -> np.ndarray:
+    """Return the change (n,) [N] of all entries by refitted effects to first order."""
+    return np.column_stack([part.columns for part in fit.parts]) @ np.concatenate(fit.amounts)
 
 
 def forces_of(problem: Problem, fit: Refitted) -> np.ndarray:

@@ -75,15 +75,16 @@ class Fit:
 
 
 def test_what_others_gain_is_not_given_to_those_far_behind(monkeypatch):
-    """A promising one has its own gain; those that nobody looked at keep their distance from those within reach."""
-    gains = {"first": 10.0, "promising": 200.0}
+    """A promising one has its own gain; so have those farther behind, with a linear change."""
+    gains = {"first": 10.0, "promising": 200.0, "far": -3.0}
     table = {name: {"before": table_of(0.0), "after": table_of(own)} for name, own in gains.items()}
-    monkeypatch.setattr(confirmation, "forces_of", lambda problem, fit: np.zeros((1, 3)))
+    monkeypatch.setattr(confirmation, "forces_of", lambda problem, fit: problem.base)
+    monkeypatch.setattr(confirmation, "linear_change", lambda fit: 0.0)
     monkeypatch.setattr(confirmation, "scores_of", lambda problem, blocks, left, fit: table[fit.name])
     fits = {n: Fit(n, e) for n, e in (("first", 100.0), ("far", 94.0), ("promising", 20.0))}
     found = problem()
     told, forces = confirmation.told_of(found, split(found.labels, SEED), fits, ["promising"])
-    assert told == {"first": 110.0, "far": 104.0, "promising": 220.0}
+    assert told == {"first": 110.0, "far": 91.0, "promising": 220.0}
     assert set(forces) == {"first", "promising"}
 
 
