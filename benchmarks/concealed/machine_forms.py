@@ -140,18 +140,27 @@ def cross(world, size, drawn):
     world.sensor.append(lambda rows, force: force @ turn.T)
 
 
+def _following(z, press, half):
+    """Return what follows z (n,) within a band about it, from none at the begin of each press (n,) int."""
+    shown = np.empty_like(z)
+    for k in range(len(z)):
+        last = 0.0 if k == 0 or press[k] != press[k - 1] else shown[k - 1]
+        shown[k] = np.clip(last, z[k] - half, z[k] + half)
+    return shown
+
+
 def play(world, size, drawn):
-    """Play: readings follow the force only outside a band about the last, a share of the largest force of the press."""
+    """Friction of two joints that share the force: each half follows it only outside a band about where it was.
+
+    Bands of a half and three halves of a share of the largest force of the recording. Before the tenth set one band, a share
+    of the largest force of each press: it was as wide on the way down, when no sensor knows what force will come.
+    """
 
     def read(rows, force):
         shown, z = force.copy(), force[:, 2]
         press = rows.groupby(["session", "order"], sort=False).ngroup().to_numpy()
-        largest = np.zeros(press.max() + 1)
-        np.maximum.at(largest, press, np.abs(z))
-        half = 0.02 * size * largest[press]
-        for k in range(len(z)):
-            last = 0.0 if k == 0 or press[k] != press[k - 1] else shown[k - 1, 2]
-            shown[k, 2] = np.clip(last, z[k] - half[k], z[k] + half[k])
+        half = 0.02 * size * np.abs(z).max()
+        shown[:, 2] = (_following(z, press, half / 2) + _following(z, press, 3 * half / 2)) / 2
         return shown
 
     world.sensor.append(read)

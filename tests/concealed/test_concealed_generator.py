@@ -198,6 +198,21 @@ def test_baselines_can_put_every_kind(form, library):
         assert np.isfinite(world.forces(rows)).all()
 
 
+def test_friction_in_the_force_sensor_lags_by_the_mean_of_its_bands(library):
+    """Behind the force on the way down, ahead on the way up, by 2 % of the recording's largest force; the rest clean."""
+    rows = presses.timeline(np.random.default_rng(1), sessions=1)
+    plain, rubbing = World(library), World(library)
+    kinds.KINDS["play"].put(rubbing, 1.0, {"sign": 1.0})
+    before, after = plain.forces(rows), rubbing.forces(rows)
+    half = 0.02 * np.abs(before[:, 2]).max()
+    deep = np.abs(before[:, 2]) > 4 * half  # the wider band has been gone through
+    down, up = (rows["phase"] == "load").to_numpy() & deep, (rows["phase"] == "unload").to_numpy() & deep
+    assert down.any() and up.any()
+    assert_allclose((after - before)[down, 2], -np.sign(before[down, 2]) * half, rtol=1e-9)
+    assert_allclose((after - before)[up, 2], np.sign(before[up, 2]) * half, rtol=1e-9)
+    assert np.array_equal(after[:, :2], before[:, :2])
+
+
 def test_backlash_leaves_the_stage_behind_its_last_move(library):
     """Moves of the plan are longer than the play, so each takes it up; a session begins in its middle."""
     world, rows = World(library), presses.timeline(np.random.default_rng(1), sessions=2)

@@ -75,5 +75,5 @@ EFFECT = Effect(
     to_forces=to_forces,
     shapes=shapes,
     unloading=True,
-    form_error=0.4,  # of a band that is as wide as a share of each press's own largest force
+    form_error=0.25,  # of several bands side by side, or of one that is wider where more is pressed
 )
