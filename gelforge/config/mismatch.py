@@ -49,8 +49,8 @@ class Mismatch(Section):
     )
     change_error: NonNegative = Field(
         0.1,
-        description="error of a change by an effect that is solved, by its mesh and its form, a standard deviation as a"
-        " share of the change; of one with a place at least 0.5; 0: none, of those with a place neither [-]",
+        description="error of a change by an effect that is solved, a standard deviation as a share of it; at least what is"
+        " known of the effect's other forms, with a place 0.5; 0: none for any effect [-]",
     )
     touchdown_mm: NonNegative | None = Field(
         None, description="scatter of depth zero in place of what the sessions say [mm]"

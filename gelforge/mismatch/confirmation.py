@@ -29,12 +29,14 @@ def told_of(
     """Return the evidence for refitted effects, and the forces (R, 3) [N] with those that were solved everywhere for it.
 
     The readings set aside count too, by their predictive log score: theirs is then the evidence of all readings (chain
-    rule), as is that of the screen beside them. Solved there are those within RIVAL of the best and the promising ones;
-    those farther behind are taken for linear. Amounts follow the training readings alone. Raises NotSolved.
+    rule), as is that of the screen beside them. Put there exactly are those within RIVAL of the best, the promising ones and
+    those that need no solver; those farther behind are taken for linear. Amounts follow the training readings alone.
+    Raises NotSolved.
     """
     told = {name: fit.log_bayes_factor for name, fit in fits.items()}
     reach = max(told.values()) - RIVAL
-    near = [name for name, value in told.items() if value > reach or name in promising]
+    free = [name for name, fit in fits.items() if not any(map(problem.solves, fit.parts))]
+    near = [name for name, value in told.items() if value > reach or name in promising or name in free]
     if not blocks.held_out.any():
         return told, {}
     forces = {name: forces_of(problem, fits[name]) for name in near}

@@ -165,12 +165,15 @@ def _step(group: np.ndarray, V: np.ndarray) -> _Step:
 
 
 def _spread(group: np.ndarray, directions: np.ndarray) -> sp.csr_array:
-    """Return directions (n, q) as (n, G q): the columns of its own group in every row."""
+    """Return directions (n, q) as (n, G q): the columns of its own group in every row; groups without any have none."""
     n, q = directions.shape
-    number = np.unique(group, return_inverse=True)[1].ravel()
+    drawn = np.isin(group, group[directions.any(axis=1)])
+    number = np.unique(group[drawn], return_inverse=True)[1].ravel()
     columns = number[:, None] * q + np.arange(q)
     shape = (n, q * (number.max(initial=-1) + 1))
-    return sp.csr_array((directions.ravel(), columns.ravel(), q * np.arange(n + 1)), shape=shape)
+    return sp.csr_array(
+        (directions[drawn].ravel(), columns.ravel(), np.cumsum([0, *(q * drawn)])), shape=shape
+    )
 
 
 def readings_covariance(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -29,7 +30,7 @@ class Scatter:
     """
 
     alike: np.ndarray  # (F, m, 2) [px] by the regions' shares of the flow
-    beside: float  # correlation of these shares between neighbours
+    beside: float  # correlation of these shares between neighbours, taken for that of what is left too
     own: np.ndarray  # (F, m, 2) [px] what is left
     kept: float  # correlation of that between presses of a site; 0 where there is one alone
 
@@ -54,7 +55,8 @@ def flow_covariance(
     images = np.array([p.images for p in seen])[:, None, None]
     drawn = model.drawn
     base = drawn.mean(axis=1)
-    scatter = scatter_of(drawn, np.array([int(press.row["site"]) for press in model.seen]))
+    site = np.array([int(press.row["site"]) for press in model.seen])
+    scatter = scatter_of(drawn, site, rows.shown.all(axis=0))
     variance = (
         noise**2 / images
         + (1 - scatter.kept) * scatter.own**2
@@ -76,8 +78,9 @@ def flow_covariance(
     return Covariance(
         np.concatenate([forces.variance, rows.flat(variance)]),
         (
-            *(_of_forces(level, len(own)) for level in depth),
-            Draws(np.concatenate([press.group, press.group.max() + 1 + seen_at]), _wide(by_press, placed)),
+            *(_of_forces(level, np.arange(len(own))) for level in depth),
+            _of_flow(placed, seen_at, press.group),
+            _of_forces(replace(press, directions=by_press), seen_at),
             _as_forces(alike, labels["site"].to_numpy()),
             Draws(
                 np.zeros(len(labels), dtype=int),
@@ -93,25 +96,46 @@ def flow_covariance(
     )
 
 
-def scatter_of(drawn: np.ndarray, site: np.ndarray) -> Scatter:
-    """Return the scatter of drawn flows (F, K, m, 2) [px] over K placements, at presses of sites (F,) int."""
+def scatter_of(drawn: np.ndarray, site: np.ndarray, shown: np.ndarray) -> Scatter:
+    """Return the scatter of drawn flows (F, K, m, 2) [px] over K placements, at presses of sites (F,) int.
+
+    Correlations are those of regions (m,) bool that show the gel. Shares fitted to few presses take some of what these keep
+    with them.
+    """
     K, base = drawn.shape[1], drawn.mean(axis=1, keepdims=True)
     off, size = drawn - base, np.sum(base**2, axis=(0, 3))  # (F, K, m, 2), (1, m)
     share = np.sum(off * base, axis=(0, 3)) / np.maximum(size, np.finfo(float).tiny)  # (K, m)
     own = off - share[None, :, :, None] * base
     freedom = (1 + 1 / K) / (K - 1)  # K placements about their mean, and the real one
-    alike = np.sqrt(freedom * np.sum(share**2 * size) / np.sum(size)) * base[:, 0]
+    spread = np.sqrt(freedom * np.sum(share**2 * size) / max(np.sum(size), np.finfo(float).tiny))
     grid = share.reshape(K, REGIONS, REGIONS)
-    beside = np.mean(grid[:, 1:] * grid[:, :-1]) + np.mean(grid[:, :, 1:] * grid[:, :, :-1])
-    sd = np.sqrt(freedom * _smoothed(np.sum(own**2, axis=1)))
-    return Scatter(alike, float(beside / 2 / np.mean(grid**2)), sd, _kept(own, site))
+    # where little moves a share is any number
+    moves = np.where(shown, np.sqrt(size[0]), 0.0).reshape(REGIONS, REGIONS)
+    return Scatter(
+        alike=spread * base[:, 0],
+        beside=_correlation(
+            [
+                (grid[:, 1:] * weight, grid[:, :-1] * weight)
+                for grid, moves in ((grid, moves), (grid.swapaxes(1, 2), moves.T))
+                for weight in [np.sqrt(moves[1:] * moves[:-1])]
+            ]
+        ),
+        own=np.sqrt(freedom * _smoothed(np.sum(own**2, axis=1))),
+        kept=_correlation(
+            [
+                (own[a][:, shown], own[b][:, shown])
+                for a, b in combinations(range(len(site)), 2)
+                if site[a] == site[b]
+            ]
+        ),
+    )
 
 
-def _kept(own: np.ndarray, site: np.ndarray) -> float:
-    """Return the correlation of a quantity (F, ...) between two presses of a site."""
-    unit = own / np.sqrt(np.mean(own**2, axis=1, keepdims=True))
-    pairs = [np.mean(unit[a] * unit[b]) for a, b in combinations(range(len(site)), 2) if site[a] == site[b]]
-    return float(np.clip(np.mean(pairs), 0.0, 1.0)) if pairs else 0.0
+def _correlation(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
+    """Return the correlation of pairs of quantities of mean 0, at least 0; 0 of none."""
+    products = sum(float(np.sum(a * b)) for a, b in pairs)
+    sizes = np.sqrt(sum(float(np.sum(a**2)) for a, _ in pairs) * sum(float(np.sum(b**2)) for _, b in pairs))
+    return float(np.clip(products / sizes, 0.0, 1.0)) if sizes > 0 else 0.0
 
 
 def neighbours(beside: float) -> np.ndarray:
@@ -121,24 +145,24 @@ def neighbours(beside: float) -> np.ndarray:
     return np.kron(root, root)
 
 
-def _of_forces(level: Draws, f: int) -> Draws:
-    """Return draws of the forces that f entries of the flow have no part in, each in a group of its own."""
-    own = level.group.max() + 1 + np.arange(f)
-    return Draws(np.concatenate([level.group, own]), _with_nothing(level.directions, f))
+def _of_forces(level: Draws, own: np.ndarray) -> Draws:
+    """Return draws of the forces that the flow has no part in, its entries in groups (f,) int of their own."""
+    group = np.concatenate([level.group, level.group.max() + 1 + own])
+    return Draws(group, _with_nothing(level.directions, len(own)))
+
+
+def _of_flow(directions: np.ndarray, own: np.ndarray, forces: np.ndarray) -> Draws:
+    """Return draws of directions (f, q) [px] for groups (f,) int of the flow; forces, in groups (n,), have no part."""
+    nothing = np.zeros((len(forces), directions.shape[1]))
+    return Draws(np.concatenate([forces, forces.max() + 1 + own]), np.vstack([nothing, directions]))
 
 
 def _as_forces(level: Draws, site: np.ndarray) -> Draws:
-    """Return draws of the forces alone, the flow at sites (n + f,) in their groups: what errs alike there errs in both."""
+    """Return draws of the forces alone, the flow at sites (n + f,) in their groups, where errors of changes are drawn."""
     n = len(level.group)
     group_of = dict(zip(site[:n], level.group))
     own = np.array([group_of[s] for s in site[n:]], dtype=int)
     return Draws(np.concatenate([level.group, own]), _with_nothing(level.directions, len(own)))
-
-
-def _wide(*blocks: np.ndarray) -> np.ndarray:
-    """Return directions of groups apart (n, q each), one below the other, with columns of nothing beside the narrower."""
-    q = max(block.shape[1] for block in blocks)
-    return np.vstack([np.pad(block, ((0, 0), (0, q - block.shape[1]))) for block in blocks])
 
 
 def _with_nothing(directions: np.ndarray, f: int) -> np.ndarray:

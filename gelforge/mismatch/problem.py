@@ -37,7 +37,9 @@ class Problem:
     forces_with: ForcesWith
     failed: Mapping[str, str]  # effects that could not be computed, and why
     first: frozenset[str] = frozenset()  # effects that put right what the base assumes and cannot be true
-    change_error: float = 0.0  # by which a change that is solved errs, a standard deviation as a share of it
+    change_error: float = (
+        0.0  # by which a change that is solved errs, a share of it; 0: no change errs, by form neither
+    )
     flow: Any = None  # flow.FlowChannel where images are judged with the forces
 
     @property
@@ -57,7 +59,7 @@ class Problem:
     def errors_of(self, parts: Sequence[Candidate], amounts: np.ndarray) -> np.ndarray:
         """Return the directions (n, q) in which a change by effects at amounts (p,) errs, a standard deviation each.
 
-        What is solved errs by mesh and by form, pressing and sideways forces (and each channel) on their own, as a share of
+        What is solved errs by its mesh, and all by form, pressing and sideways forces (and each channel) on their own, as a share of
         the change: one for all depths and one that varies slowly with depth. What has a place errs more, and towards the
         places beside it, until a refit has found it.
         """

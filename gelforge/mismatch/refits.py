@@ -70,12 +70,18 @@ class Refits:
     def told(self, promising: Collection[str]) -> Told | None:
         """Return what all readings say of the refits, without those that cannot be solved there; None of none.
 
-        promising: names of those that all readings are asked of however far behind they are.
+        The best has been fitted to its end and put there exactly. promising: names of those that all readings are asked of
+        however far behind they are.
         """
+        asked = list(promising)
         while self.fits:
             try:
-                evidence, forces = told_of(self.draft, self.blocks, self.fits, promising)
+                evidence, forces = told_of(self.draft, self.blocks, self.fits, asked)
                 best = max(evidence, key=evidence.get)
+                if self.blocks.held_out.any() and best not in forces:
+                    asked.append(best)
+                    self._finish(best)
+                    continue
                 known = best in forces and not self.problem.in_order_beside(self.fits[best].parts)
                 after = forces[best] if known else forces_of(self.problem, self.fits[best])
                 return Told(best, evidence, forces, after)
@@ -86,6 +92,12 @@ class Refits:
                 del self.fits[failure.name]
                 self._go_on()
         return None
+
+    def _finish(self, name: str) -> None:
+        """Refit one that was broken off, to its end; it is dropped where that cannot be solved."""
+        if self.fits[name].end is End.HOPELESS:
+            del self.fits[name]
+            self.add(self.asked[name], whatever=True)
 
     def _go_on(self) -> None:
         """Refit those that were broken off for the sake of one that is no more."""

@@ -228,6 +228,20 @@ def test_play_lags_both_ways_and_needs_its_band_to_turn():
     assert_allclose(found[:, 2], [-lag, -lag, -lag, back - lag, lag], atol=1e-14)
 
 
+@pytest.mark.parametrize("loop", ["lens", "play"])
+@pytest.mark.parametrize("axis", range(3))
+def test_each_axis_has_a_hysteresis_of_its_own(loop, axis):
+    effect = CATALOGUE["force_hysteresis"]
+    found = effect.to_forces(CONTEXT, {"loop": loop}, CONTEXT.force, 0.05 * np.eye(3)[axis]) - CONTEXT.force
+    assert found[:, axis].any() and not np.delete(found, axis, axis=1).any()
+
+
+def test_hysteresis_is_not_offered_without_a_way_up():
+    down = CONTEXT.chosen((CONTEXT.observations.table["phase"] != "unload").to_numpy())
+    assert CATALOGUE["force_hysteresis"].shapes(CONTEXT) == [{"loop": "lens"}, {"loop": "play"}]
+    assert CATALOGUE["force_hysteresis"].shapes(down) == []
+
+
 def test_adhesion_is_seen_on_the_way_up_only():
     up = (CONTEXT.observations.table["phase"] == "unload").to_numpy()
     expected = np.outer(up, [0, 0, 2e-4 * np.pi * artificial.RADIUS])

@@ -189,7 +189,7 @@ def test_scatter_parts_what_regions_show_alike_at_all_sites():
     rng, K = np.random.default_rng(1), 40
     base = 3 * rng.standard_normal((6, 1, REGIONS**2, 2))
     share, own = 0.1 * rng.standard_normal((1, K, REGIONS**2, 1)), rng.standard_normal((6, K, REGIONS**2, 2))
-    scatter = scatter_of(base * (1 + share) + 0.05 * own, np.arange(6))
+    scatter = scatter_of(base * (1 + share) + 0.05 * own, np.arange(6), np.ones(REGIONS**2, bool))
     assert_allclose(np.median(np.abs(scatter.alike / base[:, 0])), 0.1, rtol=0.1)
     assert_allclose(scatter.own.mean(), 0.05, rtol=0.1)
 
@@ -202,12 +202,21 @@ def test_scatter_tells_what_neighbours_and_presses_of_a_site_share():
     share = 0.1 * (rng.standard_normal((K, m)) @ root.T)
     of_site, of_press = rng.standard_normal((2, K, m, 2)), rng.standard_normal((4, K, m, 2))
     own = np.sqrt(0.7) * of_site[[0, 0, 1, 1]] + np.sqrt(0.3) * of_press
+    shown = np.ones((REGIONS, REGIONS), bool)
+    shown[0] = False
+    shown, still = (
+        shown.ravel(),
+        np.arange(m) % REGIONS == 0,
+    )  # a rim without the gel, and one that does not move
+    base[:, :, still] = 0.0
     drawn = base * (1 + share[None, :, :, None]) + 0.05 * own
-    scatter = scatter_of(drawn, np.array([0, 0, 1, 1]))
+    drawn[:, :, ~shown] = rng.standard_normal((4, K, REGIONS, 2))  # whatever is found there
+    scatter = scatter_of(drawn, np.array([0, 0, 1, 1]), shown)
     assert_allclose(scatter.beside, 0.4, atol=0.03)
     # a share of its own takes some of what is alike at the presses of a site away
     assert_allclose(scatter.kept, 0.7, atol=0.1)
-    assert scatter_of(drawn, np.arange(4)).kept == 0.0
+    assert scatter_of(drawn, np.arange(4), shown).kept == 0.0
+    assert scatter_of(np.zeros((2, K, m, 2)), np.zeros(2, int), shown).kept == 0.0
     across = (root @ root.T).reshape(REGIONS, REGIONS, REGIONS, REGIONS)
     assert_allclose([across[2, 3, 2, 3], across[2, 3, 2, 4], across[2, 3, 4, 2]], [1.0, 0.4, 0.4**3])
 

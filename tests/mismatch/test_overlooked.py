@@ -9,13 +9,15 @@ import pytest
 from artificial_problem import problem_of
 
 from gelforge.config.mismatch import Mismatch
-from gelforge.mismatch import confirmation
+from gelforge.mismatch import confirmation, refits
 from gelforge.mismatch.alternatives import effects_of
 from gelforge.mismatch.holdout import split
 from gelforge.mismatch.judge import judge
+from gelforge.mismatch.refit import End, refitted
+from gelforge.mismatch.refits import Refits
 from gelforge.mismatch.screen import Candidate
 from gelforge.mismatch.search import _overlooked
-from gelforge.mismatch.weighing import moved, weighed
+from gelforge.mismatch.weighing import moved, unmasked, weighed
 
 SEED, WIDTH = 1, 0.2
 # Along three directions that only training readings feel, and one that only those set aside feel. All four of the decoys
@@ -72,6 +74,7 @@ class Fit:
 
     def __init__(self, name, evidence):
         self.name, self.log_bayes_factor = name, evidence
+        self.parts = (problem().candidates[0],)
 
 
 def test_what_others_gain_is_not_given_to_those_far_behind(monkeypatch):
@@ -86,6 +89,48 @@ def test_what_others_gain_is_not_given_to_those_far_behind(monkeypatch):
     told, forces = confirmation.told_of(found, split(found.labels, SEED), fits, ["promising"])
     assert told == {"first": 110.0, "far": 91.0, "promising": 220.0}
     assert set(forces) == {"first", "promising"}
+
+
+def test_a_best_one_is_fitted_to_its_end_and_put_where_it_was_not_fitted(monkeypatch):
+    """Of one that was broken off and taken for linear the evidence is not its own."""
+    found, calls = problem(), []
+    blocks = split(found.labels, SEED)
+    ranked = weighed(found, blocks.train, found.candidates)
+    tried = Refits(found, blocks, [])
+    for one in ranked[:2]:
+        tried.add(one)
+    first, far = list(tried.fits)
+    tried.fits[far] = replace(tried.fits[far], end=End.HOPELESS)
+
+    def told_of(problem, blocks, fits, promising):
+        calls.append((tuple(promising), fits[far].end))
+        forces = {name: problem.base for name in fits if name == first or name in promising}
+        return {first: 1.0, far: 2.0}, forces
+
+    monkeypatch.setattr(refits, "told_of", told_of)
+    told = tried.told([])
+    assert told.best == far and far in told.forces
+    assert calls[0] == ((), End.HOPELESS) and calls[1][0] == (far,) and calls[1][1] is not End.HOPELESS
+
+
+def test_those_far_behind_change_what_was_set_aside_to_first_order():
+    """The score is that of the linear change at the fitted amounts."""
+    found = problem()
+    blocks = split(found.labels, SEED)
+    ranked = weighed(found, blocks.train, found.candidates)
+    fits = {}
+    for one in ranked[:2]:
+        fit = refitted(found, unmasked(found, one), blocks.train)
+        fits[fit.name] = fit
+    first, far = fits
+    assert found.solves(fits[far].parts[0]) and np.all(fits[far].amounts[0] != 0)
+    fits[far] = replace(fits[far], log_bayes_factor=fits[first].log_bayes_factor - 100.0)
+    told, forces = confirmation.told_of(found, blocks, fits)
+    left = found.residual - fits[far].parts[0].columns @ fits[far].amounts[0]
+    scores = confirmation.scores_of(found, blocks, left, fits[far])
+    gained = scores["after"]["score"].sum() - scores["before"]["score"].sum()
+    assert far not in forces
+    assert told[far] == pytest.approx(fits[far].log_bayes_factor + gained)
 
 
 def table_of(score):

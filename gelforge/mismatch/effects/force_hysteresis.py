@@ -9,13 +9,11 @@ import numpy as np
 from gelforge.mismatch.context import Context
 from gelforge.mismatch.effect import Effect, Parameter, Shape
 
-# A material that damps, as data sheets draw it; friction of a mount, as wide at any force.
-LOOPS = ("lens", "play")
-
 
 def shapes(context: Context) -> list[Shape]:
-    """Return both loops."""
-    return [{"loop": loop} for loop in LOOPS]
+    """Return both loops; none without readings on the way up, where they have nothing that is theirs alone."""
+    up = (context.observations.table["phase"] == "unload").any()
+    return [{"loop": loop} for loop in LOOPS] if up else []
 
 
 def largest_so_far(context: Context, force: np.ndarray) -> np.ndarray:
@@ -45,7 +43,10 @@ def play(context: Context, force: np.ndarray, share: np.ndarray) -> np.ndarray:
     Half of the band is a share (3,) of the largest base force of all, by axis: on the way down the reading is so much too
     small, on the way up too large (Prandtl's play, as Coulomb friction in a mount makes it).
     """
-    half = share * np.max([np.abs(values).max(axis=0) for values in context.curves.values], axis=0)
+    largest = np.max([np.abs(values).max(axis=0) for values in context.curves.values], axis=0)
+    if not largest.any():  # weights that lie still
+        largest = np.abs(context.force).max(axis=0)
+    half = share * largest
     shown = np.empty_like(force)
     for rows in context.observations.table.groupby("press", sort=False).indices.values():
         last = np.zeros(3)
@@ -54,10 +55,13 @@ def play(context: Context, force: np.ndarray, share: np.ndarray) -> np.ndarray:
     return shown - force
 
 
+# A material that damps, as data sheets draw it; friction of a mount, as wide at any force.
+LOOPS = {"lens": lens, "play": play}
+
+
 def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
     """Return the forces as a sensor with hysteresis reads them; the lens is calibrated on the way down."""
-    opening = play if shape.get("loop") == "play" else lens
-    return force + opening(context, force, np.asarray(amounts))
+    return force + LOOPS[str(shape.get("loop", "lens"))](context, force, np.asarray(amounts))
 
 
 SOURCE = (
