@@ -60,8 +60,8 @@ class Problem:
         """Return the directions (n, q) in which a change by effects at amounts (p,) errs, a standard deviation each.
 
         What is solved errs by its mesh, and all by form, pressing and sideways forces (and each channel) on their own, as a
-        share of the change: one for all depths and one that varies slowly with depth. What has a place errs more, and towards
-        the places beside it, until a refit has found it.
+        share of the change: one for all depths and one that varies slowly with depth. What has a place errs more, and
+        towards the places beside it, until a refit has found it.
         """
         labels = self.labels.assign(pressing=self.labels["axis"] == 2)
         kind = labels.groupby([name for name in ("channel", "pressing") if name in labels]).ngroup()
