@@ -45,7 +45,7 @@ def ranking(results: MismatchResults) -> Chapter:
         for effect in verdict.effects[:RANKED]
     ]
     chapter.tabulate(
-        f"What was tried, the most probable first; that nothing is missing has probability"
+        f"What was tried, the most probable first, alone or beside others; that nothing is missing has probability"
         f" {chance_text(verdict.null_probability)}{unknown_text(verdict.unknown)}. A good fit alone names nothing: an"
         " amount must also be physically possible.",
         filled(rows),
@@ -93,7 +93,7 @@ def set_aside(results: MismatchResults) -> Chapter:
         after = "" if fit.flow.rmse_after_px is None else f", {fit.flow.rmse_after_px:.3g} px after"
         chapter.say(
             f"The images' flow was {fit.flow.used}: error {fit.flow.rmse_before_px:.3g} px before{after};"
-            f" by chance alone {p_text(fit.flow.p)}."
+            f" as much before by chance alone: {p_text(fit.flow.p)}."
         )
     return chapter
 

@@ -17,7 +17,11 @@ def where(results: MismatchResults) -> Chapter:
         chapter.show(
             "Means over the loading at each site. Every map is on the same colour scale, so a paler one agrees better."
             " Squares with a dark frame were set aside and not fitted"
-            + ("; a dashed circle is a located defect." if _located(verdict.where) else "."),
+            + (
+                "; a dashed circle is around a pattern of the table below."
+                if _located(verdict.where)
+                else "."
+            ),
             residual_maps_figure(results),
         )
     else:
