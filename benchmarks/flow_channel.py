@@ -24,7 +24,8 @@ from gelforge.config import Camera, Study, VirtualLab, load_session, study_from,
 from gelforge.config.mechanics import Mesh
 from gelforge.indentation.cell_file import write_cell
 from gelforge.indentation.plan import plan_cells
-from gelforge.mismatch.flow import flow_section, with_flow
+from gelforge.mismatch.flow import with_flow
+from gelforge.mismatch.flow_told import flow_section
 from gelforge.mismatch.judge import Judgement, judge
 from gelforge.mismatch.solutions import Solver
 from gelforge.mismatch.stage import observations_of, problem_of

@@ -14,7 +14,6 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import Study
-from gelforge.mismatch import verdict as form
 from gelforge.mismatch.effect import Effect
 from gelforge.mismatch.effects import CATALOGUE, with_taken
 from gelforge.mismatch.flow_covariance import flow_covariance
@@ -25,11 +24,9 @@ from gelforge.mismatch.holdout import Blocks
 from gelforge.mismatch.judge import Judgement
 from gelforge.mismatch.observations import Observations
 from gelforge.mismatch.problem import Problem
-from gelforge.mismatch.scan import global_test
 from gelforge.mismatch.screen import Candidate
 from gelforge.mismatch.solutions import Solver
 from gelforge.mismatch.solver import Base
-from gelforge.mismatch.weighing import whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,22 +249,3 @@ def force_part(problem: Problem, judgement: Judgement) -> tuple[Problem, Judgeme
         }
         answer = replace(answer, after=answer.after[:R], folds=folds)
     return problem.flow.forces, replace(judgement, blocks=cut(judgement.blocks), answer=answer)
-
-
-def flow_section(joint: Problem, judgement: Judgement) -> form.Flow | None:
-    """Return what verdict.json says of the images; judgement of the joint problem, or of the forces alone."""
-    if joint.flow is None:
-        return None
-    fitted = len(judgement.blocks.train) == len(joint.labels)
-    mask = np.arange(len(joint.labels)) >= joint.flow.entries
-    before, after, answer = joint.residual[mask], None, judgement.answer
-    if answer is not None:
-        parts = [whole(joint, part) for part in answer.fit.parts]
-        with_it = joint.forces_with(parts, answer.fit.amounts, np.ones(len(joint.base), bool))
-        after = joint.observations.flat(joint.observations.force - with_it)[mask]
-    return form.Flow(
-        used="fitted" if fitted else "predicted",
-        p=global_test(before, joint.covariance.restricted(mask)).p,
-        rmse_before_px=float(np.sqrt(np.mean(before**2))),
-        rmse_after_px=None if after is None else float(np.sqrt(np.mean(after**2))),
-    )

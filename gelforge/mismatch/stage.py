@@ -17,7 +17,8 @@ from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effect import Effect
 from gelforge.mismatch.effects import CATALOGUE, with_taken
 from gelforge.mismatch.findings import body_map, confirmed, law_of, readings_table, verdict_of, versions
-from gelforge.mismatch.flow import flow_section, force_part, with_flow
+from gelforge.mismatch.flow import force_part, with_flow
+from gelforge.mismatch.flow_told import flow_section, flow_table
 from gelforge.mismatch.judge import Judgement, judge
 from gelforge.mismatch.observations import Observations
 from gelforge.mismatch.patch import patch_of
@@ -29,7 +30,7 @@ from gelforge.mismatch.solutions import Solver, SolverFailed
 from gelforge.mismatch.solver import Base, base_of, forces_with
 from gelforge.mismatch.spread import spread_out
 from gelforge.mismatch.verdict import PATCH, NoiseCase, Provenance, Verdict, write_verdict
-from gelforge.mismatch.verdict_tables import write_body_map, write_readings
+from gelforge.mismatch.verdict_tables import write_body_map, write_flow, write_readings
 
 SMALL_STRAIN = 0.1  # of the height: the term that small strain leaves out is then of that share
 UNIT = 1e-3  # of a width: a step at which every first-order change is a straight line
@@ -60,6 +61,7 @@ def judge_recording(solver: Solver, folders: Sequence[Path], out: Path, title: s
         flow=flow_section(joint, judgement),
     )
     write_results(out, verdict, problem, in_newtons)
+    write_flow(out, flow_table(joint, judgement))
     (out / PATCH).unlink(missing_ok=True)
     if confirmed(judgement, problem):
         write_yaml(out / PATCH, patch_of(study, problem.effects, judgement.answer.fit))

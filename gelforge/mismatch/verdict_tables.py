@@ -1,7 +1,8 @@
-"""The two tables beside verdict.json.
+"""The tables beside verdict.json.
 
 readings.csv    one row per reading and axis: measured, base, after
 body_map.csv    where in the body the modulus would have to change, before any effect is named
+flow.csv        one row per press with images and region of the image: measured, base, after
 """
 
 from __future__ import annotations
@@ -14,12 +15,15 @@ from gelforge.csv_table import read_csv
 from gelforge.files import write_text
 from gelforge.mismatch.verdict import VerdictError
 
-READINGS, BODY_MAP = "readings.csv", "body_map.csv"
+READINGS, BODY_MAP, FLOW = "readings.csv", "body_map.csv", "flow.csv"
 
 READINGS_NUMBERS = ["x_mm", "y_mm", "depth_mm", "measured_N", "base_N", "sigma_N"]
 READINGS_OPTIONAL = ["time_s", "after_N", "after_sigma_N"]  # empty: no times known, nothing put into the base
 # held_out: no, positions, deepest, ...
 READINGS_TEXTS = ["session", "press", "site", "phase", "axis", "held_out"]
+FLOW_NUMBERS = ["x_mm", "y_mm", "depth_mm", "middle_u_px", "middle_v_px"]
+FLOW_NUMBERS += [f"{name}_{axis}_px" for name in ("measured", "base", "sigma") for axis in "uv"]
+FLOW_OPTIONAL = ["after_u_px", "after_v_px"]
 BODY_MAP_NUMBERS = ["x_mm", "y_mm", "z_mm", "change", "sigma"]  # patch centre; modulus change, relative
 
 
@@ -37,6 +41,29 @@ def write_readings(folder: str | Path, table: pd.DataFrame) -> None:
 def write_body_map(folder: str | Path, table: pd.DataFrame) -> None:
     """Write body_map.csv: patches (centre x_mm, y_mm, z_mm), fitted relative change of the modulus and its sigma."""
     _write_table(Path(folder) / BODY_MAP, table, BODY_MAP_NUMBERS, [])
+
+
+def write_flow(folder: str | Path, table: pd.DataFrame | None) -> None:
+    """Write flow.csv, or remove it where there is none: one row per press with images and region that shows the gel.
+
+    session, press (text), x_mm, y_mm, depth_mm; middle of the region in the image as taken (middle_u_px, middle_v_px, from
+    the top left pixel's middle); its mean flow since the reference image along u and v: measured, base, after (empty where
+    nothing was put into the base) and sigma (standard deviation of measured minus base by all allowed errors) [px].
+    """
+    path = Path(folder) / FLOW
+    if table is None:
+        path.unlink(missing_ok=True)
+    else:
+        _write_table(path, table, ["session", "press", *FLOW_NUMBERS], FLOW_OPTIONAL)
+
+
+def read_flow(folder: str | Path) -> pd.DataFrame | None:
+    """Return the flow, see write_flow; None where no images were judged."""
+    path = Path(folder) / FLOW
+    if not path.is_file():
+        return None
+    read = read_csv(path, numbers=FLOW_NUMBERS, optional_numbers=FLOW_OPTIONAL, texts=["session", "press"])
+    return read.reset_index(drop=True)
 
 
 def read_readings(folder: str | Path) -> pd.DataFrame:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from gelforge.mismatch.verdict import Where
 from gelforge.report.chapters import Chapter, count
 from gelforge.report.mismatch_curves import depth_figure, time_figure
+from gelforge.report.mismatch_flow import flow_residual_figure
 from gelforge.report.mismatch_maps import body_map_figure, known_patches, residual_maps_figure
 from gelforge.report.mismatch_reader import MismatchResults
 from gelforge.report.mismatch_words import filled, number, p_text, span_text
@@ -26,6 +27,12 @@ def where(results: MismatchResults) -> Chapter:
         )
     else:
         chapter.miss("No maps: these readings are not of a sensor's surface.")
+    if results.flow is not None:
+        chapter.show(
+            "How far the flow in the images is from the simulated one, at the deepest press of each site: the darker, the"
+            " farther. With the effect in it the squares should be paler; where single particles are is always left.",
+            flow_residual_figure(results),
+        )
     if verdict.where:
         chapter.tabulate(
             "The strongest patterns in what the base leaves; p already pays for looking everywhere.",

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.mismatch.verdict import Verdict, read_verdict
-from gelforge.mismatch.verdict_tables import read_body_map, read_readings
+from gelforge.mismatch.verdict_tables import read_body_map, read_flow, read_readings
 
 AXES = ("x", "y", "z")
 LOADING = ("load", "dwell")
@@ -18,7 +18,7 @@ LOADING = ("load", "dwell")
 
 @dataclass(frozen=True)
 class MismatchResults:
-    """verdict.json, readings.csv and body_map.csv of one folder."""
+    """verdict.json, readings.csv, body_map.csv and flow.csv of one folder."""
 
     folder: Path
 
@@ -37,6 +37,17 @@ class MismatchResults:
     @cached_property
     def body_map(self) -> pd.DataFrame | None:
         return read_body_map(self.folder)
+
+    @cached_property
+    def flow(self) -> pd.DataFrame | None:
+        """The deepest press with images at each site: its flow, one row per region; None where no images were judged."""
+        table = read_flow(self.folder)
+        if table is None:
+            return None
+        deepest = table.groupby(["x_mm", "y_mm"])["depth_mm"].transform("max")
+        table = table[table["depth_mm"] == deepest]
+        first = table.groupby(["x_mm", "y_mm"])["press"].transform("first")
+        return table[table["press"] == first].reset_index(drop=True)
 
     @property
     def has_after(self) -> bool:

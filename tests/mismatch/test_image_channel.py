@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from gelforge.config import Camera, VirtualImaging
 from gelforge.config.variants import merged
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.flow import flow_section, with_flow
+from gelforge.mismatch.flow import with_flow
 from gelforge.mismatch.flow_covariance import neighbours, scatter_of
 from gelforge.mismatch.flow_images import (
     REGIONS,
@@ -26,13 +26,16 @@ from gelforge.mismatch.flow_images import (
 from gelforge.mismatch.flow_model import flow_model
 from gelforge.mismatch.flow_rows import Rows
 from gelforge.mismatch.flow_scan import patterns
+from gelforge.mismatch.flow_told import flow_section, region_middles
 from gelforge.mismatch.judge import judge
 from gelforge.mismatch.screen import screened
 from gelforge.mismatch.solutions import Solver
 from gelforge.mismatch.stage import judge_recording, observations_of, problem_of
 from gelforge.mismatch.verdict import read_verdict
-from gelforge.mismatch.verdict_tables import read_readings
+from gelforge.mismatch.verdict_tables import read_flow, read_readings
 from gelforge.recording.camera import project
+from gelforge.report.mismatch_flow import flow_residual_figure
+from gelforge.report.mismatch_reader import MismatchResults
 from gelforge.virtual_lab.particles import gel_boxes
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
@@ -138,6 +141,16 @@ def test_the_stage_tells_of_the_images(recorded, tmp_path):
     assert len(readings) == verdict.fit.before.readings and set(readings["axis"]) == {"x", "y", "z"}
     assert_allclose(readings["after_N"], readings["base_N"], rtol=1e-9)
     assert read_verdict(tmp_path).fit.flow == verdict.fit.flow
+    flow = read_flow(tmp_path)
+    for state, told in (("base", verdict.fit.flow.rmse_before_px), ("after", verdict.fit.flow.rmse_after_px)):
+        left = np.column_stack([flow[f"measured_{axis}_px"] - flow[f"{state}_{axis}_px"] for axis in "uv"])
+        assert_allclose(np.sqrt(np.mean(left**2)), told, rtol=1e-6)
+    assert (flow[["sigma_u_px", "sigma_v_px"]] > 0).all(axis=None)
+    assert flow["middle_u_px"].between(0, 399).all() and flow["middle_v_px"].between(0, 399).all()
+    page = MismatchResults(tmp_path)
+    assert set(page.flow["depth_mm"]) == {flow["depth_mm"].max()}
+    drawn = [ax for ax in flow_residual_figure(page).axes if ax.get_title()]
+    assert len(drawn) == len(flow.groupby(["x_mm", "y_mm"]))
 
 
 def test_forces_alone_predict_the_images(joint, study):
@@ -275,6 +288,13 @@ def test_a_flat_scale_is_a_pinhole_far_away():
     points = np.random.default_rng(0).uniform([0, 0, -4], [16, 16, 0], (50, 3))
     # heights of 4 mm at 10 m: 4e-4 of at most 200 px
     assert_allclose(project(pinhole(flat), points)[0], project(flat, points)[0], atol=0.1)
+
+
+def test_middles_of_regions_are_those_of_the_image_as_taken():
+    camera = Camera(**flow_channel.CAMERA)
+    whole, cut = (region_middles(Eye(camera, crop, VirtualImaging())) for crop in (None, (40, 30, 320, 240)))
+    assert_allclose([whole[0], whole[1], whole[REGIONS]], [[24.5, 24.5], [74.5, 24.5], [24.5, 74.5]])
+    assert_allclose([cut[0], cut[-1]], [[40 + 19.5, 30 + 14.5], [40 + 320 - 20.5, 30 + 240 - 15.5]])
 
 
 def test_regions_without_particles_are_left_out(study):
