@@ -108,26 +108,24 @@ def scatter_of(drawn: np.ndarray, site: np.ndarray, shown: np.ndarray) -> Scatte
     own = off - share[None, :, :, None] * base
     freedom = (1 + 1 / K) / (K - 1)  # K placements about their mean, and the real one
     spread = np.sqrt(freedom * np.sum(share**2 * size) / max(np.sum(size), np.finfo(float).tiny))
-    grid = share.reshape(K, REGIONS, REGIONS)
-    # where little moves a share is any number
-    moves = np.where(shown, np.sqrt(size[0]), 0.0).reshape(REGIONS, REGIONS)
+    same = [(a, b) for a, b in combinations(range(len(site)), 2) if site[a] == site[b]]
     return Scatter(
         alike=spread * base[:, 0],
-        beside=_correlation(
-            [
-                (grid[:, 1:] * weight, grid[:, :-1] * weight)
-                for grid, moves in ((grid, moves), (grid.swapaxes(1, 2), moves.T))
-                for weight in [np.sqrt(moves[1:] * moves[:-1])]
-            ]
-        ),
+        beside=_beside(share, np.where(shown, np.sqrt(size[0]), 0.0)),
         own=np.sqrt(freedom * _smoothed(np.sum(own**2, axis=1))),
-        kept=_correlation(
-            [
-                (own[a][:, shown], own[b][:, shown])
-                for a, b in combinations(range(len(site)), 2)
-                if site[a] == site[b]
-            ]
-        ),
+        kept=_correlation([(own[a][:, shown], own[b][:, shown]) for a, b in same]),
+    )
+
+
+def _beside(share: np.ndarray, moves: np.ndarray) -> float:
+    """Return the correlation of shares (K, m) between neighbours, weighted by how much both move (m,)."""
+    grid, weight = share.reshape(-1, REGIONS, REGIONS), np.sqrt(moves.reshape(REGIONS, REGIONS))
+    down, across = weight[1:] * weight[:-1], weight[:, 1:] * weight[:, :-1]
+    return _correlation(
+        [
+            (grid[:, 1:] * down, grid[:, :-1] * down),
+            (grid[:, :, 1:] * across, grid[:, :, :-1] * across),
+        ]
     )
 
 
