@@ -25,7 +25,7 @@ from gelforge.config.mechanics import Mesh
 from gelforge.indentation.cell_file import write_cell
 from gelforge.indentation.plan import plan_cells
 from gelforge.mismatch.flow import with_flow
-from gelforge.mismatch.flow_told import flow_section
+from gelforge.mismatch.flow_told import after_of, flow_section
 from gelforge.mismatch.judge import Judgement, judge
 from gelforge.mismatch.solutions import Solver
 from gelforge.mismatch.stage import observations_of, problem_of
@@ -180,7 +180,8 @@ def judged(folder: Path, study: Study, kept: Path, images: bool):
     if images:
         problem = with_flow(solver, base, problem, [folder])
     judgement = judge(problem, study.mismatch, study.seed)
-    return judgement, flow_section(problem, judgement), problem
+    section = flow_section(problem, judgement, after_of(problem, judgement))
+    return judgement, section, problem
 
 
 def main() -> None:

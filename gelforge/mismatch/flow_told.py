@@ -13,51 +13,53 @@ from gelforge.mismatch.scan import global_test
 from gelforge.mismatch.weighing import whole
 
 
-def flow_section(joint: Problem, judgement: Judgement) -> form.Flow | None:
-    """Return what verdict.json says of the images; judgement of the joint problem, or of the forces alone."""
+def after_of(joint: Problem, judgement: Judgement) -> np.ndarray | None:
+    """Return forces and flow (R, 3) of all readings with the answer's effects; None without images or an answer."""
+    if joint.flow is None or judgement.answer is None:
+        return None
+    fit = judgement.answer.fit
+    parts = [whole(joint, part) for part in fit.parts]
+    return joint.forces_with(parts, fit.amounts, np.ones(len(joint.base), bool))
+
+
+def flow_section(joint: Problem, judgement: Judgement, after: np.ndarray | None) -> form.Flow | None:
+    """Return what verdict.json says of the images, after (R, 3) by `after_of`; None without images.
+
+    judgement of the joint problem, or of the forces alone.
+    """
     if joint.flow is None:
         return None
     fitted = len(judgement.blocks.train) == len(joint.labels)
     mask = np.arange(len(joint.labels)) >= joint.flow.entries
-    before, after = joint.residual[mask], None
-    if judgement.answer is not None:
-        with_it = with_answer(joint, judgement)
-        after = joint.observations.flat(joint.observations.force - with_it)[mask]
+    before, left = joint.residual[mask], None
+    if after is not None:
+        left = joint.observations.flat(joint.observations.force - after)[mask]
     return form.Flow(
         used="fitted" if fitted else "predicted",
         p=global_test(before, joint.covariance.restricted(mask)).p,
         rmse_before_px=float(np.sqrt(np.mean(before**2))),
-        rmse_after_px=None if after is None else float(np.sqrt(np.mean(after**2))),
+        rmse_after_px=None if left is None else float(np.sqrt(np.mean(left**2))),
     )
 
 
-def flow_table(joint: Problem, judgement: Judgement) -> pd.DataFrame | None:
-    """Return the rows of flow.csv: one per press with images and region that shows the gel; None without images."""
+def flow_table(joint: Problem, after: np.ndarray | None) -> pd.DataFrame | None:
+    """Return the rows of flow.csv, after (R, 3) by `after_of`: one per press with images and region that shows the gel.
+
+    None without images.
+    """
     if joint.flow is None:
         return None
-    R, shown = len(joint.flow.forces.base), joint.observations.force[len(joint.flow.forces.base) :, 0]
-    shown = np.isfinite(shown)
-    rows = joint.observations.table.iloc[R:].loc[shown, ["session", "press", "x_mm", "y_mm", "depth_mm"]]
+    observations, R = joint.observations, len(joint.flow.forces.base)
+    shown = np.isfinite(observations.force[R:, 0])
+    rows = observations.table.iloc[R:].loc[shown, ["session", "press", "x_mm", "y_mm", "depth_mm"]]
     middles = np.concatenate([region_middles(press.eye) for press in joint.flow.model.seen])
-    found = {
-        "measured": joint.observations.force[R:],
-        "base": joint.base[R:],
-        "after": np.full((len(shown), 2), np.nan)
-        if judgement.answer is None
-        else with_answer(joint, judgement)[R:],
-    }
     table = rows.assign(middle_u_px=middles[shown, 0], middle_v_px=middles[shown, 1])
-    for name, flow in found.items():
-        table[f"{name}_u_px"], table[f"{name}_v_px"] = flow[shown, 0], flow[shown, 1]
+    nothing = np.full_like(joint.base, np.nan)
+    found = {"measured": observations.force, "base": joint.base, "after": nothing if after is None else after}
+    for name, values in found.items():
+        table[f"{name}_u_px"], table[f"{name}_v_px"] = values[R:][shown, 0], values[R:][shown, 1]
     sigma = joint.covariance.standard_deviation[joint.flow.entries :].reshape(-1, 2)
     return table.assign(sigma_u_px=sigma[:, 0], sigma_v_px=sigma[:, 1]).reset_index(drop=True)
-
-
-def with_answer(joint: Problem, judgement: Judgement) -> np.ndarray:
-    """Return forces and flow (R, 3) of all readings with the answer's effects at their amounts."""
-    fit = judgement.answer.fit
-    parts = [whole(joint, part) for part in fit.parts]
-    return joint.forces_with(parts, fit.amounts, np.ones(len(joint.base), bool))
 
 
 def region_middles(eye: Eye) -> np.ndarray:

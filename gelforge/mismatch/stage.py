@@ -18,7 +18,7 @@ from gelforge.mismatch.effect import Effect
 from gelforge.mismatch.effects import CATALOGUE, with_taken
 from gelforge.mismatch.findings import body_map, confirmed, law_of, readings_table, verdict_of, versions
 from gelforge.mismatch.flow import force_part, with_flow
-from gelforge.mismatch.flow_told import flow_section, flow_table
+from gelforge.mismatch.flow_told import after_of, flow_section, flow_table
 from gelforge.mismatch.judge import Judgement, judge
 from gelforge.mismatch.observations import Observations
 from gelforge.mismatch.patch import patch_of
@@ -48,7 +48,7 @@ def judge_recording(solver: Solver, folders: Sequence[Path], out: Path, title: s
     problem = joint if study.mismatch.images == "fitted" else forces
     judgement = judge(problem, study.mismatch, study.seed)
     cases = noise_cases(problem, study)
-    in_newtons = force_part(problem, judgement)
+    in_newtons, after = force_part(problem, judgement), after_of(joint, judgement)
     verdict = verdict_of(
         problem,
         judgement,
@@ -58,10 +58,10 @@ def judge_recording(solver: Solver, folders: Sequence[Path], out: Path, title: s
         provenance_of(folders, study, solver),
         cases,
         law=law_of(*in_newtons, study),
-        flow=flow_section(joint, judgement),
+        flow=flow_section(joint, judgement, after),
     )
     write_results(out, verdict, problem, in_newtons)
-    write_flow(out, flow_table(joint, judgement))
+    write_flow(out, flow_table(joint, after))
     (out / PATCH).unlink(missing_ok=True)
     if confirmed(judgement, problem):
         write_yaml(out / PATCH, patch_of(study, problem.effects, judgement.answer.fit))

@@ -26,7 +26,7 @@ from gelforge.mismatch.flow_images import (
 from gelforge.mismatch.flow_model import flow_model
 from gelforge.mismatch.flow_rows import Rows
 from gelforge.mismatch.flow_scan import patterns
-from gelforge.mismatch.flow_told import flow_section, region_middles
+from gelforge.mismatch.flow_told import after_of, flow_section, region_middles
 from gelforge.mismatch.judge import judge
 from gelforge.mismatch.screen import screened
 from gelforge.mismatch.solutions import Solver
@@ -156,7 +156,7 @@ def test_the_stage_tells_of_the_images(recorded, tmp_path):
 def test_forces_alone_predict_the_images(joint, study):
     judgement = judge(joint.flow.forces, study.mismatch, study.seed)
     assert judgement.state in ("null", "insufficient")
-    section = flow_section(joint, judgement)
+    section = flow_section(joint, judgement, after_of(joint, judgement))
     assert section.used == "predicted" and section.rmse_after_px is None
 
 
