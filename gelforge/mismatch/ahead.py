@@ -79,7 +79,7 @@ def planned_observations(
 
 def limits_table(solver: Solver) -> pd.DataFrame:
     """Return per effect and parameter the smallest amount that the study's plan would show, beside a plausible one."""
-    problem, _ = problem_of(solver, planned_observations(solver.study))
+    problem, _ = problem_of(solver, planned_observations(solver.study), recorded=False)
     rows = []
     for limit in detection_limits(problem.covariance, problem.candidates):
         parameter = CATALOGUE[limit.name].parameters[limit.parameter]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from importlib.metadata import version
 
 import numpy as np
@@ -74,10 +75,7 @@ def verdict_of(
             *unfinished(answer),
             *uncomputed(problem),
         ],
-        outliers=[
-            form.Outlier(session="", press=text, reason="set aside by the gate")
-            for text in problem.observations.set_aside
-        ],
+        outliers=[form.Outlier(**asdict(reading)) for reading in problem.observations.set_aside],
         sensor=_shape(sensor),
         provenance=provenance,
     )

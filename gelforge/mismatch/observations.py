@@ -17,6 +17,19 @@ PLACE_DIGITS = 6  # positions that agree so far [mm] are one
 
 
 @dataclass(frozen=True)
+class SetAside:
+    """A reading that is not judged."""
+
+    session: str
+    press: str  # as its session calls it
+    time_s: float
+    depth_mm: float
+    size: float  # standard deviations from what it should be
+    reason: str
+    axis: str | None = None  # x, y or z; None: all
+
+
+@dataclass(frozen=True)
 class Observations:
     """R readings of the force on the sensor, zero subtracted; rows before touch are not among them.
 
@@ -40,7 +53,7 @@ class Observations:
     repeats: np.ndarray = np.inf  # (R,) degrees of freedom behind noise_N; inf: it is known
     tails: np.ndarray = 1.0  # (R,) variance of a squared reading's noise over that of normal noise
     cannot_know: tuple[str, ...] = field(default=())  # what these readings cannot say, in plain sentences
-    set_aside: tuple[str, ...] = field(default=())  # outliers: which, and why
+    set_aside: tuple[SetAside, ...] = field(default=())  # readings that are not judged
 
     def __post_init__(self):
         R = len(self.force)

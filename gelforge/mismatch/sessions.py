@@ -11,7 +11,7 @@ import pandas as pd
 
 from gelforge.config import ConfigError, Sensor, Session
 from gelforge.indentation.plan import POSITION_MATCH_MM
-from gelforge.mismatch.observations import COLUMNS, Observations, last_moves
+from gelforge.mismatch.observations import COLUMNS, Observations, SetAside, last_moves
 from gelforge.recording.readings import FORCE, Recording, axes_of_stage, read_recording
 
 AXES = ("x", "y", "z")
@@ -137,19 +137,25 @@ def _tails(fourths: np.ndarray, expected: np.ndarray, scatter: np.ndarray, free:
     return 1.0 + max(float(excess.mean()), 0.0) / 2
 
 
-def without_outliers(recording: Recording, noise: np.ndarray) -> tuple[pd.DataFrame, list[str]]:
+def without_outliers(recording: Recording, noise: np.ndarray) -> tuple[pd.DataFrame, list[SetAside]]:
     """Return the readings without held ones that lie far from the others of their press and depth, and a list of those."""
     readings = recording.readings
     held = readings["phase"].isin(["load", "dwell"])
     groups = [readings["press"], readings["depth_mm"]]
     middle = readings[FORCE].where(held).groupby(groups).transform("median")
     count = held.groupby(groups).transform("sum")
-    away = ((readings[FORCE] - middle).abs() / noise).max(axis=1)
+    away = ((readings[FORCE] - middle).abs() / noise).to_numpy().max(axis=1)
     far = held & (count >= 4) & (away > OUTLIER)
     said = [
-        f"{recording.session.session}, press {row.press} at {row.time_s:g} s: {away[index]:.0f} standard deviations from the"
-        " other readings of its press at that depth"
-        for index, row in readings[far].iterrows()
+        SetAside(
+            session=recording.session.session,
+            press=str(row.press),
+            time_s=row.time_s,
+            depth_mm=row.depth_mm,
+            size=round(size, 1),
+            reason="far from the other readings of its press at that depth",
+        )
+        for row, size in zip(readings[far].itertuples(), away[far])
     ]
     return readings[~far].reset_index(drop=True), said
 

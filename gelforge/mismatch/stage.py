@@ -13,7 +13,7 @@ from gelforge.config import ConfigError, Study, load_session, write_yaml
 from gelforge.files import digest, file_sha256
 from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mismatch.context import Context
-from gelforge.mismatch.covariance import readings_covariance
+from gelforge.mismatch.covariance import Covariance, readings_covariance
 from gelforge.mismatch.effect import Effect
 from gelforge.mismatch.effects import CATALOGUE, with_taken
 from gelforge.mismatch.findings import body_map, confirmed, law_of, readings_table, verdict_of, versions
@@ -28,6 +28,7 @@ from gelforge.mismatch.screen import Candidate
 from gelforge.mismatch.sessions import observe
 from gelforge.mismatch.solutions import Solver, SolverFailed
 from gelforge.mismatch.solver import Base, base_of, forces_with
+from gelforge.mismatch.spikes import without_spikes
 from gelforge.mismatch.spread import spread_out
 from gelforge.mismatch.verdict import PATCH, NoiseCase, Provenance, Verdict, write_verdict
 from gelforge.mismatch.verdict_tables import write_body_map, write_flow, write_readings
@@ -125,8 +126,11 @@ def spread_sites(observations: Observations, study: Study) -> Observations:
     )
 
 
-def problem_of(solver: Solver, observations: Observations) -> tuple[Problem, Base]:
-    """Return the problem of some observations: base, covariance, and the change by every effect that applies."""
+def problem_of(solver: Solver, observations: Observations, recorded: bool = True) -> tuple[Problem, Base]:
+    """Return the problem of some observations: base, covariance, and the change by every effect that applies.
+
+    recorded: False of a plan, whose forces mean nothing.
+    """
     effects = {
         name: effect
         for name, effect in CATALOGUE.items()
@@ -135,14 +139,16 @@ def problem_of(solver: Solver, observations: Observations) -> tuple[Problem, Bas
         and effect.applies(solver.study)
     }
     base = with_known(base_of(solver, observations, with_taken(effects.values())), solver)
+    if recorded:
+        observations = without_spikes(observations, base.context.force, covariance_of(base))
+        base = replace(base, context=replace(base.context, observations=observations))
     failed = dict(base.failed)
     candidates = candidates_of(base.context, effects, failed)
-    covariance = readings_covariance(base.context, base.law, base.floor, base.alike)
     return (
         Problem(
             observations,
             base.context.force,
-            covariance,
+            covariance_of(base),
             candidates,
             effects,
             lambda parts, amounts, rows: forces_with(
@@ -154,6 +160,11 @@ def problem_of(solver: Solver, observations: Observations) -> tuple[Problem, Bas
         ),
         base,
     )
+
+
+def covariance_of(base: Base) -> Covariance:
+    """Return the covariance of what was read beside a base."""
+    return readings_covariance(base.context, base.law, base.floor, base.alike)
 
 
 def known_false(study: Study, observations: Observations, effects: Mapping[str, Effect]) -> frozenset[str]:

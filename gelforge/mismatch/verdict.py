@@ -255,6 +255,7 @@ class Outlier(Section):
 
     session: str = Field(description="Its session")
     press: str = Field(description="Its press")
+    time_s: float | None = Field(None, description="Its time [s]; empty: the whole press")
     depth_mm: float | None = Field(None, description="Its depth [mm]; empty: the whole press")
     axis: Literal["x", "y", "z"] | None = Field(None, description="Its axis; empty: all")
     size: float | None = Field(None, description="Its residual over the standard deviation [-]")

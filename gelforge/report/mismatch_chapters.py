@@ -130,6 +130,7 @@ def outliers(results: MismatchResults) -> Chapter:
         {
             "session": o.session,
             "press": o.press,
+            "time_s": number(o.time_s),
             "depth_mm": number(o.depth_mm),
             "axis": o.axis or "all",
             "size over sigma": number(o.size),

@@ -1,0 +1,81 @@
+"""Single readings that nothing beside them shares: glitches of a force sensor, set aside before anything is asked.
+
+No effect changes one reading of one press by many standard deviations and leaves its neighbours in depth, time and place as
+they are. One such reading is evidence for something that differs from press to press, though, and would be told as that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gelforge.mismatch.covariance import Covariance
+from gelforge.mismatch.observations import Observations, SetAside
+from gelforge.mismatch.problem import Problem
+from gelforge.mismatch.unknown import manners_of
+
+SPIKE = 6.0  # standard deviations from what all other readings say of it; normal noise: once in 5e8 readings
+ROOM = 3.0  # plausible sizes of something unknown, of every manner: 30 % of the force each, and no spike
+MOST = 0.01  # of the entries, at least one: what strikes more of them is no glitch
+TRIED = 200  # entries looked at, those farthest off
+
+
+def without_spikes(observations: Observations, base: np.ndarray, covariance: Covariance) -> Observations:
+    """Return the observations without single entries far off all others; each is told in `set_aside`.
+
+    base (R, 3) [N]; covariance of the n entries. Where several readings of one press are off, or more than MOST of all,
+    it is something that the judge must explain, and nothing is set aside.
+    """
+    found = spikes(Problem(observations, base, covariance, (), {}, None, {}))
+    labels = observations.labels().iloc[list(found)].assign(away=found.values())
+    labels = labels[labels.groupby("press")["reading"].transform("nunique") == 1]
+    if labels.empty or len(labels) > max(1, MOST * len(covariance)):
+        return observations
+    force = observations.force.copy()
+    force[labels["reading"], labels["axis"]] = np.nan
+    told = tuple(
+        SetAside(
+            session=row.session,
+            press=row.press.removeprefix(f"{row.session}/"),
+            time_s=row.time_s,
+            depth_mm=row.depth_mm,
+            axis="xyz"[row.axis],
+            size=round(abs(row.away), 1),
+            reason="far from what the other readings of its press, place and depth say of it",
+        )
+        for row in labels.itertuples()
+    )
+    return replace(observations, force=force, set_aside=(*observations.set_aside, *told))
+
+
+def spikes(problem: Problem) -> dict[int, float]:
+    """Return the entries far off all others, by number, and how far [standard deviations]; found one by one.
+
+    Whatever is smooth in depth, place, time or path, or in the depth of one press, is free to ROOM times what is plausible.
+    How far: r_i less its mean given all other entries, over its standard deviation, which is (C^-1 r)_i / sqrt((C^-1)_ii).
+    """
+    covariance, residual = _with_room(problem), problem.residual
+    left, found = np.arange(len(residual)), {}
+    while len(found) <= max(1, MOST * len(residual)):
+        part = covariance.restricted(left)
+        white = part.whiten(residual[left])
+        tried = np.argsort(-np.abs(white))[:TRIED]
+        columns = part.whiten(np.eye(len(left))[:, tried])
+        away = columns.T @ white / np.linalg.norm(columns, axis=0)
+        farthest = np.argmax(np.abs(away))
+        if abs(away[farthest]) <= SPIKE:
+            break
+        found[int(left[tried[farthest]])] = float(away[farthest])
+        left = np.delete(left, tried[farthest])
+    return found
+
+
+def _with_room(problem: Problem) -> Covariance:
+    """Return the covariance with room for whatever is not a single reading's."""
+    covariance = problem.covariance
+    for manner in sorted(
+        manners_of(problem), key=lambda manner: manner.each is None
+    ):  # presses before what all share
+        covariance = manner.beside(covariance, ROOM)
+    return covariance
