@@ -5,6 +5,8 @@ usage: python -m benchmarks.concealed solve                                 pres
        python -m benchmarks.concealed judge SET [--limit 10] [--command "..."] gelforge mismatch on each
        python -m benchmarks.concealed score SET                            opens the seals, writes scores.md
        python -m benchmarks.concealed left-out SET [--limit 10]            strong singles again, their effect not known
+       python -m benchmarks.concealed pack SET                             verdicts into benchmarks/concealed/judged
+       python -m benchmarks.concealed unpack SET                           and from there into a set generated again
 
 Run from the repository's root. SET is a name; sets lie in results/concealed/sets.
 """
@@ -42,6 +44,9 @@ def main() -> None:
     one.add_argument("set")
     one.add_argument("--limit", type=int)
     one.add_argument("--workers", type=int, default=1, help="cases side by side")
+    for name, what in (("pack", "keep the verdicts in the repository"), ("unpack", "take them from there")):
+        one = steps.add_parser(name, help=what)
+        one.add_argument("set")
     one = steps.add_parser("score", help="open the seals and score")
     one.add_argument("set")
     one.add_argument("--no-baselines", action="store_true")
@@ -76,6 +81,12 @@ def run(asked: argparse.Namespace) -> None:
             workers=asked.workers,
             base=asked.base,
         )
+    elif asked.step in ("pack", "unpack"):
+        from .archive import ARCHIVES, pack, unpack
+
+        folder, archive = SETS / asked.set, ARCHIVES / f"{asked.set}.tar.xz"
+        number = pack(folder, archive) if asked.step == "pack" else unpack(archive, folder)
+        print(f"{number} verdicts in {archive if asked.step == 'pack' else folder}")
     elif asked.step == "left-out":
         from .left_out import judge_left_out, table_of_left_out
 

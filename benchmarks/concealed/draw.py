@@ -25,6 +25,7 @@ from .world import World, zeroed
 
 SNR = (2.0, 30.0)  # of what is concealed, drawn evenly in its logarithm
 DEVELOPMENT = 1000  # seeds below it are for development; the reporting set's comes from a commit and is above
+SIZE_DIGITS = 6  # of an amplitude: its iterations end in other last digits on other machines
 # What a needed finite-element solution is called, of kinds that need one
 NEEDS = {
     "gel moduli": ["gel stiffer", "gel softer"], "skin moduli": ["gel stiffer", "gel softer"],
@@ -165,7 +166,7 @@ def _size(plain, library, base, kind, drawn, rows, instrument, wanted: float) ->
     for _ in range(3):
         found = _signal(plain, library, base, [Concealed(kind, size, drawn)], rows, instrument)
         size = min(size * wanted / max(found, 1e-3), kind.most)
-    return float(size)
+    return round(float(size), SIZE_DIGITS)
 
 
 def _kinds(library: Library, content: str, rng, form: str | None) -> list[Kind]:

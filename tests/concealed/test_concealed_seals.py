@@ -6,7 +6,7 @@ import sys
 import pytest
 
 pytest.importorskip("felupe", reason="FElupe is not installed: pip install -e .[verification]")
-from concealed import left_out, sealing, sets
+from concealed import archive, left_out, sealing, sets
 
 from gelforge.config import load_study
 
@@ -57,6 +57,26 @@ def test_the_cases_of_one_base_are_judged_first_where_that_is_asked(library, tmp
     assert sets.judge(folder, FAKE, say=lambda text: None, base="concealed") == 4 - others
     assert {bases[name] for name in sealing.read(folder / "judged.json")} == {"concealed"}
     assert sets.judge(folder, FAKE, say=lambda text: None) == others
+
+
+def test_verdicts_come_back_into_a_set_that_is_generated_again(library, judged, tmp_path):
+    packed = tmp_path / "small.tar.xz"
+    assert archive.pack(judged, packed) == 4
+    first = packed.read_bytes()
+    archive.pack(judged, packed)
+    assert packed.read_bytes() == first
+    again = tmp_path / "again"
+    sets.generate(library, again, 3, NUMBERS)
+    assert archive.unpack(packed, again) == 4
+    assert [c["verdict"]["state"] for c in sets.opened(again)] == ["null"] * 4
+    assert sets.judge(again, FAKE, say=lambda text: None) == 0
+
+
+def test_verdicts_of_another_set_are_refused(library, judged, tmp_path):
+    archive.pack(judged, tmp_path / "small.tar.xz")
+    sets.generate(library, tmp_path / "other", 4, NUMBERS)
+    with pytest.raises(sealing.SealBroken, match="seed 3"):
+        archive.unpack(tmp_path / "small.tar.xz", tmp_path / "other")
 
 
 def test_a_failed_judge_leaves_no_verdict(library, tmp_path):
