@@ -15,9 +15,9 @@ from gelforge.mismatch.observations import Observations, SetAside
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.unknown import manners_of
 
-SPIKE = 6.0  # standard deviations from what all other readings say of it; normal noise: once in 5e8 readings
+SPIKE = 5.0  # standard deviations from what all other readings say of it; normal noise: once in two million readings
 ROOM = 3.0  # plausible sizes of something unknown, of every manner: 30 % of the force each, and no spike
-MOST = 0.01  # of the entries, at least one: what strikes more of them is no glitch
+MOST = 0.004  # of the entries, at least one: what strikes more of them is no glitch
 TRIED = 200  # entries looked at, those farthest off
 
 
@@ -73,7 +73,9 @@ def spikes(problem: Problem) -> dict[int, float]:
 
 def _with_room(problem: Problem) -> Covariance:
     """Return the covariance with room for whatever is not a single reading's."""
-    covariance = problem.covariance
+    rounding = problem.observations.flat(problem.observations.rounding_N)
+    # a reading that falls into the next step is no spike: as if each were rounded by itself, too
+    covariance = replace(problem.covariance, variance=problem.covariance.variance + rounding**2)
     for manner in sorted(
         manners_of(problem), key=lambda manner: manner.each is None
     ):  # presses before what all share

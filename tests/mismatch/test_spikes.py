@@ -9,7 +9,7 @@ from artificial_problem import SETTINGS, problem_of
 
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.judge import judge
-from gelforge.mismatch.spikes import SPIKE, _with_room, spikes, without_spikes
+from gelforge.mismatch.spikes import _with_room, spikes, without_spikes
 
 
 def struck(size, where, seed=7, context=None):
@@ -79,6 +79,16 @@ def test_nothing_is_taken_from_what_all_readings_of_a_kind_share():
     assert spikes(problem_of(struck(10.0, [(k, 2) for k in np.flatnonzero(first)]))) == {}
 
 
+def test_a_reading_that_falls_into_the_next_step_is_no_glitch():
+    base = artificial.context(7, per_side=3, noise_N=(0.0005,) * 3)
+    seen, step = base.observations, 0.01
+    rounded = np.rint(seen.force / step) * step
+    seen = replace(
+        seen, force=rounded, noise_N=np.full((len(rounded), 3), step / 10), rounding_N=step / 12**0.5
+    )
+    assert spikes(problem_of(replace(base, observations=seen))) == {}
+
+
 def test_several_of_one_press_are_no_glitch():
     press = artificial.context(7, per_side=3).observations.table["press"].eq("s1/p8")
     first, *_, last = np.flatnonzero(press)
@@ -95,7 +105,7 @@ def test_what_strikes_many_presses_is_no_glitch():
 
 def test_one_struck_reading_is_no_mismatch():
     """With it something would differ from press to press; without it there is nothing to explain."""
-    context = struck(2.5 * SPIKE, [(200, 2)])
+    context = struck(15.0, [(200, 2)])
     assert judge(problem_of(context), SETTINGS, seed=1).state != "null"
     calm = replace(context, observations=calmed(context))
     assert judge(problem_of(calm), SETTINGS, seed=1).state == "null"
