@@ -21,17 +21,23 @@ class Mesh(Section):
     near_radius_mm: Positive = Field(3.6, description="radius of the fine region around the contact [mm]")
     growth: float = Field(0.25, gt=0, le=2, description="growth of the size per mm of distance from it [-]")
     far_mm: Positive = Field(1.2, description="largest element size; near_mm or less: an even mesh [mm]")
+    wall_parts: Positive = Field(
+        2.0,
+        description="elements (of tetrahedra: distances between nodes) through the wall, or a thin skin of a tetrahedral"
+        " mesh, within the sensor's height of the contact [-]",
+    )
     envelope_mm: Positive = Field(
         0.04,
         description="how far tetrahedra may stray from a surface before nodes are moved onto it, near_mm / 6 at most [mm]",
     )
 
     def coarser(self, factor: float) -> Mesh:
-        """Return these with near and far size multiplied, and the envelope with the square.
+        """Return these with near, far and the wall's size multiplied, and the envelope with the square.
 
         An edge's distance from a curve goes with the square of its length: in a narrower envelope the edges stay short.
         """
         sizes = {"near_mm": factor * self.near_mm, "far_mm": factor * self.far_mm}
+        sizes["wall_parts"] = self.wall_parts / factor
         return self.model_copy(update=sizes | {"envelope_mm": factor**2 * self.envelope_mm})
 
 

@@ -34,7 +34,7 @@ def sensor_mesh(
     base: an elastic slab under a block.
     Raises ConfigError for surfaces that bound no body or do not fit the description.
     """
-    sizes = Sizes(mesh.near_mm, mesh.near_radius_mm, mesh.growth, mesh.far_mm, mesh.envelope_mm)
+    sizes = sizes_of(mesh)
     if sensor.shape.kind == "block" and mesh.elements != "tetrahedra":
         return layered_block(_on_base(_block(sensor), base), x_mm, y_mm, sizes, touched)
     if base:
@@ -48,6 +48,13 @@ def sensor_mesh(
         return tetrahedral_mesh(solids, sizes, np.insert(discs, 2, heights, axis=1))
     except (SurfaceError, MeshingError) as error:
         raise ConfigError(f"sensor: {error}") from None
+
+
+def sizes_of(mesh: MeshSizes) -> Sizes:
+    """Return a description's element sizes."""
+    return Sizes(
+        mesh.near_mm, mesh.near_radius_mm, mesh.growth, mesh.far_mm, mesh.envelope_mm, mesh.wall_parts
+    )
 
 
 def _block(sensor: Sensor) -> Block:

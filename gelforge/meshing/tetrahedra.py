@@ -55,7 +55,11 @@ def tetrahedral_mesh(solids: Solids, sizes: Sizes, touched: np.ndarray) -> Mesh:
             touched[:, 3], sizes.near_radius
         )
         away = np.maximum(away.min(axis=1), 0)
-        return EDGE_PER_NODE_DISTANCE * np.minimum(sizes.near + sizes.growth * away, sizes.far)
+        thin = np.maximum(_thickness(solids, points) / sizes.wall_parts, sizes.near)
+        thin = thin + sizes.growth * np.maximum(away + solids.base, 0)
+        return EDGE_PER_NODE_DISTANCE * np.minimum(
+            np.minimum(sizes.near + sizes.growth * away, thin), sizes.far
+        )
 
     offsets = np.cumsum([0] + [len(vertices) for vertices, _ in solids.drafts[:-1]])
     X, tetrahedra = tetrahedralize(
@@ -77,6 +81,16 @@ def tetrahedral_mesh(solids: Solids, sizes: Sizes, touched: np.ndarray) -> Mesh:
     _check(X, elements, inside, solids, max(1.0, sizes.stray / Sizes.envelope))
     fixed, surface = _boundary(X, elements, solids.base, ON_BASE * sizes.stray)
     return Mesh(X, elements, np.argmax(inside, axis=1).astype(np.int32), solids.names, fixed, surface)
+
+
+def _thickness(solids: Solids, points: np.ndarray) -> np.ndarray:
+    """Return the thickness (n,) [mm] of the outermost solid around points: skin and wall; beside it a larger number.
+
+    It is the distance to the outer surface and that to the nearest inner one. Both vanish on the base, which holds the
+    wall: it bends most at its root, where elements as wide as the wall are too stiff.
+    """
+    gaps = [np.abs(surface.distance(points)[0]) for surface in solids.surfaces]
+    return gaps[-1] + np.min(gaps[:-1], axis=0, initial=np.inf)
 
 
 def faces_between(tetrahedra: np.ndarray, chosen: np.ndarray) -> np.ndarray:

@@ -6,11 +6,12 @@ from numpy.testing import assert_array_equal
 from small_shapes import SHAPES, SIZES
 
 from gelforge.config.mechanics import Mesh as MeshSizes
+from gelforge.indentation.sensor_mesh import sizes_of
 from gelforge.mechanics.closed_surface import closed_surface
 from gelforge.mechanics.elements import element_gradient, lumped_area
-from gelforge.mechanics.meshes import Sizes
+from gelforge.mechanics.meshes import Block, Sizes
 from gelforge.meshing import tetrahedra
-from gelforge.meshing.solids import Solids, area, dome_solids, enclosed_volume
+from gelforge.meshing.solids import Solids, area, block_solids, dome_solids, enclosed_volume
 from gelforge.meshing.tetrahedra import MeshingError, faces_between, read_mesh, tetrahedral_mesh, write_mesh
 
 ON_SURFACE_MM = 0.005  # what the sensor's maker can tell from the true surface
@@ -66,6 +67,19 @@ def test_sizes_are_used_under_the_contact(meshed):
     assert away > 1.5 * near
 
 
+def test_a_wall_beside_the_contact_has_more_elements_and_one_that_is_far_as_many():
+    solids = block_solids(Block(24.0, 8.0, (("gel", 2.5), ("skin", 1.0)), wall=1.5))
+
+    def in_walls(parts):
+        sizes = Sizes(near=0.25, near_radius=1.0, growth=0.3, far=1.5, wall_parts=parts)
+        mesh = tetrahedral_mesh(solids, sizes, np.array([[20.0, 4.0, 0.0, 0.0]]))
+        x, _, z = mesh.X[mesh.elements[:, :4]].mean(axis=1).T
+        return [int(((z < -1.5) & wall).sum()) for wall in (x > 22.5, x < 1.5)]
+
+    (two, two_far), (one, one_far) = in_walls(2.0), in_walls(1.0)
+    assert two > 1.5 * one and two_far == one_far
+
+
 def test_base_and_touched_surface(meshed):
     mesh, surface = meshed.mesh, meshed.mesh.surface
     low = mesh.X[:, 2].min()
@@ -98,7 +112,7 @@ def test_a_coarser_mesh_of_a_dome_has_a_third_of_the_elements():
     layers, touched = (("gel", 4.0), ("skin", 1.0)), np.array([[6.0, 5.0, 0.0, 0.0]])
 
     def elements(wanted):
-        used = Sizes(wanted.near_mm, wanted.near_radius_mm, wanted.growth, wanted.far_mm, wanted.envelope_mm)
+        used = sizes_of(wanted)
         return len(tetrahedral_mesh(dome_solids(12.0, 10.0, layers, used.stray), used, touched).elements)
 
     fine, coarse = elements(sizes), elements(sizes.coarser(2.0))
