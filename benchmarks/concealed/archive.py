@@ -1,6 +1,7 @@
 """The verdicts of a set in one file of the repository: a set is made again anywhere, its verdicts take hours.
 
-judged/SET.tar.xz    sealed.json, judged.json, and of every judged case what the judge's seal covers
+judged/SET.tar.xz    set/sealed.json, set/judged.json, and of every judged case what the judge's seal covers;
+                     kept/*.npz, what the judge has solved: with it no base is solved again
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from . import sealing
 from .sets import JUDGED
 
 ARCHIVES = Path(__file__).parent / "judged"
-SEALED, REGISTER = "sealed.json", "judged.json"
+SEALED, REGISTER, KEPT = "sealed.json", "judged.json", "kept"
 
 
 def pack(folder: Path, archive: Path) -> int:
@@ -24,7 +25,9 @@ def pack(folder: Path, archive: Path) -> int:
     with tarfile.open(archive, "w:xz", preset=9) as packed:
         for name in names:
             if (folder / name).is_file():  # a case whose command failed has no verdict
-                packed.add(folder / name, name, filter=_plain)
+                packed.add(folder / name, f"set/{name}", filter=_plain)
+        for path in sorted((folder.parent / KEPT).glob("*.npz")):
+            packed.add(path, f"{KEPT}/{path.name}", filter=_plain)
     return len(judged)
 
 
@@ -34,13 +37,15 @@ def unpack(archive: Path, folder: Path) -> int:
     Raises SealBroken where it is another set: truths or recordings that are not those that were judged.
     """
     with tarfile.open(archive) as packed:
-        published = json.load(packed.extractfile(SEALED))
+        published = json.load(packed.extractfile(f"set/{SEALED}"))
         if published != sealing.read(folder / SEALED):
             raise sealing.SealBroken(
                 f"{folder / SEALED}: not the set that {archive.name} has verdicts of; generate it by --commit"
                 f" {published['commit']} (seed {published['seed']}) at that commit"
             )
-        packed.extractall(folder, filter="data")
+        for entry in packed.getmembers():
+            kind, _, entry.name = entry.name.partition("/")
+            packed.extract(entry, folder if kind == "set" else folder.parent / KEPT, filter="data")
     return len(sealing.read(folder / REGISTER))
 
 

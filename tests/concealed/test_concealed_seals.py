@@ -60,15 +60,18 @@ def test_the_cases_of_one_base_are_judged_first_where_that_is_asked(library, tmp
 
 
 def test_verdicts_come_back_into_a_set_that_is_generated_again(library, judged, tmp_path):
-    packed = tmp_path / "small.tar.xz"
+    packed, kept = tmp_path / "small.tar.xz", judged.parent / "kept"
+    kept.mkdir(exist_ok=True)
+    (kept / "press.npz").write_bytes(b"solved")
     assert archive.pack(judged, packed) == 4
     first = packed.read_bytes()
     archive.pack(judged, packed)
     assert packed.read_bytes() == first
-    again = tmp_path / "again"
+    again = tmp_path / "elsewhere" / "again"
     sets.generate(library, again, 3, NUMBERS)
     assert archive.unpack(packed, again) == 4
     assert [c["verdict"]["state"] for c in sets.opened(again)] == ["null"] * 4
+    assert (tmp_path / "elsewhere" / "kept" / "press.npz").read_bytes() == b"solved"
     assert sets.judge(again, FAKE, say=lambda text: None) == 0
 
 
