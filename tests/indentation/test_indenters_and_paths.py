@@ -121,7 +121,8 @@ def test_shear_sticks_then_slips_and_release_takes_all_away():
     assert list(dict.fromkeys(phases)) == ["load", "shear", "unload"]
     shear = np.flatnonzero(phases == "shear")
     fx = a["total_force_N"][:, 0]
-    assert np.abs(fx[phases == "load"]).max() < 1e-3 * np.abs(a["total_force_N"][:, 2]).max()
+    # the mesh is finer towards where it will be moved, walls too
+    assert np.abs(fx[phases == "load"]).max() < 5e-3 * np.abs(a["total_force_N"][:, 2]).max()
     early, late = shear[0], shear[-1]
     assert (a["node_state"][early] == STICK).any()
     assert fx[early] > 0  # moved along +x the indenter drags the sensor along
