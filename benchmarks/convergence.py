@@ -76,7 +76,7 @@ def main() -> None:
         )
         print(pd.DataFrame(rows[-1:]).to_markdown(index=False), flush=True)
     finest = curves[-1]
-    print(f"\nFz [N] at the {arguments.place}; difference to the finest mesh in per cent:\n")
+    print(f"\nFx and Fz [N] at the {arguments.place}; difference to the finest mesh in per cent:\n")
     for row, curve in zip(rows, curves):
         with np.errstate(divide="ignore", invalid="ignore"):  # Fx in the middle is nothing
             difference = 100 * (curve / finest - 1)

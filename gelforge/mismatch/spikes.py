@@ -13,6 +13,7 @@ import numpy as np
 from gelforge.mismatch.covariance import Covariance
 from gelforge.mismatch.observations import Observations, SetAside
 from gelforge.mismatch.problem import Problem
+from gelforge.mismatch.scan import AXES
 from gelforge.mismatch.unknown import manners_of
 
 SPIKE = 5.0  # standard deviations from what all other readings say of it; normal noise: once in two million readings
@@ -24,8 +25,8 @@ TRIED = 200  # entries looked at, those farthest off
 def without_spikes(observations: Observations, base: np.ndarray, covariance: Covariance) -> Observations:
     """Return the observations without single entries far off all others; each is told in `set_aside`.
 
-    base (R, 3) [N]; covariance of the n entries. Where several readings of one press are off, or more than MOST of all,
-    it is something that the judge must explain, and nothing is set aside.
+    base (R, 3) [N]; covariance of the n entries. What strikes several readings of one press the judge must explain: that
+    press keeps them. So do all where more than MOST are far off.
     """
     found = spikes(Problem(observations, base, covariance, (), {}, None, {}))
     labels = observations.labels().iloc[list(found)].assign(away=found.values())
@@ -40,7 +41,7 @@ def without_spikes(observations: Observations, base: np.ndarray, covariance: Cov
             press=row.press.removeprefix(f"{row.session}/"),
             time_s=row.time_s,
             depth_mm=row.depth_mm,
-            axis="xyz"[row.axis],
+            axis=AXES[row.axis],
             size=round(abs(row.away), 1),
             reason="far from what the other readings of its press, place and depth say of it",
         )
@@ -61,7 +62,9 @@ def spikes(problem: Problem) -> dict[int, float]:
         part = covariance.restricted(left)
         white = part.whiten(residual[left])
         tried = np.argsort(-np.abs(white))[:TRIED]
-        columns = part.whiten(np.eye(len(left))[:, tried])
+        single = np.zeros((len(left), len(tried)))
+        single[tried, np.arange(len(tried))] = 1.0
+        columns = part.whiten(single)
         away = columns.T @ white / np.linalg.norm(columns, axis=0)
         farthest = np.argmax(np.abs(away))
         if abs(away[farthest]) <= SPIKE:
@@ -76,8 +79,8 @@ def _with_room(problem: Problem) -> Covariance:
     rounding = problem.observations.flat(problem.observations.rounding_N)
     # a reading that falls into the next step is no spike: as if each were rounded by itself, too
     covariance = replace(problem.covariance, variance=problem.covariance.variance + rounding**2)
-    for manner in sorted(
-        manners_of(problem), key=lambda manner: manner.each is None
-    ):  # presses before what all share
+    manners = manners_of(problem)
+    manners.sort(key=lambda manner: manner.each is None)  # those of each press before what all share
+    for manner in manners:
         covariance = manner.beside(covariance, ROOM)
     return covariance

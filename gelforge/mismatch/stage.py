@@ -13,7 +13,7 @@ from gelforge.config import ConfigError, Study, load_session, write_yaml
 from gelforge.files import digest, file_sha256
 from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mismatch.context import Context
-from gelforge.mismatch.covariance import Covariance, readings_covariance
+from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effect import Effect
 from gelforge.mismatch.effects import CATALOGUE, with_taken
 from gelforge.mismatch.findings import body_map, confirmed, law_of, readings_table, verdict_of, versions
@@ -139,16 +139,19 @@ def problem_of(solver: Solver, observations: Observations, recorded: bool = True
         and effect.applies(solver.study)
     }
     base = with_known(base_of(solver, observations, with_taken(effects.values())), solver)
+    covariance = readings_covariance(base.context, base.law, base.floor, base.alike)
     if recorded:
-        observations = without_spikes(observations, base.context.force, covariance_of(base))
+        read = observations.read
+        observations = without_spikes(observations, base.context.force, covariance)
         base = replace(base, context=replace(base.context, observations=observations))
+        covariance = covariance.restricted(observations.read[read])
     failed = dict(base.failed)
     candidates = candidates_of(base.context, effects, failed)
     return (
         Problem(
             observations,
             base.context.force,
-            covariance_of(base),
+            covariance,
             candidates,
             effects,
             lambda parts, amounts, rows: forces_with(
@@ -160,11 +163,6 @@ def problem_of(solver: Solver, observations: Observations, recorded: bool = True
         ),
         base,
     )
-
-
-def covariance_of(base: Base) -> Covariance:
-    """Return the covariance of what was read beside a base."""
-    return readings_covariance(base.context, base.law, base.floor, base.alike)
 
 
 def known_false(study: Study, observations: Observations, effects: Mapping[str, Effect]) -> frozenset[str]:
