@@ -154,13 +154,24 @@ def _covered(truth: dict, verdict: dict) -> list[bool]:
 
 
 def _distance(truth: dict, verdict: dict) -> float:
-    """Return how far the located defect is from the true one [mm]; nan where there is none or none was located."""
-    true = next((e["where"] for e in truth["effects"] if "where" in e), None)
-    said = [w for w in verdict.get("where", []) if w.get("layer") and w.get("x_mm") is not None]
-    names = {e["name"] for e in truth["effects"] if "where" in e}
-    if true is None or not said or not any(names & set(g["members"]) for g in verdict.get("answer", [])):
+    """Return how far a claimed defect is from the true one [mm]; nan where there is none or none was claimed.
+
+    Claimed is a located effect of the answer as it was fitted; of another name than the true one it is a wrong group.
+    """
+    if verdict["state"] not in ("named", "group"):
         return float("nan")
-    return min(float(np.hypot(w["x_mm"] - true["x_mm"], w["y_mm"] - true["y_mm"])) for w in said)
+    claimed = {name for group in verdict["answer"] for name in group["members"]}
+    shapes = {e["name"]: e.get("shape", {}) for e in verdict["effects"] if e["name"] in claimed}
+    away = [
+        float(
+            np.hypot(
+                shapes[true["name"]]["x_mm"] - where["x_mm"], shapes[true["name"]]["y_mm"] - where["y_mm"]
+            )
+        )
+        for true in truth["effects"]
+        if (where := true.get("where")) and "x_mm" in shapes.get(true["name"], {})
+    ]
+    return min(away, default=float("nan"))
 
 
 def scores(judged: list[Judged]) -> dict[str, str | float | Rate]:

@@ -3,32 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
 from gelforge.config import ConfigError, ForceSensor, Study
 from gelforge.indentation.plan import plan_cells
-from gelforge.mismatch.context import Context
-from gelforge.mismatch.covariance import Covariance, readings_covariance
-from gelforge.mismatch.effect import Parameter
+from gelforge.mismatch.candidates import candidates_of
+from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effects import CATALOGUE, with_taken
+from gelforge.mismatch.experiments import CLEAR_S, columns_by_name, survivor, weights
 from gelforge.mismatch.identifiability import Plan, detection_limits, next_experiment
 from gelforge.mismatch.observations import COLUMNS, Observations, last_moves
-from gelforge.mismatch.screen import Candidate, Screened
 from gelforge.mismatch.sessions import SPEED_MM_PER_S, TOUCHDOWN_MM
 from gelforge.mismatch.solutions import Solver
-from gelforge.mismatch.solver import Base, base_of
-from gelforge.mismatch.stage import candidates_of, columns_of, problem_of, spread_sites
-from gelforge.mismatch.verdict import Amount, NamedEffect, Verdict
+from gelforge.mismatch.solver import base_of
+from gelforge.mismatch.stage import problem_of, spread_sites
+from gelforge.mismatch.verdict import NamedEffect, Verdict
 
-CLEAR_S = 8.0  # between two presses: the way up, to the next position and down to the surface
 DWELL_S = (0.5, 0.6, 0.7, 0.8, 0.9)  # readings beside the images
 LONG_DWELL_S = (1.0, 3.0, 10.0, 30.0, 60.0)
 WAYS_UP = (0.75, 0.5, 0.25)  # of the press's depth
-WEIGHTS_N = (0.5, 1.0, 2.0, 5.0)
-NINETY_TO_SIGMA = 2 * 1.6449
 LATER_DAYS = 30.0
 
 
@@ -81,7 +76,8 @@ def limits_table(solver: Solver) -> pd.DataFrame:
     """Return per effect and parameter the smallest amount that the study's plan would show, beside a plausible one."""
     problem, _ = problem_of(solver, planned_observations(solver.study), recorded=False)
     rows = []
-    for limit in detection_limits(problem.covariance, problem.candidates):
+    physics = [one for one in problem.candidates if not problem.effects[one.name].blunder]
+    for limit in detection_limits(problem.covariance, physics):
         parameter = CATALOGUE[limit.name].parameters[limit.parameter]
         rows.append(
             (
@@ -111,7 +107,7 @@ def experiments_table(solver: Solver, verdict: Verdict) -> pd.DataFrame:
     plans = list(plans_of(solver, [effects[name] for pair in pairs for name in pair]))
     rows = []
     for first, second in pairs:
-        for experiment in next_experiment(plans, _survivor(effects[first]), _survivor(effects[second])):
+        for experiment in next_experiment(plans, survivor(effects[first]), survivor(effects[second])):
             rows.append(
                 (
                     f"{first} or {second}",
@@ -144,77 +140,7 @@ def plans_of(solver: Solver, survivors: list[NamedEffect]) -> Iterator[Plan]:
         known = {c.name for c in candidates_of(base.context, {e.name: e for e in effects}, failed)}
         if {effect.name for effect in survivors} <= known:
             minutes = float(observations.table["time_s"].max()) / 60
-            yield Plan(name, minutes, _covariance(base), _columns(base.context, survivors))
-    yield _weights(study, survivors)
-
-
-def _covariance(base: Base) -> Covariance:
-    return readings_covariance(base.context, base.law, base.floor, base.alike)
-
-
-def _columns(context: Context, survivors: list[NamedEffect]) -> dict[str, np.ndarray]:
-    return {effect.name: columns_of(context, CATALOGUE[effect.name], effect.shape) for effect in survivors}
-
-
-def _weights(study: Study, survivors: list[NamedEffect]) -> Plan:
-    """Return the plan of dead weights on the force sensor, along z and, turned, along x and y: the gel has no part in it."""
-    force = np.array([-w * axis for axis in np.eye(3) for w in WEIGHTS_N])
-    R = len(force)
-    table = pd.DataFrame(
-        [
-            ("weights", f"w{k}", k, 0, "load", 20.0 * k, 1.0, 0.0, 0.0, 1.0, 1.0, np.nan, np.nan)
-            for k in range(R)
-        ],
-        columns=COLUMNS,
-    )
-    sigma = np.broadcast_to(np.array(ForceSensor().resolution_N) / np.sqrt(12), (R, 3)).copy()
-    observations = Observations(
-        table, force, np.zeros((1, 2)), sigma, sigma, np.zeros(R), np.full(R, "press")
-    )
-    columns = {}
-    for survivor in survivors:
-        effect = CATALOGUE[survivor.name]
-        if effect.family == "force sensor":
-            context = _still(study, observations, force)
-            columns[effect.name] = columns_of(context, effect, survivor.shape)
-        else:
-            columns[effect.name] = np.zeros((3 * R, len(effect.parameters)))
-    variance = observations.flat(observations.noise_N**2)
-    return Plan(
-        "dead weights on the force sensor, along each axis", R * 20.0 / 60, Covariance(variance), columns
-    )
-
-
-def _still(study: Study, observations: Observations, force: np.ndarray) -> Context:
-    """Return the context of weights that lie still: the force is what was put on."""
-    from gelforge.mismatch.context import Curves
-
-    flat = Curves((np.array([1.0]),), (np.zeros((1, 3)),))
-    return replace(Context(study, observations, force, flat, {}), force=force)
-
-
-def _spread(amount: Amount, parameter: Parameter) -> float:
-    """Return the standard deviation of a told amount, by a side that its physical range does not cut; else its width."""
-    (low, high), value = amount.interval_90, amount.value
-    ends = {*parameter.bounds, 0.0} if parameter.sign else {*parameter.bounds}
-    sides = [abs(end - value) for end in (low, high) if end not in ends and low <= value <= high]
-    return 2 * max(sides) / NINETY_TO_SIGMA if sides else parameter.width
-
-
-def _survivor(effect: NamedEffect) -> Screened:
-    """Return what a verdict says of an effect as a judged effect; its amounts are taken as independent."""
-    amounts = np.array([amount.value for amount in effect.amounts])
-    parameters = CATALOGUE[effect.name].parameters
-    sd = np.array([_spread(amount, parameter) for amount, parameter in zip(effect.amounts, parameters)])
-    none = np.zeros((0, len(amounts)))
-    part = Candidate(effect.name, effect.shape, none, CATALOGUE[effect.name].widths, np.zeros(len(amounts)))
-    return Screened(
-        (part,),
-        effect.log_bayes_factor,
-        effect.log_bayes_factor,
-        amounts,
-        np.diag(sd**2),
-        np.zeros(0),
-        0.0,
-        0.0,
-    )
+            covariance = readings_covariance(base.context, base.law, base.floor, base.alike)
+            presses = observations.table["press"].nunique()
+            yield Plan(name, minutes, presses, covariance, columns_by_name(base.context, survivors))
+    yield weights(study, survivors)

@@ -102,6 +102,11 @@ class Effect:
         return self.to_study is not None or self.to_places is not None
 
     @property
+    def blunder(self) -> bool:
+        """Return whether it is a mistake of the analyst, which is excluded before physics is blamed, and no physics."""
+        return self.family == "analyst"
+
+    @property
     def widths(self) -> np.ndarray:
         """Return the plausible amounts (P,)."""
         return np.array([parameter.width for parameter in self.parameters])

@@ -16,6 +16,7 @@ from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.refit import End
 from gelforge.mismatch.screen import Screened
 from gelforge.mismatch.search import Answer
+from gelforge.mismatch.weighing import unmasked
 
 NINETY = float(norm.ppf(0.95))
 PROFILE_SD, PROFILE_POINTS = 4.0, 33
@@ -75,6 +76,7 @@ def effects_told(problem: Problem, judgement: Judgement) -> list[form.NamedEffec
                 problem, part.name, dict(part.shape), amounts, spread,
                 answer.alternatives.holding([part.name]), answer.winner.log_bayes_factor,
                 answer.winner.snr, True, list(group.members), part.switch,
+                _by_instrument(problem, answer.winner),
             )  # fmt: skip
         if len(answer.fit.parts) == 1 and not answer.fit.parts[0].switch:
             name = answer.fit.parts[0].name
@@ -119,12 +121,18 @@ def _blocks(answer: Answer) -> list[np.ndarray]:
     return [answer.fit.covariance[a:b, a:b] for a, b in zip(ends, ends[1:])]
 
 
+def _by_instrument(problem: Problem, judged: Screened) -> float:
+    """Return the signal over noise of a change of all readings with the instrument's noise alone."""
+    columns = np.column_stack([part.columns for part in unmasked(problem, judged).parts])
+    return float(np.linalg.norm(problem.covariance.instrument.whiten(columns @ judged.amounts)))
+
+
 def _screened(problem: Problem, judged: Screened, chance: float, refitted: bool) -> form.NamedEffect:
     last = judged.parts[-1]
     p = last.columns.shape[1]
     return _effect(
         problem, last.name, dict(last.shape), judged.amounts[-p:], judged.covariance[-p:, -p:], chance,
-        judged.log_bayes_factor, judged.snr, refitted, [], last.switch,
+        judged.log_bayes_factor, judged.snr, refitted, [], last.switch, _by_instrument(problem, judged),
     )  # fmt: skip
 
 
@@ -139,7 +147,7 @@ def _interval(parameter: Parameter, a: float, sd: float) -> tuple[float, float]:
 
 
 def _effect(
-    problem, name, shape, amounts, spread, chance, factor, snr, refitted, group, switch
+    problem, name, shape, amounts, spread, chance, factor, snr, refitted, group, switch, by_instrument
 ) -> form.NamedEffect:
     effect = problem.effects[name]
     sd = np.sqrt(np.maximum(np.diag(spread), 0.0))
@@ -159,6 +167,7 @@ def _effect(
         probability=chance,
         log_bayes_factor=float(factor),
         snr=float(snr),
+        snr_instrument=by_instrument,
         amounts=told,
         shape=shape,
         in_range=switch or effect.in_range(amounts),

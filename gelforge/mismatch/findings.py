@@ -21,6 +21,7 @@ from gelforge.mismatch.judge import Judgement, in_range
 from gelforge.mismatch.law_search import Terms, search, terms
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.remains import Remains
+from gelforge.mismatch.search import Answer
 from gelforge.mismatch.words import experiments_in_words, plain, sentence_of, uncomputed, unfinished
 
 AXES = ("x", "y", "z")
@@ -58,7 +59,10 @@ def verdict_of(
             unknown_p=judgement.mismatch.unknown_p,
             known_p=judgement.mismatch.known_p,
         ),
-        where=_where(judgement.mismatch) if answer or judgement.state == "open" else [],
+        where=[
+            *(_where(judgement.mismatch) if answer or judgement.state == "open" else []),
+            *(located(answer, sensor) if told else []),
+        ],
         answer=told,
         effects=effects_told(problem, judgement),
         unknown=unknown_told(judgement),
@@ -172,6 +176,28 @@ def _where(mismatch: Remains) -> list[form.Where]:
     return found
 
 
+def located(answer: Answer, sensor: Sensor | None) -> list[form.Where]:
+    """Return where the answer's defects lie in the sensor: balls in a layer, discs on the lower face of the skin."""
+    found = []
+    for part in answer.fit.parts:
+        if "z_mm" not in part.shape:
+            continue
+        x, y, z, radius = (part.shape[key] for key in ("x_mm", "y_mm", "z_mm", "radius_mm"))
+        half = 0.0 if part.name == "delamination" else radius
+        layer = next((one.name for one in _layers(sensor) if one.z_mm[0] <= z < one.z_mm[1]), None)
+        found.append(
+            form.Where(
+                words=f"{part.name.replace('_', ' ')} at ({x:.4g}, {y:.4g}) mm, {-z:.3g} mm below the surface",
+                x_mm=x,
+                y_mm=y,
+                radius_mm=radius,
+                layer=layer,
+                depth_mm=(max(-z - half, 0.0), -z + half),
+            )
+        )
+    return found
+
+
 def _fit(problem: Problem, judgement: Judgement) -> form.Fit:
     observations, answer = problem.observations, judgement.answer
     everything = np.ones(len(problem.labels), bool)
@@ -240,7 +266,8 @@ def _adequacy(judgement: Judgement) -> form.Adequacy:
 
 def _limits(problem: Problem, judgement: Judgement) -> list[form.DetectionLimit]:
     found = []
-    for limit in detection_limits(problem.covariance, problem.candidates):
+    physics = [one for one in problem.candidates if not problem.effects[one.name].blunder]
+    for limit in detection_limits(problem.covariance, physics):
         parameter = problem.effects[limit.name].parameters[limit.parameter]
         found.append(
             form.DetectionLimit(
@@ -293,11 +320,16 @@ def _shared_errors(covariance: Covariance) -> tuple[np.ndarray, np.ndarray]:
 def _shape(sensor: Sensor | None) -> form.SensorShape | None:
     if sensor is None:
         return None
-    layers, z = [], -sensor.height_mm
-    for layer in sensor.layers:
+    widths = {"width_x_mm": sensor.width_x_mm, "width_y_mm": sensor.width_y_mm}
+    return form.SensorShape(**widths, layers=_layers(sensor))
+
+
+def _layers(sensor: Sensor | None) -> list[form.Layer]:
+    layers, z = [], 0.0 if sensor is None else -sensor.height_mm
+    for layer in () if sensor is None else sensor.layers:
         layers.append(form.Layer(name=layer.name, z_mm=(z, z + layer.thickness_mm)))
         z += layer.thickness_mm
-    return form.SensorShape(width_x_mm=sensor.width_x_mm, width_y_mm=sensor.width_y_mm, layers=layers)
+    return layers
 
 
 def versions() -> dict[str, str]:

@@ -48,6 +48,7 @@ class Plan:
 
     name: str
     cost: float  # minutes on the stage
+    presses: int
     covariance: Covariance
     columns: Mapping[str, np.ndarray]  # (n, p) [N per unit]
 
@@ -58,6 +59,7 @@ class Experiment:
 
     name: str
     cost: float
+    presses: int
     expected_log_odds: float
 
     @property
@@ -153,7 +155,10 @@ def expected_log_odds(plan: Plan, first: Screened, second: Screened) -> float:
 
 def next_experiment(plans: Sequence[Plan], first: Screened, second: Screened) -> list[Experiment]:
     """Return the plans, the one to make first: the cheapest that is expected to decide, else the one that tells most."""
-    found = [Experiment(plan.name, plan.cost, expected_log_odds(plan, first, second)) for plan in plans]
+    found = [
+        Experiment(plan.name, plan.cost, plan.presses, expected_log_odds(plan, first, second))
+        for plan in plans
+    ]
     return sorted(
         found,
         key=lambda e: (not e.decides, e.cost if e.decides else -e.expected_log_odds, -e.expected_log_odds),

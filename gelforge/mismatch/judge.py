@@ -64,7 +64,8 @@ def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Jud
     felt = those_felt(singles)
     probability = probabilities(felt)
     if mismatch.p >= ALARM_P:
-        state = "null" if _could_have_seen(felt) else "insufficient"
+        physics = [one for one in felt if not problem.effects[one.name].blunder]
+        state = "null" if _could_have_seen(physics) else "insufficient"
         return Judgement(state, blocks, mismatch, tuple(singles), probability, None, ())
     answer, notes = explained(problem, Terms(blocks, settings, rng, len(felt), manners, unknown))
     state = _state(problem, mismatch, answer)

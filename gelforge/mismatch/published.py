@@ -17,6 +17,7 @@ import pandas as pd
 from gelforge.config import Study
 from gelforge.csv_table import read_csv
 from gelforge.files import digest, file_sha256, write_text
+from gelforge.mismatch.candidates import candidates_of
 from gelforge.mismatch.context import Context, Curves
 from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effects import CATALOGUE
@@ -27,7 +28,7 @@ from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.sessions import TOUCHDOWN_MM
 from gelforge.mismatch.solutions import Solver
 from gelforge.mismatch.solver import Base, base_of, forces_with
-from gelforge.mismatch.stage import at_first_order, candidates_of, known_false, noise_case, write_results
+from gelforge.mismatch.stage import at_first_order, known_false, noise_case, write_results
 from gelforge.mismatch.verdict import Provenance, Verdict
 
 TABLE = Path("data/paper/force_depth.csv")

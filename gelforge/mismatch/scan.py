@@ -301,6 +301,8 @@ def _phases(labels: pd.DataFrame) -> Iterator[_Profile]:
 def _histories(labels: pd.DataFrame) -> Iterator[_Profile]:
     presses = labels.groupby("press", sort=False).agg(site=("site", "first"), order=("order", "min"))
     earlier = presses.sort_values("order").groupby("site").cumcount()
+    if presses["order"].nunique() == 1:  # nobody told the order
+        earlier[:] = 0
     held = labels["press_time_s"].to_numpy(float)
     columns: dict[str, tuple[np.ndarray, Callable]] = {
         "growing with the press's time": (held, np.log1p),

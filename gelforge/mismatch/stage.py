@@ -12,10 +12,11 @@ import numpy as np
 from gelforge.config import ConfigError, Study, load_session, write_yaml
 from gelforge.files import digest, file_sha256
 from gelforge.mechanics.equilibrium import NotConverged
-from gelforge.mismatch.context import Context
+from gelforge.mismatch.candidates import candidates_of
 from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effect import Effect
 from gelforge.mismatch.effects import CATALOGUE, with_taken
+from gelforge.mismatch.experiments import with_experiments
 from gelforge.mismatch.findings import body_map, confirmed, law_of, readings_table, verdict_of, versions
 from gelforge.mismatch.flow import force_part, with_flow
 from gelforge.mismatch.flow_told import after_of, flow_section, flow_table
@@ -24,7 +25,6 @@ from gelforge.mismatch.observations import Observations
 from gelforge.mismatch.patch import patch_of
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.runs import DEPTH_DIGITS
-from gelforge.mismatch.screen import Candidate
 from gelforge.mismatch.sessions import observe
 from gelforge.mismatch.solutions import Solver, SolverFailed
 from gelforge.mismatch.solver import Base, base_of, forces_with
@@ -34,7 +34,7 @@ from gelforge.mismatch.verdict import PATCH, NoiseCase, Provenance, Verdict, wri
 from gelforge.mismatch.verdict_tables import write_body_map, write_flow, write_readings
 
 SMALL_STRAIN = 0.1  # of the height: the term that small strain leaves out is then of that share
-UNIT = 1e-3  # of a width: a step at which every first-order change is a straight line
+NUMBER = r"\d+(?:\.\d+)?"
 
 
 def judge_recording(solver: Solver, folders: Sequence[Path], out: Path, title: str) -> Verdict:
@@ -61,6 +61,7 @@ def judge_recording(solver: Solver, folders: Sequence[Path], out: Path, title: s
         law=law_of(*in_newtons, study),
         flow=flow_section(joint, judgement, after),
     )
+    verdict = with_experiments(verdict, base.context, forces.covariance)
     write_results(out, verdict, problem, in_newtons)
     write_flow(out, flow_table(joint, after))
     (out / PATCH).unlink(missing_ok=True)
@@ -206,36 +207,6 @@ def with_known(base: Base, solver: Solver) -> Base:
     return replace(base, context=replace(base.context, force=force))
 
 
-def candidates_of(context: Context, effects: Mapping[str, Effect], failed: dict[str, str]) -> list[Candidate]:
-    """Return every effect at every shape as a linear change of what was read; what is not known goes to failed."""
-    found = []
-    for name, effect in effects.items():
-        for shape in effect.shapes(context):
-            try:
-                columns = columns_of(context, effect, shape)
-            except KeyError as missing:  # its derivative could not be had
-                why = failed.setdefault(str(missing.args[0]), "no derivative at this sensor's base")
-                failed.setdefault(name, why)
-                continue
-            if not np.any(columns):
-                continue
-            signs = np.array([parameter.sign for parameter in effect.parameters])
-            found.append(Candidate(name, shape, columns, effect.widths, signs, effect.switch))
-    return found
-
-
-def columns_of(context: Context, effect: Effect, shape: Mapping) -> np.ndarray:
-    """Return the change of what was read (n, P) [N] per unit amount."""
-    columns = []
-    for k, parameter in enumerate(effect.parameters):
-        step = 1.0 if effect.switch else UNIT * parameter.width * (parameter.sign or 1)
-        amounts = np.zeros(len(effect.parameters))
-        amounts[k] = step
-        change = effect.to_forces(context, shape, context.force, amounts) - context.force
-        columns.append(context.observations.flat(change) / step)
-    return np.column_stack(columns)
-
-
 def noise_cases(problem: Problem, study: Study) -> list[NoiseCase]:
     """Return the verdict at other scales of the readings' noise; effects stay at first order, nothing is solved again."""
     found = []
@@ -281,7 +252,7 @@ def at_first_order(problem: Problem):
 def provenance_of(folders: Sequence[Path], study: Study, solver: Solver) -> Provenance:
     """Return what the verdict rests on."""
     return Provenance(
-        sessions={folder.name: file_sha256(folder / "indentations.csv") for folder in folders},
+        sessions={folder.name: _files_sha256(folder, study.mismatch.images) for folder in folders},
         base=f"study {study.study}",
         base_sha256=digest(
             [study.model_dump(mode="json"), {name: law.description() for name, law in solver.laws.items()}]
@@ -292,19 +263,31 @@ def provenance_of(folders: Sequence[Path], study: Study, solver: Solver) -> Prov
     )
 
 
+def _files_sha256(folder: Path, images: str) -> str:
+    """Return the digest of a session's readings, description, samples of force, and images where they count."""
+    files = [folder / name for name in ("indentations.csv", "ft.csv", "session.yaml")]
+    files += [] if images == "left_out" else sorted((folder / "images").glob("*"))
+    return digest({path.name: file_sha256(path) for path in files if path.is_file()})
+
+
 def check_matches(folders: Sequence[Path], study: Study) -> None:
     """Raise ConfigError where a recording plainly belongs to another sensor or indenter than the study's."""
     for folder in folders:
         session = load_session(folder / "session.yaml")
         stated, own = session.indenter.strip(), study.indenter.words
-        if stated and stated != own and any(c.isdigit() for c in stated):
-            numbers = _numbers(stated), _numbers(own)
-            if numbers[0] and numbers[1] and not set(numbers[0]) & set(numbers[1]):
+        if stated and stated != own:
+            numbers = _lengths(stated), _lengths(own)
+            if numbers[0] and numbers[1] and not numbers[0] & numbers[1]:
                 raise ConfigError(
                     f"{folder / 'session.yaml'}: pressed with {stated!r}, but the study describes {own!r}; give the study "
                     "of this recording"
                 )
 
 
-def _numbers(text: str) -> list[float]:
-    return [float(found) for found in re.findall(r"\d+(?:\.\d+)?", text)]
+def _lengths(text: str) -> set[float]:
+    """Return the numbers [mm] of an indenter's description, diameters as radii."""
+    halved = re.compile(
+        rf"diameter\D{{0,5}}({NUMBER})|({NUMBER})\s*(?:mm)?\W*(?:in |of )?diameter", re.IGNORECASE
+    )
+    radii = {float(a or b) / 2 for a, b in halved.findall(text)}
+    return radii | {float(found) for found in re.findall(NUMBER, halved.sub("", text))}

@@ -48,7 +48,10 @@ class Where(Section):
     y_mm: float | None = Field(None, description="Centre of the region [mm]")
     radius_mm: Positive | None = Field(None, description="Radius of the region about its centre [mm]")
     layer: str | None = Field(None, description="Layer in which a defect lies")
-    depth_mm: Interval | None = Field(None, description="Depths of the indenter, from and to [mm]")
+    depth_mm: Interval | None = Field(
+        None,
+        description="Depths of the indenter; with a layer those of a defect below the top, from and to [mm]",
+    )
     time_s: Interval | None = Field(None, description="Times of the recording, from and to [s]")
     snr: NonNegative | None = Field(None, description="Signal over noise of this pattern [-]")
     p: Probability | None = Field(
@@ -86,6 +89,9 @@ class NamedEffect(Section):
     probability: Probability = Field(description="Probability that it is part of what is missing [-]")
     log_bayes_factor: float = Field(description="Log evidence over that of the null [-]")
     snr: NonNegative | None = Field(None, description="Signal over noise of its fitted change [-]")
+    snr_instrument: NonNegative | None = Field(
+        None, description="Of its change of all readings, over the instrument's noise alone [-]"
+    )
     amounts: list[Amount] = Field([], description="Fitted amounts; none where it was not fitted")
     shape: dict[str, float | str] = Field(
         {}, description="Place, size, part, time constant; keys carry units"
@@ -266,7 +272,7 @@ class Law(Section):
     """An equation for what the catalogue does not know: a law, not a cause."""
 
     words: str = Field(description="The equation in the field's symbols")
-    terms: dict[str, float] = Field(description="Coefficient of each term [N]")
+    terms: dict[str, float] = Field(description="Coefficient of each term [-]; a term is a force")
     held_out: HeldOut | None = Field(None, description="On sites that were set aside")
 
 
@@ -288,7 +294,7 @@ class SensorShape(Section):
 class Provenance(Section):
     """What the verdict rests on."""
 
-    sessions: dict[str, str] = Field(description="SHA-256 of each session's readings")
+    sessions: dict[str, str] = Field(description="SHA-256 over the SHA-256 of each session's files")
     base: str = Field(description="The base in words: study, or table of forces")
     base_sha256: str = Field(description="SHA-256 of the base's settings or table")
     seed: int = Field(description="Of every draw")
@@ -365,6 +371,10 @@ class Verdict(Section):
                 return f"named, but {first} is outside its physical range or on its bounds: open"
         if self.adequacy is None or not self.adequacy.passed:
             return f"named, but what remains is not noise (adequacy p > {ADEQUATE_P:g} is needed): open"
+        if self.adequacy.refuted:
+            return "named, but the readings set aside speak against it: open"
+        if self.unknown is not None and self.unknown.probability >= NAMED_PROBABILITY:
+            return f"named, but something unknown has probability {self.unknown.probability:g}: open"
         if self.fit.held_out is None or not self.fit.held_out.shown:
             return (
                 f"named, but no held-out gain above {HELD_OUT_ERRORS:g} standard errors or odds of {HELD_OUT_ODDS:g}: "

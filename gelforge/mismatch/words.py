@@ -79,7 +79,10 @@ def _answer_words(problem: Problem, answer: Answer, with_others: bool) -> str:
             f"{p.name} {a:.3g} {'' if p.unit == '1' else p.unit}".rstrip()
             for p, a in zip(effect.parameters, amounts)
         )
-        own = part.name.replace("_", " ") + ("" if part.switch else f" ({values})")
+        told = ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in part.shape.items())
+        own = part.name.replace("_", " ") + (
+            f" ({told if part.switch else values})" if told or not part.switch else ""
+        )
         others = [name.replace("_", " ") for name in group.members if name != part.name and with_others]
         found.append(
             own + (f", or {', '.join(others)}, which these readings cannot tell from it" if others else "")

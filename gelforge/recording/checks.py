@@ -14,6 +14,7 @@ from gelforge.indentation.plan import POSITION_MATCH_MM
 PHASES = {"zero": 0, "approach": 1, "touch": 1, "load": 2, "dwell": 2, "unload": 3}
 DEPTH_MM = (0.02, 30.0)  # deepest press of a session: below it is metres, above it micrometres
 FORCE_N = 100.0  # no soft gel bears more at these depths; above it is millinewtons
+STUCK_STEPS = 3.0  # resolutions by which a force has to grow where depth does, to be stuck if it does not
 
 
 class RecordingError(ValueError):
@@ -166,6 +167,27 @@ def check_raw_force(path: Path, table: pd.DataFrame, raw: np.ndarray, force: For
                 f"({source}); "
                 "correct the reading or the range, is it in millinewtons?"
             )
+
+
+def check_saturation(path: Path, table: pd.DataFrame, raw: np.ndarray, force: ForceSensor) -> None:
+    """Raise RecordingError for an axis whose largest reading stays the same, to the last digit, while presses go deeper.
+
+    A gel's force grows at least in proportion to depth, so between two depths of one place it should grow by their ratio;
+    what rounding to the resolution may hide is let pass.
+    """
+    held, before = (table["phase"].isin(names).to_numpy() for names in (["load", "dwell"], ["zero"]))
+    for axis, name in enumerate(("fx_N", "fy_N", "fz_N")):
+        zero = np.median(raw[before, axis]) if before.any() else 0.0
+        for extreme in (raw[held, axis].min(), raw[held, axis].max()):
+            stuck = table[held & (raw[:, axis] == extreme)]
+            depth = stuck.groupby(["x_mm", "y_mm"])["depth_mm"].agg(["min", "max"])
+            growth = abs(extreme - zero) * (depth["max"] / depth["min"] - 1)
+            if growth.max() > STUCK_STEPS * force.resolution_N[axis]:
+                (x, y), (low, high) = growth.idxmax(), depth.loc[growth.idxmax()]
+                raise RecordingError(
+                    f"{path}: {name} is {extreme:.6g} N at {low:g} and at {high:g} mm of ({x:g}, {y:g}) and never beyond: "
+                    "the force sensor is saturated; remove the presses that reach it, or record with a larger range"
+                )
 
 
 def check_force(path: Path, readings: pd.DataFrame, force: ForceSensor) -> None:

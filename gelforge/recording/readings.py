@@ -65,6 +65,7 @@ def read_recording(
     checks.check_rows(path, table)
     raw = _raw_force(table, folder)
     checks.check_raw_force(path, table, raw, session.force)
+    checks.check_saturation(path, table, raw, session.force)
 
     readings = table.copy()
     readings["session"] = session.session

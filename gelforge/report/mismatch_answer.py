@@ -64,8 +64,7 @@ def ranking(results: MismatchResults) -> Chapter:
             profile_figure(profiled),
         )
     if verdict.law:
-        terms = ", ".join(f"{term}: {value:.4g} N" for term, value in verdict.law.terms.items())
-        chapter.say(f"A law, not a cause, of what no effect explains: {verdict.law.words} ({terms}).")
+        chapter.say(f"A law, not a cause, of what no effect explains: {verdict.law.words}.")
     return chapter
 
 
@@ -128,7 +127,7 @@ def undecided(results: MismatchResults) -> Chapter:
         chapter.say("No known effect explains what remains, so there is none to tell apart.")
     if verdict.next_experiments:
         chapter.tabulate(
-            "What to record next, the most telling first.",
+            "What to record next; first what is expected to decide, where its cost and odds are known.",
             filled([_experiment_row(experiment) for experiment in verdict.next_experiments]),
         )
     else:

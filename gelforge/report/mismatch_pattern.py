@@ -19,7 +19,7 @@ def where(results: MismatchResults) -> Chapter:
             "Means over the loading at each site. Every map is on the same colour scale, so a paler one agrees better."
             " Squares with a dark frame were set aside and not fitted"
             + (
-                "; a dashed circle is around a pattern of the table below."
+                "; a dashed circle is around a pattern, or a defect, of the table below."
                 if _located(verdict.where)
                 else "."
             ),
@@ -35,7 +35,8 @@ def where(results: MismatchResults) -> Chapter:
         )
     if verdict.where:
         chapter.tabulate(
-            "The strongest patterns in what the base leaves; p already pays for looking everywhere.",
+            "The strongest patterns in what the base leaves, whose p already pays for looking everywhere, and where the"
+            " answer's defects lie.",
             filled([_where_row(place) for place in verdict.where]),
         )
     else:

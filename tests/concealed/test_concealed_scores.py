@@ -98,6 +98,22 @@ def test_held_out_gain_is_measured_against_the_truth():
     assert (share, ratio, left) == (pytest.approx(12 / 15), pytest.approx(2.0), pytest.approx(0.6))
 
 
+def test_a_claimed_defect_is_as_far_as_it_lies_from_the_true_one():
+    truth = truth_of([[0, 0, 0]] * 2)
+    truth["effects"] = [
+        {"name": "void", "amounts": {}, "where": {"x_mm": 8.0, "y_mm": 9.0, "radius_mm": 1.0}}
+    ]
+    place = {"x_mm": 5.0, "y_mm": 13.0, "z_mm": -3.0, "radius_mm": 1.2}
+    verdict = {
+        "state": "group", "answer": [{"members": ["inclusion", "void"], "probability": 0.99}],
+        "effects": [{"name": "void", "shape": place}, {"name": "yaw", "shape": {}}],
+    }  # fmt: skip
+    assert judged_from(truth, verdict, None).distance_mm == pytest.approx(5.0)
+    assert np.isnan(judged_from(truth, verdict | {"state": "open"}, None).distance_mm)
+    other = verdict | {"answer": [{"members": ["yaw"], "probability": 0.99}]}
+    assert np.isnan(judged_from(truth, other, None).distance_mm)
+
+
 def test_intervals_count_where_the_effect_was_found():
     verdict = {
         "state": "named", "answer": [{"members": ["tilt"], "probability": 0.99}], "where": [],

@@ -6,12 +6,13 @@ import artificial
 import numpy as np
 
 from gelforge.config.mismatch import Mismatch
+from gelforge.mismatch.candidates import candidates_of
 from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.judge import _state, judge
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.remains import Remains
-from gelforge.mismatch.stage import at_first_order, candidates_of
+from gelforge.mismatch.stage import at_first_order
 
 LOCATED = {"void", "inclusion", "delamination"}
 SETTINGS = Mismatch(sites=9, rivals=2, draws=1000)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import specimens
 
-from gelforge.mismatch.ahead import _survivor, _weights, planned_observations
+from gelforge.mismatch.ahead import planned_observations
 from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.experiments import survivor, weights
 from gelforge.mismatch.identifiability import next_experiment
 from gelforge.mismatch.verdict import Amount, NamedEffect
 
@@ -29,10 +30,10 @@ def test_dead_weights_tell_a_gain_from_a_stiffness_and_not_two_stiffnesses():
         effect("gel_stiffness", 0.2),
         effect("skin_stiffness", 0.3),
     )
-    plan = _weights(STUDY, [gain, gel, skin])
-    (decided,) = next_experiment([plan], _survivor(gain), _survivor(gel))
+    plan = weights(STUDY, [gain, gel, skin])
+    (decided,) = next_experiment([plan], survivor(gain), survivor(gel))
     assert decided.decides
-    (blind,) = next_experiment([plan], _survivor(gel), _survivor(skin))
+    (blind,) = next_experiment([plan], survivor(gel), survivor(skin))
     assert blind.expected_log_odds == pytest.approx(0.0, abs=1e-9) and not blind.decides
 
 
@@ -42,7 +43,7 @@ def test_the_spread_of_what_is_cut_at_its_range_is_read_from_the_other_side():
     def spread(value, low, high):
         void = effect("void", value)
         cut = void.amounts[0].model_copy(update={"interval_90": (low, high)})
-        return float(np.sqrt(_survivor(void.model_copy(update={"amounts": [cut]})).covariance[0, 0]))
+        return float(np.sqrt(survivor(void.model_copy(update={"amounts": [cut]})).covariance[0, 0]))
 
     top, width = CATALOGUE["void"].parameters[0].bounds[1], CATALOGUE["void"].parameters[0].width
     assert spread(0.9, 0.9 - 0.1645, top) == pytest.approx(0.1, rel=1e-3)

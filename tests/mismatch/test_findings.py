@@ -1,6 +1,7 @@
 """What a verdict says of its errors and of refits that were cut short, on ARTIFICIAL readings."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import artificial
 import numpy as np
@@ -9,8 +10,10 @@ from artificial_problem import SETTINGS, problem_of
 
 from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mismatch.covariance import readings_covariance
-from gelforge.mismatch.findings import _noise, verdict_of
+from gelforge.mismatch.experiments import with_experiments
+from gelforge.mismatch.findings import _noise, located, verdict_of
 from gelforge.mismatch.judge import judge
+from gelforge.mismatch.screen import Candidate
 from gelforge.mismatch.verdict import Provenance
 
 PROVENANCE = Provenance(
@@ -43,6 +46,34 @@ def stuck_at_first(problem, share):
         return problem.forces_with(parts, [share * a for a in amounts], rows)
 
     return forces
+
+
+def test_where_a_defect_of_the_answer_lies_is_told_with_its_layer():
+    """The artificial sensor: 4.5 mm of gel, the top of which is 1.5 mm below the surface."""
+    sensor = artificial.study().sensor
+    ball = {"x_mm": 7.0, "y_mm": 12.0, "z_mm": -3.0, "radius_mm": 1.2}
+    disc = {"x_mm": 5.0, "y_mm": 5.0, "z_mm": -1.5, "radius_mm": 2.1}
+    none = np.zeros((0, 1))
+    parts = [
+        Candidate(n, s, none, [1.0], [1]) for n, s in (("void", ball), ("yaw", {}), ("delamination", disc))
+    ]
+    found = located(SimpleNamespace(fit=SimpleNamespace(parts=parts)), sensor)
+    assert [(place.x_mm, place.y_mm, place.radius_mm) for place in found] == [
+        (7.0, 12.0, 1.2),
+        (5.0, 5.0, 2.1),
+    ]
+    assert [place.layer for place in found] == ["gel", "skin"]
+    assert found[0].depth_mm == pytest.approx((1.8, 4.2)) and found[1].depth_mm == pytest.approx((1.5, 1.5))
+
+
+def test_weights_are_told_to_decide_between_a_gain_and_a_stiffness_with_cost_and_odds():
+    base = artificial.context(7, per_side=3)
+    context = artificial.read(base, 1.06 * base.force, np.random.default_rng(8))
+    problem = problem_of(context)
+    told = with_experiments(verdict(problem, judge(problem, SETTINGS, seed=1)), context, problem.covariance)
+    pair = [e for e in told.next_experiments if set(e.separates) == {"body_stiffness", "force_gain"}]
+    assert pair and all("dead weights" in e.words for e in pair)  # the same again tells nothing of the two
+    assert pair[0].presses == 0 and pair[0].cost_s > 0 and pair[0].expected_log_odds > np.log(10)
 
 
 def verdict(problem, judgement):

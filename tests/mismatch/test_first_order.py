@@ -120,6 +120,14 @@ def context(mu):
     return Context(base(mu), replace(seen, table=table), total, blank.curves, {}, known)
 
 
+def test_all_layers_stiffer_by_one_share_are_a_gain_of_all_forces():
+    """Without friction, whose elastic slip has a stiffness of its own, nothing but moduli has the unit of stress."""
+    stiffer = CATALOGUE["body_stiffness"].to_study(base(0.0), {}, [0.25])
+    alike = solved(base(0.0).model_dump_json())
+    size = np.abs(alike).max()  # equilibrium and gaps are iterated to 1e-10 and 1e-9 mm of some 0.5 mm
+    np.testing.assert_allclose(solved(stiffer.model_dump_json()), 1.25 * alike, atol=1e-7 * size)
+
+
 @pytest.mark.parametrize(("name", "k"), CASES)
 def test_the_first_order_is_the_slope_of_full_solutions(name, k):
     effect, (_, shape) = CATALOGUE[name], shape_of(name)

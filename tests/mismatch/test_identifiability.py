@@ -122,7 +122,7 @@ def test_expected_log_odds_are_the_mean_of_many_experiments(world):
     drift, late = named(candidates, "force_drift"), named(candidates, "late")
     r = drift.columns @ [0.02, 0.0, -0.02] + covariance.draw(rng, 1)[:, 0]
     first, second = (screened(r, covariance, [c])[0] for c in (drift, late))
-    plan = Plan("again", 60.0, covariance, {"force_drift": drift.columns, "late": late.columns})
+    plan = Plan("again", 60.0, 5, covariance, {"force_drift": drift.columns, "late": late.columns})
     W = covariance.whiten(np.eye(len(r)))
     C = np.linalg.inv(W.T @ W)
     laws = [
@@ -149,9 +149,9 @@ def test_the_cheapest_deciding_experiment_comes_first(world):
         "force_gain": twin.columns,
     }  # dead weights: no gel is pressed
     plans = [
-        Plan("the same again", 10.0, covariance, same),
-        Plan("many dead weights", 90.0, covariance, weights),
-        Plan("dead weights", 20.0, covariance, weights),
+        Plan("the same again", 10.0, 5, covariance, same),
+        Plan("many dead weights", 90.0, 0, covariance, weights),
+        Plan("dead weights", 20.0, 0, covariance, weights),
     ]
     found = next_experiment(plans, first, second)
     assert [e.name for e in found][:2] == ["dead weights", "many dead weights"]
@@ -159,7 +159,7 @@ def test_the_cheapest_deciding_experiment_comes_first(world):
     # Two effects of one change differ only by their amounts' priors, which are equal here.
     assert found[2].expected_log_odds == pytest.approx(0, abs=1e-9)
     most = next_experiment(
-        [plans[0], Plan("a little", 5.0, covariance, {**weights, "force_gain": 0.01 * twin.columns})],
+        [plans[0], Plan("a little", 5.0, 0, covariance, {**weights, "force_gain": 0.01 * twin.columns})],
         first,
         second,
     )

@@ -90,6 +90,10 @@ def test_tables_and_verdict_read_back(stiffer):
     told = read_readings(out)
     assert len(told) == 3 * len(SITES) * len(DEPTHS) * 5  # axes, sites, depths, a load and four dwell rows
     assert set(told["held_out"]) == {"no", "positions", "deepest"}
+    first = verdict.effects[0]
+    assert (
+        first.snr_instrument > first.snr > 4
+    )  # the other errors take some of what the instrument alone would show
     assert np.isfinite(told["after_N"]).all() and (told["sigma_N"] > 0).all()
     assert json.loads((out / "verdict.json").read_text())["synthetic"] is True
 
@@ -188,6 +192,7 @@ def test_missing_repeats_and_unloading_are_told(stiffer, tmp_path):
         (lambda t: t.assign(time_s=-t["time_s"]), "time_s"),
         (lambda t: t.assign(x_mm=t["x_mm"] + 30), "the sensor is 16.0 x 16.0 mm"),
         (lambda t: t.assign(fz_N=-t["fz_N"]), "acts_on|sign|push|pull"),
+        (lambda t: t.assign(fz_N=t["fz_N"].clip(lower=0.3 * t["fz_N"].min())), "saturated"),
     ],
 )
 def test_recordings_that_cannot_be_judged_are_refused_with_a_remedy(stiffer, tmp_path, change, words):
@@ -210,6 +215,18 @@ def test_another_indenter_than_the_study_describes_is_refused(stiffer, tmp_path)
     folder = changed(stiffer[0], tmp_path, lambda t: t, "indenter: ball of radius 2 mm\n")
     with pytest.raises(ConfigError, match="give the study"):
         check_matches([folder], small())
+
+
+@pytest.mark.parametrize(
+    "words", ["ball of radius {r} mm", "steel ball, diameter {d} mm", "{d} mm diameter ball"]
+)
+def test_a_diameter_is_no_radius(stiffer, tmp_path, words):
+    radius = small().indenter.radius_mm
+    same = changed(stiffer[0], tmp_path, lambda t: t, f"indenter: {words.format(r=radius, d=2 * radius)}\n")
+    check_matches([same], small())
+    twice = study_from(merged(small().model_dump(mode="json"), {"indenter": {"radius_mm": 2 * radius}}))
+    with pytest.raises(ConfigError, match="give the study"):
+        check_matches([same], twice)
 
 
 def test_sessions_are_found_in_a_folder_of_recordings(stiffer, tmp_path):

@@ -127,10 +127,35 @@ def test_presses_join_their_cells_and_rows_survive_the_file(tmp_path):
 
 def test_samples_are_zero_rows_and_held_rows_at_the_commanded_depth(tmp_path):
     lines = press_lines("a", 0, 10, 12, 0.5, False)
-    lines[2] = lines[2].replace(",0.5,1,0,", ",0.3,1,0,")  # a load row on the way down
+    x, y, z = np.array(OFFSET) + [0.06, -0.12, -0.3]
+    lines[2] = f"a,,0,2,load,10,12,0.3,1,0,{x},{y},{z},"  # a load row on the way down
     readings = read_recording(write_session(tmp_path / "day", lines=[HEADER, *lines])).readings
     assert list(at_commanded_depth(readings)) == [False, False, False, True, True, False]
     assert list(sample_rows(readings)["phase"]) == ["zero", "zero", "dwell", "dwell"]
+
+
+@pytest.mark.parametrize(
+    ("offset", "clipped", "refused"), [(0.0, -0.5, True), (3.0, 2.5, True), (3.0, -9.0, False)]
+)
+def test_a_force_that_stays_at_its_largest_while_presses_go_deeper_is_refused(
+    tmp_path, offset, clipped, refused
+):
+    """Of raw readings, whose zero may be anywhere; what never reaches the end of the range is read."""
+    at = [HEADER]
+    for k, depth in enumerate((0.25, 0.5, 0.75, 1.0)):
+        z = max(offset - depth, clipped)
+        at += [
+            f"p{k},,{k},{10 * k},zero,10,12,-1,1,,0,0,{offset},",
+            f"p{k},,{k},{10 * k + 2},load,10,12,{depth},1,,0,0,{z},",
+        ]
+    folder = write_session(tmp_path / "day", lines=at)
+    if refused:
+        with pytest.raises(
+            RecordingError, match=r"fz_N is .* N at 0\.5 and at 1 mm of \(10, 12\).*saturated"
+        ):
+            read_recording(folder)
+    else:
+        assert len(read_recording(folder).readings) == 8
 
 
 def test_a_plan_can_be_derived_from_the_recordings(tmp_path):

@@ -1,0 +1,43 @@
+"""Effects as linear changes of what was read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from gelforge.mismatch.context import Context
+from gelforge.mismatch.effect import Effect
+from gelforge.mismatch.screen import Candidate
+
+UNIT = 1e-3  # of a width: a step at which every first-order change is a straight line
+
+
+def candidates_of(context: Context, effects: Mapping[str, Effect], failed: dict[str, str]) -> list[Candidate]:
+    """Return every effect at every shape as a linear change of what was read; what is not known goes to failed."""
+    found = []
+    for name, effect in effects.items():
+        for shape in effect.shapes(context):
+            try:
+                columns = columns_of(context, effect, shape)
+            except KeyError as missing:  # its derivative could not be had
+                why = failed.setdefault(str(missing.args[0]), "no derivative at this sensor's base")
+                failed.setdefault(name, why)
+                continue
+            if not np.any(columns):
+                continue
+            signs = np.array([parameter.sign for parameter in effect.parameters])
+            found.append(Candidate(name, shape, columns, effect.widths, signs, effect.switch))
+    return found
+
+
+def columns_of(context: Context, effect: Effect, shape: Mapping) -> np.ndarray:
+    """Return the change of what was read (n, P) [N] per unit amount."""
+    columns = []
+    for k, parameter in enumerate(effect.parameters):
+        step = 1.0 if effect.switch else UNIT * parameter.width * (parameter.sign or 1)
+        amounts = np.zeros(len(effect.parameters))
+        amounts[k] = step
+        change = effect.to_forces(context, shape, context.force, amounts) - context.force
+        columns.append(context.observations.flat(change) / step)
+    return np.column_stack(columns)

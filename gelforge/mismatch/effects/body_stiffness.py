@@ -1,0 +1,52 @@
+"""All layers, skin and wall with them, are stiffer or softer than their laws by one share.
+
+Under a given displacement that scales every force and moves no particle: exactly what a gain of the force sensor does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gelforge.config import Study
+from gelforge.indentation.effects.catalogue import CATALOGUE
+from gelforge.mismatch.context import Context
+from gelforge.mismatch.effect import Effect, Shape
+from gelforge.mismatch.solver_effects import amount
+
+PARTS = ("gel_stiffness", "skin_stiffness")
+
+
+def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
+    """Return the study with all moduli grown by the same share."""
+    (a,) = amounts
+    for part in PARTS if a else ():
+        study = CATALOGUE[part](study, float(a))
+    return study
+
+
+def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
+    """Return the forces with all layers grown, to first order."""
+    (a,) = amounts
+    return force + a * sum(context.derivative(part) for part in PARTS)
+
+
+EFFECT = Effect(
+    name="body_stiffness",
+    family="material",
+    parameters=(
+        amount(
+            "gel_stiffness", "growth", (-0.8, 4.0),
+            "width: scatter of silicones that were mixed and cured together (judgement); bounds: still a gel",
+        ),
+    ),
+    enters=f"{CATALOGUE['gel_stiffness'].enters}, {CATALOGUE['skin_stiffness'].enters}",
+    signature="every force in proportion, the same at every place and depth; no particle moves otherwise",
+    confused_with=("force_gain", "gel_stiffness", "skin_stiffness", "indenter_radius", "viscoelastic"),
+    separated_by="dead weights on the force sensor; a material test of the batch; no image does",
+    takes=PARTS,
+    to_study=to_study,
+    to_forces=to_forces,
+    applies=lambda study: len(study.sensor.layers) > 1,
+)  # fmt: skip
