@@ -35,6 +35,8 @@ def with_experiments(verdict: Verdict, context: Context, covariance: Covariance)
     for group in verdict.answer:
         for other in group.members[1:]:
             pair = [effects[group.members[0]], effects[other]]
+            if any(CATALOGUE[effect.name].to_forces is None for effect in pair):
+                continue  # of the camera: neither forces again nor weights tell of it
             plans = [again(context, covariance, pair), weights(context.study, pair)]
             best = next_experiment(plans, *map(survivor, pair))[0]
             if best.decides:
