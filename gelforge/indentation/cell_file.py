@@ -102,7 +102,7 @@ def write_cell(path: str | Path, cell: Cell) -> None:
     Raises CellError for a number that is not finite: forces, fields, error bars, derivatives and attributes all are, but
     for UNKNOWN_IS_NAN.
     """
-    _check_finite(path, cell)
+    check_finite(path, cell)
     with atomic(path) as temporary, h5py.File(temporary, "w") as file:
         file.attrs["format"] = FORMAT
         for key, value in cell.attributes.items():
@@ -116,7 +116,8 @@ def write_cell(path: str | Path, cell: Cell) -> None:
             data.attrs["units"], data.attrs["description"] = unit, description
 
 
-def _check_finite(path: str | Path, cell: Cell) -> None:
+def check_finite(whose: str | Path, cell: Cell) -> None:
+    """Raise CellError, naming whose cell it is, for a number that is not finite."""
     known = {name: value for name, value in cell.attributes.items() if name not in UNKNOWN_IS_NAN}
     for name, value in (cell.arrays | known).items():
         values = np.asarray(value)
@@ -124,7 +125,7 @@ def _check_finite(path: str | Path, cell: Cell) -> None:
             continue
         bad = np.argwhere(~np.isfinite(values))
         raise CellError(
-            f"{path}: {len(bad)} of {values.size} numbers of {name} are not finite, the first is"
+            f"{whose}: {len(bad)} of {values.size} numbers of {name} are not finite, the first is"
             f" {values[tuple(bad[0])]} at {bad[0].tolist()}; nothing is written: press in smaller steps of depth or on"
             " another mesh, and report the cell's settings"
         )
