@@ -116,7 +116,7 @@ def test_none_of_an_unnamed_setting_gives_the_plain_forces_bit_for_bit(name):
     assert np.array_equal(none, solved(without(name).model_dump_json(), PRESSED))
 
 
-@pytest.mark.parametrize(("name", "sign"), zip(OTHERS, (HARDER, SOFTER)))
+@pytest.mark.parametrize(("name", "sign"), [*zip(OTHERS, (HARDER, SOFTER))])
 def test_a_little_of_an_unnamed_setting_is_linear(name, sign):
     """As above; what draws a surface to the ball presses less hard at a depth."""
     none, first, second = (
