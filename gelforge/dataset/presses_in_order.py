@@ -22,7 +22,7 @@ from gelforge.config import ConfigError, Study
 from gelforge.dataset.recorded_presses import Laws, RecordedPress, presses_digest
 from gelforge.dataset.session_labels import FORMAT, PRESS_DATASETS
 from gelforge.files import atomic, digest
-from gelforge.indentation.cell_file import Cell
+from gelforge.indentation.cell_file import Cell, check_finite
 from gelforge.indentation.companion import solve_companion
 from gelforge.indentation.error_bars import COARSER, Companion, error_bars
 from gelforge.indentation.plan import PlannedCell
@@ -90,6 +90,7 @@ def _press(
     if not cell.converged:
         progress.reason = str(cell.attributes["reason"])
         return
+    check_finite(f"press {press.name}", cell)  # NaN in a label says that there is none
     total, bins = cell.arrays["total_force_N"][-1:], cell.arrays["bin_force_N"][-1:]
     label[:] = np.nan
     label[0] = np.concatenate([total, bins[0]])

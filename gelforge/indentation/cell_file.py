@@ -71,6 +71,9 @@ OPTIONAL = {"gel_node_mm", "gel_hex", "gel_tet", "gel_displacement_mm"} | ERROR_
 SECTION = {
     name for name in DATASETS if name.startswith("section_")
 }  # a mirrored cell's is that of its source
+UNKNOWN_IS_NAN = {
+    "volume_outside_valid_range"
+}  # attributes: of a law without a tested range (stretch_range.py)
 
 
 class CellError(ValueError):
@@ -94,7 +97,12 @@ class Cell:
 
 
 def write_cell(path: str | Path, cell: Cell) -> None:
-    """Write a cell, whole or not at all."""
+    """Write a cell, whole or not at all.
+
+    Raises CellError for a number that is not finite: forces, fields, error bars, derivatives and attributes all are, but
+    for UNKNOWN_IS_NAN.
+    """
+    check_finite(path, cell)
     with atomic(path) as temporary, h5py.File(temporary, "w") as file:
         file.attrs["format"] = FORMAT
         for key, value in cell.attributes.items():
@@ -106,6 +114,21 @@ def write_cell(path: str | Path, cell: Cell) -> None:
                 name, data=array, **({"compression": "gzip", "shuffle": True} if large else {})
             )
             data.attrs["units"], data.attrs["description"] = unit, description
+
+
+def check_finite(whose: str | Path, cell: Cell) -> None:
+    """Raise CellError, naming whose cell it is, for a number that is not finite."""
+    known = {name: value for name, value in cell.attributes.items() if name not in UNKNOWN_IS_NAN}
+    for name, value in (cell.arrays | known).items():
+        values = np.asarray(value)
+        if values.dtype.kind != "f" or np.isfinite(values).all():
+            continue
+        bad = np.argwhere(~np.isfinite(values))
+        raise CellError(
+            f"{whose}: {len(bad)} of {values.size} numbers of {name} are not finite, the first is"
+            f" {values[tuple(bad[0])]} at {bad[0].tolist()}; nothing is written: press in smaller steps of depth or on"
+            " another mesh, and report the cell's settings"
+        )
 
 
 def read_cell(path: str | Path, arrays: list[str] | None = None, if_held: Collection[str] = ()) -> Cell:

@@ -171,9 +171,8 @@ def test_cell_of_other_depths(made):
 
 @pytest.mark.parametrize("wrong", [1e-3, np.nan])
 def test_cell_whose_bins_do_not_sum_to_its_force(made, wrong):
-    bins = cell_of(plan_cells(made.study)["x1_y1"]).arrays["bin_force_N"]
-    bins[1, 3, 2] += wrong
-    rewrite_cell(made, "x1_y1", {"bin_force_N": bins})
+    with h5py.File(made.cells["x1_y1"], "a") as file:  # write_cell refuses what is no number
+        file["bin_force_N"][1, 3, 2] += wrong
     with pytest.raises(DatasetError, match="x1_y1: bins and total force differ"):
         made.join()
 

@@ -18,6 +18,7 @@ from gelforge.dataset.recorded_presses import pressed_cells, read_presses, recor
 from gelforge.dataset.schema import DatasetError
 from gelforge.dataset.session_labels import OwnPresses
 from gelforge.dataset.shard import ShardDataset, lineage, shard_attributes
+from gelforge.indentation.cell_file import CellError
 from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.indentation.plan import plan_cells
 
@@ -285,6 +286,23 @@ def test_a_session_goes_on_where_it_was_broken_off(pressed, tmp_path, monkeypatc
         np.testing.assert_array_equal(label.bins.sum(axis=0) != 0, [True] * 3)
         assert 0 < label.total_sigma[2] < 0.2 * force(label)
         assert (label.bin_sigma[label.bins[:, 2] < 0, 2] > 0).all()
+
+
+def test_a_force_that_is_no_number_becomes_no_label(pressed, tmp_path, monkeypatch):
+    study, _ = pressed
+    cells = plan_cells(study)
+    presses = recorded_presses(read_presses(study.session_folder("deep_first"), cells), cells, study)[:1]
+    solved = presses_in_order._solved
+
+    def without_a_number(*arguments):
+        cell, grid = solved(*arguments)
+        cell.arrays["bin_force_N"][0, 7, 2] = np.nan
+        return cell, grid
+
+    monkeypatch.setattr(presses_in_order, "_solved", without_a_number)
+    with pytest.raises(CellError, match="press p0: 1 of 300 numbers of bin_force_N are not finite"):
+        presses_in_order.press_in_order(study, LAWS, {}, presses, "deep_first", tmp_path / "presses.h5")
+    assert not (tmp_path / "presses.h5").exists()
 
 
 def test_what_is_missing_or_of_other_settings_is_refused(pressed, tmp_path):

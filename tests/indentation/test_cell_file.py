@@ -63,6 +63,33 @@ def test_an_interrupted_write_leaves_the_old_file_and_no_remains(path, monkeypat
     assert [p.name for p in path.parent.iterdir()] == [path.name]
 
 
+@pytest.mark.parametrize("wrong", [np.nan, -np.inf])
+@pytest.mark.parametrize(
+    "name", ["total_force_N", "bin_force_N", "node_displacement_mm", "bin_sigma_mesh_N", "sensitivity_total"]
+)
+def test_no_number_that_is_none_is_written(path, name, wrong):
+    before, cell = path.read_bytes(), invented_cell()
+    cell.arrays[name] = np.array(cell.arrays.get(name, np.ones((2, 5, 3))))
+    cell.arrays[name][1, 2] = wrong
+    with pytest.raises(
+        CellError, match=rf"x0_y0\.h5: \d of \d+ numbers of {name} are not finite, the first is {wrong}"
+    ):
+        write_cell(path, cell)
+    assert path.read_bytes() == before
+
+
+def test_attributes_are_finite_but_for_what_is_not_known(tmp_path):
+    """NaN: the share of volume outside the range of a law that came without one."""
+    cell = invented_cell()
+    unknown = {"volume_outside_valid_range": np.array([[np.nan, 0.0]])}
+    write_cell(tmp_path / "a.h5", Cell(cell.arrays, cell.attributes | unknown))
+    with pytest.raises(
+        CellError, match="1 of 2 numbers of energy_mJ are not finite, the first is nan at .1."
+    ):
+        write_cell(tmp_path / "b.h5", Cell(cell.arrays, cell.attributes | {"energy_mJ": [0.1, np.nan]}))
+    assert not (tmp_path / "b.h5").exists()
+
+
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.9, 0.999])
 def test_a_truncated_file_is_named(path, share):
     content = path.read_bytes()

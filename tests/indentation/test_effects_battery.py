@@ -90,3 +90,37 @@ def test_a_little_is_linear(name):
 def test_its_sign_is_the_physical_one(name):
     change = forces(name, 0.01 * CATALOGUE[name].width) - forces(name, 0.0)
     assert np.sign(-change[-1, 2]) == SIGNS[name]
+
+
+# --------------------------------------------------------------------- settings that no effect of the catalogue names
+OTHERS = {
+    "particle stiffening": lambda amount: with_keys(study(), material={"particles": {"stiffening": amount}}),
+    "adhesion on the approach": lambda amount: with_keys(
+        study(), contact={"adhesion": {"approach_N_per_mm": 1e-4 * amount, "range_mm": 0.2}}
+    ),
+}
+
+
+def without(name):
+    """Return the study described otherwise, without what the setting acts on: particles, or any keys of adhesion."""
+    if name != "particle stiffening":
+        return study()
+    layers = [layer.model_dump(mode="json") for layer in study().sensor.layers]
+    layers[0]["particle_volume_fraction"] = 0.0
+    return study(sensor={"layers": layers})
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_none_of_an_unnamed_setting_gives_the_plain_forces_bit_for_bit(name):
+    none = solved(OTHERS[name](0.0).model_dump_json(), PRESSED)
+    assert np.array_equal(none, solved(without(name).model_dump_json(), PRESSED))
+
+
+@pytest.mark.parametrize(("name", "sign"), [*zip(OTHERS, (HARDER, SOFTER))])
+def test_a_little_of_an_unnamed_setting_is_linear(name, sign):
+    """As above; what draws a surface to the ball presses less hard at a depth."""
+    none, first, second = (
+        solved(OTHERS[name](amount).model_dump_json(), PRESSED) for amount in (0, 0.01, 0.02)
+    )
+    assert np.linalg.norm(second - none - 2 * (first - none)) < 0.05 * np.linalg.norm(2 * (first - none))
+    assert np.sign(none - first)[-1, 2] == sign

@@ -168,7 +168,7 @@ def test_a_slab_of_the_gel_s_own_law_is_a_thicker_gel():
 
 
 def test_a_uniform_prestretch_of_a_lone_free_layer_is_not_felt_but_a_held_one_pulls():
-    """Layer and base: stretched gel on its base draws the base's nodes inwards, by mu (lam^2 - lam^-4) per area of a cut."""
+    """Stretched gel on its base starts from F = diag(lam, lam, lam^-2); by how much it pulls: test_effects_limits.py."""
     lam = 1.1
     stretched = with_keys(study(), geometry={"prestretch": {"gel": [lam, lam], "skin": [lam, lam]}})
     model = model_of(
