@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gelforge.config import NAME, ConfigError, Study
+from gelforge.config import NAME, ConfigError, Study, variant_study
 from gelforge.csv_table import read_columns
-from gelforge.indentation.indenter_shapes import check_press, shape_of
+from gelforge.indentation.effects.kinematics import touches_a_slope
+from gelforge.indentation.indenter_shapes import check_press, check_widest, real_indenter, shape_of
+from gelforge.indentation.reach import check_reach, planned_reach
 from gelforge.indentation.symmetry import D4, transform_points
+from gelforge.indentation.trajectory import Trajectory
 
 if TYPE_CHECKING:  # pandas takes 0.3 s to import: only those who make or read tables pay for it
     import pandas as pd
@@ -87,7 +90,9 @@ def variant_cells(cells: dict[str, PlannedCell], study: Study, variant: str) -> 
         raise ConfigError(
             f"variants.{variant}: the plan has no cell at the centre or {CORNER_MM:g} mm from two edges; name `cells`"
         )
-    return {name: replace(cells[name], source=None, symmetry=None) for name in names}
+    chosen = {name: replace(cells[name], source=None, symmetry=None) for name in names}
+    check_inside(chosen, variant_study(study, variant))
+    return chosen
 
 
 def plan_table(cells: dict[str, PlannedCell]) -> pd.DataFrame:
@@ -231,19 +236,28 @@ def _phase(move: np.ndarray) -> str:
 
 
 def check_inside(cells: dict[str, PlannedCell], study: Study) -> None:
-    sensor, shape = study.sensor, shape_of(study.indenter)
+    """Refuse positions outside the sensor, and presses that would pierce it, sink the indenter or pass between nodes."""
+    sensor, effects = study.sensor, study.mechanics.effects
+    described = shape_of(study.indenter)
+    real = real_indenter(described, effects)
+    same_everywhere = not touches_a_slope(effects)  # then most cells of a plan press equally deep
     checked = set()
     for cell in cells.values():
+        where = f"cell {cell.name}"
         for shear in cell.shears_mm or ((0.0, 0.0),):
             x, y = cell.x_mm + shear[0], cell.y_mm + shear[1]
             if not (0 <= x <= sensor.width_x_mm and 0 <= y <= sensor.width_y_mm):
                 raise ConfigError(
-                    f"cell {cell.name}: position ({x:g}, {y:g}) mm lies outside the sensor "
+                    f"{where}: position ({x:g}, {y:g}) mm lies outside the sensor "
                     f"({sensor.width_x_mm} x {sensor.width_y_mm} mm); correct the plan"
                 )
-        if cell.deepest_mm not in checked:  # most cells of a plan press equally deep
-            check_press(study, shape, cell.deepest_mm, f"cell {cell.name}")
-            checked.add(cell.deepest_mm)
+        kind = cell.deepest_mm if same_everywhere and not cell.follows_a_path else cell.name
+        if kind not in checked:
+            reach = planned_reach(sensor, effects, real, Trajectory.of(cell, study.plan.approach))
+            check_reach(reach, cell.deepest_mm, where)
+            check_widest(real, study.indenter.words, reach.depth_mm, where)
+            check_press(study, described, cell.deepest_mm, where)
+            checked.add(kind)
 
 
 def _with_sources(cells: dict[str, PlannedCell], study: Study) -> dict[str, PlannedCell]:
