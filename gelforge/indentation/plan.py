@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gelforge.config import NAME, ConfigError, Study, variant_study
+from gelforge.config import NAME, ConfigError, Sensor, Study, variant_study
 from gelforge.csv_table import read_columns
 from gelforge.indentation.effects.kinematics import touches_a_slope
 from gelforge.indentation.indenter_shapes import check_press, check_widest, real_indenter, shape_of
@@ -57,7 +57,12 @@ def plan_cells(study: Study) -> dict[str, PlannedCell]:
     """Return the study's cells by name, in the order of the plan, with mirrored cells naming their source."""
     cells = _from_file(study.plan.file) if study.plan.file else _from_grid(study)
     check_inside(cells, study)
-    return _with_sources(cells, study) if study.plan.symmetry == "d4" else cells
+    if not study.mirrors_cells:
+        return cells
+    related = _with_sources(cells, study.sensor)
+    if study.plan.symmetry == "d4":
+        _check_mirrored(related, study.sensor)
+    return related
 
 
 CORNER_MM = 5.0  # the article's "corner": this far from two edges
@@ -260,13 +265,21 @@ def check_inside(cells: dict[str, PlannedCell], study: Study) -> None:
             checked.add(kind)
 
 
-def _with_sources(cells: dict[str, PlannedCell], study: Study) -> dict[str, PlannedCell]:
-    sensor = study.sensor
+def _check_mirrored(related: dict[str, PlannedCell], sensor: Sensor) -> None:
+    """Refuse symmetry that was asked for and does not hold, or saves nothing."""
     if sensor.width_x_mm != sensor.width_y_mm or sensor.bins.nx != sensor.bins.ny:
         raise ConfigError(
             f"plan.symmetry: d4 needs a square sensor and square bins; found {sensor.width_x_mm} x {sensor.width_y_mm} mm, "
-            f"{sensor.bins.nx} x {sensor.bins.ny} bins; use symmetry: none"
+            f"{sensor.bins.nx} x {sensor.bins.ny} bins; use symmetry: auto"
         )
+    if len(related) > 1 and all(cell.source is None for cell in related.values()):
+        raise ConfigError(
+            "plan.symmetry: d4, but no two positions of the plan are mirror images; use symmetry: auto"
+        )
+
+
+def _with_sources(cells: dict[str, PlannedCell], sensor: Sensor) -> dict[str, PlannedCell]:
+    """Return the cells of a square sensor, each with the first of the plan that it is an image of, if there is one."""
     width = sensor.width_x_mm
     solved: dict[tuple, str] = {}
     related = {}
@@ -286,8 +299,4 @@ def _with_sources(cells: dict[str, PlannedCell], study: Study) -> dict[str, Plan
         origin = np.array([cells[source].x_mm, cells[source].y_mm])
         symmetry = next(s for s in D4 if np.abs(transform_points(s, origin, width) - position).max() < 1e-6)
         related[cell.name] = PlannedCell(cell.name, cell.x_mm, cell.y_mm, cell.depths_mm, source, symmetry)
-    if len(cells) > 1 and all(cell.source is None for cell in related.values()):
-        raise ConfigError(
-            "plan.symmetry: d4, but no two positions of the plan are mirror images; use symmetry: none"
-        )
     return related

@@ -334,5 +334,5 @@ def test_mirrored_cells_need_effects_that_mirror():
         {"geometry": {"inclusions": [{"centre_mm": [5, 5, -2], "radius_mm": 1.0}]}},
         {"history": {"mullins": {"gel": {"amount": 0.2}}}},
     ):
-        with pytest.raises(ConfigError, match="plan.symmetry: d4 .* use symmetry: none"):
+        with pytest.raises(ConfigError, match="plan.symmetry: d4 .* use symmetry: auto"):
             with_keys(square, **families)
