@@ -103,15 +103,8 @@ def model_of(
     effects = mechanics.effects
     effects.check(sensor)
     described = shape_of(indenter)
-    drawn = sensor_mesh(
-        sensor,
-        mechanics.mesh,
-        trajectory.x_mm,
-        trajectory.y_mm,
-        touched_discs(described, trajectory),
-        effects.geometry.base,
-    )
-    mesh, shape = moved_mesh(drawn, sensor, effects), real_indenter(described, effects)
+    drawn, mesh = meshes_of(sensor, described, mechanics, trajectory)
+    shape = real_indenter(described, effects)
     body = _body(mesh, drawn, sensor, mechanics, laws, pattern)
     start, centres, shape = _path(mesh, shape, sensor, effects, trajectory)
     place = real_place(sensor, effects, trajectory.x_mm, trajectory.y_mm)
@@ -124,6 +117,22 @@ def model_of(
     if mechanics.strain == "finite":  # small strains use the laws at rest only
         check_laws(body.laws, stretches_ahead(sensor, effects, laws, mesh.regions, reach.share))
     return Model(mesh, body, shape, _settings(mechanics), start, centres, yielding(sensor, effects, *place))
+
+
+def meshes_of(
+    sensor: Sensor, described: Shape, mechanics: Mechanics, trajectory: Trajectory
+) -> tuple[Mesh, Mesh]:
+    """Return the mesh for a trajectory of the sensor as drawn, in which effects have their places, and as it really is."""
+    effects = mechanics.effects
+    drawn = sensor_mesh(
+        sensor,
+        mechanics.mesh,
+        trajectory.x_mm,
+        trajectory.y_mm,
+        touched_discs(described, trajectory),
+        effects.geometry.base,
+    )
+    return drawn, moved_mesh(drawn, sensor, effects)
 
 
 def _body(
