@@ -96,11 +96,14 @@ def test_wrong_keys_are_refused_with_key_value_and_limit(change, words):
         assert word in str(refused.value)
 
 
+SYMMETRIC = {"grid": {"spacing_mm": 0.55, "margin_mm": 5.0}, "depths_mm": [1.0], "symmetry": "d4"}
+
+
 @pytest.mark.parametrize(
     ("change", "word"),
     [
-        ({"sensor": {"width_x_mm": 30.0}}, "square sensor"),
-        ({"sensor": {"bins": {"nx": 20, "ny": 10}}}, "square bins"),
+        ({"sensor": {"width_x_mm": 30.0}, "plan": SYMMETRIC}, "square sensor"),
+        ({"sensor": {"bins": {"nx": 20, "ny": 10}}, "plan": SYMMETRIC}, "square bins"),
         (
             {
                 "plan": {

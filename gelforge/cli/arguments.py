@@ -135,6 +135,22 @@ def _by_hand(commands) -> None:
         "--laws", type=Path, nargs="*", default=[], metavar="JSON", help="laws of materials with tests"
     )
 
+    mesh = _command(
+        commands, "mesh", "bench.mesh", "write the mesh of a press for ParaView or Gmsh, nothing is solved"
+    )
+    mesh.add_argument("--x", type=float, required=True, help="position along x [mm], origin at the corner")
+    mesh.add_argument("--y", type=float, required=True, help="position along y [mm]")
+    mesh.add_argument(
+        "--depth", type=float, required=True, help="deepest depth [mm]: the mesh is fine so far around"
+    )
+    mesh.add_argument("--out", type=Path, required=True, help=".vtu, .vtk or Gmsh's .msh")
+    mesh.add_argument(
+        "--indenter", type=Path, metavar="YAML", help="any indenter, see config/indenters; else the study's"
+    )
+    mesh.add_argument(
+        "--study", type=Path, metavar="YAML", help="a study's sensor and settings; else the paper's sensor"
+    )
+
     predict = _command(
         commands, "predict", "bench.predict", "force distribution of images, frame by frame, timed"
     )

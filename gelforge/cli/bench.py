@@ -28,9 +28,7 @@ def press(
     from gelforge.indentation.companion import simulate_label
     from gelforge.indentation.plan import check_inside, press_path
 
-    described = load_study(study) if study else paper_study()
-    if indenter is not None:
-        described = described.model_copy(update={"indenter": load_section(indenter, Indenter)})
+    described = described_press(study, indenter)
     if sensitivities:
         names = derivable_effects() if sensitivities == "all" else sensitivities.split(",")
         mechanics = described.mechanics.model_copy(update={"sensitivities": names})
@@ -46,6 +44,33 @@ def press(
         print(f"written to {out}")
     if not cell.converged:
         raise CellError(f"the press failed: {cell.attributes['reason']}; the depths above are good")
+
+
+def described_press(study: Path | None, indenter: Path | None) -> Study:
+    """Return the study whose sensor and settings are pressed, or the paper's; with another indenter, if one is named."""
+    described = load_study(study) if study else paper_study()
+    if indenter is None:
+        return described
+    return described.model_copy(update={"indenter": load_section(indenter, Indenter)})
+
+
+def mesh(x: float, y: float, depth: float, indenter: Path | None, out: Path, study: Path | None) -> None:
+    """Write the undeformed mesh on which a press at this place and depth is solved; print which number is which region."""
+    from gelforge.indentation.plan import check_inside, press_path
+    from gelforge.indentation.simulate import meshes_of, shape_of
+    from gelforge.indentation.trajectory import Trajectory
+    from gelforge.meshing.tetrahedra import write_mesh
+
+    described = described_press(study, indenter)
+    planned = press_path("press", x, y, [depth], None, False)
+    check_inside({planned.name: planned}, described)
+    described.mechanics.effects.check(described.sensor)
+    shape, trajectory = shape_of(described.indenter), Trajectory.of(planned, described.plan.approach)
+    _, made = meshes_of(described.sensor, shape, described.mechanics, trajectory)
+    write_mesh(out, made)
+    for number, name in enumerate(made.regions):
+        print(f"region {number}: {name}, {(made.region == number).sum()} elements")
+    print(f"{len(made.X)} nodes, written to {out}")
 
 
 def print_force_depth(study: Study, cell) -> None:

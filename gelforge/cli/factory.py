@@ -307,7 +307,13 @@ def virtual_lab_of(study: Study, path: Path):
     """Return the study's virtual lab, or say that it has none."""
     if study.virtual_lab is None:
         raise ConfigError(f"{path}: the study has no virtual_lab; name its YAML file to make synthetic data")
-    return load_virtual_lab(study.virtual_lab)
+    lab = load_virtual_lab(study.virtual_lab)
+    if study.mirrors_cells and not lab.mechanics.effects.has_symmetry_of_square:
+        raise ConfigError(
+            f"{study.virtual_lab}: its mechanics.effects have a place, a direction or an order, but {path} mirrors cells"
+            f" (plan.symmetry: {study.plan.symmetry}); use symmetry: none"
+        )
+    return lab
 
 
 def planned_cell(study: Study, name: str):

@@ -30,7 +30,7 @@ plan:
   # or a regular grid, centred on the sensor:
   #   grid: {{spacing_mm: 2.75, margin_mm: 5.0}}
   #   depths_mm: [0.25, 0.5, 0.75, 1.0]
-  #   symmetry: d4   # solves only cells that no mirror or rotation of the square makes from another
+  # symmetry: none   # solves every cell; auto, the default, makes mirrored and rotated ones from each other where that holds
 
 sessions: [session1] # folders under data/{study}/recordings; []: labels only
 

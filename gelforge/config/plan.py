@@ -26,8 +26,10 @@ class Plan(Section):
         None,
         description="CSV with cell, x_mm, y_mm, depth_mm, for a path also phase, shear_x_mm, shear_y_mm and tilts",
     )
-    symmetry: Literal["d4", "none"] = Field(
-        "none", description="reuse cells that mirror and rotate into each other"
+    symmetry: Literal["auto", "d4", "none"] = Field(
+        "auto",
+        description="cells that mirror and rotate into each other are solved once: auto: where sensor, indenter and effects "
+        "allow it; d4: an error where they do not; none: each is solved",
     )
     approach: Literal["vertical", "normal"] = Field(
         "vertical",

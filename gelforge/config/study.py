@@ -61,13 +61,13 @@ class Study(Section):
             )
         if self.plan.symmetry == "d4" and not self.indenter.is_upright_and_round:
             raise ValueError(
-                f"plan.symmetry: d4 needs a ball or an upright cylinder, found {self.indenter.words}; use symmetry: none"
+                f"plan.symmetry: d4 needs a ball or an upright cylinder, found {self.indenter.words}; use symmetry: auto"
             )
         self.mechanics.effects.check(self.sensor)
         if self.plan.symmetry == "d4" and not self.mechanics.effects.has_symmetry_of_square:
             raise ValueError(
                 "plan.symmetry: d4 does not hold for mechanics.effects that have a place, a direction or an order; "
-                "use symmetry: none"
+                "use symmetry: auto"
             )
         return self
 
@@ -81,7 +81,7 @@ class Study(Section):
             raise ValueError("a flange is meshed by hexahedra only; use mechanics.mesh.elements: auto")
         if kind == "surfaces" and self.plan.symmetry == "d4":
             raise ValueError(
-                "plan.symmetry: d4 is not known to hold for shape.kind: surfaces; use symmetry: none"
+                "plan.symmetry: d4 is not known to hold for shape.kind: surfaces; use symmetry: auto"
             )
         if self.virtual_lab and (kind != "block" or elements == "tetrahedra"):
             raise ValueError("the virtual lab draws particles in hexahedra of a block; leave virtual_lab out")
@@ -93,6 +93,15 @@ class Study(Section):
         """Whether the pressed body looks the same from all sides of a square: every press has mirror images."""
         square = self.sensor.width_x_mm == self.sensor.width_y_mm and self.sensor.shape.kind != "surfaces"
         return square and self.indenter.is_upright_and_round and self.mechanics.effects.has_symmetry_of_square
+
+    @property
+    def mirrors_cells(self) -> bool:
+        """Whether cells of the plan are made from their images, which lack derivatives and the gel's displacement."""
+        if self.plan.symmetry != "auto":
+            return self.plan.symmetry == "d4"
+        asks_for_more = self.mechanics.store_displacement or bool(self.mechanics.sensitivities)
+        bins = self.sensor.bins
+        return self.has_symmetry_of_square and bins.nx == bins.ny and not asks_for_more
 
     @property
     def tetrahedra(self) -> bool:

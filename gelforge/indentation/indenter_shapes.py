@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gelforge.config import ConfigError, Indenter, IndenterPart, Study
+from gelforge.config import ConfigError, Effects, Indenter, IndenterPart, Study
 from gelforge.mechanics.indenters import (
     DOWN,
     Box,
@@ -18,7 +18,6 @@ from gelforge.mechanics.indenters import (
 )
 from gelforge.mechanics.indenters import Indenter as Shape
 
-SOFT_SHARE = 0.6  # of the soft height, beyond which a press would pierce the layers
 # An edge rounded by less than this share of the element size is a jump for Newton's method: at a tenth it still converges,
 # in two to three times the iterations.
 EDGE_SHARE = 0.2
@@ -34,6 +33,24 @@ def shape_of(section: Indenter) -> Shape:
         for part, shape in zip(section.parts, shapes)
     ]
     return _turned(Several(tuple(shapes), np.array(offsets)), section)
+
+
+def real_indenter(shape: Shape, effects: Effects) -> Shape:
+    """Return the indenter as it really is; the mesh is made for the one that is described."""
+    change = effects.geometry.indenter_radius_change_mm
+    if not change:
+        return shape
+    if not isinstance(shape, Sphere):
+        raise ConfigError(
+            f"mechanics.effects.geometry.indenter_radius_change_mm is for a ball, found a {type(shape).__name__.lower()};"
+            " change the indenter's own sizes instead"
+        )
+    if shape.radius + change <= 0:
+        raise ConfigError(
+            f"mechanics.effects.geometry.indenter_radius_change_mm {change:g} leaves no ball of radius"
+            f" {shape.radius:g} mm; make it smaller"
+        )
+    return Sphere(shape.radius + change)
 
 
 def _part(part: IndenterPart) -> Shape:
@@ -92,20 +109,18 @@ def read_triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(read.points, dtype=float), triangles
 
 
-def check_press(study: Study, shape: Shape, depth_mm: float, where: str) -> None:
-    """Refuse a press that would pierce the layers or sink the indenter, or that the mesh cannot resolve."""
-    near, words = study.mechanics.mesh.near_mm, study.indenter.words
-    limit = SOFT_SHARE * study.sensor.height_mm
-    if depth_mm >= limit:
-        raise ConfigError(
-            f"{where}: depth {depth_mm:g} mm would pierce the soft layers: it is beyond {SOFT_SHARE} of their height "
-            f"{study.sensor.height_mm} mm ({limit:.3g} mm); press less deep"
-        )
+def check_widest(shape: Shape, words: str, depth_mm: float, where: str) -> None:
+    """Refuse a press that would sink the indenter; the depth is the real one, words those of the indenter."""
     if depth_mm > shape.reach + 1e-9:
         raise ConfigError(
-            f"{where}: depth {depth_mm:g} mm is beyond the widest part of the {words}, {shape.reach:.3g} mm above its "
+            f"{where}: depth {depth_mm:.4g} mm is beyond the widest part of the {words}, {shape.reach:.3g} mm above its "
             "lowest point: the gel would close over it; press less deep or take a larger indenter"
         )
+
+
+def check_press(study: Study, shape: Shape, depth_mm: float, where: str) -> None:
+    """Refuse a commanded depth that the mesh cannot resolve."""
+    near, words = study.mechanics.mesh.near_mm, study.indenter.words
     for part in study.indenter.shapes:
         if part.kind != "sphere" and part.edge_radius_mm < EDGE_SHARE * near - 1e-12:
             raise ConfigError(

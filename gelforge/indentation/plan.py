@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gelforge.config import NAME, ConfigError, Study
+from gelforge.config import NAME, ConfigError, Sensor, Study, variant_study
 from gelforge.csv_table import read_columns
-from gelforge.indentation.indenter_shapes import check_press, shape_of
+from gelforge.indentation.effects.kinematics import touches_a_slope
+from gelforge.indentation.indenter_shapes import check_press, check_widest, real_indenter, shape_of
+from gelforge.indentation.reach import check_reach, planned_reach
 from gelforge.indentation.symmetry import D4, transform_points
+from gelforge.indentation.trajectory import Trajectory
 
 if TYPE_CHECKING:  # pandas takes 0.3 s to import: only those who make or read tables pay for it
     import pandas as pd
@@ -54,7 +57,12 @@ def plan_cells(study: Study) -> dict[str, PlannedCell]:
     """Return the study's cells by name, in the order of the plan, with mirrored cells naming their source."""
     cells = _from_file(study.plan.file) if study.plan.file else _from_grid(study)
     check_inside(cells, study)
-    return _with_sources(cells, study) if study.plan.symmetry == "d4" else cells
+    if not study.mirrors_cells:
+        return cells
+    related = _with_sources(cells, study.sensor)
+    if study.plan.symmetry == "d4":
+        _check_mirrored(related, study.sensor)
+    return related
 
 
 CORNER_MM = 5.0  # the article's "corner": this far from two edges
@@ -87,7 +95,9 @@ def variant_cells(cells: dict[str, PlannedCell], study: Study, variant: str) -> 
         raise ConfigError(
             f"variants.{variant}: the plan has no cell at the centre or {CORNER_MM:g} mm from two edges; name `cells`"
         )
-    return {name: replace(cells[name], source=None, symmetry=None) for name in names}
+    chosen = {name: replace(cells[name], source=None, symmetry=None) for name in names}
+    check_inside(chosen, variant_study(study, variant))
+    return chosen
 
 
 def plan_table(cells: dict[str, PlannedCell]) -> pd.DataFrame:
@@ -231,28 +241,45 @@ def _phase(move: np.ndarray) -> str:
 
 
 def check_inside(cells: dict[str, PlannedCell], study: Study) -> None:
-    sensor, shape = study.sensor, shape_of(study.indenter)
+    """Refuse positions outside the sensor, and presses that would pierce it, sink the indenter or pass between nodes."""
+    sensor, effects = study.sensor, study.mechanics.effects
+    described = shape_of(study.indenter)
+    real = real_indenter(described, effects)
+    same_everywhere = not touches_a_slope(effects)  # then most cells of a plan press equally deep
     checked = set()
     for cell in cells.values():
+        where = f"cell {cell.name}"
         for shear in cell.shears_mm or ((0.0, 0.0),):
             x, y = cell.x_mm + shear[0], cell.y_mm + shear[1]
             if not (0 <= x <= sensor.width_x_mm and 0 <= y <= sensor.width_y_mm):
                 raise ConfigError(
-                    f"cell {cell.name}: position ({x:g}, {y:g}) mm lies outside the sensor "
+                    f"{where}: position ({x:g}, {y:g}) mm lies outside the sensor "
                     f"({sensor.width_x_mm} x {sensor.width_y_mm} mm); correct the plan"
                 )
-        if cell.deepest_mm not in checked:  # most cells of a plan press equally deep
-            check_press(study, shape, cell.deepest_mm, f"cell {cell.name}")
-            checked.add(cell.deepest_mm)
+        kind = cell.deepest_mm if same_everywhere and not cell.follows_a_path else cell.name
+        if kind not in checked:
+            reach = planned_reach(sensor, effects, real, Trajectory.of(cell, study.plan.approach))
+            check_reach(reach, cell.deepest_mm, where)
+            check_widest(real, study.indenter.words, reach.depth_mm, where)
+            check_press(study, described, cell.deepest_mm, where)
+            checked.add(kind)
 
 
-def _with_sources(cells: dict[str, PlannedCell], study: Study) -> dict[str, PlannedCell]:
-    sensor = study.sensor
+def _check_mirrored(related: dict[str, PlannedCell], sensor: Sensor) -> None:
+    """Refuse symmetry that was asked for and does not hold, or saves nothing."""
     if sensor.width_x_mm != sensor.width_y_mm or sensor.bins.nx != sensor.bins.ny:
         raise ConfigError(
             f"plan.symmetry: d4 needs a square sensor and square bins; found {sensor.width_x_mm} x {sensor.width_y_mm} mm, "
-            f"{sensor.bins.nx} x {sensor.bins.ny} bins; use symmetry: none"
+            f"{sensor.bins.nx} x {sensor.bins.ny} bins; use symmetry: auto"
         )
+    if len(related) > 1 and all(cell.source is None for cell in related.values()):
+        raise ConfigError(
+            "plan.symmetry: d4, but no two positions of the plan are mirror images; use symmetry: auto"
+        )
+
+
+def _with_sources(cells: dict[str, PlannedCell], sensor: Sensor) -> dict[str, PlannedCell]:
+    """Return the cells of a square sensor, each with the first of the plan that it is an image of, if there is one."""
     width = sensor.width_x_mm
     solved: dict[tuple, str] = {}
     related = {}
@@ -272,8 +299,4 @@ def _with_sources(cells: dict[str, PlannedCell], study: Study) -> dict[str, Plan
         origin = np.array([cells[source].x_mm, cells[source].y_mm])
         symmetry = next(s for s in D4 if np.abs(transform_points(s, origin, width) - position).max() < 1e-6)
         related[cell.name] = PlannedCell(cell.name, cell.x_mm, cell.y_mm, cell.depths_mm, source, symmetry)
-    if len(cells) > 1 and all(cell.source is None for cell in related.values()):
-        raise ConfigError(
-            "plan.symmetry: d4, but no two positions of the plan are mirror images; use symmetry: none"
-        )
     return related

@@ -116,7 +116,12 @@ def derivatives(
 
 
 def unmirrored(study: Study) -> Study:
-    """Return the study for one cell by itself: whether its images could be mirrored with an effect does not matter."""
+    """Return the study for one cell by itself: whether its images could be mirrored with an effect does not matter.
+
+    Only `d4` asks for it and is refused; `auto` mirrors nothing where it does not hold.
+    """
+    if study.plan.symmetry != "d4":
+        return study
     return study.model_copy(update={"plan": study.plan.model_copy(update={"symmetry": "none"})})
 
 

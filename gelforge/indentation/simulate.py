@@ -14,7 +14,7 @@ from gelforge.config import ConfigError, Effects, Indenter, Mechanics, Sensor, S
 from gelforge.indentation.cell_arrays import force_arrays, gel_arrays, moment_shift, section_arrays
 from gelforge.indentation.cell_file import Cell
 from gelforge.indentation.effects.fields import element_stiffness
-from gelforge.indentation.effects.geometry import moved_mesh, real_indenter, region_prestretch
+from gelforge.indentation.effects.geometry import moved_mesh, region_prestretch
 from gelforge.indentation.effects.history import (
     TimedPath,
     empty_grid,
@@ -24,25 +24,26 @@ from gelforge.indentation.effects.history import (
     softening_of,
 )
 from gelforge.indentation.effects.kinematics import (
+    in_machine,
     machine_frame,
-    plane_touch,
+    path_over_flat_top,
     real_place,
-    touches_a_slope,
     yielding,
 )
-from gelforge.indentation.effects.material import check_laws, region_bulk, region_laws
-from gelforge.indentation.indenter_shapes import shape_of
+from gelforge.indentation.effects.material import check_laws, region_bulk, region_laws, stretches_ahead
+from gelforge.indentation.indenter_shapes import real_indenter, shape_of
 from gelforge.indentation.inputs import inputs_digest
 from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.reach import block_tops, check_reach, reach_of, soft_base
 from gelforge.indentation.sensor_mesh import sensor_mesh
-from gelforge.indentation.stretch_range import Outside, element_stretches, stretch_ranges
+from gelforge.indentation.stretch_range import Outside, element_stretches, stretch_ranges, unstable_shares
 from gelforge.indentation.surface_files import file_digests, surface_digests
 from gelforge.indentation.touchdown import surface_point, touchdown
 from gelforge.indentation.trajectory import Trajectory
 from gelforge.mechanics.balances import force_balance, moment_balance
 from gelforge.mechanics.body import Body, SmallStrainBody
 from gelforge.mechanics.equilibrium import NotConverged, Press, Settings, State
-from gelforge.mechanics.indenters import DOWN, Sphere, Turned
+from gelforge.mechanics.indenters import DOWN
 from gelforge.mechanics.indenters import Indenter as Shape
 from gelforge.mechanics.laws import PrincipalLaw
 from gelforge.mechanics.memory import RememberingBody
@@ -102,6 +103,27 @@ def model_of(
     effects = mechanics.effects
     effects.check(sensor)
     described = shape_of(indenter)
+    drawn, mesh = meshes_of(sensor, described, mechanics, trajectory)
+    shape = real_indenter(described, effects)
+    body = _body(mesh, drawn, sensor, mechanics, laws, pattern)
+    start, centres, shape = _path(mesh, shape, sensor, effects, trajectory)
+    place = real_place(sensor, effects, trajectory.x_mm, trajectory.y_mm)
+    tops = block_tops(sensor, effects, centres)
+    if sensor.shape.kind != "block":
+        tops = np.full(len(centres), surface_point(mesh, *place)[0][2])
+    reach = reach_of(shape, centres, tops, soft_base(sensor, effects))
+    where = f"the press at ({trajectory.x_mm:g}, {trajectory.y_mm:g}) mm"
+    check_reach(reach, max(trajectory.depths_mm), where)
+    if mechanics.strain == "finite":  # small strains use the laws at rest only
+        check_laws(body.laws, stretches_ahead(sensor, effects, laws, mesh.regions, reach.share))
+    return Model(mesh, body, shape, _settings(mechanics), start, centres, yielding(sensor, effects, *place))
+
+
+def meshes_of(
+    sensor: Sensor, described: Shape, mechanics: Mechanics, trajectory: Trajectory
+) -> tuple[Mesh, Mesh]:
+    """Return the mesh for a trajectory of the sensor as drawn, in which effects have their places, and as it really is."""
+    effects = mechanics.effects
     drawn = sensor_mesh(
         sensor,
         mechanics.mesh,
@@ -110,12 +132,7 @@ def model_of(
         touched_discs(described, trajectory),
         effects.geometry.base,
     )
-    mesh, shape = moved_mesh(drawn, sensor, effects), real_indenter(described, effects)
-    body = _body(mesh, drawn, sensor, mechanics, laws, pattern)
-    start, centres, shape = _path(mesh, shape, sensor, effects, trajectory)
-    place = real_place(sensor, effects, trajectory.x_mm, trajectory.y_mm)
-    check_laws(body.laws, max(trajectory.depths_mm), sensor.height_mm)
-    return Model(mesh, body, shape, _settings(mechanics), start, centres, yielding(sensor, effects, *place))
+    return drawn, moved_mesh(drawn, sensor, effects)
 
 
 def _body(
@@ -149,21 +166,15 @@ def _path(
     mesh: Mesh, shape: Shape, sensor: Sensor, effects: Effects, trajectory: Trajectory
 ) -> tuple[np.ndarray, np.ndarray, Shape]:
     """Return the indenter's centre at the first touch, its path, and its shape as it stands in the sensor's frame."""
+    if sensor.shape.kind == "block" and trajectory.approach == "vertical":
+        return path_over_flat_top(sensor, effects, shape, trajectory)
     place = real_place(sensor, effects, trajectory.x_mm, trajectory.y_mm)
-    tilted = any(effects.kinematics.tilt_deg)
-    frame = machine_frame(effects) if tilted else None
-    along = _direction(mesh, trajectory, place)
-    along = frame @ along if tilted else along
-    lead = 0.0
-    if sensor.shape.kind != "block" or trajectory.approach == "normal":
-        shape = Turned(shape, frame) if tilted and not isinstance(shape, Sphere) else shape
-        start = touchdown(shape, mesh, *place, along)
-    elif touches_a_slope(effects):
-        start, lead = plane_touch(sensor, effects, shape, *place)
-        shape = Turned(shape, frame) if tilted and not isinstance(shape, Sphere) else shape
-    else:
-        start = shape.start(*place)
-    lead += effects.kinematics.contact_zero_mm
+    frame, along = None, _direction(mesh, trajectory, place)
+    if any(effects.kinematics.tilt_deg):
+        frame = machine_frame(effects)
+        along, shape = frame @ along, in_machine(shape, frame)
+    start = touchdown(shape, mesh, *place, along)
+    lead = effects.kinematics.contact_zero_mm
     return start, trajectory.centres(start, along, lead, frame), shape
 
 
@@ -274,7 +285,10 @@ def _simulated(
     stretches = [
         element_stretches(body.gradient, body.weight, mesh.elements, state.u, rest) for state in states
     ]
-    attributes = stretch_ranges(stretches, body.element_volume, mesh.region, tested) | {
+    attributes = stretch_ranges(stretches, body.element_volume, mesh.region, tested)
+    used = [None if small else body.laws[name] for name in mesh.regions]
+    attributes |= unstable_shares(stretches, body.element_volume, mesh.region, used)
+    attributes |= {
         "x_mm": trajectory.x_mm,
         "y_mm": trajectory.y_mm,
         "status": "failed" if reason else "converged",

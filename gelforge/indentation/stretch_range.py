@@ -6,6 +6,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.mechanics.stability import drucker_margin
+
 Outside = Callable[
     [np.ndarray], np.ndarray
 ]  # principal stretches (E, 3) -> whether they leave the tested range (E,)
@@ -55,3 +58,25 @@ def stretch_ranges(
         "volume_outside_valid_range": share,
         "leaves_valid_range": verdict.astype(np.int8),
     }
+
+
+def unstable_shares(
+    stretches: Sequence[np.ndarray],
+    volume: np.ndarray,
+    region: np.ndarray,
+    laws: Sequence[PrincipalLaw | None],
+) -> dict[str, np.ndarray]:
+    """Return the attributes of a cell about the stability of its laws at the stretches that were really reached.
+
+    Arguments as in stretch_ranges; laws: of each region, None where stretches do not matter. `volume_law_unstable` (D, R) is
+    the share of a region's volume in which its law is not Drucker-stable; `law_unstable` (D,) is 1 where any is, else 0.
+    What was checked before solving is an estimate (effects.material.stretches_ahead): this is what came of it.
+    """
+    share = np.zeros((len(stretches), len(laws)))
+    for d, lam in enumerate(stretches):
+        for r, law in enumerate(laws):
+            own = region == r
+            if law is not None:
+                bad = ~(drucker_margin(law, lam[own]) > 0)
+                share[d, r] = (volume[own] * bad).sum() / volume[own].sum()
+    return {"volume_law_unstable": share, "law_unstable": (share > 0).any(axis=1).astype(np.int8)}

@@ -34,23 +34,23 @@ class UnstableLaw(ValueError):
     """A law that is unstable, or has no stress, within the stretches that it is used at."""
 
 
-def check_stable(law: PrincipalLaw, largest_stretch: float, name: str) -> None:
-    """Refuse a law that is not Drucker-stable up to a principal stretch in extension, compression and pure shear.
+def check_stable(law: PrincipalLaw, smallest: float, largest: float, name: str) -> None:
+    """Refuse a law that is not Drucker-stable down to the smallest and up to the largest principal stretch.
 
+    Tried are extension and pure shear up to the largest, and compression (equibiaxial extension) down to the smallest.
     Raises UnstableLaw with the first stretch at which it is unstable.
     """
-    lam = np.linspace(1.0, largest_stretch, 101)
-    for case, exponents in (
-        ("extension", (1.0, -0.5, -0.5)),
-        ("compression", (-1.0, 0.5, 0.5)),
-        ("pure shear", (1.0, 0.0, -1.0)),
+    for case, end, exponents in (
+        ("extension", largest, (1.0, -0.5, -0.5)),
+        ("compression", smallest, (1.0, -0.5, -0.5)),
+        ("pure shear", largest, (1.0, 0.0, -1.0)),
     ):
+        lam = np.geomspace(1.0, end, 101)
         margin = drucker_margin(law, lam[:, None] ** np.array(exponents))
         bad = ~(margin > 0)
         if bad.any():
-            first = lam[np.argmax(bad)] ** (1 if exponents[0] > 0 else -1)
             reason = "has no stress" if np.isnan(margin[bad][0]) else "is unstable (Drucker)"
             raise UnstableLaw(
-                f"the law of {name} {reason} in {case} from stretch {first:.3g}; this press uses it up to"
-                f" {largest_stretch ** (1 if exponents[0] > 0 else -1):.3g}: press less deep or fit another law"
+                f"the law of {name} {reason} in {case} from stretch {lam[np.argmax(bad)]:.3g}; this press may use it up to"
+                f" {end:.3g}: press less deep or fit another law"
             )

@@ -205,8 +205,19 @@ def _boundary(X: np.ndarray, elements: np.ndarray, base: float, above: float) ->
 
 
 # ------------------------------------------------------------------------------------------------------- files
+WRITTEN = (".vtu", ".vtk", ".msh")  # formats that keep elements of both kinds with their regions
+
+
 def write_mesh(path: str | Path, mesh: Mesh) -> None:
-    """Write nodes, elements, regions and fixed nodes in a format that meshio knows by the name: .vtu, Gmsh's .msh, ..."""
+    """Write nodes [mm], elements, cell data "region" (number of mesh.regions) and point data "fixed" (1: held on the base).
+
+    The name's ending says the format: .vtu, .vtk or .msh (Gmsh). Raises MeshingError for another.
+    """
+    if Path(path).suffix not in WRITTEN:
+        raise MeshingError(
+            f"{path}: meshes are written as {', '.join(WRITTEN)}, found {Path(path).suffix or 'no ending'!r}; rename it"
+        )
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
     kind = {8: "hexahedron", 10: "tetra10"}[mesh.elements.shape[1]]
     meshio.Mesh(
         mesh.X,

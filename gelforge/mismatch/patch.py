@@ -15,8 +15,9 @@ from gelforge.mismatch.refit import Refitted
 def patch_of(study: Study, effects: Mapping[str, Effect], fit: Refitted) -> dict[str, Any]:
     """Return the keys that differ with the fitted effects.
 
-    What the finite elements know becomes keys of mechanics (and plan.symmetry, where mirror images no longer hold); what
-    belongs to force sensor, clock or single presses goes to mismatch.known, which the judge adds to the base.
+    What the finite elements know becomes keys of mechanics (and `plan.symmetry: none` instead of `d4`, where mirror images
+    no longer hold); what belongs to force sensor, clock or single presses goes to mismatch.known, which the judge adds to
+    the base.
     """
     with_effects, known = study, []
     for part, amounts in zip(fit.parts, fit.amounts):

@@ -18,7 +18,7 @@ from gelforge.config import ConfigError, Study
 from gelforge.files import atomic, digest, source_digest
 from gelforge.indentation.cell_file import CellError, read_cell
 from gelforge.indentation.effects.catalogue import with_keys
-from gelforge.indentation.effects.geometry import top_slope
+from gelforge.indentation.effects.surfaces import top_slope
 from gelforge.indentation.error_bars import AMOUNT as LAW_AMOUNT
 from gelforge.indentation.inputs import inputs_digest
 from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell, plan_cells

@@ -36,6 +36,7 @@ def materials(results: StudyResults) -> Chapter:
             beside_paper("material", table, results.paper),
         )
     _beyond_tests(chapter, results)
+    _unstable(chapter, results)
     return chapter
 
 
@@ -113,6 +114,31 @@ def _beyond_tests(chapter: Chapter, results: StudyResults) -> None:
         chapter.say(
             f"Of {count(unknown, 'cell')} it is not known whether a law leaves its tested range: its parameters were"
             " given, or the file is older than this check."
+        )
+
+
+def _unstable(chapter: Chapter, results: StudyResults) -> None:
+    """List the cells in which a law is unstable at the stretches that were reached; files without the check are silent."""
+    rows = []
+    for cell in results.converged():
+        attributes = results.cell_attributes[cell.name]
+        unstable = np.asarray(attributes.get("law_unstable", []))
+        if unstable.any():
+            share = np.asarray(attributes["volume_law_unstable"])[-1]
+            worst = int(np.argmax(share))
+            rows.append(
+                {
+                    "cell": cell.name,
+                    "from depth [mm]": cell.depths_mm[int(np.argmax(unstable))],
+                    "region": str(np.asarray(attributes["regions"])[worst]),
+                    "share of volume": float(share[worst]),
+                }
+            )
+    if rows:
+        chapter.tabulate(
+            f"{count(len(rows), 'cell')} reach stretches at which a law is not Drucker-stable: such labels are not to be"
+            " trusted; press less deep or fit another law. The share of the region's volume is that of the deepest step.",
+            pd.DataFrame(rows),
         )
 
 

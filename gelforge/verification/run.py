@@ -26,6 +26,6 @@ CHECKS: dict[str, Callable[[], list[Check]]] = {
 
 
 def run_checks() -> Iterator[Check]:
-    """Yield every check as it is done; about a minute on one core."""
+    """Yield every check as it is done; about half a minute on one core."""
     for function in CHECKS.values():
         yield from function()

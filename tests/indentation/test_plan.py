@@ -7,7 +7,7 @@ import pytest
 import specimens
 from numpy.testing import assert_allclose
 
-from gelforge.config import ConfigError, Variant
+from gelforge.config import ConfigError, Variant, load_study
 from gelforge.indentation.plan import landmarks, plan_cells, plan_table, variant_cells
 from gelforge.indentation.symmetry import transform_points
 
@@ -21,7 +21,7 @@ def from_csv(folder: Path, text: str, **plan):
 
 
 def test_grid_is_centred_named_and_ordered():
-    cells = plan_cells(specimens.study(GRID))
+    cells = plan_cells(specimens.study(GRID | {"symmetry": "none"}))
     assert list(cells)[:4] == ["x0_y0", "x1_y0", "x2_y0", "x0_y1"]
     assert [(c.x_mm, c.y_mm) for c in list(cells.values())[:2]] == [(5.0, 5.0), (8.0, 5.0)]
     assert cells["x1_y1"].depths_mm == (0.4, 0.8)
@@ -52,17 +52,74 @@ def test_mirrored_cells_name_a_solved_source_and_the_symmetry_that_carries_it_th
             assert_allclose(landing, [cell.x_mm, cell.y_mm], atol=1e-9)
 
 
-def test_the_papers_grid_leaves_231_of_1681_cells():
-    sensor = {"width_x_mm": 32.0, "width_y_mm": 32.0}
-    plan = {"grid": {"spacing_mm": 0.55, "margin_mm": 5.0}, "depths_mm": [0.25], "symmetry": "d4"}
-    cells = plan_cells(specimens.study(plan, sensor))
+def test_the_papers_study_solves_231_of_1681_cells_without_being_asked():
+    study = load_study("config/paper.yaml")
+    assert "symmetry" not in study.plan.model_fields_set
+    cells = plan_cells(study)
     assert len(cells) == 1681
     assert sum(cell.source is None for cell in cells.values()) == 231
 
 
+def test_symmetry_by_itself_is_the_one_that_is_asked_for():
+    asked, by_itself, none = (
+        plan_cells(specimens.study(GRID | plan)) for plan in ({"symmetry": "d4"}, {}, {"symmetry": "none"})
+    )
+    assert by_itself == asked != none
+    assert not any(cell.source for cell in none.values())
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"sensor": {"width_y_mm": 18.0}},
+        {"sensor": {"bins": {"nx": 10, "ny": 12}}},
+        {"indenter": {"kind": "box", "size_mm": [4.0, 4.0, 6.0]}},
+        {"indenter": {"kind": "cylinder", "radius_mm": 3.0, "orientation_deg": [5.0, 0.0, 0.0]}},
+        {"effects": {"kinematics": {"tilt_deg": [1.0, 0.0]}}},
+        {"effects": {"kinematics": {"misregistration_mm": [0.1, 0.0]}}},
+        {
+            "effects": {"geometry": {"inclusions": [{"centre_mm": [5.0, 5.0, -2.0], "radius_mm": 1.0}]}}
+        },  # a void
+        {"effects": {"geometry": {"thickness": {"gel": {"gradient": [0.01, 0.0]}}}}},
+        {"effects": {"geometry": {"prestretch": {"skin": [1.1, 1.0]}}}},
+        {"effects": {"history": {"mullins": {"gel": {"amount": 0.2}}}}},
+        {"sensitivities": ["friction"]},  # no symmetry is broken, but mirrored cells have no derivatives
+        {"store_displacement": True},
+    ],
+    ids=lambda keys: "-".join(str(part) for part in keys.values()),
+)
+def test_every_cell_is_solved_where_symmetry_does_not_hold(keys):
+    cells = plan_cells(specimens.study(GRID, **keys))
+    assert len(cells) >= 9
+    assert not any(cell.source for cell in cells.values())
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"indenter": {"kind": "cylinder", "radius_mm": 3.0}},
+        {"effects": {"material": {"stiffness_factor": {"gel": 1.2}}, "kinematics": {"contact_zero_mm": 0.1}}},
+        {"sensor": {"shape": {"kind": "dome"}, "wall_mm": 0.0}},
+    ],
+    ids=["cylinder", "effects of everywhere", "dome"],
+)
+def test_cells_are_mirrored_wherever_symmetry_holds(keys):
+    cells = plan_cells(specimens.study(GRID, **keys))
+    assert sum(cell.source is None for cell in cells.values()) == 3
+
+
+def test_a_plan_of_a_few_positions_solves_those_alone(tmp_path):
+    """The first of each set of images is solved, not one in a corner that is always the same."""
+    text = "cell,x_mm,y_mm,depth_mm\na,11,6,0.5\nb,7,6.5,0.5\nc,10,11,0.5\nd,5,6,0.7\n"
+    cells = from_csv(tmp_path, text)
+    assert {name: cell.source for name, cell in cells.items()} == {"a": None, "b": None, "c": "a", "d": None}
+    alone = from_csv(tmp_path, "cell,x_mm,y_mm,depth_mm\na,5,6,0.5\nb,7,6.5,0.5\n")
+    assert not any(cell.source for cell in alone.values())  # nothing to mirror is no error
+
+
 @pytest.mark.parametrize("sensor", [{"width_y_mm": 18.0}, {"bins": {"nx": 10, "ny": 12}}])
 def test_symmetry_is_refused_where_the_sensor_breaks_it(sensor):
-    with pytest.raises(ConfigError, match=r"needs a square sensor and square bins.*use symmetry: none"):
+    with pytest.raises(ConfigError, match=r"needs a square sensor and square bins.*use symmetry: auto"):
         plan_cells(specimens.study(GRID | {"symmetry": "d4"}, sensor))
 
 

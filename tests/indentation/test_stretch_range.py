@@ -5,9 +5,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from gelforge.characterisation.valid_range import ValidRange
-from gelforge.indentation.stretch_range import element_stretches, stretch_ranges
+from gelforge.indentation.stretch_range import element_stretches, stretch_ranges, unstable_shares
 from gelforge.mechanics.elements import element_gradient
 from gelforge.mechanics.homogeneous import principal_stretches
+from gelforge.mechanics.laws import NeoHooke, Yeoh
 from gelforge.mechanics.meshes import Block, Sizes, layered_block
 
 
@@ -62,3 +63,20 @@ def test_a_part_of_the_volume_is_counted_by_volume(mesh):
 def test_a_cell_without_depths_has_empty_attributes(mesh):
     found = stretch_ranges([], np.ones(3), np.zeros(3, int), [None])
     assert found["stretch_range"].shape == (0, 1, 2) and found["leaves_valid_range"].shape == (0,)
+
+
+def test_a_law_that_is_unstable_where_it_went_is_told_by_region_depth_and_volume(mesh):
+    falling, stable = (
+        Yeoh(0.01, -0.006, 0.0),
+        NeoHooke(0.01),
+    )  # the first falls from a uniaxial stretch of 1.4 on
+    lam, volume = stretches(mesh, np.eye(3))
+    far, marked = lam.copy(), np.flatnonzero(mesh.region == 0)[:3]
+    far[marked] = [2**-0.5, 2**-0.5, 2.0]
+    laws = [falling] + [stable] * (len(mesh.regions) - 1)
+    found = unstable_shares([lam, far], volume, mesh.region, laws)
+    assert found["law_unstable"].tolist() == [0, 1]
+    share = volume[marked].sum() / volume[mesh.region == 0].sum()
+    assert_allclose(found["volume_law_unstable"][1], [share] + [0.0] * (len(laws) - 1))
+    assert not unstable_shares([far], volume, mesh.region, [None] * len(laws))["law_unstable"].any()
+    assert unstable_shares([], volume, mesh.region, laws)["law_unstable"].shape == (0,)

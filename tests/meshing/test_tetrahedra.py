@@ -135,7 +135,7 @@ def test_a_base_below_the_body_is_refused(meshed):
         tetrahedra._boundary(meshed.mesh.X, meshed.mesh.elements, -20.0, 0.1)
 
 
-@pytest.mark.parametrize("suffix", [".vtu", ".msh"])
+@pytest.mark.parametrize("suffix", [".vtu", ".vtk", ".msh"])
 def test_a_written_mesh_is_read_as_it_was(meshed, tmp_path, suffix):
     path, mesh = tmp_path / f"mesh{suffix}", meshed.mesh
     write_mesh(path, mesh)

@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import artificial
 import numpy as np
@@ -16,6 +17,7 @@ from gelforge.indentation.effects.catalogue import CATALOGUE as KNOWN
 from gelforge.indentation.effects.catalogue import Place, middle_of
 from gelforge.mismatch import places
 from gelforge.mismatch.effect import FAMILIES
+from gelforge.mismatch.patch import patch_of
 from gelforge.mismatch.places import FirstOrderAt
 from gelforge.mismatch.solver_effects import FirstOrder
 
@@ -211,6 +213,16 @@ def test_a_study_of_mirrored_cells_takes_every_effect(name):
     effect = CATALOGUE[name]
     changed = effect.to_study(square, effect.shapes(CONTEXT)[0], amounts_of(effect, 0.1))
     assert changed.mechanics != square.mechanics
+
+
+@pytest.mark.parametrize(("symmetry", "keys"), [("auto", None), ("d4", {"symmetry": "none"}), ("none", None)])
+def test_the_patch_of_a_tilt_touches_the_plan_only_where_symmetry_was_asked_for(symmetry, keys):
+    study = study_from(merged(STUDY.model_dump(mode="json"), {"plan": {"symmetry": symmetry}}))
+    part = SimpleNamespace(name="tilt", shape={})
+    patch = patch_of(study, CATALOGUE, SimpleNamespace(parts=[part], amounts=[np.array([1.0, 0.0])]))
+    assert patch["mechanics"]["effects"]["kinematics"]["tilt_deg"] == [1.0, 0.0]
+    assert patch.get("plan") == keys
+    study_from(merged(study.model_dump(mode="json"), patch))  # and can be read
 
 
 @pytest.mark.parametrize("name", [n for n in STUDIES if not CATALOGUE[n].switch])

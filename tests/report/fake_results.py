@@ -54,7 +54,7 @@ def fake_study(root: Path, sessions: bool = True, spacing: float = 5.5, variants
                     {"name": "skin", "thickness_mm": 1.5, "material": "elastosil_25_1"},
                 ]
             },
-            "plan": {"grid": {"spacing_mm": spacing}, "depths_mm": DEPTHS},
+            "plan": {"grid": {"spacing_mm": spacing}, "depths_mm": DEPTHS, "symmetry": "none"},
             "sessions": ["day1"] if sessions else [],
             "variants": {name: {"describes": f"with a {name}"} for name in variants},
         }

@@ -6,14 +6,16 @@ import base64
 import re
 from datetime import UTC, datetime
 from html.parser import HTMLParser
+from types import SimpleNamespace
 
 import fake_results
 import numpy as np
 import pytest
 
 from gelforge.report.beside_paper import beside_paper
-from gelforge.report.chapters import cell_text, heading
+from gelforge.report.chapters import Chapter, cell_text, heading
 from gelforge.report.learning_chapters import TABLES
+from gelforge.report.material_chapter import _unstable
 from gelforge.report.page import CHAPTERS, write_report
 from gelforge.report.results_reader import StudyResults
 
@@ -70,6 +72,19 @@ def test_materials_show_effects_laws_and_the_cells_beyond_the_tested_range(page)
     assert "laws compared" in text and "12.5" in text
     assert "tested at stretches 1 to 1.8 in equibiaxial" in text and "Drucker-stable in all of it" in text
     assert "leave the range in which a law was tested" in text and "share of volume" in text
+
+
+def test_cells_with_a_law_that_proved_unstable_are_listed():
+    cell = SimpleNamespace(name="x1_y1", depths_mm=(0.5, 1.0))
+    shares = np.array([[0.0, 0.0], [0.0, 0.03]])
+    attributes = {"law_unstable": np.array([0, 1]), "volume_law_unstable": shares, "regions": ["gel", "skin"]}
+    older = SimpleNamespace(name="x0_y0", depths_mm=(0.5,))  # a file from before the check
+    chapter = Chapter("materials", "Materials")
+    cells = {"x1_y1": attributes, "x0_y0": {}}
+    _unstable(chapter, SimpleNamespace(converged=lambda: [cell, older], cell_attributes=cells))
+    (table,) = chapter.blocks
+    assert "1 cell reach" in table.words and "not Drucker-stable" in table.words
+    assert table.rows == [["x1_y1", "1", "skin", "0.03"]]
 
 
 def test_every_figure_is_a_picture_under_a_sentence(page):

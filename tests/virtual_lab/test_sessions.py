@@ -1,13 +1,16 @@
 """A synthetic session is a laboratory's session: repeatable, readable, and true to the truth within its noise."""
 
 import filecmp
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from artificial_truth import DEPTHS, UNLOAD, force_at, small_study, truth_cell
 from numpy.testing import assert_allclose
 
-from gelforge.config import VirtualLab, load_session
+from gelforge.cli.factory import virtual_lab_of
+from gelforge.config import ConfigError, VirtualLab, load_session
 from gelforge.indentation.cell_file import write_cell
 from gelforge.indentation.plan import plan_cells
 from gelforge.indentation.symmetry import transform_vectors
@@ -70,6 +73,20 @@ def made(truth, tmp_path_factory):
     for session in LAB.sessions:
         make_session(LAB, session, STUDY, CELLS, truth, folder / session.session)
     return folder
+
+
+@pytest.mark.parametrize(("symmetry", "refused"), [("auto", True), ("d4", True), ("none", False)])
+def test_a_lab_whose_sensor_is_not_symmetric_is_not_mirrored(symmetry, refused, tmp_path):
+    lab = yaml.safe_load(Path("config/virtual_lab/test.yaml").read_text())
+    lab["mechanics"]["effects"] = {"kinematics": {"tilt_deg": [2.0, 0.0]}}
+    (tmp_path / "lab.yaml").write_text(yaml.safe_dump(lab))
+    plan = STUDY.plan.model_copy(update={"symmetry": symmetry})
+    study = STUDY.model_copy(update={"virtual_lab": tmp_path / "lab.yaml", "plan": plan})
+    if refused:
+        with pytest.raises(ConfigError, match=r"lab\.yaml: its mechanics\.effects .* use symmetry: none"):
+            virtual_lab_of(study, Path("study.yaml"))
+    else:
+        assert virtual_lab_of(study, Path("study.yaml")).mechanics.effects.kinematics.tilt_deg == [2.0, 0.0]
 
 
 def test_sessions_share_the_cells_out():

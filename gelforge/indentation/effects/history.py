@@ -9,8 +9,8 @@ import numpy as np
 
 from gelforge.config import Effects, Sensor
 from gelforge.config.effects import PressTiming
-from gelforge.indentation.effects.geometry import layer_heights
 from gelforge.indentation.effects.material import by_region
+from gelforge.indentation.effects.surfaces import layer_heights
 from gelforge.indentation.trajectory import Trajectory
 from gelforge.mechanics.elements import ELEMENTS
 from gelforge.mechanics.memory import Relaxation, Softening

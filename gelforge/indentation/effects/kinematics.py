@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from gelforge.config import Effects, Sensor
-from gelforge.indentation.effects.geometry import top_slope
-from gelforge.mechanics.indenters import DOWN, Turned, rotation_about_axes
+from gelforge.indentation.effects.surfaces import top_slope
+from gelforge.indentation.trajectory import Trajectory
+from gelforge.mechanics.indenters import DOWN, Sphere, Turned, rotation_about_axes
 from gelforge.mechanics.indenters import Indenter as Shape
 
 
@@ -47,6 +48,31 @@ def plane_touch(
     start = middle + away + t_touch * along
     lead = t_middle - t_touch if effects.kinematics.zero_by == "session" else 0.0
     return start, lead
+
+
+def path_over_flat_top(
+    sensor: Sensor, effects: Effects, shape: Shape, trajectory: Trajectory
+) -> tuple[np.ndarray, np.ndarray, Shape]:
+    """Return the indenter's centre (3,) [mm] at the first touch of a block's top, its path, its shape in the sensor's frame.
+
+    The indenter comes down. The path is Trajectory.centres, deeper than commanded by what the effects say.
+    """
+    place = real_place(sensor, effects, trajectory.x_mm, trajectory.y_mm)
+    frame, along, lead = None, DOWN, 0.0
+    if touches_a_slope(effects):
+        start, lead = plane_touch(sensor, effects, shape, *place)
+    else:
+        start = shape.start(*place)
+    if any(effects.kinematics.tilt_deg):
+        frame = machine_frame(effects)
+        along, shape = frame @ DOWN, in_machine(shape, frame)
+    lead += effects.kinematics.contact_zero_mm
+    return start, trajectory.centres(start, along, lead, frame), shape
+
+
+def in_machine(shape: Shape, frame: np.ndarray) -> Shape:
+    """Return an indenter that stands upright in the machine, seen from the sensor."""
+    return shape if isinstance(shape, Sphere) else Turned(shape, frame)
 
 
 def yielding(sensor: Sensor, effects: Effects, x: float, y: float) -> np.ndarray | None:
