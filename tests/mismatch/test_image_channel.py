@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 
 from gelforge.config import Camera, VirtualImaging
 from gelforge.config.variants import merged
+from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.flow import with_flow
 from gelforge.mismatch.flow_covariance import neighbours, scatter_of
@@ -44,6 +45,7 @@ import flow_channel
 # What the screen knows at no cost of its own: enough to part the camera, the gel and the force sensor.
 KEPT = {"gel_stiffness", "skin_stiffness", "contact_zero", "force_gain", "camera_scale", "camera_pose"}
 SCALE = 0.06
+DEEPER_MM = 0.1
 
 
 @pytest.fixture(scope="module")
@@ -58,12 +60,18 @@ def study():
 
 
 @pytest.fixture(scope="module")
-def recorded(study, tmp_path_factory):
+def truth(tmp_path_factory):
+    """Return the folder of true cells, which sessions share."""
+    return tmp_path_factory.mktemp("truth")
+
+
+@pytest.fixture(scope="module")
+def recorded(study, truth, tmp_path_factory):
     """Return a solver and a session whose camera magnifies more than it says, its truth on the study's own mesh."""
     folder = tmp_path_factory.mktemp("flow")
     focal = flow_channel.CAMERA["focal_px"] * (1 + SCALE)
     case = flow_channel.Case("camera_scale", SCALE, 1.0, (0.0, 0.0, 0.0), {"focal_px": focal})
-    session = flow_channel.record(case, study, 3, folder / "kept", folder / "out", study.mechanics.mesh)
+    session = flow_channel.record(case, study, 3, truth, folder / "out", study.mechanics.mesh)
     laws, _ = flow_channel.laws_and_doubts(flow_channel.material_laws_of(study, []))
     return Solver(study, laws, {}, folder / "solves"), session
 
@@ -311,3 +319,30 @@ def test_a_session_without_images_has_no_flow(tmp_path, study):
     folder = write_session(tmp_path / "forces")
     observations, _ = observations_of([folder], flow_channel.small_study())
     assert seen_flows([folder], observations, study.sensor) == []
+
+
+def test_what_the_forces_find_predicts_the_images_better(study, truth, tmp_path):
+    """The study takes depth zero for 0.1 mm higher than it is: found from forces, the flow of the images follows."""
+    higher = SOLVER_EFFECTS["contact_zero"](study, -DEEPER_MM)
+    higher = flow_channel.study_from(
+        merged(higher.model_dump(mode="json"), {"mismatch": {"images": "predicted"}})
+    )
+    case = flow_channel.Case("nothing", 0.0, 1.0, (0.0, 0.0, 0.0), {})
+    session = flow_channel.record(case, study, 4, truth, tmp_path / "out", study.mechanics.mesh)
+    laws, _ = flow_channel.laws_and_doubts(flow_channel.material_laws_of(study, []))
+    verdict = judge_recording(Solver(higher, laws, {}, tmp_path / "solves"), [session], tmp_path, "zero")
+    assert verdict.state == "named" and [group.members for group in verdict.answer] == [["contact_zero"]]
+    (deeper,) = next(effect for effect in verdict.effects if effect.name == "contact_zero").amounts
+    low, high = deeper.interval_90
+    # beside the interval a tenth, by which a change on the coarser mesh may err
+    assert low - 0.1 * DEEPER_MM < DEEPER_MM < high + 0.1 * DEEPER_MM
+    flow = verdict.fit.flow
+    assert flow.used == "predicted" and flow.p < 1e-3
+    # what is left is where the real particles lie: 0.3 px of 0.4
+    assert flow.rmse_after_px < 0.8 * flow.rmse_before_px
+    table = read_flow(tmp_path)
+    missing, found = (
+        np.concatenate([table[f"{state}_{axis}_px"] - table[f"base_{axis}_px"] for axis in "uv"])
+        for state in ("measured", "after")
+    )
+    assert 0.7 < missing @ found / (found @ found) < 1.3  # along what was found nearly all of it was missing

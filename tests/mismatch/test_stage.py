@@ -8,6 +8,7 @@ import pytest
 import specimens
 import yaml
 from recorded import DEPTHS, SITES, record
+from test_patch import after_of
 
 from gelforge.config import ConfigError, study_from
 from gelforge.config.variants import merged
@@ -15,7 +16,7 @@ from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.sessions import observe, session_folders
 from gelforge.mismatch.solutions import Solver
-from gelforge.mismatch.stage import check_matches, judge_recording, observations_of, problem_of
+from gelforge.mismatch.stage import check_matches, judge_recording
 from gelforge.mismatch.verdict import read_verdict
 from gelforge.mismatch.verdict_tables import read_readings
 
@@ -67,21 +68,12 @@ def test_a_stiffer_gel_is_in_the_group_with_its_amount(stiffer):
     assert verdict.fit.held_out.after.rmse_N[2] < 0.5 * verdict.fit.held_out.before.rmse_N[2]
 
 
-def test_the_patch_gives_the_figure_after(stiffer, kept):
-    """The study with the patch in it, judged on the same session, has no mismatch left, and its base is the `after`."""
-    session, _, out = stiffer
-    patch = yaml.safe_load((out / "config.patch.yaml").read_text())
-    patched = study_from(merged(small().model_dump(mode="json"), patch))
-    observations, _ = observations_of([session], patched)
-    problem, _ = problem_of(solver(kept, patched), observations)
-    told = read_readings(out)
-    after = told["after_N"].to_numpy()
-    size = np.abs(after).max()
-    # `after` is the base on the study's mesh plus the change on the coarser one: the mesh's error of a 30 % change
-    assert np.abs(observations.flat(problem.base) - after).max() < 0.05 * size
-    rms = {name: np.sqrt(np.mean((told["measured_N"] - told[name]) ** 2)) for name in ("base_N", "after_N")}
-    left = np.sqrt(np.mean(problem.residual**2))
-    assert abs(left - rms["after_N"]) < 0.3 * (rms["base_N"] - rms["after_N"])  # for the same reason
+def test_the_patched_study_s_presses_are_near_the_figure_after(stiffer):
+    """Within a tenth of the change, by which one that is solved on the coarser mesh may err; without it: test_patch.py."""
+    told, patch = read_readings(stiffer[2]), yaml.safe_load((stiffer[2] / "config.patch.yaml").read_text())
+    presses = after_of(study_from(merged(small().model_dump(mode="json"), patch)), told)
+    largest = np.abs(told["after_N"] - told["base_N"]).max()
+    assert np.abs(presses - told["after_N"]).max() < 0.1 * largest
 
 
 def test_tables_and_verdict_read_back(stiffer):

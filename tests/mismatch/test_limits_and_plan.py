@@ -1,0 +1,210 @@
+"""`gelforge mismatch limits` and `gelforge mismatch plan` on a coarse small sensor, against what is then recorded."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+import specimens
+from recorded import record
+from test_verdict import content
+
+from gelforge.cli import main
+from gelforge.cli.mismatch import solver_of
+from gelforge.config import study_from, write_yaml
+from gelforge.config.variants import merged
+from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
+from gelforge.indentation.plan import plan_cells
+from gelforge.indentation.simulate import simulate_cell
+from gelforge.mismatch.ahead import limits_table, planned_observations
+from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.identifiability import DECISIVE, DETECTED_SNR
+from gelforge.mismatch.screen import screened
+from gelforge.mismatch.solutions import Solver
+from gelforge.mismatch.stage import problem_of
+from gelforge.mismatch.verdict import Verdict, write_verdict
+
+TRIED = ("contact_zero", "force_gain", "gel_stiffness")
+NARROW = {
+    "grid": {"spacing_mm": 6.0, "margin_mm": 5.0},
+    "depths_mm": [0.6, 1.2],
+}  # four corners: one press and its images
+WIDER = {
+    "grid": {"spacing_mm": 3.0, "margin_mm": 5.0},
+    "depths_mm": [0.3, 0.6, 0.9, 1.2],
+}  # all of these, and more
+
+
+def study(**plan):
+    """Return a study whose judge tries three effects; its mesh's own error is stated as small."""
+    settings = {
+        "leave_out": sorted(set(CATALOGUE) - set(TRIED)),
+        "discretisation": 0.002,
+        "noise_scales": [1.0],
+        "coarser": 1.5,
+    }
+    keys = {"mismatch": settings | {"rivals": 2}}
+    return study_from(merged(specimens.study(plan=plan or NARROW).model_dump(mode="json"), keys))
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory):
+    """Return a folder with the study's file."""
+    folder = tmp_path_factory.mktemp("ahead")
+    write_yaml(folder / "small.yaml", study().model_dump(mode="json"))
+    return folder
+
+
+def command(home, *arguments):
+    """Return the exit status of gelforge mismatch with the study and solutions of a folder."""
+    where = ("--config", str(home / "small.yaml"), "--kept", str(home / "solves"))
+    return main(["mismatch", *map(str, arguments), *where])
+
+
+@pytest.fixture(scope="module")
+def solver(home):
+    return solver_of(study(), home, [], home / "solves", 1, [])
+
+
+@pytest.fixture(scope="module")
+def limits(solver):
+    return limits_table(solver)
+
+
+# --- limits
+
+
+def test_limits_prints_and_writes_every_amount_beside_a_plausible_one(
+    home, limits, capsys, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    assert command(home, "limits") == 0
+    written = pd.read_csv(tmp_path / "results/small/mismatch/limits.csv")
+    # the file has five or six figures
+    pd.testing.assert_frame_equal(written, limits, rtol=1e-4)
+    assert list(written["effect"]) == ["contact_zero", *3 * ["force_gain"], "gel_stiffness"]
+    for row in written.itertuples():
+        parameter = next(p for p in CATALOGUE[row.effect].parameters if p.name == row.parameter)
+        assert (row.unit, row.plausible) == (parameter.unit, parameter.width)
+        assert row.plausible_amount_seen == (row.detectable <= row.plausible)
+    printed = capsys.readouterr().out
+    assert all(name in printed for name in TRIED) and f"{limits['detectable'].iloc[0]:.3g}" in printed
+
+
+def pressed(study, amount, table):
+    """Return the forces (R, 3) [N] at planned readings of a gel that is so much stiffer, on the study's own mesh.
+
+    All positions of NARROW are images of one.
+    """
+    stiffer = SOLVER_EFFECTS["gel_stiffness"](study, amount)
+    cell = replace(next(iter(plan_cells(study).values())), source=None)
+    total = simulate_cell(stiffer, specimens.STUDY_LAWS, cell).arrays["total_force_N"]
+    force = total[np.searchsorted(cell.depths_mm, table["depth_mm"])]
+    force[:, 0] *= np.where(table["x_mm"] == cell.x_mm, 1, -1)
+    force[:, 1] *= np.where(table["y_mm"] == cell.y_mm, 1, -1)
+    return force
+
+
+def test_a_recording_shows_the_limit_s_amount_as_promised(home):
+    """Pressed on the study's own mesh it is DETECTED_SNR away from the base, and five times as much is read as that.
+
+    Within 10 %, by which the judge allows a change on its coarser mesh to err; the mesh is finer than elsewhere for that.
+    """
+    mesh = {"near_mm": 0.6}
+    own = study_from(merged(study().model_dump(mode="json"), {"mechanics": {"mesh": mesh}}))
+    solver, planned = Solver(own, specimens.STUDY_LAWS, {}, home / "solves"), planned_observations(own)
+    problem, _ = problem_of(solver, planned, recorded=False)
+    limit = limits_table(solver).set_index("effect").loc["gel_stiffness", "detectable"]
+    base, there, far = (pressed(own, k * limit, planned.table) for k in (0, 1, 5))
+    snr = np.linalg.norm(problem.covariance.whiten(planned.flat(there - base)))
+    assert snr == pytest.approx(DETECTED_SNR, rel=0.1)
+    noise = problem.covariance.draw(np.random.default_rng(1), 1)[:, 0]
+    force = far.copy()
+    force[planned.read] += noise
+    recorded = replace(problem, observations=replace(planned, force=force))
+    found = {one.name: one for one in screened(recorded.residual, recorded.covariance, recorded.candidates)}
+    assert found["gel_stiffness"].snr == pytest.approx(
+        5 * DETECTED_SNR, rel=0.1, abs=3
+    )  # and three deviations of noise
+
+
+def test_a_wider_plan_has_smaller_limits(solver, limits):
+    wider = limits_table(replace(solver, study=study(**WIDER)))
+    assert list(wider["effect"]) == list(limits["effect"])
+    assert (wider["detectable"] < limits["detectable"]).all()
+
+
+# --- plan
+
+
+@pytest.fixture(scope="module")
+def judged(home):
+    """Return the folder with the verdict on a session whose gel is 30 % stiffer than the study says."""
+    stiffer = SOLVER_EFFECTS["gel_stiffness"](study(), 0.3)
+    sites = [(8.0, 8.0), (5.0, 8.0), (5.0, 5.0)]
+    session = record(home / "stiffer", stiffer, specimens.STUDY_LAWS, sites=sites)
+    assert command(home, session, "--out", home / "out", "--no-page") == 0
+    return home / "out"
+
+
+def test_plan_prints_and_writes_what_to_record_next(home, judged, capsys):
+    """A stiffer gel is a gain under displacement control: only dead weights part them, at 20 s for each of 12."""
+    capsys.readouterr()
+    assert command(home, "plan", "--out", judged) == 0
+    table, printed = pd.read_csv(judged / "experiments.csv"), capsys.readouterr().out
+    assert list(table.columns) == ["tells apart", "experiment", "minutes", "expected_log_odds", "decides"]
+    assert set(table["tells apart"]) == {"gel_stiffness or force_gain"}
+    assert all(name in printed for name in table["experiment"])
+    assert (table["decides"] == (table["expected_log_odds"] >= DECISIVE)).all()
+    first, others = table.iloc[0], table.iloc[1:]
+    assert first["experiment"].startswith("dead weights") and first["decides"]
+    assert first["minutes"] == pytest.approx(12 * 20 / 60)
+    assert not others["decides"].any() and (others["expected_log_odds"] > 0).all()
+    assert others["expected_log_odds"].is_monotonic_decreasing  # of those that do not decide what tells most
+
+
+def test_an_experiment_costs_its_presses(home, judged):
+    """Way down at 1 mm/s, readings for 0.9 or 60 s, and 8 s to the next of eight presses."""
+    assert command(home, "plan", "--out", judged) == 0
+    minutes = pd.read_csv(judged / "experiments.csv").set_index("experiment")["minutes"]
+    presses, down = 8, 4 * (0.6 + 1.2)
+    assert minutes["the same plan again"] * 60 == pytest.approx(down + presses * 0.9 + (presses - 1) * 8)
+    dwelling = minutes["the same plan with dwells of 60 s"]
+    assert dwelling * 60 == pytest.approx(down + presses * 60 + (presses - 1) * 8)
+    # two sessions, and the way between them
+    assert minutes["the same plan now and in 30 days"] * 60 == pytest.approx(2 * (down + presses * 8.9) - 8)
+
+
+# --- bad input
+
+
+def refusal(home, capsys, *arguments):
+    """Return what is printed of a command that is refused: one line."""
+    capsys.readouterr()
+    assert command(home, *arguments) == 1
+    printed = capsys.readouterr().err
+    assert printed.startswith("gelforge: ") and printed.count("\n") == 1
+    return printed
+
+
+def test_a_plan_without_a_verdict_is_refused(home, capsys, tmp_path):
+    assert "verdict.json: no such file; `gelforge mismatch` writes it" in refusal(
+        home, capsys, "plan", "--out", tmp_path
+    )
+
+
+def test_a_plan_after_a_verdict_that_leaves_no_choice_is_refused(home, capsys, tmp_path):
+    write_verdict(tmp_path, Verdict.model_validate(content()))
+    printed = refusal(home, capsys, "plan", "--out", tmp_path)
+    assert "the verdict is named" in printed and "nothing is to be decided" in printed
+    assert not (tmp_path / "experiments.csv").exists()
+
+
+def test_no_workers_are_refused(home, capsys, tmp_path):
+    for what in ("limits", "plan"):
+        printed = refusal(home, capsys, what, "--out", tmp_path, "--workers", 0)
+        assert "--workers 0: 1 or more are needed" in printed
+
+
+def test_a_recording_that_is_not_there_is_refused(home, capsys, tmp_path):
+    assert "limit" in refusal(home, capsys, home / "limit", "--out", tmp_path)
