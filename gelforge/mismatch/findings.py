@@ -209,6 +209,7 @@ def _fit(problem: Problem, judgement: Judgement) -> form.Fit:
     if answer.gain is not None:
         everything_held = judgement.blocks.held_out
         held = _held_out(problem, "all", problem.residual, left, everything_held, answer.scores)
+        held = held.model_copy(update={"paid": answer.gain.paid})
         for name, mask in judgement.blocks.held.items():
             own = {key: table[table["block"] == name] for key, table in answer.scores.items()}
             if mask.any():

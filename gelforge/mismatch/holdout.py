@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from scipy.special import logsumexp
 
 from gelforge.mismatch.covariance import Covariance
 from gelforge.mismatch.verdict import shown
@@ -37,11 +38,12 @@ class Gain:
     standard_error: float  # that noise gives it
     blocks: int
     doubt: float = 0.0  # standard error that the error of the change itself gives it
+    paid: float = 0.0  # what is taken from it as what was set aside helped to choose the answer, 0 or less
 
     @property
     def clear(self) -> bool:
         """Return whether the gain is more than chance, and not so small that it speaks against the answer."""
-        return shown(self.total, self.standard_error) and not self.refutes
+        return shown(self.total + self.paid, self.standard_error) and not self.refutes
 
     @property
     def refutes(self) -> bool:
@@ -153,6 +155,17 @@ def gain(before: pd.DataFrame, after: pd.DataFrame) -> Gain:
     total = float((after["score"] - before["score"]).sum())
     apart, doubt = before["apart"].sum() + after["apart"].sum(), before["doubt"].sum()
     return Gain(total, float(np.sqrt(max(apart, 0.0))), len(after), float(np.sqrt(max(doubt, 0.0))))
+
+
+def paid_for_choice(trained: np.ndarray, told: np.ndarray) -> float:
+    """Return what the best of K models has to pay of its gain as the readings set aside helped to choose it, 0 or less.
+
+    trained, told (K,): log evidence by the training readings and by all. The mean of the models' predictive densities,
+    weighted by what the training readings say of each, is fixed without the readings set aside; its gain, which chance
+    makes large as seldom as that of a single model, is all that the chosen one may claim.
+    """
+    best = int(np.argmax(told))
+    return float(min(logsumexp(told) - logsumexp(trained) - (told[best] - trained[best]), 0.0))
 
 
 def _log_score(G: np.ndarray, log_det: float, count: int) -> float:

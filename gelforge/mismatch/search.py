@@ -12,7 +12,7 @@ from gelforge.config.mismatch import Mismatch
 from gelforge.mismatch.alternatives import UNKNOWN, Alternatives, effects_of
 from gelforge.mismatch.confirmation import folds_of, scores_of
 from gelforge.mismatch.groups import grouped, last_alone
-from gelforge.mismatch.holdout import Blocks, Gain, gain
+from gelforge.mismatch.holdout import Blocks, Gain, gain, paid_for_choice
 from gelforge.mismatch.identifiability import RIVAL, Group
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.refit import Refitted
@@ -231,6 +231,9 @@ def _answer(
     adequacy = remains(believed, left[blocks.train], blocks.train, terms.settings, terms.rng, fit.columns)
     everywhere = remains(believed, left, every, terms.settings, terms.rng, columns)
     scores = scores_of(problem, blocks, left, fit)
+    names_of_fits = list(told.evidence)
+    trained = np.array([fits[name].log_bayes_factor for name in names_of_fits])
+    paid = paid_for_choice(trained, np.array([told.evidence[name] for name in names_of_fits]))
     return Answer(
         winner=winner,
         fit=fit,
@@ -245,7 +248,7 @@ def _answer(
         adequacy=adequacy,
         everywhere=everywhere,
         after=told.after,
-        gain=gain(scores["before"], scores["after"]) if blocks.held_out.any() else None,
+        gain=replace(gain(scores["before"], scores["after"]), paid=paid) if blocks.held_out.any() else None,
         scores=scores,
         folds=folds_of(problem, winner),
     )

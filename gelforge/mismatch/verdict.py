@@ -146,11 +146,14 @@ class HeldOut(Section):
     after: Score = Field(description="With the effect in it")
     gain: float = Field(description="Log score after minus before [-]")
     standard_error: NonNegative = Field(description="Of the gain [-]")
+    paid: float = Field(
+        0.0, le=0, description="What the gain has to pay as these readings helped to choose the answer [-]"
+    )
 
     @property
     def shown(self) -> bool:
         """Return whether the gain is more than chance."""
-        return shown(self.gain, self.standard_error)
+        return shown(self.gain + self.paid, self.standard_error)
 
 
 class Flow(Section):

@@ -83,8 +83,9 @@ def set_aside(results: MismatchResults) -> Chapter:
             held_out_figure(blocks, results.axes),
         )
         chapter.tabulate(
-            f"A gain counts above twice its standard error, or above {log(HELD_OUT_ODDS):.1f}: odds of a hundred.",
-            pd.DataFrame([_gain_row(block) for block in blocks]),
+            f"A gain, less what it pays where these readings helped to choose the answer, counts above twice its standard"
+            f" error, or above {log(HELD_OUT_ODDS):.1f}: odds of a hundred.",
+            filled([_gain_row(block) for block in blocks]),
         )
     rows = [_score_row("before", fit.before)] + ([_score_row("after", fit.after)] if fit.after else [])
     chapter.tabulate("The same on all readings, those that were fitted included.", pd.DataFrame(rows))
@@ -104,6 +105,7 @@ def _gain_row(block: HeldOut) -> dict:
         "log score before": block.before.log_score,
         "log score after": block.after.log_score,
         "gain": f"{block.gain:+.3g} ± {block.standard_error:.2g}",
+        "paid for the choice": f"{block.paid:.2g}" if block.paid else None,
         "counts": block.shown,
     }
 
