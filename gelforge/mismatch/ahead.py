@@ -12,9 +12,10 @@ from gelforge.indentation.plan import plan_cells
 from gelforge.mismatch.candidates import candidates_of
 from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effects import CATALOGUE, with_taken
-from gelforge.mismatch.experiments import CLEAR_S, columns_by_name, survivor, weights
+from gelforge.mismatch.experiments import CLEAR_S, planned, survivor, weights
 from gelforge.mismatch.identifiability import Plan, detection_limits, next_experiment
 from gelforge.mismatch.observations import COLUMNS, Observations, last_moves
+from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.sessions import SPEED_MM_PER_S, TOUCHDOWN_MM
 from gelforge.mismatch.solutions import Solver
 from gelforge.mismatch.solver import base_of
@@ -133,14 +134,17 @@ def plans_of(solver: Solver, survivors: list[NamedEffect]) -> Iterator[Plan]:
             study, ages_days=(0.0, LATER_DAYS)
         ),
     }
-    effects = [CATALOGUE[name] for name in {effect.name for effect in survivors}]
+    effects = {effect.name: CATALOGUE[effect.name] for effect in survivors}
     for name, observations in variants.items():
-        base = base_of(solver, observations, with_taken(effects))
-        failed: dict[str, str] = {}
-        known = {c.name for c in candidates_of(base.context, {e.name: e for e in effects}, failed)}
-        if {effect.name for effect in survivors} <= known:
+        base = base_of(solver, observations, with_taken(effects.values()))
+        context, failed = base.context, {}
+        candidates = candidates_of(context, effects, failed)
+        if set(effects) <= {one.name for one in candidates}:
+            covariance = readings_covariance(context, base.law, base.floor, base.alike)
+            problem = Problem(
+                observations, context.force, covariance, candidates, effects, None, failed,
+                change_error=study.mismatch.change_error,
+            )  # fmt: skip
             minutes = float(observations.table["time_s"].max()) / 60
-            covariance = readings_covariance(base.context, base.law, base.floor, base.alike)
-            presses = observations.table["press"].nunique()
-            yield Plan(name, minutes, presses, covariance, columns_by_name(base.context, survivors))
+            yield planned(name, minutes, problem, context, survivors)
     yield weights(study, survivors)

@@ -6,11 +6,28 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from gelforge.config import ConfigError, Study
 from gelforge.mismatch.context import Context
 from gelforge.mismatch.effect import Effect
+from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.screen import Candidate
 
 UNIT = 1e-3  # of a width: a step at which every first-order change is a straight line
+
+
+def effects_of_forces(study: Study) -> dict[str, Effect]:
+    """Return the effects that forces can show on a study's sensor, but for those that it leaves out.
+
+    Raises ConfigError where it leaves out what there is not.
+    """
+    left_out = set(study.mismatch.leave_out)
+    unknown = left_out - set(CATALOGUE)
+    if unknown:
+        raise ConfigError(
+            f"mismatch.leave_out: no effect {sorted(unknown)}; the catalogue has {sorted(CATALOGUE)}"
+        )
+    tried = {name: effect for name, effect in CATALOGUE.items() if name not in left_out}
+    return {name: e for name, e in tried.items() if e.to_forces is not None and e.applies(study)}
 
 
 def candidates_of(context: Context, effects: Mapping[str, Effect], failed: dict[str, str]) -> list[Candidate]:

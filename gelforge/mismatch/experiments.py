@@ -16,6 +16,7 @@ from gelforge.mismatch.effect import Parameter
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.identifiability import Plan, next_experiment
 from gelforge.mismatch.observations import COLUMNS, Observations
+from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.screen import Candidate, Screened
 from gelforge.mismatch.verdict import Amount, Experiment, NamedEffect, Verdict
 
@@ -25,7 +26,7 @@ WEIGHT_S = 20.0  # to put a weight on, read and take it off
 NINETY_TO_SIGMA = 2 * 1.6449
 
 
-def with_experiments(verdict: Verdict, context: Context, covariance: Covariance) -> Verdict:
+def with_experiments(verdict: Verdict, problem: Problem, context: Context) -> Verdict:
     """Return a verdict that also says what recording the same again, and weights, would cost and tell of each group.
 
     Both are known without a solve; `gelforge mismatch plan` weighs others. Those that are expected to decide come first.
@@ -37,7 +38,7 @@ def with_experiments(verdict: Verdict, context: Context, covariance: Covariance)
             pair = [effects[group.members[0]], effects[other]]
             if any(CATALOGUE[effect.name].to_forces is None for effect in pair):
                 continue  # of the camera: neither forces again nor weights tell of it
-            plans = [again(context, covariance, pair), weights(context.study, pair)]
+            plans = [again(problem, context, pair), weights(context.study, pair)]
             best = next_experiment(plans, *map(survivor, pair))[0]
             if best.decides:
                 found.append(
@@ -53,14 +54,26 @@ def with_experiments(verdict: Verdict, context: Context, covariance: Covariance)
     return verdict.model_copy(update={"next_experiments": [*found, *verdict.next_experiments]})
 
 
-def again(context: Context, covariance: Covariance, survivors: Sequence[NamedEffect]) -> Plan:
+def again(problem: Problem, context: Context, survivors: Sequence[NamedEffect]) -> Plan:
     """Return the plan of the very same recording once more."""
     pressed = context.observations.table.groupby("press")["press_time_s"].max()
-    presses = len(pressed)
-    lasted = (pressed.sum() + CLEAR_S * presses) / 60
-    return Plan(
-        "the same recording again", float(lasted), presses, covariance, columns_by_name(context, survivors)
-    )
+    minutes = (pressed.sum() + CLEAR_S * len(pressed)) / 60
+    return planned("the same recording again", float(minutes), problem, context, survivors)
+
+
+def planned(
+    name: str, minutes: float, problem: Problem, context: Context, survivors: Sequence[NamedEffect]
+) -> Plan:
+    """Return a plan of presses by the problem that its readings would pose, with the errors of each effect's change."""
+    columns, errors = columns_by_name(context, survivors), {}
+    for one in survivors:
+        effect, amounts = CATALOGUE[one.name], np.array([amount.value for amount in one.amounts])
+        part = Candidate(one.name, one.shape, columns[one.name], effect.widths, np.zeros(len(amounts)))
+        directions = problem.errors_of([part], amounts)
+        if directions.size:
+            errors[one.name] = problem.covariance.errors(directions)
+    presses = context.observations.table["press"].nunique()
+    return Plan(name, minutes, presses, problem.covariance, columns, errors)
 
 
 def columns_by_name(context: Context, survivors: Sequence[NamedEffect]) -> dict[str, np.ndarray]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -51,6 +51,7 @@ class Plan:
     presses: int
     covariance: Covariance
     columns: Mapping[str, np.ndarray]  # (n, p) [N per unit]
+    errors: Mapping[str, np.ndarray] = field(default_factory=dict)  # (n, k) [N] of each effect's own change
 
 
 @dataclass(frozen=True)
@@ -138,15 +139,17 @@ def profile(
 def expected_log_odds(plan: Plan, first: Screened, second: Screened) -> float:
     """Return the expected log Bayes factor of the right one of two effects after the plan, each right half of the time.
 
-    Each predicts N(J a, C + J S J'), a and S the amounts that the readings at hand give; the expectation is the
-    Kullback-Leibler divergence of one prediction from the other, and all that differs lies in the span of their columns.
+    Each predicts N(J a, C + J S J' + E E'), a and S the amounts that the readings at hand give, E the errors of its change;
+    the expectation is the Kullback-Leibler divergence of one prediction from the other, and all that differs lies in the
+    span of their columns.
     """
     means, spreads = [], []
     for judged in (first, second):
         J = plan.covariance.whiten(np.column_stack([plan.columns[part.name] for part in judged.parts]))
         l, E = np.linalg.eigh(judged.covariance)
         means.append(J @ judged.amounts)
-        spreads.append(J @ (E * np.sqrt(np.maximum(l, 0))))
+        errs = [plan.covariance.whiten(plan.errors[p.name]) for p in judged.parts if p.name in plan.errors]
+        spreads.append(np.column_stack([J @ (E * np.sqrt(np.maximum(l, 0))), *errs]))
     Q = np.linalg.qr(np.column_stack([*means, *spreads]))[0]
     m = [Q.T @ mean for mean in means]
     S = [np.eye(Q.shape[1]) + (Q.T @ U) @ (Q.T @ U).T for U in spreads]

@@ -17,10 +17,10 @@ import pandas as pd
 from gelforge.config import Study
 from gelforge.csv_table import read_csv
 from gelforge.files import digest, file_sha256, write_text
-from gelforge.mismatch.candidates import candidates_of
+from gelforge.mismatch.candidates import candidates_of, effects_of_forces
 from gelforge.mismatch.context import Context, Curves
 from gelforge.mismatch.covariance import readings_covariance
-from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.effects import with_taken
 from gelforge.mismatch.findings import verdict_of, versions
 from gelforge.mismatch.judge import judge
 from gelforge.mismatch.observations import COLUMNS, Observations
@@ -106,12 +106,8 @@ def read_table(path: str | Path = TABLE) -> pd.DataFrame:
 def problem_of_case(case: Case, solver: Solver, table: pd.DataFrame, sigma_N: float) -> Problem:
     """Return the problem of one base; solver: of the study with the curve's assumptions."""
     observations = readings(table, sigma_N)
-    effects = {
-        name: effect
-        for name, effect in CATALOGUE.items()
-        if effect.to_forces is not None and effect.applies(solver.study) and not effect.history
-    }
-    own = base_of(solver, observations, effects.values())
+    effects = {name: e for name, e in effects_of_forces(solver.study).items() if not e.history}
+    own = base_of(solver, observations, with_taken(effects.values()))
     base = own if case.column is None else with_curve(own, table[case.column].to_numpy(), effects)
     failed = dict(base.failed)
     candidates = candidates_of(base.context, effects, failed)

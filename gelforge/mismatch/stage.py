@@ -12,7 +12,7 @@ import numpy as np
 from gelforge.config import ConfigError, Study, load_session, write_yaml
 from gelforge.files import digest, file_sha256
 from gelforge.mechanics.equilibrium import NotConverged
-from gelforge.mismatch.candidates import candidates_of
+from gelforge.mismatch.candidates import candidates_of, effects_of_forces
 from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effect import Effect
 from gelforge.mismatch.effects import CATALOGUE, with_taken
@@ -61,7 +61,7 @@ def judge_recording(solver: Solver, folders: Sequence[Path], out: Path, title: s
         law=law_of(*in_newtons, study),
         flow=flow_section(joint, judgement, after),
     )
-    verdict = with_experiments(verdict, base.context, forces.covariance)
+    verdict = with_experiments(verdict, forces, base.context)
     write_results(out, verdict, problem, in_newtons)
     write_flow(out, flow_table(joint, after))
     (out / PATCH).unlink(missing_ok=True)
@@ -132,13 +132,7 @@ def problem_of(solver: Solver, observations: Observations, recorded: bool = True
 
     recorded: False of a plan, whose forces mean nothing.
     """
-    effects = {
-        name: effect
-        for name, effect in CATALOGUE.items()
-        if name not in solver.study.mismatch.leave_out
-        and effect.to_forces is not None
-        and effect.applies(solver.study)
-    }
+    effects = effects_of_forces(solver.study)
     base = with_known(base_of(solver, observations, with_taken(effects.values())), solver)
     covariance = readings_covariance(base.context, base.law, base.floor, base.alike)
     if recorded:

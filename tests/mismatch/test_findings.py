@@ -70,7 +70,7 @@ def test_weights_are_told_to_decide_between_a_gain_and_a_stiffness_with_cost_and
     base = artificial.context(7, per_side=3)
     context = artificial.read(base, 1.06 * base.force, np.random.default_rng(8))
     problem = problem_of(context)
-    told = with_experiments(verdict(problem, judge(problem, SETTINGS, seed=1)), context, problem.covariance)
+    told = with_experiments(verdict(problem, judge(problem, SETTINGS, seed=1)), problem, context)
     pair = [e for e in told.next_experiments if set(e.separates) == {"body_stiffness", "force_gain"}]
     assert pair and all("dead weights" in e.words for e in pair)  # the same again tells nothing of the two
     assert pair[0].presses == 0 and pair[0].cost_s > 0 and pair[0].expected_log_odds > np.log(10)

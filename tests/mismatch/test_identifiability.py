@@ -116,18 +116,23 @@ def test_profile_is_the_best_over_the_other_amounts(world):
     assert_allclose(profile(r, covariance, judged, 1, amounts), [-2.0, 0.0, -0.5], atol=1e-8)
 
 
-def test_expected_log_odds_are_the_mean_of_many_experiments(world):
+@pytest.mark.parametrize("erring", [0.0, 0.3])
+def test_expected_log_odds_are_the_mean_of_many_experiments(world, erring):
+    """With errors of the late effect's own change too, of some standard deviations in all."""
     _, covariance, candidates = world
     rng = np.random.default_rng(6)
     drift, late = named(candidates, "force_drift"), named(candidates, "late")
     r = drift.columns @ [0.02, 0.0, -0.02] + covariance.draw(rng, 1)[:, 0]
     first, second = (screened(r, covariance, [c])[0] for c in (drift, late))
-    plan = Plan("again", 60.0, 5, covariance, {"force_drift": drift.columns, "late": late.columns})
+    columns = {"force_drift": drift.columns, "late": late.columns}
+    apart = np.sin(3 * np.arange(len(r)))[:, None]
+    errors = {"late": erring * covariance.standard_deviation[:, None] * np.hstack([1 + apart, apart])}
+    plan = Plan("again", 60.0, 5, covariance, columns, errors if erring else {})
     W = covariance.whiten(np.eye(len(r)))
     C = np.linalg.inv(W.T @ W)
     laws = [
-        multivariate_normal(j.change, C + j.parts[0].columns @ j.covariance @ j.parts[0].columns.T)
-        for j in (first, second)
+        multivariate_normal(j.change, C + j.parts[0].columns @ j.covariance @ j.parts[0].columns.T + E @ E.T)
+        for j, E in ((first, 0 * errors["late"]), (second, errors["late"]))
     ]
     odds = []
     for right, wrong in (laws, laws[::-1]):

@@ -13,6 +13,7 @@ from test_patch import after_of
 from gelforge.config import ConfigError, study_from
 from gelforge.config.variants import merged
 from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
+from gelforge.mismatch.candidates import effects_of_forces
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.sessions import observe, session_folders
 from gelforge.mismatch.solutions import Solver
@@ -219,6 +220,14 @@ def test_a_diameter_is_no_radius(stiffer, tmp_path, words):
     twice = study_from(merged(small().model_dump(mode="json"), {"indenter": {"radius_mm": 2 * radius}}))
     with pytest.raises(ConfigError, match="give the study"):
         check_matches([same], twice)
+
+
+def test_an_effect_left_out_that_there_is_not_is_refused():
+    with pytest.raises(
+        ConfigError, match=r"no effect \['gel_stifness'\]; the catalogue has .*'gel_stiffness'"
+    ):
+        effects_of_forces(small(mismatch={"leave_out": ["gel_stifness", "yaw"]}))
+    assert "yaw" not in effects_of_forces(small(mismatch={"leave_out": ["yaw"]}))
 
 
 def test_sessions_are_found_in_a_folder_of_recordings(stiffer, tmp_path):
