@@ -8,7 +8,7 @@ import pytest
 import specimens
 import yaml
 from recorded import DEPTHS, SITES, record
-from test_patch import after_of
+from test_patched_study import after_of
 
 from gelforge.config import ConfigError, study_from
 from gelforge.config.variants import merged
@@ -70,7 +70,8 @@ def test_a_stiffer_gel_is_in_the_group_with_its_amount(stiffer):
 
 
 def test_the_patched_study_s_presses_are_near_the_figure_after(stiffer):
-    """Within a tenth of the change, by which one that is solved on the coarser mesh may err; without it: test_patch.py."""
+    """Within a tenth of the change, by which one that is solved on the coarser mesh may err; without it:
+    test_patched_study.py."""
     told, patch = read_readings(stiffer[2]), yaml.safe_load((stiffer[2] / "config.patch.yaml").read_text())
     presses = after_of(study_from(merged(small().model_dump(mode="json"), patch)), told)
     largest = np.abs(told["after_N"] - told["base_N"]).max()
