@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy.stats import norm
 from gelforge.mismatch import verdict as form
 from gelforge.mismatch.alternatives import NOTHING, UNKNOWN, effects_of
 from gelforge.mismatch.effect import Parameter
-from gelforge.mismatch.identifiability import profile
+from gelforge.mismatch.identifiability import Group, profile
 from gelforge.mismatch.judge import Judgement
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.refit import End
@@ -22,12 +23,10 @@ NINETY = float(norm.ppf(0.95))
 PROFILE_SD, PROFILE_POINTS = 4.0, 33
 
 
-def groups_told(problem: Problem, answer: Answer | None) -> list[form.Group]:
-    """Return the groups of an answer, none without one."""
-    if answer is None:
-        return []
+def groups_told(problem: Problem, groups: Sequence[Group]) -> list[form.Group]:
+    """Return groups of an answer as they stand in a verdict."""
     found = []
-    for group in answer.groups:
+    for group in groups:
         cosines = [abs(c) for name, c in group.cosines.items() if name != group.members[0]]
         first = problem.effects[group.members[0]]
         found.append(

@@ -45,7 +45,7 @@ def verdict_of(
     """Return the verdict of a judgement."""
     answer = judgement.answer
     in_newtons = force_part(problem, judgement)
-    told = groups_told(problem, answer) if judgement.state in ("named", "group", "open") else []
+    told = groups_told(problem, judgement.told)
     return form.Verdict(
         title=title,
         synthetic=synthetic,
@@ -61,7 +61,7 @@ def verdict_of(
         ),
         where=[
             *(_where(judgement.mismatch) if answer or judgement.state == "open" else []),
-            *(located(answer, sensor) if told else []),
+            *(located(answer, sensor, told) if told else []),
         ],
         answer=told,
         effects=effects_told(problem, judgement),
@@ -176,11 +176,11 @@ def _where(mismatch: Remains) -> list[form.Where]:
     return found
 
 
-def located(answer: Answer, sensor: Sensor | None) -> list[form.Where]:
-    """Return where the answer's defects lie in the sensor: balls in a layer, discs on the lower face of the skin."""
-    found = []
+def located(answer: Answer, sensor: Sensor | None, told: Sequence[form.Group]) -> list[form.Where]:
+    """Return where the defects that are told lie in the sensor: balls in a layer, discs on the lower face of the skin."""
+    names, found = {name for group in told for name in group.members}, []
     for part in answer.fit.parts:
-        if "z_mm" not in part.shape:
+        if "z_mm" not in part.shape or part.name not in names:
             continue
         x, y, z, radius = (part.shape[key] for key in ("x_mm", "y_mm", "z_mm", "radius_mm"))
         half = 0.0 if part.name == "delamination" else radius

@@ -14,6 +14,7 @@ from gelforge.mismatch.screen import Screened
 from gelforge.mismatch.verdict import NAMED_PROBABILITY
 
 MOST_MEMBERS = 4  # of a group that is widened by rivals
+LIKELY = 0.5  # probability below which a group is no answer
 
 
 def grouped(ranked: Sequence[Screened], covariance: Covariance, alternatives: Alternatives) -> Group:
@@ -28,6 +29,16 @@ def grouped(ranked: Sequence[Screened], covariance: Covariance, alternatives: Al
     exact = normalised({judged.name: judged.log_bayes_factor - judged.error_cost for judged in ranked})
     others = sum(exact[name] for name in group.members[1:])
     return replace(group, odds=min(group.odds, exact[group.members[0]] / others)) if others > 0 else group
+
+
+def claimed(groups: Sequence[Group]) -> tuple[Group, ...]:
+    """Return the groups of an answer without those less likely than not, where all that then remain are sure.
+
+    What is sure is in nearly every answer, whichever effect it is that takes up the little that is left beside it.
+    """
+    likely = tuple(group for group in groups if group.probability >= LIKELY)
+    sure = likely and all(group.probability >= NAMED_PROBABILITY for group in likely)
+    return likely if sure else tuple(groups)
 
 
 def last_alone(judged: Screened) -> Screened:

@@ -9,8 +9,9 @@ import numpy as np
 
 from gelforge.config.mismatch import Mismatch
 from gelforge.mismatch.alternatives import UNKNOWN, probabilities
+from gelforge.mismatch.groups import LIKELY, claimed
 from gelforge.mismatch.holdout import Blocks, split
-from gelforge.mismatch.identifiability import DETECTED_SNR
+from gelforge.mismatch.identifiability import DETECTED_SNR, Group
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.refit import Refitted
 from gelforge.mismatch.remains import Remains, remains
@@ -19,8 +20,6 @@ from gelforge.mismatch.search import CERTAIN_P, Answer, Terms, explained
 from gelforge.mismatch.unknown import manners_of, weighed_unknown
 from gelforge.mismatch.verdict import ADEQUATE_P, ALARM_P, NAMED_ODDS, NAMED_PROBABILITY
 from gelforge.mismatch.weighing import chance_of_known, those_felt, weighed
-
-LIKELY = 0.5  # probability below which a group is no answer
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +34,13 @@ class Judgement:
     answer: Answer | None
     notes: tuple[str, ...]  # what went wrong on the way
     out_of_range: bool = False  # an amount of the answer is not physical, or on its bounds
+
+    @property
+    def told(self) -> tuple[Group, ...]:
+        """Return the groups that a verdict tells: those that are claimed, all as hints where it is open, else none."""
+        if self.answer is None or self.state in ("null", "insufficient"):
+            return ()
+        return self.answer.groups if self.state == "open" else claimed(self.answer.groups)
 
     @property
     def refuted(self) -> bool:
@@ -97,7 +103,7 @@ def _state(problem: Problem, mismatch: Remains, answer: Answer | None) -> str:
     Where the mismatch is certain and the readings set aside refute the best answer, something unknown is there, and so it is
     where they refuted one effect and none of several is sure, or where something unknown is as sure as a name has to be, or
     likelier than not while no name is. What rests on a refit that has not converged is not named: its amounts and evidence
-    are not final. A group that is less likely than not says nothing.
+    are not final. A group that is less likely than not says nothing; beside what is sure it is left out.
     """
     if answer is None or answer.adequacy.p <= ADEQUATE_P or not in_range(problem, answer.fit):
         return "open"
@@ -108,13 +114,14 @@ def _state(problem: Problem, mismatch: Remains, answer: Answer | None) -> str:
     unsure = "open" if mismatch.p < CERTAIN_P and strange else "insufficient"
     if answer.gain is None or not answer.gain.clear or unknown >= NAMED_PROBABILITY:
         return unsure
+    groups = claimed(answer.groups)
     sure = all(
         group.probability >= NAMED_PROBABILITY and (len(group.members) == 1 or group.odds >= NAMED_ODDS)
-        for group in answer.groups
+        for group in groups
     )
     if sure and answer.fit.converged:
         return "named"
-    if unknown > LIKELY and not all(group.probability >= NAMED_PROBABILITY for group in answer.groups):
+    if unknown > LIKELY and not all(group.probability >= NAMED_PROBABILITY for group in groups):
         return unsure
-    likely = all(group.probability >= LIKELY for group in answer.groups)
-    return "group" if likely and any(len(group.members) > 1 for group in answer.groups) else unsure
+    likely = all(group.probability >= LIKELY for group in groups)
+    return "group" if likely and any(len(group.members) > 1 for group in groups) else unsure

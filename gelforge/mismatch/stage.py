@@ -218,8 +218,7 @@ def noise_cases(problem: Problem, study: Study) -> list[NoiseCase]:
 def noise_case(problem: Problem, judgement: Judgement, scale: float) -> NoiseCase:
     """Return a judgement as one row of the table over noise."""
     z = problem.observations.noise_N[np.isfinite(problem.observations.noise_N[:, 2]), 2]
-    answer = judgement.answer if judgement.state in ("named", "group", "open") else None
-    groups = [] if answer is None else answer.groups
+    groups = judgement.told
     return NoiseCase(
         scale=scale,
         sigma_z_N=float(scale * np.sqrt(np.mean(z**2))),

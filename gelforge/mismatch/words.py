@@ -27,7 +27,7 @@ def sentence_of(problem: Problem, judgement: Judgement) -> str:
     where = f"Simulation and readings differ beyond their errors, most clearly {plain(mismatch.scan.best)}"
     if judgement.answer is None:
         return f"{where}; no effect of the catalogue could be fitted."
-    words = _answer_words(problem, judgement.answer, state != "insufficient")
+    words = _answer_words(problem, judgement)
     if state == "open":
         return f"{where}; no effect of the catalogue explains it: {_why_open(judgement, words)}{_manner(judgement)}."
     if state == "insufficient" and not judgement.answer.fit.converged:
@@ -71,9 +71,14 @@ def _manner(judgement: Judgement) -> str:
     return f"; it would be a change of {judgement.answer.stranger}" if judgement.strange else ""
 
 
-def _answer_words(problem: Problem, answer: Answer, with_others: bool) -> str:
-    found = []
-    for part, amounts, group in zip(answer.fit.parts, answer.fit.amounts, groups_told(problem, answer)):
+def _answer_words(problem: Problem, judgement: Judgement) -> str:
+    """Return the effects of the answer with amounts and what cannot be told from them; what is not claimed at the end."""
+    answer, found, rest = judgement.answer, [], []
+    with_others = judgement.state != "insufficient"
+    for part, amounts, group in zip(answer.fit.parts, answer.fit.amounts, answer.groups):
+        if with_others and group not in judgement.told:
+            rest.append(part.name.replace("_", " "))
+            continue
         effect = problem.effects[part.name]
         values = " and ".join(
             f"{p.name} {a:.3g} {'' if p.unit == '1' else p.unit}".rstrip()
@@ -87,7 +92,8 @@ def _answer_words(problem: Problem, answer: Answer, with_others: bool) -> str:
         found.append(
             own + (f", or {', '.join(others)}, which these readings cannot tell from it" if others else "")
         )
-    return " together with ".join(found)
+    little = f", beside something that these readings cannot name ({' and '.join(rest)} fits)" if rest else ""
+    return " together with ".join(found) + little
 
 
 def plain(finding: Finding) -> str:
@@ -106,7 +112,7 @@ def experiments_in_words(problem: Problem, judgement: Judgement) -> list[form.Ex
         return []
     return [
         form.Experiment(words=group.decided_by, separates=group.members)
-        for group in groups_told(problem, judgement.answer)
+        for group in groups_told(problem, judgement.answer.groups)
         if group.decided_by
     ]
 

@@ -48,6 +48,10 @@ def stuck_at_first(problem, share):
     return forces
 
 
+def answer_of(parts):
+    return SimpleNamespace(fit=SimpleNamespace(parts=parts))
+
+
 def test_where_a_defect_of_the_answer_lies_is_told_with_its_layer():
     """The artificial sensor: 4.5 mm of gel, the top of which is 1.5 mm below the surface."""
     sensor = artificial.study().sensor
@@ -57,7 +61,9 @@ def test_where_a_defect_of_the_answer_lies_is_told_with_its_layer():
     parts = [
         Candidate(n, s, none, [1.0], [1]) for n, s in (("void", ball), ("yaw", {}), ("delamination", disc))
     ]
-    found = located(SimpleNamespace(fit=SimpleNamespace(parts=parts)), sensor)
+    told = [SimpleNamespace(members=["void", "inclusion"]), SimpleNamespace(members=["yaw", "delamination"])]
+    assert [place.layer for place in located(answer_of(parts), sensor, told[:1])] == ["gel"]  # what is told
+    found = located(answer_of(parts), sensor, told)
     assert [(place.x_mm, place.y_mm, place.radius_mm) for place in found] == [
         (7.0, 12.0, 1.2),
         (5.0, 5.0, 2.1),

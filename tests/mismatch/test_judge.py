@@ -170,6 +170,27 @@ def test_a_group_that_is_less_likely_than_not_is_no_answer():
     assert states == ["group", "insufficient"]
 
 
+def test_what_is_sure_is_named_whichever_effect_takes_up_the_little_beside_it():
+    problem, found, state = named()
+    (group,) = found.answer.groups
+    little = replace(group, members=("clock_offset",), probability=0.2)
+    assert state(groups=(group, little)) == "named"
+    assert state(groups=(group, replace(little, probability=0.7))) == "insufficient"  # likely, but not sure
+    assert state(groups=(replace(group, probability=0.8), little)) == "insufficient"
+    assert state(groups=(replace(group, members=(*group.members, "yaw"), odds=3.0), little)) == "group"
+    (part,), (amounts,) = found.answer.fit.parts, found.answer.fit.amounts
+    fit = replace(
+        found.answer.fit, parts=(part, replace(part, name="clock_offset")), amounts=(amounts, amounts[:1])
+    )
+    both = replace(found, answer=replace(found.answer, fit=fit, groups=(group, little)))
+    assert both.told == (group,)
+    assert "beside something that these readings cannot name (clock offset fits)" in sentence_of(
+        problem, both
+    )
+    assert replace(both, state="open").told == (group, little)
+    assert replace(both, state="insufficient").told == ()
+
+
 def test_where_one_effect_was_refuted_and_none_of_several_is_sure_something_unknown_is_there():
     problem, found, state = named()
     (group,) = found.answer.groups
