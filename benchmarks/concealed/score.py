@@ -162,16 +162,9 @@ def _distance(truth: dict, verdict: dict) -> float:
         return float("nan")
     claimed = {name for group in verdict["answer"] for name in group["members"]}
     shapes = {e["name"]: e.get("shape", {}) for e in verdict["effects"] if e["name"] in claimed}
-    away = [
-        float(
-            np.hypot(
-                shapes[true["name"]]["x_mm"] - where["x_mm"], shapes[true["name"]]["y_mm"] - where["y_mm"]
-            )
-        )
-        for true in truth["effects"]
-        if (where := true.get("where")) and "x_mm" in shapes.get(true["name"], {})
-    ]
-    return min(away, default=float("nan"))
+    places = [(e["where"], shapes.get(e["name"], {})) for e in truth["effects"] if "where" in e]
+    away = [np.hypot(a["x_mm"] - b["x_mm"], a["y_mm"] - b["y_mm"]) for a, b in places if "x_mm" in b]
+    return float(min(away, default=np.nan))
 
 
 def scores(judged: list[Judged]) -> dict[str, str | float | Rate]:

@@ -77,8 +77,7 @@ def limits_table(solver: Solver) -> pd.DataFrame:
     """Return per effect and parameter the smallest amount that the study's plan would show, beside a plausible one."""
     problem, _ = problem_of(solver, planned_observations(solver.study), recorded=False)
     rows = []
-    physics = [one for one in problem.candidates if not problem.effects[one.name].blunder]
-    for limit in detection_limits(problem.covariance, physics):
+    for limit in detection_limits(problem.covariance, problem.physics):
         parameter = CATALOGUE[limit.name].parameters[limit.parameter]
         rows.append(
             (

@@ -38,7 +38,6 @@ def verdict_of(
     sensor: Sensor | None,
     provenance: form.Provenance,
     noise_cases: Sequence[form.NoiseCase] = (),
-    experiments: Sequence[form.Experiment] = (),
     law: form.Law | None = None,
     flow: form.Flow | None = None,
 ) -> form.Verdict:
@@ -72,7 +71,7 @@ def verdict_of(
         law=law,
         detection_limits=_limits(problem, judgement),
         noise=_noise(in_newtons[0], noise_cases),
-        next_experiments=list(experiments) or experiments_in_words(problem, judgement),
+        next_experiments=experiments_in_words(problem, judgement),
         cannot_know=[
             *problem.observations.cannot_know,
             *judgement.notes,
@@ -267,8 +266,7 @@ def _adequacy(judgement: Judgement) -> form.Adequacy:
 
 def _limits(problem: Problem, judgement: Judgement) -> list[form.DetectionLimit]:
     found = []
-    physics = [one for one in problem.candidates if not problem.effects[one.name].blunder]
-    for limit in detection_limits(problem.covariance, physics):
+    for limit in detection_limits(problem.covariance, problem.physics):
         parameter = problem.effects[limit.name].parameters[limit.parameter]
         found.append(
             form.DetectionLimit(

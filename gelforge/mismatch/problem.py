@@ -51,6 +51,11 @@ class Problem:
         """Return measured less base (n,)."""
         return self.observations.flat(self.observations.force - self.base)
 
+    @property
+    def physics(self) -> list[Candidate]:
+        """Return the candidates that are no blunders."""
+        return [one for one in self.candidates if not self.effects[one.name].blunder]
+
     def believing(self, parts: Sequence[Candidate], amounts: np.ndarray) -> Problem:
         """Return the problem with the errors of effects' own change at amounts (p,) in its covariance."""
         errors = self.errors_of(parts, amounts)

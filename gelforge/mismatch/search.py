@@ -231,9 +231,8 @@ def _answer(
     adequacy = remains(believed, left[blocks.train], blocks.train, terms.settings, terms.rng, fit.columns)
     everywhere = remains(believed, left, every, terms.settings, terms.rng, columns)
     scores = scores_of(problem, blocks, left, fit)
-    names_of_fits = list(told.evidence)
-    trained = np.array([fits[name].log_bayes_factor for name in names_of_fits])
-    paid = paid_for_choice(trained, np.array([told.evidence[name] for name in names_of_fits]))
+    trained = np.array([fits[name].log_bayes_factor for name in told.evidence])
+    paid = paid_for_choice(trained, np.array([*told.evidence.values()]))
     return Answer(
         winner=winner,
         fit=fit,

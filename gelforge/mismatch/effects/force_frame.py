@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from gelforge.mismatch.context import Context
-from gelforge.mismatch.effect import Effect, Parameter, Shape
-from gelforge.mismatch.solver_effects import ON
+from gelforge.mismatch.blunders import blunder
+from gelforge.mismatch.effect import Effect
 
 # What was read as (Fx, Fy), of the force (Fx, Fy) on the sensor: all other ways to lay a square on itself.
 READ = {
@@ -22,29 +19,16 @@ READ = {
 }
 
 
-def shapes(context: Context) -> list[Shape]:
-    """Return the ways to take the lateral axes for others."""
-    return [{"axes": name} for name in READ]
-
-
-def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
-    """Return the forces along the axes that are meant."""
-    (a,) = amounts
-    read = np.array(READ[str(shape.get("axes", "x and y swapped"))], dtype=float)
-    change = np.zeros_like(force)
-    change[:, :2] = force[:, :2] @ read.T - force[:, :2]
-    return force + a * change
+def read(force: np.ndarray, axes: str) -> np.ndarray:
+    """Return the forces (R, 3) along other lateral axes."""
+    return np.column_stack([force[:, :2] @ np.array(READ[axes], dtype=float).T, force[:, 2]])
 
 
 EFFECT = Effect(
     name="force_frame",
-    family="analyst",
-    parameters=(Parameter("on", "1", 1.0, ON, "on or off: a blunder of the session, no quantity", sign=1),),
     enters="force.axes and stage_to_sensor in session.yaml",
     signature="lateral forces as large as they should be, along other axes; vertical forces clean",
     confused_with=("cross_talk", "misregistration"),
     separated_by="a look at how the force sensor is mounted; one press beside each wall, which pushes the ball away from it",
-    to_forces=to_forces,
-    shapes=shapes,
-    switch=True,
+    **blunder("axes", READ, "x and y swapped", read),
 )
