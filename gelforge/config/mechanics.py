@@ -88,7 +88,9 @@ class Mechanics(Section):
         True, description="store the error bars of forces, from a companion on a mesh of twice the sizes"
     )
     sensitivities: list[Name] = Field(
-        [], description="effects whose derivatives of total and bin forces are stored, e.g. gel_stiffness"
+        [],
+        description="effects whose derivatives of total and bin forces are stored, e.g. gel_stiffness; with "
+        "store_displacement those of the gel's displacement too",
     )
     store_displacement: bool = Field(False, description="keep the gel's displacement in the cell file")
     effects: Effects = Field(Effects(), description="physics that the plain model leaves out")

@@ -72,10 +72,15 @@ def section_arrays(mesh: Mesh, states: list[State], y_mm: float) -> dict[str, np
     }
 
 
-def gel_arrays(mesh: Mesh, states: list[State], layers: list[str]) -> dict[str, np.ndarray]:
+def gel_elements(mesh: Mesh, sensor: Sensor) -> np.ndarray:
+    """Return the elements (E, 8) or (E, 10) of the layers that carry particles."""
+    layers = [layer.name for layer in sensor.layers if layer.particle_volume_fraction > 0]
+    return mesh.elements[np.isin(mesh.region, [mesh.regions.index(name) for name in layers])]
+
+
+def gel_arrays(mesh: Mesh, states: list[State], sensor: Sensor) -> dict[str, np.ndarray]:
     """Return mesh and displacement of the layers that carry particles."""
-    chosen = np.isin(mesh.region, [mesh.regions.index(name) for name in layers])
-    nodes, elements = np.unique(mesh.elements[chosen], return_inverse=True)
+    nodes, elements = np.unique(gel_elements(mesh, sensor), return_inverse=True)
     corners = mesh.elements.shape[1]
     return {
         "gel_node_mm": mesh.X[nodes],

@@ -36,6 +36,10 @@ DATASETS = {
     "total_sigma_material_N": ("N", "standard deviation of total_force_N from the laws (D, 3)"),
     "sensitivity_total": ("N/unit", "d total_force_N / d amount of each of sensitivity_names (P, D, 3)"),
     "sensitivity_bin": ("N/unit", "d bin_force_N / d amount of each of sensitivity_names (P, D, B, 3)"),
+    "sensitivity_gel_displacement": (
+        "mm/unit",
+        "d gel_displacement_mm / d amount of each of sensitivity_names (P, D, G, 3)",
+    ),
     "side_force_N": ("N", "contact force on the side faces, part of the total but of no bin (D, 3)"),
     "node_xy_mm": ("mm", "undeformed positions of the nodes of the top surface (S, 2)"),
     "node_area_mm2": (
@@ -66,7 +70,7 @@ DATASETS = {
 }
 ERROR_BARS = {name for name in DATASETS if "_sigma_" in name}
 # kept only with mechanics.store_displacement, error_bars, sensitivities
-SENSITIVITIES = {"sensitivity_total", "sensitivity_bin"}
+SENSITIVITIES = {name for name in DATASETS if name.startswith("sensitivity_")}
 OPTIONAL = {"gel_node_mm", "gel_hex", "gel_tet", "gel_displacement_mm"} | ERROR_BARS | SENSITIVITIES
 SECTION = {
     name for name in DATASETS if name.startswith("section_")

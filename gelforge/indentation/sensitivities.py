@@ -1,4 +1,4 @@
-"""How a cell's forces follow the effects that the finite elements know: derivatives at amount zero.
+"""How a cell's forces, and the gel's displacement, follow the effects that the finite elements know, at amount zero.
 
 Effects that leave mesh and path alone are neighbouring presses beside one base run (mechanics.sensitivity); for those that
 change the mesh or turn every press into a path of its own, two solutions are subtracted.
@@ -14,6 +14,7 @@ import numpy as np
 
 from gelforge.config import ConfigError, Study
 from gelforge.indentation.binning import bin_forces, bin_shares
+from gelforge.indentation.cell_arrays import gel_arrays, gel_elements
 from gelforge.indentation.cell_file import Cell
 from gelforge.indentation.effects.catalogue import CATALOGUE
 from gelforge.indentation.plan import PlannedCell
@@ -37,17 +38,17 @@ class Variation:
 
 @dataclass(frozen=True)
 class Derivative:
-    """d force / d amount along a variation."""
+    """d force / d amount along a variation, and d displacement / d amount where the study stores displacements."""
 
     total: np.ndarray  # (D, 3) [N/unit]
     bins: np.ndarray  # (D, B, 3) [N/unit]
     seconds: float  # wall seconds beyond the base run
+    gel: np.ndarray | None = None  # (D, G, 3) [mm/unit], of the nodes of gel_displacement_mm
 
 
 def derivable(name: str) -> bool:
-    """Return whether an effect has a derivative at zero: not one that is on or off, or seen on the way up only."""
-    effect = CATALOGUE[name]
-    return not (effect.switch or effect.unloading)
+    """Return whether an effect has a derivative at zero: not one that is on or off."""
+    return not CATALOGUE[name].switch
 
 
 def sensitivities(
@@ -90,8 +91,8 @@ def derivatives(
     planned: PlannedCell,
     variations: Mapping[str, Variation],
     tolerance: float = DIFFERENCE_TOLERANCE,
-) -> tuple[np.ndarray, dict[str, Derivative]]:
-    """Return the forces (D, 3) of a cell along its path with their derivatives along variations, in their order.
+) -> tuple[Cell, dict[str, Derivative]]:
+    """Return a cell's forces, and its gel if the study stores it, with derivatives along variations, in their order.
 
     tolerance: share of a neighbour's difference that may be left. Raises NotConverged.
     """
@@ -111,8 +112,8 @@ def derivatives(
     else:
         cell, found = _solved(study, laws, planned), {}
     for name in others:
-        found[name] = _subtracted(cell, laws, planned, variations[name])
-    return cell.arrays["total_force_N"], {name: found[name] for name in variations}
+        found[name] = subtracted(cell, laws, planned, variations[name])
+    return cell, {name: found[name] for name in variations}
 
 
 def unmirrored(study: Study) -> Study:
@@ -148,33 +149,61 @@ def _beside(
         Neighbour(press, model.body, model.shape, model.settings, model.start, model.centres, tolerance)
         for model, _ in varied.values()
     ]
+    stored = study.mechanics.store_displacement
+    gel = np.unique(gel_elements(base.mesh, study.sensor)) if stored else None
     slopes: dict[str, list] = {name: [] for name in varied}
-    forces, start = [], press.start_at(base.start)
-    for state, states in follow_beside(press, start, base.centres, near):
+    motions: dict[str, list] = {name: [] for name in varied}
+    reached, forces = [], []
+    for state, states in follow_beside(press, press.start_at(base.start), base.centres, near):
         own = state.normal_force + state.friction_force
         forces.append(own)
+        if stored:
+            reached.append(state)
         for (name, (_, amount)), beside in zip(varied.items(), states):
             slopes[name].append((beside.normal_force + beside.friction_force - own) / amount)
+            if stored:
+                motions[name].append((beside.u[gel] - state.u[gel]) / amount)
     shares = bin_shares(base.mesh, study.sensor, study.mechanics.binning)
-    seconds = {name: one.seconds for name, one in zip(varied, near)}
+    arrays = {"total_force_N": np.sum(forces, axis=1), "bin_force_N": bin_forces(np.array(forces), shares)}
+    if stored:
+        arrays |= gel_arrays(base.mesh, reached, study.sensor)
     found = {
-        name: Derivative(np.sum(nodal, axis=1), bin_forces(np.array(nodal), shares), seconds[name])
-        for name, nodal in slopes.items()
+        name: Derivative(
+            np.sum(slopes[name], axis=1),
+            bin_forces(np.array(slopes[name]), shares),
+            one.seconds,
+            np.array(motions[name], np.float32) if stored else None,
+        )
+        for name, one in zip(varied, near)
     }
-    total = np.sum(forces, axis=1)
-    return Cell({"total_force_N": total, "bin_force_N": bin_forces(np.array(forces), shares)}, {}), found
+    return Cell(arrays, {}), found
 
 
-def _subtracted(base: Cell, laws, planned: PlannedCell, variation: Variation) -> Derivative:
-    """Return the difference of two solutions: the varied one less the base, or less what it is to be compared with."""
+def subtracted(
+    base: Cell, laws: Mapping[str, PrincipalLaw], planned: PlannedCell, variation: Variation
+) -> Derivative:
+    """Return the difference of two solutions: the varied one less the base, or less what it is to be compared with.
+
+    Raises NotConverged, and ConfigError where one has other gel nodes than the base.
+    """
     clock = time.perf_counter()
     with_it = _solved(variation.study, variation.laws, planned)
     without = _solved(variation.without, laws, planned) if variation.without else base
-    total, bins = (
-        (with_it.arrays[array] - without.arrays[array]) / variation.amount
-        for array in ("total_force_N", "bin_force_N")
-    )
-    return Derivative(total, bins, time.perf_counter() - clock)
+
+    def slope(array: str) -> np.ndarray:
+        return (with_it.arrays[array] - without.arrays[array]) / variation.amount
+
+    gel = None
+    if "gel_displacement_mm" in base.arrays:
+        for cell in (with_it, without):
+            nodes = cell.arrays.get("gel_node_mm", np.empty((0, 3)))
+            if len(nodes) != len(base.arrays["gel_node_mm"]):
+                raise ConfigError(
+                    f"no derivative of the gel's displacement: {len(nodes)} gel nodes with the effect, "
+                    f"{len(base.arrays['gel_node_mm'])} without; leave it or store_displacement out"
+                )
+        gel = slope("gel_displacement_mm")
+    return Derivative(slope("total_force_N"), slope("bin_force_N"), time.perf_counter() - clock, gel)
 
 
 def _solved(study: Study, laws, planned: PlannedCell) -> Cell:
@@ -190,6 +219,9 @@ def with_sensitivities(cell: Cell, derivatives: Mapping[str, Derivative]) -> Cel
         "sensitivity_total": np.array([d.total for d in derivatives.values()]),
         "sensitivity_bin": np.array([d.bins for d in derivatives.values()], np.float32),
     }
+    if "gel_displacement_mm" in cell.arrays:
+        gel = np.array([d.gel for d in derivatives.values()], np.float32)
+        arrays["sensitivity_gel_displacement"] = gel
     attributes = {
         "sensitivity_names": list(derivatives),
         "sensitivity_units": [f"N per {CATALOGUE[name].unit}" for name in derivatives],

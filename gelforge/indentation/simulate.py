@@ -276,9 +276,7 @@ def _simulated(
     arrays |= force_arrays(mesh, states, sensor, mechanics)
     arrays |= section_arrays(mesh, states, trajectory.y_mm)
     if mechanics.store_displacement:
-        arrays |= gel_arrays(
-            mesh, states, [layer.name for layer in sensor.layers if layer.particle_volume_fraction > 0]
-        )
+        arrays |= gel_arrays(mesh, states, sensor)
     top = sensor.layers[-1].name  # its material makes the wall and the flange too
     tested = [(outside or {}).get(name if name in laws else top) for name in mesh.regions]
     rest = body.rest[mesh.region]

@@ -16,13 +16,13 @@ import numpy as np
 
 from gelforge.config import ConfigError, Study
 from gelforge.files import atomic, digest, source_digest
-from gelforge.indentation.cell_file import CellError, read_cell
+from gelforge.indentation.cell_file import Cell, CellError, read_cell
 from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.indentation.effects.surfaces import top_slope
 from gelforge.indentation.error_bars import AMOUNT as LAW_AMOUNT
 from gelforge.indentation.inputs import inputs_digest
 from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell, plan_cells
-from gelforge.indentation.sensitivities import Variation, derivatives, unmirrored
+from gelforge.indentation.sensitivities import Derivative, Variation, derivatives, subtracted, unmirrored
 from gelforge.indentation.simulate import simulate_cell, simulate_in_order, simulate_trajectory
 from gelforge.indentation.trajectory import Trajectory
 from gelforge.mechanics.equilibrium import NotConverged
@@ -117,18 +117,17 @@ def follow(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> dict[str, 
     """
     solver, planned, variations = task
     study, laws, down = solver.coarse, dict(solver.laws), way_down(planned)
-    asked = variations | {
-        f"law {material} {k}": Variation(study, {**laws, material: law}, LAW_AMOUNT)
-        for material, directions in solver.uncertain.items()
-        for k, law in enumerate(directions)
-    }
+    asked = variations | along_laws(solver, study)
     run = [inputs_digest(study, laws, down), source_digest("mismatch/solutions.py")]
-    names = {key: digest(["along", *run, _described(variation)]) for key, variation in asked.items()}
+    names = {key: digest(["along", *run, described(variation)]) for key, variation in asked.items()}
     names["base"] = digest(["followed", *run])
     known = {key: found_before(solver, name) for key, name in names.items()}
     missing = {key: asked[key] for key in asked if known[key] is None}
     if missing or known["base"] is None:
-        for key, solved in _derivatives(study, laws, down, missing).items():
+        base, along = each_derivative(study, laws, down, missing)
+        known["base"] = keep(solver, names["base"], {"total": base.arrays["total_force_N"]})
+        for key, one in along.items():
+            solved = {"reason": np.array(one)} if isinstance(one, str) else {"total": one.total}
             known[key] = keep(solver, names[key], solved)
     found = {}
     for key, one in known.items():
@@ -143,28 +142,42 @@ def follow(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> dict[str, 
     return found
 
 
-def _described(variation: Variation) -> list:
+def along_laws(solver: Solver, study: Study) -> dict[str, Variation]:
+    """Return the variations of a study along the directions in which its laws are uncertain."""
+    return {
+        f"law {material} {k}": Variation(study, {**solver.laws, material: law}, LAW_AMOUNT)
+        for material, directions in sorted(solver.uncertain.items())
+        for k, law in enumerate(directions)
+    }
+
+
+def described(variation: Variation) -> list:
     """Return all that decides a derivative beside the run that it belongs to."""
     without = variation.without.model_dump(mode="json") if variation.without else None
     laws = {material: law.description() for material, law in variation.laws.items()}
     return [variation.study.model_dump(mode="json"), laws, variation.amount, variation.alone, without]
 
 
-def _derivatives(study: Study, laws, planned: PlannedCell, asked: Mapping[str, Variation]) -> dict[str, dict]:
-    """Return base and derivatives of a way down as {"total": (D, 3)} by key, or {"reason": why there is none}."""
+def each_derivative(
+    study: Study, laws, planned: PlannedCell, asked: Mapping[str, Variation]
+) -> tuple[Cell, dict[str, Derivative | str]]:
+    """Return the base's run and its derivatives, each one or the reason why there is none.
+
+    Raises SolverFailed where the base does not converge.
+    """
     beside = {key: variation for key, variation in asked.items() if not variation.alone}
-    found = {}
     try:
         base, along = derivatives(study, laws, planned, beside)
-        found = {key: {"total": derivative.total} for key, derivative in along.items()}
     except NotConverged:  # one that fails must not take the others with it
         base = _base_alone(study, laws, planned)
-        for key, variation in beside.items():
-            found[key] = _one(study, laws, planned, key, variation)
+        along = {key: _one(study, laws, planned, variation) for key, variation in beside.items()}
     for key, variation in asked.items():
         if variation.alone:
-            found[key] = _difference(base, laws, planned, variation)
-    return found | {"base": {"total": base}}
+            try:
+                along[key] = subtracted(base, laws, planned, variation)
+            except (NotConverged, ConfigError) as failure:
+                along[key] = str(failure)
+    return base, along
 
 
 def way_down(planned: PlannedCell) -> PlannedCell:
@@ -185,8 +198,7 @@ def _where(planned: PlannedCell) -> str:
     return f"({planned.x_mm:g}, {planned.y_mm:g}) mm, or at a mirror image of that"
 
 
-def _base_alone(study: Study, laws, planned: PlannedCell) -> np.ndarray:
-    """Return the base forces (D, 3)."""
+def _base_alone(study: Study, laws, planned: PlannedCell) -> Cell:
     try:
         return derivatives(study, laws, planned, {})[0]
     except NotConverged as failure:
@@ -196,26 +208,11 @@ def _base_alone(study: Study, laws, planned: PlannedCell) -> np.ndarray:
         ) from None
 
 
-def _one(study: Study, laws, planned: PlannedCell, key: str, variation: Variation) -> dict[str, np.ndarray]:
-    """Return one derivative, or the reason why there is none."""
+def _one(study: Study, laws, planned: PlannedCell, variation: Variation) -> Derivative | str:
     try:
-        return {"total": derivatives(study, laws, planned, {key: variation})[1][key].total}
+        return derivatives(study, laws, planned, {"": variation})[1][""]
     except (NotConverged, ConfigError) as failure:
-        return {"reason": np.array(str(failure))}
-
-
-def _difference(base: np.ndarray, laws, planned: PlannedCell, variation: Variation) -> dict[str, np.ndarray]:
-    """Return one derivative as the difference of two solutions, or the reason why there is none."""
-    totals = []
-    for study in (variation.study, variation.without):
-        try:
-            cell = simulate_cell(study, laws, planned) if study else None
-        except ConfigError as failure:
-            return {"reason": np.array(str(failure))}
-        if cell is not None and not cell.converged:
-            return {"reason": np.array(str(cell.attributes["reason"]))}
-        totals.append(base if cell is None else cell.arrays["total_force_N"])
-    return {"total": (totals[0] - totals[1]) / variation.amount}
+        return str(failure)
 
 
 def plain(task: tuple[Solver, PlannedCell]) -> np.ndarray | str:

@@ -11,7 +11,7 @@ from gelforge.config import ConfigError
 from gelforge.indentation.cell_file import read_cell, write_cell
 from gelforge.indentation.companion import simulate_label
 from gelforge.indentation.effects.catalogue import CATALOGUE
-from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.plan import PlannedCell, press_path
 from gelforge.indentation.sensitivities import derivable, derivatives, sensitivities, variations_of
 from gelforge.indentation.simulate import simulate_cell
 
@@ -22,37 +22,54 @@ TIGHT = {
     "solver": {"force_tolerance": 1e-9, "gap_tolerance_mm": 1e-7, "max_iterations": 80},
 }
 PLANNED = PlannedCell("place", 10.3, 9.2, (0.3, 0.6))
+RELEASED = press_path("place", 10.3, 9.2, [0.3, 0.6], None, unload=True)
 DERIVABLE = [name for name in CATALOGUE if derivable(name)]
 # Their mesh, path or beginning is another: two solutions are subtracted, nothing is followed beside a base.
 SUBTRACTED = ["elastic_base", "viscoelastic", "mullins", "prestretch", "frame_compliance", "base_bending"]
 
 
+ARRAYS = ("total_force_N", "bin_force_N", "gel_displacement_mm")
+
+
+def tight_study():
+    return specimens.study(store_displacement=True, **TIGHT)
+
+
+def path_of(name):
+    """Return the press on which an effect is seen."""
+    return RELEASED if CATALOGUE[name].unloading else PLANNED
+
+
 @pytest.fixture(scope="module")
 def stored():
     """Return derivatives by name of all effects that have one, and the study."""
-    study = specimens.study(**TIGHT)
-    return sensitivities(study, specimens.STUDY_LAWS, PLANNED, DERIVABLE), study
+    study = tight_study()
+    found = {}
+    for planned in (PLANNED, RELEASED):
+        names = [name for name in DERIVABLE if path_of(name) is planned]
+        found |= sensitivities(study, specimens.STUDY_LAWS, planned, names)
+    return found, study
 
 
 @cache
 def pressed(name, amount):
-    """Return total and bin forces with an amount of an effect."""
-    study = CATALOGUE[name](specimens.study(**TIGHT), amount)
-    cell = simulate_cell(study, specimens.STUDY_LAWS, PLANNED)
-    return {array: cell.arrays[array] for array in ("total_force_N", "bin_force_N")}
+    """Return total and bin forces and the gel's displacement with an amount of an effect."""
+    study = CATALOGUE[name](tight_study(), amount)
+    cell = simulate_cell(study, specimens.STUDY_LAWS, path_of(name))
+    return {array: cell.arrays[array] for array in ARRAYS}
 
 
 def change(name, amount):
-    """Return how much total and bin forces change from no effect to an amount of it."""
+    """Return how much forces, bins and displacements change from no effect to an amount of it."""
     there, none = pressed(name, amount), pressed(name, 0.0)
-    return there["total_force_N"] - none["total_force_N"], there["bin_force_N"] - none["bin_force_N"]
+    return [there[array] - none[array] for array in ARRAYS]
 
 
 @pytest.mark.parametrize("name", DERIVABLE)
 def test_a_derivative_predicts_what_a_little_of_the_effect_does(stored, name):
     """The issue: 1e-2 of a plausible width moves every total force by what the derivative predicts within 5 %."""
     amount = 1e-2 * CATALOGUE[name].width
-    total, _ = change(name, amount)
+    total, *_ = change(name, amount)
     size = np.linalg.norm(total, axis=1).max()
     assert size > 0
     assert_allclose(amount * stored[0][name].total, total, atol=0.05 * size)
@@ -62,8 +79,18 @@ def test_a_derivative_predicts_what_a_little_of_the_effect_does(stored, name):
 def test_bins_follow_their_derivatives_to_5_per_cent_of_the_largest(stored, name):
     """At the step of the effect's derivative: what an empty ball does to bins bends within 1e-2 of its width by 10 %."""
     amount = CATALOGUE[name].step * CATALOGUE[name].width
-    _, bins = change(name, amount)
+    _, bins, _ = change(name, amount)
     assert_allclose(amount * stored[0][name].bins, bins, atol=0.05 * np.abs(bins).max(), rtol=0)
+
+
+@pytest.mark.parametrize("name", DERIVABLE)
+def test_the_gel_moves_as_its_derivative_says(stored, name):
+    """Within 2 % of the largest; displacements of 0.6 mm are kept as float32: a change has 1e-7 mm of rounding."""
+    amount = CATALOGUE[name].step * CATALOGUE[name].width
+    *_, gel = change(name, amount)
+    found = amount * stored[0][name].gel
+    assert found.shape == gel.shape
+    assert_allclose(found, gel, atol=0.02 * np.abs(gel).max() + 1e-7, rtol=0)
 
 
 @pytest.mark.parametrize("share", [0.5, 2.0])
@@ -71,7 +98,7 @@ def test_bins_follow_their_derivatives_to_5_per_cent_of_the_largest(stored, name
 def test_a_subtracted_derivative_predicts_other_amounts_than_its_own(stored, name, share):
     """Such a derivative is the very difference that the test above takes: here against half and twice its amount."""
     amount, derivative = share * CATALOGUE[name].step * CATALOGUE[name].width, stored[0][name]
-    total, bins = change(name, amount)
+    total, bins, _ = change(name, amount)
     size = np.linalg.norm(total, axis=1).max()
     assert_allclose(amount * derivative.total, total, atol=0.05 * size)
     assert_allclose(amount * derivative.bins, bins, atol=0.05 * np.abs(bins).max(), rtol=0)
@@ -82,7 +109,7 @@ def test_which_derivatives_are_subtracted(stored):
     apart = []
     for name in DERIVABLE:
         amount = CATALOGUE[name].step * CATALOGUE[name].width
-        total, _ = change(name, amount)
+        total, *_ = change(name, amount)
         if np.allclose(amount * stored[0][name].total, total, rtol=1e-9, atol=0):
             apart.append(name)
     assert apart == SUBTRACTED
@@ -94,16 +121,17 @@ def test_a_base_that_yields_has_its_own_forces_and_derivatives():
     yielding = CATALOGUE["frame_compliance"](study, 0.05)
     cell = simulate_cell(yielding, specimens.STUDY_LAWS, PLANNED)
     variations = variations_of(yielding, specimens.STUDY_LAWS, ["gel_stiffness"])
-    force, found = derivatives(yielding, specimens.STUDY_LAWS, PLANNED, variations)
-    assert_allclose(force, cell.arrays["total_force_N"], rtol=1e-9, atol=1e-12)
+    plain, found = derivatives(yielding, specimens.STUDY_LAWS, PLANNED, variations)
+    assert_allclose(plain.arrays["total_force_N"], cell.arrays["total_force_N"], rtol=1e-9, atol=1e-12)
     held = sensitivities(study, specimens.STUDY_LAWS, PLANNED, ["gel_stiffness"])["gel_stiffness"].total
     assert_allclose(found["gel_stiffness"].total, held, atol=0.1 * np.abs(held).max())
 
 
 def test_shapes_and_sums(stored):
     by_name, _ = stored
-    for derivative in by_name.values():
-        assert derivative.total.shape == (2, 3) and derivative.bins.shape == (2, 100, 3)
+    for name, derivative in by_name.items():
+        steps = len(path_of(name).depths_mm)
+        assert derivative.total.shape == (steps, 3) and derivative.bins.shape == (steps, 100, 3)
         size = np.abs(derivative.total).max()
         assert_allclose(derivative.bins.sum(axis=1), derivative.total, atol=1e-6 * size + 1e-7)
         assert derivative.seconds > 0
@@ -127,3 +155,29 @@ def test_they_are_stored_on_request(tmp_path):
     assert back.arrays["sensitivity_total"][0, -1, 2] < 0  # a stiffer gel pushes back harder
     plain = simulate_label(specimens.study(error_bars=False), specimens.STUDY_LAWS, {}, PLANNED)
     assert not any("sensitivity" in key for key in [*plain.arrays, *plain.attributes])
+
+
+def test_those_of_the_gel_are_stored_where_its_displacement_is(tmp_path):
+    study = specimens.study(sensitivities=["contact_zero"], error_bars=False, store_displacement=True)
+    write_cell(tmp_path / "c.h5", simulate_label(study, specimens.STUDY_LAWS, {}, PLANNED))
+    arrays = read_cell(tmp_path / "c.h5").arrays
+    gel = arrays["sensitivity_gel_displacement"]
+    assert gel.shape == (1, *arrays["gel_displacement_mm"].shape)
+    # Pressed deeper by a little, the gel under the ball goes down by most of that, the deeper the press the more of it.
+    assert -1.1 < gel[0, 1, :, 2].min() < gel[0, 0, :, 2].min() < -0.5
+    assert "sensitivity_gel_displacement" not in read_cell(_without_gel(tmp_path)).arrays
+
+
+def _without_gel(folder):
+    study = specimens.study(sensitivities=["contact_zero"], error_bars=False)
+    write_cell(folder / "forces.h5", simulate_label(study, specimens.STUDY_LAWS, {}, PLANNED))
+    return folder / "forces.h5"
+
+
+def test_adhesion_does_nothing_on_the_way_down():
+    """Its cohesion begins where a node has touched: derivatives of a press without unloading are nothing."""
+    study = specimens.study(**TIGHT)
+    found = sensitivities(study, specimens.STUDY_LAWS, PLANNED, ["adhesion"])["adhesion"]
+    amount = CATALOGUE["adhesion"].width
+    force = simulate_cell(study, specimens.STUDY_LAWS, PLANNED).arrays["total_force_N"]
+    assert np.abs(amount * found.total).max() < 1e-7 * np.abs(force).max()

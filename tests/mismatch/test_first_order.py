@@ -107,8 +107,8 @@ def derivatives_at(mu):
             still = varied(name, k, 0.0) if effect.mesh_changes else None
             found = Variation(varied(name, k, amount), LAWS, amount, effect.mesh_changes, still)
             asked[key_of(effect, shape_of(name)[0], k)] = found
-    total, along = derivatives(base(mu), LAWS, PRESSED, asked)
-    return total, {key: derivative.total for key, derivative in along.items()}
+    cell, along = derivatives(base(mu), LAWS, PRESSED, asked)
+    return cell.arrays["total_force_N"], {key: derivative.total for key, derivative in along.items()}
 
 
 def context(mu):
