@@ -24,7 +24,7 @@ from gelforge.config.mechanics import Contact, Mechanics, Mesh, Solver
 from gelforge.config.plan import Grid, Plan
 from gelforge.config.sensor import Bins, Flange, Indenter, IndenterPart, Layer, Sensor, Shape
 from gelforge.config.session import Camera, DepthZero, ForceSensor, Session, StageToSensor
-from gelforge.config.study import Study
+from gelforge.config.study import SOFT_SHARE, Study
 from gelforge.config.variants import Variant
 from gelforge.config.virtual_lab import (
     VirtualForce,
@@ -36,6 +36,7 @@ from gelforge.config.virtual_lab import (
 )
 
 __all__ = [
+    "SOFT_SHARE",
     "Bins",
     "Camera",
     "ConfigError",

@@ -16,6 +16,8 @@ from gelforge.config.plan import Plan
 from gelforge.config.sensor import Indenter, Sensor
 from gelforge.config.variants import Variant
 
+SOFT_SHARE = 0.6  # of the soft layers' height, beyond which a press would pierce them
+
 
 class Study(Section):
     """Everything that decides a study's results."""
@@ -50,9 +52,9 @@ class Study(Section):
                     f"layer {layer.name}: material {layer.material!r} is not among {sorted(self.materials)}"
                 )
         self._shape_consistent()
-        if self.plan.depths_mm and self.plan.depths_mm[-1] >= 0.6 * self.sensor.height_mm:
+        if self.plan.depths_mm and self.plan.depths_mm[-1] >= SOFT_SHARE * self.sensor.height_mm:
             raise ValueError(
-                f"depth {self.plan.depths_mm[-1]} mm is beyond 0.6 of the soft height {self.sensor.height_mm} mm;"
+                f"depth {self.plan.depths_mm[-1]} mm is beyond {SOFT_SHARE} of the soft height {self.sensor.height_mm} mm;"
                 " press less deep"
             )
         if self.mechanics.contact_normals == "initial" and self.indenter.kind != "sphere":

@@ -3,8 +3,10 @@
 Both are standard deviations per force component, of bins and of the total. The companion is the same press on a mesh with
 all sizes doubled. What it differs by is no error bar yet: near the contact's rim the difference of a bin changes sign from
 place to place. Its mean square over a bin, its neighbours and the depths before and after does not, and the true error is
-a stable part of its root, beside a small share of the bin's own force. The parts below were found on some positions of the
-article's sensor and checked on others (benchmarks/error_bars.py, docs/accuracy.md).
+a stable part of its root, beside a small share of the bin's own force. In a total the errors of near and far size can
+cancel, at other depths than in the companion's difference: a part of the bins' bars stands beside that. The parts below were
+found on some positions of the article's sensor, that one on a small sensor (benchmarks/total_bars.py), and checked on
+others (benchmarks/error_bars.py, docs/accuracy.md).
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ PART_BINS = np.array([0.24, 0.24, 0.34])  # x, y, z: of the root mean square dif
 SHARE_BINS = np.array([0.003, 0.003, 0.007])  # of the force of the bin itself
 LEAST_BINS = 5e-4  # of the largest bin
 PART_TOTALS = 0.3  # of the difference of the total, root mean square over depths
+PART_OF_BINS = 0.2  # of the bins' bars as if independent, on the total: what the near size errs by does not cancel in them
 LEAST_TOTALS = 1e-3  # of the largest force: below it the indenter is about to leave
 CROSS_TOTALS = 0.04  # of the vertical difference, on horizontal totals: near a wall they lean on it
 AMOUNT = 0.05  # of a standard deviation, by which a law is moved: its effect is then still a straight line
@@ -50,9 +53,11 @@ def error_bars(
         size = {"bin": np.abs(bins), "total": np.abs(total)}  # nothing is known: as large as the force
         names = [f"{quantity}_sigma_{part}_N" for quantity in size for part in ("mesh", "material")]
         return {name: size[name.partition("_")[0]] for name in names}
+    mesh_bins = _mesh_bins(bins[:reached], companion.bins, shape)
+    uncancelled = PART_OF_BINS * np.sqrt((mesh_bins**2).sum(axis=1))
     found = {
-        "bin_sigma_mesh_N": _mesh_bins(bins[:reached], companion.bins, shape),
-        "total_sigma_mesh_N": mesh_totals(total[:reached], companion.total),
+        "bin_sigma_mesh_N": mesh_bins,
+        "total_sigma_mesh_N": np.hypot(mesh_totals(total[:reached], companion.total), uncancelled),
         "bin_sigma_material_N": np.sqrt((companion.bin_slopes**2).sum(axis=0)),
         "total_sigma_material_N": np.sqrt((companion.total_slopes**2).sum(axis=0)),
     }
@@ -79,7 +84,7 @@ def _mesh_bins(bins: np.ndarray, coarse: np.ndarray, shape: tuple[int, int]) -> 
 
 
 def mesh_totals(total: np.ndarray, coarse: np.ndarray) -> np.ndarray:
-    """Return the discretisation error bars (D, 3) [N] of totals: the same share of the force at all depths.
+    """Return the discretisation error bars (D, 3) [N] of totals by their own difference: the same share at all depths.
 
     Where the indenter has all but left the gel there is nothing to be a share of: the difference itself stands beside it.
     """

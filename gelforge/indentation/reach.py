@@ -6,14 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gelforge.config import ConfigError, Effects, Sensor
+from gelforge.config import SOFT_SHARE, ConfigError, Effects, Sensor
 from gelforge.indentation.effects.kinematics import path_over_flat_top
 from gelforge.indentation.effects.surfaces import surface_rises
 from gelforge.indentation.trajectory import Trajectory
 from gelforge.mechanics.indenters import DOWN, Turned, rotation_of
 from gelforge.mechanics.indenters import Indenter as Shape
-
-SOFT_SHARE = 0.6  # of the soft height, beyond which a press would pierce the layers
 
 
 @dataclass(frozen=True)

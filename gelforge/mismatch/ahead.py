@@ -12,7 +12,7 @@ from gelforge.indentation.plan import plan_cells
 from gelforge.mismatch.candidates import candidates_of
 from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effects import CATALOGUE, with_taken
-from gelforge.mismatch.experiments import CLEAR_S, planned, survivor, weights
+from gelforge.mismatch.experiments import CLEAR_S, of_camera, planned, rivals, survivor, weights
 from gelforge.mismatch.identifiability import Plan, detection_limits, next_experiment
 from gelforge.mismatch.observations import COLUMNS, Observations, last_moves
 from gelforge.mismatch.problem import Problem
@@ -96,14 +96,19 @@ def limits_table(solver: Solver) -> pd.DataFrame:
 def experiments_table(solver: Solver, verdict: Verdict) -> pd.DataFrame:
     """Return for each experiment its cost and the log odds that it is expected to give to the right one of two survivors.
 
-    Raises ConfigError for a verdict with nothing left to tell apart.
+    Raises ConfigError for a verdict with nothing left to tell apart, or with effects of the camera alone.
     """
     effects = {effect.name: effect for effect in verdict.effects}
-    pairs = [(g.members[0], other) for g in verdict.answer for other in g.members[1:]]
+    pairs = rivals(verdict)
     if not pairs:
         raise ConfigError(
             f"the verdict is {verdict.state} and leaves no two effects that cannot be told apart; nothing is to be decided"
         )
+    seen_alone = {name for pair in pairs for name in of_camera(pair)}
+    pairs = [pair for pair in pairs if not of_camera(pair)]
+    if not pairs:
+        told = "; ".join(f"{name}: {CATALOGUE[name].separated_by}" for name in sorted(seen_alone))
+        raise ConfigError(f"no press tells what the camera alone sees ({told})")
     plans = list(plans_of(solver, [effects[name] for pair in pairs for name in pair]))
     rows = []
     for first, second in pairs:

@@ -33,25 +33,34 @@ def with_experiments(verdict: Verdict, problem: Problem, context: Context) -> Ve
     """
     effects = {effect.name: effect for effect in verdict.effects}
     found = []
-    for group in verdict.answer:
-        for other in group.members[1:]:
-            pair = [effects[group.members[0]], effects[other]]
-            if any(CATALOGUE[effect.name].to_forces is None for effect in pair):
-                continue  # of the camera: neither forces again nor weights tell of it
-            plans = [again(problem, context, pair), weights(context.study, pair)]
-            best = next_experiment(plans, *map(survivor, pair))[0]
-            if best.decides:
-                found.append(
-                    Experiment(
-                        words=best.name,
-                        separates=[effect.name for effect in pair],
-                        presses=best.presses,
-                        cost_s=60 * best.cost,
-                        expected_log_odds=best.expected_log_odds,
-                    )
+    for names in rivals(verdict):
+        if of_camera(names):
+            continue
+        pair = [effects[name] for name in names]
+        plans = [again(problem, context, pair), weights(context.study, pair)]
+        best = next_experiment(plans, *map(survivor, pair))[0]
+        if best.decides:
+            found.append(
+                Experiment(
+                    words=best.name,
+                    separates=list(names),
+                    presses=best.presses,
+                    cost_s=60 * best.cost,
+                    expected_log_odds=best.expected_log_odds,
                 )
+            )
     found.sort(key=lambda experiment: (experiment.cost_s, -experiment.expected_log_odds))
     return verdict.model_copy(update={"next_experiments": [*found, *verdict.next_experiments]})
+
+
+def rivals(verdict: Verdict) -> list[tuple[str, str]]:
+    """Return the first effect of each group beside every other one that it cannot be told from."""
+    return [(group.members[0], other) for group in verdict.answer for other in group.members[1:]]
+
+
+def of_camera(names: Sequence[str]) -> list[str]:
+    """Return the effects of the camera among some: neither presses nor weights tell of them."""
+    return [name for name in names if CATALOGUE[name].to_forces is None]
 
 
 def again(problem: Problem, context: Context, survivors: Sequence[NamedEffect]) -> Plan:

@@ -32,6 +32,7 @@ from gelforge.mismatch.spikes import without_spikes
 from gelforge.mismatch.spread import spread_out
 from gelforge.mismatch.verdict import PATCH, NoiseCase, Provenance, Verdict, write_verdict
 from gelforge.mismatch.verdict_tables import write_body_map, write_flow, write_readings
+from gelforge.recording.readings import reference_path
 
 SMALL_STRAIN = 0.1  # of the height: the term that small strain leaves out is then of that share
 NUMBER = r"\d+(?:\.\d+)?"
@@ -259,7 +260,7 @@ def provenance_of(folders: Sequence[Path], study: Study, solver: Solver) -> Prov
 def _files_sha256(folder: Path, images: str) -> str:
     """Return the digest of a session's readings, description, samples of force, and images where they count."""
     files = [folder / name for name in ("indentations.csv", "ft.csv", "session.yaml")]
-    files += [] if images == "left_out" else sorted((folder / "images").glob("*"))
+    files += [] if images == "left_out" else [reference_path(folder), *sorted((folder / "images").glob("*"))]
     return digest({path.name: file_sha256(path) for path in files if path.is_file()})
 
 

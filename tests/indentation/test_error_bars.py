@@ -16,9 +16,11 @@ from gelforge.indentation.error_bars import (
     COARSER,
     LEAST_BINS,
     PART_BINS,
+    PART_OF_BINS,
     SHARE_BINS,
     Companion,
     error_bars,
+    mesh_totals,
 )
 from gelforge.indentation.mirror import mirror_cell
 from gelforge.indentation.plan import PlannedCell, plan_cells
@@ -59,7 +61,19 @@ def test_equal_solutions_leave_the_least_bars_on_loaded_bins_alone(bins):
     size, largest = np.linalg.norm(bins, axis=-1, keepdims=True), np.abs(bins).max(axis=(1, 2), keepdims=True)
     expected = np.hypot(SHARE_BINS * size, LEAST_BINS * largest * (size > 0))
     assert_allclose(bars["bin_sigma_mesh_N"], expected, rtol=1e-12)
-    assert_allclose(bars["total_sigma_mesh_N"], 0, atol=0)
+    uncancelled = PART_OF_BINS * np.sqrt((expected**2).sum(axis=1))
+    assert_allclose(bars["total_sigma_mesh_N"], uncancelled, rtol=1e-12)
+
+
+def test_a_total_that_agrees_by_chance_keeps_what_its_bins_differ_by(bins):
+    """Two bins that differ by the same force up and down: the total's own difference is nothing."""
+    coarse = bins.copy()
+    coarse[:, 44] += [0.0, 0.0, 0.2]
+    coarse[:, 55] -= [0.0, 0.0, 0.2]
+    bars, _ = bars_of(bins, coarse)
+    together = np.sqrt((bars["bin_sigma_mesh_N"] ** 2).sum(axis=1))
+    assert_allclose(bars["total_sigma_mesh_N"], PART_OF_BINS * together, rtol=1e-9)
+    assert (bars["total_sigma_mesh_N"][:, 2] > PART_OF_BINS * PART_BINS[2] * 0.2).all()
 
 
 def test_a_uniform_difference_gives_its_part(bins):
@@ -86,10 +100,9 @@ def test_bars_do_not_depend_on_the_names_of_the_axes(bins):
     assert_allclose(turned["total_sigma_mesh_N"], straight["total_sigma_mesh_N"][:, [1, 0, 2]], rtol=1e-12)
 
 
-def test_the_bar_of_a_total_is_the_same_share_of_the_force_at_every_depth(bins):
-    grown = bins[:1] * np.array([1.0, 2.0, 4.0])[:, None, None]
-    bars, _ = bars_of(grown, 1.1 * grown)
-    sigma = bars["total_sigma_mesh_N"]
+def test_what_the_total_differs_by_is_the_same_share_of_the_force_at_every_depth(bins):
+    grown = (bins[:1] * np.array([1.0, 2.0, 4.0])[:, None, None]).sum(axis=1)
+    sigma = mesh_totals(grown, 1.1 * grown)
     assert_allclose(sigma, sigma[0] * np.array([1.0, 2.0, 4.0])[:, None], rtol=1e-12)
     assert (sigma > 0).all()
 

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 import specimens
 from recorded import record
-from test_verdict import content
+from test_verdict import content, effect
 
 from gelforge.cli import main
 from gelforge.cli.mismatch import solver_of
@@ -198,6 +198,16 @@ def test_a_plan_after_a_verdict_that_leaves_no_choice_is_refused(home, capsys, t
     printed = refusal(home, capsys, "plan", "--out", tmp_path)
     assert "the verdict is named" in printed and "nothing is to be decided" in printed
     assert not (tmp_path / "experiments.csv").exists()
+
+
+def test_what_the_camera_alone_sees_is_not_for_presses_to_tell(home, capsys, tmp_path):
+    names = ("camera_scale", "camera_pose")
+    answer = [{"members": list(names), "probability": 0.97}]
+    found = content(state="group", answer=answer, effects=[effect(name, 0.5) for name in names])
+    write_verdict(tmp_path, Verdict.model_validate(found))
+    printed = refusal(home, capsys, "plan", "--out", tmp_path)
+    assert "no press tells what the camera alone sees" in printed
+    assert "camera_scale: a ruler or a checkerboard" in printed
 
 
 def test_no_workers_are_refused(home, capsys, tmp_path):

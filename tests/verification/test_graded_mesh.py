@@ -62,3 +62,12 @@ def test_bins_of_the_halved_mesh_are_those_of_the_even_one_within_one_error_bar(
     loaded = np.abs(even["bin_force_N"]).max(axis=-1) > 0
     assert loaded.sum() > 10
     assert (difference <= halved["bin_sigma_mesh_N"]).all()  # measured: 0.4 of it at most
+
+
+@pytest.mark.parametrize("far", [0.8, 1.6])
+def test_two_bars_of_the_total_cover_what_the_halving_changes(far):
+    """At 0.8 mm the errors of near and far size all but cancel in the companion, whose own difference says 0.1 %."""
+    share = pressed(far).arrays["total_sigma_mesh_N"][0, 2] / np.abs(
+        pressed(far).arrays["total_force_N"][0, 2]
+    )
+    assert share_above_even(far) < 2 * share < 0.03
