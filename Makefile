@@ -5,7 +5,7 @@ BIN := .venv/bin
 ONE_THREAD := OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 READY := .venv/.gelforge-ready
 
-.PHONY: setup demo test format lint
+.PHONY: setup demo test speed format lint
 
 setup: $(READY)
 
@@ -25,6 +25,12 @@ demo: $(READY)
 
 test: $(READY)
 	$(ONE_THREAD) $(BIN)/python -m pytest --numprocesses $(CORES) --dist loadfile
+
+# What a cell costs and where its time goes, beside FElupe and CalculiX where they are installed: half an hour, one thread.
+speed: $(READY)
+	$(BIN)/python benchmarks/cell_cost.py --near 0.6 0.45 0.3 0.2
+	$(BIN)/python benchmarks/where_time_goes.py
+	$(BIN)/python benchmarks/against_peers.py --size 0.45 --limit 600
 
 format: $(READY)
 	$(BIN)/ruff format . && $(BIN)/ruff check --fix . && $(BIN)/snakefmt Snakefile workflow
