@@ -120,11 +120,19 @@ def test_a_ball_may_give_way_to_pressure_by_a_factor_of_its_own():
 
 
 def test_a_wall_gap_weakens_a_strip_of_the_gel_along_the_wall():
-    mesh, shear, _ = factors(geometry={"wall_gap": {"width_mm": 0.5, "loss": 0.4}})
+    mesh, shear, bulk = factors(geometry={"wall_gap": {"width_mm": 0.5, "loss": 0.4}})
     gel = mesh.region == mesh.regions.index("gel")
     lost = ((1 - shear) / (0.4 * 0.999) * volumes(mesh)).sum()
     assert lost == pytest.approx((14**2 - 13**2) * 3, rel=1e-9)
     assert (shear[~gel] == 1).all()
+    assert_allclose(bulk, shear, rtol=1e-3)
+
+
+def test_a_gap_that_has_lost_all_resists_pressure_no_more_than_shear():
+    """K over G is 1000: what is left of each is a thousandth of G."""
+    _, shear, bulk = factors(geometry={"wall_gap": {"width_mm": 1.0, "loss": 1.0}})
+    assert (shear < 0.9).any()
+    assert_allclose((1 - bulk) / (1 - 1e-6), (1 - shear) / (1 - 1e-3), rtol=1e-12)
 
 
 def test_a_loose_film_keeps_its_bulk_and_loses_its_shear():

@@ -36,10 +36,11 @@ def element_stiffness(
     if geometry.toe.factor != 1:
         # Parts stacked along z are loaded in series: their compliances add.
         factor *= 1 / (1 + _overlap(mesh, 2, -geometry.toe.thickness_mm, 0.0) * (1 / geometry.toe.factor - 1))
-    if geometry.wall_gap.loss:
-        factor *= 1 - geometry.wall_gap.loss * (1 - LEAST) * _wall_strip(mesh, sensor, effects)
     shear, bulk = factor, factor
     ratio = np.array(list(region_bulk(sensor, mechanics, mesh.regions).values()))[mesh.region]
+    if geometry.wall_gap.loss:  # a gap closes without resistance: of K no more is left than of G
+        lost = geometry.wall_gap.loss * _wall_strip(mesh, sensor, effects)
+        shear, bulk = shear * (1 - lost * (1 - LEAST)), bulk * (1 - lost * (1 - LEAST / ratio))
     for inclusion in geometry.inclusions:
         share = _ball_share(mesh, inclusion)
         shear = shear * mixed_factor(inclusion.factor, share)
