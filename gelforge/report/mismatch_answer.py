@@ -18,6 +18,7 @@ from gelforge.report.mismatch_words import (
     odds_text,
     p_text,
     shape_text,
+    unbroken,
     unknown_text,
 )
 
@@ -32,14 +33,14 @@ def ranking(results: MismatchResults) -> Chapter:
         return chapter
     rows = [
         {
-            "effect": pretty(effect.name),
-            "family": effect.family,
+            "effect": unbroken(pretty(effect.name)),
             "probability": chance_text(effect.probability),
             "log Bayes factor": round(effect.log_bayes_factor, 1),
-            "signal over noise": number(effect.snr),
-            "amount (90 % interval)": amounts_text(effect) or None,
-            "place or time": shape_text(effect.shape) or None,
-            "physically possible": effect.in_range,
+            "signal over noise": round(number(effect.snr), 1),
+            "amount (90 % interval), place or time": unbroken(
+                "; ".join(filter(None, (amounts_text(effect), shape_text(effect.shape))))
+            ),
+            "possible": effect.in_range,
             "judged in": "solver" if effect.refitted else "first order",
         }
         for effect in verdict.effects[:RANKED]
@@ -122,7 +123,8 @@ def undecided(results: MismatchResults) -> Chapter:
     for group in several:
         names = ", ".join(pretty(name) for name in group.members)
         alike = f" (their changes have a cosine of {group.cosine:.4f})" if group.cosine is not None else ""
-        chapter.say(f"These readings cannot tell apart {names}{alike}. {group.decided_by}".strip())
+        would = f" What would: {group.decided_by.rstrip('.')}." if group.decided_by else ""
+        chapter.say(f"These readings cannot tell apart {names}{alike}.{would}")
     if verdict.answer and not several:
         chapter.say("Nothing else that was tried changes these readings in the same way as the answer.")
     if verdict.state == "open":
@@ -144,6 +146,10 @@ def _experiment_row(experiment: Experiment) -> dict:
         "experiment": experiment.words,
         "tells apart": ", ".join(pretty(name) for name in experiment.separates),
         "presses": experiment.presses,
-        "time": None if cost is None else f"{cost / 60:.0f} min" if cost < 7200 else f"{cost / 3600:.1f} h",
-        "expected odds": None if odds is None else f"{odds_text(odds)} : 1",
+        "time": None if cost is None else unbroken(_time_text(cost)),
+        "expected odds": None if odds is None else unbroken(f"{odds_text(odds)} : 1"),
     }
+
+
+def _time_text(seconds: float) -> str:
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"

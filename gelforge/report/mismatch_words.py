@@ -36,7 +36,12 @@ def amounts_text(effect: NamedEffect) -> str:
 def _amount_text(amount: Amount) -> str:
     unit = "" if amount.unit in ("", "-", "1") else f" {amount.unit}"
     low, high = amount.interval_90
-    return f"{pretty(amount.name)} {amount.value:+.3g}{unit} ({low:+.3g} to {high:+.3g})"
+    return f"{pretty(amount.name)} {amount.value:+.2g}{unit} ({low:+.2g} to {high:+.2g})"
+
+
+def unbroken(text: str, between: str = "; ") -> str:
+    """Return a text whose parts stand on lines of their own in a table, and are broken before a bracket only."""
+    return "\n".join(part.replace(" ", "\u00a0").replace("\u00a0(", " (") for part in text.split(between))
 
 
 def p_text(p: float) -> str:

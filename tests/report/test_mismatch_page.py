@@ -19,7 +19,7 @@ from gelforge.report import mismatch_curves, mismatch_maps
 from gelforge.report.mismatch_chapters import CHAPTERS, mismatch
 from gelforge.report.mismatch_page import write_mismatch_page
 from gelforge.report.mismatch_reader import MismatchResults
-from gelforge.report.mismatch_words import amounts_text, p_text, shape_text
+from gelforge.report.mismatch_words import amounts_text, p_text, shape_text, unbroken
 from gelforge.report.results_reader import StudyResults
 
 
@@ -69,12 +69,12 @@ def test_every_figure_is_a_picture_under_a_sentence(html):
 
 def test_what_people_want_to_read_is_there(html):
     assert "not fitted" in section(html, "where") and "grows with depth" in section(html, "where")
-    effects = section(html, "effects")
+    effects = section(html, "effects").replace("\u00a0", " ")
     assert effects.index("gel stiffness") < effects.index("force gain") < effects.index("layer thickness")
-    assert "scale -0.09 (-0.102 to -0.078)" in effects and "62 %" in effects
+    assert "scale -0.09 (-0.1 to -0.078)" in effects and "62 %" in effects
     names = [effect["name"].replace("_", " ") for effect in fake_verdict.fake_content()["effects"]]
     assert not [name for name in names if name not in effects]  # the table ends earlier, names do not vanish
-    undecided = section(html, "undecided")
+    undecided = section(html, "undecided").replace("\u00a0", " ")
     assert "cannot tell apart gel stiffness, force gain, particle settling" in undecided
     assert "dead weights" in undecided and "10 min" in undecided
     unknown = section(html, "cannot-know")
@@ -244,8 +244,12 @@ def test_a_chance_is_never_a_bare_zero_or_one(chance, text):
 
 def test_words_for_amounts_and_p():
     verdict = Verdict.model_validate(fake_verdict.fake_content())
-    assert amounts_text(verdict.effects[1]) == "z -0.09 (-0.103 to -0.077)"
+    assert amounts_text(verdict.effects[1]) == "z -0.09 (-0.1 to -0.077)"
     assert p_text(3e-9) == "p < 0.0001" and p_text(0.0411) == "p = 0.041"
+
+
+def test_amounts_stand_on_lines_of_their_own_and_break_before_a_bracket_only():
+    assert unbroken("x +0.1 mm (-1 to 2); y 2") == "x\u00a0+0.1\u00a0mm (-1\u00a0to\u00a02)\ny\u00a02"
 
 
 def test_the_verdict_over_noise_keeps_its_words():
