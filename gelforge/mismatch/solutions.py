@@ -168,7 +168,7 @@ def each_derivative(
     beside = {key: variation for key, variation in asked.items() if not variation.alone}
     try:
         base, along = derivatives(study, laws, planned, beside)
-    except NotConverged:  # one that fails must not take the others with it
+    except (NotConverged, ConfigError):  # one that fails must not take the others with it
         base = _base_alone(study, laws, planned)
         along = {key: _one(study, laws, planned, variation) for key, variation in beside.items()}
     for key, variation in asked.items():
