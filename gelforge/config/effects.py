@@ -103,6 +103,16 @@ class Inclusion(Section):
     )
 
 
+class Patch(Section):
+    """A box of other stiffness; what stands around the layers (a wall, a flange) keeps its own."""
+
+    low_mm: Triple = Field(description="lowest x, y, z in the sensor's frame [mm]")
+    high_mm: Triple = Field(description="highest x, y, z [mm]")
+    factor: float = Field(
+        1.0, ge=1e-4, le=1e4, description="its stiffness over that of what it displaces [-]"
+    )
+
+
 class Toe(Section):
     """A soft thin part on top of the highest layer, which stays as soft: an uncured skin."""
 
@@ -139,6 +149,7 @@ class GeometryEffects(Section):
     thickness: dict[Name, Thickness] = Field({}, description="departures of layers from nominal thickness")
     base: Base | None = Field(None, description="elastic slab below the layers, or null")
     inclusions: list[Inclusion] = Field([], description="voids and inclusions")
+    patches: list[Patch] = Field([], description="boxes of other stiffness, one after the other")
     toe: Toe = Field(Toe(), description="soft thin part on top")
     wall_gap: WallGap = Field(WallGap(), description="strip that is not bonded to the wall")
     delaminations: list[Delamination] = Field([], description="patches of a layer's face that slide freely")
@@ -331,4 +342,5 @@ class Effects(Section):
         directed = [*k.tilt_deg, *k.misregistration_mm, k.yaw_deg]
         directed += [g for t in geometry.thickness.values() for g in t.gradient]
         directed += [x - y for x, y in geometry.prestretch.values()]
-        return not (any(directed) or geometry.inclusions or geometry.delaminations or self.history.softens)
+        placed = [*geometry.inclusions, *geometry.patches, *geometry.delaminations]
+        return not (any(directed) or placed or self.history.softens)

@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import Sensor, Study
-from gelforge.indentation.effects.fields import RIGID
 from gelforge.mismatch import verdict as form
 from gelforge.mismatch.covariance import Covariance
 from gelforge.mismatch.effects_told import effects_told, groups_told, of_nothing, unknown_told
@@ -27,7 +26,6 @@ from gelforge.mismatch.words import experiments_in_words, plain, sentence_of, un
 AXES = ("x", "y", "z")
 LOCAL_MM = 5.0  # a pattern wider than this has no place of its own
 PLACES = 3  # patterns of the scan that are told
-BODY_WIDTH = 0.3  # standard deviation of a patch's relative change of modulus before anything is known
 
 
 def verdict_of(
@@ -131,25 +129,6 @@ def law_of(problem: Problem, judgement: Judgement, study: Study) -> form.Law | N
     tables = {"before": scores[0], "after": scores[1]}
     held = _held_out(problem, "all", left, after, judgement.blocks.held_out, tables)
     return form.Law(words=law.text, terms=dict(zip(law.terms, law.coefficients)), held_out=held)
-
-
-def body_map(problem: Problem, covariance: Covariance) -> pd.DataFrame | None:
-    """Return the rows of body_map.csv: relative changes of the modulus of balls in the body that fit the residual best.
-
-    Every ball of the largest size has the prior N(0, BODY_WIDTH^2), by the linear changes of `inclusion`, whose amount is to
-    first order the modulus's growth over RIGID; None where they are not known.
-    """
-    balls = [candidate for candidate in problem.candidates if candidate.name == "inclusion"]
-    largest = max((ball.shape["radius_mm"] for ball in balls), default=0.0)
-    balls = [ball for ball in balls if ball.shape["radius_mm"] == largest]
-    if not balls:
-        return None
-    r = covariance.whiten(problem.residual)
-    J = covariance.whiten(np.column_stack([ball.columns for ball in balls])) / RIGID * BODY_WIDTH
-    S = np.linalg.inv(np.eye(J.shape[1]) + J.T @ J)
-    change, sigma = BODY_WIDTH * (S @ (J.T @ r)), BODY_WIDTH * np.sqrt(np.diag(S))
-    places = pd.DataFrame([dict(ball.shape) for ball in balls])[["x_mm", "y_mm", "z_mm"]]
-    return places.assign(change=change, sigma=sigma)
 
 
 def _where(mismatch: Remains) -> list[form.Where]:

@@ -27,7 +27,7 @@ def balls(study: Study) -> list[Shape]:
     """Return balls (x_mm, y_mm, z_mm, radius_mm) in the layers under the skin, at most SPACING apart in a plane."""
     sensor = study.sensor
     height = sum(layer.thickness_mm for layer in sensor.layers if layer.name in gel_layers(study))
-    levels = _evenly(-sensor.height_mm, height - sensor.height_mm, max(1, round(height / SPACING)))
+    levels = evenly(-sensor.height_mm, height - sensor.height_mm, max(1, round(height / SPACING)))
     radius = min(SPACING / 2, 0.45 * height)
     return [
         place | {"z_mm": z, "radius_mm": size * radius}
@@ -140,9 +140,7 @@ def _plane(study: Study, z: float) -> list[dict[str, float]]:
     wall = sensor.wall_mm if sensor.shape.kind == "block" else 0.0
     widths = sensor.width_x_mm, sensor.width_y_mm
     found = [
-        {"x_mm": x, "y_mm": y}
-        for y in _evenly(wall, widths[1] - wall)
-        for x in _evenly(wall, widths[0] - wall)
+        {"x_mm": x, "y_mm": y} for y in evenly(wall, widths[1] - wall) for x in evenly(wall, widths[0] - wall)
     ]
     if sensor.shape.kind != "dome":
         return found
@@ -154,7 +152,7 @@ def _away(x: float, width: float) -> float:
     return (2 * x / width - 1) ** 2
 
 
-def _evenly(low: float, high: float, count: int | None = None) -> list[float]:
+def evenly(low: float, high: float, count: int | None = None) -> list[float]:
     """Return the middles of equal parts, of at most SPACING where their count is not given."""
     count = count or math.ceil((high - low) / SPACING)
     return [float(v) for v in low + (high - low) * (np.arange(count) + 0.5) / count]

@@ -40,6 +40,7 @@ class Problem:
     change_error: float = (
         0.0  # by which a change that is solved errs, a share of it; 0: no change errs, by form neither
     )
+    boxes: Sequence[Candidate] = ()  # linear changes by the modulus of boxes of the body, for its map alone
     flow: Any = None  # flow.FlowChannel where images are judged with the forces
 
     @property

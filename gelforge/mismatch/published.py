@@ -17,6 +17,7 @@ import pandas as pd
 from gelforge.config import Study
 from gelforge.csv_table import read_csv
 from gelforge.files import digest, file_sha256, write_text
+from gelforge.mismatch.body_map import BOX, boxes_felt
 from gelforge.mismatch.candidates import candidates_of, effects_of_forces
 from gelforge.mismatch.context import Context, Curves
 from gelforge.mismatch.covariance import readings_covariance
@@ -107,7 +108,7 @@ def problem_of_case(case: Case, solver: Solver, table: pd.DataFrame, sigma_N: fl
     """Return the problem of one base; solver: of the study with the curve's assumptions."""
     observations = readings(table, sigma_N)
     effects = {name: e for name, e in effects_of_forces(solver.study).items() if not e.history}
-    own = base_of(solver, observations, with_taken(effects.values()))
+    own = base_of(solver, observations, [*with_taken(effects.values()), BOX])
     base = own if case.column is None else with_curve(own, table[case.column].to_numpy(), effects)
     failed = dict(base.failed)
     candidates = candidates_of(base.context, effects, failed)
@@ -123,7 +124,7 @@ def problem_of_case(case: Case, solver: Solver, table: pd.DataFrame, sigma_N: fl
     first = known_false(solver.study, observations, effects)
     return Problem(
         observations, base.context.force, covariance, candidates, effects, forces, failed, first,
-        solver.study.mismatch.change_error,
+        solver.study.mismatch.change_error, boxes_felt(base.context),
     )  # fmt: skip
 
 
@@ -137,8 +138,9 @@ def with_curve(base: Base, curve: np.ndarray, effects) -> Base:
     force[:, 2] = curve
     gap = context.force - force
     gap[:, :2] = 0.0
+    switches = {name for name, effect in effects.items() if effect.switch}
     at_readings = {
-        key: values + gap if effects[key.partition("@")[0].partition(".")[0]].switch else values
+        key: values + gap if key.partition("@")[0].partition(".")[0] in switches else values
         for key, values in context.at_readings.items()
     }
     table, depths, values = context.observations.table, [], []
@@ -180,7 +182,7 @@ def judge_case(case: Case, solver: Solver, out: Path, sigmas: Sequence[float] = 
         versions=versions(),
     )
     verdict = verdict_of(problem, judgement, case.title, False, solver.study.sensor, provenance, cases)
-    write_results(out / case.name, verdict, problem, (problem, judgement))
+    write_results(out / case.name, verdict, (problem, judgement))
     return verdict
 
 

@@ -12,12 +12,13 @@ import numpy as np
 from gelforge.config import ConfigError, Study, load_session, write_yaml
 from gelforge.files import digest, file_sha256
 from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mismatch.body_map import BOX, body_map, boxes_felt
 from gelforge.mismatch.candidates import candidates_of, effects_of_forces
 from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effect import Effect
 from gelforge.mismatch.effects import CATALOGUE, with_taken
 from gelforge.mismatch.experiments import with_experiments
-from gelforge.mismatch.findings import body_map, confirmed, law_of, readings_table, verdict_of, versions
+from gelforge.mismatch.findings import confirmed, law_of, readings_table, verdict_of, versions
 from gelforge.mismatch.flow import force_part, with_flow
 from gelforge.mismatch.flow_told import after_of, flow_section, flow_table
 from gelforge.mismatch.judge import Judgement, judge
@@ -63,7 +64,7 @@ def judge_recording(solver: Solver, folders: Sequence[Path], out: Path, title: s
         flow=flow_section(joint, judgement, after),
     )
     verdict = with_experiments(verdict, forces, base.context)
-    write_results(out, verdict, problem, in_newtons)
+    write_results(out, verdict, in_newtons)
     write_flow(out, flow_table(joint, after))
     (out / PATCH).unlink(missing_ok=True)
     if confirmed(judgement, problem):
@@ -71,14 +72,12 @@ def judge_recording(solver: Solver, folders: Sequence[Path], out: Path, title: s
     return verdict
 
 
-def write_results(
-    out: Path, verdict: Verdict, problem: Problem, in_newtons: tuple[Problem, Judgement]
-) -> None:
+def write_results(out: Path, verdict: Verdict, in_newtons: tuple[Problem, Judgement]) -> None:
     """Write verdict.json and its tables; in_newtons: problem and judgement of the forces alone."""
     out.mkdir(parents=True, exist_ok=True)
     write_verdict(out, verdict)
     write_readings(out, readings_table(*in_newtons))
-    patches = body_map(problem, problem.covariance)
+    patches = body_map(in_newtons[0])
     if patches is not None:
         write_body_map(out, patches)
 
@@ -134,7 +133,8 @@ def problem_of(solver: Solver, observations: Observations, recorded: bool = True
     recorded: False of a plan, whose forces mean nothing.
     """
     effects = effects_of_forces(solver.study)
-    base = with_known(base_of(solver, observations, with_taken(effects.values())), solver)
+    asked = [*with_taken(effects.values()), *([BOX] if recorded else [])]
+    base = with_known(base_of(solver, observations, asked), solver)
     covariance = readings_covariance(base.context, base.law, base.floor, base.alike)
     if recorded:
         read = observations.read
@@ -156,6 +156,7 @@ def problem_of(solver: Solver, observations: Observations, recorded: bool = True
             failed,
             known_false(solver.study, observations, effects),
             solver.study.mismatch.change_error,
+            boxes_felt(base.context) if recorded else (),
         ),
         base,
     )

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from gelforge.config import ConfigError, Effects, Mechanics, Sensor
-from gelforge.config.effects import Circumstances, Delamination, Inclusion
+from gelforge.config.effects import Circumstances, Delamination, Inclusion, Patch
 from gelforge.indentation.effects.material import by_region, region_bulk
 from gelforge.mechanics.elements import ELEMENTS
 from gelforge.mechanics.meshes import Mesh
@@ -36,6 +36,8 @@ def element_stiffness(
     if geometry.toe.factor != 1:
         # Parts stacked along z are loaded in series: their compliances add.
         factor *= 1 / (1 + _overlap(mesh, 2, -geometry.toe.thickness_mm, 0.0) * (1 / geometry.toe.factor - 1))
+    for patch in geometry.patches:
+        factor *= 1 + _box_share(mesh, sensor, patch) * (patch.factor - 1)
     shear, bulk = factor, factor
     ratio = np.array(list(region_bulk(sensor, mechanics, mesh.regions).values()))[mesh.region]
     if geometry.wall_gap.loss:  # a gap closes without resistance: of K no more is left than of G
@@ -157,6 +159,14 @@ def _ball_share(mesh: Mesh, inclusion: Inclusion) -> np.ndarray:
     apart = np.ptp(mesh.X[mesh.elements], axis=1).max(axis=1)[:, None] / PARTS
     inside = inclusion.radius_mm - np.linalg.norm(points - inclusion.centre_mm, axis=-1)
     return np.clip(inside / apart + 0.5, 0, 1).mean(axis=1)
+
+
+def _box_share(mesh: Mesh, sensor: Sensor, patch: Patch) -> np.ndarray:
+    """Return the share (E,) of each element of a layer inside the box; boxes that fill the body add up to 1."""
+    share = np.prod(
+        [_overlap(mesh, axis, patch.low_mm[axis], patch.high_mm[axis]) for axis in range(3)], axis=0
+    )
+    return share * (mesh.region < len(sensor.layers))
 
 
 def _film_share(mesh: Mesh, sensor: Sensor, patch: Delamination) -> np.ndarray:
