@@ -17,7 +17,7 @@ from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.mismatch.candidates import candidates_of
 from gelforge.mismatch.context import Context
 from gelforge.mismatch.effect import Effect, Parameter, Shape
-from gelforge.mismatch.places import SPACING, FirstOrderAt, evenly
+from gelforge.mismatch.places import SPACING, FirstOrderAt, lines
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.screen import Candidate
 
@@ -27,9 +27,7 @@ WIDTH = 0.3  # standard deviation of a box's relative change of modulus before a
 
 def boxes(study: Study) -> list[Shape]:
     """Return the middles (x_mm, y_mm, z_mm) of the boxes."""
-    sensor = study.sensor
-    wall = sensor.wall_mm if sensor.shape.kind == "block" else 0.0
-    x, y = (evenly(wall, width - wall) for width in (sensor.width_x_mm, sensor.width_y_mm))
+    x, y = lines(study)
     z = [(low + high) / 2 for low, high in pairwise(_faces(study))]
     return [{"x_mm": a, "y_mm": b, "z_mm": c} for c in z for b in y for a in x]
 
@@ -46,14 +44,10 @@ def _faces(study: Study) -> list[float]:
 def box_at(study: Study, shape: Shape) -> dict[str, list[float]]:
     """Return the lowest and highest point [mm] of the box with a middle; those at the rim reach beyond it."""
     low, high = [], []
-    for axis in ("x_mm", "y_mm"):
-        lines = sorted({box[axis] for box in boxes(study)})
-        between = [
-            -SPACING,
-            *((a + b) / 2 for a, b in pairwise(lines)),
-            lines[-1] + SPACING + study.sensor.wall_mm,
-        ]
-        k = lines.index(shape[axis])
+    for axis, middles in zip(("x_mm", "y_mm"), lines(study)):
+        beyond = middles[-1] + SPACING + study.sensor.wall_mm
+        between = [-SPACING, *((a + b) / 2 for a, b in pairwise(middles)), beyond]
+        k = middles.index(shape[axis])
         low, high = [*low, between[k]], [*high, between[k + 1]]
     level = next((a, b) for a, b in pairwise(_faces(study)) if a < shape["z_mm"] < b)
     return {"low_mm": [*low, level[0]], "high_mm": [*high, level[1]]}

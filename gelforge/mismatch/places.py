@@ -27,7 +27,7 @@ def balls(study: Study) -> list[Shape]:
     """Return balls (x_mm, y_mm, z_mm, radius_mm) in the layers under the skin, at most SPACING apart in a plane."""
     sensor = study.sensor
     height = sum(layer.thickness_mm for layer in sensor.layers if layer.name in gel_layers(study))
-    levels = evenly(-sensor.height_mm, height - sensor.height_mm, max(1, round(height / SPACING)))
+    levels = _evenly(-sensor.height_mm, height - sensor.height_mm, max(1, round(height / SPACING)))
     radius = min(SPACING / 2, 0.45 * height)
     return [
         place | {"z_mm": z, "radius_mm": size * radius}
@@ -137,22 +137,27 @@ def _point(shape: Shape) -> np.ndarray:
 
 def _plane(study: Study, z: float) -> list[dict[str, float]]:
     sensor = study.sensor
-    wall = sensor.wall_mm if sensor.shape.kind == "block" else 0.0
     widths = sensor.width_x_mm, sensor.width_y_mm
-    found = [
-        {"x_mm": x, "y_mm": y} for y in evenly(wall, widths[1] - wall) for x in evenly(wall, widths[0] - wall)
-    ]
+    along_x, along_y = lines(study)
+    found = [{"x_mm": x, "y_mm": y} for y in along_y for x in along_x]
     if sensor.shape.kind != "dome":
         return found
     up = 1 + z / sensor.height_mm  # inside the half-ellipsoid
     return [p for p in found if _away(p["x_mm"], widths[0]) + _away(p["y_mm"], widths[1]) + up**2 < 1]
 
 
+def lines(study: Study) -> tuple[list[float], list[float]]:
+    """Return x and y [mm] of places in a plane, inside the wall."""
+    sensor = study.sensor
+    wall = sensor.wall_mm if sensor.shape.kind == "block" else 0.0
+    return _evenly(wall, sensor.width_x_mm - wall), _evenly(wall, sensor.width_y_mm - wall)
+
+
 def _away(x: float, width: float) -> float:
     return (2 * x / width - 1) ** 2
 
 
-def evenly(low: float, high: float, count: int | None = None) -> list[float]:
+def _evenly(low: float, high: float, count: int | None = None) -> list[float]:
     """Return the middles of equal parts, of at most SPACING where their count is not given."""
     count = count or math.ceil((high - low) / SPACING)
     return [float(v) for v in low + (high - low) * (np.arange(count) + 0.5) / count]
