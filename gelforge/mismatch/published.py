@@ -22,6 +22,7 @@ from gelforge.mismatch.candidates import candidates_of, effects_of_forces
 from gelforge.mismatch.context import Context, Curves
 from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effects import with_taken
+from gelforge.mismatch.experiments import with_experiments
 from gelforge.mismatch.findings import verdict_of, versions
 from gelforge.mismatch.judge import judge
 from gelforge.mismatch.observations import COLUMNS, Observations
@@ -104,8 +105,10 @@ def read_table(path: str | Path = TABLE) -> pd.DataFrame:
     return read_csv(path, numbers=numbers, texts=["location"]).reset_index(drop=True)
 
 
-def problem_of_case(case: Case, solver: Solver, table: pd.DataFrame, sigma_N: float) -> Problem:
-    """Return the problem of one base; solver: of the study with the curve's assumptions."""
+def problem_of_case(
+    case: Case, solver: Solver, table: pd.DataFrame, sigma_N: float
+) -> tuple[Problem, Context]:
+    """Return the problem of one base and its context; solver: of the study with the curve's assumptions."""
     observations = readings(table, sigma_N)
     effects = {name: e for name, e in effects_of_forces(solver.study).items() if not e.history}
     own = base_of(solver, observations, [*with_taken(effects.values()), BOX])
@@ -122,10 +125,11 @@ def problem_of_case(case: Case, solver: Solver, table: pd.DataFrame, sigma_N: fl
     floor = base.floor if case.column is None else CURVE_ERROR * base.context.force
     covariance = readings_covariance(base.context, base.law, floor, base.alike)
     first = known_false(solver.study, observations, effects)
-    return Problem(
+    problem = Problem(
         observations, base.context.force, covariance, candidates, effects, forces, failed, first,
         solver.study.mismatch.change_error, boxes_felt(base.context),
     )  # fmt: skip
+    return problem, base.context
 
 
 def with_curve(base: Base, curve: np.ndarray, effects) -> Base:
@@ -161,12 +165,12 @@ def judge_case(case: Case, solver: Solver, out: Path, sigmas: Sequence[float] = 
     settings, seed = solver.study.mismatch, solver.study.seed
     cases = []
     for sigma in sigmas:
-        problem = problem_of_case(case, solver, table, sigma)
+        problem, _ = problem_of_case(case, solver, table, sigma)
         linear = replace(
             problem, forces_with=at_first_order(problem)
         )  # a switch's change is the real one all the same
         cases.append(noise_case(linear, judge(linear, settings, seed), 1.0))
-    problem = problem_of_case(case, solver, table, STATED_N)
+    problem, context = problem_of_case(case, solver, table, STATED_N)
     judgement = judge(problem, settings, seed)
     provenance = Provenance(
         sessions={"article": file_sha256(TABLE)},
@@ -182,6 +186,7 @@ def judge_case(case: Case, solver: Solver, out: Path, sigmas: Sequence[float] = 
         versions=versions(),
     )
     verdict = verdict_of(problem, judgement, case.title, False, solver.study.sensor, provenance, cases)
+    verdict = with_experiments(verdict, problem, context)
     write_results(out / case.name, verdict, (problem, judgement))
     return verdict
 

@@ -11,23 +11,23 @@ import numpy as np
 
 from gelforge.config import ConfigError, Study, load_session, write_yaml
 from gelforge.files import digest, file_sha256
-from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mismatch.body_map import BOX, body_map, boxes_felt
 from gelforge.mismatch.candidates import candidates_of, effects_of_forces
 from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.effects import CATALOGUE, with_taken
+from gelforge.mismatch.effects import with_taken
 from gelforge.mismatch.experiments import with_experiments
 from gelforge.mismatch.findings import confirmed, law_of, readings_table, verdict_of, versions
 from gelforge.mismatch.flow import force_part, with_flow
 from gelforge.mismatch.flow_told import after_of, flow_section, flow_table
 from gelforge.mismatch.judge import Judgement, judge
+from gelforge.mismatch.known import with_known
 from gelforge.mismatch.observations import Observations
 from gelforge.mismatch.patch import patch_of
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.runs import DEPTH_DIGITS
 from gelforge.mismatch.sessions import observe
-from gelforge.mismatch.solutions import Solver, SolverFailed
+from gelforge.mismatch.solutions import Solver
 from gelforge.mismatch.solver import Base, base_of, forces_with
 from gelforge.mismatch.spikes import without_spikes
 from gelforge.mismatch.spread import spread_out
@@ -171,36 +171,6 @@ def known_false(study: Study, observations: Observations, effects: Mapping[str, 
     return frozenset(
         name for name, e in switches.items() if e.to_study(study, {}, [1.0]).mechanics.strain == "finite"
     )
-
-
-def with_known(base: Base, solver: Solver) -> Base:
-    """Return the base with the effects that the study takes as known (the camera's: flow.py). Raises SolverFailed."""
-    chosen = []
-    for known in solver.study.mismatch.known:
-        effect = CATALOGUE.get(known.effect)
-        if effect is None or (effect.to_forces is None and effect.to_camera is None):
-            raise ConfigError(
-                f"mismatch.known: no effect {known.effect!r} of forces or camera; the catalogue has {sorted(CATALOGUE)}"
-            )
-        unknown = set(known.amounts) - {p.name for p in effect.parameters}
-        if unknown:
-            names = [p.name for p in effect.parameters]
-            raise ConfigError(
-                f"mismatch.known, {known.effect}: no parameter {sorted(unknown)}; it has {names}"
-            )
-        if effect.to_forces is None:
-            continue
-        chosen.append(
-            (effect, known.shape, np.array([known.amounts.get(p.name, 0.0) for p in effect.parameters]))
-        )
-    if not chosen:
-        return base
-    try:
-        force = forces_with(solver, base, chosen)
-    except NotConverged as failure:
-        names = ", ".join(effect.name for effect, *_ in chosen)
-        raise SolverFailed(f"mismatch.known: the base with {names} does not converge: {failure}") from None
-    return replace(base, context=replace(base.context, force=force))
 
 
 def noise_cases(problem: Problem, study: Study) -> list[NoiseCase]:

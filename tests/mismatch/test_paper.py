@@ -15,6 +15,8 @@ from gelforge.cli.factory import laws_and_doubts
 from gelforge.config import load_study, study_from
 from gelforge.config.variants import merged
 from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.experiments import again, survivor
+from gelforge.mismatch.identifiability import next_experiment
 from gelforge.mismatch.published import (
     CASES,
     NO_TIMES,
@@ -50,9 +52,9 @@ def paper(tmp_path_factory):
     for name in ("linear", "hyperelastic"):
         solvers[name] = Solver(study_of(BY_NAME[name], study), laws, {}, folder / "solves")
         verdicts[name] = judge_case(BY_NAME[name], solvers[name], folder, SIGMAS_N)
-    problem = problem_of_case(BY_NAME["linear"], solvers["linear"], read_table(), 0.06)
+    problem, context = problem_of_case(BY_NAME["linear"], solvers["linear"], read_table(), 0.06)
     write_summary(folder, verdicts)
-    return SimpleNamespace(verdicts=verdicts, folder=folder, problem=problem)
+    return SimpleNamespace(verdicts=verdicts, folder=folder, problem=problem, context=context)
 
 
 def test_the_article_s_readings_are_one_fz_for_each_depth_at_two_sites(paper):
@@ -135,3 +137,13 @@ def test_the_summary_has_a_row_for_every_base_and_noise(paper):
     for name, verdict in paper.verdicts.items():
         assert f"{verdict.state}. {verdict.sentence}" in page
         assert (paper.folder / name / "verdict.json").is_file()
+
+
+def test_the_same_sixteen_readings_again_would_not_part_finite_strain_from_the_law(paper):
+    """So the verdict names a material test, and no cost or odds of more presses."""
+    verdict = paper.verdicts["linear"]
+    pair = [effect for effect in verdict.effects if effect.name in FINITE]
+    best = next_experiment([again(paper.problem, paper.context, pair)], *map(survivor, pair))[0]
+    assert best.presses == 16 and not best.decides and best.expected_log_odds < 1.0
+    (experiment,) = verdict.next_experiments
+    assert "material test" in experiment.words and set(experiment.separates) == FINITE

@@ -1,0 +1,49 @@
+"""What a study takes as known must say which effect, parameter and shape it means; it is then part of the base."""
+
+from types import SimpleNamespace
+
+import artificial
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from gelforge.config import ConfigError, study_from
+from gelforge.config.variants import merged
+from gelforge.mismatch.effects.force_frame import READ
+from gelforge.mismatch.known import with_known
+from gelforge.mismatch.solver import Base
+
+
+def based_on(effect, amounts, shape):
+    """Return the artificial base, and with one effect taken as known."""
+    context = artificial.context(3, per_side=3)
+    known = {"effect": effect, "amounts": amounts, "shape": shape}
+    study = study_from(merged(context.study.model_dump(mode="json"), {"mismatch": {"known": [known]}}))
+    same = context.force
+    each = np.ones((len(same), 1))
+    base = Base(context, None, same, each, np.zeros((*same.shape, 0)), 0 * same, np.arange(len(same)), {})
+    return base, with_known(base, SimpleNamespace(study=study))
+
+
+@pytest.mark.parametrize("axes", READ)
+def test_axes_that_are_known_are_those_that_are_told(axes):
+    base, changed = based_on("force_frame", {"on": 1}, {"axes": axes})
+    turned = base.context.force[:, :2] @ np.array(READ[axes], dtype=float).T
+    assert_allclose(changed.context.force[:, :2], turned, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("effect", "amounts", "shape", "told"),
+    [
+        ("force_frame", {"on": 1}, {}, r"must have \['axes'\]; the judge tries axes: turned by 180 deg, "),
+        ("force_unit", {"on": 1}, {}, r"must have \['unit'\]; the judge tries unit: .*kgf"),
+        ("force_frame", {"on": 1}, {"axes": "askew"}, "no axes 'askew'; there is axes: turned by 180 deg"),
+        ("force_frame", {"on": 1}, {"axis": "y reversed"}, r"its shape has \['axis'\] and must have"),
+        ("force_gain", {"z": 0.1}, {"axes": "y reversed"}, r"must have \[\]; the judge tries none"),
+        ("force_gain", {"w": 0.1}, {}, r"no parameter \['w'\]; it has"),
+        ("force_grain", {"z": 0.1}, {}, "no effect 'force_grain'"),
+    ],
+)
+def test_what_is_known_without_saying_which_is_refused(effect, amounts, shape, told):
+    with pytest.raises(ConfigError, match=told):
+        based_on(effect, amounts, shape)
