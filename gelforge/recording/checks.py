@@ -173,21 +173,32 @@ def check_saturation(path: Path, table: pd.DataFrame, raw: np.ndarray, force: Fo
     """Raise RecordingError for an axis whose largest reading stays the same, to the last digit, while presses go deeper.
 
     A gel's force grows at least in proportion to depth, so between two depths of one place it should grow by their ratio;
-    what rounding to the resolution may hide is let pass.
+    what rounding to the resolution may hide is let pass, and rounded readings that noise made equal: of a saturated sensor
+    every depth of the place from some one to the deepest reaches the end of its range, and no reading without load does.
     """
     held, before = (table["phase"].isin(names).to_numpy() for names in (["load", "dwell"], ["zero"]))
     for axis, name in enumerate(("fx_N", "fy_N", "fz_N")):
-        zero = np.median(raw[before, axis]) if before.any() else 0.0
+        zero = raw[before, axis] if before.any() else np.zeros(1)
         for extreme in (raw[held, axis].min(), raw[held, axis].max()):
-            stuck = table[held & (raw[:, axis] == extreme)]
-            depth = stuck.groupby(["x_mm", "y_mm"])["depth_mm"].agg(["min", "max"])
-            growth = abs(extreme - zero) * (depth["max"] / depth["min"] - 1)
+            depth = _stuck_to_the_deepest(table[held], raw[held, axis] == extreme)
+            growth = np.abs(extreme - zero).min() * (depth["max"] / depth["min"] - 1)
             if growth.max() > STUCK_STEPS * force.resolution_N[axis]:
                 (x, y), (low, high) = growth.idxmax(), depth.loc[growth.idxmax()]
                 raise RecordingError(
                     f"{path}: {name} is {extreme:.6g} N at {low:g} and at {high:g} mm of ({x:g}, {y:g}) and never beyond: "
                     "the force sensor is saturated; remove the presses that reach it, or record with a larger range"
                 )
+
+
+def _stuck_to_the_deepest(table: pd.DataFrame, stuck: np.ndarray) -> pd.DataFrame:
+    """Return by place the least (`min`) and largest (`max`) of the deepest depths that all have a stuck reading."""
+    depths = (
+        table.assign(stuck=stuck, depth_mm=table["depth_mm"].round(2))
+        .groupby(["x_mm", "y_mm", "depth_mm"])["stuck"]
+        .any()
+    )
+    from_below = depths[::-1].groupby(["x_mm", "y_mm"]).cumprod().astype(bool)
+    return from_below[from_below].reset_index().groupby(["x_mm", "y_mm"])["depth_mm"].agg(["min", "max"])
 
 
 def check_force(path: Path, readings: pd.DataFrame, force: ForceSensor) -> None:

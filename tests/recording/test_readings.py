@@ -158,6 +158,21 @@ def test_a_force_that_stays_at_its_largest_while_presses_go_deeper_is_refused(
         assert len(read_recording(folder).readings) == 8
 
 
+@pytest.mark.parametrize(
+    ("zeros", "loads"),
+    [((0, 0, 0, 0), (0.07, 0.02, 0.05, 0.07)), ((0.05, 0.07, 0.05, 0.05), (0.07, 0.07, 0.07, 0.07))],
+)
+def test_rounded_noise_that_is_largest_at_several_depths_is_not_a_saturated_sensor(tmp_path, zeros, loads):
+    """Sideways forces of a press beside the middle are within the noise: what is rounded to 10 mN is often equal."""
+    at = [HEADER]
+    for k, (depth, zero, x) in enumerate(zip((0.25, 0.5, 0.75, 1.0), zeros, loads)):
+        at += [
+            f"p{k},,{k},{10 * k},zero,10,12,-1,1,,{zero},0,0,",
+            f"p{k},,{k},{10 * k + 2},load,10,12,{depth},1,,{x},0,{-depth},",
+        ]
+    assert len(read_recording(write_session(tmp_path / "day", lines=at)).readings) == 8
+
+
 def test_a_plan_can_be_derived_from_the_recordings(tmp_path):
     one = read_recording(write_session(tmp_path / "one")).readings
     two = read_recording(write_session(tmp_path / "two", presses=4)).readings
