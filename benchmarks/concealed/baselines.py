@@ -218,7 +218,8 @@ def _judged(truth, table: Table, state: str, answer: tuple, after: np.ndarray) -
     true = tuple(effect["name"] for effect in truth["effects"])
     gain = share_of_gain(*square) if true else float("nan")
     ratio = float(np.sqrt(square[1] / square[2])) if true else float("nan")
-    return Judged(truth["content"], truth["snr"], true, state, answer, (), gain, ratio)
+    each = tuple(float(effect["snr"]) for effect in truth["effects"])
+    return Judged(truth["content"], truth["snr"], true, state, answer, (), gain, ratio, snr_each=each)
 
 
 def _log_density(covariance, r) -> float:

@@ -54,6 +54,7 @@ class Judged:
     left: float = float("nan")  # of the true change on held-out readings, in standard deviations
     distance_mm: float = float("nan")
     p: float = float("nan")  # the smaller one of the tests of whether there is a mismatch
+    snr_each: tuple[float, ...] = ()  # of each true effect by itself
 
     @property
     def alarm(self) -> bool:
@@ -82,8 +83,9 @@ class Judged:
 def judged_from(truth: dict, verdict: dict | None, readings: pd.DataFrame | None) -> Judged:
     """Return what a verdict said beside the truth; no verdict is the state `failed`."""
     true = tuple(effect["name"] for effect in truth["effects"])
+    each = tuple(float(effect["snr"]) for effect in truth["effects"])
     if verdict is None:
-        return Judged(truth["content"], truth["snr"], true, "failed", ())
+        return Judged(truth["content"], truth["snr"], true, "failed", (), snr_each=each)
     answer = tuple((tuple(g["members"]), float(g["probability"])) for g in verdict.get("answer", []))
     gain, ratio, left = (
         held_out_gain(truth, readings) if truth["effects"] and readings is not None else 3 * (np.nan,)
@@ -91,6 +93,7 @@ def judged_from(truth: dict, verdict: dict | None, readings: pd.DataFrame | None
     return Judged(
         truth["content"], truth["snr"], true, verdict["state"], answer,
         tuple(_covered(truth, verdict)), gain, ratio, left, _distance(truth, verdict), _p(verdict),
+        each,
     )  # fmt: skip
 
 
@@ -191,7 +194,12 @@ def scores(judged: list[Judged]) -> dict[str, str | float | Rate]:
     sizes = [len(members) for j in strong for members, _ in j.claims if set(members) & set(j.true)]
     table["median size of right groups"] = float(np.median(sizes)) if sizes else float("nan")
     table["pairs: both"] = rate(pairs, lambda j: all(j.found))
+    table[f"pairs, each SNR >= {STRONG:g}: both"] = rate(
+        [j for j in pairs if j.snr_each and min(j.snr_each) >= STRONG], lambda j: all(j.found)
+    )
     table["pairs: one at least"] = rate(pairs, lambda j: any(j.found))
+    effects = [found for j in (*singles, *pairs) for found, snr in zip(j.found, j.snr_each) if snr >= STRONG]
+    table[f"effects of singles and pairs, SNR >= {STRONG:g}: in a group"] = rate(effects, bool)
     table["outside: open"] = rate(outside, lambda j: j.state == "open")
     table[f"outside, SNR >= {STRONG:g}: open"] = rate(
         [j for j in outside if j.snr >= STRONG], lambda j: j.state == "open"

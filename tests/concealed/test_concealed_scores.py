@@ -26,14 +26,22 @@ CASES = [
     Judged("null", 0.0, (), "insufficient", ()),
     Judged("null", 0.0, (), "open", ()),  # an alarm
     Judged("null", 0.0, (), "named", ((("yaw",), 0.95),)),  # an alarm, wrong and confident
-    Judged("single", 10.0, ("tilt",), "named", ((("tilt",), 0.97),), (True, True), 0.9),
+    Judged("single", 10.0, ("tilt",), "named", ((("tilt",), 0.97),), (True, True), 0.9, snr_each=(10.0,)),
     Judged(
         "single", 10.0, ("tilt",), "group", ((("wedge", "tilt"), 0.92),), (False,), 0.5
     ),  # right group, not first
     Judged("single", 3.0, ("void",), "named", ((("yaw",), 0.6),)),  # wrong, not confident
     Judged("single", 9.0, ("void",), "failed", ()),
-    Judged("pair", 12.0, ("tilt", "yaw"), "group", ((("tilt",), 0.9), (("yaw", "tilt"), 0.8))),
-    Judged("pair", 12.0, ("tilt", "void"), "named", ((("tilt",), 0.9),)),
+    Judged(
+        "pair",
+        12.0,
+        ("tilt", "yaw"),
+        "group",
+        ((("tilt",), 0.9), (("yaw", "tilt"), 0.8)),
+        snr_each=(9.0, 8.0),
+    ),
+    Judged("pair", 12.0, ("tilt", "void"), "named", ((("tilt",), 0.9),), snr_each=(9.0, 8.5)),
+    Judged("pair", 12.0, ("tilt", "void"), "named", ((("tilt",), 0.9),), snr_each=(12.0, 4.0)),
     Judged("outside", 9.0, ("",), "open", ((("yaw",), 0.95),)),  # what open keeps is a hint
     Judged("outside", 9.0, ("",), "named", ((("yaw",), 0.95),)),  # wrong and confident
 ]
@@ -42,14 +50,16 @@ CASES = [
 @pytest.mark.parametrize(
     ("name", "k", "n"),
     [
-        ("failed", 1, 12),
+        ("failed", 1, 13),
         ("false alarms on nulls", 2, 4),
-        ("wrong and confident", 2, 12),
+        ("wrong and confident", 2, 13),
         ("singles, SNR >= 8: group", 2, 3),
         ("singles, SNR >= 8: first", 1, 3),
         ("singles, SNR 2 to 4: group", 0, 1),
-        ("pairs: both", 1, 2),
-        ("pairs: one at least", 2, 2),
+        ("pairs: both", 1, 3),
+        ("pairs, each SNR >= 8: both", 1, 2),
+        ("pairs: one at least", 3, 3),
+        ("effects of singles and pairs, SNR >= 8: in a group", 5, 6),
         ("outside: open", 1, 2),
         ("90 % intervals: cover", 2, 3),
         ("share of the oracle's gain >= 80 %", 1, 2),
@@ -72,12 +82,12 @@ def test_median_size_of_right_groups():
 def test_wrong_cases_are_listed():
     named = [(f"c{k}", {"effects": []}, judged) for k, judged in enumerate(CASES)]
     # a weak single that is called wrong is wrong; a weak one that is not seen would not be
-    assert list(wrong_cases(named)["case"]) == ["c2", "c3", "c6", "c7", "c9", "c11"]
+    assert list(wrong_cases(named)["case"]) == ["c2", "c3", "c6", "c7", "c9", "c10", "c12"]
 
 
 def truth_of(forces):
     readings = {"session": [0, 0], "press": ["p0", "p0"], "phase": ["load", "load"], "time_s": [1.0, 2.0]}
-    effect = {"name": "tilt", "amounts": {"about_x": 0.5}}
+    effect = {"name": "tilt", "snr": 10.0, "amounts": {"about_x": 0.5}}
     return {
         "case": "c1",
         "content": "single",
@@ -101,7 +111,7 @@ def test_held_out_gain_is_measured_against_the_truth():
 def test_a_claimed_defect_is_as_far_as_it_lies_from_the_true_one():
     truth = truth_of([[0, 0, 0]] * 2)
     truth["effects"] = [
-        {"name": "void", "amounts": {}, "where": {"x_mm": 8.0, "y_mm": 9.0, "radius_mm": 1.0}}
+        {"name": "void", "snr": 10.0, "amounts": {}, "where": {"x_mm": 8.0, "y_mm": 9.0, "radius_mm": 1.0}}
     ]
     place = {"x_mm": 5.0, "y_mm": 13.0, "z_mm": -3.0, "radius_mm": 1.2}
     verdict = {
