@@ -15,13 +15,10 @@ from gelforge.mismatch.material_effects import (
     ORDER,
     SENSOR,
     SOFTENINGS,
-    Viscous,
-    decades,
-    hereditary,
-    viscous_candidates,
 )
 from gelforge.mismatch.material_evidence import Candidate, Readings
 from gelforge.mismatch.material_readings import FORCE_CLASS, LAW_LENGTH, row_noise
+from gelforge.mismatch.material_viscosity import Viscous, decades, hereditary, viscous_candidates
 
 ROWS_OF_SEGMENT = 60
 NEAR = 8.0  # largest depths: rows farther from the sample than that only tell the zero

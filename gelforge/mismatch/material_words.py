@@ -264,10 +264,7 @@ def _numbers(final: Fitted) -> str:
     for k, candidate in enumerate(final.model):
         a = final.amounts[final.of(k)]
         if candidate.name == "viscoelastic":
-            share = sum(x for x, p in zip(a, candidate.parameters) if p.name.startswith("share"))
-            alike = "share_per_decade" == candidate.parameters[0].name
-            per = " per decade of time" if alike else ", which relaxes beside it"
-            said.append(f"{share:.2g} of the fastest loading's stress{per}")
+            said.append(_relaxation(candidate, a))
         elif candidate.name == "ageing":
             s = candidate.shape
             said.append(f"stress changes by {a[0]:+.0%} from {s['from']:g} to {s['to']:g} {s['per']}")
@@ -280,6 +277,19 @@ def _numbers(final: Fitted) -> str:
             said.append(f"gain {span}")
         elif candidate.name == "adhesion":
             said.append(f"a pull of {a[0]:.3g} N")
+    return ", ".join(said)
+
+
+def _relaxation(candidate: Candidate, a: np.ndarray) -> str:
+    amounts = {p.name: x for p, x in zip(candidate.parameters, a)}
+    said = []
+    if amounts.get("flow_stiffness"):
+        said.append(
+            f"{amounts['flow_stiffness']:.2g} of the base's stiffness flows, the faster the higher its stress"
+        )
+    if share := sum(x for name, x in amounts.items() if name.startswith("share")):
+        per = " per decade of time" if "share_per_decade" in amounts else ", which relaxes beside it"
+        said.append(f"{share:.2g} of the fastest loading's stress{per}")
     return ", ".join(said)
 
 
