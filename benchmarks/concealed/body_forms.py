@@ -172,21 +172,33 @@ def _circumstance(world, log_growth):
 
 
 def adhesion(world, size, drawn):
-    """Johnson, Kendall and Roberts with the solved stiffness S and contact radius a; work of separation on the way up."""
+    """Johnson, Kendall and Roberts with the solved force F and contact area A; work of separation w on the way up.
+
+    The ball is pressed s deeper without adhesion and drawn back with its contact held, F(d) -> F(d + s) - s F'(d + s), where
+    s^2 / 2 dF'/dA = w: Griffith's balance of the rim (Johnson, Kendall & Roberts 1971, doi:10.1098/rspa.1971.0141).
+    """
+    h = 0.02  # mm, of differences
 
     def remember(world, rows, xy, depth, force):
         up = (rows["phase"] == "unload").to_numpy() & (depth > 0)
         w = 1e-4 * size
         d = np.maximum(depth, 0.05)
-        S = (world.elastic(xy, d + 0.02)[:, 2] - world.elastic(xy, d - 0.02)[:, 2]) / -0.04
-        # a from the contact area at the middle; S grows with a as with depth
-        powers = np.vander(d, len(world.library.area), increasing=True)
-        a = np.sqrt(np.maximum(powers @ world.library.area, 1e-6) * d / np.pi)
-        S2 = (world.elastic(xy, d + 0.04)[:, 2] - world.elastic(xy, d)[:, 2]) / -0.04
-        powers = np.vander(d + 0.02, len(world.library.area), increasing=True)
-        a2 = np.sqrt(np.maximum(powers @ world.library.area, 1e-6) * (d + 0.02) / np.pi)
-        slope = np.maximum((S2 - S) / np.maximum(a2 - a, 1e-6), 1e-4)
-        pull = S * np.sqrt(4 * np.pi * a * w / slope)
+
+        def pressing(depth):
+            return -world.elastic(xy, depth)[:, 2]
+
+        def area(depth):  # from that at the middle
+            return np.vander(depth, len(world.library.area), increasing=True) @ world.library.area * depth
+
+        deeper = np.zeros_like(d)
+        for _ in range(8):  # it changes by less and less: s is a tenth of a millimetre at most
+            D = d + deeper
+            stiffening = (pressing(D + h) - 2 * pressing(D) + pressing(D - h)) / h**2
+            growing = (area(D + h) - area(D - h)) / (2 * h)
+            deeper = np.sqrt(2 * w * np.maximum(growing, 1e-3) / np.maximum(stiffening, 1e-3))
+        D = d + deeper
+        stiffness = (pressing(D + h) - pressing(D - h)) / (2 * h)
+        pull = np.maximum(pressing(d) - pressing(D) + deeper * stiffness, 0.0)
         return force + np.where(up, pull, 0.0)[:, None] * np.array([0.0, 0.0, 1.0])
 
     world.history.append(remember)

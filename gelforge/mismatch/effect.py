@@ -63,9 +63,9 @@ def unturned(turn: np.ndarray) -> np.ndarray:
 class Effect:
     """One kind of left-out physics. Amounts (P,) are in the parameters' units; all zero is the base bit for bit.
 
-    to_study puts it into the finite elements; to_places gives where (R, 2) [mm] each press really lands, and it is solved
-    there. to_forces gives the forces (R, 3) on the sensor as read with the effect, from those without: exact for the force
-    sensor and the clock, a first approximation for what is solved. to_camera changes the camera that looks at the particles.
+    to_study puts it into the finite elements. to_forces gives the forces (R, 3) on the sensor as read with the effect, from
+    those without: exact for the force sensor and the clock, a first approximation for what is solved. to_places gives where
+    (R, 2) [mm] each press really lands, which images see too. to_camera changes the camera that looks at the particles.
     """
 
     name: str
@@ -93,13 +93,17 @@ class Effect:
     )
     mesh_changes: bool = False  # its derivative is a difference of two solutions on its own mesh
     step: float = 1e-2  # of a plausible amount, at which its derivative is taken
-    across: float = 0.0  # of a plausible amount, to either side, across which its derivative is a difference; 0: at the base
+    across: Callable[[Study], float] | None = (
+        None  # the amount, to either side, across which its derivative is a difference
+    )
     unloading: bool = False  # seen on the way up only
+    # The coarser mesh does not resolve it, and its formula says more: adhesion's rim is narrower than an element.
+    by_formula: bool = False
 
     @property
     def solved(self) -> bool:
         """Return whether the finite elements are solved with it."""
-        return self.to_study is not None or self.to_places is not None
+        return self.to_study is not None and not self.by_formula
 
     @property
     def blunder(self) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gelforge.mismatch.alternatives import Alternatives, normalised
+from gelforge.mismatch.alternatives import WORTH, Alternatives, normalised
 from gelforge.mismatch.covariance import Covariance
 from gelforge.mismatch.identifiability import Group, group_of_winner
 from gelforge.mismatch.screen import Screened
@@ -17,28 +17,34 @@ MOST_MEMBERS = 4  # of a group that is widened by rivals
 LIKELY = 0.5  # probability below which a group is no answer
 
 
-def grouped(ranked: Sequence[Screened], covariance: Covariance, alternatives: Alternatives) -> Group:
+def grouped(
+    ranked: Sequence[Screened], covariance: Covariance, alternatives: Alternatives, alone: bool = True
+) -> Group:
     """Return the group of the first of some effects, what else was answered being the same.
 
     Its members and odds follow from these; its probability from all answers, of one effect and of several: however many of
     its like a group holds, where pairs of others do as well it is not sure. Odds are with or without errors of changes,
     whichever say less: one effect is exact and another errs, and of two that are alike that alone would decide.
+
+    alone: it is all that was answered, and is widened by rivals where it is not sure. Beside another effect it is not: that
+    one's own form leaves a rest, and four of a catalogue always take it up, whatever it is.
     """
-    chances = normalised({judged.name: judged.log_bayes_factor for judged in ranked})
-    group = _widened(group_of_winner(ranked, covariance, chances), chances, alternatives)
-    exact = normalised({judged.name: judged.log_bayes_factor - judged.error_cost for judged in ranked})
+    chances = normalised({judged.name: WORTH * judged.log_bayes_factor for judged in ranked})
+    group = group_of_winner(ranked, covariance, chances)
+    group = _widened(group if alone else replace(group, rivals=()), chances, alternatives)
+    exact = normalised(
+        {judged.name: WORTH * (judged.log_bayes_factor - judged.error_cost) for judged in ranked}
+    )
     others = sum(exact[name] for name in group.members[1:])
     return replace(group, odds=min(group.odds, exact[group.members[0]] / others)) if others > 0 else group
 
 
 def claimed(groups: Sequence[Group]) -> tuple[Group, ...]:
-    """Return the groups of an answer without those less likely than not, where all that then remain are sure.
+    """Return the groups of an answer without those that are not sure, where others are.
 
     What is sure is in nearly every answer, whichever effect it is that takes up the little that is left beside it.
     """
-    likely = tuple(group for group in groups if group.probability >= LIKELY)
-    sure = likely and all(group.probability >= NAMED_PROBABILITY for group in likely)
-    return likely if sure else tuple(groups)
+    return tuple(group for group in groups if group.probability >= NAMED_PROBABILITY) or tuple(groups)
 
 
 def last_alone(judged: Screened) -> Screened:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gelforge.mismatch.alternatives import WORTH
 from gelforge.mismatch.covariance import Covariance
 from gelforge.mismatch.effect import Shape
 from gelforge.mismatch.screen import Candidate, Screened
@@ -82,12 +83,14 @@ def group_of_winner(
     """Return the group of the best of the ranked effects (best first), with probabilities by name.
 
     Members are the rivals within RIVAL of its log evidence whose whitened changes, at their fitted amounts, have a cosine
-    above ALIKE with its own on this very recording; the same sign, as both were fitted to one residual.
+    above ALIKE with its own on this very recording; the same sign, as both were fitted to one residual. All others whose
+    odds are as much, WORTH of their evidence counted, are rivals.
     """
-    near = [judged for judged in ranked if judged.log_bayes_factor > ranked[0].log_bayes_factor - RIVAL]
+    behind = {judged.name: ranked[0].log_bayes_factor - judged.log_bayes_factor for judged in ranked}
+    near = [judged for judged in ranked if behind[judged.name] < RIVAL / WORTH]
     near = [ranked[0], *(judged for judged in near if judged is not ranked[0])]
     cos = cosines(covariance.whiten(np.column_stack([judged.change for judged in near])))[0]
-    alike = np.abs(cos) > ALIKE
+    alike = (np.abs(cos) > ALIKE) & np.array([behind[judged.name] < RIVAL for judged in near])
     alike[0] = True
     members = [judged.name for judged, member in zip(near, alike) if member]
     others = sum(probability[name] for name in members[1:])

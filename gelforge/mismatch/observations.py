@@ -87,13 +87,6 @@ class Observations:
         table = self.table[rows].reset_index(drop=True)
         return replace(self, table=table, **{name: np.asarray(getattr(self, name))[rows] for name in arrays})
 
-    def landing(self, places: np.ndarray) -> Observations:
-        """Return the observations at other places (R, 2) [mm], sites counted anew."""
-        places = np.round(places, PLACE_DIGITS)
-        sites, number = np.unique(places, axis=0, return_inverse=True)
-        table = self.table.assign(site=number.ravel(), x_mm=places[:, 0], y_mm=places[:, 1])
-        return replace(self, table=table, sites=sites)
-
 
 def last_moves(table: pd.DataFrame, axes: np.ndarray | None = None) -> np.ndarray:
     """Return the directions (R, 2, 2) of the stage's last move along each of its axes before each row's press.

@@ -286,5 +286,5 @@ def _groups(answer: Answer, names: Collection[str]) -> tuple[Group, ...]:
             groups.append(Group((own.name,), 0.0, np.inf, {own.name: 1.0}, ()))
             continue
         alone = [here, *(one for one in alone if one is not here)]
-        groups.append(grouped(alone, problem.covariance, answer.alternatives))
+        groups.append(grouped(alone, problem.covariance, answer.alternatives, alone=False))
     return tuple(groups)

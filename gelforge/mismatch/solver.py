@@ -175,7 +175,7 @@ def forces_with(
     switched_on = [c for c in chosen if c[0].solved and np.any(c[2])]
     softens = _with(solver.study, switched_on).mechanics.effects.history.softens
     whole = np.isin(press, press[rows]) | softens
-    part = _landing(context.chosen(whole), switched_on)
+    part = context.chosen(whole).observations
     changes = np.zeros_like(context.force[whole])
     for felt, there in _by_what_is_felt(part, switched_on):
         solved = _solved_with(solver, _with(solver.study, felt), part.chosen(there))
@@ -196,15 +196,6 @@ def _with(study: Study, chosen: Sequence[Amounts]) -> Study:
         if effect.to_study is not None:
             study = effect.to_study(study, shape, amounts)
     return study
-
-
-def _landing(context: Context, chosen: Sequence[Amounts]) -> Observations:
-    """Return the observations at the places where presses really land with some effects."""
-    for effect, shape, amounts in chosen:
-        if effect.to_places is not None:
-            landed = context.observations.landing(effect.to_places(context, shape, amounts))
-            context = replace(context, observations=landed)
-    return context.observations
 
 
 def _by_what_is_felt(
@@ -354,7 +345,7 @@ def _variation(solver: Solver, coarse: Study, laws, effect: Effect, shape: Shape
     """Return the coarser study a little beside itself along amount `which` of an effect. Raises ConfigError."""
     parameter, one = effect.parameters[which], np.eye(len(effect.parameters))[which]
     if effect.across:
-        amount = effect.across * parameter.width
+        amount = effect.across(coarse)
         there, back = (solver.seen(effect.to_study(coarse, shape, sign * amount * one)) for sign in (1, -1))
         return Variation(there, laws, 2 * amount, alone=True, without=back)
     amount = 1.0 if effect.switch else effect.step * parameter.width * (parameter.sign or 1)

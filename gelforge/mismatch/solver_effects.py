@@ -16,12 +16,24 @@ from gelforge.mismatch.context import Context
 from gelforge.mismatch.effect import Parameter, Shape
 
 ON = (-0.5, 1.5)  # bounds of what is off (0) or on (1)
+LARGEST_MOVE = 0.3  # [mm]; beside a wall the pull sets in within half a millimetre
+FAR_OUT = 0.3  # of the sensor's width from its middle: where the outermost presses of usual plans are
 
 
 def amount(effect: str, name: str, bounds: tuple[float, float], source: str, sign: int = 0) -> Parameter:
     """Return a parameter with the unit and the plausible width that the catalogue of the finite elements gives."""
     known = CATALOGUE[effect]
     return Parameter(name, known.unit, known.width, bounds, source, sign)
+
+
+def half_an_element(study: Study) -> float:
+    """Return half of the elements' size under a press [mm], or less: across it ripples from node to node cancel."""
+    return min(study.mechanics.mesh.near_mm / 2, LARGEST_MOVE)
+
+
+def half_an_element_far_out(study: Study) -> float:
+    """Return the angle [rad] or the growth by which the outermost presses move so far."""
+    return half_an_element(study) / (FAR_OUT * study.sensor.width_x_mm)
 
 
 def solver(

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import poisson
 
-from gelforge.mismatch.alternatives import NULL_PRIOR, UNKNOWN, Alternatives, log_prior
+from gelforge.mismatch.alternatives import NULL_PRIOR, UNKNOWN, WORTH, Alternatives, log_prior
 
 
 @pytest.mark.parametrize("known", [2, 40])
@@ -27,12 +27,23 @@ def test_one_effect_that_stands_for_two_is_not_sure_where_pairs_do_as_well():
     assert alone.holding([names[0]]) > 0.999
     pairs = {frozenset(pair): 63.0 for pair in combinations(names[1:], 2)}
     both = Alternatives(evidence | pairs, 40)
-    odds = len(pairs) * np.exp(3.0 + log_prior(2, 40) - log_prior(1, 40))
+    odds = len(pairs) * np.exp(WORTH * 3.0 + log_prior(2, 40) - log_prior(1, 40))
     assert_allclose(both.holding([names[0]]), 1 / (1 + odds), rtol=1e-6)
     assert_allclose(sum(both.probability.values()), 1)
     # each of the others is in 7 of the 28 pairs; two of them in 13
     assert_allclose(both.holding(names[1:2]), odds / (1 + odds) * 7 / 28, rtol=1e-6)
     assert_allclose(both.holding(names[1:3]), odds / (1 + odds) * 13 / 28, rtol=1e-6)
+
+
+def test_known_answers_share_by_a_part_of_their_evidence_what_they_have_beside_nothing_and_the_unknown():
+    one, other, strange = frozenset(["tilt"]), frozenset(["yaw"]), frozenset([UNKNOWN])
+    found = Alternatives({one: 12.0, other: 7.0, strange: 11.0}, 40).probability
+    assert_allclose(found[one] / found[other], np.exp(5.0 * WORTH))
+    known, each = np.exp(12.0) + np.exp(7.0), np.exp(log_prior(1, 40))
+    assert_allclose((found[one] + found[other]) / found[strange], known / np.exp(11.0))
+    assert_allclose((found[one] + found[other]) / found[frozenset()], known * each / np.exp(log_prior(0, 40)))
+    alone = Alternatives({strange: 11.0}, 40).probability  # no known one was tried
+    assert_allclose(alone[strange] / alone[frozenset()], np.exp(11.0) * each / np.exp(log_prior(0, 40)))
 
 
 def test_a_likelier_answer_of_one_more_effect_is_seen():

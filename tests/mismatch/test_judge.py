@@ -175,8 +175,8 @@ def test_what_is_sure_is_named_whichever_effect_takes_up_the_little_beside_it():
     (group,) = found.answer.groups
     little = replace(group, members=("clock_offset",), probability=0.2)
     assert state(groups=(group, little)) == "named"
-    assert state(groups=(group, replace(little, probability=0.7))) == "insufficient"  # likely, but not sure
-    assert state(groups=(replace(group, probability=0.8), little)) == "insufficient"
+    assert state(groups=(group, replace(little, probability=0.7))) == "named"  # likely, but not sure
+    assert state(groups=(replace(group, probability=0.8), little)) == "insufficient"  # nothing is
     assert state(groups=(replace(group, members=(*group.members, "yaw"), odds=3.0), little)) == "group"
     (part,), (amounts,) = found.answer.fit.parts, found.answer.fit.amounts
     fit = replace(

@@ -1,4 +1,4 @@
-"""Play across the press: from where the stage came, where the ball lands, and that the finite elements press there."""
+"""Play across the press: from where the stage came, where the ball lands, and what it reads there."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ from gelforge.mismatch.solutions import Solver
 from gelforge.mismatch.solver import base_of, forces_with
 from gelforge.recording.readings import axes_of_stage, stage_to_sensor
 
-PLAY = CATALOGUE["lateral_play"]
+PLAY, SHIFT = CATALOGUE["lateral_play"], CATALOGUE["misregistration"]
 STUDY = specimens.study()
 PLACES = np.array([[8.0, 8.0], [6.5, 8.0]])
 DEPTH = 0.5
@@ -69,21 +69,19 @@ def test_a_press_stays_behind_by_half_of_the_play():
     context = replace(artificial.context(), observations=found)
     landed = PLAY.to_places(context, {}, [0.4, 0.2])
     assert_allclose(landed, [[8.0, 8.0], [6.7, 7.9], [7.8, 8.0]])
-    moved = found.landing(landed)
-    assert_array_equal(moved.sites[moved.table["site"]], landed)
-    assert_array_equal(moved.force, found.force)
 
 
-def test_what_is_solved_is_a_press_to_where_the_ball_lands(tmp_path):
-    """Its change is that from the press as commanded to the one there, each on the mesh made for it."""
+def test_a_press_that_lands_elsewhere_is_as_one_sent_there(tmp_path):
+    """On one mesh, between two that lie half an element to either side; a mesh made for each place has errors of its own."""
     found = pressed([0, 1, 0], [[1, 0], [-1, 0], [0, 0]])
     solver = Solver(STUDY, specimens.STUDY_LAWS, {}, tmp_path)
-    base = base_of(solver, found, [])
-    there = base_of(solver, found.landing(np.array([[7.8, 8.0], [6.7, 8.0], [8.0, 8.0]])), [])
-    played = forces_with(solver, base, [(PLAY, {}, [0.4, 0.0])])
-    change = base.finer * (there.coarse - base.coarse)
-    assert_allclose(played, base.context.force + change, rtol=1e-9, atol=1e-12)
-    assert np.abs(change[:2]).max(axis=1).min() > 1e-4 and not change[2].any()
+    base = base_of(solver, found, [SHIFT])
+    play = 2 * SHIFT.across(solver.coarse)
+    played = forces_with(solver, base, [(PLAY, {}, [play, 0.0])])
+    there, back = (forces_with(solver, base, [(SHIFT, {}, [side * play / 2, 0.0])]) for side in (-1, 1))
+    expected = base.context.force + np.array([[0.5], [-0.5], [0.0]]) * (there - back)
+    assert_allclose(played, expected, rtol=1e-6, atol=1e-7)
+    assert np.abs(played - base.context.force)[:2].max(axis=1).min() > 1e-4
 
 
 def test_the_first_order_is_that_of_a_grid_shifted_the_other_way():
@@ -98,6 +96,6 @@ def test_the_first_order_is_that_of_a_grid_shifted_the_other_way():
 def test_no_play_is_the_base_bit_for_bit(tmp_path):
     found = pressed([0, 1], [[1, 0], [-1, 1]])
     solver = Solver(STUDY, specimens.STUDY_LAWS, {}, tmp_path)
-    base = base_of(solver, found, [])
+    base = base_of(solver, found, [SHIFT])
     assert_array_equal(forces_with(solver, base, [(PLAY, {}, [0.0, 0.0])]), base.context.force)
     assert_array_equal(PLAY.to_places(base.context, {}, [0.0, 0.0]), PLACES)

@@ -86,7 +86,9 @@ def test_what_a_curved_effect_does_is_no_second_effect():
     found = judge(problem, SETTINGS, seed=1)
     assert found.state == "named" and found.answer.winner.name == "gel_stiffness"
     assert set(map(len, solved)) == {1}  # no pair was wanted
-    assert found.answer.alternatives.holding(["wall_stiffness"]) < 0.1
+    # Of three effects either other one is beside it as likely as not at all: neither adds anything.
+    both = {name: found.answer.alternatives.holding([name]) for name in ("wall_stiffness", "skin_stiffness")}
+    assert both["wall_stiffness"] < 0.2 and abs(both["wall_stiffness"] - both["skin_stiffness"]) < 0.02
 
 
 def test_what_a_refit_has_taken_back_is_not_promised_again():

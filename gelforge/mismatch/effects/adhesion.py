@@ -10,17 +10,19 @@ from gelforge.mismatch.context import Context
 from gelforge.mismatch.effect import Effect, Shape
 from gelforge.mismatch.solver_effects import amount, has, solver
 
+GROWTH = 1.5  # d area / d depth, in pi times the radius
+
 
 def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
-    """Return the forces to first order: on the way up 2 pi R w pulls the sensor up, while there is contact (R, 3) [N].
+    """Return the forces with adhesion: on the way up w dA/dd pulls the sensor up, while there is contact (R, 3) [N].
 
-    The traction over the ring beside a ball, whose area grows by 2 pi R with the gap, whatever its law (Derjaguin 1934). A
-    derivative by the solver is none: on elements larger than the ring it jumps from 0 to several times this.
+    To first order in the work w, at a held depth d, whatever the law: the energy of the surfaces that stick. The contact
+    area A grows by pi R d on a half space and by 2 pi R d on a layer that is thin beside it; between them 1.5 is taken.
     """
     (w,) = amounts
     table = context.observations.table
     up = (table["phase"] == "unload") & (table["depth_mm"] > 0)
-    pull = sum(2 * np.pi * part.radius_mm for part in context.study.indenter.shapes)
+    pull = sum(GROWTH * np.pi * part.radius_mm for part in context.study.indenter.shapes)
     return force + w * pull * np.outer(up, [0.0, 0.0, 1.0])
 
 
@@ -37,7 +39,7 @@ EFFECT = Effect(
     signature="less force on the way up, down to a pull before the indenter lets go; loading clean within millinewtons",
     confused_with=("force_hysteresis", "viscoelastic", "mullins"),
     separated_by="slow unloading with readings up to where the indenter lets go; a dusted surface",
-    form_error=0.4,  # of the pull of Johnson, Kendall and Roberts, which grows with the contact
+    form_error=0.25,  # of the pull of Johnson, Kendall and Roberts on layers, which is less at small depths
     applies=lambda study: all(part.kind == "sphere" for part in study.indenter.shapes),
-    **solver("adhesion", has("contact.adhesion.work_N_per_mm")) | {"to_forces": to_forces},
+    **solver("adhesion", has("contact.adhesion.work_N_per_mm")) | {"to_forces": to_forces, "by_formula": True},
 )  # fmt: skip

@@ -1,7 +1,7 @@
 """The grid of positions is larger or smaller than commanded: a stage's pitch, a wrong unit of steps."""
 
 from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, has, solver
+from gelforge.mismatch.solver_effects import amount, half_an_element_far_out, has, solver
 
 EFFECT = Effect(
     name="grid_scale",
@@ -17,5 +17,5 @@ EFFECT = Effect(
     separated_by="a dial gauge over the stage's range; images, which show where the ball presses",
     form_error=0.2,  # at the wall, whose pull sets in within half a millimetre
     **solver("grid_scale", has("kinematics.grid_scale"))
-    | {"across": 1.0},  # some 0.1 mm far from the middle, as misregistration
+    | {"across": half_an_element_far_out},
 )  # fmt: skip

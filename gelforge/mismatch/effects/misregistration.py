@@ -1,7 +1,7 @@
 """The stage's origin lies elsewhere on the sensor than described."""
 
 from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, as_vector, first_order, pair_of, solver
+from gelforge.mismatch.solver_effects import amount, as_vector, first_order, half_an_element, pair_of, solver
 
 SOURCE = "width: an edge found by eye (judgement); bounds: a tenth of a usual sensor"
 
@@ -22,6 +22,6 @@ EFFECT = Effect(
         ),
         "to_forces": first_order("misregistration", "x", "y"),
         "turned": as_vector,
-        "across": 0.2,  # 0.1 mm: below the elements' size the force has ripples from node to node
+        "across": half_an_element,
     },
 )

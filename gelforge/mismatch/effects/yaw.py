@@ -1,7 +1,9 @@
 """The grid of positions is turned about the sensor's middle."""
 
+import numpy as np
+
 from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, as_spin, has, solver
+from gelforge.mismatch.solver_effects import amount, as_spin, half_an_element_far_out, has, solver
 
 EFFECT = Effect(
     name="yaw",
@@ -17,5 +19,5 @@ EFFECT = Effect(
     separated_by="presses close to the walls off the lines of symmetry; images",
     form_error=0.2,  # at the wall, whose pull sets in within half a millimetre
     **solver("yaw", has("kinematics.yaw_deg"), directed=True)
-    | {"turned": as_spin, "across": 0.3},  # some 0.1 mm far from the middle, as misregistration
+    | {"turned": as_spin, "across": lambda study: float(np.degrees(half_an_element_far_out(study)))},
 )  # fmt: skip
