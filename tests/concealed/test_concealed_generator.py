@@ -1,15 +1,18 @@
 """What the generator writes: nulls are the base with noise, effects are what they are called, and the law is Ogden's."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 pytest.importorskip("felupe", reason="FElupe is not installed: pip install -e .[verification]")
-from concealed import baselines, draw, kinds, presses, recording, sets
+from concealed import baselines, body_forms, draw, kinds, presses, recording, sets
 from concealed.ogden import Ogden
 from concealed.world import World, held, zeroed
 from numpy.testing import assert_allclose
+from scipy.optimize import brentq
 
 from gelforge.config import load_study
 from gelforge.indentation.plan import plan_cells
@@ -228,3 +231,42 @@ def test_backlash_leaves_the_stage_behind_its_last_move(library):
                 behind = np.where(move == 0, behind, -move * [0.2, 0.1])
             assert_allclose(landed, np.tile(here + behind, (len(press), 1)), atol=1e-12)
             before = here
+
+
+# ------------------------------------------------------------------------------------------------------------ adhesion
+RADIUS, MODULUS = 5.0, 0.08  # mm, MPa: a half space
+
+
+class HalfSpace:
+    """Hertz's ball in place of FElupe's solutions: F = 4/3 E* sqrt(R) d^1.5, A = pi R d."""
+
+    library = SimpleNamespace(area=np.array([np.pi * RADIUS]))
+
+    def __init__(self):
+        self.history = []
+
+    def elastic(self, xy, depth):
+        pressing = 4 / 3 * MODULUS * np.sqrt(RADIUS) * np.maximum(depth, 0.0) ** 1.5
+        return -pressing[:, None] * np.array([0.0, 0.0, 1.0])
+
+
+def test_adhesion_on_a_half_space_is_johnson_kendall_and_roberts():
+    """At a held depth, where the pull is far smaller than at a held contact: 2.1 mN against 34 to 83 here."""
+    world, size = HalfSpace(), 1.3
+    body_forms.adhesion(world, size, {})
+    depth = np.array([0.4, 0.8, 1.6, 0.8])
+    rows = pd.DataFrame({"phase": ["unload", "unload", "unload", "load"]})
+    pull = world.history[0](world, rows, np.zeros((4, 2)), depth, np.zeros((4, 3)))
+    w = 1e-4 * size
+
+    def without(d):
+        return 4 / 3 * MODULUS * np.sqrt(RADIUS) * d**1.5
+
+    def held(d):  # the radius of the contact from the depth, then the force
+        a = brentq(lambda a: a**2 / RADIUS - np.sqrt(2 * np.pi * a * w / MODULUS) - d, 1e-2, 2 * RADIUS)
+        return 4 / 3 * MODULUS * a**3 / RADIUS - np.sqrt(8 * np.pi * w * MODULUS * a**3)
+
+    expected = [without(d) - held(d) for d in depth[:3]]
+    assert_allclose(pull[:3, 2], expected, rtol=0.02)  # differences over 0.02 mm
+    assert_allclose(expected[2], np.pi * RADIUS * w, rtol=0.1)  # to first order
+    assert not pull[3].any() and not pull[:, :2].any()
