@@ -43,6 +43,11 @@ class Judgement:
         return self.answer.groups if self.state == "open" else claimed(self.answer.groups)
 
     @property
+    def unnamed(self) -> tuple[Group, ...]:
+        """Return the groups that an answer holds beside those that it claims: something is there, and nothing is sure."""
+        return tuple(group for group in self.answer.groups if group not in self.told) if self.told else ()
+
+    @property
     def refuted(self) -> bool:
         """Return whether something is certainly there and the readings set aside speak against the best answer to it."""
         return self.answer is not None and _refuted(self.mismatch, self.answer)

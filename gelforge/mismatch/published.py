@@ -31,7 +31,7 @@ from gelforge.mismatch.sessions import TOUCHDOWN_MM
 from gelforge.mismatch.solutions import Solver
 from gelforge.mismatch.solver import Base, base_of, forces_with
 from gelforge.mismatch.stage import at_first_order, known_false, noise_case, write_results
-from gelforge.mismatch.verdict import Provenance, Verdict
+from gelforge.mismatch.verdict import NoiseCase, Provenance, Verdict
 
 TABLE = Path("data/paper/force_depth.csv")
 SITES = {"center": (16.0, 16.0), "corner": (27.0, 27.0)}  # mm
@@ -207,7 +207,7 @@ def summary(verdicts: dict[str, Verdict]) -> pd.DataFrame:
             name,
             case.sigma_z_N,
             case.state,
-            "; ".join(" or ".join(group) for group in case.answer),
+            _in_words(case),
             case.probability,
             case.p,
         )
@@ -215,6 +215,11 @@ def summary(verdicts: dict[str, Verdict]) -> pd.DataFrame:
         for case in verdict.noise.sensitivity
     ]
     return pd.DataFrame(rows, columns=["base", "sigma_z_N", "state", "answer", "probability", "p"])
+
+
+def _in_words(case: NoiseCase) -> str:
+    groups = "; ".join(" or ".join(group) for group in case.answer)
+    return groups + (f"; and something that {' and '.join(case.beside)} fits" if case.beside else "")
 
 
 def write_summary(out: Path, verdicts: dict[str, Verdict]) -> None:

@@ -196,6 +196,7 @@ def noise_case(problem: Problem, judgement: Judgement, scale: float) -> NoiseCas
         sigma_z_N=float(scale * np.sqrt(np.mean(z**2))),
         state=judgement.state,
         answer=[[name.split(" + ")[-1] for name in group.members] for group in groups],
+        beside=[group.members[0] for group in judgement.unnamed],
         probability=min([1.0, *(group.probability for group in groups)]) if groups else None,
         p=judgement.mismatch.p,
     )

@@ -234,7 +234,10 @@ class NoiseCase(Section):
     sigma_z_N: Positive = Field(description="Standard deviation of a reading of Fz at this scale [N]")
     state: State = Field(description="The state that it gives")
     answer: list[list[Name]] = Field([], description="The groups that it gives")
-    probability: Probability | None = Field(None, description="Of them [-]")
+    beside: list[Name] = Field(
+        [], description="Effects that fit what remains beside them, none of them sure enough to be named"
+    )
+    probability: Probability | None = Field(None, description="Of the groups [-]")
     p: Probability | None = Field(None, description="Of the mismatch by chance [-]")
 
 

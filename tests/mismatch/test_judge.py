@@ -21,6 +21,7 @@ from gelforge.mismatch.refit import refitted
 from gelforge.mismatch.remains import Remains
 from gelforge.mismatch.scan import Finding
 from gelforge.mismatch.screen import screened
+from gelforge.mismatch.stage import noise_case
 from gelforge.mismatch.weighing import weighed
 from gelforge.mismatch.words import plain, sentence_of
 
@@ -183,12 +184,14 @@ def test_what_is_sure_is_named_whichever_effect_takes_up_the_little_beside_it():
         found.answer.fit, parts=(part, replace(part, name="clock_offset")), amounts=(amounts, amounts[:1])
     )
     both = replace(found, answer=replace(found.answer, fit=fit, groups=(group, little)))
-    assert both.told == (group,)
+    assert both.told == (group,) and both.unnamed == (little,)
+    assert noise_case(problem, both, 1.0).beside == ["clock_offset"]
     assert "beside something that these readings cannot name (clock offset fits)" in sentence_of(
         problem, both
     )
     assert replace(both, state="open").told == (group, little)
-    assert replace(both, state="insufficient").told == ()
+    assert replace(both, state="insufficient").told == () == replace(both, state="insufficient").unnamed
+    assert found.unnamed == ()
 
 
 def test_where_one_effect_was_refuted_and_none_of_several_is_sure_something_unknown_is_there():
