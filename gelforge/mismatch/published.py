@@ -169,7 +169,8 @@ def judge_case(case: Case, solver: Solver, out: Path, sigmas: Sequence[float] = 
         linear = replace(
             problem, forces_with=at_first_order(problem)
         )  # a switch's change is the real one all the same
-        cases.append(noise_case(linear, judge(linear, settings, seed), 1.0))
+        own = noise_case(linear, judge(linear, settings, seed), 1.0)
+        cases.append(own.model_copy(update={"scale": sigma / STATED_N}))
     problem, context = problem_of_case(case, solver, table, STATED_N)
     judgement = judge(problem, settings, seed)
     provenance = Provenance(

@@ -156,7 +156,7 @@ def answer_text(case: NoiseCase | Verdict) -> str:
     """Return state and answer in a few words, as on an axis."""
     groups = case.answer if isinstance(case, NoiseCase) else [group.members for group in case.answer]
     names = " and ".join(" or ".join(pretty(name) for name in group) for group in groups)
-    names += " and something" if isinstance(case, NoiseCase) and case.beside else ""
+    names += " and something more" if isinstance(case, NoiseCase) and case.beside else ""
     return f"{case.state}: {names}" if names else case.state
 
 
