@@ -122,7 +122,10 @@ def held_out_gain(truth: dict, readings: pd.DataFrame) -> tuple[float, float, fl
     ])  # fmt: skip
     measured, sigma = rows["measured_N"].to_numpy(), rows["sigma_N"].to_numpy()
     base = rows["base_N"].to_numpy(dtype=float)
-    after = pd.to_numeric(rows["after_N"], errors="coerce").to_numpy()
+    unseen = (
+        "predicted_N" if "predicted_N" in rows else "after_N"
+    )  # the same, before amounts followed all readings
+    after = pd.to_numeric(rows[unseen], errors="coerce").to_numpy()
     after = np.where(np.isfinite(after), after, base)
     square = [float(np.mean(((measured - other) / sigma) ** 2)) for other in (base, after, best)]
     change, rest = (float(np.mean(((best - other) / sigma) ** 2)) for other in (base, after))

@@ -14,7 +14,7 @@ from gelforge.mismatch.effect import Parameter
 from gelforge.mismatch.identifiability import Group, profile
 from gelforge.mismatch.judge import Judgement
 from gelforge.mismatch.problem import Problem
-from gelforge.mismatch.refit import End
+from gelforge.mismatch.refit import End, Refitted
 from gelforge.mismatch.screen import Screened
 from gelforge.mismatch.search import Answer
 from gelforge.mismatch.weighing import unmasked
@@ -69,7 +69,7 @@ def effects_told(problem: Problem, judgement: Judgement) -> list[form.NamedEffec
     if answer is not None:
         claimed = answer.alternatives.without_more_than(effects_of(answer.winner))
         for part, amounts, group, spread in zip(
-            answer.fit.parts, answer.fit.amounts, answer.groups, _blocks(answer)
+            answer.final.fit.parts, answer.final.fit.amounts, answer.groups, _blocks(answer.final.fit)
         ):
             found[part.name] = _effect(
                 problem, part.name, dict(part.shape), amounts, spread,
@@ -79,7 +79,7 @@ def effects_told(problem: Problem, judgement: Judgement) -> list[form.NamedEffec
             )  # fmt: skip
         if len(answer.fit.parts) == 1 and not answer.fit.parts[0].switch:
             name = answer.fit.parts[0].name
-            found[name] = _profiled(problem, judgement, found[name])
+            found[name] = _profiled(problem, answer, found[name])
         names = [fit.parts[-1].name for fit in answer.refits if fit.end is not End.HOPELESS]
         if len(answer.fit.parts) == 1:
             for judged in answer.ranked[1:]:
@@ -95,29 +95,25 @@ def effects_told(problem: Problem, judgement: Judgement) -> list[form.NamedEffec
     return sorted(found.values(), key=lambda e: (e.name not in first, -e.probability, rank[e.name]))
 
 
-def _profiled(problem: Problem, judgement: Judgement, effect: form.NamedEffect) -> form.NamedEffect:
-    """Return the answer's effect with the profiles of its amounts, to first order about the refit, on training readings."""
-    train, answer = judgement.blocks.train, judgement.answer
-    residual = problem.residual[train]
-    covariance = problem.believing(answer.fit.parts, answer.fit.amounts[0]).covariance.restricted(train)
-    part = answer.fit.parts[0].restricted(train)
-    judged = replace(answer.winner, parts=(part,))
-    change = problem.observations.flat(answer.after - problem.base)[train]
-    offset = (
-        residual - change + part.columns @ answer.fit.amounts[0]
-    )  # the model's own change at the fitted amounts
+def _profiled(problem: Problem, answer: Answer, effect: form.NamedEffect) -> form.NamedEffect:
+    """Return the answer's effect with the profiles of its amounts, to first order about the fit that is told."""
+    fit, change = answer.final.fit, problem.observations.flat(answer.final.after - problem.base)
+    covariance = problem.believing(fit.parts, fit.amounts[0]).covariance
+    judged = replace(answer.winner, parts=fit.parts)
+    # The model's own change at the fitted amounts
+    offset = problem.residual - change + fit.parts[0].columns @ fit.amounts[0]
     amounts = []
-    for k, (amount, sd) in enumerate(zip(effect.amounts, np.sqrt(np.diag(answer.fit.covariance)))):
+    for k, (amount, sd) in enumerate(zip(effect.amounts, np.sqrt(np.diag(fit.covariance)))):
         grid = amount.value + sd * np.linspace(-PROFILE_SD, PROFILE_SD, PROFILE_POINTS)
         values = profile(offset, covariance, judged, k, grid)
         amounts.append(amount.model_copy(update={"profile": list(zip(grid.tolist(), values.tolist()))}))
     return effect.model_copy(update={"amounts": amounts})
 
 
-def _blocks(answer: Answer) -> list[np.ndarray]:
+def _blocks(fit: Refitted) -> list[np.ndarray]:
     """Return each part's own block of the amounts' covariance."""
-    ends = np.cumsum([0, *(len(a) for a in answer.fit.amounts)])
-    return [answer.fit.covariance[a:b, a:b] for a, b in zip(ends, ends[1:])]
+    ends = np.cumsum([0, *(len(a) for a in fit.amounts)])
+    return [fit.covariance[a:b, a:b] for a, b in zip(ends, ends[1:])]
 
 
 def _by_instrument(problem: Problem, judged: Screened) -> float:

@@ -88,17 +88,17 @@ def readings_table(problem: Problem, judgement: Judgement) -> pd.DataFrame:
     held = np.full(len(labels), "no", dtype=object)
     for name, mask in judgement.blocks.held.items():
         held[mask] = name
-    after = (
-        np.full(len(labels), np.nan)
-        if judgement.answer is None
-        else observations.flat(judgement.answer.after)
-    )
+    after = predicted = np.full(len(labels), np.nan)
+    if judgement.answer is not None:
+        after = observations.flat(judgement.answer.final.after)
+        predicted = observations.flat(judgement.answer.after)
     return labels[["session", "press", "x_mm", "y_mm", "depth_mm", "phase", "time_s"]].assign(
         site=labels["site"].astype(str),
         axis=np.array(AXES)[labels["axis"]],
         measured_N=observations.flat(observations.force),
         base_N=observations.flat(problem.base),
         after_N=after,
+        predicted_N=predicted,
         sigma_N=problem.covariance.standard_deviation,
         held_out=held,
     )
@@ -157,7 +157,7 @@ def _where(mismatch: Remains) -> list[form.Where]:
 def located(answer: Answer, sensor: Sensor | None, told: Sequence[form.Group]) -> list[form.Where]:
     """Return where the defects that are told lie in the sensor: balls in a layer, discs on the lower face of the skin."""
     names, found = {name for group in told for name in group.members}, []
-    for part in answer.fit.parts:
+    for part in answer.final.fit.parts:
         if "z_mm" not in part.shape or part.name not in names:
             continue
         x, y, z, radius = (part.shape[key] for key in ("x_mm", "y_mm", "z_mm", "radius_mm"))
@@ -194,7 +194,8 @@ def _fit(problem: Problem, judgement: Judgement) -> form.Fit:
                 blocks.append(_held_out(problem, name, problem.residual, left, mask, own))
     for name, (split, residual, _, scores) in answer.folds.items():
         blocks.append(_held_out(problem, name, problem.residual, residual, split.held_out, scores))
-    after = score_of(problem, left, everything)
+    told = observations.flat(observations.force - answer.final.after)
+    after = score_of(problem, told, everything)
     return form.Fit(before=before, after=after, held_out=held, held_out_blocks=blocks)
 
 
@@ -317,4 +318,4 @@ def versions() -> dict[str, str]:
 
 def confirmed(judgement: Judgement, problem: Problem) -> bool:
     """Return whether the answer may be put into the study."""
-    return judgement.state in ("named", "group") and in_range(problem, judgement.answer.fit)
+    return judgement.state in ("named", "group") and in_range(problem, judgement.answer.final.fit)

@@ -247,5 +247,6 @@ def force_part(problem: Problem, judgement: Judgement) -> tuple[Problem, Judgeme
             name: (cut(blocks), left[:n], gained, scores)
             for name, (blocks, left, gained, scores) in answer.folds.items()
         }
-        answer = replace(answer, after=answer.after[:R], folds=folds)
+        final = replace(answer.final, after=answer.final.after[:R])
+        answer = replace(answer, after=answer.after[:R], final=final, folds=folds)
     return problem.flow.forces, replace(judgement, blocks=cut(judgement.blocks), answer=answer)

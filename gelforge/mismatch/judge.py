@@ -7,8 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gelforge.config import ConfigError
 from gelforge.config.mismatch import Mismatch
+from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mismatch.alternatives import UNKNOWN, probabilities
+from gelforge.mismatch.final import fitted_to_all
 from gelforge.mismatch.groups import LIKELY, claimed
 from gelforge.mismatch.holdout import Blocks, split
 from gelforge.mismatch.identifiability import DETECTED_SNR, Group
@@ -62,7 +65,7 @@ def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Jud
     """Return the judgement on a problem.
 
     Whether there is a mismatch, and where, is asked of all readings; what could explain it, and by how much, of the training
-    readings; among the last few those set aside help to choose.
+    readings; among the last few those set aside help to choose. What has passed is fitted to all readings for its amounts.
     """
     labels, rng = problem.labels, np.random.default_rng([seed, 5])
     blocks = split(labels, seed, turn)
@@ -80,8 +83,25 @@ def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Jud
         return Judgement(state, blocks, mismatch, tuple(singles), probability, None, ())
     answer, notes = explained(problem, Terms(blocks, settings, rng, len(felt), manners, unknown))
     state = _state(problem, mismatch, answer)
+    if state in ("named", "group"):
+        answer = _final(answer, notes)
     out = answer is not None and not in_range(problem, answer.fit)
     return Judgement(state, blocks, mismatch, tuple(singles), probability, answer, tuple(notes), out)
+
+
+def _final(answer: Answer, notes: list[str]) -> Answer:
+    """Return a confirmed answer with its amounts by all readings; where that fails by the training readings, with a note."""
+    try:
+        final = fitted_to_all(answer.problem, answer.winner, answer.fit)
+    except (NotConverged, ConfigError) as failure:
+        reason = f"could not be solved: {failure}"
+    else:
+        if final.fit.converged and in_range(answer.problem, final.fit):
+            return replace(answer, final=final)
+        reason = "was still moving" if not final.fit.converged else "left the physical range"
+    name = answer.fit.name.replace("_", " ")
+    notes.append(f"amounts are those of the training readings: the fit of {name} to all readings {reason}")
+    return answer
 
 
 def _could_have_seen(singles: Sequence[Screened]) -> bool:

@@ -11,6 +11,7 @@ import pandas as pd
 from gelforge.config.mismatch import Mismatch
 from gelforge.mismatch.alternatives import UNKNOWN, Alternatives, effects_of
 from gelforge.mismatch.confirmation import folds_of, scores_of
+from gelforge.mismatch.final import Final
 from gelforge.mismatch.groups import grouped, last_alone
 from gelforge.mismatch.holdout import Blocks, Gain, gain, paid_for_choice
 from gelforge.mismatch.identifiability import RIVAL, Group
@@ -51,7 +52,7 @@ class Answer:
     """Effects that were put into the base, and what speaks for them."""
 
     winner: Screened  # by all readings, with refitted amounts and changes
-    fit: Refitted
+    fit: Refitted  # to the training readings
     ranked: tuple[Screened, ...]  # all that were tried beside it, refitted ones with their new evidence
     refits: tuple[Refitted, ...]
     groups: tuple[Group, ...]  # one per effect of the answer; none while the search goes on
@@ -62,7 +63,8 @@ class Answer:
     problem: Problem  # with columns through what was solved
     adequacy: Remains  # of the training readings
     everywhere: Remains  # of all readings, but for what other amounts of the same effects could take up
-    after: np.ndarray  # (R, 3) [N] forces with the effects
+    after: np.ndarray  # (R, 3) [N] forces with the effects, the readings set aside predicted
+    final: Final  # what is told: the same until all readings are fitted
     gain: Gain | None
     scores: Mapping[str, pd.DataFrame]  # before and after: predictive scores of what was set aside
     folds: Mapping[str, tuple[Blocks, np.ndarray, Gain, Mapping[str, pd.DataFrame]]]
@@ -247,6 +249,7 @@ def _answer(
         adequacy=adequacy,
         everywhere=everywhere,
         after=told.after,
+        final=Final(fit, told.after),
         gain=replace(gain(scores["before"], scores["after"]), paid=paid) if blocks.held_out.any() else None,
         scores=scores,
         folds=folds_of(problem, winner),

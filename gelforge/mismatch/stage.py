@@ -68,7 +68,7 @@ def judge_recording(solver: Solver, folders: Sequence[Path], out: Path, title: s
     write_flow(out, flow_table(joint, after))
     (out / PATCH).unlink(missing_ok=True)
     if confirmed(judgement, problem):
-        write_yaml(out / PATCH, patch_of(study, problem.effects, judgement.answer.fit))
+        write_yaml(out / PATCH, patch_of(study, problem.effects, judgement.answer.final.fit))
     return verdict
 
 

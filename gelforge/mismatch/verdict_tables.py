@@ -18,7 +18,8 @@ from gelforge.mismatch.verdict import VerdictError
 READINGS, BODY_MAP, FLOW = "readings.csv", "body_map.csv", "flow.csv"
 
 READINGS_NUMBERS = ["x_mm", "y_mm", "depth_mm", "measured_N", "base_N", "sigma_N"]
-READINGS_OPTIONAL = ["time_s", "after_N", "after_sigma_N"]  # empty: no times known, nothing put into the base
+# Empty: no times known, nothing put into the base
+READINGS_OPTIONAL = ["time_s", "after_N", "predicted_N", "after_sigma_N"]
 # held_out: no, positions, deepest, ...
 READINGS_TEXTS = ["session", "press", "site", "phase", "axis", "held_out"]
 FLOW_NUMBERS = ["x_mm", "y_mm", "depth_mm", "middle_u_px", "middle_v_px"]
@@ -31,8 +32,9 @@ def write_readings(folder: str | Path, table: pd.DataFrame) -> None:
     """Write readings.csv: one row per reading and axis, in the order taken.
 
     session, press, site (text), x_mm, y_mm, depth_mm, phase, time_s (of the session, empty where not known), axis (x, y, z);
-    measured_N, base_N, after_N (with the answer in the base, empty where there is none); sigma_N (standard deviation of
-    measured minus base that all allowed errors give together); after_sigma_N (the same of measured minus after, amounts
+    measured_N, base_N, after_N (with the answer in the base, empty where there is none), predicted_N (the same with amounts
+    fitted without the readings set aside); sigma_N (standard deviation of measured minus base that all allowed errors give
+    together); after_sigma_N (the same of measured minus after, amounts
     included; may be left out); held_out (no, or the name of the block).
     """
     _write_table(Path(folder) / READINGS, table, [*READINGS_TEXTS, *READINGS_NUMBERS], READINGS_OPTIONAL)

@@ -75,7 +75,7 @@ def _answer_words(problem: Problem, judgement: Judgement) -> str:
     """Return the effects of the answer with amounts and what cannot be told from them; what is not claimed at the end."""
     answer, found, rest = judgement.answer, [], []
     with_others = judgement.state != "insufficient"
-    for part, amounts, group in zip(answer.fit.parts, answer.fit.amounts, answer.groups):
+    for part, amounts, group in zip(answer.final.fit.parts, answer.final.fit.amounts, answer.groups):
         if with_others and group not in judgement.told:
             rest.append(part.name.replace("_", " "))
             continue

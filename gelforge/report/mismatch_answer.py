@@ -78,9 +78,10 @@ def set_aside(results: MismatchResults) -> Chapter:
         )
     else:
         blocks = [fit.held_out, *fit.held_out_blocks]
+        told = results.verdict.state in ("named", "group")
         chapter.show(
-            "Blue should lie left of grey: with the effect in it, the simulation predicts readings that took no part in"
-            " fitting it.",
+            "Blue should lie left of grey: with the effect in it, fitted to the other readings, the simulation predicts"
+            f" these.{' The amounts told elsewhere follow all readings.' if told else ''}",
             held_out_figure(blocks, results.axes),
         )
         chapter.tabulate(

@@ -183,7 +183,8 @@ def test_what_is_sure_is_named_whichever_effect_takes_up_the_little_beside_it():
     fit = replace(
         found.answer.fit, parts=(part, replace(part, name="clock_offset")), amounts=(amounts, amounts[:1])
     )
-    both = replace(found, answer=replace(found.answer, fit=fit, groups=(group, little)))
+    final = replace(found.answer.final, fit=fit)
+    both = replace(found, answer=replace(found.answer, fit=fit, final=final, groups=(group, little)))
     assert both.told == (group,) and both.unnamed == (little,)
     assert noise_case(problem, both, 1.0).beside == ["clock_offset"]
     assert "beside something that these readings cannot name (clock offset fits)" in sentence_of(
