@@ -5,7 +5,7 @@ usage: python -m benchmarks.concealed solve                                 pres
        python -m benchmarks.concealed judge SET [--limit 10] [--command "..."] gelforge mismatch on each
        python -m benchmarks.concealed score SET                            opens the seals, writes scores.md
        python -m benchmarks.concealed left-out SET [--limit 10]            strong singles again, their effect not known
-       python -m benchmarks.concealed pack SET                             verdicts into benchmarks/concealed/judged
+       python -m benchmarks.concealed pack SET [--finished]                verdicts into benchmarks/concealed/judged
        python -m benchmarks.concealed unpack SET                           and from there into a set generated again
 
 Run from the repository's root. SET is a name; sets lie in results/concealed/sets.
@@ -47,6 +47,8 @@ def main() -> None:
     for name, what in (("pack", "keep the verdicts in the repository"), ("unpack", "take them from there")):
         one = steps.add_parser(name, help=what)
         one.add_argument("set")
+        if name == "pack":
+            one.add_argument("--finished", action="store_true", help="without solutions, for judging on")
     one = steps.add_parser("score", help="open the seals and score")
     one.add_argument("set")
     one.add_argument("--no-baselines", action="store_true")
@@ -85,7 +87,7 @@ def run(asked: argparse.Namespace) -> None:
         from .archive import ARCHIVES, pack, unpack
 
         folder, archive = SETS / asked.set, ARCHIVES / f"{asked.set}.tar.xz"
-        number = pack(folder, archive) if asked.step == "pack" else unpack(archive, folder)
+        number = pack(folder, archive, asked.finished) if asked.step == "pack" else unpack(archive, folder)
         print(f"{number} verdicts in {archive if asked.step == 'pack' else folder}")
     elif asked.step == "left-out":
         from .left_out import judge_left_out, table_of_left_out

@@ -1,7 +1,7 @@
 """The verdicts of a set in one file of the repository: a set is made again anywhere, its verdicts take hours.
 
 judged/SET.tar.xz    set/sealed.json, set/judged.json, and of every judged case what the judge's seal covers;
-                     kept/*.npz, what the judge has solved: with it no base is solved again
+                     kept/*.npz, what the judge has solved: with it no base is solved again; not of a finished set
 """
 
 from __future__ import annotations
@@ -17,8 +17,11 @@ ARCHIVES = Path(__file__).parent / "judged"
 SEALED, REGISTER, KEPT = "sealed.json", "judged.json", "kept"
 
 
-def pack(folder: Path, archive: Path) -> int:
-    """Write the judged cases of a set to an archive, the same bytes for the same verdicts; return how many they are."""
+def pack(folder: Path, archive: Path, finished: bool = False) -> int:
+    """Write the judged cases of a set to an archive, the same bytes for the same verdicts; return how many they are.
+
+    finished: nothing of it is going to be judged any more, so that solutions are left out.
+    """
     judged = sealing.read(folder / REGISTER)
     names = [SEALED, REGISTER, *(f"verdicts/{case}/{name}" for case in sorted(judged) for name in JUDGED)]
     archive.parent.mkdir(parents=True, exist_ok=True)
@@ -26,7 +29,7 @@ def pack(folder: Path, archive: Path) -> int:
         for name in names:
             if (folder / name).is_file():  # a case whose command failed has no verdict
                 packed.add(folder / name, f"set/{name}", filter=_plain)
-        for path in sorted((folder.parent / KEPT).glob("*.npz")):
+        for path in [] if finished else sorted((folder.parent / KEPT).glob("*.npz")):
             packed.add(path, f"{KEPT}/{path.name}", filter=_plain)
     return len(judged)
 

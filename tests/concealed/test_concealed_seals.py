@@ -75,6 +75,17 @@ def test_verdicts_come_back_into_a_set_that_is_generated_again(library, judged, 
     assert sets.judge(again, FAKE, say=lambda text: None) == 0
 
 
+def test_a_finished_set_is_packed_without_solutions(library, judged, tmp_path):
+    kept = judged.parent / "kept"
+    kept.mkdir(exist_ok=True)
+    (kept / "press.npz").write_bytes(b"solved")
+    assert archive.pack(judged, tmp_path / "small.tar.xz", finished=True) == 4
+    sets.generate(library, tmp_path / "again", 3, NUMBERS)
+    assert archive.unpack(tmp_path / "small.tar.xz", tmp_path / "again") == 4
+    assert [c["verdict"]["state"] for c in sets.opened(tmp_path / "again")] == ["null"] * 4
+    assert not (tmp_path / "kept").exists()
+
+
 def test_verdicts_of_another_set_are_refused(library, judged, tmp_path):
     archive.pack(judged, tmp_path / "small.tar.xz")
     sets.generate(library, tmp_path / "other", 4, NUMBERS)
