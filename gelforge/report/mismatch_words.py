@@ -58,13 +58,13 @@ def span_text(span: tuple[float, float] | None) -> str | None:
 
 
 def shape_text(shape: Mapping[str, float | str]) -> str:
-    """Return an effect's place, part or time, units behind the values: "x 9.07 mm, y 13 mm", "part gel, time 69 s"."""
+    """Return an effect's place, part or time, two to a line: "x 9.07 mm, y 13 mm; z -3 mm, radius 1.2 mm"."""
     found = []
     for key, value in shape.items():
         name, _, unit = key.rpartition("_") if key.endswith(UNITS) else (key, "", "")
         said = value if isinstance(value, str) else f"{value:.3g}"
         found.append(" ".join(filter(None, (pretty(name), said, unit))))
-    return ", ".join(found)
+    return "; ".join(", ".join(found[k : k + 2]) for k in range(0, len(found), 2))
 
 
 def odds_text(log_odds: float) -> str:

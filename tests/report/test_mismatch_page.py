@@ -263,6 +263,6 @@ def test_the_verdict_over_noise_keeps_its_words():
 
 
 def test_shapes_are_told_with_their_units_behind():
-    assert shape_text({"x_mm": 9.0662, "y_mm": 13.0, "radius_mm": 1.8}) == "x 9.07 mm, y 13 mm, radius 1.8 mm"
+    assert shape_text({"x_mm": 9.0662, "y_mm": 13.0, "radius_mm": 1.8}) == "x 9.07 mm, y 13 mm; radius 1.8 mm"
     assert shape_text({"part": "gel", "time_s": 69.0}) == "part gel, time 69 s"
     assert shape_text({}) == ""
