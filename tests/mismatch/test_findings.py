@@ -49,7 +49,7 @@ def stuck_at_first(problem, share):
 
 
 def answer_of(parts):
-    return SimpleNamespace(fit=SimpleNamespace(parts=parts))
+    return SimpleNamespace(final=SimpleNamespace(fit=SimpleNamespace(parts=parts)))
 
 
 def test_where_a_defect_of_the_answer_lies_is_told_with_its_layer():
