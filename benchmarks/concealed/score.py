@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 CONFIDENT, STRONG = 0.9, 8.0
+WIDTH_90 = 3.29  # standard deviations from end to end of a 90 % interval
 LEVEL = 0.01  # of each of the tests of the judge
 SNR_BANDS = ((2.0, 4.0), (4.0, 8.0), (8.0, 16.0), (16.0, np.inf))
 SAYS_NOTHING = ("null", "insufficient")
@@ -55,6 +56,7 @@ class Judged:
     distance_mm: float = float("nan")
     p: float = float("nan")  # the smaller one of the tests of whether there is a mismatch
     snr_each: tuple[float, ...] = ()  # of each true effect by itself
+    short: tuple[float, ...] = ()  # by which amounts are told too small, in standard deviations, as `covered`
 
     @property
     def alarm(self) -> bool:
@@ -90,10 +92,14 @@ def judged_from(truth: dict, verdict: dict | None, readings: pd.DataFrame | None
     gain, ratio, left = (
         held_out_gain(truth, readings) if truth["effects"] and readings is not None else 3 * (np.nan,)
     )
+    told = _amounts(truth, verdict)
+    covered = tuple(low <= value <= high for value, _, (low, high) in told)
+    short = tuple(
+        np.sign(x) * (x - said) * WIDTH_90 / max(high - low, 1e-12) for x, said, (low, high) in told
+    )
     return Judged(
-        truth["content"], truth["snr"], true, verdict["state"], answer,
-        tuple(_covered(truth, verdict)), gain, ratio, left, _distance(truth, verdict), _p(verdict),
-        each,
+        truth["content"], truth["snr"], true, verdict["state"], answer, covered, gain, ratio, left,
+        _distance(truth, verdict), _p(verdict), each, short,
     )  # fmt: skip
 
 
@@ -122,9 +128,8 @@ def held_out_gain(truth: dict, readings: pd.DataFrame) -> tuple[float, float, fl
     ])  # fmt: skip
     measured, sigma = rows["measured_N"].to_numpy(), rows["sigma_N"].to_numpy()
     base = rows["base_N"].to_numpy(dtype=float)
-    unseen = (
-        "predicted_N" if "predicted_N" in rows else "after_N"
-    )  # the same, before amounts followed all readings
+    # Of older verdicts after_N is what the training readings predict
+    unseen = "predicted_N" if "predicted_N" in rows else "after_N"
     after = pd.to_numeric(rows[unseen], errors="coerce").to_numpy()
     after = np.where(np.isfinite(after), after, base)
     square = [float(np.mean(((measured - other) / sigma) ** 2)) for other in (base, after, best)]
@@ -143,19 +148,18 @@ def session_names(truth: dict) -> list[str]:
     return [f"{truth['case']}_{chr(ord('a') + int(s))}" for s in truth["readings"]["session"]]
 
 
-def _covered(truth: dict, verdict: dict) -> list[bool]:
-    """Return whether 90 % intervals hold the true amounts, of effects that are the first of a claimed group."""
+def _amounts(truth: dict, verdict: dict) -> list[tuple[float, float, tuple[float, float]]]:
+    """Return true amounts, told ones and their 90 % intervals, of effects that are the first of a claimed group."""
     if verdict["state"] not in ("named", "group"):
         return []
     first = {g["members"][0] for g in verdict["answer"]}
     by_name = {e["name"]: e for e in verdict["effects"] if e["name"] in first}
     found = []
     for effect in truth["effects"]:
-        said = {a["name"]: a["interval_90"] for a in by_name.get(effect["name"], {}).get("amounts", [])}
+        said = {a["name"]: a for a in by_name.get(effect["name"], {}).get("amounts", [])}
         for parameter, value in effect["amounts"].items():
             if parameter in said:
-                low, high = said[parameter]
-                found.append(bool(low <= value <= high))
+                found.append((value, said[parameter]["value"], tuple(said[parameter]["interval_90"])))
     return found
 
 
@@ -210,6 +214,11 @@ def scores(judged: list[Judged]) -> dict[str, str | float | Rate]:
     table |= calibration(judged)
     covered = [c for j in judged for c in j.covered]
     table["90 % intervals: cover"] = rate(covered, bool)
+    short = np.array([s for j in judged for s in j.short])
+    table["amounts too small by, mean [sd]"] = float(short.mean()) if len(short) else float("nan")
+    table["amounts off by, root mean square [sd]"] = (
+        float(np.sqrt(np.mean(short**2))) if len(short) else float("nan")
+    )
     gains = [j.gain for j in judged if np.isfinite(j.gain) and j.content == "single" and j.snr >= STRONG]
     table["share of the oracle's gain, median"] = float(np.median(gains)) if gains else float("nan")
     table["share of the oracle's gain >= 80 %"] = rate(gains, lambda g: g >= 0.8)

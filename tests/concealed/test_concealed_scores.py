@@ -127,8 +127,9 @@ def test_a_claimed_defect_is_as_far_as_it_lies_from_the_true_one():
 def test_intervals_count_where_the_effect_was_found():
     verdict = {
         "state": "named", "answer": [{"members": ["tilt"], "probability": 0.99}], "where": [],
-        "effects": [{"name": "tilt", "amounts": [{"name": "about_x", "interval_90": [0.4, 0.6]}]}],
+        "effects": [{"name": "tilt", "amounts": [{"name": "about_x", "value": 0.48, "interval_90": [0.4, 0.6]}]}],
     }  # fmt: skip
-    assert judged_from(truth_of([[0, 0, 0]] * 2), verdict, None).covered == (True,)
+    found = judged_from(truth_of([[0, 0, 0]] * 2), verdict, None)
+    assert found.covered == (True,) and found.short == pytest.approx((0.02 * 3.29 / 0.2,))  # 0.5 is true
     verdict["effects"][0]["amounts"][0]["interval_90"] = [0.51, 0.6]
     assert judged_from(truth_of([[0, 0, 0]] * 2), verdict, None).covered == (False,)
