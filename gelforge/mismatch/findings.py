@@ -21,7 +21,14 @@ from gelforge.mismatch.law_search import Terms, search, terms
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.remains import Remains
 from gelforge.mismatch.search import Answer
-from gelforge.mismatch.words import experiments_in_words, plain, sentence_of, uncomputed, unfinished
+from gelforge.mismatch.words import (
+    experiments_in_words,
+    left_over,
+    plain,
+    sentence_of,
+    uncomputed,
+    unfinished,
+)
 
 AXES = ("x", "y", "z")
 LOCAL_MM = 5.0  # a pattern wider than this has no place of its own
@@ -73,6 +80,7 @@ def verdict_of(
         cannot_know=[
             *problem.observations.cannot_know,
             *judgement.notes,
+            *left_over(judgement),
             *unfinished(answer),
             *uncomputed(problem),
         ],

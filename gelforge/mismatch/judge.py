@@ -21,7 +21,7 @@ from gelforge.mismatch.remains import Remains, remains
 from gelforge.mismatch.screen import Screened
 from gelforge.mismatch.search import CERTAIN_P, Answer, Terms, explained
 from gelforge.mismatch.unknown import manners_of, weighed_unknown
-from gelforge.mismatch.verdict import ADEQUATE_P, ALARM_P, NAMED_ODDS, NAMED_PROBABILITY
+from gelforge.mismatch.verdict import ALARM_P, LEFT_P, NAMED_ODDS, NAMED_PROBABILITY
 from gelforge.mismatch.weighing import chance_of_known, those_felt, weighed
 
 
@@ -130,7 +130,7 @@ def _state(problem: Problem, mismatch: Remains, answer: Answer | None) -> str:
     likelier than not while no name is. What rests on a refit that has not converged is not named: its amounts and evidence
     are not final. A group that is less likely than not says nothing; beside what is sure it is left out.
     """
-    if answer is None or answer.adequacy.p <= ADEQUATE_P or not in_range(problem, answer.fit):
+    if answer is None or answer.adequacy.p <= LEFT_P or not in_range(problem, answer.fit):
         return "open"
     if _refuted(mismatch, answer):
         return "open"

@@ -22,7 +22,11 @@ ALARM_P = 0.01
 # What `named` asks for (mismatch.md, states)
 NAMED_PROBABILITY = 0.9  # of the group
 NAMED_ODDS = 10.0  # of the effect within its group
+# Of what an answer leaves, each of its two tests. Below the first one effect more is looked for, and where none is better
+# what is left is told. Below the second nothing is named: right answers come below 0.01 in two of a hundred by chance alone,
+# and effects outside the catalogue that come below it do so by far, or are told by other tests too (decision 9).
 ADEQUATE_P = 0.01
+LEFT_P = 0.002
 # The held-out gain must exceed so many standard errors, or make what was set aside as many times likelier. For an answer
 # that was fixed without them the second comes by chance once in HELD_OUT_ODDS at most (Markov's inequality), one of the two
 # in 2.3 % at most (normal noise).
@@ -207,7 +211,14 @@ class Adequacy(Section):
     @property
     def passed(self) -> bool:
         """Return whether nothing else needs to be there."""
-        return min(self.p, self.scan_p) > ADEQUATE_P
+        return min(self.p, self.scan_p) > LEFT_P
+
+    @property
+    def words(self) -> str:
+        """Return what is left, in words."""
+        if not self.passed:
+            return "something remains"
+        return "only noise remains" if min(self.p, self.scan_p) > ADEQUATE_P else "something small may remain"
 
 
 class DetectionLimit(Section):
@@ -376,7 +387,7 @@ class Verdict(Section):
             if not effects[first].in_range:
                 return f"named, but {first} is outside its physical range or on its bounds: open"
         if self.adequacy is None or not self.adequacy.passed:
-            return f"named, but what remains is not noise (adequacy p > {ADEQUATE_P:g} is needed): open"
+            return f"named, but what remains is not noise (adequacy p > {LEFT_P:g} is needed): open"
         if self.adequacy.refuted:
             return "named, but the readings set aside speak against it: open"
         if self.unknown is not None and self.unknown.probability >= NAMED_PROBABILITY:

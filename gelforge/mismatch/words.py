@@ -51,7 +51,7 @@ def sentence_of(problem: Problem, judgement: Judgement) -> str:
 def _why_open(judgement: Judgement, words: str) -> str:
     """Return why the best answer, in words, is none."""
     answer = judgement.answer
-    if answer.adequacy.p <= form.ADEQUATE_P:
+    if answer.adequacy.p <= form.LEFT_P:
         return f"the best, {words}, leaves something, most clearly {plain(answer.adequacy.scan.best)}"
     if judgement.refuted:
         everywhere = answer.everywhere
@@ -114,6 +114,17 @@ def experiments_in_words(problem: Problem, judgement: Judgement) -> list[form.Ex
         form.Experiment(words=group.decided_by, separates=group.members)
         for group in groups_told(problem, judgement.answer.groups)
         if group.decided_by
+    ]
+
+
+def left_over(judgement: Judgement) -> list[str]:
+    """Return what an answer that is told leaves, where that is too little to doubt the answer and too much to pass over."""
+    if not judgement.told or judgement.state == "open" or judgement.answer.adequacy.p > form.ADEQUATE_P:
+        return []
+    left = judgement.answer.adequacy
+    return [
+        f"something small may be there beside the answer, most clearly {plain(left.scan.best)}: as much is left by chance"
+        f" with p = {left.p:.2g}; below {form.LEFT_P:g} nothing would have been named"
     ]
 
 

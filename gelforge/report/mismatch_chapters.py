@@ -56,8 +56,7 @@ def in_short(results: MismatchResults) -> Chapter:
     facts.append(("By chance alone", chance))
     if verdict.adequacy:
         a = verdict.adequacy
-        kind = "only noise remains" if a.passed else "something remains"
-        told = f"{kind}: by chance {p_text(a.p)}, as strong a pattern {p_text(a.scan_p)}"
+        told = f"{a.words}: by chance {p_text(a.p)}, as strong a pattern {p_text(a.scan_p)}"
         facts.append(("After it", told + ("; but what was set aside refutes it" if a.refuted else "")))
     chapter.blocks.append(Facts(facts))
     return chapter

@@ -9,10 +9,12 @@ import pytest
 from artificial_problem import SETTINGS, problem_of
 
 from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mismatch import search
 from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.experiments import with_experiments
 from gelforge.mismatch.findings import _noise, located, verdict_of
 from gelforge.mismatch.judge import judge
+from gelforge.mismatch.remains import remains
 from gelforge.mismatch.screen import Candidate
 from gelforge.mismatch.verdict import Provenance
 
@@ -84,6 +86,34 @@ def test_weights_are_told_to_decide_between_a_gain_and_a_stiffness_with_cost_and
 
 def verdict(problem, judgement):
     return verdict_of(problem, judgement, "artificial", True, None, PROVENANCE)
+
+
+@pytest.mark.parametrize(
+    ("p", "state", "words"),
+    [
+        (0.5, "named", "only noise remains"),
+        (0.0045, "named", "something small may remain"),
+        (0.002, "open", "something remains"),
+    ],
+)
+def test_what_an_answer_leaves_is_told_below_one_per_cent_and_doubts_it_below_two_per_mille(
+    monkeypatch, p, state, words
+):
+    def left(*given):
+        found = remains(*given)
+        return replace(found, scan=replace(found.scan, p=p))
+
+    monkeypatch.setattr(search, "remains", left)
+    base = artificial.context(7, per_side=3)
+    problem = problem_of(
+        artificial.with_effect(base, "misregistration", [0.8, 0.3], np.random.default_rng(8))
+    )
+    found = judge(problem, SETTINGS, seed=1)
+    assert found.state == state
+    told = verdict(problem, found)
+    assert any(f"p = {p:.2g}" in said for said in told.cannot_know) == (p == 0.0045)
+    assert ("leaves something" in told.sentence) == (state == "open")
+    assert told.adequacy.words == words
 
 
 def test_what_rests_on_an_unfinished_refit_is_not_named_and_told():
