@@ -65,7 +65,8 @@ def row(known: Known) -> dict:
 
 
 def _without_noise(known: Known) -> Problem:
-    observations, force = known.problem.observations, known.problem.base.copy()
+    observations = known.problem.observations
+    force = np.where(observations.read, known.problem.base, observations.force)  # what was not read stays so
     force[observations.read] += known.change
     return replace(known.problem, observations=replace(observations, force=force))
 
