@@ -2,8 +2,8 @@
 
 The recording is SYNTHETIC: the base's own forces, changed, with noise and touchdown errors. Screened: base presses,
 derivatives to every effect, covariance, tests and the screen, from nothing. Judged: all of it, refits included. What is
-hidden is 12 % more force, or waves over the surface that no effect of the catalogue makes: then one, two and three effects
-at once are refitted, which is the most that a verdict costs.
+hidden is 12 % more force, or waves over the surface that no effect of the catalogue makes: then several effects at once are
+looked for and refitted, and a verdict costs far more.
 
 usage: python benchmarks/mismatch_cost.py [--workers 2] [--sites 5] [--hidden gain | waves] [--study config/paper.yaml]
 """
