@@ -35,6 +35,12 @@ class Parameter:
     bounds: tuple[float, float]  # the physical range
     source: str  # of width and bounds
     sign: int = 0  # 1, -1: the only physical sign; 0: both
+    whole: bool = False  # its bounds, but for none, are all that there can be, as an empty ball is: physical
+
+    def holds(self, a: float) -> bool:
+        """Return whether an amount lies inside the bounds, or is all that there can be."""
+        low, high = self.bounds
+        return low < a < high or (self.whole and a != 0 and a in self.bounds)
 
 
 def one_shape(context: Context) -> list[Shape]:
@@ -116,10 +122,10 @@ class Effect:
         return np.array([parameter.width for parameter in self.parameters])
 
     def in_range(self, amounts: Sequence[float]) -> bool:
-        """Return whether every amount has its physical sign and lies inside its bounds, and not on them.
+        """Return whether every amount has its physical sign and lies inside its bounds, and on none that is not whole.
 
         Of several amounts of one sign some may be absent.
         """
         absent = [p.sign != 0 and a == 0 for p, a in zip(self.parameters, amounts)]
-        inside = [p.bounds[0] < a < p.bounds[1] and p.sign * a >= 0 for p, a in zip(self.parameters, amounts)]
+        inside = [p.holds(a) and p.sign * a >= 0 for p, a in zip(self.parameters, amounts)]
         return not all(absent) and all(map(operator.or_, absent, inside))

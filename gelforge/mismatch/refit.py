@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.optimize import lsq_linear
 from scipy.special import log_ndtr
 
 from gelforge.mechanics.equilibrium import NotConverged
@@ -123,7 +125,7 @@ def _fitted(variables: Variables, beat: float) -> tuple[np.ndarray, np.ndarray, 
             return a, change, J, End.HOPELESS
         trial, found = a.copy(), None
         for share in (1.0, 0.5, 0.25):  # the solver may not reach the whole step
-            trial[free] = a[free] + share * reach * delta
+            trial[free] = np.clip(a[free] + share * reach * delta, low[free], high[free])  # rounding
             try:
                 found = variables.change(trial)
                 break
@@ -189,10 +191,16 @@ def _along_ways(J: np.ndarray, change: np.ndarray, a: np.ndarray, variables: Var
 def _step(
     H: np.ndarray, gradient: np.ndarray, a: np.ndarray, low: np.ndarray, high: np.ndarray, moving: np.ndarray
 ) -> np.ndarray:
-    """Return Newton's step (q,) of those that move (q,) bool, the others held, within bounds."""
+    """Return Newton's step (q,) of those that move (q,) bool, the others held: the best within bounds.
+
+    What would go beyond a bound stays on it, and the others fit best beside that.
+    """
     step = np.zeros(len(a))
-    step[moving] = np.linalg.solve(H[np.ix_(moving, moving)], gradient[moving])
-    return np.clip(a + step, low, high) - a
+    if moving.any():
+        L = np.linalg.cholesky(H[np.ix_(moving, moving)])
+        room = (low - a)[moving], (high - a)[moving]
+        step[moving] = lsq_linear(L.T, solve_triangular(L, gradient[moving], lower=True), room, "bvls").x
+    return step
 
 
 def _cost(left: np.ndarray, a: np.ndarray, covariance: Covariance, widths: np.ndarray) -> float:

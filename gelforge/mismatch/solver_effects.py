@@ -20,10 +20,12 @@ LARGEST_MOVE = 0.3  # [mm]; beside a wall the pull sets in within half a millime
 FAR_OUT = 0.3  # of the sensor's width from its middle: where the outermost presses of usual plans are
 
 
-def amount(effect: str, name: str, bounds: tuple[float, float], source: str, sign: int = 0) -> Parameter:
+def amount(
+    effect: str, name: str, bounds: tuple[float, float], source: str, sign: int = 0, whole: bool = False
+) -> Parameter:
     """Return a parameter with the unit and the plausible width that the catalogue of the finite elements gives."""
     known = CATALOGUE[effect]
-    return Parameter(name, known.unit, known.width, bounds, source, sign)
+    return Parameter(name, known.unit, known.width, bounds, source, sign, whole)
 
 
 def half_an_element(study: Study) -> float:

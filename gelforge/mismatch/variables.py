@@ -15,7 +15,7 @@ from gelforge.mismatch.screen import Candidate, Screened
 SEEN_SNR = 0.5  # of a way half to the next place: what the readings see less of is not fitted
 ENOUGH_OF_A_WAY = 0.1  # half-way to the next place: smaller steps of a place, some 0.2 mm, are not waited for
 FARTHEST = 0.6  # half-way to the next place: a longer step is shortened, with all that goes along with it
-INSIDE = 1e-3  # of a bound's distance from zero that amounts keep from it
+INSIDE = 1e-3  # of a bound's distance from zero that amounts keep from it, but for all that there can be
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +98,9 @@ class Variables:
                 lo, hi = parameter.bounds
                 lo = max(lo, 0.0) if parameter.sign > 0 else lo
                 hi = min(hi, 0.0) if parameter.sign < 0 else hi
-                low.append(lo * (1 - INSIDE) if np.isfinite(lo) else lo)
-                high.append(hi * (1 - INSIDE) if np.isfinite(hi) else hi)
+                inside = 0.0 if parameter.whole else INSIDE
+                low.append(lo * (1 - inside) if np.isfinite(lo) else lo)
+                high.append(hi * (1 - inside) if np.isfinite(hi) else hi)
         low += [move.low for move in self.moves]
         high += [move.high for move in self.moves]
         return np.array(low), np.array(high)

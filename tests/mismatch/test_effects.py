@@ -103,6 +103,8 @@ def test_a_plausible_amount_is_in_range_and_an_unphysical_one_is_not(name):
     for k, p in enumerate(effect.parameters):
         beyond = amounts_of(effect)
         beyond[k] = p.bounds[1]
+        assert effect.in_range(beyond) == p.whole
+        beyond[k] = 1.01 * p.bounds[1]
         assert not effect.in_range(beyond)
         beyond[k] = -p.width * (p.sign or 1)
         assert effect.in_range(beyond) == (p.sign == 0)
@@ -227,10 +229,11 @@ def test_the_patch_of_a_tilt_touches_the_plan_only_where_symmetry_was_asked_for(
 
 @pytest.mark.parametrize("name", [n for n in STUDIES if not CATALOGUE[n].switch])
 def test_bounds_are_those_of_the_configuration(name):
-    """Just inside its bounds every amount is a study that can be read, so a refit may go anywhere."""
+    """Just inside its bounds every amount is a study that can be read, so a refit may go anywhere; and on what is whole."""
     effect = CATALOGUE[name]
     for k, p in enumerate(effect.parameters):
-        for share in (0.999 * p.bounds[0], 0.999 * p.bounds[1]):
+        inside = 1.0 if p.whole else 0.999
+        for share in (inside * p.bounds[0], inside * p.bounds[1]):
             if share:
                 one = np.eye(len(effect.parameters))[k] * share
                 assert effect.to_study(STUDY, effect.shapes(CONTEXT)[-1], one).mechanics != STUDY.mechanics

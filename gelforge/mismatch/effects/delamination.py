@@ -9,8 +9,8 @@ EFFECT = Effect(
     family="geometry",
     parameters=(
         amount(
-            "delamination", "lost_share", (0.0, 1.5),
-            "width and bounds: none to all of the shear stiffness of the patch; an amount above 1 is all of it", sign=1,
+            "delamination", "lost_share", (0.0, 1.0),
+            "width and bounds: none to all of the shear stiffness of the patch", sign=1, whole=True,
         ),
     ),
     signature="softer over a patch of a few millimetres, with lateral forces of opposite sign on its two sides",

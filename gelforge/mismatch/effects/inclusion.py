@@ -11,9 +11,9 @@ EFFECT = Effect(
     family="geometry",
     parameters=(
         amount(
-            "inclusion", "rigidity", (0.0, 1.02),
+            "inclusion", "rigidity", (0.0, 1.0),
             "width and bounds: none to all of what a rigid ball does to all around it, 0.86 of which one 16 times as stiff"
-            " does; an amount above 1 is all of it", sign=1,
+            " does", sign=1, whole=True,
         ),
     ),
     signature="harder over a few millimetres, more at depth",

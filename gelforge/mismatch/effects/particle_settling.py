@@ -8,9 +8,9 @@ EFFECT = Effect(
     family="geometry",
     parameters=(
         amount(
-            "particle_settling", "sunk_share", (-1.0, 1.5),
+            "particle_settling", "sunk_share", (-1.0, 1.0),
             "width and bounds: half to all of the particles' concentration shifted (the sign is that of their density less"
-            " the gel's); an amount beyond -1 or 1 is all of it",
+            " the gel's)", whole=True,
         ),
     ),
     signature="a little softer at small depth, harder at large depth",

@@ -9,9 +9,8 @@ EFFECT = Effect(
     family="geometry",
     parameters=(
         amount(
-            "void", "emptiness", (0.0, 1.02),
-            "width and bounds: none to all of what an empty ball does to all around it; an amount above 1 is all of it",
-            sign=1,
+            "void", "emptiness", (0.0, 1.0),
+            "width and bounds: none to all of what an empty ball does to all around it", sign=1, whole=True,
         ),
     ),
     signature="softer over a few millimetres, more at depth",

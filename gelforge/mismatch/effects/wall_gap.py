@@ -8,8 +8,8 @@ EFFECT = Effect(
     family="geometry",
     parameters=(
         amount(
-            "wall_gap", "lost_share", (0.0, 1.5),
-            "width and bounds: none to all of the bond of a strip of 0.5 mm; an amount above 1 is all of it", sign=1,
+            "wall_gap", "lost_share", (0.0, 1.0),
+            "width and bounds: none to all of the bond of a strip of 0.5 mm", sign=1, whole=True,
         ),
     ),
     signature="softer near the wall only, from small depths on",
