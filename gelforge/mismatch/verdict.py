@@ -101,8 +101,8 @@ class NamedEffect(Section):
         {}, description="Place, size, part, time constant; keys carry units"
     )
     in_range: bool = Field(
-        description="Amounts have their physical sign, inside their bounds and not on them, but for the whole of what can"
-        " be lost or rigid; of several of one sign some may be none"
+        description="Amounts have their physical sign, inside their bounds and not on them, but for all that there can"
+        " be; of several of one sign some may be none"
     )
     refitted: bool = Field(False, description="Judged in the real solver; otherwise to first order only")
     group: list[str] = Field([], description="What these readings cannot tell it from, itself included")
