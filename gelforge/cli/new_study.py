@@ -87,7 +87,7 @@ SESSION = """\
 session: session1
 synthetic: false
 sensor: "" # serial
-indenter: ball 10 mm
+indenter: ball of radius 5 mm
 date: ""
 notes: ""
 force:

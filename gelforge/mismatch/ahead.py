@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
-from gelforge.config import ConfigError, ForceSensor, Study
+from gelforge.config import ConfigError, DepthZero, ForceSensor, Study
 from gelforge.indentation.plan import plan_cells
 from gelforge.mismatch.candidates import candidates_of
 from gelforge.mismatch.covariance import readings_covariance
@@ -19,7 +19,7 @@ from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.sessions import SPEED_MM_PER_S, TOUCHDOWN_MM
 from gelforge.mismatch.solutions import Solver
 from gelforge.mismatch.solver import base_of
-from gelforge.mismatch.stage import problem_of, spread_sites
+from gelforge.mismatch.stage import problem_of, spread
 from gelforge.mismatch.verdict import NamedEffect, Verdict
 
 DWELL_S = (0.5, 0.6, 0.7, 0.8, 0.9)  # readings beside the images
@@ -36,8 +36,8 @@ def planned_observations(
 ) -> Observations:
     """Return the readings that a study's plan would give, force zero: every cell to each of its depths in random order.
 
-    Noise is that of a force sensor as the session's defaults describe it, touchdown's scatter TOUCHDOWN_MM; one session
-    for each age of the sensor.
+    Noise is that of a force sensor as the session's defaults describe it, and so is what shares one depth zero; touchdown's
+    scatter is the study's, or TOUCHDOWN_MM; one session for each age of the sensor.
     """
     cells = list(plan_cells(study).values())
     rng, rows, time = np.random.default_rng([study.seed, 7]), [], 0.0
@@ -66,11 +66,11 @@ def planned_observations(
         sites,
         noise,
         noise / np.sqrt(3),
-        np.full(R, TOUCHDOWN_MM),
-        np.full(R, "press"),
+        np.full(R, TOUCHDOWN_MM if study.mismatch.touchdown_mm is None else study.mismatch.touchdown_mm),
+        np.full(R, DepthZero().by),
         came_along=np.concatenate([last_moves(own) for _, own in table.groupby("session", sort=False)]),
     )
-    return spread_sites(found, study)
+    return spread(found, study)
 
 
 def limits_table(solver: Solver) -> pd.DataFrame:

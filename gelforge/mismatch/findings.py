@@ -121,7 +121,8 @@ def law_of(problem: Problem, judgement: Judgement, study: Study) -> form.Law | N
     left = observations.flat(observations.force - (problem.base if answer is None else answer.after))
     sensor = study.sensor
     radius = min(part.radius_mm for part in study.indenter.shapes)
-    candidates = terms(labels, observations.flat(problem.base), radius, sensor.height_mm, sensor.width_x_mm)
+    widths = sensor.width_x_mm, sensor.width_y_mm
+    candidates = terms(labels, observations.flat(problem.base), radius, sensor.height_mm, widths)
     covariance = problem.covariance.restricted(train)
     on_train = Terms(candidates.names, candidates.values[train])
     law = search(left[train], covariance, on_train, labels[train].reset_index(drop=True), study.seed)

@@ -51,7 +51,7 @@ class Law:
 
 
 def terms(
-    labels: pd.DataFrame, base: np.ndarray, radius_mm: float, height_mm: float, width_mm: float
+    labels: pd.DataFrame, base: np.ndarray, radius_mm: float, height_mm: float, widths_mm: tuple[float, float]
 ) -> Terms:
     """Return powers of depth, position and time over the lengths and times of the experiment, times a force.
 
@@ -63,7 +63,7 @@ def terms(
     forces = {"F_base": base}
     forces |= {f"F_max e_{name}": largest * (axis == k) for k, name in enumerate("xyz") if np.any(axis == k)}
     names, columns = [], []
-    for ratio, values in _ratios(labels, radius_mm, height_mm, width_mm):
+    for ratio, values in _ratios(labels, radius_mm, height_mm, widths_mm):
         for name, force in forces.items():
             if np.any(force * values):
                 names.append(f"{ratio} {name}" if ratio != "1" else name)
@@ -72,12 +72,12 @@ def terms(
 
 
 def _ratios(
-    labels: pd.DataFrame, radius: float, height: float, width: float
+    labels: pd.DataFrame, radius: float, height: float, widths: tuple[float, float]
 ) -> Iterator[tuple[str, np.ndarray]]:
     """Yield dimensionless ratios (n,) by name, of magnitude 1 at most."""
     column = {name: labels[name].to_numpy(float) for name in ("depth_mm", "x_mm", "y_mm", "press_time_s")}
     depth = np.maximum(column["depth_mm"], 0)
-    x, y = ((column[name] - width / 2) / (width / 2) for name in ("x_mm", "y_mm"))
+    x, y = (2 * column[name] / width - 1 for name, width in zip(("x_mm", "y_mm"), widths))
     positive: dict[str, np.ndarray] = {
         "(depth/radius)": depth / radius,
         "(depth/height)": depth / height,

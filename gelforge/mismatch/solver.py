@@ -31,7 +31,17 @@ from gelforge.mismatch.images_of_presses import (
 from gelforge.mismatch.observations import Observations
 from gelforge.mismatch.places import FirstOrderAt
 from gelforge.mismatch.runs import Runs, runs_of, timed_runs_of
-from gelforge.mismatch.solutions import Solver, fine, follow, in_order, own_cell, plain, timed, way_down
+from gelforge.mismatch.solutions import (
+    Solver,
+    SolverFailed,
+    fine,
+    follow,
+    in_order,
+    own_cell,
+    plain,
+    timed,
+    way_down,
+)
 from gelforge.mismatch.solver_effects import FirstOrder
 
 MOST_MESH_ERROR = 1.5  # factor; beyond it (the way up's last touch) the ratio says nothing
@@ -56,8 +66,10 @@ class Base:
 def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect]) -> Base:
     """Return the base of observations with the derivatives of all effects that need the solver.
 
-    Raises SolverFailed where a base press does not converge.
+    Derivatives and the mesh's error are those of the study without what remembers. Raises SolverFailed where a base press
+    does not converge.
     """
+    remembering, solver = solver, _forgetting(solver)
     runs = runs_of(observations)
     ways = _ways_down(runs)
     depths = tuple(np.array(way.depths_mm) for way in ways)
@@ -66,7 +78,7 @@ def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect
     asked = list(asked_of(solver, effects, blank))
     followed = _followed(solver, runs.planned, asked)
     coarse_by_run = [result["base"] for result in followed]
-    coarse = runs.at_readings(coarse_by_run)
+    coarse = _as_it_was(remembering, observations, runs.at_readings(coarse_by_run))
     on_coarse = _loading_curves(runs, depths, coarse_by_run)
     correction = blank.on_readings(curves) - blank.on_readings(on_coarse)
     force = coarse + correction
@@ -85,7 +97,7 @@ def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect
         along[key] = Curves(depths, tuple(f * own for f, own in zip(finer_along, down.values)))
     laws = [key for key in followed[0] if key.startswith("law ")]
     law = [finer * runs.at_readings([r[key] for r in followed]) for key in laws]
-    context = Context(solver.study, observations, force, curves, along, at_readings)
+    context = Context(remembering.study, observations, force, curves, along, at_readings)
     stacked = np.stack(law, axis=-1) if law else np.zeros((*force.shape, 0))
     companion = _companion_curves(solver, ways, curves.values) or on_coarse.values
     bars = Curves(depths, tuple(mesh_totals(own, other) for own, other in zip(curves.values, companion)))
@@ -151,6 +163,38 @@ def _followed(solver: Solver, planned: Sequence[PlannedCell], asked: Sequence[As
                 own[one.key] = derivative
         found.append(own)
     return found
+
+
+def _forgetting(solver: Solver) -> Solver:
+    """Return the finite elements of the study without relaxation and softening."""
+    mechanics = solver.study.mechanics
+    history = mechanics.effects.history.model_copy(update={"viscoelastic": {}, "mullins": {}})
+    effects = mechanics.effects.model_copy(update={"history": history})
+    mechanics = mechanics.model_copy(update={"effects": effects})
+    return replace(solver, study=solver.study.model_copy(update={"mechanics": mechanics}))
+
+
+def _as_it_was(solver: Solver, observations: Observations, at_rest: np.ndarray) -> np.ndarray:
+    """Return the base forces (R, 3) on the coarser mesh in the time, age and warmth of the readings.
+
+    at_rest: those at the study's own age of layers that remember nothing; a study that knows no time has no others. Raises
+    SolverFailed.
+    """
+    effects = solver.study.mechanics.effects
+    if not (effects.history.any or _feels_circumstances(solver.study)):
+        return at_rest
+    try:
+        return _solved_with(solver, unmirrored(solver.study), observations)
+    except NotConverged as failure:
+        raise SolverFailed(
+            f"the base, followed in the time of the readings, does not converge: {failure}"
+        ) from None
+
+
+def _feels_circumstances(study: Study) -> bool:
+    """Return whether a study's laws depend on the age or the temperature of a session."""
+    circumstances = study.mechanics.effects.material.circumstances
+    return bool(circumstances.ageing_per_day or circumstances.stiffening_per_K)
 
 
 def _share(fine: np.ndarray, coarse: np.ndarray) -> np.ndarray:
@@ -228,9 +272,8 @@ def _reaches(shape: Shape, x: float, y: float) -> bool:
 def _solved_with(solver: Solver, study: Study, observations: Observations) -> np.ndarray:
     """Return the forces (R, 3) at all readings on the coarser mesh with a study's effects, sessions as they were."""
     table, force = observations.table, np.empty_like(observations.force)
-    circumstances = study.mechanics.effects.material.circumstances
     stands = ["age_days", "temperature_C"]
-    if not (circumstances.ageing_per_day or circumstances.stiffening_per_K):
+    if not _feels_circumstances(study):
         return _coarse_forces(solver, study, observations)
     for _, rows in table.groupby(stands, dropna=False).indices.items():
         own = {

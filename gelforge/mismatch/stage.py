@@ -32,7 +32,7 @@ from gelforge.mismatch.solver import Base, base_of, forces_with
 from gelforge.mismatch.spikes import without_spikes
 from gelforge.mismatch.spread import spread_out
 from gelforge.mismatch.verdict import PATCH, NoiseCase, Provenance, Verdict, write_verdict
-from gelforge.mismatch.verdict_tables import write_body_map, write_flow, write_readings
+from gelforge.mismatch.verdict_tables import BODY_MAP, write_body_map, write_flow, write_readings
 from gelforge.recording.readings import reference_path
 
 SMALL_STRAIN = 0.1  # of the height: the term that small strain leaves out is then of that share
@@ -78,6 +78,7 @@ def write_results(out: Path, verdict: Verdict, in_newtons: tuple[Problem, Judgem
     write_verdict(out, verdict)
     write_readings(out, readings_table(*in_newtons))
     patches = body_map(in_newtons[0])
+    (out / BODY_MAP).unlink(missing_ok=True)
     if patches is not None:
         write_body_map(out, patches)
 
@@ -85,14 +86,14 @@ def write_results(out: Path, verdict: Verdict, in_newtons: tuple[Problem, Judgem
 def observations_of(folders: Sequence[Path], study: Study) -> tuple[Observations, bool]:
     """Return what is judged of some sessions, at most the study's number of sites, and whether it is synthetic."""
     speed = study.mechanics.effects.history.timing.speed_mm_per_s
-    observations = observe(folders, study.sensor, speed)
-    if study.mismatch.touchdown_mm is not None:
-        scatter = np.full_like(observations.touchdown_mm, study.mismatch.touchdown_mm)
-        observations = replace(observations, touchdown_mm=scatter)
+    observations = observe(folders, study.sensor, speed, study.mismatch.touchdown_mm)
     sessions = [load_session(folder / "session.yaml") for folder in folders]
-    return spread_depths(spread_sites(observations, study), study), any(
-        session.synthetic for session in sessions
-    )
+    return spread(observations, study), any(session.synthetic for session in sessions)
+
+
+def spread(observations: Observations, study: Study) -> Observations:
+    """Return the observations at no more sites and depths than the study judges."""
+    return spread_depths(spread_sites(observations, study), study)
 
 
 def spread_depths(observations: Observations, study: Study) -> Observations:
@@ -246,14 +247,18 @@ def check_matches(folders: Sequence[Path], study: Study) -> None:
             if numbers[0] and numbers[1] and not numbers[0] & numbers[1]:
                 raise ConfigError(
                     f"{folder / 'session.yaml'}: pressed with {stated!r}, but the study describes {own!r}; give the study "
-                    "of this recording"
+                    "of this recording, or correct `indenter`"
                 )
 
 
 def _lengths(text: str) -> set[float]:
-    """Return the numbers [mm] of an indenter's description, diameters as radii."""
+    """Return the numbers [mm] of an indenter's description, diameters as radii; what is not said to be either, as both."""
+    across = r"(?:diameter|dia\b\.?|\u00d8|\u2300|\bd\s*=)"
     halved = re.compile(
-        rf"diameter\D{{0,5}}({NUMBER})|({NUMBER})\s*(?:mm)?\W*(?:in |of )?diameter", re.IGNORECASE
+        rf"{across}\D{{0,5}}({NUMBER})|({NUMBER})\s*(?:mm)?\W*(?:in |of )?{across}", re.IGNORECASE
     )
     radii = {float(a or b) / 2 for a, b in halved.findall(text)}
-    return radii | {float(found) for found in re.findall(NUMBER, halved.sub("", text))}
+    others = {float(found) for found in re.findall(NUMBER, halved.sub("", text))}
+    if not radii and not re.search(r"radius|\br\s*=", text, re.IGNORECASE):
+        radii = {number / 2 for number in others}
+    return radii | others

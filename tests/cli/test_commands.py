@@ -8,6 +8,7 @@ from gelforge.cli import main
 from gelforge.cli.arguments import depth_list
 from gelforge.config import load_study
 from gelforge.indentation.cell_file import read_cell
+from gelforge.mismatch.stage import check_matches
 
 
 @pytest.fixture
@@ -55,7 +56,9 @@ def test_a_new_study_is_valid_and_its_missing_data_are_named(empty_folder, capsy
         assert f"{name}\n" in printed
     assert "2 positions, 4 presses" in printed
     assert (empty_folder / "results/mine/check.png").stat().st_size > 10_000
-    assert load_study("config/mine.yaml").sensor.height_mm == 6.0
+    study = load_study("config/mine.yaml")
+    assert study.sensor.height_mm == 6.0
+    check_matches([empty_folder / "data/mine/recordings/session1"], study)  # its indenter is its own
 
 
 def test_init_replaces_nothing(empty_folder, capsys):

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 import specimens
 
+from gelforge.config import study_from
+from gelforge.config.variants import merged
 from gelforge.mismatch.ahead import planned_observations
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.experiments import survivor, weights
@@ -62,3 +64,15 @@ def test_planned_readings_are_every_cell_at_every_depth_in_random_order():
     assert np.allclose(up["depth_mm"], 0.5 * up["deepest_mm"])
     assert presses["site"].is_monotonic_increasing is False
     assert planned.read.all() and not planned.force.any()
+    assert set(planned.zero_by) == {"session"}  # as session.yaml has it by default
+
+
+def test_planned_readings_are_those_that_would_be_judged():
+    few = study_from(
+        merged(
+            STUDY.model_dump(mode="json"),
+            {"plan": {"depths_mm": [0.2, 0.4, 0.6, 0.8]}, "mismatch": {"depths": 3, "touchdown_mm": 0.005}},
+        )
+    )
+    planned = planned_observations(few)
+    assert planned.table["deepest_mm"].nunique() == 3 and (planned.touchdown_mm == 0.005).all()

@@ -19,7 +19,7 @@ def world():
         labels,
         base,
         covariance_of(context),
-        terms(labels, base, radius_mm=5.0, height_mm=9.0, width_mm=32.0),
+        terms(labels, base, radius_mm=5.0, height_mm=9.0, widths_mm=(32.0, 32.0)),
     )
 
 
@@ -33,7 +33,7 @@ def test_terms_are_dimensionless_times_a_force(world):
     assert np.abs(found.values).max() <= np.abs(base).max() * (1 + 1e-12)
     # Lengths in another unit, forces unchanged: the same terms.
     scaled = labels.assign(**{name: labels[name] * 10 for name in ("depth_mm", "x_mm", "y_mm")})
-    same = terms(scaled, base, radius_mm=50.0, height_mm=90.0, width_mm=320.0)
+    same = terms(scaled, base, radius_mm=50.0, height_mm=90.0, widths_mm=(320.0, 320.0))
     np.testing.assert_allclose(same.values, found.values, rtol=1e-12)
     np.testing.assert_allclose(column(found, "(depth/radius)^2 F_base"), (labels["depth_mm"] / 5) ** 2 * base)
 
@@ -93,4 +93,4 @@ def test_one_site_has_nothing_to_hold_out():
     context = readings(grid(1))
     labels, base, covariance = context.observations.labels(), flat_base(context), covariance_of(context)
     with pytest.raises(ValueError, match="two sites"):
-        search(base, covariance, terms(labels, base, 5.0, 9.0, 32.0), labels)
+        search(base, covariance, terms(labels, base, 5.0, 9.0, (32.0, 32.0)), labels)

@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from gelforge.mismatch.sessions import reading_noise
+from gelforge.mismatch.observations import Observations
+from gelforge.mismatch.sessions import _with_touchdown, reading_noise, without_outliers
 
 FORCE = ["fx_N", "fy_N", "fz_N"]
 SIGMA = np.array([0.002, 0.003, 0.006])
@@ -54,3 +55,85 @@ def test_a_stated_noise_is_taken_as_it_is():
     )
     assert (noise == 0.004).all() and freedom == np.inf and tails == 1.0
     assert "6 repeated readings" in said[0]
+
+
+# ------------------------------------------------------------------------------------------------------- relaxation
+def relaxing(sigma=0.005, share=0.15, tau=5.0, presses=50, glitch=0.0):
+    """Return a recording of presses to one depth that are read at once and 1 to 60 s later while they relax."""
+    rng = np.random.default_rng(5)
+    rows = []
+    for k in range(presses):
+        force = -1.5 * rng.uniform(0.3, 1.0)
+        rows += [(f"p{k}", "zero", 0.1 * j, 0.0, 0.0) for j in range(4)]
+        rows += [(f"p{k}", "load", 5.0, 1.0, force)]
+        rows += [
+            (f"p{k}", "dwell", 5.0 + t, 1.0, force * (1 - share * (1 - np.exp(-t / tau))))
+            for t in (1.0, 3.0, 10.0, 30.0, 60.0)
+        ]
+    readings = pd.DataFrame(rows, columns=["press", "phase", "time_s", "depth_mm", "fz_N"])
+    readings["fz_N"] += rng.normal(0, sigma, len(readings))
+    readings.loc[8, "fz_N"] += glitch  # a dwell row amid the first press's
+    readings = readings.assign(
+        fx_N=rng.normal(0, sigma, len(readings)), fy_N=rng.normal(0, sigma, len(readings))
+    )
+    session = SimpleNamespace(
+        session="s", force=SimpleNamespace(resolution_N=[0.0005] * 3, repeatability_N=None)
+    )
+    return SimpleNamespace(readings=readings, session=session)
+
+
+def test_relaxation_is_no_noise():
+    """Pooled with dwells that bend, Fz would seem to scatter by 20 mN in place of 5; 150 zero readings know it to 6 %."""
+    noise, _, (freedom, _), said = reading_noise(relaxing())
+    assert noise == pytest.approx([0.005] * 3, rel=0.2)
+    assert freedom == 50 * 3 and "Fz bends during dwells" in said[0]
+    _, _, (freedom, _), said = reading_noise(relaxing(share=0.0))
+    assert freedom == 50 * (3 + 3) and not said
+
+
+@pytest.mark.parametrize("tau", [0.3, 5.0, 100.0])
+def test_relaxation_is_no_outlier_and_a_jump_is_one(tau):
+    noise = np.full(3, 0.005)
+    left, said = without_outliers(relaxing(tau=tau), noise)
+    assert not said and len(left) == 50 * 10
+    left, said = without_outliers(relaxing(tau=tau, glitch=-0.2), noise)
+    assert len(left) == 50 * 10 - 1 and (said[0].press, said[0].time_s) == ("p0", 35.0)
+
+
+# ------------------------------------------------------------------------------------------------------- depth zero
+def pressed(by, off, depths=(0.5, 1.0), sigma=0.0, sites=1):
+    """Return observations of presses that found depth zero off (P,) [mm], of a force of 1 N per mm^1.5."""
+    rng = np.random.default_rng(7)
+    rows = [(f"p{k}", k % sites, "load", d, -((d + o) ** 1.5)) for k, o in enumerate(off) for d in depths]
+    table = pd.DataFrame(rows, columns=["press", "site", "phase", "depth_mm", "fz"])
+    n = len(table)
+    force = np.zeros((n, 3))
+    force[:, 2] = table.pop("fz") + rng.normal(0, sigma, n)
+    return Observations(
+        table,
+        force,
+        np.zeros((sites, 2)),
+        np.full((n, 3), sigma),
+        np.zeros((n, 3)),
+        np.full(n, np.nan),
+        np.full(n, by),
+    )
+
+
+def test_the_scatter_of_touchdown_is_seen_in_repeats_that_found_it_themselves():
+    """400 presses of 4 places know a scatter to 4 %; the slope is a difference over 0.5 mm."""
+    off = np.random.default_rng(8).normal(0, 0.02, 400)
+    found = _with_touchdown(pressed("press", off, (0.5, 0.6, 0.7, 0.8), 0.002, sites=4))
+    assert found.touchdown_mm == pytest.approx(np.full(1600, 0.02), rel=0.12) and not found.cannot_know
+    none = _with_touchdown(pressed("press", 0 * off, (0.5, 0.6, 0.7, 0.8), 0.002, sites=4))
+    assert (none.touchdown_mm < 0.001).all()
+
+
+def test_one_zero_for_all_presses_is_not_seen_in_repeats():
+    found = _with_touchdown(pressed("session", np.full(40, 0.05)))
+    assert (found.touchdown_mm == 0.02).all() and "0.02 mm is assumed" in found.cannot_know[0]
+
+
+def test_two_presses_are_one_repeat_however_many_depths_they_have():
+    found = _with_touchdown(pressed("press", [0.0, 0.01], np.linspace(0.2, 1.0, 12)))
+    assert (found.touchdown_mm == 0.02).all() and "assumed" in found.cannot_know[0]

@@ -102,6 +102,29 @@ def test_the_patched_study_presses_what_the_judge_calls_after(case, tmp_path):
     assert_allclose(judged_by.context.force[near], after[near], rtol=0, atol=SAME * size)
 
 
+@pytest.mark.parametrize(
+    ("name", "shape", "amount"), [("viscoelastic", {"part": "gel", "time_s": 1.0}, 0.3), ("ageing", {}, 0.01)]
+)
+def test_a_patched_base_is_followed_in_the_time_of_the_readings(name, shape, amount, tmp_path):
+    """Two sessions 30 days apart, each press read as it arrives and half a second later."""
+    plain, effect = study(), CATALOGUE[name]
+    planned = planned_observations(plain, dwell_s=(0.5,), ages_days=(0.0, 30.0))
+    planned = planned.chosen((planned.table["site"] == 0).to_numpy())
+    solver = Solver(plain, specimens.STUDY_LAWS, {}, tmp_path)
+    base = base_of(solver, planned, [])
+    after = forces_with(solver, base, [(effect, shape, np.array([amount]))])
+    assert np.abs(after - base.context.force).max() > 0.03  # N: without the patch
+    fit = SimpleNamespace(parts=[SimpleNamespace(name=name, shape=shape)], amounts=[np.array([amount])])
+    there = patched(plain, patch_of(plain, CATALOGUE, fit))
+    judged_by = base_of(replace(solver, study=there), planned, [])
+    assert_allclose(judged_by.context.force, after, rtol=0, atol=SAME * np.abs(after).max())
+    # What a refit beside it changes is its own, and not what the time has changed already.
+    still = forces_with(
+        replace(solver, study=there), judged_by, [(CATALOGUE["gel_stiffness"], {}, np.array([1e-9]))]
+    )
+    assert_allclose(still, judged_by.context.force, rtol=0, atol=SAME * np.abs(after).max())
+
+
 def test_a_verdict_s_patch_gives_its_figure_after(tmp_path):
     """Two hidden effects, found and put into the patch; the patched study's presses leave what the verdict says."""
     plain = study("gel_stiffness", "tilt")

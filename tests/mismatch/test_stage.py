@@ -212,7 +212,11 @@ def test_another_indenter_than_the_study_describes_is_refused(stiffer, tmp_path)
 
 
 @pytest.mark.parametrize(
-    "words", ["ball of radius {r} mm", "steel ball, diameter {d} mm", "{d} mm diameter ball"]
+    "words",
+    [
+        *("ball of radius {r} mm", "steel ball, diameter {d} mm", "{d} mm diameter ball"),
+        *("\u00d8{d} mm steel", "ball, d = {d} mm", "{d}mm dia ball"),
+    ],
 )
 def test_a_diameter_is_no_radius(stiffer, tmp_path, words):
     radius = small().indenter.radius_mm
@@ -221,6 +225,16 @@ def test_a_diameter_is_no_radius(stiffer, tmp_path, words):
     twice = study_from(merged(small().model_dump(mode="json"), {"indenter": {"radius_mm": 2 * radius}}))
     with pytest.raises(ConfigError, match="give the study"):
         check_matches([same], twice)
+
+
+@pytest.mark.parametrize("words", ["ball {r} mm", "ball {d} mm"])
+def test_a_number_that_is_said_to_be_neither_may_be_both(stiffer, tmp_path, words):
+    radius = small().indenter.radius_mm
+    same = changed(stiffer[0], tmp_path, lambda t: t, f"indenter: {words.format(r=radius, d=2 * radius)}\n")
+    check_matches([same], small())
+    other = study_from(merged(small().model_dump(mode="json"), {"indenter": {"radius_mm": 3 * radius}}))
+    with pytest.raises(ConfigError, match="correct `indenter`"):
+        check_matches([same], other)
 
 
 def test_an_effect_left_out_that_there_is_not_is_refused():
