@@ -10,14 +10,17 @@ import numpy as np
 from gelforge.config import ConfigError
 from gelforge.config.mismatch import Known
 from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mismatch.context import Context, Curves
 from gelforge.mismatch.effect import Effect, Shape
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.solutions import Solver, SolverFailed
-from gelforge.mismatch.solver import Base, forces_with
+from gelforge.mismatch.solver import Amounts, Base, forces_with
 
 
 def with_known(base: Base, solver: Solver) -> Base:
     """Return the base with the effects that the study takes as known (the camera's: flow.py).
+
+    What changes the force is then read as a known force sensor does.
 
     Raises ConfigError for an effect, a parameter or a shape that there is not, SolverFailed.
     """
@@ -36,7 +39,38 @@ def with_known(base: Base, solver: Solver) -> Base:
     except NotConverged as failure:
         names = ", ".join(effect.name for effect, *_ in chosen)
         raise SolverFailed(f"mismatch.known: the base with {names} does not converge: {failure}") from None
-    return replace(base, context=replace(base.context, force=force))
+    return _as_read(
+        replace(base, context=replace(base.context, force=force)), _sensor_of(base.context, chosen)
+    )
+
+
+def _sensor_of(context: Context, chosen: Sequence[Amounts]) -> np.ndarray:
+    """Return the matrix (3, 3) by which known effects read one newton more along each axis; what only adds reads it as it is."""
+
+    def read(force):
+        for effect, shape, amounts in chosen:
+            if not effect.solved:
+                force = effect.to_forces(replace(context, force=force), shape, force, amounts)
+        return force
+
+    alone = read(context.force)
+    return np.column_stack([(read(context.force + axis) - alone)[0] for axis in np.eye(3)])
+
+
+def _as_read(base: Base, sensor: np.ndarray) -> Base:
+    """Return the base whose derivatives, laws and mesh's errors are read by a force sensor (3, 3), as its forces are."""
+
+    def read(curves: Curves) -> Curves:
+        return replace(curves, values=tuple(values @ sensor.T for values in curves.values))
+
+    context = replace(
+        base.context,
+        curves=read(base.context.curves),
+        derivatives={name: read(curves) for name, curves in base.context.derivatives.items()},
+        at_readings={name: values @ sensor.T for name, values in base.context.at_readings.items()},
+    )
+    law, floor = np.einsum("ij,rjq->riq", sensor, base.law), np.sqrt(base.floor**2 @ (sensor**2).T)
+    return replace(base, context=context, law=law, floor=floor, sensor=sensor)
 
 
 def _effect_of(known: Known) -> Effect:

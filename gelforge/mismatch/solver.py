@@ -9,7 +9,7 @@ are kept by the digest of what decides them, and a press stands for its mirror i
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -61,6 +61,8 @@ class Base:
     floor: np.ndarray  # (R, 3) [N] discretisation error, one standard deviation
     alike: np.ndarray  # (R,) number of the press that was solved for each: mirror images err alike
     failed: Mapping[str, str]  # derivatives that could not be had, and why
+    # (3, 3) by which a change of the force on the sensor is read: none, unless the force sensor's errors are known
+    sensor: np.ndarray = field(default_factory=lambda: np.eye(3))
 
 
 def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect]) -> Base:
@@ -225,7 +227,7 @@ def forces_with(
         solved = _solved_with(solver, _with(solver.study, felt), part.chosen(there))
         changes[there] = base.finer[whole][there] * (solved - base.coarse[whole][there])
     force = context.force.copy()
-    force[whole] += changes
+    force[whole] += changes @ base.sensor.T
     context = replace(context, force=force)
     for effect, shape, amounts in chosen:
         if not effect.solved and effect.to_forces is not None:

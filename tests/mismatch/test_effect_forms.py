@@ -11,6 +11,7 @@ from test_effects import CATALOGUE, CONTEXT, STUDY, change
 from gelforge.config import Camera
 from gelforge.mismatch.context import Curves
 from gelforge.mismatch.effects.clock_offset import STAMPS
+from gelforge.mismatch.effects.mullins import POINTS, RINGS, Energies, lost_share
 from gelforge.recording.camera import project
 
 PINHOLE = Camera(width_px=640, height_px=480, focal_px=900.0, centre_px=[320, 240], position_mm=[10, 10, -56])
@@ -93,6 +94,32 @@ def test_softening_comes_after_deeper_presses_near_the_place():
         & (table["session"] == "s1")
     )
     assert (softer[fresh] > 0).any()
+
+
+def test_softening_is_tried_with_two_scales_of_the_largest_energy():
+    """A loss at the slightest return keeps more of its size on a shallow return than one in proportion."""
+    small, large = (shape["m_kPa"] for shape in CATALOGUE["mullins"].shapes(CONTEXT))
+    assert large == pytest.approx(10 * small, rel=0.1)  # two digits
+    context = one_press([1.0, 2.0, 3.0], [1.0, 0.8, 0.3], ["load", "unload", "unload"])
+    at_once, in_proportion = (lost_share(context, m) for m in (1e-6, 1e6))
+    assert at_once == pytest.approx(
+        [0.0, 1.0, 1.0], abs=1e-3
+    )  # erf of 1 / BETA times 5 % of the energy and more
+    assert in_proportion[2] > 3 * in_proportion[1] > 0
+
+
+def test_energies_add_up_to_the_work():
+    """Of a force in proportion to depth, d^2 / 2; points share the energy within the outermost ring evenly."""
+    context = one_press([1.0], [1.0], ["load"])
+    energies, r = Energies(context), np.linspace(0, 2000, 400_001)
+    height = context.study.sensor.height_mm
+    density = energies.density(0, np.float64(1.0), r) * 1e-3  # MPa
+    assert height * np.trapezoid(2 * np.pi * r * density, r) == pytest.approx(
+        0.5, rel=2e-3
+    )  # knots, cut at 2 m
+    x = (np.linalg.norm(POINTS, axis=1) ** 2).reshape(RINGS, -1)
+    assert_allclose(x, x[:, :1] * np.ones_like(x), rtol=1e-12)
+    assert_allclose(x[:, 0] / (1 + x[:, 0]), (np.arange(RINGS) + 0.5) / RINGS, rtol=1e-12)
 
 
 def test_age_and_warmth_act_between_sessions_only():

@@ -174,6 +174,8 @@ def test_the_study_gets_what_the_catalogue_of_the_mechanics_gives(name):
     changed = effect.to_study(STUDY, shape, one)
     if name == "viscoelastic":  # the mechanics' own has 1 s
         changed = effect.to_study(STUDY, {"part": "gel", "time_s": 1.0}, one)
+    if name == "mullins":  # and 0.5 kPa
+        changed = effect.to_study(STUDY, {"m_kPa": 0.5}, one)
     assert changed == known(STUDY, float(one[0]), Place(**shape) if "z_mm" in shape else None)
     assert effect.history == known.history and effect.unloading == known.unloading
     assert [p.unit for p in effect.parameters] == [known.unit] * len(effect.parameters)

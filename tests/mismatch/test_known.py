@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 
 from gelforge.config import ConfigError, study_from
 from gelforge.config.variants import merged
+from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.effects.force_frame import READ
 from gelforge.mismatch.known import with_known
 from gelforge.mismatch.solver import Base
@@ -21,7 +22,8 @@ def based_on(effect, amounts, shape):
     study = study_from(merged(context.study.model_dump(mode="json"), {"mismatch": {"known": [known]}}))
     same = context.force
     each = np.ones((len(same), 1))
-    base = Base(context, None, same, each, np.zeros((*same.shape, 0)), 0 * same, np.arange(len(same)), {})
+    law, floor = 0.02 * same[..., None], 0.01 * np.abs(same)
+    base = Base(context, None, same, each, law, floor, np.arange(len(same)), {})
     return base, with_known(base, SimpleNamespace(study=study))
 
 
@@ -30,6 +32,28 @@ def test_axes_that_are_known_are_those_that_are_told(axes):
     base, changed = based_on("force_frame", {"on": 1}, {"axes": axes})
     turned = base.context.force[:, :2] @ np.array(READ[axes], dtype=float).T
     assert_allclose(changed.context.force[:, :2], turned, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("effect", "amounts", "shape", "read"),
+    [
+        ("force_gain", {"x": -0.1, "z": 0.12}, {}, np.diag([0.9, 1.0, 1.12])),
+        ("force_unit", {"on": 1}, {"unit": "kgf"}, np.eye(3) / 9.80665),
+        ("cross_talk", {"x_of_z": 0.05}, {}, np.eye(3) + 0.05 * np.eye(3)[:, :1] @ np.eye(3)[2:]),
+        ("force_offset", {"z": 0.3}, None, np.eye(3)),  # what is added reads no change otherwise
+    ],
+)
+def test_a_known_force_sensor_reads_changes_as_it_reads_forces(effect, amounts, shape, read):
+    if shape is None:
+        shape = CATALOGUE[effect].shapes(artificial.context(3, per_side=3))[0]
+    base, changed = based_on(effect, amounts, dict(shape))
+    before, after = base.context, changed.context
+    assert_allclose(changed.sensor, read, atol=1e-12)
+    name = "gel_stiffness"
+    assert_allclose(after.derivative(name), before.derivative(name) @ read.T, atol=1e-12)
+    assert_allclose(after.slope(), before.slope() @ read.T, atol=1e-9)
+    assert_allclose(changed.law[..., 0], base.law[..., 0] @ read.T, atol=1e-12)
+    assert_allclose(changed.floor**2, base.floor**2 @ (read**2).T, atol=1e-12)
 
 
 @pytest.mark.parametrize(

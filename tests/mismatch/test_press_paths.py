@@ -129,7 +129,7 @@ def test_what_has_a_place_is_solved_only_where_it_is_felt():
     np.testing.assert_array_equal(groups["gel_stiffness", "void"], site == 1)
     ((felt, rows),) = _by_what_is_felt(found, [void])
     np.testing.assert_array_equal(rows, site == 1)
-    softening = (CATALOGUE["mullins"], {}, np.array([0.2]))
+    softening = (CATALOGUE["mullins"], {"m_kPa": 0.5}, np.array([0.2]))
     ((felt, rows),) = _by_what_is_felt(found, [softening, void])
     assert (
         rows.all() and len(felt) == 2

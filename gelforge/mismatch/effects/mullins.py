@@ -5,62 +5,114 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 from scipy.special import erf
 
-from gelforge.indentation.effects.catalogue import CATALOGUE
+from gelforge.config import Study
+from gelforge.indentation.effects.catalogue import gel_layers, with_keys
 from gelforge.indentation.sensitivities import unmirrored
 from gelforge.mismatch.context import Context
 from gelforge.mismatch.effect import Effect, Shape
 from gelforge.mismatch.solver_effects import amount, has_none_of, solver
 
+SCALES = (
+    0.1,
+    1.0,
+)  # m over the largest energy density: a loss at the slightest return, and one in proportion
+BETA = 0.1
+LARGEST = 0.95  # share of the stress
 KNOTS = 65  # of the work over depth
-SPREAD = 0.5  # of the height: how far strain reaches beyond the contact
+WIDER = 0.1  # of the height: how far the energy reaches beyond the contact (benchmarks/softening_formula.py)
+RINGS, SPOKES = 6, 8  # of points about a press
+
+
+def shapes(context: Context) -> list[Shape]:
+    """Return the energy densities [kPa] that may scale the softening: shares of the largest one of these presses."""
+    deepest = context.observations.table.groupby("site")["deepest_mm"].max()
+    energies = Energies(context)
+    largest = max(float(energies.density(s, d, 0.0)) for s, d in deepest.items())
+    return [{"m_kPa": float(f"{scale * largest:.2g}")} for scale in SCALES]
+
+
+def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
+    """Return the study with soft layers that soften."""
+    (a,) = amounts
+    if a == 0:
+        return study
+    softening = {"amount": float(np.clip(a, 0.0, LARGEST)), "m_kPa": shape["m_kPa"], "beta": BETA}
+    return with_keys(unmirrored(study), history={"mullins": {name: softening for name in gel_layers(study)}})
 
 
 def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
     """Return the forces of softened layers to first order: the gel's stiffness times 1 - amount x `lost_share`."""
     (a,) = amounts
-    return force - a * lost_share(context)[:, None] * context.derivative("gel_stiffness")
+    return force - a * lost_share(context, shape["m_kPa"])[:, None] * context.derivative("gel_stiffness")
 
 
-def lost_share(context: Context) -> np.ndarray:
-    """Return erf((peak - W) / (m + beta peak)) (R,) of each reading, Ogden & Roxburgh 1999 (doi 10.1098/rspa.1999.0431).
+def lost_share(context: Context, m: float) -> np.ndarray:
+    """Return erf((peak - W) / (m + beta peak)) (R,) at each reading, the mean over points about the press.
 
-    One energy density W stands for all of a press: its work over a cylinder of all layers, SPREAD heights wider than the
-    contact. The peak is the largest that earlier presses left at the place, falling as a Gaussian over that radius, or this
-    press so far.
+    Ogden & Roxburgh 1999 (doi 10.1098/rspa.1999.0431). m [kPa]. The points share the reading's energy evenly. Their peak is
+    the largest that an earlier press left there, or this press so far.
     """
-    table, sites = context.observations.table, context.observations.sites
-    depth, site = table["depth_mm"].to_numpy(float), table["site"].to_numpy()
-    height = context.study.sensor.height_mm
-    radius = min(part.radius_mm for part in context.study.indenter.shapes)
-    softening = CATALOGUE["mullins"](unmirrored(context.study), 0.5).mechanics.effects.history.mullins
-    m, beta = next((s.m_kPa, s.beta) for s in softening.values())
-    grid = np.linspace(0.0, max(depth.max(), table["deepest_mm"].max()), KNOTS)
-    contact = np.sqrt(np.clip(2 * radius * grid - grid**2, (0.1 * radius) ** 2, radius**2))  # mm
-    pushing = [-context.curves.at(s, grid)[:, 2] for s in range(len(sites))]
-    reach = contact + SPREAD * height
-    work = [np.r_[0.0, np.cumsum((f[1:] + f[:-1]) / 2 * np.diff(grid))] for f in pushing]  # mJ
-    density = [w / (np.pi * reach**2 * height * 1e-3) for w in work]  # kPa
-    apart = np.linalg.norm(sites[:, None] - sites[None], axis=-1)
-    W, peak = np.zeros(len(table)), np.zeros(len(table))
-    left = np.zeros(len(sites))
+    table, sites, energies = context.observations.table, context.observations.sites, Energies(context)
+    depth, site = table["depth_mm"].to_numpy(float).clip(0), table["site"].to_numpy()
+    lost, deepest = np.zeros(len(table)), np.zeros(len(sites))  # before, at each site
     for rows in table.groupby("press", sort=False).indices.values():
-        s = site[rows[0]]
-        W[rows] = np.interp(depth[rows], grid, density[s])
-        peak[rows] = np.maximum(left[s], np.maximum.accumulate(W[rows]))
-        deepest = float(table["deepest_mm"].iloc[rows[0]])
-        felt = np.exp(-((apart[s] / np.interp(deepest, grid, reach)) ** 2))
-        left = np.maximum(left, np.interp(deepest, grid, density[s]) * felt)
-    return erf((peak - W) / (m + beta * peak))
+        s, d = site[rows[0]], depth[rows][:, None]
+        at = energies.reach_at(d)[..., None] * POINTS  # (rows, points, 2) from the press's axis
+        r = np.linalg.norm(at, axis=-1)
+        W, peak = energies.density(s, d, r), energies.density(s, np.maximum.accumulate(d), r)
+        for other in np.flatnonzero(deepest):
+            r = np.linalg.norm(at + sites[s] - sites[other], axis=-1)
+            peak = np.maximum(peak, energies.density(int(other), deepest[other], r))
+        lost[rows] = erf((peak - W) / (m + BETA * peak)).mean(axis=1)
+        deepest[s] = max(deepest[s], float(table["deepest_mm"].iloc[rows[0]]))
+    return lost
 
 
+class Energies:
+    """Energy densities under presses: all of a press's work, even over the height, falling away from its axis.
+
+    As (1 + (r / b)^2)^-2: far away as r^-4, as under a point force on a half-space (Boussinesq); b is the contact's radius
+    and WIDER heights.
+    """
+
+    def __init__(self, context: Context):
+        table = context.observations.table
+        self.height = context.study.sensor.height_mm
+        R = min(part.radius_mm for part in context.study.indenter.shapes)
+        self.depths = np.linspace(0.0, max(table["depth_mm"].max(), table["deepest_mm"].max()), KNOTS)
+        contact = np.sqrt(np.clip(2 * R * self.depths - self.depths**2, (0.1 * R) ** 2, R**2))
+        self.reach = contact + WIDER * self.height  # mm
+        pushing = [-context.curves.at(s, self.depths)[:, 2] for s in range(len(context.observations.sites))]
+        self.work = cumulative_trapezoid(pushing, self.depths, initial=0.0)  # (sites, KNOTS) [mJ]
+
+    def reach_at(self, depth: np.ndarray) -> np.ndarray:
+        """Return b [mm] at depths [mm]."""
+        return np.interp(depth, self.depths, self.reach)
+
+    def density(self, site: int, depth: np.ndarray, r: np.ndarray) -> np.ndarray:
+        """Return the energy density [kPa] at distances [mm] from the axis of a press at a site, at depths [mm]."""
+        b = self.reach_at(depth)
+        middle = np.interp(depth, self.depths, self.work[site]) / (np.pi * b**2 * self.height) * 1e3
+        return middle / (1 + (r / b) ** 2) ** 2
+
+
+def _points() -> np.ndarray:
+    """Return points (RINGS x SPOKES, 2) [b] about a press that share its energy evenly."""
+    inside = (np.arange(RINGS) + 0.5) / RINGS  # share of the energy, (r / b)^2 / (1 + (r / b)^2)
+    r, angle = np.sqrt(inside / (1 - inside)), 2 * np.pi * np.arange(SPOKES) / SPOKES
+    return np.column_stack([np.outer(r, np.cos(angle)).ravel(), np.outer(r, np.sin(angle)).ravel()])
+
+
+POINTS = _points()
 EFFECT = Effect(
     name="mullins",
     family="history",
     parameters=(
         amount(
-            "mullins", "largest_loss", (0.0, 0.95),
+            "mullins", "largest_loss", (0.0, LARGEST),
             "width: unfilled silicones lose little, filled rubbers up to half of their stress at the second loading"
             " (judgement); bounds: a share of the stress", sign=1,
         ),
@@ -70,5 +122,5 @@ EFFECT = Effect(
     separated_by="random order, with a sentinel press at one place every ninth one, and first presses on a fresh sensor",
     takes=("gel_stiffness",),
     applies=lambda study: has_none_of("history.mullins")(study) and study.mechanics.strain == "finite",
-    **solver("mullins", limit=(0.0, 0.95), directed=True) | {"to_forces": to_forces, "in_order": True},
+    **solver("mullins") | {"to_study": to_study, "to_forces": to_forces, "shapes": shapes, "in_order": True},
 )  # fmt: skip
