@@ -45,7 +45,7 @@ def with_known(base: Base, solver: Solver) -> Base:
 
 
 def _sensor_of(context: Context, chosen: Sequence[Amounts]) -> np.ndarray:
-    """Return the matrix (3, 3) by which known effects read one newton more along each axis; what only adds reads it as it is."""
+    """Return the matrix (3, 3) by which known effects read one newton more along each axis; what only adds: as it is."""
 
     def read(force):
         for effect, shape, amounts in chosen:

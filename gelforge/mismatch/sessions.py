@@ -62,7 +62,7 @@ def observe(
         readings, dropped = without_outliers(recording, np.hypot(noise, rounding))
         unknown += said
         aside += dropped
-        part = _table(recording.session, readings, speed_mm_per_s)
+        part = _table(recording.session, readings, speed_mm_per_s, unknown)
         held = part.pop("held")
         force = readings[FORCE].to_numpy(copy=True)
         dead = _dead_axes(force, recording.session, unknown)
@@ -227,13 +227,20 @@ def _jumps(force: np.ndarray, time: np.ndarray) -> np.ndarray:
     return size
 
 
-def _table(session: Session, readings: pd.DataFrame, speed: float) -> pd.DataFrame:
-    """Return the columns of observations for every reading of a session, and `held`: those that are judged."""
+def _table(session: Session, readings: pd.DataFrame, speed: float, unknown: list[str]) -> pd.DataFrame:
+    """Return the columns of observations for every reading of a session, and `held`: those that are judged.
+
+    speed: of the study [mm/s], where a press tells neither its touch nor its own; that is told.
+    """
     name = session.session
     held = readings["phase"].isin(["load", "dwell", "unload"]) & (readings["depth_mm"] > 0)
-    loading = readings[readings["phase"] == "load"].groupby("press")
-    first = loading.first().reindex(readings["press"])
-    touch = first["time_s"].to_numpy() - first["depth_mm"].to_numpy() / speed
+    touch, assumed = _touches(readings, speed)
+    if assumed:
+        unknown.append(
+            f"{name}: {assumed} presses have neither a touch row nor a speed (speed_mm_per_s) on their way down: {speed:g}"
+            " mm/s (history.timing) is taken; relaxation and the clock follow it"
+        )
+    touch = touch.reindex(readings["press"]).to_numpy()
     start = readings.groupby("press")["time_s"].transform("first").to_numpy()
     table = readings[["order", "phase", "time_s", "x_mm", "y_mm", "depth_mm"]].assign(
         session=name,
@@ -245,6 +252,19 @@ def _table(session: Session, readings: pd.DataFrame, speed: float) -> pd.DataFra
         held=held,
     )
     return table
+
+
+def _touches(readings: pd.DataFrame, speed: float) -> tuple[pd.Series, int]:
+    """Return the time of touch [s] by press, and of how many the speed had to be taken from elsewhere.
+
+    A touch row tells it; else it lies before the first load or dwell row by as much as the press's speed needs.
+    """
+    first = readings[readings["phase"].isin(["load", "dwell"])].groupby("press").first()
+    down = readings[readings["phase"].isin(["approach", "load"]) & (readings["speed_mm_per_s"] > 0)]
+    own = down.groupby("press")["speed_mm_per_s"].last().reindex(first.index)
+    seen = readings[readings["phase"] == "touch"].groupby("press")["time_s"].first()
+    touch = first["time_s"] - first["depth_mm"] / own.fillna(speed)
+    return seen.combine_first(touch), int((own.isna() & ~own.index.isin(seen.index)).sum())
 
 
 def _dead_axes(force: np.ndarray, session: Session, unknown: list[str]) -> np.ndarray:

@@ -21,7 +21,8 @@ from gelforge.recording.join import cells_of_presses
 FORCE = ["fx_N", "fy_N", "fz_N"]
 RAW = ["fx_raw_N", "fy_raw_N", "fz_raw_N"]
 COLUMNS = [
-    *("session", "press", "cell", "order", "time_s", "phase", "x_mm", "y_mm", "depth_mm", "dwell_s"),
+    *("session", "press", "cell", "order", "time_s", "phase", "x_mm", "y_mm", "depth_mm"),
+    *("speed_mm_per_s", "dwell_s"),
     *RAW,
     *FORCE,
     "image",
@@ -150,7 +151,7 @@ def read_readings(path: str | Path) -> pd.DataFrame:
     table = read_csv(
         path,
         numbers=always,
-        optional_numbers=["depth_mm", "dwell_s"],
+        optional_numbers=["depth_mm", "speed_mm_per_s", "dwell_s"],
         texts=["session", "press", "phase"],
         optional_texts=["cell", "image"],
     )
@@ -164,7 +165,7 @@ def _read_table(path: Path, ft: Path) -> pd.DataFrame:
     return read_csv(
         path,
         numbers=["order", "time_s", "x_mm", "y_mm", *force_needed],
-        optional_numbers=["depth_mm", "dwell_s", *force_optional],
+        optional_numbers=["depth_mm", "speed_mm_per_s", "dwell_s", *force_optional],
         texts=["press", "phase"],
         optional_texts=["cell", "image"],
     )

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from gelforge.mismatch.observations import Observations
-from gelforge.mismatch.sessions import _with_touchdown, reading_noise, without_outliers
+from gelforge.mismatch.sessions import _table, _with_touchdown, reading_noise, without_outliers
 
 FORCE = ["fx_N", "fy_N", "fz_N"]
 SIGMA = np.array([0.002, 0.003, 0.006])
@@ -137,3 +137,31 @@ def test_one_zero_for_all_presses_is_not_seen_in_repeats():
 def test_two_presses_are_one_repeat_however_many_depths_they_have():
     found = _with_touchdown(pressed("press", [0.0, 0.01], np.linspace(0.2, 1.0, 12)))
     assert (found.touchdown_mm == 0.02).all() and "assumed" in found.cannot_know[0]
+
+
+# ------------------------------------------------------------------------------------------------------- time of touch
+def timed(**columns):
+    """Return the time since touch of a press that is read 1 mm deep 20 s after its zero, and what is not known of it."""
+    rows = [("zero", 0.0, 0.0), ("touch", 8.0, 0.0), ("load", 20.0, 1.0), ("dwell", 25.0, 1.0)]
+    readings = pd.DataFrame(rows, columns=["phase", "time_s", "depth_mm"]).assign(
+        press="p0", order=0, x_mm=0.0, y_mm=0.0, speed_mm_per_s=np.nan
+    )
+    readings = readings.assign(**columns)
+    readings = readings[readings["phase"] != "none"].reset_index(drop=True)
+    session = SimpleNamespace(session="s", sensor_age_days=None, temperature_C=None)
+    told = []
+    return _table(session, readings, 0.5, told)["press_time_s"].to_numpy()[-2:], told
+
+
+def test_touch_is_where_its_row_its_speed_or_else_the_study_says():
+    slow = [np.nan, np.nan, 0.1, 0.0]  # 10 s for the way down; at rest in a dwell
+    untouched = ["zero", "none", "load", "dwell"]
+    for columns, since, words in (
+        ({}, 12.0, ""),
+        ({"speed_mm_per_s": slow}, 12.0, ""),
+        ({"speed_mm_per_s": slow, "phase": untouched}, 10.0, ""),
+        ({"phase": untouched}, 2.0, "1 presses have neither a touch row nor a speed"),
+    ):
+        found, told = timed(**columns)
+        assert found == pytest.approx([since, since + 5.0])
+        assert words in "".join(told) and bool(told) == bool(words)

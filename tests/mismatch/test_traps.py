@@ -29,10 +29,14 @@ PER_READING = (
 
 @pytest.fixture(scope="module")
 def base(tmp_path_factory):
-    """Return the base of a plan of 5 x 5 places, each press read once, after 0.5 s at its depth."""
+    """Return the base of a plan of 5 x 5 places, each press read once, after 0.5 s at its depth, each with its own zero.
+
+    A depth zero that all share looks like what bends the curve, and hides a part of it.
+    """
     keys = {"mismatch": {"discretisation": 0.002, "coarser": 1.5}}
     study = study_from(merged(specimens.study(plan=PLAN, friction=0.0).model_dump(mode="json"), keys))
     planned = planned_observations(study, dwell_s=(0.5,))
+    planned = replace(planned, zero_by=np.full(len(planned.table), "press"))
     held = planned.chosen((planned.table["phase"] == "dwell").to_numpy())
     solver = Solver(study, specimens.STUDY_LAWS, {}, tmp_path_factory.mktemp("traps"))
     found = base_of(solver, held, with_taken(CATALOGUE[name] for name in NAMES))
