@@ -338,7 +338,7 @@ def _repeated_touchdown(found: Observations, of: np.ndarray) -> float | None:
     the slope has it; presses less places are the repeats.
     """
     table = found.table.assign(fz=found.force[:, 2], noise=found.noise_N[:, 2], zero=found.zero_N[:, 2])
-    loads = table[(table["phase"] == "load") & of]
+    loads = table[(table["phase"] == "load") & of & np.isfinite(table["fz"])]
     squares, freedom = 0.0, 0.0
     for _, of_site in loads.groupby("site"):
         curve = of_site.groupby("depth_mm")["fz"].mean()

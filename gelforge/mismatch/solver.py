@@ -168,12 +168,14 @@ def _followed(solver: Solver, planned: Sequence[PlannedCell], asked: Sequence[As
 
 
 def _forgetting(solver: Solver) -> Solver:
-    """Return the finite elements of the study without relaxation and softening."""
+    """Return the finite elements of the study without relaxation and softening, which its own cells have."""
     mechanics = solver.study.mechanics
+    if not mechanics.effects.history.any:
+        return solver
     history = mechanics.effects.history.model_copy(update={"viscoelastic": {}, "mullins": {}})
     effects = mechanics.effects.model_copy(update={"history": history})
     mechanics = mechanics.model_copy(update={"effects": effects})
-    return replace(solver, study=solver.study.model_copy(update={"mechanics": mechanics}))
+    return replace(solver, study=solver.study.model_copy(update={"mechanics": mechanics}), cells=None)
 
 
 def _as_it_was(solver: Solver, observations: Observations, at_rest: np.ndarray) -> np.ndarray:

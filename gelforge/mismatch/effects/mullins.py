@@ -15,10 +15,8 @@ from gelforge.mismatch.context import Context
 from gelforge.mismatch.effect import Effect, Shape
 from gelforge.mismatch.solver_effects import amount, has_none_of, solver
 
-SCALES = (
-    0.1,
-    1.0,
-)  # m over the largest energy density: a loss at the slightest return, and one in proportion
+# m over the largest energy density: a loss at the slightest return, and one in proportion
+SCALES = (0.1, 1.0)
 BETA = 0.1
 LARGEST = 0.95  # share of the stress
 KNOTS = 65  # of the work over depth
