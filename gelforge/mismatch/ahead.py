@@ -76,6 +76,10 @@ def planned_observations(
 def limits_table(solver: Solver) -> pd.DataFrame:
     """Return per effect and parameter the smallest amount that the study's plan would show, beside a plausible one."""
     problem, _ = problem_of(solver, planned_observations(solver.study), recorded=False)
+    return _limits(problem)
+
+
+def _limits(problem: Problem) -> pd.DataFrame:
     rows = []
     for limit in detection_limits(problem.covariance, problem.physics):
         parameter = CATALOGUE[limit.name].parameters[limit.parameter]
@@ -93,13 +97,31 @@ def limits_table(solver: Solver) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns).sort_values(["effect", "parameter"], ignore_index=True)
 
 
+def visibility_table(solver: Solver) -> pd.DataFrame:
+    """Return for each experiment its cost, how many amounts of effects it would show if plausible, and which ones newly.
+
+    Newly: beside the first, the same plan again.
+    """
+    rows, first = [], None
+    for name, observations in variants_of(solver.study).items():
+        limits = _limits(problem_of(solver, observations, recorded=False)[0])
+        seen = limits[limits["plausible_amount_seen"]]
+        names = set(seen["effect"] + " " + seen["parameter"])
+        first = names if first is None else first
+        rows.append((name, _minutes(observations), len(names), ", ".join(sorted(names - first))))
+    return pd.DataFrame(rows, columns=["experiment", "minutes", "plausible_amounts_seen", "seen_newly"])
+
+
 def experiments_table(solver: Solver, verdict: Verdict) -> pd.DataFrame:
     """Return for each experiment its cost and the log odds that it is expected to give to the right one of two survivors.
 
-    Raises ConfigError for a verdict with nothing left to tell apart, or with effects of the camera alone.
+    Where the readings could not tell enough to leave any: what each experiment would show (`visibility_table`). Raises
+    ConfigError for a verdict with nothing left to tell apart, or with effects of the camera alone.
     """
     effects = {effect.name: effect for effect in verdict.effects}
     pairs = rivals(verdict)
+    if not pairs and verdict.state == "insufficient":
+        return visibility_table(solver)
     if not pairs:
         raise ConfigError(
             f"the verdict is {verdict.state} and leaves no two effects that cannot be told apart; nothing is to be decided"
@@ -127,10 +149,9 @@ def experiments_table(solver: Solver, verdict: Verdict) -> pd.DataFrame:
     )
 
 
-def plans_of(solver: Solver, survivors: list[NamedEffect]) -> Iterator[Plan]:
-    """Yield the experiments that this study's sensor and stage allow."""
-    study = solver.study
-    variants = {
+def variants_of(study: Study) -> dict[str, Observations]:
+    """Return the readings of a study's plan as it is and in other ways, by name."""
+    return {
         "the same plan again": planned_observations(study),
         "the same plan, read on the way up too": planned_observations(study, ways_up=WAYS_UP),
         f"the same plan with dwells of {LONG_DWELL_S[-1]:g} s": planned_observations(study, LONG_DWELL_S),
@@ -138,8 +159,17 @@ def plans_of(solver: Solver, survivors: list[NamedEffect]) -> Iterator[Plan]:
             study, ages_days=(0.0, LATER_DAYS)
         ),
     }
+
+
+def _minutes(observations: Observations) -> float:
+    return float(observations.table["time_s"].max()) / 60
+
+
+def plans_of(solver: Solver, survivors: list[NamedEffect]) -> Iterator[Plan]:
+    """Yield the experiments that this study's sensor and stage allow."""
+    study = solver.study
     effects = {effect.name: CATALOGUE[effect.name] for effect in survivors}
-    for name, observations in variants.items():
+    for name, observations in variants_of(study).items():
         base = base_of(solver, observations, with_taken(effects.values()))
         context, failed = base.context, {}
         candidates = candidates_of(context, effects, failed)
@@ -149,6 +179,5 @@ def plans_of(solver: Solver, survivors: list[NamedEffect]) -> Iterator[Plan]:
                 observations, context.force, covariance, candidates, effects, None, failed,
                 change_error=study.mismatch.change_error,
             )  # fmt: skip
-            minutes = float(observations.table["time_s"].max()) / 60
-            yield planned(name, minutes, problem, context, survivors)
+            yield planned(name, _minutes(observations), problem, context, survivors)
     yield weights(study, survivors)

@@ -108,10 +108,12 @@ def pressed(study, amount, table):
 def test_a_recording_shows_the_limit_s_amount_as_promised(home):
     """Pressed on the study's own mesh it is DETECTED_SNR away from the base, and five times as much is read as that.
 
-    Within 10 %, by which the judge allows a change on its coarser mesh to err; the mesh is finer than elsewhere for that.
+    Within 10 %, by which the judge allows a change on its coarser mesh to err; the mesh is finer than elsewhere for that,
+    and depth zero well known, so that five times the limit is still a change in proportion.
     """
     mesh = {"near_mm": 0.6}
-    own = study_from(merged(study().model_dump(mode="json"), {"mechanics": {"mesh": mesh}}))
+    keys = {"mechanics": {"mesh": mesh}, "mismatch": {"touchdown_mm": 0.002}}
+    own = study_from(merged(study().model_dump(mode="json"), keys))
     solver, planned = Solver(own, specimens.STUDY_LAWS, {}, home / "solves"), planned_observations(own)
     problem, _ = problem_of(solver, planned, recorded=False)
     limit = limits_table(solver).set_index("effect").loc["gel_stiffness", "detectable"]
@@ -173,6 +175,19 @@ def test_an_experiment_costs_its_presses(home, judged):
     assert dwelling * 60 == pytest.approx(down + presses * 60 + (presses - 1) * 8)
     # two sessions, and the way between them
     assert minutes["the same plan now and in 30 days"] * 60 == pytest.approx(2 * (down + presses * 8.9) - 8)
+
+
+def test_where_readings_cannot_tell_the_plan_says_what_would(home, tmp_path, limits):
+    """Of three effects a stiffness, a gain and a depth zero; another session has another zero of its depth."""
+    found = content(state="insufficient", answer=[], effects=[])
+    write_verdict(tmp_path, Verdict.model_validate(found))
+    assert command(home, "plan", "--out", tmp_path) == 0
+    table = pd.read_csv(tmp_path / "experiments.csv").set_index("experiment")
+    assert table.loc["the same plan again", "plausible_amounts_seen"] == limits["plausible_amount_seen"].sum()
+    assert pd.isna(table.loc["the same plan again", "seen_newly"])
+    again, later = table.loc["the same plan again"], table.loc["the same plan now and in 30 days"]
+    assert later["plausible_amounts_seen"] >= again["plausible_amounts_seen"]
+    assert later["minutes"] > again["minutes"]
 
 
 # --- bad input
