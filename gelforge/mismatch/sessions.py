@@ -17,9 +17,8 @@ from gelforge.recording.readings import FORCE, Recording, axes_of_stage, read_re
 AXES = ("x", "y", "z")
 TOUCHDOWN_MM = 0.02  # assumed where neither the session nor repeated presses say how well zero was found
 SPEED_MM_PER_S = 1.0  # assumed where a press has one moving row only
-OUTLIER = (
-    8.0  # standard deviations of a held reading from the course of the others of its press at that depth
-)
+# Standard deviations of a held reading from the course of the others of its press at that depth
+OUTLIER = 8.0
 BENT = 2.0  # times the scatter of zero readings: more than that of dwells about a line is relaxation
 LEAST_SCATTER = 0.1  # of the step, where all repeats were rounded to one number
 LEAST_FREEDOM = 10  # repeats that a noise estimate needs
@@ -111,7 +110,7 @@ def reading_noise(recording: Recording) -> tuple[np.ndarray, np.ndarray, tuple[f
         usual = np.maximum(zero.scatter, step / 2)
         k = int(np.argmax(dwell.scatter / usual))
         if dwell.scatter[k] > BENT * usual[k]:
-            dwell = dwell.none()
+            dwell = Repeats.none()
             said.append(
                 f"{session.session}: F{AXES[k]} bends during dwells by more than zero readings scatter, {usual[k]:.2g} N: "
                 "the noise is taken from the zero readings alone, and is too small if it grows with the force"
@@ -339,7 +338,7 @@ def _repeated_touchdown(found: Observations, of: np.ndarray) -> float | None:
     """
     table = found.table.assign(fz=found.force[:, 2], noise=found.noise_N[:, 2], zero=found.zero_N[:, 2])
     loads = table[(table["phase"] == "load") & of & np.isfinite(table["fz"])]
-    squares, freedom = 0.0, 0.0
+    squares, freedom = 0.0, 0
     for _, of_site in loads.groupby("site"):
         curve = of_site.groupby("depth_mm")["fz"].mean()
         if len(curve) < 2:
@@ -347,8 +346,6 @@ def _repeated_touchdown(found: Observations, of: np.ndarray) -> float | None:
         slopes = pd.Series(np.gradient(curve.to_numpy(), curve.index.to_numpy()), curve.index)
         means = of_site.groupby("depth_mm")["fz"]
         repeated = of_site[means.transform("size") > 1]
-        if repeated.empty:
-            continue
         k, off = repeated["depth_mm"].map(slopes), repeated["fz"] - means.transform("mean")
         sums = pd.DataFrame(
             {

@@ -104,7 +104,7 @@ def test_softening_is_tried_with_two_scales_of_the_largest_energy():
     at_once, in_proportion = (lost_share(context, m) for m in (1e-6, 1e6))
     assert at_once == pytest.approx(
         [0.0, 1.0, 1.0], abs=1e-3
-    )  # erf of 1 / BETA times 5 % of the energy and more
+    )  # erf of 1 / BETA times 36 % of the energy and more
     assert in_proportion[2] > 3 * in_proportion[1] > 0
 
 

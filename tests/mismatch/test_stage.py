@@ -211,6 +211,16 @@ def test_another_indenter_than_the_study_describes_is_refused(stiffer, tmp_path)
         check_matches([folder], small())
 
 
+def fits_but_not_at(times, remedy, stiffer, tmp_path, words):
+    """Assert that an indenter in words is the study's, and that of a radius so many times as large is refused."""
+    radius = small().indenter.radius_mm
+    same = changed(stiffer[0], tmp_path, lambda t: t, f"indenter: {words.format(r=radius, d=2 * radius)}\n")
+    check_matches([same], small())
+    other = study_from(merged(small().model_dump(mode="json"), {"indenter": {"radius_mm": times * radius}}))
+    with pytest.raises(ConfigError, match=remedy):
+        check_matches([same], other)
+
+
 @pytest.mark.parametrize(
     "words",
     [
@@ -219,22 +229,12 @@ def test_another_indenter_than_the_study_describes_is_refused(stiffer, tmp_path)
     ],
 )
 def test_a_diameter_is_no_radius(stiffer, tmp_path, words):
-    radius = small().indenter.radius_mm
-    same = changed(stiffer[0], tmp_path, lambda t: t, f"indenter: {words.format(r=radius, d=2 * radius)}\n")
-    check_matches([same], small())
-    twice = study_from(merged(small().model_dump(mode="json"), {"indenter": {"radius_mm": 2 * radius}}))
-    with pytest.raises(ConfigError, match="give the study"):
-        check_matches([same], twice)
+    fits_but_not_at(2, "give the study", stiffer, tmp_path, words)
 
 
 @pytest.mark.parametrize("words", ["ball {r} mm", "ball {d} mm"])
 def test_a_number_that_is_said_to_be_neither_may_be_both(stiffer, tmp_path, words):
-    radius = small().indenter.radius_mm
-    same = changed(stiffer[0], tmp_path, lambda t: t, f"indenter: {words.format(r=radius, d=2 * radius)}\n")
-    check_matches([same], small())
-    other = study_from(merged(small().model_dump(mode="json"), {"indenter": {"radius_mm": 3 * radius}}))
-    with pytest.raises(ConfigError, match="correct `indenter`"):
-        check_matches([same], other)
+    fits_but_not_at(3, "correct `indenter`", stiffer, tmp_path, words)
 
 
 def test_an_effect_left_out_that_there_is_not_is_refused():
