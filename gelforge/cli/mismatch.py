@@ -44,13 +44,17 @@ def judge(
 
 
 def limits(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: int) -> None:
-    """Print and write what the study's plan could detect."""
+    """Print and write what the study's plan could detect, and print what it could not be asked of."""
     from gelforge.files import write_table
-    from gelforge.mismatch.ahead import limits_table
+    from gelforge.mismatch.ahead import limits_table, planned_problem
+    from gelforge.mismatch.words import uncomputed
 
-    table = limits_table(solver_of(study, out, laws, kept, workers, []))
+    problem = planned_problem(solver_of(study, out, laws, kept, workers, []))
+    table = limits_table(problem)
     write_table(out, "limits", table)
     print(table.to_string(index=False, float_format="%.3g"))
+    for sentence in [*problem.observations.cannot_know, *uncomputed(problem)]:
+        print(sentence)
 
 
 def plan(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: int) -> None:

@@ -73,13 +73,13 @@ def planned_observations(
     return spread(found, study)
 
 
-def limits_table(solver: Solver) -> pd.DataFrame:
-    """Return per effect and parameter the smallest amount that the study's plan would show, beside a plausible one."""
-    problem, _ = problem_of(solver, planned_observations(solver.study), recorded=False)
-    return _limits(problem)
+def planned_problem(solver: Solver) -> Problem:
+    """Return the problem that the readings of the study's plan would pose."""
+    return problem_of(solver, planned_observations(solver.study), recorded=False)[0]
 
 
-def _limits(problem: Problem) -> pd.DataFrame:
+def limits_table(problem: Problem) -> pd.DataFrame:
+    """Return per effect and parameter the smallest amount that planned readings would show, beside a plausible one."""
     rows = []
     for limit in detection_limits(problem.covariance, problem.physics):
         parameter = CATALOGUE[limit.name].parameters[limit.parameter]
@@ -104,7 +104,7 @@ def visibility_table(solver: Solver) -> pd.DataFrame:
     """
     rows, first = [], None
     for name, observations in variants_of(solver.study).items():
-        limits = _limits(problem_of(solver, observations, recorded=False)[0])
+        limits = limits_table(problem_of(solver, observations, recorded=False)[0])
         seen = limits[limits["plausible_amount_seen"]]
         names = set(seen["effect"] + " " + seen["parameter"])
         first = names if first is None else first

@@ -19,6 +19,12 @@ class Draws:
 
     group: np.ndarray  # (n,) int, entries of one group share their draws
     directions: np.ndarray  # (n, q) one standard deviation each
+    noise: int = 0  # so many of the first directions are the force sensor's noise
+
+    def noisier(self, scale: float) -> Draws:
+        """Return the draws with this noise so many times as large."""
+        scales = np.where(np.arange(self.directions.shape[1]) < self.noise, scale, 1.0)
+        return replace(self, directions=self.directions * scales)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,9 +101,17 @@ class Covariance:
         """Return the covariance of some entries, by a mask (n,) bool or by numbers."""
         return Covariance(
             self.variance[mask],
-            tuple(Draws(level.group[mask], level.directions[mask]) for level in self.levels),
+            tuple(
+                replace(level, group=level.group[mask], directions=level.directions[mask])
+                for level in self.levels
+            ),
             self.estimated and self.estimated.restricted(mask),
         )
+
+    def noisier(self, scale: float) -> Covariance:
+        """Return the covariance with the force sensor's noise so many times as large, in readings, rounding and zeros."""
+        levels = tuple(level.noisier(scale) for level in self.levels)
+        return replace(self, variance=self.variance * scale**2, levels=levels)
 
     def extended(self, directions: np.ndarray) -> Covariance:
         """Return C + U U' with further directions U (n, q) that all entries share."""
@@ -202,14 +216,14 @@ def readings_covariance(
     common = np.column_stack([flat(law), floor, session])
     alike = labels["site"] if alike is None else np.asarray(alike)[reading]
     levels = [
-        Draws(_numbered(labels["press"]), press),
+        Draws(_numbered(labels["press"]), press, noise=3),
         Draws(_numbered(alike), floor),
         Draws(np.zeros(len(labels), dtype=int), common),
     ]
     rounding = flat(observations.rounding_N)
     if rounding.any():
         depth = labels.groupby(["press", "phase", "depth_mm"]).ngroup().to_numpy()
-        levels.insert(0, Draws(depth, per_axis * rounding[:, None]))
+        levels.insert(0, Draws(depth, per_axis * rounding[:, None], noise=3))
     return Covariance(flat(observations.noise_N) ** 2, tuple(levels), estimated_noise(observations))
 
 

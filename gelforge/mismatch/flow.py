@@ -90,10 +90,7 @@ def _as_known(study: Study, eye: Eye) -> Eye:
 
 
 def _told(problem: Problem, sentence: str) -> Problem:
-    observations = problem.observations
-    return replace(
-        problem, observations=replace(observations, cannot_know=(*observations.cannot_know, sentence))
-    )
+    return replace(problem, observations=problem.observations.saying(sentence))
 
 
 def _joined(problem: Problem, model: FlowModel, effects: Mapping[str, Effect]) -> Problem:

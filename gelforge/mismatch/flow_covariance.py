@@ -146,7 +146,7 @@ def neighbours(beside: float) -> np.ndarray:
 def _of_forces(level: Draws, own: np.ndarray) -> Draws:
     """Return draws of the forces that the flow has no part in, its entries in groups (f,) int of their own."""
     group = np.concatenate([level.group, level.group.max() + 1 + own])
-    return Draws(group, _with_nothing(level.directions, len(own)))
+    return replace(level, group=group, directions=_with_nothing(level.directions, len(own)))
 
 
 def _of_flow(directions: np.ndarray, own: np.ndarray, forces: np.ndarray) -> Draws:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 
 import numpy as np
@@ -86,6 +87,18 @@ class Observations:
         arrays += ("rounding_N", "came_along", "repeats", "tails")
         table = self.table[rows].reset_index(drop=True)
         return replace(self, table=table, **{name: np.asarray(getattr(self, name))[rows] for name in arrays})
+
+    def saying(self, *sentences: str) -> Observations:
+        """Return the observations with more that they cannot say."""
+        return replace(self, cannot_know=(*self.cannot_know, *sentences))
+
+    def at_sites(self, chosen: Sequence[int]) -> Observations:
+        """Return the observations at some sites, which are numbered in the order given."""
+        part = self.chosen(self.table["site"].isin(chosen).to_numpy())
+        number = {int(old): new for new, old in enumerate(chosen)}
+        return replace(
+            part, table=part.table.assign(site=part.table["site"].map(number)), sites=self.sites[list(chosen)]
+        )
 
 
 def last_moves(table: pd.DataFrame, axes: np.ndarray | None = None) -> np.ndarray:

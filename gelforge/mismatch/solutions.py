@@ -30,7 +30,29 @@ from gelforge.mechanics.laws import PrincipalLaw
 
 
 class SolverFailed(ValueError):
-    """A base press that could not be solved: there is nothing to compare the readings with."""
+    """A base that could not be solved: there is nothing to compare the readings with. `presses` says where, if known."""
+
+    def __init__(self, message: str, presses: Sequence[Unsolved] = ()):
+        super().__init__(message)
+        self.presses = tuple(presses)
+
+
+@dataclass(frozen=True)
+class Unsolved:
+    """A press of the base, or the mirror image that stands for it, that finds no equilibrium."""
+
+    x_mm: float
+    y_mm: float
+    reason: str
+    beyond_mm: float = np.inf  # the deepest that was solved on the way down
+    way_up_from_mm: float = np.inf  # ways up from here or deeper are not solved
+
+    @property
+    def words(self) -> str:
+        where = f"at ({self.x_mm:g}, {self.y_mm:g}) mm, or at a mirror image of that,"
+        if np.isfinite(self.beyond_mm):
+            return f"{where} beyond {self.beyond_mm:g} mm: {self.reason}"
+        return f"{where} on the way up from {self.way_up_from_mm:g} mm: {self.reason}"
 
 
 @dataclass(frozen=True)
@@ -72,8 +94,8 @@ class Solver:
             return list(pool.map(work, tasks))
 
 
-def fine(task: tuple[Solver, PlannedCell]) -> np.ndarray:
-    """Return the base forces (D, 3) of a way down on the study's own mesh. Raises SolverFailed."""
+def fine(task: tuple[Solver, PlannedCell]) -> np.ndarray | Unsolved:
+    """Return the base forces (D, 3) of a way down on the study's own mesh, or from where on there are none."""
     solver, planned = task
     study = unmirrored(solver.study)
     name = digest(["fine", inputs_digest(study, dict(solver.laws), planned)])
@@ -81,10 +103,7 @@ def fine(task: tuple[Solver, PlannedCell]) -> np.ndarray:
     if kept is None:
         cell = simulate_cell(study, dict(solver.laws), planned)
         if not cell.converged:
-            raise SolverFailed(
-                f"the base does not converge at {_where(planned)} beyond "
-                f"{cell.attributes['last_good_depth_mm']:g} mm: {cell.attributes['reason']}; leave deeper readings out"
-            )
+            return _unsolved(planned, cell)
         kept = keep(solver, name, {"total": cell.arrays["total_force_N"]})
     return kept["total"]
 
@@ -109,11 +128,11 @@ def own_cell(solver: Solver, planned: PlannedCell) -> np.ndarray | None:
     return None
 
 
-def follow(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> dict[str, np.ndarray]:
+def follow(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> dict[str, np.ndarray] | Unsolved:
     """Return of a run on the coarser mesh the base forces (D, 3) and its derivatives along laws and variations.
 
     Derivatives are those of the way down; on the way up they have the value at the same depth. A derivative that could not
-    be had is missing, "reason KEY" says why.
+    be had is missing, "reason KEY" says why. Where the base itself could not be had: from where on.
     """
     solver, planned, variations = task
     study, laws, down = solver.coarse, dict(solver.laws), way_down(planned)
@@ -124,7 +143,10 @@ def follow(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> dict[str, 
     known = {key: found_before(solver, name) for key, name in names.items()}
     missing = {key: asked[key] for key in asked if known[key] is None}
     if missing or known["base"] is None:
-        base, along = each_derivative(study, laws, down, missing)
+        try:
+            base, along = each_derivative(study, laws, down, missing)
+        except NotConverged as failure:
+            return _unsolved(down, simulate_cell(study, laws, down), str(failure))
         known["base"] = keep(solver, names["base"], {"total": base.arrays["total_force_N"]})
         for key, one in along.items():
             solved = {"reason": np.array(one)} if isinstance(one, str) else {"total": one.total}
@@ -138,7 +160,11 @@ def follow(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> dict[str, 
     if planned.phases:
         step = np.searchsorted(np.array(down.depths_mm), np.array(planned.depths_mm) - 1e-9)
         found = {key: values if key.startswith("reason ") else values[step] for key, values in found.items()}
-        found["base"] = _way_up(solver, planned)
+        way_up = plain((solver, planned))
+        if isinstance(way_up, str):
+            peak = max(planned.depths_mm)
+            return Unsolved(planned.x_mm, planned.y_mm, way_up, way_up_from_mm=peak)
+        found["base"] = way_up
     return found
 
 
@@ -163,13 +189,13 @@ def each_derivative(
 ) -> tuple[Cell, dict[str, Derivative | str]]:
     """Return the base's run and its derivatives, each one or the reason why there is none.
 
-    Raises SolverFailed where the base does not converge.
+    Raises NotConverged where the base does not converge.
     """
     beside = {key: variation for key, variation in asked.items() if not variation.alone}
     try:
         base, along = derivatives(study, laws, planned, beside)
     except (NotConverged, ConfigError):  # one that fails must not take the others with it
-        base = _base_alone(study, laws, planned)
+        base = derivatives(study, laws, planned, {})[0]
         along = {key: _one(study, laws, planned, variation) for key, variation in beside.items()}
     for key, variation in asked.items():
         if variation.alone:
@@ -185,27 +211,10 @@ def way_down(planned: PlannedCell) -> PlannedCell:
     return replace(planned, depths_mm=tuple(float(d) for d in np.unique(planned.depths_mm)), phases=())
 
 
-def _way_up(solver: Solver, planned: PlannedCell) -> np.ndarray:
-    found = plain((solver, planned))
-    if isinstance(found, str):
-        raise SolverFailed(
-            f"the way up at {_where(planned)} does not converge: {found}; leave its readings out"
-        )
-    return found
-
-
-def _where(planned: PlannedCell) -> str:
-    return f"({planned.x_mm:g}, {planned.y_mm:g}) mm, or at a mirror image of that"
-
-
-def _base_alone(study: Study, laws, planned: PlannedCell) -> Cell:
-    try:
-        return derivatives(study, laws, planned, {})[0]
-    except NotConverged as failure:
-        raise SolverFailed(
-            f"the base on the coarser mesh does not converge at {_where(planned)}: {failure}; "
-            "leave deeper readings out"
-        ) from None
+def _unsolved(planned: PlannedCell, cell: Cell, reason: str = "") -> Unsolved:
+    """Return from where on a way down is not solved, by the cell that stopped there; nowhere where it did not stop."""
+    last = 0.0 if cell.converged else float(cell.attributes["last_good_depth_mm"])
+    return Unsolved(planned.x_mm, planned.y_mm, reason or str(cell.attributes["reason"]), last)
 
 
 def _one(study: Study, laws, planned: PlannedCell, variation: Variation) -> Derivative | str:

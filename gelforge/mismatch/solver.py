@@ -34,6 +34,7 @@ from gelforge.mismatch.runs import Runs, runs_of, timed_runs_of
 from gelforge.mismatch.solutions import (
     Solver,
     SolverFailed,
+    Unsolved,
     fine,
     follow,
     in_order,
@@ -68,8 +69,8 @@ class Base:
 def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect]) -> Base:
     """Return the base of observations with the derivatives of all effects that need the solver.
 
-    Derivatives and the mesh's error are those of the study without what remembers. Raises SolverFailed where a base press
-    does not converge.
+    Derivatives and the mesh's error are those of the study without what remembers. Raises SolverFailed where base presses
+    do not converge (unsolved.py leaves those out).
     """
     remembering, solver = solver, _forgetting(solver)
     runs = runs_of(observations)
@@ -138,7 +139,7 @@ def _base_curves(solver: Solver, ways: Sequence[PlannedCell]) -> list[np.ndarray
     own = [own_cell(solver, way) for way in ways]
     missing = [way for way, stored in zip(ways, own) if stored is None]
     solved, symmetries = solved_for_all(
-        solver.study, missing, lambda distinct: solver.each(fine, [(solver, way) for way in distinct])
+        solver.study, missing, lambda distinct: _base(solver.each(fine, [(solver, way) for way in distinct]))
     )
     others = iter([carried(total, symmetry) for total, symmetry in zip(solved, symmetries)])
     return [next(others) if stored is None else stored for stored in own]
@@ -149,7 +150,7 @@ def _followed(solver: Solver, planned: Sequence[PlannedCell], asked: Sequence[As
     at_images, symmetries = solved_for_all(
         solver.study,
         planned,
-        lambda distinct: solver.each(follow, [(solver, run, felt_by(asked, run)) for run in distinct]),
+        lambda distinct: _base(solver.each(follow, [(solver, run, felt_by(asked, run)) for run in distinct])),
     )
     found = []
     for image, symmetry in zip(at_images, symmetries):
@@ -164,6 +165,15 @@ def _followed(solver: Solver, planned: Sequence[PlannedCell], asked: Sequence[As
             if derivative is not None:
                 own[one.key] = derivative
         found.append(own)
+    return found
+
+
+def _base(found: list) -> list:
+    """Return solutions of the base as they are. Raises SolverFailed, with all of them, where some are Unsolved."""
+    unsolved = [one for one in found if isinstance(one, Unsolved)]
+    if unsolved:
+        words = "; ".join(one.words for one in unsolved)
+        raise SolverFailed(f"the base does not converge {words}; leave these readings out", unsolved)
     return found
 
 

@@ -28,13 +28,18 @@ from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.runs import DEPTH_DIGITS
 from gelforge.mismatch.sessions import observe
 from gelforge.mismatch.solutions import Solver
-from gelforge.mismatch.solver import Base, base_of, forces_with
+from gelforge.mismatch.solver import Base, forces_with
 from gelforge.mismatch.spikes import without_spikes
 from gelforge.mismatch.spread import spread_out
+from gelforge.mismatch.unsolved import base_where_solved
 from gelforge.mismatch.verdict import PATCH, NoiseCase, Provenance, Verdict, write_verdict
 from gelforge.mismatch.verdict_tables import BODY_MAP, write_body_map, write_flow, write_readings
 from gelforge.recording.readings import reference_path
 
+IMAGES_LEFT_OUT = (
+    "images were recorded and not looked at (mismatch.images: left_out); `fitted` judges them with the forces, which takes"
+    " longer and tells gel stiffness from force gain"
+)
 SMALL_STRAIN = 0.1  # of the height: the term that small strain leaves out is then of that share
 NUMBER = r"\d+(?:\.\d+)?"
 
@@ -88,6 +93,9 @@ def observations_of(folders: Sequence[Path], study: Study) -> tuple[Observations
     speed = study.mechanics.effects.history.timing.speed_mm_per_s
     observations = observe(folders, study.sensor, speed, study.mismatch.touchdown_mm)
     sessions = [load_session(folder / "session.yaml") for folder in folders]
+    pictures = [picture for folder in folders for picture in (folder / "images").glob("*")]
+    if pictures and study.mismatch.images == "left_out":
+        observations = observations.saying(IMAGES_LEFT_OUT)
     return spread(observations, study), any(session.synthetic for session in sessions)
 
 
@@ -106,8 +114,7 @@ def spread_depths(observations: Observations, study: Study) -> Observations:
     told = (
         f"presses to {len(levels)} depths were recorded, those to {most} of them are judged (mismatch.depths)"
     )
-    part = observations.chosen(depth.isin(chosen).to_numpy())
-    return replace(part, cannot_know=(*part.cannot_know, told))
+    return observations.chosen(depth.isin(chosen).to_numpy()).saying(told)
 
 
 def spread_sites(observations: Observations, study: Study) -> Observations:
@@ -117,15 +124,8 @@ def spread_sites(observations: Observations, study: Study) -> Observations:
         return observations
     middle = np.array([study.sensor.width_x_mm, study.sensor.width_y_mm]) / 2
     chosen = spread_out(sites, most, int(np.argmin(np.linalg.norm(sites - middle, axis=1))))
-    part = observations.chosen(observations.table["site"].isin(chosen).to_numpy())
-    number = {old: new for new, old in enumerate(chosen)}
     told = f"{len(sites)} positions were recorded, {most} of them spread over the sensor are judged (mismatch.sites)"
-    return replace(
-        part,
-        table=part.table.assign(site=part.table["site"].map(number)),
-        sites=sites[chosen],
-        cannot_know=(*part.cannot_know, told),
-    )
+    return observations.at_sites(chosen).saying(told)
 
 
 def problem_of(solver: Solver, observations: Observations, recorded: bool = True) -> tuple[Problem, Base]:
@@ -135,7 +135,8 @@ def problem_of(solver: Solver, observations: Observations, recorded: bool = True
     """
     effects = effects_of_forces(solver.study)
     asked = [*with_taken(effects.values()), *([BOX] if recorded else [])]
-    base = with_known(base_of(solver, observations, asked), solver)
+    base = with_known(base_where_solved(solver, observations, asked), solver)
+    observations = base.context.observations
     covariance = readings_covariance(base.context, base.law, base.floor, base.alike)
     if recorded:
         read = observations.read
@@ -175,15 +176,11 @@ def known_false(study: Study, observations: Observations, effects: Mapping[str, 
 
 
 def noise_cases(problem: Problem, study: Study) -> list[NoiseCase]:
-    """Return the verdict at other scales of the readings' noise; effects stay at first order, nothing is solved again."""
+    """Return the verdict at other scales of the noise, its zeros' and rounding's; effects stay at first order."""
     found = []
     for scale in study.mismatch.noise_scales:
-        covariance = problem.covariance
-        scaled = replace(
-            problem,
-            covariance=replace(covariance, variance=covariance.variance * scale**2),
-            forces_with=at_first_order(problem),
-        )
+        noisier = problem.covariance.noisier(scale)
+        scaled = replace(problem, covariance=noisier, forces_with=at_first_order(problem))
         found.append(noise_case(scaled, judge(scaled, study.mismatch, study.seed), scale))
     return found
 

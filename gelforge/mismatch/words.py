@@ -22,7 +22,7 @@ def sentence_of(problem: Problem, judgement: Judgement) -> str:
     if judgement.answer is None and state == "insufficient":
         return (
             f"Simulation and readings agree within their errors (p = {mismatch.p:.2g}), but these readings could not show "
-            "plausible amounts of most effects."
+            "plausible amounts of most effects; `gelforge mismatch plan` says what further presses would show."
         )
     where = f"Simulation and readings differ beyond their errors, most clearly {plain(mismatch.scan.best)}"
     if judgement.answer is None:

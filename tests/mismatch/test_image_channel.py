@@ -31,7 +31,7 @@ from gelforge.mismatch.flow_told import after_of, flow_section, region_middles
 from gelforge.mismatch.judge import judge
 from gelforge.mismatch.screen import screened
 from gelforge.mismatch.solutions import Solver
-from gelforge.mismatch.stage import judge_recording, observations_of, problem_of
+from gelforge.mismatch.stage import IMAGES_LEFT_OUT, judge_recording, observations_of, problem_of
 from gelforge.mismatch.verdict import read_verdict
 from gelforge.mismatch.verdict_tables import read_flow, read_readings
 from gelforge.recording.camera import project
@@ -319,6 +319,20 @@ def test_a_session_without_images_has_no_flow(tmp_path, study):
     folder = write_session(tmp_path / "forces")
     observations, _ = observations_of([folder], flow_channel.small_study())
     assert seen_flows([folder], observations, study.sensor) == []
+
+
+@pytest.mark.parametrize(
+    ("setting", "pictures", "said"),
+    [("left_out", 1, True), ("fitted", 1, False), ("left_out", 0, False)],
+)
+def test_images_that_are_not_looked_at_are_told(tmp_path, study, setting, pictures, said):
+    from session_folder import write_session
+
+    folder = write_session(tmp_path / "forces")
+    for k in range(pictures):
+        (folder / f"images/p{k}.png").touch()
+    own = study.model_copy(update={"mismatch": study.mismatch.model_copy(update={"images": setting})})
+    assert (IMAGES_LEFT_OUT in observations_of([folder], own)[0].cannot_know) == said
 
 
 def test_what_the_forces_find_predicts_the_images_better(study, truth, tmp_path):

@@ -16,7 +16,8 @@ from gelforge.config.variants import merged
 from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
 from gelforge.indentation.plan import plan_cells
 from gelforge.indentation.simulate import simulate_cell
-from gelforge.mismatch.ahead import limits_table, planned_observations
+from gelforge.mismatch import solutions
+from gelforge.mismatch.ahead import limits_table, planned_observations, planned_problem
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.identifiability import DECISIVE, DETECTED_SNR
 from gelforge.mismatch.screen import screened
@@ -68,7 +69,7 @@ def solver(home):
 
 @pytest.fixture(scope="module")
 def limits(solver):
-    return limits_table(solver)
+    return limits_table(planned_problem(solver))
 
 
 # --- limits
@@ -89,6 +90,28 @@ def test_limits_prints_and_writes_every_amount_beside_a_plausible_one(
         assert row.plausible_amount_seen == (row.detectable <= row.plausible)
     printed = capsys.readouterr().out
     assert all(name in printed for name in TRIED) and f"{limits['detectable'].iloc[0]:.3g}" in printed
+
+
+def test_limits_names_what_could_not_be_tried_and_why(home, monkeypatch, capsys):
+    """A derivative that the solver cannot give has no limit: its effect is not among those that nothing would show."""
+    solve = solutions.each_derivative
+
+    def without_gel(*arguments):
+        base, along = solve(*arguments)
+        return base, {key: "it folds" if key == "gel_stiffness" else one for key, one in along.items()}
+
+    monkeypatch.setattr(solutions, "each_derivative", without_gel)
+    where = (
+        "--config",
+        str(home / "small.yaml"),
+        "--kept",
+        str(home / "other"),
+        "--out",
+        str(home / "named"),
+    )
+    assert main(["mismatch", "limits", *where]) == 0
+    assert "gel_stiffness" not in set(pd.read_csv(home / "named/limits.csv")["effect"])
+    assert "gel_stiffness could not be tried: it folds" in capsys.readouterr().out
 
 
 def pressed(study, amount, table):
@@ -116,7 +139,7 @@ def test_a_recording_shows_the_limit_s_amount_as_promised(home):
     own = study_from(merged(study().model_dump(mode="json"), keys))
     solver, planned = Solver(own, specimens.STUDY_LAWS, {}, home / "solves"), planned_observations(own)
     problem, _ = problem_of(solver, planned, recorded=False)
-    limit = limits_table(solver).set_index("effect").loc["gel_stiffness", "detectable"]
+    limit = limits_table(problem).set_index("effect").loc["gel_stiffness", "detectable"]
     base, there, far = (pressed(own, k * limit, planned.table) for k in (0, 1, 5))
     snr = np.linalg.norm(problem.covariance.whiten(planned.flat(there - base)))
     assert snr == pytest.approx(DETECTED_SNR, rel=0.1)
@@ -131,7 +154,7 @@ def test_a_recording_shows_the_limit_s_amount_as_promised(home):
 
 
 def test_a_wider_plan_has_smaller_limits(solver, limits):
-    wider = limits_table(replace(solver, study=study(**WIDER)))
+    wider = limits_table(planned_problem(replace(solver, study=study(**WIDER))))
     assert list(wider["effect"]) == list(limits["effect"])
     assert (wider["detectable"] < limits["detectable"]).all()
 

@@ -1,0 +1,87 @@
+"""Readings of presses that the base cannot follow are left out and told; the others are judged as if alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+import specimens
+
+from gelforge.mismatch.observations import COLUMNS, Observations
+from gelforge.mismatch.solutions import Solver, SolverFailed, Unsolved
+from gelforge.mismatch.solver import base_of
+from gelforge.mismatch.unsolved import base_where_solved, without
+
+MIDDLE, EDGE, MIRRORED = (8.0, 8.0), (8.0, 1.5), (1.5, 8.0)  # of 16 mm; the wall is 1 mm thick
+DEEP = 2.3  # mm: beside the wall a ball of 5 mm finds no equilibrium there, in the middle it does
+
+
+def pressed(*presses):
+    """Return readings of presses (site, depths on the way down, depths on the way up)."""
+    sites, rows = [], []
+    for number, (site, down, up) in enumerate(presses):
+        if site not in sites:
+            sites.append(site)
+        course = [("load", d) for d in down] + [("dwell", down[-1])] + [("unload", d) for d in up]
+        for k, (phase, depth) in enumerate(course):
+            at = (sites.index(site), phase, 60.0 * number + k, float(k), *site, depth, down[-1])
+            rows.append(("s", f"p{number}", number, *at, np.nan, np.nan))
+    table = pd.DataFrame(rows, columns=COLUMNS)
+    ones = np.ones((len(table), 3))
+    return Observations(
+        table, ones, np.array(sites), ones, ones, np.ones(len(table)), np.full(len(table), "press")
+    )
+
+
+@pytest.fixture(scope="module")
+def solver(tmp_path_factory):
+    return Solver(specimens.study(), specimens.STUDY_LAWS, {}, tmp_path_factory.mktemp("solves"))
+
+
+def test_of_a_press_that_went_too_deep_the_way_down_to_there_is_kept(solver):
+    found = pressed((MIDDLE, [1.0, 2.0], [0.5]), (EDGE, [0.5, 1.0, 2.0], [0.5]), (EDGE, [0.5], [0.2]))
+    image = (14.5, 8.0)  # what stands for both edges
+    kept = without(solver, found, [Unsolved(*image, "it folds", beyond_mm=1.2)])
+    rows = [*range(4), 4, 5, *range(9, 12)]
+    pd.testing.assert_frame_equal(
+        kept.table.drop(columns="deepest_mm"),
+        found.table.drop(columns="deepest_mm").iloc[rows].reset_index(drop=True),
+    )
+    assert list(kept.table["deepest_mm"]) == [2.0] * 4 + [1.0] * 2 + [0.5] * 3
+    (told,) = kept.cannot_know
+    assert "3 of 12 readings are not judged" in told and "beyond 1.2 mm: it folds" in told
+
+
+def test_where_only_a_way_up_is_not_solved_the_way_down_stays(solver):
+    found = pressed((EDGE, [1.0, 2.0], [0.5]), (EDGE, [1.0], [0.5]))
+    kept = without(solver, found, [Unsolved(14.5, 8.0, "it snaps", way_up_from_mm=2.0)])
+    assert list(kept.table["phase"]) == ["load", "load", "dwell", "load", "dwell", "unload"]
+    assert list(kept.table["deepest_mm"]) == [2.0] * 3 + [1.0] * 3
+    assert "on the way up from 2 mm: it snaps" in kept.cannot_know[0]
+
+
+def test_a_place_without_readings_is_no_place(solver):
+    found = pressed((EDGE, [1.0], []), (MIDDLE, [1.0], []))
+    kept = without(solver, found, [Unsolved(14.5, 8.0, "it folds", beyond_mm=0.5)])
+    assert kept.sites.tolist() == [list(MIDDLE)] and list(kept.table["site"]) == [0, 0]
+    assert list(kept.table["x_mm"]) == [8.0, 8.0]
+
+
+def test_readings_beyond_what_the_base_can_follow_are_left_out_at_mirror_images_too(solver):
+    course = [0.5, 1.0, DEEP]
+    found = pressed((EDGE, course, []), (MIDDLE, course, []), (MIRRORED, course, []))
+    base = base_where_solved(solver, found, [])
+    kept = base.context.observations
+    assert kept.table.groupby(["x_mm", "y_mm"])["depth_mm"].max().to_dict() == {
+        EDGE: 1.0, MIDDLE: DEEP, MIRRORED: 1.0
+    }  # fmt: skip
+    alone = base_of(solver, replace(kept, cannot_know=()), [])
+    np.testing.assert_array_equal(base.context.force, alone.context.force)
+    np.testing.assert_array_equal(base.floor, alone.floor)
+    assert "at (14.5, 8) mm" in kept.cannot_know[0] and "4 of 12 readings" in kept.cannot_know[0]
+
+
+def test_a_base_that_follows_less_than_half_of_the_readings_is_none(solver):
+    found = pressed((EDGE, [DEEP], []), (MIDDLE, [1.0], []), (MIRRORED, [DEEP], []))
+    with pytest.raises(SolverFailed, match=r"does not converge at \(14.5, 8\) mm.* beyond .*leave these"):
+        base_where_solved(solver, found, [])
