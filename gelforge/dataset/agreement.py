@@ -13,8 +13,8 @@ from gelforge.dataset.session_labels import OwnCells, OwnPresses
 from gelforge.files import write_text
 from gelforge.indentation.cell_file import read_cell
 from gelforge.indentation.plan import POSITION_MATCH_MM
+from gelforge.recording.readings import AXES, FORCE
 
-AXES = ("x", "y", "z")
 COLUMNS = [
     "session",
     "press",
@@ -24,7 +24,6 @@ COLUMNS = [
     "depth_mm",
     *(f"{kind}_{a}_N" for kind in ("fem", "ft") for a in AXES),
 ]
-FORCE = ["fx_N", "fy_N", "fz_N"]
 
 
 def agreement_table(

@@ -16,10 +16,11 @@ from gelforge.mismatch.experiments import CLEAR_S, of_camera, planned, rivals, s
 from gelforge.mismatch.identifiability import Plan, detection_limits, next_experiment
 from gelforge.mismatch.observations import COLUMNS, Observations, last_moves
 from gelforge.mismatch.problem import Problem
-from gelforge.mismatch.sessions import SPEED_MM_PER_S, TOUCHDOWN_MM
+from gelforge.mismatch.sessions import SPEED_MM_PER_S
 from gelforge.mismatch.solutions import Solver
 from gelforge.mismatch.solver import base_of
 from gelforge.mismatch.stage import problem_of, spread
+from gelforge.mismatch.touchdown import TOUCHDOWN_MM
 from gelforge.mismatch.verdict import NamedEffect, Verdict
 
 DWELL_S = (0.5, 0.6, 0.7, 0.8, 0.9)  # readings beside the images

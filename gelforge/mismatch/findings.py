@@ -29,8 +29,8 @@ from gelforge.mismatch.words import (
     uncomputed,
     unfinished,
 )
+from gelforge.recording.readings import AXES
 
-AXES = ("x", "y", "z")
 LOCAL_MM = 5.0  # a pattern wider than this has no place of its own
 PLACES = 3  # patterns of the scan that are told
 

@@ -14,6 +14,10 @@ COLUMNS = [
     *("session", "press", "order", "site", "phase", "time_s", "press_time_s", "x_mm", "y_mm", "depth_mm"),
     *("deepest_mm", "age_days", "temperature_C"),
 ]
+ARRAYS = [  # of observations, one row per reading
+    *("force", "noise_N", "zero_N", "touchdown_mm", "zero_by"),
+    *("rounding_N", "came_along", "repeats", "tails"),
+]
 PLACE_DIGITS = 6  # positions that agree so far [mm] are one
 
 
@@ -83,10 +87,8 @@ class Observations:
 
     def chosen(self, rows: np.ndarray) -> Observations:
         """Return the observations of some readings (R,) bool; sites keep their numbers."""
-        arrays = ("force", "noise_N", "zero_N", "touchdown_mm", "zero_by")
-        arrays += ("rounding_N", "came_along", "repeats", "tails")
         table = self.table[rows].reset_index(drop=True)
-        return replace(self, table=table, **{name: np.asarray(getattr(self, name))[rows] for name in arrays})
+        return replace(self, table=table, **{name: np.asarray(getattr(self, name))[rows] for name in ARRAYS})
 
     def saying(self, *sentences: str) -> Observations:
         """Return the observations with more that they cannot say."""

@@ -27,10 +27,10 @@ from gelforge.mismatch.findings import verdict_of, versions
 from gelforge.mismatch.judge import judge
 from gelforge.mismatch.observations import COLUMNS, Observations
 from gelforge.mismatch.problem import Problem
-from gelforge.mismatch.sessions import TOUCHDOWN_MM
 from gelforge.mismatch.solutions import Solver
 from gelforge.mismatch.solver import Base, base_of, forces_with
 from gelforge.mismatch.stage import at_first_order, known_false, noise_case, write_results
+from gelforge.mismatch.touchdown import TOUCHDOWN_MM
 from gelforge.mismatch.verdict import NoiseCase, Provenance, Verdict
 
 TABLE = Path("data/paper/force_depth.csv")

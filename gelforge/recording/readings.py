@@ -18,6 +18,7 @@ from gelforge.recording.checks import RecordingError
 from gelforge.recording.images import check_images
 from gelforge.recording.join import cells_of_presses
 
+AXES = ("x", "y", "z")
 FORCE = ["fx_N", "fy_N", "fz_N"]
 RAW = ["fx_raw_N", "fy_raw_N", "fz_raw_N"]
 COLUMNS = [
