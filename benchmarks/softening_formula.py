@@ -2,7 +2,7 @@
 
 usage: python benchmarks/softening_formula.py SET [--only c063 ...] [--kept results/concealed/sets/kept] [--amount 0.1]
 
-On the presses of a development set's single effects, whatever is hidden in them; that of docs/mismatch.md is made by
+On the presses of a development set's single effects, whatever is hidden in them; that of docs/mismatch-method.md is made by
 `python -m benchmarks.concealed generate dev7 --seed 94 --nulls 0 --singles 140 --pairs 0 --outside 0`.
 Prints, for each scale m of the softening, the signal-to-noise of the solved change, the amount at which the formula meets
 it best, and the share that it leaves then.

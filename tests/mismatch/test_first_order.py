@@ -1,7 +1,7 @@
 """The first order of every effect of the finite elements against finite differences of full solutions, on one small mesh.
 
 Not here, as they have no derivative that the solver gives: switches (the change is the difference of two solutions itself),
-and what remembers or sticks (viscoelastic, mullins, adhesion: formulas for the screen, docs/mismatch.md, Limits).
+and what remembers or sticks (viscoelastic, mullins, adhesion: formulas for the screen, docs/mismatch-method.md, Limits).
 """
 
 import json
