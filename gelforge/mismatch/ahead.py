@@ -18,9 +18,9 @@ from gelforge.mismatch.observations import COLUMNS, Observations, last_moves
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.sessions import SPEED_MM_PER_S
 from gelforge.mismatch.solutions import Solver
-from gelforge.mismatch.solver import base_of
 from gelforge.mismatch.stage import problem_of, spread
 from gelforge.mismatch.touchdown import TOUCHDOWN_MM
+from gelforge.mismatch.unsolved import base_where_solved
 from gelforge.mismatch.verdict import NamedEffect, Verdict
 
 DWELL_S = (0.5, 0.6, 0.7, 0.8, 0.9)  # readings beside the images
@@ -171,8 +171,9 @@ def plans_of(solver: Solver, survivors: list[NamedEffect]) -> Iterator[Plan]:
     study = solver.study
     effects = {effect.name: CATALOGUE[effect.name] for effect in survivors}
     for name, observations in variants_of(study).items():
-        base = base_of(solver, observations, with_taken(effects.values()))
+        base = base_where_solved(solver, observations, with_taken(effects.values()))
         context, failed = base.context, {}
+        observations = context.observations
         candidates = candidates_of(context, effects, failed)
         if set(effects) <= {one.name for one in candidates}:
             covariance = readings_covariance(context, base.law, base.floor, base.alike)

@@ -109,7 +109,7 @@ class Covariance:
         )
 
     def noisier(self, scale: float) -> Covariance:
-        """Return the covariance with the force sensor's noise so many times as large, in readings, rounding and zeros."""
+        """Return the covariance with more noise: of what is independent, and of the rounding and the zeros of forces."""
         levels = tuple(level.noisier(scale) for level in self.levels)
         return replace(self, variance=self.variance * scale**2, levels=levels)
 

@@ -17,7 +17,7 @@ HEAD = """\
 Written by `python -m gelforge.mismatch.effects_table` from the files in `gelforge/mismatch/effects/`, one for each effect;
 they also hold where an effect enters and the source of every number. A parameter is `name [unit] width, from .. to`: the
 standard deviation of its prior, that is a plausible amount, and the physical range. 0 is the effect's absence; a range that
-begins at 0 leaves one sign only. [mismatch.md](mismatch.md) says how a verdict is reached.
+begins at 0 leaves one sign only. [mismatch-method.md](mismatch-method.md) says how a verdict is reached.
 
 | effect | family | parameters | signature | confused with | told apart by |
 |---|---|---|---|---|---|

@@ -44,14 +44,14 @@ class FlowChannel:
 
 
 def with_flow(solver: Solver, base: Base, problem: Problem, folders: Sequence[Path]) -> Problem:
-    """Return the problem with the flow of its sessions' images; as it is where they have none.
+    """Return the problem with the flow of its sessions' images; as it is, and told, where they cannot be used.
 
     Raises SolverFailed where the gel's motion cannot be solved.
     """
     study = solver.study
     seen = seen_flows(folders, problem.observations, study.sensor)
     if not seen:
-        return problem
+        return _told(problem, "images were not used: no session has a camera and images in its dwell rows")
     reason = _unfit(study, seen)
     if reason:
         return _told(problem, f"images were not used: {reason}")

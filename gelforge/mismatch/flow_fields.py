@@ -15,7 +15,15 @@ from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.sensitivities import Variation, unmirrored
 from gelforge.indentation.simulate import simulate_cell
 from gelforge.mechanics.equilibrium import NotConverged
-from gelforge.mismatch.solutions import Solver, along_laws, described, each_derivative, found_before, keep
+from gelforge.mismatch.solutions import (
+    Solver,
+    SolverFailed,
+    along_laws,
+    described,
+    each_derivative,
+    found_before,
+    keep,
+)
 from gelforge.virtual_lab.particles import interpolation
 
 
@@ -70,7 +78,13 @@ def moved_along(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> Moved
     name = digest(["moved along", own])
     kept = found_before(solver, name)
     if kept is None:
-        base, along = each_derivative(study, laws, planned, asked)
+        try:
+            base, along = each_derivative(study, laws, planned, asked)
+        except NotConverged as failure:
+            raise SolverFailed(
+                f"the gel's motion at ({planned.x_mm:g}, {planned.y_mm:g}) mm does not converge: {failure};"
+                " judge the forces alone (mismatch.images: left_out)"
+            ) from None
         fields = {key: one.gel for key, one in along.items() if not isinstance(one, str)}
         whole = base.arrays
         mesh = {"nodes": whole["gel_node_mm"], "boxes": whole["gel_hex"]}

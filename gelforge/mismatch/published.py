@@ -111,6 +111,7 @@ def problem_of_case(
     """Return the problem of one base and its context; solver: of the study with the curve's assumptions."""
     observations = readings(table, sigma_N)
     effects = {name: e for name, e in effects_of_forces(solver.study).items() if not e.history}
+    # All readings are needed: the curve that replaces the base has each of them.
     own = base_of(solver, observations, [*with_taken(effects.values()), BOX])
     base = own if case.column is None else with_curve(own, table[case.column].to_numpy(), effects)
     failed = dict(base.failed)

@@ -43,6 +43,7 @@ class Unsolved:
 
     x_mm: float
     y_mm: float
+    mesh: str  # in words
     reason: str
     beyond_mm: float = np.inf  # the deepest that was solved on the way down
     way_up_from_mm: float = np.inf  # ways up from here or deeper are not solved
@@ -51,8 +52,11 @@ class Unsolved:
     def words(self) -> str:
         where = f"at ({self.x_mm:g}, {self.y_mm:g}) mm, or at a mirror image of that,"
         if np.isfinite(self.beyond_mm):
-            return f"{where} beyond {self.beyond_mm:g} mm: {self.reason}"
-        return f"{where} on the way up from {self.way_up_from_mm:g} mm: {self.reason}"
+            return f"{where} beyond {self.beyond_mm:g} mm on {self.mesh}: {self.reason}"
+        return f"{where} on the way up from {self.way_up_from_mm:g} mm on {self.mesh}: {self.reason}"
+
+
+OWN_MESH, COARSER_MESH = "the study's mesh", "the coarser mesh (mismatch.coarser)"
 
 
 @dataclass(frozen=True)
@@ -101,11 +105,8 @@ def fine(task: tuple[Solver, PlannedCell]) -> np.ndarray | Unsolved:
     name = digest(["fine", inputs_digest(study, dict(solver.laws), planned)])
     kept = found_before(solver, name)
     if kept is None:
-        cell = simulate_cell(study, dict(solver.laws), planned)
-        if not cell.converged:
-            return _unsolved(planned, cell)
-        kept = keep(solver, name, {"total": cell.arrays["total_force_N"]})
-    return kept["total"]
+        kept = keep(solver, name, _way_down_of(simulate_cell(study, dict(solver.laws), planned)))
+    return kept["total"] if "total" in kept else _unsolved(planned, OWN_MESH, kept)
 
 
 def own_cell(solver: Solver, planned: PlannedCell) -> np.ndarray | None:
@@ -142,15 +143,19 @@ def follow(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> dict[str, 
     names["base"] = digest(["followed", *run])
     known = {key: found_before(solver, name) for key, name in names.items()}
     missing = {key: asked[key] for key in asked if known[key] is None}
-    if missing or known["base"] is None:
+    if known["base"] is None or ("total" in known["base"] and missing):
         try:
             base, along = each_derivative(study, laws, down, missing)
         except NotConverged as failure:
-            return _unsolved(down, simulate_cell(study, laws, down), str(failure))
-        known["base"] = keep(solver, names["base"], {"total": base.arrays["total_force_N"]})
-        for key, one in along.items():
-            solved = {"reason": np.array(one)} if isinstance(one, str) else {"total": one.total}
-            known[key] = keep(solver, names[key], solved)
+            stopped = _way_down_of(simulate_cell(study, laws, down))
+            known["base"] = keep(solver, names["base"], stopped | {"reason": np.array(str(failure))})
+        else:
+            known["base"] = keep(solver, names["base"], {"total": base.arrays["total_force_N"]})
+            for key, one in along.items():
+                solved = {"reason": np.array(one)} if isinstance(one, str) else {"total": one.total}
+                known[key] = keep(solver, names[key], solved)
+    if "reason" in known["base"]:
+        return _unsolved(down, COARSER_MESH, known["base"])
     found = {}
     for key, one in known.items():
         if "reason" in one:
@@ -163,7 +168,7 @@ def follow(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> dict[str, 
         way_up = plain((solver, planned))
         if isinstance(way_up, str):
             peak = max(planned.depths_mm)
-            return Unsolved(planned.x_mm, planned.y_mm, way_up, way_up_from_mm=peak)
+            return Unsolved(planned.x_mm, planned.y_mm, COARSER_MESH, way_up, way_up_from_mm=peak)
         found["base"] = way_up
     return found
 
@@ -211,10 +216,18 @@ def way_down(planned: PlannedCell) -> PlannedCell:
     return replace(planned, depths_mm=tuple(float(d) for d in np.unique(planned.depths_mm)), phases=())
 
 
-def _unsolved(planned: PlannedCell, cell: Cell, reason: str = "") -> Unsolved:
-    """Return from where on a way down is not solved, by the cell that stopped there; nowhere where it did not stop."""
-    last = 0.0 if cell.converged else float(cell.attributes["last_good_depth_mm"])
-    return Unsolved(planned.x_mm, planned.y_mm, reason or str(cell.attributes["reason"]), last)
+def _way_down_of(cell: Cell) -> dict[str, np.ndarray]:
+    """Return what is kept of a way down: its forces, or how deep it was solved and why no deeper."""
+    if cell.converged:
+        return {"total": cell.arrays["total_force_N"]}
+    last, reason = cell.attributes["last_good_depth_mm"], cell.attributes["reason"]
+    return {"beyond_mm": np.array(float(last)), "reason": np.array(str(reason))}
+
+
+def _unsolved(planned: PlannedCell, mesh: str, kept: Mapping[str, np.ndarray]) -> Unsolved:
+    """Return from where on a way down is not solved, as it was kept; nowhere where only its derivatives' run stopped."""
+    beyond = float(kept.get("beyond_mm", 0.0))
+    return Unsolved(planned.x_mm, planned.y_mm, mesh, str(kept["reason"]), beyond)
 
 
 def _one(study: Study, laws, planned: PlannedCell, variation: Variation) -> Derivative | str:

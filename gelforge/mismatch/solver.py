@@ -72,7 +72,7 @@ def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect
     Derivatives and the mesh's error are those of the study without what remembers. Raises SolverFailed where base presses
     do not converge (unsolved.py leaves those out).
     """
-    remembering, solver = solver, _forgetting(solver)
+    remembering, solver = solver, forgetting(solver)
     runs = runs_of(observations)
     ways = _ways_down(runs)
     depths = tuple(np.array(way.depths_mm) for way in ways)
@@ -173,11 +173,11 @@ def _base(found: list) -> list:
     unsolved = [one for one in found if isinstance(one, Unsolved)]
     if unsolved:
         words = "; ".join(one.words for one in unsolved)
-        raise SolverFailed(f"the base does not converge {words}; leave these readings out", unsolved)
+        raise SolverFailed(f"the base does not converge {words}", unsolved)
     return found
 
 
-def _forgetting(solver: Solver) -> Solver:
+def forgetting(solver: Solver) -> Solver:
     """Return the finite elements of the study without relaxation and softening, which its own cells have."""
     mechanics = solver.study.mechanics
     if not mechanics.effects.history.any:

@@ -37,8 +37,8 @@ from gelforge.mismatch.verdict_tables import BODY_MAP, write_body_map, write_flo
 from gelforge.recording.readings import reference_path
 
 IMAGES_LEFT_OUT = (
-    "images were recorded and not looked at (mismatch.images: left_out); `fitted` judges them with the forces, which takes"
-    " longer and tells gel stiffness from force gain"
+    "sessions with a camera are judged by their forces alone (mismatch.images: left_out); `fitted` judges their images too,"
+    " which takes longer and tells gel stiffness from force gain"
 )
 SMALL_STRAIN = 0.1  # of the height: the term that small strain leaves out is then of that share
 NUMBER = r"\d+(?:\.\d+)?"
@@ -93,8 +93,7 @@ def observations_of(folders: Sequence[Path], study: Study) -> tuple[Observations
     speed = study.mechanics.effects.history.timing.speed_mm_per_s
     observations = observe(folders, study.sensor, speed, study.mismatch.touchdown_mm)
     sessions = [load_session(folder / "session.yaml") for folder in folders]
-    pictures = [picture for folder in folders for picture in (folder / "images").glob("*")]
-    if pictures and study.mismatch.images == "left_out":
+    if study.mismatch.images == "left_out" and any(session.camera for session in sessions):
         observations = observations.saying(IMAGES_LEFT_OUT)
     return spread(observations, study), any(session.synthetic for session in sessions)
 
@@ -111,9 +110,7 @@ def spread_depths(observations: Observations, study: Study) -> Observations:
     if most is None or len(levels) <= most:
         return observations
     chosen = levels[np.round(np.linspace(0, len(levels) - 1, most)).astype(int)]
-    told = (
-        f"presses to {len(levels)} depths were recorded, those to {most} of them are judged (mismatch.depths)"
-    )
+    told = f"of presses to {len(levels)} depths those to {most} of them are judged (mismatch.depths)"
     return observations.chosen(depth.isin(chosen).to_numpy()).saying(told)
 
 
@@ -124,7 +121,7 @@ def spread_sites(observations: Observations, study: Study) -> Observations:
         return observations
     middle = np.array([study.sensor.width_x_mm, study.sensor.width_y_mm]) / 2
     chosen = spread_out(sites, most, int(np.argmin(np.linalg.norm(sites - middle, axis=1))))
-    told = f"{len(sites)} positions were recorded, {most} of them spread over the sensor are judged (mismatch.sites)"
+    told = f"of {len(sites)} positions {most}, spread over the sensor, are judged (mismatch.sites)"
     return observations.at_sites(chosen).saying(told)
 
 

@@ -13,7 +13,7 @@ from gelforge.mismatch.images_of_presses import image_of
 from gelforge.mismatch.observations import Observations
 from gelforge.mismatch.runs import DEPTH_DIGITS
 from gelforge.mismatch.solutions import Solver, SolverFailed, Unsolved
-from gelforge.mismatch.solver import Base, base_of
+from gelforge.mismatch.solver import Base, base_of, forgetting
 
 FEWEST = 0.5  # of the readings; where fewer can be followed the study does not describe what was pressed
 SLACK_MM = 0.5 * 10.0**-DEPTH_DIGITS
@@ -22,16 +22,24 @@ SLACK_MM = 0.5 * 10.0**-DEPTH_DIGITS
 def base_where_solved(solver: Solver, observations: Observations, effects: Iterable[Effect]) -> Base:
     """Return the base of the readings that it can be solved for; the observations of its context tell what is left out.
 
-    Raises SolverFailed where it is not known which those are, or where they are fewer than FEWEST of the readings.
+    Raises SolverFailed where it is not known which those are, where they are fewer than FEWEST of the readings, and of a gel
+    that softens: what a press left behind that was not solved is missing in all that follow.
     """
-    effects, kept = list(effects), observations
+    effects, kept, unsolved = list(effects), observations, []
     while True:
         try:
             return base_of(solver, kept, effects)
         except SolverFailed as failure:
-            fewer = without(solver, kept, failure.presses)
-            if not failure.presses or len(fewer.force) < FEWEST * len(observations.force):
+            unsolved += failure.presses
+            fewer = without(solver, observations, unsolved)
+            if solver.study.mechanics.effects.history.softens or len(fewer.force) == len(kept.force):
                 raise
+            share = len(fewer.force) / len(observations.force)
+            if share < FEWEST:
+                raise SolverFailed(
+                    f"{_why(unsolved)}; {share:.0%} of the readings are left, at least {FEWEST:.0%} are needed: record"
+                    " shallower presses, or see where the study's own cells stop (`gelforge press`)"
+                ) from None
             kept = fewer
 
 
@@ -52,17 +60,24 @@ def without(solver: Solver, observations: Observations, presses: Sequence[Unsolv
         part, table=part.table.assign(deepest_mm=np.where(cut[~left_out], reached, deepest[~left_out]))
     )
     told = (
-        f"{left_out.sum()} of {len(left_out)} readings are not judged, as the simulation finds no equilibrium "
-        f"{'; '.join(one.words for one in presses)}; what these presses may have left behind is not followed"
+        f"{left_out.sum()} of {len(left_out)} readings are not judged, as {_why(presses)}; how these presses softened the"
+        " gel is not followed"
     )
     return part.at_sites(np.unique(part.table["site"])).saying(told)
 
 
+def _why(presses: Sequence[Unsolved]) -> str:
+    return f"the simulation finds no equilibrium {'; '.join(one.words for one in presses)}"
+
+
 def _bounds(solver: Solver, sites: np.ndarray, presses: Sequence[Unsolved]) -> np.ndarray:
     """Return per site (S, 2) [mm] the depth that is solved at most, and that from which on no way up is."""
-    bounds = np.full((len(sites), 2), np.inf)
+    bounds, study = (
+        np.full((len(sites), 2), np.inf),
+        forgetting(solver).study,
+    )  # whose mirror images are solved
     for number, (x, y) in enumerate(sites):
-        image, _ = image_of(solver.study, PlannedCell("", float(x), float(y), (1.0,)))
+        image, _ = image_of(study, PlannedCell("", float(x), float(y), (1.0,)))
         for one in presses:
             if max(abs(image.x_mm - one.x_mm), abs(image.y_mm - one.y_mm)) < POSITION_MATCH_MM:
                 bounds[number] = np.minimum(bounds[number], [one.beyond_mm, one.way_up_from_mm])

@@ -10,6 +10,8 @@ from gelforge.mismatch.refit import End
 from gelforge.mismatch.scan import Finding
 from gelforge.mismatch.search import Answer
 
+MORE = "What further presses would show: `gelforge mismatch plan`."
+
 
 def sentence_of(problem: Problem, judgement: Judgement) -> str:
     """Return the verdict in one plain sentence."""
@@ -22,7 +24,7 @@ def sentence_of(problem: Problem, judgement: Judgement) -> str:
     if judgement.answer is None and state == "insufficient":
         return (
             f"Simulation and readings agree within their errors (p = {mismatch.p:.2g}), but these readings could not show "
-            "plausible amounts of most effects; `gelforge mismatch plan` says what further presses would show."
+            f"plausible amounts of most effects. {MORE}"
         )
     where = f"Simulation and readings differ beyond their errors, most clearly {plain(mismatch.scan.best)}"
     if judgement.answer is None:
@@ -35,11 +37,9 @@ def sentence_of(problem: Problem, judgement: Judgement) -> str:
             f"{where}; {words} would fit, but its fit in the solver has not come to rest: no name is given."
         )
     if state == "insufficient" and judgement.answer.gain is not None and judgement.answer.gain.clear:
-        return (
-            f"{where}; {words} would fit, but nothing is likely enough to be named: too few readings to say."
-        )
+        return f"{where}; {words} would fit, but nothing is likely enough to be named: too few readings to say. {MORE}"
     if state == "insufficient":
-        return f"{where}; {words} would fit, but the readings set aside do not confirm it: too few to say."
+        return f"{where}; {words} would fit, but the readings set aside do not confirm it: too few to say. {MORE}"
     beside = (
         f"; something unknown may be there too, a change of {judgement.answer.stranger}"
         if judgement.strange
@@ -145,8 +145,10 @@ def unfinished(answer: Answer | None) -> list[str]:
 
 
 def uncomputed(problem: Problem) -> list[str]:
-    """Return which effects could not be tried, by reason."""
-    by_reason: dict[str, list[str]] = {}
+    """Return which effects could not be tried, or not everywhere, by reason."""
+    tried, by_reason = {one.name for one in problem.candidates}, {}
     for name, reason in problem.failed.items():
-        by_reason.setdefault(reason, []).append(name)
+        effect = name.split("@")[0].split(".")[0]
+        where = " (at some of its places or times)" if effect in tried else ""
+        by_reason.setdefault(reason, {})[f"{effect}{where}"] = None
     return [f"{', '.join(names)} could not be tried: {reason}" for reason, names in by_reason.items()]

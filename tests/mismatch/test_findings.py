@@ -17,6 +17,7 @@ from gelforge.mismatch.judge import judge
 from gelforge.mismatch.remains import remains
 from gelforge.mismatch.screen import Candidate
 from gelforge.mismatch.verdict import Provenance
+from gelforge.mismatch.words import uncomputed
 
 PROVENANCE = Provenance(
     sessions={"s1": "0" * 64}, base="artificial", base_sha256="1" * 64, seed=1, draws=1000, versions={}
@@ -135,3 +136,17 @@ def test_what_rests_on_an_unfinished_refit_is_not_named_and_told():
     told = verdict(cut_short, found)
     assert any("misregistration" in said and "it is not named" in said for said in told.cannot_know)
     assert "not come to rest" in told.sentence
+
+
+def test_what_could_not_be_tried_is_told_once_and_not_of_what_was_tried_elsewhere():
+    reasons = {
+        "void@3": "it folds",
+        "void": "it folds",
+        "yaw": "it folds",
+        "gel_stiffness.growth@1": "it snaps",
+    }
+    problem = SimpleNamespace(candidates=[SimpleNamespace(name="void")], failed=reasons)
+    assert uncomputed(problem) == [
+        "void (at some of its places or times), yaw could not be tried: it folds",
+        "gel_stiffness could not be tried: it snaps",
+    ]

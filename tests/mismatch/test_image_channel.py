@@ -5,11 +5,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from numpy.testing import assert_allclose
 
 from gelforge.config import Camera, VirtualImaging
 from gelforge.config.variants import merged
 from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
+from gelforge.indentation.plan import PlannedCell
+from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mismatch import flow_fields
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.flow import with_flow
 from gelforge.mismatch.flow_covariance import neighbours, scatter_of
@@ -30,7 +34,7 @@ from gelforge.mismatch.flow_scan import patterns
 from gelforge.mismatch.flow_told import after_of, flow_section, region_middles
 from gelforge.mismatch.judge import judge
 from gelforge.mismatch.screen import screened
-from gelforge.mismatch.solutions import Solver
+from gelforge.mismatch.solutions import Solver, SolverFailed
 from gelforge.mismatch.stage import IMAGES_LEFT_OUT, judge_recording, observations_of, problem_of
 from gelforge.mismatch.verdict import read_verdict
 from gelforge.mismatch.verdict_tables import read_flow, read_readings
@@ -322,17 +326,36 @@ def test_a_session_without_images_has_no_flow(tmp_path, study):
 
 
 @pytest.mark.parametrize(
-    ("setting", "pictures", "said"),
-    [("left_out", 1, True), ("fitted", 1, False), ("left_out", 0, False)],
+    ("setting", "camera", "said"),
+    [("left_out", True, True), ("fitted", True, False), ("left_out", False, False)],
 )
-def test_images_that_are_not_looked_at_are_told(tmp_path, study, setting, pictures, said):
+def test_images_that_are_not_looked_at_are_told(tmp_path, study, setting, camera, said):
+    from session_folder import write_session
+
+    stated = yaml.safe_dump({"camera": flow_channel.CAMERA}) if camera else ""
+    folder = write_session(tmp_path / "forces", extra=stated)
+    own = study.model_copy(update={"mismatch": study.mismatch.model_copy(update={"images": setting})})
+    assert (IMAGES_LEFT_OUT in observations_of([folder], own)[0].cannot_know) == said
+
+
+def test_images_that_no_session_can_show_are_told(tmp_path, recorded, joint):
     from session_folder import write_session
 
     folder = write_session(tmp_path / "forces")
-    for k in range(pictures):
-        (folder / f"images/p{k}.png").touch()
-    own = study.model_copy(update={"mismatch": study.mismatch.model_copy(update={"images": setting})})
-    assert (IMAGES_LEFT_OUT in observations_of([folder], own)[0].cannot_know) == said
+    plain = with_flow(recorded[0], None, joint.flow.forces, [folder])
+    assert any("images were not used" in said for said in plain.observations.cannot_know)
+
+
+def test_motion_that_cannot_be_solved_ends_with_its_place(recorded, monkeypatch):
+    def folds(*_):
+        raise NotConverged("it folds")
+
+    monkeypatch.setattr(flow_fields, "each_derivative", folds)
+    planned = PlannedCell("", 8.0, 8.0, (0.313,))  # a depth that nothing else is solved at
+    with pytest.raises(
+        SolverFailed, match=r"at \(8, 8\) mm does not converge: it folds; judge the forces alone"
+    ):
+        flow_fields.moved_along((recorded[0], planned, {}))
 
 
 def test_what_the_forces_find_predicts_the_images_better(study, truth, tmp_path):

@@ -7,6 +7,8 @@ import pandas as pd
 import pytest
 import specimens
 
+from gelforge.indentation.effects.catalogue import with_keys
+from gelforge.mismatch import solutions, unsolved
 from gelforge.mismatch.observations import COLUMNS, Observations
 from gelforge.mismatch.solutions import Solver, SolverFailed, Unsolved
 from gelforge.mismatch.solver import base_of
@@ -41,7 +43,7 @@ def solver(tmp_path_factory):
 def test_of_a_press_that_went_too_deep_the_way_down_to_there_is_kept(solver):
     found = pressed((MIDDLE, [1.0, 2.0], [0.5]), (EDGE, [0.5, 1.0, 2.0], [0.5]), (EDGE, [0.5], [0.2]))
     image = (14.5, 8.0)  # what stands for both edges
-    kept = without(solver, found, [Unsolved(*image, "it folds", beyond_mm=1.2)])
+    kept = without(solver, found, [Unsolved(*image, "its mesh", "it folds", beyond_mm=1.2)])
     rows = [*range(4), 4, 5, *range(9, 12)]
     pd.testing.assert_frame_equal(
         kept.table.drop(columns="deepest_mm"),
@@ -49,20 +51,20 @@ def test_of_a_press_that_went_too_deep_the_way_down_to_there_is_kept(solver):
     )
     assert list(kept.table["deepest_mm"]) == [2.0] * 4 + [1.0] * 2 + [0.5] * 3
     (told,) = kept.cannot_know
-    assert "3 of 12 readings are not judged" in told and "beyond 1.2 mm: it folds" in told
+    assert "3 of 12 readings are not judged" in told and "beyond 1.2 mm on its mesh: it folds" in told
 
 
 def test_where_only_a_way_up_is_not_solved_the_way_down_stays(solver):
     found = pressed((EDGE, [1.0, 2.0], [0.5]), (EDGE, [1.0], [0.5]))
-    kept = without(solver, found, [Unsolved(14.5, 8.0, "it snaps", way_up_from_mm=2.0)])
+    kept = without(solver, found, [Unsolved(14.5, 8.0, "its mesh", "it snaps", way_up_from_mm=2.0)])
     assert list(kept.table["phase"]) == ["load", "load", "dwell", "load", "dwell", "unload"]
     assert list(kept.table["deepest_mm"]) == [2.0] * 3 + [1.0] * 3
-    assert "on the way up from 2 mm: it snaps" in kept.cannot_know[0]
+    assert "on the way up from 2 mm on its mesh: it snaps" in kept.cannot_know[0]
 
 
 def test_a_place_without_readings_is_no_place(solver):
     found = pressed((EDGE, [1.0], []), (MIDDLE, [1.0], []))
-    kept = without(solver, found, [Unsolved(14.5, 8.0, "it folds", beyond_mm=0.5)])
+    kept = without(solver, found, [Unsolved(14.5, 8.0, "its mesh", "it folds", beyond_mm=0.5)])
     assert kept.sites.tolist() == [list(MIDDLE)] and list(kept.table["site"]) == [0, 0]
     assert list(kept.table["x_mm"]) == [8.0, 8.0]
 
@@ -83,5 +85,32 @@ def test_readings_beyond_what_the_base_can_follow_are_left_out_at_mirror_images_
 
 def test_a_base_that_follows_less_than_half_of_the_readings_is_none(solver):
     found = pressed((EDGE, [DEEP], []), (MIDDLE, [1.0], []), (MIRRORED, [DEEP], []))
-    with pytest.raises(SolverFailed, match=r"does not converge at \(14.5, 8\) mm.* beyond .*leave these"):
+    with pytest.raises(SolverFailed, match=r"at \(14.5, 8\) mm.* beyond .* 33% of the readings are left"):
         base_where_solved(solver, found, [])
+
+
+def test_of_a_gel_that_softens_no_press_may_be_missing(solver):
+    """Its own symmetry is none, as presses come in an order; what stopped is told all the same, and nothing goes on."""
+    softening = {"mullins": {"gel": {"amount": 0.2, "m_kPa": 1.0}}}
+    study = with_keys(solver.study, history=softening)
+    found = pressed((EDGE, [0.5, DEEP], []), (MIDDLE, [0.5], []))
+    with pytest.raises(SolverFailed, match=r"at \(14.5, 8\) mm"):
+        base_where_solved(replace(solver, study=study), found, [])
+
+
+def test_what_stopped_is_not_solved_again(solver, monkeypatch):
+    found = pressed((EDGE, [0.5, 1.0, DEEP], []), (MIDDLE, [0.5, 1.0, DEEP], []))
+    first = base_where_solved(solver, found, [])
+    monkeypatch.setattr(solutions, "simulate_cell", None)
+    again = base_where_solved(solver, found, [])
+    np.testing.assert_array_equal(first.context.force, again.context.force)
+    assert again.context.observations.cannot_know == first.context.observations.cannot_know
+
+
+def test_a_failure_without_a_place_ends_the_verdict(solver, monkeypatch):
+    def nowhere(*_):
+        raise SolverFailed("the base, followed in the time of the readings, does not converge")
+
+    monkeypatch.setattr(unsolved, "base_of", nowhere)
+    with pytest.raises(SolverFailed, match="in the time of the readings"):
+        base_where_solved(solver, pressed((MIDDLE, [0.5], [])), [])
