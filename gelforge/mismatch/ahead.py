@@ -173,12 +173,11 @@ def plans_of(solver: Solver, survivors: list[NamedEffect]) -> Iterator[Plan]:
     for name, observations in variants_of(study).items():
         base = base_where_solved(solver, observations, with_taken(effects.values()))
         context, failed = base.context, {}
-        observations = context.observations
         candidates = candidates_of(context, effects, failed)
         if set(effects) <= {one.name for one in candidates}:
             covariance = readings_covariance(context, base.law, base.floor, base.alike)
             problem = Problem(
-                observations, context.force, covariance, candidates, effects, None, failed,
+                context.observations, context.force, covariance, candidates, effects, None, failed,
                 change_error=study.mismatch.change_error,
             )  # fmt: skip
             yield planned(name, _minutes(observations), problem, context, survivors)

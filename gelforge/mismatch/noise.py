@@ -18,10 +18,10 @@ def reading_noise(recording: Recording) -> tuple[np.ndarray, np.ndarray, tuple[f
     """Return the standard deviations (3,) [N] of one reading and of its rounding, how well, and what is not known of them.
 
     Repeats are zero rows of a press, and its dwell rows about their straight line, unless these bend by more than the zero
-    rows scatter: that is relaxation. Where they scatter by less than half of
-    the readings' step, rounding is one and the same error in all repeats: step / sqrt(12), in the zero and at each depth;
-    where they scatter more, it is part of the scatter. How well: the repeats' degrees of freedom (inf where the deviation
-    is stated), and the variance of their squares over that of normal ones.
+    rows scatter: that is relaxation. Where they scatter by less than half of the readings' step, rounding is one and the
+    same error in all repeats: step / sqrt(12), in the zero and at each depth; where they scatter more, it is part of the
+    scatter. How well: the repeats' degrees of freedom (inf where the deviation is stated), and the variance of their squares
+    over that of normal ones.
     """
     readings, session = recording.readings, recording.session
     step = np.array(session.force.resolution_N, dtype=float)
