@@ -1,0 +1,1 @@
+"""Faults by kind: each module has `run(asked)`, which prints its table and returns the exit status."""
