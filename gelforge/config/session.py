@@ -125,6 +125,11 @@ class Session(Section):
         None, min_length=4, max_length=4, description="left, top, width, height used of each image [px]"
     )
 
+    confirmed: list[str] = Field(
+        [],
+        description="tests of a session as a whole whose findings the laboratory has looked at and confirms; they become notes",
+    )
+
     @model_validator(mode="after")
     def _crop_inside(self):
         if self.crop_px:

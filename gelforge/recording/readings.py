@@ -17,6 +17,8 @@ from gelforge.recording import checks
 from gelforge.recording.checks import RecordingError
 from gelforge.recording.images import check_images
 from gelforge.recording.join import cells_of_presses
+from gelforge.recording.plausibility.findings import Findings
+from gelforge.recording.plausibility.session import SessionData, apply_findings, examine
 
 AXES = ("x", "y", "z")
 FORCE = ["fx_N", "fy_N", "fz_N"]
@@ -27,6 +29,7 @@ COLUMNS = [
     *RAW,
     *FORCE,
     "image",
+    "excluded",  # names of the tests that took the force or the image out of this row
 ]
 FT_WINDOW_S = 0.02  # samples of ft.csv this far from a reading are averaged: less than a camera's frame time
 FT_GAP_S = 1.0  # a reading this far from every sample has no force
@@ -39,6 +42,7 @@ class Recording:
     session: Session
     readings: pd.DataFrame
     folder: Path
+    findings: Findings = Findings()
 
 
 def read_recording(
@@ -81,7 +85,9 @@ def read_recording(
     if cells is not None:
         readings["cell"] = cells_of_presses(path, readings, cells)
     check_images(folder, readings["image"], session)
-    return Recording(session, readings[COLUMNS].reset_index(drop=True), folder)
+    findings = examine(SessionData(folder, session, readings, cells))
+    readings = apply_findings(readings, findings, FORCE)
+    return Recording(session, readings[COLUMNS].reset_index(drop=True), folder, findings)
 
 
 def stage_to_sensor(xy: np.ndarray, stage: StageToSensor) -> np.ndarray:
@@ -148,13 +154,13 @@ def write_readings(path: str | Path, recording: Recording) -> None:
 
 def read_readings(path: str | Path) -> pd.DataFrame:
     """Return the readings that `write_readings` wrote, columns as in COLUMNS; names stay text."""
-    always = ["order", "time_s", "x_mm", "y_mm", *RAW, *FORCE]
+    always = ["order", "time_s", "x_mm", "y_mm"]
     table = read_csv(
         path,
         numbers=always,
-        optional_numbers=["depth_mm", "speed_mm_per_s", "dwell_s"],
+        optional_numbers=["depth_mm", "speed_mm_per_s", "dwell_s", *RAW, *FORCE],
         texts=["session", "press", "phase"],
-        optional_texts=["cell", "image"],
+        optional_texts=["cell", "image", "excluded"],
     )
     return table[COLUMNS].astype({"order": int}).reset_index(drop=True)
 

@@ -1,0 +1,142 @@
+"""What a test of a recorded session found: values for a table, one line for people, and what is left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+
+from gelforge.csv_table import read_csv
+from gelforge.files import write_text
+
+Level = Literal["error", "excluded", "note"]
+COLUMNS = [
+    "session",
+    "level",
+    "test",
+    "press",
+    "time_s",
+    "channel",
+    "value",
+    "limit",
+    "unit",
+    "found",
+    "remedy",
+]
+NAMED = 3  # indentations that one line names; the table holds all
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that a test found in a session.
+
+    found: what is wrong, as the predicate of a sentence whose subject is the channel ("read 0.24 N before touch"). value and
+    limit are what was compared, in `unit` (NaN where a test compares no numbers). remedy: what mends it.
+    """
+
+    test: str  # name in `session.TESTS`; what `confirmed` of session.yaml names
+    level: Level
+    channel: str  # force, image, ft.csv, axes, plan; of an exclusion `force` or `image`
+    found: str
+    remedy: str
+    press: str = ""  # "": the session as a whole
+    time_s: float = float("nan")
+    value: float = float("nan")
+    limit: float = float("nan")
+    unit: str = ""
+    rows: tuple[int, ...] = ()  # of an exclusion: the labels of the readings that lose the channel
+
+    def __post_init__(self):
+        if self.level == "excluded" and (self.channel not in ("force", "image") or not self.rows):
+            raise ValueError(f"{self.test}: an exclusion takes rows out of the channel `force` or `image`")
+
+
+@dataclass(frozen=True)
+class Findings:
+    """All findings of a session."""
+
+    session: str = ""
+    all: tuple[Finding, ...] = ()
+
+    def __iter__(self) -> Iterator[Finding]:
+        return iter(self.all)
+
+    def of(self, level: Level) -> list[Finding]:
+        """Return the findings of a level."""
+        return [finding for finding in self.all if finding.level == level]
+
+    def excluded_rows(self, channel: str) -> list[int]:
+        """Return the labels of the readings without this channel, each once, in order."""
+        return sorted({row for f in self.of("excluded") if f.channel == channel for row in f.rows})
+
+    def lines(self, *levels: Level) -> list[str]:
+        """Return one line per level, test and remedy, with the count of indentations and the largest value."""
+        groups: dict[tuple, list[Finding]] = {}
+        for finding in self.all:
+            if not levels or finding.level in levels:
+                groups.setdefault((finding.level, finding.test, finding.channel, finding.remedy), []).append(
+                    finding
+                )
+        return [_line(group) for group in groups.values()]
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per finding, columns as in COLUMNS."""
+        rows = [{"session": self.session, **asdict(finding)} for finding in self.all]
+        return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def collect(session: str, found: Iterable[Finding], confirmed: Sequence[str] = ()) -> Findings:
+    """Return findings with those of confirmed tests as notes."""
+    return Findings(
+        session,
+        tuple(
+            replace(f, level="note", found=f"{f.found} (confirmed in session.yaml)", rows=())
+            if f.test in confirmed and f.level != "note"
+            else f
+            for f in found
+        ),
+    )
+
+
+def write_findings(path: str | Path, findings: Findings) -> None:
+    """Write the findings as CSV; a session without any has the header alone."""
+    text = findings.table().to_csv(index=False, float_format="%.6g", lineterminator="\n")
+    write_text(path, text)
+
+
+def read_findings(path: str | Path) -> pd.DataFrame:
+    """Return the table that `write_findings` wrote."""
+    if len(Path(path).read_text(encoding="utf-8").splitlines()) < 2:
+        return pd.DataFrame(columns=COLUMNS)
+    return read_csv(
+        path,
+        optional_numbers=["time_s", "value", "limit"],
+        texts=["session", "level", "test", "channel", "found", "remedy"],
+        optional_texts=["press", "unit"],
+    )[COLUMNS].reset_index(drop=True)
+
+
+def _line(group: list[Finding]) -> str:
+    """Return findings of one test and level as one line; the finding farthest beyond its limit speaks for all."""
+    worst = max(group, key=_excess)
+    where = "" if not worst.press else f"press {worst.press}"
+    if where and np.isfinite(worst.time_s):
+        where += f" at {worst.time_s:.6g} s"
+    limit = f" (limit {worst.limit:.3g} {worst.unit})".replace(" )", ")") if np.isfinite(worst.limit) else ""
+    count = ""
+    if len(group) > 1:
+        names = [finding.press for finding in group[:NAMED]]
+        more = ", ..." if len(group) > NAMED else ""
+        count = f"; {len(group)} indentations in all: {', '.join(names)}{more}"
+    left_out = f"; {worst.channel} left out there" if worst.level == "excluded" else ""
+    return f"{where + ': ' if where else ''}{worst.channel} {worst.found}{limit}{count}{left_out}; {worst.remedy}"
+
+
+def _excess(finding: Finding) -> float:
+    """Return by what factor a finding lies beyond its limit, 0 where it compares no numbers."""
+    ratio = abs(finding.value) / finding.limit if finding.limit else 0.0
+    return ratio if np.isfinite(ratio) else 0.0
