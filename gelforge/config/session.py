@@ -127,7 +127,7 @@ class Session(Section):
 
     confirmed: list[str] = Field(
         [],
-        description="tests of a session as a whole whose findings the laboratory has looked at and confirms; they become notes",
+        description="tests of the session as a whole whose findings the laboratory confirms as right; they become notes",
     )
 
     @model_validator(mode="after")

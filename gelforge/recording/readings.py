@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +42,7 @@ class Recording:
     session: Session
     readings: pd.DataFrame
     folder: Path
-    findings: Findings = Findings()
+    findings: Findings = field(default_factory=Findings)
 
 
 def read_recording(

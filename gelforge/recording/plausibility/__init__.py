@@ -14,8 +14,8 @@ A finding has one of three levels. `error`: the session is refused, in one line.
 reads them; the row itself stays. `note`: information. A laboratory that has looked at what a test found names the test in
 `confirmed` of session.yaml; errors and exclusions of that test then become notes.
 
-To add a test: write `def name(data: SessionData) -> list[Finding]`, name it in `session.TESTS`, and describe it with its limit
-and its remedy in docs/file-formats.md, "Recordings that cannot be true". Rows are labels of `data.readings.index` (lines of
-indentations.csv). A test neither changes the data nor raises; it returns [] where the session lacks what it needs (no images,
-one site only). One Finding is one indentation, or the session as a whole (`press=""`).
+To add a test: write `def name(data: SessionData) -> list[Finding]`, name it in `session.TESTS`, and describe it with its
+limit and its remedy in docs/file-formats.md, "Recordings that cannot be true". Rows are labels of `data.readings.index`
+(lines of indentations.csv). A test neither changes the data nor raises; it returns [] where the session lacks what it needs
+(no images, one site only). One Finding is one indentation, or the session as a whole (`press=""`).
 """
