@@ -20,7 +20,7 @@ $(READY): requirements.lock pyproject.toml
 
 demo: $(READY)
 	$(BIN)/python workflow/scripts/unlock.py
-	$(BIN)/snakemake --cores $(CORES) --rerun-incomplete
+	$(BIN)/python -m snakemake --cores $(CORES) --rerun-incomplete
 	@echo "Open results/demo/report.html"
 
 test: $(READY)

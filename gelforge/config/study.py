@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from gelforge.config.common import Name, Section
 from gelforge.config.learning import Dataset, Features, Learning
@@ -43,6 +43,16 @@ class Study(Section):
     virtual_lab: Path | None = Field(
         None, description="YAML of a virtual lab that makes the sessions (synthetic)"
     )
+
+    @field_validator("data")
+    @classmethod
+    def _without_braces(cls, folder: Path | None) -> Path | None:
+        """Braces in a path are wildcards to the workflow."""
+        if folder and set("{}") & set(str(folder)):
+            raise ValueError(
+                "braces cannot stand in the folder's name; rename the folder and give its new name"
+            )
+        return folder
 
     @model_validator(mode="after")
     def _consistent(self):

@@ -38,8 +38,9 @@ RESULTS = STUDY.results_folder.as_posix()
 DATA = STUDY.data_folder.as_posix()
 LOGS = f"logs/{STUDY.study}"
 BENCHMARKS = f"{RESULTS}/benchmarks"
-GELFORGE = f"{sys.executable} -m gelforge"  # the environment's own interpreter: 18 ms a job
-ONE_THREAD = "OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1"
+# In shell commands every value is written {value:q}, a list word by word: what a configuration says is never shell text.
+GELFORGE = [sys.executable, "-m", "gelforge"]  # the environment's own interpreter: 18 ms a job
+ONE_THREAD = ["OMP_NUM_THREADS=1", "MKL_NUM_THREADS=1", "NUMBA_NUM_THREADS=1"]
 os.environ["GELFORGE_RUN"] = os.getcwd()  # marks the jobs of this folder, see workflow/scripts/unlock.py
 
 

@@ -16,7 +16,7 @@ rule join:
         study=block("seed", "dataset", "plan", "sensor", "sessions"),
         source=source_digest("dataset"),
     shell:
-        "{GELFORGE} join --study {STUDY_FILE} --shard {wildcards.shard} --out {output} &> {log}"
+        "{GELFORGE:q} join --study {STUDY_FILE:q} --shard {wildcards.shard:q} --out {output:q} &> {log:q}"
 
 
 rule manifest:
@@ -32,7 +32,7 @@ rule manifest:
         study=digest(STUDY.dataset_settings),
         source=source_digest("dataset"),
     shell:
-        "{GELFORGE} manifest --study {STUDY_FILE} &> {log}"
+        "{GELFORGE:q} manifest --study {STUDY_FILE:q} &> {log:q}"
 
 
 rule labels:
@@ -54,4 +54,4 @@ rule agreement:
     params:
         source=source_digest("dataset"),
     shell:
-        "{GELFORGE} agreement --study {STUDY_FILE} --out {output} &> {log}"
+        "{GELFORGE:q} agreement --study {STUDY_FILE:q} --out {output:q} &> {log:q}"

@@ -20,7 +20,7 @@ rule train:
         learning=block("seed", "learning", "sensor"),
         source=source_digest("learning/data.py", "learning/network.py", "learning/training.py"),
     shell:
-        "{GELFORGE} train --study {STUDY_FILE} --model {output.model} --loss {output.loss} &> {log}"
+        "{GELFORGE:q} train --study {STUDY_FILE:q} --model {output.model:q} --loss {output.loss:q} &> {log:q}"
 
 
 rule evaluate:
@@ -40,7 +40,7 @@ rule evaluate:
     params:
         source=source_digest("learning/evaluation.py", "learning/network.py"),
     shell:
-        "{GELFORGE} evaluate --study {STUDY_FILE} --model {input.model} --out {output} &> {log}"
+        "{GELFORGE:q} evaluate --study {STUDY_FILE:q} --model {input.model:q} --out {output:q} &> {log:q}"
 
 
 rule tables:
@@ -59,4 +59,4 @@ rule tables:
             "characterisation/law_file.py", "dataset/agreement.py", "learning/evaluation.py", "files.py"
         ),
     shell:
-        "{GELFORGE} tables --study {STUDY_FILE} &> {log}"
+        "{GELFORGE:q} tables --study {STUDY_FILE:q} &> {log:q}"

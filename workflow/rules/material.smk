@@ -26,5 +26,5 @@ rule characterise:
         material=lambda wildcards: STUDY.materials[wildcards.material].model_dump(mode="json"),
         source=source_digest("characterisation"),
     shell:
-        "{GELFORGE} fit-law --study {STUDY_FILE} --material {wildcards.material}"
-        " --out {RESULTS}/materials/{wildcards.material} &> {log}"
+        "{GELFORGE:q} fit-law --study {STUDY_FILE:q} --material {wildcards.material:q}"
+        " --out {RESULTS:q}/materials/{wildcards.material:q} &> {log:q}"

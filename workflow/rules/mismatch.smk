@@ -27,8 +27,8 @@ rule mismatch:
         study=block("sensor", "indenter", "mechanics", "mismatch", "seed"),
         source=source_digest("mechanics", "indentation", "recording", "mismatch", "report/mismatch_page.py"),
     shell:
-        "{ONE_THREAD} {GELFORGE} mismatch {DATA} --config {STUDY_FILE} --out {RESULTS}/mismatch"
-        " --workers {threads} &> {log}"
+        "{ONE_THREAD:q} {GELFORGE:q} mismatch {DATA:q} --config {STUDY_FILE:q} --out {RESULTS:q}/mismatch"
+        " --workers {threads:q} &> {log:q}"
 
 
 rule paper_mismatch:
@@ -45,5 +45,5 @@ rule paper_mismatch:
     params:
         source=source_digest("mechanics", "indentation", "mismatch", "report/mismatch_page.py"),
     shell:
-        "{ONE_THREAD} {GELFORGE} mismatch-published --config {input.study} --out results/paper_mismatch"
-        " --workers {threads} &> {log}"
+        "{ONE_THREAD:q} {GELFORGE:q} mismatch-published --config {input.study:q} --out results/paper_mismatch"
+        " --workers {threads:q} &> {log:q}"

@@ -13,7 +13,7 @@ rule readings:
         sensor=block("sensor", "plan"),
         source=source_digest("recording"),
     shell:
-        "{GELFORGE} readings --study {STUDY_FILE} --session {wildcards.session} --out {output} &> {log}"
+        "{GELFORGE:q} readings --study {STUDY_FILE:q} --session {wildcards.session:q} --out {output:q} &> {log:q}"
 
 
 rule features:
@@ -36,5 +36,5 @@ rule features:
         features=block("features"),
         source=source_digest("recording"),
     shell:
-        "{GELFORGE} features --study {STUDY_FILE} --session {wildcards.session} --workers {threads}"
-        " --out {output} &> {log}"
+        "{GELFORGE:q} features --study {STUDY_FILE:q} --session {wildcards.session:q} --workers {threads:q}"
+        " --out {output:q} &> {log:q}"

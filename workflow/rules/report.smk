@@ -13,7 +13,7 @@ rule verify:
     params:
         source=source_digest("mechanics", "verification"),
     shell:
-        "{ONE_THREAD} {GELFORGE} verify --out {RESULTS}/tables &> {log}"
+        "{ONE_THREAD:q} {GELFORGE:q} verify --out {RESULTS:q}/tables &> {log:q}"
 
 
 rule report:
@@ -44,4 +44,4 @@ rule report:
         variants=block("variants"),
         source=source_digest("report", "mismatch/verdict.py"),
     shell:
-        "{GELFORGE} report --study {STUDY_FILE} --out {output} &> {log}"
+        "{GELFORGE:q} report --study {STUDY_FILE:q} --out {output:q} &> {log:q}"

@@ -10,7 +10,7 @@ rule study:
     params:
         study=digest(STUDY.model_dump(mode="json")),
     shell:
-        "cp {STUDY_FILE} {output} 2> {log}"
+        "cp {STUDY_FILE:q} {output:q} 2> {log:q}"
 
 
 rule plan:
@@ -22,7 +22,7 @@ rule plan:
     params:
         cells=block("plan", "sensor", "indenter"),
     shell:
-        "{GELFORGE} plan --study {STUDY_FILE} --out {output} &> {log}"
+        "{GELFORGE:q} plan --study {STUDY_FILE:q} --out {output:q} &> {log:q}"
 
 
 rule simulate:
@@ -47,8 +47,8 @@ rule simulate:
         model=block("sensor", "indenter", "mechanics"),
         source=source_digest("mechanics", "meshing", "indentation"),
     shell:
-        "{ONE_THREAD} {GELFORGE} simulate --study {STUDY_FILE} --cell {wildcards.cell}"
-        " --laws {input.laws} --mirrored {input.mirrored} --out {output} &> {log}"
+        "{ONE_THREAD:q} {GELFORGE:q} simulate --study {STUDY_FILE:q} --cell {wildcards.cell:q}"
+        " --laws {input.laws:q} --mirrored {input.mirrored:q} --out {output:q} &> {log:q}"
 
 
 rule variant:
@@ -73,8 +73,8 @@ rule variant:
         ),
         source=source_digest("mechanics", "indentation"),
     shell:
-        "{ONE_THREAD} {GELFORGE} simulate --study {STUDY_FILE} --variant {wildcards.variant} --cell {wildcards.cell}"
-        " --laws {input.laws} --out {output} &> {log}"
+        "{ONE_THREAD:q} {GELFORGE:q} simulate --study {STUDY_FILE:q} --variant {wildcards.variant:q} --cell {wildcards.cell:q}"
+        " --laws {input.laws:q} --out {output:q} &> {log:q}"
 
 
 rule session_cell:
@@ -101,8 +101,8 @@ rule session_cell:
         ),
         source=source_digest("mechanics", "meshing", "indentation"),
     shell:
-        "{ONE_THREAD} {GELFORGE} simulate --study {STUDY_FILE} --session {wildcards.session} --cell {wildcards.cell}"
-        " --laws {input.laws} --mirrored {input.mirrored} --out {output} &> {log}"
+        "{ONE_THREAD:q} {GELFORGE:q} simulate --study {STUDY_FILE:q} --session {wildcards.session:q} --cell {wildcards.cell:q}"
+        " --laws {input.laws:q} --mirrored {input.mirrored:q} --out {output:q} &> {log:q}"
 
 
 rule session_presses:
@@ -133,8 +133,8 @@ rule session_presses:
             "dataset/session_labels.py",
         ),
     shell:
-        "{ONE_THREAD} {GELFORGE} simulate-session --study {STUDY_FILE} --session {wildcards.session}"
-        " --laws {input.laws} --out {output} &> {log}"
+        "{ONE_THREAD:q} {GELFORGE:q} simulate-session --study {STUDY_FILE:q} --session {wildcards.session:q}"
+        " --laws {input.laws:q} --out {output:q} &> {log:q}"
 
 
 rule cells:

@@ -25,7 +25,7 @@ if LAB:
             truth=lab_block("mechanics", "materials", "stiffness_scale", "unload_depths_mm"),
             source=source_digest("mechanics", "meshing", "indentation"),
         shell:
-            "{ONE_THREAD} {GELFORGE} virtual-cell --study {STUDY_FILE} --cell {wildcards.cell} --out {output} &> {log}"
+            "{ONE_THREAD:q} {GELFORGE:q} virtual-cell --study {STUDY_FILE:q} --cell {wildcards.cell:q} --out {output:q} &> {log:q}"
 
     rule virtual_session:
         """Record one synthetic session from the truth; nothing else reads the truth."""
@@ -49,5 +49,5 @@ if LAB:
             lab=digest(LAB.model_dump(mode="json")),
             source=source_digest("virtual_lab"),
         shell:
-            "{GELFORGE} virtual-session --study {STUDY_FILE} --session {wildcards.session}"
-            " --workers {threads} &> {log}"
+            "{GELFORGE:q} virtual-session --study {STUDY_FILE:q} --session {wildcards.session:q}"
+            " --workers {threads:q} &> {log:q}"

@@ -1,0 +1,72 @@
+"""What a configuration says is never shell text, and folders may have spaces and quotes in their names."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+import yaml
+from conftest import ROOT, Checkout
+
+HOSTILE = "data/lab's x$(touch Y) `touch Z`;touch W"
+OWN = ("--configfile", "config/own.yaml")
+SHELL = re.compile(r'^(\s+)shell:\n((?:\1\s+"[^\n]*"\n)+)', re.MULTILINE)
+
+
+def unquoted(rules: str) -> list[str]:
+    """Return the fields of a rule file's shell commands that are not written {value:q}."""
+    commands = [found[2] for found in SHELL.finditer(rules)]
+    assert len(commands) == len(re.findall(r"^\s+shell:", rules, re.MULTILINE)), "a shell command is not seen"
+    fields = [field for command in commands for field in re.findall(r"\{([^{}]*)\}", command)]
+    return [field for field in fields if not field.endswith(":q")]
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "workflow/rules").glob("*.smk")), ids=lambda path: path.stem)
+def test_every_rule_quotes_its_values(path):
+    assert unquoted(path.read_text()) == []
+
+
+def test_a_value_that_is_not_quoted_is_seen():
+    assert unquoted('    shell:\n        "cp {input:q}"\n        " {output}"\n') == ["output"]
+
+
+@pytest.fixture
+def hostile(tmp_path) -> Checkout:
+    """A checkout in a folder with spaces and a quote, and a study whose data folder is named like a command."""
+    folder = tmp_path / "user's lab data"
+    folder.mkdir()
+    checkout = Checkout(folder)
+    content = yaml.safe_load((folder / "config/test.yaml").read_text()) | {"data": HOSTILE}
+    (folder / "config/own.yaml").write_text(yaml.safe_dump(content))
+    return checkout
+
+
+def executed(checkout) -> list[Path]:
+    return [path for name in "YZW" for path in checkout.folder.rglob(name)]
+
+
+def test_a_folder_named_like_a_command_is_one_word_of_every_command(hostile):
+    printed = hostile.snakemake("-n", "--printshellcmds", *OWN).stdout
+    commands = [line.strip() for line in printed.splitlines() if "-m gelforge" in line]
+    words = [word for command in commands for word in shlex.split(command)]
+    assert len(commands) > 30
+    assert words.count(HOSTILE) == 1  # mismatch reads the folder, the virtual lab writes into it
+    assert sum(word.startswith(f"{HOSTILE}/virtual_truth/") for word in words) == 3
+    assert not [word for word in words if "touch" in word and not word.startswith(HOSTILE)]
+
+
+@pytest.mark.workflow
+def test_it_runs_in_a_folder_with_a_space_and_a_quote(hostile):
+    truth = f"{HOSTILE}/virtual_truth/cells/x1_y1.h5"
+    hostile.snakemake("results/test/cells/x1_y1.h5", truth, "--cores", "2", *OWN)
+    assert (hostile.folder / truth).is_file()
+    assert (hostile.folder / "results/test/cells/x1_y1.h5").is_file()
+    assert executed(hostile) == []
+
+
+def test_braces_are_refused_in_one_line(hostile):
+    content = yaml.safe_load((hostile.folder / "config/own.yaml").read_text()) | {"data": "data/{cell}"}
+    (hostile.folder / "config/own.yaml").write_text(yaml.safe_dump(content))
+    refused = hostile.snakemake("-n", *OWN, check=False)
+    assert refused.returncode == 1
+    assert "data, found 'data/{cell}': braces" in refused.stdout
