@@ -26,11 +26,12 @@ from gelforge.characterisation.curves import MeanCurve, mean_curves, monotonic_l
 from gelforge.characterisation.families import FAMILIES
 from gelforge.characterisation.fit import WEIGHTS, FitError, LawFit
 from gelforge.characterisation.history_effects import cycle_effects, lateral_effects, relaxation_effects
-from gelforge.characterisation.law_file import MaterialLaw, rounded, write_law
+from gelforge.characterisation.law_file import MaterialLaw, read_law, rounded, write_law
 from gelforge.characterisation.material_source import MaterialSource, source_of
 from gelforge.characterisation.material_table import material_table
 from gelforge.characterisation.measured_effects import MeasuredEffects
 from gelforge.characterisation.small_effects import small_effects
+from gelforge.characterisation.stiffness import check_stiffness
 from gelforge.config import Fitting, LawParameters, Material
 from gelforge.files import digest, file_sha256, write_json, write_table, write_text
 from gelforge.mechanics.laws import Ogden, PrincipalLaw
@@ -85,8 +86,10 @@ def characterise(name: str, material: Material, folder: Path) -> None:
             characterise_source(source_of(name, material.tests, material.mapping), material, folder)
         except FitError as error:
             raise FitError(f"{material.tests}: {error}") from None
+        check_stiffness(read_law(folder / "law.json"), material.stiffness_confirmed)
         return
     law = given_law(name, material.parameters)
+    check_stiffness(law, material.stiffness_confirmed)
     effects = MeasuredEffects(name, (), ())
     _clear(folder)
     _write_effects(folder, effects, law.inputs_digest, False)
@@ -100,7 +103,7 @@ def characterise(name: str, material: Material, folder: Path) -> None:
 def given_law(name: str, parameters: LawParameters) -> MaterialLaw:
     """Return the law whose parameters are given; nothing is known of its uncertainty."""
     if parameters.law == "ogden":
-        law = Ogden(tuple(m * 1e-3 for m in parameters.mu_kPa), tuple(parameters.alpha))
+        law = Ogden(tuple(m * 1e-3 for m in parameters.ogden_mu_kPa), tuple(parameters.alpha))
     else:
         family = FAMILIES[parameters.law]
         law = family.law_of(np.array([getattr(parameters, name) for name in family.parameters]))

@@ -24,6 +24,7 @@ def press(
     laws: list[Path],
 ) -> None:
     """Press once, print the force-depth table, and write the cell if asked."""
+    from gelforge.characterisation.stiffness import stiffness_words
     from gelforge.indentation.cell_file import CellError, write_cell
     from gelforge.indentation.companion import simulate_label
     from gelforge.indentation.plan import check_inside, press_path
@@ -35,7 +36,10 @@ def press(
         described = described.model_copy(update={"mechanics": mechanics})
     planned = press_path("press", x, y, depths, shear, unload)
     check_inside({planned.name: planned}, described)
-    cell = simulate_label(described, *laws_and_doubts(material_laws_of(described, laws)), planned)
+    known = material_laws_of(described, laws)
+    for name in dict.fromkeys(layer.material for layer in described.sensor.layers):
+        print(f"{name}: {stiffness_words(known[name].law)}")
+    cell = simulate_label(described, *laws_and_doubts(known), planned)
     print_force_depth(described, cell)
     if sensitivities and cell.converged:
         print_sensitivities(cell)
@@ -144,21 +148,32 @@ def laws_of(study: Study, files: list[Path]) -> dict:
 
 def material_laws_of(study: Study, files: list[Path]) -> dict:
     """Return the same with what is known of them: covariance, tested range."""
-    from gelforge.characterisation.characterise import given_law
-    from gelforge.characterisation.law_file import read_law
-
-    laws = {law.material: law for law in map(read_law, files)}
-    for name, material in study.materials.items():
-        if name in laws:
-            continue
-        if material.parameters:
-            laws[name] = given_law(name, material.parameters)
-        elif law_path(study, name).is_file():
-            laws[name] = read_law(law_path(study, name))
-        else:
+    laws = known_laws(study, files)
+    for name in study.materials:
+        if name not in laws:
             raise ConfigError(
                 f"material {name} has tests but no law yet; run `snakemake {law_path(study, name)}` or give --laws"
             )
+    return laws
+
+
+def known_laws(study: Study, files: list[Path]) -> dict:
+    """Return the same without the materials that have tests but no law yet.
+
+    Raises ConfigError for a stiffness that is neither plausible nor confirmed.
+    """
+    from gelforge.characterisation.characterise import given_law
+    from gelforge.characterisation.law_file import read_law
+    from gelforge.characterisation.stiffness import check_stiffness
+
+    laws = {law.material: law for law in map(read_law, files)}
+    for name, material in study.materials.items():
+        if name not in laws and material.parameters:
+            laws[name] = given_law(name, material.parameters)
+        elif name not in laws and law_path(study, name).is_file():
+            laws[name] = read_law(law_path(study, name))
+        if name in laws:
+            check_stiffness(laws[name], material.stiffness_confirmed)
     return laws
 
 

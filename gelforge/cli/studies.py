@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from gelforge.cli.bench import known_laws
 from gelforge.cli.cost import estimate
 from gelforge.cli.factory import virtual_lab_of
 from gelforge.cli.new_study import new_study_files
@@ -28,7 +29,9 @@ def init(study: str) -> None:
 
 def check(study: str, picture: Path | None) -> None:
     """Validate a study and what it reads, draw it, and print cells, minutes and disk; name what is missing."""
+    from gelforge.characterisation.stiffness import stiffness_words
     from gelforge.indentation.plan import plan_cells
+    from gelforge.indentation.stability_ahead import check_stable_ahead
     from gelforge.report.sensor_figure import sensor_figure
 
     path = Path(study) if study.endswith((".yaml", ".yml")) else Path("config") / f"{study}.yaml"
@@ -38,6 +41,11 @@ def check(study: str, picture: Path | None) -> None:
         virtual_lab_of(described, path)
     missing = missing_files(described)
     check_data(described, cells, missing)
+    laws = known_laws(described, [])
+    for name, material in laws.items():
+        print(f"material   {name}: {type(material.law).__name__}, {stiffness_words(material.law)}")
+    if {layer.material for layer in described.sensor.layers} <= set(laws):
+        check_stable_ahead(described, {name: material.law for name, material in laws.items()}, cells)
     out = picture or described.results_folder / "check.png"
     out.parent.mkdir(parents=True, exist_ok=True)
     sensor_figure(described, cells, pictured_session(described, path)).savefig(out, dpi=110)

@@ -284,8 +284,8 @@ class MooneyRivlin(InvariantLaw):
 class Yeoh(InvariantLaw):
     r"""Yeoh's law W = sum_k C_k0 (I_1 - 3)^k, k = 1..3 (Yeoh 1993, doi 10.5254/1.3538343, eq. 4).
 
-    The shear modulus is 2 C_10 > 0 [MPa]. C_30 >= 0 keeps it stiffening at large stretch. C_20 is often negative
-    (the stress-stretch curve is S-shaped); whether dW/dI_1 stays positive is a question of the range used.
+    The shear modulus is 2 C_10 > 0 [MPa]. C_20 is often negative (the stress-stretch curve is S-shaped), C_30 < 0 softens
+    at large stretch; whether the model stays stable is a question of the range used (stability.check_stable).
     """
 
     C10: float
@@ -296,9 +296,7 @@ class Yeoh(InvariantLaw):
     point_law = POLYNOMIAL
 
     def __post_init__(self):
-        _check_constants(
-            "Yeoh", positive={"C10": self.C10}, not_negative={"C30": self.C30}, free={"C20": self.C20}
-        )
+        _check_constants("Yeoh", positive={"C10": self.C10}, free={"C20": self.C20, "C30": self.C30})
 
     @property
     def point_constants(self):

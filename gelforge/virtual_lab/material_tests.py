@@ -41,7 +41,7 @@ def make_material_tests(lab: VirtualLab, folder: str | Path) -> None:
     The same lab gives the same bytes; a material's files do not depend on the other materials.
     """
     for material, parameters in lab.materials.items():
-        law = Ogden(tuple(m * 1e-3 for m in parameters.mu_kPa), tuple(parameters.alpha))
+        law = Ogden(tuple(m * 1e-3 for m in parameters.ogden_mu_kPa), tuple(parameters.alpha))
         largest = 1 + LARGEST_STRAIN.get(material, LARGEST_STRAIN_ELSEWHERE)
         samples = []
         for test in LOAD_CASES:

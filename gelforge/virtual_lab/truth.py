@@ -17,7 +17,7 @@ def true_laws(study: Study, lab: VirtualLab) -> dict[str, Ogden]:
     for layer in study.sensor.layers:
         coupon = lab.materials[layer.material]
         factor = KPA * lab.stiffness_scale.get(layer.name, 1.0)
-        laws[layer.name] = Ogden(tuple(factor * mu for mu in coupon.mu_kPa), tuple(coupon.alpha))
+        laws[layer.name] = Ogden(tuple(factor * mu for mu in coupon.ogden_mu_kPa), tuple(coupon.alpha))
     return laws
 
 

@@ -222,7 +222,8 @@ def test_gent_has_no_stress_beyond_its_limit():
         (lambda: NeoHooke(-0.1), "Neo-Hooke: mu is -0.1; > 0"),
         (lambda: MooneyRivlin(0.1, -0.2), "Mooney-Rivlin: C01 is -0.2; >= 0"),
         (lambda: Yeoh(0.1, float("nan"), 0.0), "Yeoh: C20 is nan"),
-        (lambda: Yeoh(0.1, 0.0, -0.1), "Yeoh: C30 is -0.1"),
+        (lambda: Yeoh(0.1, 0.0, float("inf")), "Yeoh: C30 is inf"),
+        (lambda: Yeoh(-0.1, 0.0, 0.1), "Yeoh: C10 is -0.1"),
         (lambda: Gent(0.1, 0.0), "Gent: Jm is 0"),
     ],
 )
