@@ -7,6 +7,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from gelforge.recording.texture import Texture
+
 PRESETS = {
     "ultrafast": cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST,
     "fast": cv2.DISOPTICAL_FLOW_PRESET_FAST,
@@ -74,11 +76,14 @@ class Flow:
             # of a region's mean falls to a third of `fast`, near that of `medium`, at less than half of its time.
             self.search.setFinestScale(1)
             self.search.setVariationalRefinementIterations(0)
+        # the finest patches, in pixels of the image
+        self.texture = Texture(reference, self.search.getPatchSize() << self.search.getFinestScale())
 
     def __call__(self, image: np.ndarray) -> np.ndarray:
         """Return the displacement (H, W, 2) [px] float32 from the reference to an image (H, W) uint8.
 
-        Raises ImageError for an image of another size.
+        Where the reference shows no texture it is that of the texture around (see `texture`). Raises ImageError for an image
+        of another size, and for a reference frame that shows no texture at all.
         """
         if image.shape != self.reference.shape:
             raise ImageError(
@@ -86,4 +91,9 @@ class Flow:
                 f"{self.reference.shape[1]} x {self.reference.shape[0]} px; record both with the same "
                 "camera settings"
             )
-        return self.search.calc(self.reference, image, None)
+        if self.texture.nowhere:
+            raise ImageError(
+                f"the reference frame shows no texture that flow could follow: mean {self.reference.mean():.1f}, standard "
+                f"deviation {self.reference.std():.1f} grey levels; record it anew with light and focus as in the images"
+            )
+        return self.texture.fill(self.search.calc(self.reference, image, None))

@@ -1,0 +1,64 @@
+"""Images of printed dots and of speckle, drawn here and moved by known fields, for tests of the flow."""
+
+import cv2
+import numpy as np
+
+SIZE = (240, 320)  # H, W [px]
+
+
+def dots(spacing=30, radius=3.0):
+    """Return printed dots on a smooth, unevenly lit ground: places (N, 2), radii, grey levels, ground (H, W)."""
+    v, u = np.mgrid[spacing : SIZE[0] - spacing // 2 : spacing, spacing : SIZE[1] - spacing // 2 : spacing]
+    at = np.column_stack([u.ravel(), v.ravel()]).astype(float)
+    ground = np.tile(150 + 20 * np.sin(np.arange(SIZE[1]) / 45), (SIZE[0], 1))
+    return at, np.full(len(at), radius), np.full(len(at), 40.0), ground
+
+
+def speckle(seed=5, count=3000):
+    """Return bright particles at random on a dark ground, as `dots` does."""
+    rng = np.random.default_rng(seed)
+    at = np.column_stack([rng.uniform(-40, SIZE[1] + 40, count), rng.uniform(-40, SIZE[0] + 40, count)])
+    return at, rng.uniform(1.0, 2.2, count), rng.uniform(140, 240, count), np.full(SIZE, 60.0)
+
+
+def still(points):
+    return np.zeros_like(points)
+
+
+def outward(peak_px, middle=(160, 120), width_px=45):
+    """Return a field: points (N, 2) -> displacement (N, 2), outwards, largest at width_px from the middle."""
+
+    def field(points):
+        away = np.asarray(points, float) - middle
+        r = np.linalg.norm(away, axis=-1, keepdims=True)
+        return away / width_px * peak_px * np.exp(0.5 - 0.5 * (r / width_px) ** 2)
+
+    return field
+
+
+def along(peak_px, middle=(160, 120), width_px=60):
+    """Return a field of displacements to the right, largest at the middle."""
+
+    def field(points):
+        r = np.linalg.norm(np.asarray(points, float) - middle, axis=-1, keepdims=True)
+        return np.array([peak_px, 0.0]) * np.exp(-0.5 * (r / width_px) ** 2)
+
+    return field
+
+
+def photograph(pattern, field=still, seed=0, noise=2.0, gain=1.0):
+    """Return the image (H, W) uint8 of a pattern moved by a field, with new noise; gain: a number or an image."""
+    points, radii, greys, ground = pattern
+    image = ground.astype(np.float32).copy()
+    for (u, v), radius, grey in zip(points + field(points), radii, greys):
+        cv2.circle(image, (round(u * 16), round(v * 16)), round(radius * 16), float(grey), -1, cv2.LINE_8, 4)
+    image = cv2.GaussianBlur(image, (0, 0), 0.8) * gain
+    return np.clip(
+        np.rint(image + noise * np.random.default_rng(seed).standard_normal(image.shape)), 0, 255
+    ).astype(np.uint8)
+
+
+def everywhere(field):
+    """Return a field at every pixel (H, W, 2)."""
+    v, u = np.mgrid[: SIZE[0], : SIZE[1]]
+    return field(np.stack([u, v], axis=-1).reshape(-1, 2)).reshape(*SIZE, 2)
