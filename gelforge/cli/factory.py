@@ -124,11 +124,15 @@ def virtual_session(study: Path, session: str, workers: int) -> None:
 
 
 def readings(study: Path, session: str, out: Path) -> None:
-    """Write a session's readings: force on the sensor in the sensor's frame, zero subtracted."""
+    """Write a session's readings: force on the sensor in the sensor's frame, zero subtracted; and what its tests found."""
+    from gelforge.recording.plausibility.findings import write_findings
     from gelforge.recording.readings import write_readings
 
     described = load_study(study)
-    write_readings(out, recording_of(described, session))
+    recording = recording_of(described, session)
+    write_readings(out, recording)
+    write_findings(out.with_suffix(".findings.csv"), recording.findings)
+    print_findings(recording)
 
 
 def features(study: Path, session: str, out: Path, workers: int) -> None:
@@ -136,7 +140,9 @@ def features(study: Path, session: str, out: Path, workers: int) -> None:
     from gelforge.recording.features import session_features
 
     described = load_study(study)
-    count = session_features(recording_of(described, session), described.features, out, workers)
+    recording = recording_of(described, session)
+    count = session_features(recording, described.features, out, workers)
+    print_findings(recording)
     print(f"{session}: {count} images")
 
 
@@ -344,6 +350,13 @@ def read_laws(paths: list[Path]) -> dict:
     from gelforge.characterisation.law_file import read_law
 
     return {read.material: read.law for read in map(read_law, paths)}
+
+
+def print_findings(recording) -> None:
+    """Print what the tests of a session found, a line per test."""
+    for level, word in (("excluded", "excluded"), ("note", "note")):
+        for line in recording.findings.lines(level):
+            print(f"{word:<10} {recording.session.session}: {line}")
 
 
 def recording_of(study: Study, session: str):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gelforge.cli.bench import known_laws
 from gelforge.cli.cost import estimate
-from gelforge.cli.factory import virtual_lab_of
+from gelforge.cli.factory import print_findings, virtual_lab_of
 from gelforge.cli.new_study import new_study_files
 from gelforge.config import NAME, ConfigError, Session, Study, load_session, load_study
 from gelforge.files import write_text
@@ -92,10 +92,12 @@ def check_data(study: Study, cells: dict, missing: list[str]) -> None:
                 f"session    {name}: {'made by the virtual lab, SYNTHETIC' if study.virtual_lab else 'incomplete'}"
             )
             continue
-        readings = read_recording(folder, cells, study.sensor).readings
+        recording = read_recording(folder, cells, study.sensor)
+        readings = recording.readings
         print(
             f"session    {name}: {readings['press'].nunique()} presses, {(readings['image'] != '').sum()} images"
         )
+        print_findings(recording)
 
 
 def pictured_session(study: Study, path: Path) -> Session | None:

@@ -26,6 +26,10 @@ class ForceSensor(Section):
     range_N: list[Positive] | None = Field(None, description="largest force of x, y, z [N]")
     repeatability_N: NonNegative | None = Field(None, description="scatter of repeated readings [N]")
 
+    delay_s: float = Field(
+        0.0, description="how much later than the stage's clock ft.csv stamps its samples [s]"
+    )
+
     @model_validator(mode="after")
     def _axes(self):
         A = self.axes

@@ -34,7 +34,8 @@ def agreement_table(
     """Return one row per press: total force [N] of the finite elements and the mean of the press's load and dwell readings.
 
     readings_files: recordings/<session>.csv of each session; images are not needed. cell_files: the file of each cell;
-    own_labels: of sessions that have their own, see join_shard. Only readings at the deepest depth of a press count.
+    own_labels: of sessions that have their own, see join_shard. Only readings at the deepest depth of a press count, and of
+    these only those with a force: indentations whose force a test of the session excluded are left out.
     Presses of failed cells, and those that failed themselves, are left out, as in the shards. Raises DatasetError for a
     press without its cell or depth, CellError for a cell that is missing or truncated.
     """
@@ -64,13 +65,15 @@ def _measured(session: str, path: str | Path) -> pd.DataFrame:
     """Return session, press, cell, position, depth and mean force [N] of each press, in the order taken."""
     if not Path(path).is_file():
         raise DatasetError(f"{path}: the readings are missing; make them again (snakemake -R {path})")
-    text = {"press": str, "cell": str}
+    text = {"press": str, "cell": str, "excluded": str}
     readings = pd.read_csv(
         path, dtype=text, keep_default_na=False, na_values={name: [""] for name in (*FORCE, "depth_mm")}
     )
     held = readings[readings["phase"].isin(["load", "dwell"])]
     deepest = held.groupby("press")["depth_mm"].transform("max")
     held = held[deepest - held["depth_mm"] <= POSITION_MATCH_MM]
+    empty = held[FORCE].isna().any(axis=1)
+    held = held[~empty | (held.get("excluded", "") == "")]  # what a test excluded is listed with the findings
     lost = held[held[FORCE].isna().any(axis=1)]
     if len(lost):
         raise DatasetError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -285,10 +286,18 @@ def _presses(path: str | Path, planned: Mapping[str, PlannedCell], chunk: set[st
         rows.image_index.append(int(index))
         rows.untouched.append(phase == "zero")
         rows.depth_mm = max(rows.depth_mm, float(depth))
+    for press, count in _excluded_images(path).items():
+        touching[press] += count
     usual = Counter(touching.values()).most_common(1)[0][0] if touching else 0
     for press, rows in presses.items():
         _check_images(path, press, rows, touching[press], usual)
     return presses
+
+
+def _excluded_images(path: str | Path) -> dict[str, int]:
+    """Return by press how many of its images at depth were excluded before their features were extracted."""
+    with _open_features(path) as file:
+        return json.loads(file.attrs.get("excluded_images", "{}"))
 
 
 def _check_images(path: str | Path, press: str, rows: PressRows, count: int, usual: int) -> None:

@@ -57,7 +57,10 @@ def observe(
 def _of_session(recording: Recording, speed_mm_per_s: float, touchdown_mm: float | None) -> Observations:
     """Return the readings of one session; its sites are numbered with those of the others."""
     session = recording.session
+    excluded = [f"{session.session}: {line}" for line in recording.findings.lines("excluded")]
+    recording = replace(recording, readings=recording.readings.dropna(subset=FORCE).reset_index(drop=True))
     noise, rounding, (repeats, tails), unknown = reading_noise(recording)
+    unknown += excluded
     readings, dropped = without_outliers(recording, np.hypot(noise, rounding))
     table = _table(session, readings, speed_mm_per_s, unknown)
     held, R = table.pop("held").to_numpy(), len(table)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -34,7 +35,7 @@ DATASETS = {
     "image_index": ("1", "number of the image within its press, from 0 (N)"),
     "position_mm": ("mm", "commanded position in the sensor frame (N, 2)"),
     "depth_mm": ("mm", "commanded depth, 0 for untouched rows (N)"),
-    "force_N": ("N", "measured force on the sensor in the sensor frame, zero subtracted (N, 3)"),
+    "force_N": ("N", "measured force on the sensor in the sensor frame, zero subtracted; NaN: excluded (N, 3)"),
     "feature": (
         "px, rad",
         "m magnitudes, then m directions; regions row by row from the image's top left (N, 2 m)",
@@ -134,7 +135,7 @@ def session_features(recording: Recording, settings: Features, out: str | Path, 
             f"{recording.folder}: session {recording.session.session} has no images; it is force-only"
         )
     with atomic(out) as temporary, h5py.File(temporary, "w", track_order=True) as file:
-        _write_attributes(file, recording.session, settings)
+        _write_attributes(file, recording, settings)
         _write_rows(file, rows)
         m2 = 2 * settings.regions**2
         feature = file.create_dataset("feature", (len(rows), m2), "f4", chunks=(min(16, len(rows)), m2))
@@ -175,11 +176,14 @@ def _features_in_batches(
             yield np.stack(list(pool.map(features, batch)))
 
 
-def _write_attributes(file: h5py.File, session: Session, settings: Features) -> None:
+def _write_attributes(file: h5py.File, recording: Recording, settings: Features) -> None:
+    """Write what made the file; excluded_images: by indentation, how many at its depth a test of the session took out."""
+    session = recording.session
     file.attrs["format"] = FORMAT
     file.attrs["session"] = session.session
     file.attrs["synthetic"] = session.synthetic
     file.attrs["digest"] = features_digest(session, settings)
+    file.attrs["excluded_images"] = json.dumps(dict(recording.excluded_images))
 
 
 def _write_rows(file: h5py.File, rows: pd.DataFrame) -> None:

@@ -17,8 +17,9 @@ from gelforge.recording import checks
 from gelforge.recording.checks import RecordingError
 from gelforge.recording.images import check_images
 from gelforge.recording.join import cells_of_presses
-from gelforge.recording.plausibility.findings import Findings
-from gelforge.recording.plausibility.session import SessionData, apply_findings, examine
+from gelforge.recording.plausibility.findings import Finding, Findings
+from gelforge.recording.plausibility.session import SessionData, apply_findings, examine, refuse
+from gelforge.recording.plausibility.streams import ForceLog, check_ends, gap_findings, read_force_log
 
 AXES = ("x", "y", "z")
 FORCE = ["fx_N", "fy_N", "fz_N"]
@@ -31,8 +32,6 @@ COLUMNS = [
     "image",
     "excluded",  # names of the tests that took the force or the image out of this row
 ]
-FT_WINDOW_S = 0.02  # samples of ft.csv this far from a reading are averaged: less than a camera's frame time
-FT_GAP_S = 1.0  # a reading this far from every sample has no force
 
 
 @dataclass(frozen=True)
@@ -43,6 +42,7 @@ class Recording:
     readings: pd.DataFrame
     folder: Path
     findings: Findings = field(default_factory=Findings)
+    excluded_images: Mapping[str, int] = field(default_factory=dict)  # at depth, by indentation
 
 
 def read_recording(
@@ -69,9 +69,11 @@ def read_recording(
     path = folder / "indentations.csv"
     table = _read_table(path, folder / "ft.csv")
     checks.check_rows(path, table)
-    raw = _raw_force(table, folder)
-    checks.check_raw_force(path, table, raw, session.force)
-    checks.check_saturation(path, table, raw, session.force)
+    raw, log, gaps = _raw_force(table, folder, session)
+    refuse(folder, Findings(session.session, tuple(gaps)))
+    read = np.isfinite(raw).all(axis=1) if gaps else np.ones(len(raw), bool)
+    checks.check_raw_force(path, table[read], raw[read], session.force)
+    checks.check_saturation(path, table[read], raw[read], session.force)
 
     readings = table.copy()
     readings["session"] = session.session
@@ -85,9 +87,11 @@ def read_recording(
     if cells is not None:
         readings["cell"] = cells_of_presses(path, readings, cells)
     check_images(folder, readings["image"], session)
-    findings = examine(SessionData(folder, session, readings, cells))
-    readings = apply_findings(readings, findings, FORCE)
-    return Recording(session, readings[COLUMNS].reset_index(drop=True), folder, findings)
+    findings = examine(SessionData(folder, session, readings, cells, log), gaps)
+    kept = apply_findings(readings, findings, FORCE)
+    lost = at_commanded_depth(readings) & (readings["image"] != "") & (kept["image"] == "")
+    excluded_images = readings.loc[lost, "press"].value_counts().to_dict()
+    return Recording(session, kept[COLUMNS].reset_index(drop=True), folder, findings, excluded_images)
 
 
 def stage_to_sensor(xy: np.ndarray, stage: StageToSensor) -> np.ndarray:
@@ -178,35 +182,14 @@ def _read_table(path: Path, ft: Path) -> pd.DataFrame:
     )
 
 
-def _raw_force(table: pd.DataFrame, folder: Path) -> np.ndarray:
-    """Return the forces as recorded (N, 3) [N], from ft.csv where it stands beside the table."""
+def _raw_force(
+    table: pd.DataFrame, folder: Path, session: Session
+) -> tuple[np.ndarray, ForceLog | None, list[Finding]]:
+    """Return the forces as recorded (N, 3) [N], from ft.csv where it stands beside the table, NaN in its gaps."""
     path = folder / "ft.csv"
     if not path.is_file():
-        return table[FORCE].to_numpy()
-    samples = read_csv(path, numbers=["time_s", *FORCE])
-    backward = np.flatnonzero(np.diff(samples["time_s"]) <= 0)
-    if len(backward):
-        line = samples.index[backward[0] + 1]
-        raise RecordingError(
-            f"{path}, row {line}: time_s {samples.at[line, 'time_s']} does not increase; sort the file"
-        )
-    return _at_times(path, table, samples["time_s"].to_numpy(), samples[FORCE].to_numpy())
-
-
-def _at_times(path: Path, table: pd.DataFrame, time: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Return forces (N, 3) at the readings' times: the mean of samples within FT_WINDOW_S, or between neighbours."""
-    at = table["time_s"].to_numpy()
-    first, last = np.searchsorted(time, [at - FT_WINDOW_S, at + FT_WINDOW_S])
-    total = np.concatenate([np.zeros((1, 3)), np.cumsum(force, axis=0)])  # (T + 1, 3)
-    count = last - first
-    mean = (total[last] - total[first]) / np.maximum(count, 1)[:, None]
-    between = np.stack([np.interp(at, time, component) for component in force.T], axis=1)
-    after = np.searchsorted(time, at).clip(1, len(time) - 1) if len(time) > 1 else np.zeros(len(at), int)
-    nearest = np.minimum(np.abs(time[after] - at), np.abs(time[np.maximum(after - 1, 0)] - at))
-    if nearest.max() > FT_GAP_S:
-        line = table.index[nearest.argmax()]
-        raise RecordingError(
-            f"{path}: no force sample within {FT_GAP_S} s of the reading at {table.at[line, 'time_s']} s "
-            f"(indentations.csv, row {line}); both files need one clock"
-        )
-    return np.where(count[:, None] > 0, mean, between)
+        return table[FORCE].to_numpy(), None, []
+    log = read_force_log(path, session.force.delay_s)
+    check_ends(path, table, log)
+    raw = log.at(table["time_s"].to_numpy())
+    return raw, log, gap_findings(table, raw, log, session)

@@ -27,6 +27,7 @@ COLUMNS = [
     "found",
     "remedy",
 ]
+MOST = 0.5  # of a session's indentations without one channel: what is left says little about the session
 NAMED = 3  # indentations that one line names; the table holds all
 
 
@@ -100,6 +101,13 @@ def collect(session: str, found: Iterable[Finding], confirmed: Sequence[str] = (
             for f in found
         ),
     )
+
+
+def mostly(found: list[Finding], indentations: int) -> list[Finding]:
+    """Return exclusions as they are, or as errors where they are more than MOST of a session's indentations."""
+    if len(found) <= MOST * indentations:
+        return found
+    return [replace(finding, level="error", rows=()) for finding in found]
 
 
 def write_findings(path: str | Path, findings: Findings) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from gelforge.config import Session
 from gelforge.indentation.plan import PlannedCell
 from gelforge.recording.checks import RecordingError
 from gelforge.recording.plausibility.findings import Finding, Findings, collect
+from gelforge.recording.plausibility.streams import ForceLog
 
 
 @dataclass(frozen=True)
@@ -23,28 +24,35 @@ class SessionData:
     session: Session
     readings: pd.DataFrame  # columns of readings.COLUMNS, index: line of indentations.csv
     cells: Mapping[str, PlannedCell] | None = None  # the plan, where the session was joined to one
+    log: ForceLog | None = None  # ft.csv, where there is one
 
 
 Test = Callable[[SessionData], list[Finding]]
 TESTS: dict[str, Test] = {}
 
 
-def examine(data: SessionData, found: list[Finding] | None = None) -> Findings:
-    """Return what all tests find in a session; found: what its reading found already (gaps of ft.csv).
+def examine(data: SessionData, lost: Sequence[Finding] = ()) -> Findings:
+    """Return what all tests find in a session; lost: what is not there to be confirmed (gaps of ft.csv).
 
     Raises RecordingError in one line where a finding is an error.
     """
-    every = list(found or [])
-    for test in TESTS.values():
-        every += test(data)
-    findings = collect(data.session.session, every, data.session.confirmed)
-    if errors := findings.lines("error"):
-        more = f" ({len(errors) - 1} more finding(s) of this kind)" if len(errors) > 1 else ""
-        tests = ", ".join(dict.fromkeys(f.test for f in findings.of("error")))
-        raise RecordingError(
-            f"{data.folder}: {errors[0]}; if it is right, confirm it: `confirmed: [{tests}]` in session.yaml{more}"
-        )
-    return findings
+    name, confirmed = data.session.session, data.session.confirmed
+    tested = collect(name, (finding for test in TESTS.values() for finding in test(data)), confirmed)
+    refuse(data.folder, tested)
+    return Findings(name, (*lost, *tested))
+
+
+def refuse(folder: Path, findings: Findings) -> None:
+    """Raise RecordingError in one line where a finding is an error."""
+    errors = findings.of("error")
+    if not errors:
+        return
+    lines = findings.lines("error")
+    tests = ", ".join(dict.fromkeys(finding.test for finding in errors))
+    more = f"; {len(lines) - 1} further error(s) after this one" if len(lines) > 1 else ""
+    raise RecordingError(
+        f"{folder}: {lines[0]}; or, if it is right, `confirmed: [{tests}]` in session.yaml{more}"
+    )
 
 
 def apply_findings(readings: pd.DataFrame, findings: Findings, force: list[str]) -> pd.DataFrame:
