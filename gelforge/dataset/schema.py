@@ -56,7 +56,11 @@ COLUMNS = {
         ("3",), "f8", "N", "standard deviation of total_force_fem_N, as force_sigma_N", False
     ),
     "total_force_ft_N": Column(
-        ("3",), "f8", "N", "measured force on the sensor, sensor frame, zero subtracted; NaN where a test of the session excluded it", True
+        ("3",),
+        "f8",
+        "N",
+        "measured force on the sensor, sensor frame, zero subtracted; NaN where a test of the session excluded it",
+        True,
     ),
     "position_mm": Column(("2",), "f8", "mm", "planned position x, y in the sensor frame", False),
     "depth_mm": Column((), "f8", "mm", "planned depth; 0 for untouched rows", False),

@@ -35,7 +35,10 @@ DATASETS = {
     "image_index": ("1", "number of the image within its press, from 0 (N)"),
     "position_mm": ("mm", "commanded position in the sensor frame (N, 2)"),
     "depth_mm": ("mm", "commanded depth, 0 for untouched rows (N)"),
-    "force_N": ("N", "measured force on the sensor in the sensor frame, zero subtracted; NaN: excluded (N, 3)"),
+    "force_N": (
+        "N",
+        "measured force on the sensor in the sensor frame, zero subtracted; NaN: excluded (N, 3)",
+    ),
     "feature": (
         "px, rad",
         "m magnitudes, then m directions; regions row by row from the image's top left (N, 2 m)",

@@ -12,12 +12,13 @@ import pandas as pd
 from gelforge.config import ForceSensor, Sensor, Session, StageToSensor, load_session
 from gelforge.csv_table import read_csv
 from gelforge.files import write_text
-from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell
+from gelforge.indentation.plan import PlannedCell
 from gelforge.recording import checks
 from gelforge.recording.checks import RecordingError
 from gelforge.recording.images import check_images
 from gelforge.recording.join import cells_of_presses
 from gelforge.recording.plausibility.findings import Finding, Findings
+from gelforge.recording.plausibility.indentations import at_commanded_depth
 from gelforge.recording.plausibility.session import SessionData, apply_findings, examine, refuse
 from gelforge.recording.plausibility.streams import ForceLog, check_ends, gap_findings, read_force_log
 
@@ -127,13 +128,6 @@ def zero_force(path: Path, readings: pd.DataFrame) -> np.ndarray:
             "or set force.tared: true in session.yaml if zero is already subtracted"
         )
     return zero.loc[readings["press"]].to_numpy()
-
-
-def at_commanded_depth(readings: pd.DataFrame) -> np.ndarray:
-    """Return (N,) bool: the load and dwell readings at the press's commanded depth, its deepest load or dwell row."""
-    held = readings["phase"].isin(["load", "dwell"])
-    deepest = readings["depth_mm"].where(held).groupby(readings["press"]).transform("max")
-    return (held & ((deepest - readings["depth_mm"]).abs() <= POSITION_MATCH_MM)).to_numpy()
 
 
 def sample_rows(readings: pd.DataFrame) -> pd.DataFrame:

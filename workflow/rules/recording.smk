@@ -2,18 +2,22 @@
 
 
 rule readings:
-    """Forces on the sensor, in the sensor's frame, zero subtracted."""
+    """Forces on the sensor, in the sensor's frame, zero subtracted, and what the tests of the session found."""
     input:
-        raw=lambda wildcards: session_files(wildcards.session, "session.yaml", "indentations.csv", "ft.csv"),
+        raw=lambda wildcards: session_files(
+            wildcards.session, "session.yaml", "indentations.csv", "ft.csv", "reference.png", "images"
+        ),
     output:
-        ensure(f"{RESULTS}/recordings/{{session}}.csv", non_empty=True),
+        readings=ensure(f"{RESULTS}/recordings/{{session}}.csv", non_empty=True),
+        findings=f"{RESULTS}/recordings/{{session}}.findings.csv",
     log:
         f"{LOGS}/recordings/{{session}}.log",
     params:
         sensor=block("sensor", "plan"),
         source=source_digest("recording"),
     shell:
-        "{GELFORGE:q} readings --study {STUDY_FILE:q} --session {wildcards.session:q} --out {output:q} &> {log:q}"
+        "{GELFORGE:q} readings --study {STUDY_FILE:q} --session {wildcards.session:q}"
+        " --out {output.readings:q} &> {log:q}"
 
 
 rule features:

@@ -32,6 +32,7 @@ rule report:
         tables=table_files(),
         verification=f"{RESULTS}/tables/verification.csv",
         agreement=f"{RESULTS}/agreement.csv" if STUDY.sessions else [],
+        findings=expand(f"{RESULTS}/recordings/{{session}}.findings.csv", session=STUDY.sessions),
         predictions=f"{RESULTS}/model/predictions.h5" if IMAGE_SESSIONS else [],
         mismatch=f"{RESULTS}/mismatch/report.html" if STUDY.sessions else [],
     output:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,10 @@ import pandas as pd
 from gelforge.config import Session
 from gelforge.indentation.plan import PlannedCell
 from gelforge.recording.checks import RecordingError
+from gelforge.recording.plausibility import forces
 from gelforge.recording.plausibility.findings import Finding, Findings, collect
+from gelforge.recording.plausibility.indentations import floor_N, indentation_table
+from gelforge.recording.plausibility.repeats import Run, repeats
 from gelforge.recording.plausibility.streams import ForceLog
 
 
@@ -26,9 +30,35 @@ class SessionData:
     cells: Mapping[str, PlannedCell] | None = None  # the plan, where the session was joined to one
     log: ForceLog | None = None  # ft.csv, where there is one
 
+    @cached_property
+    def indentations(self) -> pd.DataFrame:
+        """Return one row per indentation, see `indentation_table`."""
+        return indentation_table(self.readings)
+
+    @cached_property
+    def repeats(self) -> list[Run]:
+        """Return the runs of readings that cannot repeat one value, see `repeats`."""
+        return repeats(self.readings, self.indentations, self.session.force)
+
+    @property
+    def repeated_rows(self) -> set[int]:
+        """Return the labels of the readings in such runs."""
+        return {row for run in self.repeats for row in run.rows}
+
+    @cached_property
+    def floor_N(self) -> np.ndarray:
+        """Return (3,) [N], the force that is not told from none on each axis."""
+        force = self.session.force
+        return floor_N(self.readings, force.resolution_N, force.repeatability_N)
+
 
 Test = Callable[[SessionData], list[Finding]]
-TESTS: dict[str, Test] = {}
+TESTS: dict[str, Test] = {
+    "force_before_touch": forces.force_before_touch,
+    "force_repeats": forces.force_repeats,
+    "force_answers": forces.force_answers,
+    "force_grows": forces.force_grows,
+}
 
 
 def examine(data: SessionData, lost: Sequence[Finding] = ()) -> Findings:

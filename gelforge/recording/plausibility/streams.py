@@ -15,8 +15,12 @@ from gelforge.recording.plausibility.findings import Finding, mostly
 
 FORCE = ["fx_N", "fy_N", "fz_N"]
 WINDOW_S = 0.02  # samples this far from a reading are averaged: less than a camera's frame time
-GAP_PERIODS = 3.0  # samples farther apart than this many periods of the log enclose a gap: one or two lost are none
-SLOW_SHARE = 0.9  # the period is this quantile of the steps, so that a log that slows down while idle has no gaps
+GAP_PERIODS = (
+    3.0  # samples farther apart than this many periods of the log enclose a gap: one or two lost are none
+)
+SLOW_SHARE = (
+    0.9  # the period is this quantile of the steps, so that a log that slows down while idle has no gaps
+)
 SLOWEST = 10.0  # but at most so many times the median step, so that many gaps do not hide each other
 COARSEST_TICK_S = 0.1  # of a clock whose samples share stamps: the time between two dwell readings
 ENDS_S = 1.0  # readings farther than this before or after the whole log: its clock is another
@@ -86,7 +90,9 @@ def read_force_log(path: Path, delay_s: float = 0.0) -> ForceLog:
 
 def spread_stamps(stamps: np.ndarray, counts: np.ndarray, tick: float) -> np.ndarray:
     """Return a time for every sample: those that share a stamp lie evenly between it and the next, at most a tick on."""
-    room = np.minimum(np.append(np.diff(stamps), tick), tick)  # a gap behind a stamp is no room for its samples
+    room = np.minimum(
+        np.append(np.diff(stamps), tick), tick
+    )  # a gap behind a stamp is no room for its samples
     number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     return np.repeat(stamps, counts) + number * np.repeat(room / counts, counts)
 

@@ -1,0 +1,257 @@
+"""Tests of the force: near zero before touch, answering the indentation, growing with depth at a site."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from gelforge.recording.plausibility.findings import Finding, mostly
+from gelforge.recording.plausibility.indentations import force_over_depth
+from gelforge.recording.plausibility.streams import FORCE
+
+if TYPE_CHECKING:
+    from gelforge.recording.plausibility.session import SessionData
+
+AXES = np.array(["fx", "fy", "fz"])
+# Floors: resolution, repeatability and scatter of one reading together (`floor_N`).
+TARED_FLOORS = 5.0  # a mean of zero rows this far from zero is no noise
+TARED_SHARE = 0.01  # of the session's largest force: less does not decide how large a force is
+TARED_INDENTATIONS = 0.1  # of a session: fewer are single failures
+STEP_FLOORS = 15.0  # heavy tails reach 8 standard deviations once in 10000 readings, not 15
+STEP_SHARE = 0.2  # of the force at depth: what touches earlier is adhesion or the scatter of depth zero
+CLEAR_MM = (
+    0.1  # above the surface by more than this, or four standard deviations of depth zero, nothing touches
+)
+SILENT_FLOORS = 5.0
+SILENT_SHARE = 0.1  # of the session's usual force at that depth: softer than that is no site of one sensor
+OFF_MM = 0.05  # depth zero may be off by this, or by three times its stated scatter
+DEEPER = 1.5  # a depth this many times another's, under which a force proportional to depth grows by as much
+FALLS_TO = 0.5  # softening, ageing and relaxation take less than half of a force, growth not counted
+GROWING_FLOORS = 10.0
+
+
+def force_before_touch(data: SessionData) -> list[Finding]:
+    """Return sessions whose tared zero is none, and indentations whose force steps or touches before touch."""
+    return [*tared_zero(data), *steps_before_touch(data)]
+
+
+def tared_zero(data: SessionData) -> list[Finding]:
+    """Return that the zero rows of a tared session read more than nothing, or of which single indentations they do."""
+    zero = data.readings[data.readings["phase"] == "zero"].dropna(subset=FORCE)
+    if not data.session.force.tared or zero.empty:
+        return []
+    largest = data.readings[FORCE].abs().max().max()
+    noise = TARED_FLOORS * data.floor_N
+    limit = np.maximum(noise, TARED_SHARE * largest)
+    by_press = zero.groupby("press", sort=False)[
+        FORCE
+    ].median()  # one outlier among the rows of a press is none
+    size = by_press.abs().to_numpy() / limit
+    far = size.max(axis=1) > 1
+    axis = int(size.max(axis=0).argmax())
+    worst = int(size[:, axis].argmax())
+    read, press = float(by_press.iloc[worst, axis]), str(by_press.index[worst])
+    remedy = (
+        "set force.tared: false in session.yaml, so that the zero rows of each indentation are subtracted"
+    )
+    common = {
+        "test": "force_before_touch", "channel": "force", "remedy": remedy, "unit": "N", "value": abs(read),
+    }  # fmt: skip
+    if far.mean() > TARED_INDENTATIONS:
+        found = (
+            f"reads up to {read:.3g} N ({AXES[axis]}, press {press}) in the zero rows of a tared session, beyond the"
+            f" limit in {far.sum()} of {len(far)} indentations, of a resolution of"
+            f" {data.session.force.resolution_N[axis]:g} N"
+        )
+        return [Finding(level="error", found=found, limit=float(limit[axis]), **common)]
+    if (by_press.abs().to_numpy() > noise).any(axis=1).mean() > TARED_INDENTATIONS:
+        found = f"reads up to {read:.3g} N ({AXES[axis]}, press {press}) in the zero rows of a tared session"
+        return [Finding(level="note", found=found, limit=float(noise[axis]), **common)]
+    return []
+
+
+def steps_before_touch(data: SessionData) -> list[Finding]:
+    """Return the indentations whose force changes among their zero rows, or while approaching far above the surface."""
+    readings, scatter = data.readings, data.session.depth_zero.scatter_mm
+    clear = -max(CLEAR_MM, 4 * (scatter or 0.0))
+    before = (readings["phase"] == "zero") | (
+        (readings["phase"] == "approach") & (readings["depth_mm"] < clear)
+    )
+    rows = readings[before].dropna(subset=FORCE)
+    spread = rows.groupby("press", sort=False)[FORCE].agg(lambda values: values.max() - values.min())
+    largest = data.indentations["push_N"].reindex(spread.index)
+    largest = largest.fillna(0.0).to_numpy()[:, None]
+    limit = np.maximum(STEP_FLOORS * data.floor_N, STEP_SHARE * largest)
+    found = []
+    for k in np.flatnonzero((spread.to_numpy() > limit).any(axis=1)):
+        press, axis = str(spread.index[k]), int((spread.to_numpy()[k] / limit[k]).argmax())
+        own = readings.index[readings["press"] == press]
+        found.append(
+            Finding(
+                test="force_before_touch",
+                level="excluded",
+                channel="force",
+                press=press,
+                time_s=float(readings.at[own[0], "time_s"]),
+                value=float(spread.iloc[k, axis]),
+                limit=float(limit[k, axis]),
+                unit="N",
+                found=f"changes by {spread.iloc[k, axis]:.3g} N ({AXES[axis]}) before touch",
+                remedy="record zero rows clear of the surface and at rest",
+                rows=tuple(own),
+            )
+        )
+    return mostly(found, len(data.indentations))
+
+
+def force_repeats(data: SessionData) -> list[Finding]:
+    """Return the indentations in which a channel stays at one value, to the last digit, while it should change."""
+    runs = data.repeats
+    if not runs:
+        return []
+    channels: dict[int, list[str]] = {}
+    since: dict[int, int] = {}
+    for run in runs:
+        for row in run.rows:
+            channels.setdefault(row, []).append(f"{AXES[run.axis]} = {run.value:g} N")
+            since[row] = min(since.get(row, run.rows[0]), run.rows[0])
+    readings = data.readings
+    stuck = readings.loc[sorted(channels)]
+    found = []
+    for press, rows in stuck.groupby("press", sort=False):
+        own = readings[readings["press"] == press]
+        zero_gone = not data.session.force.tared and (rows["phase"] == "zero").any()
+        first = rows.index[0]
+        names = ", ".join(dict.fromkeys(channels[first]))
+        found.append(
+            Finding(
+                test="force_repeats",
+                level="excluded",
+                channel="force",
+                press=str(press),
+                time_s=float(rows.at[first, "time_s"]),
+                value=float(len(rows)),
+                unit="rows",
+                found=f"repeats one value to the last digit from press {readings.at[since[first], 'press']} on ({names})",
+                remedy="check the sensor's supply and plug, and record these indentations again",
+                rows=tuple(own.index if zero_gone else rows.index),
+            )
+        )
+    return mostly(found, len(data.indentations))
+
+
+def force_answers(data: SessionData) -> list[Finding]:
+    """Return the indentations that show no force where the session's others do, or that no indentation shows any.
+
+    A site's own answer at that depth or a shallower one is proof. A site that never answers is compared with the session's
+    force over depth; a shallow depth of a site that answers deeper may be above a tilted or domed surface and is let pass.
+    """
+    every, floor = data.indentations, float(data.floor_N[2])
+    if every.empty:
+        return []
+    if unanswered := _no_answer_at_all(every):
+        return [unanswered]
+    every = every[~every["row"].isin(data.repeated_rows)]
+    usual = force_over_depth(every, GROWING_FLOORS * floor)
+    if usual is None:
+        return []
+    off = max(OFF_MM, 3 * (data.session.depth_zero.scatter_mm or 0.0))
+    least = SILENT_SHARE * usual.at(every["depth_mm"].to_numpy() - off)
+    silent = every["push_N"].abs().to_numpy() < SILENT_FLOORS * floor
+    answered = every["depth_mm"].where(~silent & (every["push_N"].to_numpy() > 0))
+    shallowest = answered.groupby(every["site"]).transform("min").to_numpy()
+    proved = every["depth_mm"].to_numpy() >= shallowest + off
+    never = np.isnan(shallowest) & (every["depth_mm"].to_numpy() >= 0.5 * every["depth_mm"].max())
+    wrong = silent & (proved | never) & (least > SILENT_FLOORS * floor)
+    found = [
+        Finding(
+            test="force_answers",
+            level="excluded",
+            channel="force",
+            press=str(press),
+            time_s=row.time_s,
+            value=abs(row.push_N),
+            limit=float(limit),
+            unit="N",
+            found=f"is {row.push_N:.3g} N at {row.depth_mm:g} mm, where {usual.at(row.depth_mm):.3g} N is usual",
+            remedy="check sensor and indenter, and record these indentations again",
+            rows=tuple(data.readings.index[data.readings["press"] == press]),
+        )
+        for (press, row), limit in zip(every[wrong].iterrows(), least[wrong])
+    ]
+    return mostly(found, len(data.indentations))
+
+
+def _no_answer_at_all(every: pd.DataFrame) -> Finding | None:
+    """Return that the mean force of all indentations is not told from zero by its own scatter."""
+    push = every["push_N"].to_numpy()
+    if len(push) < 3:
+        return None
+    error = push.std(ddof=1) / np.sqrt(len(push))
+    if push.mean() > 3 * error:
+        return None
+    return Finding(
+        test="force_answers",
+        level="error",
+        channel="force",
+        value=float(push.mean()),
+        limit=float(3 * error),
+        unit="N",
+        found=f"answers no indentation: {push.mean():.3g} N on average over {len(push)} indentations",
+        remedy="check force.axes and the sensor; fz_N must fall below zero where the indenter presses",
+    )
+
+
+def force_grows(data: SessionData) -> list[Finding]:
+    """Return the indentations whose force is too small beside that of a much shallower one at the same site, both loading.
+
+    Forces are those of the first reading at depth, of two dwell or two load rows: relaxation is no fall. Of two that
+    contradict each other the one farther from the session's force over depth is blamed.
+    """
+    floor = float(data.floor_N[2])
+    usual = force_over_depth(data.indentations, GROWING_FLOORS * floor)
+    if usual is None:
+        return []
+    known = data.indentations[~data.indentations["row"].isin(data.repeated_rows)]
+    off = max(OFF_MM, 3 * (data.session.depth_zero.scatter_mm or 0.0))
+    found = []
+    for _, site in known.groupby(["site", "phase"], sort=False):
+        found += _fallen(data, site, usual, off, GROWING_FLOORS * floor)
+    return mostly(found, len(data.indentations))
+
+
+def _fallen(data: SessionData, site: pd.DataFrame, usual, off: float, least: float) -> list[Finding]:
+    """Return the findings of one site, blaming one indentation after the other until no two contradict each other."""
+    found: list[Finding] = []
+    while len(site) > 1:
+        depth, push = site["depth_mm"].to_numpy(), site["first_N"].to_numpy()
+        deeper = (depth[:, None] >= DEEPER * depth) & (depth[:, None] - off > depth + off)
+        fallen = deeper & (push[:, None] < FALLS_TO * push) & (push > least)  # (deep, shallow)
+        if not fallen.any():
+            return found
+        ratio = np.log(np.maximum(push, least / GROWING_FLOORS) / usual.at(depth))
+        both = np.abs(ratio - np.median(ratio)) * (fallen.any(axis=0) | fallen.any(axis=1))
+        k = int(both.argmax())
+        against = np.flatnonzero(fallen[k] | fallen[:, k])[0]
+        press = site.index[k]
+        found.append(
+            Finding(
+                test="force_grows",
+                level="excluded",
+                channel="force",
+                press=str(press),
+                time_s=float(site["time_s"].iloc[k]),
+                value=float(push[k]),
+                unit="N",
+                found=(
+                    f"does not grow with depth: {push[k]:.3g} N at {depth[k]:g} mm, {push[against]:.3g} N at"
+                    f" {depth[against]:g} mm of the same site (press {site.index[against]})"
+                ),
+                remedy="check depth_mm and the force of both indentations, and record the wrong one again",
+                rows=tuple(data.readings.index[data.readings["press"] == press]),
+            )
+        )
+        site = site.drop(index=press)
+    return found

@@ -1,0 +1,99 @@
+"""What the tests of the force compare: one row per indentation, the session's noise, and its own force over depth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy.spatial import cKDTree
+from scipy.stats import theilslopes
+
+from gelforge.indentation.plan import POSITION_MATCH_MM
+from gelforge.recording.plausibility.streams import FORCE
+
+NORMAL_MAD = 1.4826  # standard deviation of a normal variable over its median absolute deviation
+EXPONENTS = (
+    0.8,
+    2.5,
+)  # of force over depth: a flat punch has 1, a ball on a thick gel 1.5, on a thin one 2 and more
+
+
+@dataclass(frozen=True)
+class ForceOverDepth:
+    """The force that a session's indentations show at a depth: F = scale depth^exponent, the usual one of all its sites."""
+
+    scale: float
+    exponent: float
+
+    def at(self, depth_mm: np.ndarray | float) -> np.ndarray:
+        """Return the force towards the gel [N] at depths [mm], 0 above it."""
+        return self.scale * np.maximum(depth_mm, 0.0) ** self.exponent
+
+
+def at_commanded_depth(readings: pd.DataFrame) -> np.ndarray:
+    """Return (N,) bool: the load and dwell readings at the press's commanded depth, its deepest load or dwell row."""
+    held = readings["phase"].isin(["load", "dwell"])
+    deepest = readings["depth_mm"].where(held).groupby(readings["press"]).transform("max")
+    return (held & ((deepest - readings["depth_mm"]).abs() <= POSITION_MATCH_MM)).to_numpy()
+
+
+def indentation_table(readings: pd.DataFrame) -> pd.DataFrame:
+    """Return one row per indentation with a force: site, depth_mm, row and time_s of its first reading at depth, and
+
+    push_N, the mean force towards the gel there, first_N, that of its first reading there, of this phase.
+
+    Index: the indentation's name.
+    """
+    held = readings[at_commanded_depth(readings) & np.isfinite(readings[FORCE]).all(axis=1).to_numpy()]
+    rows = held.assign(row=held.index, push_N=-held["fz_N"]).groupby("press", sort=False)
+    table = rows.agg(
+        order=("order", "first"),
+        x_mm=("x_mm", "first"),
+        y_mm=("y_mm", "first"),
+        depth_mm=("depth_mm", "max"),
+        row=("row", "first"),
+        time_s=("time_s", "first"),
+        push_N=("push_N", "mean"),
+        first_N=("push_N", "first"),
+        phase=("phase", "first"),
+    )
+    return table.assign(site=_sites(table[["x_mm", "y_mm"]].to_numpy()))
+
+
+def _sites(xy: np.ndarray) -> np.ndarray:
+    """Return the number of each position's site: positions within POSITION_MATCH_MM of its first one."""
+    if not len(xy):
+        return np.zeros(0, int)
+    return np.array([min(near) for near in cKDTree(xy).query_ball_point(xy, POSITION_MATCH_MM)])
+
+
+def scatter_N(readings: pd.DataFrame, names: list[str]) -> np.ndarray:
+    """Return the standard deviations (3,) [N] of one reading, from differences between neighbours before touch and at rest.
+
+    Robust: the median of the differences, so that steps, spikes and relaxation count little.
+    """
+    same = (readings["press"] == readings["press"].shift()) & (readings["phase"] == readings["phase"].shift())
+    still = same & readings["phase"].isin(["zero", "dwell"])
+    steps = readings[names].diff()[still].abs().dropna()
+    return NORMAL_MAD * steps.median().fillna(0.0).to_numpy() / np.sqrt(2)
+
+
+def floor_N(readings: pd.DataFrame, resolution_N, repeatability_N) -> np.ndarray:
+    """Return (3,) [N]: resolution, repeatability and scatter together, below which a force is not told from none."""
+    stated = 0.0 if repeatability_N is None else np.asarray(repeatability_N, float)
+    scatter = np.maximum(scatter_N(readings, FORCE), stated)
+    return np.hypot(np.asarray(resolution_N, float), scatter)
+
+
+def force_over_depth(indentations: pd.DataFrame, least_N: float) -> ForceOverDepth | None:
+    """Return the session's own force over depth, from indentations that push by more than least_N; None without any."""
+    known = indentations[indentations["push_N"] > least_N]
+    if known.empty:
+        return None
+    depth, push = np.log(known["depth_mm"].to_numpy()), np.log(known["push_N"].to_numpy())
+    exponent = 1.5
+    if np.ptp(depth) > 0.1:  # depths that differ by more than a tenth
+        few = np.linspace(0, len(depth) - 1, min(len(depth), 300)).astype(int)  # pairs grow with the square
+        exponent = float(np.clip(theilslopes(push[few], depth[few])[0], *EXPONENTS))
+    return ForceOverDepth(float(np.exp(np.median(push - exponent * depth))), exponent)
