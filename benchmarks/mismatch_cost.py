@@ -45,7 +45,7 @@ SESSION = """session: {name}
 synthetic: true
 base_parameters: exact
 force: {{acts_on: sensor, resolution_N: [0.001, 0.001, 0.001]}}
-depth_zero: {{by: press, scatter_mm: 0.01}}
+depth_zero: {{by: press, press_scatter_mm: 0.01}}
 """
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from importlib import import_module
 from pathlib import Path
 
@@ -18,6 +19,7 @@ def main(argv: list[str] | None = None) -> int:
     arguments = vars(parser().parse_args(argv))
     debug, (module, function) = arguments.pop("debug"), arguments.pop("run").split(".")
     keep_compiled_kernels()
+    warnings.formatwarning = one_line
     try:
         getattr(import_module(f"gelforge.cli.{module}"), function)(**arguments)
     except KeyboardInterrupt:
@@ -32,6 +34,12 @@ def main(argv: list[str] | None = None) -> int:
         print(f"gelforge: {error}", file=sys.stderr)
         return 1
     return 0
+
+
+def one_line(message, category, filename, lineno, line=None, usual=warnings.formatwarning) -> str:
+    """Return a warning of ours as one line, another one as Python writes it."""
+    ours = category.__module__.startswith("gelforge.")
+    return f"gelforge: {message}\n" if ours else usual(message, category, filename, lineno, line)
 
 
 def keep_compiled_kernels() -> None:

@@ -88,18 +88,23 @@ session: session1
 synthetic: false
 sensor: "" # serial
 indenter: ball of radius 5 mm
-date: ""
+date: 2024-05-14 # or "" where it is not known
 notes: ""
 force:
   acts_on: sensor # sensor: pressing reads negative Fz; indenter: the force sensor is above and reads the reaction
   axes: [[1, 0, 0], [0, 1, 0], [0, 0, 1]] # rotation from the recorded axes to the sensor frame
   tared: false # false: each press's zero rows are subtracted
   resolution_N: [0.03, 0.03, 0.06]
+  repeatability_N: null # standard deviation of a reading of x, y, z, e.g. [0.01, 0.01, 0.02], where few repeats show it
 stage_to_sensor: # commanded position -> sensor frame
   origin_mm: [0.0, 0.0]
   rotation_deg: 0.0
   handedness: right
-depth_zero: {by: session, how: ""}
+depth_zero: # null: not known
+  by: session # or press: every press finds its own zero
+  how: ""
+  session_scatter_mm: null # standard deviation of the session's contact point, one error for all presses
+  press_scatter_mm: null # that from press to press: the stage's repeatability; with by: press also each press's own zero
 base_parameters: from_fit
 camera: # null for a force-only session
   width_px: 640

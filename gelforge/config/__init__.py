@@ -5,7 +5,7 @@ converted here. An unknown or out-of-range key is refused with its full path, th
 """
 
 from gelforge.config.circumstances import session_study
-from gelforge.config.common import NAME, ConfigError, Fraction, Name, NonNegative, Positive, Section
+from gelforge.config.common import NAME, ConfigError, Fraction, Name, NonNegative, OldKey, Positive, Section
 from gelforge.config.effects import Effects
 from gelforge.config.files import (
     load_section,
@@ -63,6 +63,7 @@ __all__ = [
     "Name",
     "NonNegative",
     "OgdenParameters",
+    "OldKey",
     "Plan",
     "Positive",
     "Section",

@@ -14,6 +14,10 @@ class ConfigError(ValueError):
     """A configuration that cannot be used: where, what was found, what is allowed."""
 
 
+class OldKey(FutureWarning):
+    """A key of an earlier version that is still read: as what, and what to write in its place."""
+
+
 def _check_name(name: str) -> str:
     if not NAME.fullmatch(name):
         raise ValueError(f"{name!r} is not a name; use letters, digits, '_' and '-'")

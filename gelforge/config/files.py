@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from difflib import get_close_matches
 from pathlib import Path
 from types import NoneType, UnionType
@@ -10,8 +11,8 @@ from typing import Any, Union, get_args, get_origin
 import yaml
 from pydantic import ValidationError
 
-from gelforge.config.common import ConfigError, Section
-from gelforge.config.session import Session
+from gelforge.config.common import ConfigError, OldKey, Section
+from gelforge.config.session import Session, old_scatter
 from gelforge.config.study import Study
 from gelforge.config.variants import merged
 from gelforge.config.virtual_lab import VirtualLab
@@ -24,6 +25,10 @@ def _read_yaml(path: Path) -> dict[str, Any]:
         raise ConfigError(f"{path}: no such file; name a YAML file that exists") from None
     except yaml.YAMLError as error:
         raise ConfigError(f"{path}: not valid YAML ({error})") from None
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: not UTF-8 ({error}); save it as UTF-8") from None
+    except ValueError as error:  # a date without quotes that no calendar has
+        raise ConfigError(f"{path}: not valid YAML ({error}); put dates in quotes") from None
     if not isinstance(content, dict):
         raise ConfigError(f"{path}: a mapping of keys is expected, found {type(content).__name__}")
     return content
@@ -95,8 +100,13 @@ def load_study(path: str | Path) -> Study:
 
 
 def load_session(path: str | Path) -> Session:
-    """Return the validated session described by a session.yaml."""
-    return _validated(Session, _read_yaml(Path(path)), str(path))
+    """Return the validated session described by a session.yaml; an old key is read with a warning (OldKey)."""
+    content = _read_yaml(Path(path))
+    session = _validated(Session, content, str(path))
+    old = old_scatter(content)
+    if old:
+        warnings.warn(f"{path}: {old}", OldKey, stacklevel=1)  # one place: told once, whoever loads it
+    return session
 
 
 def load_virtual_lab(path: str | Path) -> VirtualLab:

@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Literal
+import datetime
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from gelforge.config.common import Name, NonNegative, Positive, Section
+
+
+def _for_each_axis(value: Any) -> Any:
+    """Return one number as three, one per axis; anything else as it is."""
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return [value] * 3 if number else value
+
+
+def _as_text(value: Any) -> Any:
+    """Return a date that YAML has read as such (2024-05-14 without quotes) as text; anything else as it is."""
+    return value.isoformat() if isinstance(value, datetime.date) else value
 
 
 class ForceSensor(Section):
@@ -24,7 +37,10 @@ class ForceSensor(Section):
     )
     resolution_N: list[Positive] = Field([0.03, 0.03, 0.06], description="resolution of x, y, z [N]")
     range_N: list[Positive] | None = Field(None, description="largest force of x, y, z [N]")
-    repeatability_N: NonNegative | None = Field(None, description="scatter of repeated readings [N]")
+    repeatability_N: Annotated[list[NonNegative] | None, BeforeValidator(_for_each_axis)] = Field(
+        None,
+        description="standard deviation of repeated readings of x, y, z; one number stands for all three [N]",
+    )
 
     delay_s: float = Field(
         0.0, description="how much later than the stage's clock ft.csv stamps its samples [s]"
@@ -42,7 +58,7 @@ class ForceSensor(Section):
                     raise ValueError(
                         f"axes rows {i} and {j} have product {dot:.4g}; the rows must be orthonormal"
                     )
-        for name in ("resolution_N", "range_N"):
+        for name in ("resolution_N", "range_N", "repeatability_N"):
             if getattr(self, name) is not None and len(getattr(self, name)) != 3:
                 raise ValueError(f"{name} needs three numbers (x, y, z)")
         return self
@@ -61,12 +77,54 @@ class StageToSensor(Section):
 
 
 class DepthZero(Section):
-    """How depth zero was found."""
+    """How depth zero was found, and the two errors of the depth: one of each press, one of the whole session.
+
+    `scatter_mm`, the old key for either, is read until version 0.2: as that of `by`, the other is 0 (see `old_scatter`).
+    """
 
     by: Literal["session", "press"] = Field("session", description="once per session or at every press")
     how: str = Field("", description="procedure in words")
-    scatter_mm: NonNegative | None = Field(
-        None, description="standard deviation of the depth at which zero was found; null: not known [mm]"
+    press_scatter_mm: NonNegative | None = Field(
+        None,
+        description="standard deviation of the depth from press to press, one draw each: the stage's repeatability and, "
+        "with by: press, how well each press finds its zero; null: not known [mm]",
+    )
+    session_scatter_mm: NonNegative | None = Field(
+        None,
+        description="standard deviation of the session's contact point, one draw for all its presses; null: not known [mm]",
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_scatter(cls, keys: Any) -> Any:
+        if not isinstance(keys, Mapping) or "scatter_mm" not in keys:
+            return keys
+        keys = dict(keys)
+        scatter, by = keys.pop("scatter_mm"), keys.get("by", "session")
+        if scatter is None or by not in OTHERS:
+            return keys
+        own, other = f"{by}_scatter_mm", f"{OTHERS[by]}_scatter_mm"
+        for name in (own, other):
+            if keys.get(name) is not None:
+                raise ValueError(
+                    f"scatter_mm {scatter} beside {name} {keys[name]}: scatter_mm is the old name of {own} (by: {by}); "
+                    "remove it"
+                )
+        return keys | {own: scatter, other: 0.0}
+
+
+OTHERS = {"session": "press", "press": "session"}  # who has a depth error of its own: the other of two
+
+
+def old_scatter(keys: Mapping[str, Any]) -> str | None:
+    """Return what a session.yaml with the old key `depth_zero.scatter_mm` is read as, and what to write; None without it."""
+    zero = keys.get("depth_zero")
+    if not isinstance(zero, Mapping) or zero.get("scatter_mm") is None:
+        return None
+    by = zero.get("by", "session")
+    return (
+        f"depth_zero.scatter_mm {zero['scatter_mm']} is read as {by}_scatter_mm (by: {by}) with {OTHERS[by]}_scatter_mm: 0;"
+        " gelforge 0.2 will not read it, state both"
     )
 
 
@@ -114,7 +172,9 @@ class Session(Section):
     synthetic: bool = Field(False, description="true: made by a virtual lab, not measured")
     sensor: str = Field("", description="serial or name of the sensor that was pressed")
     indenter: str = Field("", description="indenter used")
-    date: str = Field("", description="date of the session")
+    date: Annotated[str, BeforeValidator(_as_text)] = Field(
+        "", description="date of the session, with quotes or without"
+    )
     notes: str = Field("", description="anything else")
     temperature_C: float | None = Field(None, description="room temperature [degC]")
     sensor_age_days: NonNegative | None = Field(None, description="age of the sensor [d]")

@@ -19,7 +19,7 @@ from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.sessions import SPEED_MM_PER_S
 from gelforge.mismatch.solutions import Solver
 from gelforge.mismatch.stage import problem_of, spread
-from gelforge.mismatch.touchdown import TOUCHDOWN_MM
+from gelforge.mismatch.touchdown import TOUCHDOWN_MM, depth_scatter
 from gelforge.mismatch.unsolved import base_where_solved
 from gelforge.mismatch.verdict import NamedEffect, Verdict
 
@@ -59,6 +59,7 @@ def planned_observations(
     table = pd.DataFrame(rows, columns=COLUMNS)
     sigma = np.array(ForceSensor().resolution_N) / np.sqrt(12)
     R = len(table)
+    press_depth, session_depth = depth_scatter(DepthZero(), study.mismatch.touchdown_mm)
     noise = np.broadcast_to(sigma, (R, 3)).copy()
     sites = np.array([[cell.x_mm, cell.y_mm] for cell in cells])
     found = Observations(
@@ -67,8 +68,8 @@ def planned_observations(
         sites,
         noise,
         noise / np.sqrt(3),
-        np.full(R, TOUCHDOWN_MM if study.mismatch.touchdown_mm is None else study.mismatch.touchdown_mm),
-        np.full(R, DepthZero().by),
+        np.full(R, press_depth),
+        np.full(R, TOUCHDOWN_MM if np.isnan(session_depth) else session_depth),
         came_along=np.concatenate([last_moves(own) for _, own in table.groupby("session", sort=False)]),
     )
     return spread(found, study)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import pandas as pd
 import scipy.sparse as sp
 
 from gelforge.mismatch.context import Context
@@ -195,25 +196,28 @@ def readings_covariance(
 ) -> Covariance:
     """Return the covariance of the n entries that were read, without any effect.
 
-    Independent: noise_N. Per depth of a press: its rounding, one draw per axis. Per press: the subtracted zero, one draw
-    per axis; the depth's zero, one draw along the slope of the base (where zero_by says so, one per session in place of
-    one per press). Shared by all: law (R, 3, q) [N], one standard deviation of the base for each uncertain direction of
-    the material fit. Of the base's discretisation, of standard deviation floor_N (R, 3), half of the variance is common
-    to all and half is drawn for readings alike (R,), those of one press and its mirror images (none given: of one site).
+    Independent: noise_N. Per depth of a press: its rounding, one draw per axis. Per press: the subtracted zero and its
+    drift since, one draw per axis each; the depth, one draw along the slope of the base. Per session: its contact point,
+    one draw along that slope; the zero's trend, one draw per axis. Shared by all: law (R, 3, q) [N], one standard
+    deviation of the base for each uncertain direction of the material fit. Of the base's discretisation, of standard
+    deviation floor_N (R, 3), half of the variance is common to all and half is drawn for readings alike (R,), those of
+    one press and its mirror images (none given: of one site).
     """
     observations = context.observations
     labels, flat = observations.labels(), observations.flat
     axis, reading = labels["axis"].to_numpy(), labels["reading"].to_numpy()
-    touchdown = flat(observations.touchdown_mm[:, None] * context.slope())
-    by_session = np.asarray(observations.zero_by)[reading] == "session"
+    slope = context.slope()
     floor = discretisation(context, floor_N) / np.sqrt(2)
     per_axis = np.eye(3)[axis]
+    drift = per_axis * flat(observations.drift_N)[:, None]
     press = np.column_stack(
-        [per_axis * flat(observations.zero_N)[:, None], np.where(by_session, 0, touchdown)]
+        [
+            per_axis * flat(observations.zero_N)[:, None],
+            drift[:, drift.any(axis=0)],
+            flat(observations.press_depth_mm[:, None] * slope),  # the last column: see flow_covariance
+        ]
     )
-    session = np.where(by_session[:, None], touchdown[:, None] * _indicators(labels["session"]), 0.0)
-    session = session[:, session.any(axis=0)]
-    common = np.column_stack([flat(law), floor, session])
+    common = np.column_stack([flat(law), floor, *_of_sessions(context, labels, per_axis)])
     alike = labels["site"] if alike is None else np.asarray(alike)[reading]
     levels = [
         Draws(_numbered(labels["press"]), press, noise=3),
@@ -225,6 +229,15 @@ def readings_covariance(
         depth = labels.groupby(["press", "phase", "depth_mm"]).ngroup().to_numpy()
         levels.insert(0, Draws(depth, per_axis * rounding[:, None], noise=3))
     return Covariance(flat(observations.noise_N) ** 2, tuple(levels), estimated_noise(observations))
+
+
+def _of_sessions(context: Context, labels: pd.DataFrame, per_axis: np.ndarray) -> list[np.ndarray]:
+    """Return the columns (n, .) of what a session's entries share: its contact point, then the zero's trend by axis."""
+    observations, session = context.observations, _indicators(labels["session"])
+    contact = observations.flat(observations.session_depth_mm[:, None] * context.slope())
+    trend = per_axis * observations.flat(observations.trend_N)[:, None]
+    found = [contact[:, None] * session, *(trend[:, [k]] * session for k in range(3))]
+    return [columns[:, columns.any(axis=0)] for columns in found]
 
 
 def estimated_noise(observations: Observations) -> Estimated:

@@ -282,7 +282,11 @@ def _noise(problem: Problem, cases: Sequence[form.NoiseCase]) -> form.Noise:
     return form.Noise(
         stated_N=by_axis(observations.flat(observations.noise_N)),
         zero_N=by_axis(observations.flat(observations.zero_N)),
-        touchdown_mm=float(np.sqrt(np.mean(observations.touchdown_mm**2))),
+        touchdown_mm=float(
+            np.sqrt(np.mean(observations.press_depth_mm**2 + observations.session_depth_mm**2))
+        ),
+        press_depth_mm=float(np.sqrt(np.mean(observations.press_depth_mm**2))),
+        session_depth_mm=float(np.sqrt(np.mean(observations.session_depth_mm**2))),
         floor_N=by_axis(floor),
         law_N=by_axis(laws),
         sensitivity=list(cases),
@@ -292,8 +296,8 @@ def _noise(problem: Problem, cases: Sequence[form.NoiseCase]) -> form.Noise:
 def _shared_errors(covariance: Covariance) -> tuple[np.ndarray, np.ndarray]:
     """Return the standard deviations (n,) [N] that the discretisation and the laws bring to each entry.
 
-    Directions that all entries share are those of the laws, then half of the floor, then a column per session where depth
-    zero is the session's (readings_covariance).
+    Directions that all entries share are those of the laws, then half of the floor, then what each session has of its
+    own (readings_covariance).
     """
     levels, none = covariance.levels, np.zeros(len(covariance))
     if len(levels) < 3:

@@ -136,9 +136,12 @@ def _observations(forces: Observations, seen: Sequence[Seen], shown: np.ndarray)
         force=np.concatenate([forces.force, np.column_stack([flow, nothing])]),
         noise_N=np.concatenate([forces.noise_N, np.column_stack([noise, nothing])]),
         zero_N=np.concatenate([forces.zero_N, np.zeros((len(table), 3))]),
-        touchdown_mm=np.concatenate([forces.touchdown_mm, forces.touchdown_mm[numbers]]),
-        zero_by=np.concatenate([forces.zero_by, np.asarray(forces.zero_by)[numbers]]),
-        rounding_N=np.concatenate([forces.rounding_N, np.zeros((len(table), 3))]),
+        press_depth_mm=np.concatenate([forces.press_depth_mm, forces.press_depth_mm[numbers]]),
+        session_depth_mm=np.concatenate([forces.session_depth_mm, forces.session_depth_mm[numbers]]),
+        **{
+            name: np.concatenate([getattr(forces, name), np.zeros((len(table), 3))])
+            for name in ("rounding_N", "drift_N", "trend_N")
+        },
         came_along=np.concatenate([forces.came_along, forces.came_along[numbers]]),
         repeats=np.concatenate([forces.repeats, np.full(len(table), np.inf)]),
         tails=np.concatenate([forces.tails, np.ones(len(table))]),

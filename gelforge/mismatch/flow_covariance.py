@@ -190,19 +190,24 @@ def _touchdown(problem: Problem, model: FlowModel, rows: Rows):
     force, flow = [], []
     session = np.zeros((rows.shown.sum() * 2, common.directions.shape[1]))
     last = model.base.law.shape[-1] + alike.directions.shape[1]  # columns of laws and floor come first
+    depths = problem.observations.session_depth_mm
+    found = labels.loc[depths[labels["reading"]] > 0, "session"].nunique()  # one column each comes next
     for k, seen in enumerate(model.seen):
         own = (labels["press"] == seen.row["press"]).to_numpy()
-        sd = problem.observations.touchdown_mm[int(seen.row.name)]
         alone = np.zeros_like(slope)
-        alone[k] = sd * slope[k]
-        if np.asarray(problem.observations.zero_by)[int(seen.row.name)] == "session":
-            column = last + int(np.argmax(np.abs(common.directions[own][:, last:]).sum(axis=0)))
-            session[:, column] += rows.flat(alone)
+        alone[k] = slope[k]
+        if depths[int(seen.row.name)] > 0:
+            columns = np.abs(common.directions[own][:, last : last + found])
+            session[:, last + int(np.argmax(columns.sum(axis=0)))] += depths[int(seen.row.name)] * rows.flat(
+                alone
+            )
+        sd = problem.observations.press_depth_mm[int(seen.row.name)]
+        if sd == 0:
             continue
         column = np.where(own, by_press[:, -1], 0.0)
         by_press[own, -1] = 0.0
         force.append(column)
-        flow.append(rows.flat(alone))
+        flow.append(sd * rows.flat(alone))
     n, f = rows.entries, len(session)
     return (
         by_press,

@@ -42,16 +42,16 @@ def reading_noise(recording: Recording) -> tuple[np.ndarray, np.ndarray, tuple[f
         rounding = np.where(scatter < step / 2, step / np.sqrt(12), 0.0)
         tails = _tails(found.fourths, found.expected, scatter, rounding == 0)
         return np.maximum(scatter, LEAST_SCATTER * step), rounding, (float(found.freedom), tails), said
-    stated = session.force.repeatability_N
+    stated = np.broadcast_to(session.force.repeatability_N or 0.0, 3)
     said = (
         f"{session.session}: {found.freedom} repeated readings, {LEAST_FREEDOM} are needed to know the noise; "
         + (
             "the stated repeatability is used"
-            if stated
+            if stated.any()
             else "the stated resolution is taken as its standard deviation"
         )
     )
-    return np.full(3, stated) if stated else step, np.zeros(3), (np.inf, 1.0), [said]
+    return np.where(stated > 0, stated, step), np.zeros(3), (np.inf, 1.0), [said]
 
 
 @dataclass(frozen=True, eq=False)

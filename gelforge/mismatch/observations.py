@@ -15,8 +15,8 @@ COLUMNS = [
     *("deepest_mm", "age_days", "temperature_C"),
 ]
 ARRAYS = [  # of observations, one row per reading
-    *("force", "noise_N", "zero_N", "touchdown_mm", "zero_by"),
-    *("rounding_N", "came_along", "repeats", "tails"),
+    *("force", "noise_N", "zero_N", "press_depth_mm", "session_depth_mm"),
+    *("rounding_N", "drift_N", "trend_N", "came_along", "repeats", "tails"),
 ]
 PLACE_DIGITS = 6  # positions that agree so far [mm] are one
 
@@ -39,6 +39,9 @@ class Observations:
     """R readings of the force on the sensor, zero subtracted; rows before touch are not among them.
 
     noise_N, rounding_N and zero_N are standard deviations; zero_N is of the subtracted zero, one draw per press and axis.
+    So are press_depth_mm (the stage's repeatability, a zero that each press finds by itself) and session_depth_mm (the
+    session's contact point): of the depth, one draw per press and one per session. drift_N and trend_N are those of the
+    zero's change since it was read, one draw per press and axis, and one per session and axis.
     table: columns as in COLUMNS, index 0..R-1. `press` is unique over all sessions, `site` counts distinct positions,
     `press_time_s` runs from the press's first touch (its commanded depth 0), `deepest_mm` is the press's deepest depth.
     """
@@ -48,10 +51,12 @@ class Observations:
     sites: np.ndarray  # (S, 2) [mm]
     noise_N: np.ndarray  # (R, 3) of one reading, quantisation included
     zero_N: np.ndarray  # (R, 3), 0 if tared
-    touchdown_mm: np.ndarray  # (R,) standard deviation of the depth's zero
-    zero_by: np.ndarray  # (R,) "press" or "session": what shares one draw of it
+    press_depth_mm: np.ndarray  # (R,)
+    session_depth_mm: np.ndarray  # (R,)
     _: KW_ONLY
     rounding_N: np.ndarray = 0.0  # (R, 3) standard deviation of rounding, shared at one depth of a press
+    drift_N: np.ndarray = 0.0  # (R, 3)
+    trend_N: np.ndarray = 0.0  # (R, 3)
     came_along: np.ndarray = (
         0.0  # (R, 2, 2) the stage's last moves before the press, see last_moves; 0: not known
     )
@@ -62,7 +67,8 @@ class Observations:
 
     def __post_init__(self):
         R = len(self.force)
-        shapes = {"rounding_N": (R, 3), "came_along": (R, 2, 2), "repeats": R, "tails": R}
+        shapes = {"rounding_N": (R, 3), "drift_N": (R, 3), "trend_N": (R, 3)}
+        shapes |= {"came_along": (R, 2, 2), "repeats": R, "tails": R}
         for name, shape in shapes.items():  # one number stands for all readings
             object.__setattr__(self, name, np.broadcast_to(getattr(self, name), shape))
 

@@ -94,7 +94,7 @@ def readings(table: pd.DataFrame, sigma_N: float) -> Observations:
         noise,
         np.zeros((R, 3)),
         np.full(R, TOUCHDOWN_MM),
-        np.full(R, "press"),
+        np.zeros(R),
         cannot_know=NO_TIMES,
     )
 

@@ -14,7 +14,7 @@ from gelforge.indentation.plan import POSITION_MATCH_MM
 from gelforge.mismatch.noise import reading_noise
 from gelforge.mismatch.observations import ARRAYS, COLUMNS, Observations, last_moves
 from gelforge.mismatch.outliers import without_outliers
-from gelforge.mismatch.touchdown import with_touchdown
+from gelforge.mismatch.touchdown import depth_scatter, with_touchdown
 from gelforge.recording.readings import AXES, FORCE, Recording, axes_of_stage, read_recording
 
 SPEED_MM_PER_S = 1.0  # assumed where a press has one moving row only
@@ -47,7 +47,7 @@ def observe(
 ) -> Observations:
     """Return the readings of some sessions, judged together. Raises RecordingError as the reader does.
 
-    touchdown_mm: the scatter of depth zero in place of all that the sessions say and show of it.
+    touchdown_mm: the scatter of depth zero, of presses or sessions as `depth_zero.by` says, in place of what is stated.
     """
     recordings = [read_recording(folder, None, sensor) for folder in folders]
     parts = [_of_session(recording, speed_mm_per_s, touchdown_mm) for recording in recordings]
@@ -68,15 +68,15 @@ def _of_session(recording: Recording, speed_mm_per_s: float, touchdown_mm: float
     force[:, _dead_axes(force, session, unknown)] = np.nan
     count = (readings["phase"] == "zero").groupby(readings["press"]).sum().reindex(readings["press"])
     zero = np.sqrt(noise**2 / np.maximum(count.to_numpy(), 1)[:, None] + rounding**2)
-    scatter = session.depth_zero.scatter_mm if touchdown_mm is None else touchdown_mm
+    press_depth, session_depth = depth_scatter(session.depth_zero, touchdown_mm)
     return Observations(
         table,
         force,
         np.empty((0, 2)),
         np.broadcast_to(noise, (R, 3)),
         np.zeros((R, 3)) if session.force.tared else zero,
-        np.full(R, np.nan if scatter is None else scatter),
-        np.full(R, session.depth_zero.by),
+        np.full(R, press_depth),
+        np.full(R, session_depth),
         rounding_N=rounding,
         came_along=last_moves(table, axes_of_stage(session.stage_to_sensor)),
         repeats=repeats,

@@ -257,7 +257,11 @@ class Noise(Section):
 
     stated_N: ThreeAxes = Field(description="Standard deviation of one reading, x, y, z [N]")
     zero_N: ThreeAxes = Field(description="Of the subtracted zero, one draw per press, x, y, z [N]")
-    touchdown_mm: NonNegative = Field(description="Of the depth's zero [mm]")
+    touchdown_mm: NonNegative = Field(description="Of the depth, of both kinds below [mm]")
+    press_depth_mm: NonNegative | None = Field(None, description="Of the depth, one draw per press [mm]")
+    session_depth_mm: NonNegative | None = Field(
+        None, description="Of the depth, one draw per session: its contact point [mm]"
+    )
     floor_N: ThreeAxes = Field(description="Of the base's discretisation, root mean square, x, y, z [N]")
     law_N: ThreeAxes = Field(description="Of the base's fitted material laws, root mean square, x, y, z [N]")
     sensitivity: list[NoiseCase] = Field([], description="The verdict over the scale of the stated noise")

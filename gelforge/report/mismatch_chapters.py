@@ -6,7 +6,7 @@ import os
 
 import pandas as pd
 
-from gelforge.mismatch.verdict import PAGE, VERDICT, HeldOut, VerdictError
+from gelforge.mismatch.verdict import PAGE, VERDICT, HeldOut, Noise, VerdictError
 from gelforge.report.chapters import Chapter, Facts, Link
 from gelforge.report.mismatch_answer import ranking, set_aside, undecided
 from gelforge.report.mismatch_curves import noise_figure
@@ -84,10 +84,21 @@ def noise(results: MismatchResults) -> Chapter:
     named |= {"mesh": stated.floor_N, "materials' fit": stated.law_N}
     rows = [{"error of": n} | {f"{a}_N": number(v) for a, v in zip("xyz", s)} for n, s in named.items()]
     chapter.tabulate(
-        f"Standard deviations that were allowed for; the depth's zero: {stated.touchdown_mm:.3g} mm.",
+        f"Standard deviations that were allowed for; {_depth_errors(stated)}.",
         pd.DataFrame(rows),
     )
     return chapter
+
+
+def _depth_errors(stated: Noise) -> str:
+    """Return in words how well the depth was taken to be known."""
+    parts = {
+        "from press to press": stated.press_depth_mm,
+        "of a session's contact point": stated.session_depth_mm,
+    }
+    if None in parts.values():  # a verdict of an earlier version
+        return f"the depth's zero: {stated.touchdown_mm:.3g} mm"
+    return "the depth: " + ", ".join(f"{size:.3g} mm {words}" for words, size in parts.items())
 
 
 def limits(results: MismatchResults) -> Chapter:

@@ -158,7 +158,9 @@ def session_description(lab: VirtualLab, lab_session: VirtualSession, study: Stu
             resolution_N=lab.force.resolution_N,
         ),
         stage_to_sensor=lab_session.stage_to_sensor,
-        depth_zero=DepthZero(by="press", how="touchdown of every press", scatter_mm=lab.force.touchdown_mm),
+        depth_zero=DepthZero(
+            by="press", how="touchdown of every press", press_scatter_mm=lab.force.touchdown_mm
+        ),
         camera=lab.camera,
     )
 

@@ -167,9 +167,8 @@ def context(
     base = force(rows["x_mm"].to_numpy(), rows["y_mm"].to_numpy(), rows["depth_mm"].to_numpy())
     noise = np.broadcast_to(np.array(noise_N, dtype=float), base.shape)
     zero = np.zeros_like(noise) if tared else noise / np.sqrt(ZERO_ROWS)
-    touchdown = np.full(len(rows), float(touchdown_mm))
-    by = np.full(len(rows), zero_by)
-    observations = Observations(rows, base, where, noise, zero, touchdown, by, came_along=moves)
+    depths = [np.full(len(rows), touchdown_mm * (zero_by == by)) for by in ("press", "session")]
+    observations = Observations(rows, base, where, noise, zero, *depths, came_along=moves)
     knots = np.array(DEPTHS)
     curves = Curves((knots,) * len(where), tuple(force(x, y, knots) for x, y in where))
     by_site = [derivatives(x, y, knots) for x, y in where]
@@ -181,10 +180,12 @@ def context(
 def read(base: Context, forces, rng) -> Context:
     """Return the context with other readings: forces (R, 3) [N] with noise, zero and touchdown drawn anew."""
     seen = base.observations
-    press = seen.table["press"].factorize()[0]
-    touch = seen.table["press"].where(seen.zero_by == "press", seen.table["session"]).factorize()[0]
+    press, session = seen.table["press"].factorize()[0], seen.table["session"].factorize()[0]
     zero = rng.standard_normal((press.max() + 1, 3))[press] * seen.zero_N
-    deeper = rng.standard_normal(touch.max() + 1)[touch] * seen.touchdown_mm
+    deeper = np.zeros(len(press))
+    for group, size in ((press, seen.press_depth_mm), (session, seen.session_depth_mm)):
+        if size.any():
+            deeper = deeper + rng.standard_normal(group.max() + 1)[group] * size
     drawn = forces + rng.standard_normal(forces.shape) * seen.noise_N + zero + deeper[:, None] * base.slope()
     return replace(base, observations=replace(seen, force=drawn))
 

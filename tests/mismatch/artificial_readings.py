@@ -36,11 +36,14 @@ def readings(
     blind: tuple[int, ...] = (),
     dwell: int = 0,
     rounding: float = 0.0,
+    drift: float = 0.0,
+    trend: float = 0.0,
 ) -> Context:
     """Return a context of presses in random order, one for each site and depth, read at half depth and at depth.
 
     The forces of its observations are the base's; draws of a covariance are added by the tests. blind: axes not read.
     dwell: further readings at the depth. rounding: standard deviation [N] that they share.
+    zero_by: who has an error of the depth: press, session or both. drift [N/s^0.5], trend [N/s]: of the zero.
     """
     rng = np.random.default_rng(seed)
     rows, press = [], 0
@@ -67,9 +70,10 @@ def readings(
         sites,
         NOISE * of,
         ZERO * of,
-        TOUCHDOWN * of[:, 0],
-        [zero_by] * len(table),
+        *(TOUCHDOWN * (zero_by in (by, "both")) * of[:, 0] for by in ("press", "session")),
         rounding_N=rounding,
+        drift_N=drift * np.sqrt(table["press_time_s"].to_numpy())[:, None],
+        trend_N=trend * table["press_time_s"].to_numpy()[:, None],
     )
     knots = np.linspace(0.05, max(depths), 40)
     values = tuple(base_force(np.broadcast_to(xy, (40, 2)), knots) for xy in sites)

@@ -50,6 +50,6 @@ def record(
     (folder / "session.yaml").write_text(
         f"session: {folder.name}\nsynthetic: true\nbase_parameters: exact\n"
         f"force: {{acts_on: sensor, resolution_N: [0.001, 0.001, 0.001]}}\n"
-        f"depth_zero: {{by: press, scatter_mm: {TOUCHDOWN_MM}}}\n"
+        f"depth_zero: {{by: press, press_scatter_mm: {TOUCHDOWN_MM}}}\n"
     )
     return folder

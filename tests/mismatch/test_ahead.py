@@ -64,7 +64,9 @@ def test_planned_readings_are_every_cell_at_every_depth_in_random_order():
     assert np.allclose(up["depth_mm"], 0.5 * up["deepest_mm"])
     assert presses["site"].is_monotonic_increasing is False
     assert planned.read.all() and not planned.force.any()
-    assert set(planned.zero_by) == {"session"}  # as session.yaml has it by default
+    assert (
+        not planned.press_depth_mm.any() and planned.session_depth_mm.all()
+    )  # as session.yaml has it by default
 
 
 def test_planned_readings_are_those_that_would_be_judged():
@@ -75,4 +77,4 @@ def test_planned_readings_are_those_that_would_be_judged():
         )
     )
     planned = planned_observations(few)
-    assert planned.table["deepest_mm"].nunique() == 3 and (planned.touchdown_mm == 0.005).all()
+    assert planned.table["deepest_mm"].nunique() == 3 and (planned.session_depth_mm == 0.005).all()

@@ -17,6 +17,8 @@ CASES = {
     "one axis": dict(sites=grid(2), blind=(0, 1)),
     "one site": dict(sites=grid(1)),
     "rounded": dict(sites=grid(2), dwell=2, rounding=0.003),
+    "stage and contact point": dict(sites=grid(2), sessions=2, zero_by="both"),
+    "one zero row each": dict(sites=grid(2), sessions=2, zero_by="both", drift=0.002, trend=0.001),
 }
 
 
@@ -36,9 +38,13 @@ def dense(context, law, floor) -> np.ndarray:
             held = (a.press, a.phase, a.depth_mm, a.axis) == (b.press, b.phase, b.depth_mm, b.axis)
             c += held * o.rounding_N[at_a] * o.rounding_N[at_b]
             c += o.zero_N[at_a] * o.zero_N[at_b] * (a.press == b.press and a.axis == b.axis)
-            by = o.zero_by[a.reading]
-            shared = a.press == b.press if by == "press" else a.session == b.session
-            c += shared * o.touchdown_mm[a.reading] * slope[at_a] * o.touchdown_mm[b.reading] * slope[at_b]
+            c += o.drift_N[at_a] * o.drift_N[at_b] * (a.press == b.press and a.axis == b.axis)
+            c += o.trend_N[at_a] * o.trend_N[at_b] * (a.session == b.session and a.axis == b.axis)
+            for off, shared in (
+                (o.press_depth_mm, a.press == b.press),
+                (o.session_depth_mm, a.session == b.session),
+            ):
+                c += shared * off[a.reading] * slope[at_a] * off[b.reading] * slope[at_b]
             C[i, j] = c + (i == j) * o.noise_N[at_a] ** 2
     return C
 
@@ -140,7 +146,7 @@ def test_strong_nuisances_keep_the_whitening_exact():
     """A touchdown error a thousand times the noise: the correction is nearly a projection."""
     context = readings(grid(2))
     o = context.observations
-    context = replace(context, observations=replace(o, touchdown_mm=o.touchdown_mm * 1000))
+    context = replace(context, observations=replace(o, press_depth_mm=o.press_depth_mm * 1000))
     law, floor = law_directions(context), 0.01 * context.force
     C = dense(context, law, floor)
     r = np.random.default_rng(4).normal(0, 0.01, len(C))

@@ -118,8 +118,7 @@ def pressed(by, off, depths=(0.5, 1.0), sigma=0.0, sites=1):
         np.zeros((sites, 2)),
         np.full((n, 3), sigma),
         np.zeros((n, 3)),
-        np.full(n, np.nan),
-        np.full(n, by),
+        *(np.full(n, np.nan if by == own else 0.0) for own in ("press", "session")),
     )
 
 
@@ -127,19 +126,20 @@ def test_the_scatter_of_touchdown_is_seen_in_repeats_that_found_it_themselves():
     """400 presses of 4 places know a scatter to 4 %; the slope is a difference over 0.1 mm."""
     off = np.random.default_rng(8).normal(0, 0.02, 400)
     found = with_touchdown(pressed("press", off, (0.5, 0.6, 0.7, 0.8), 0.002, sites=4))
-    assert found.touchdown_mm == pytest.approx(np.full(1600, 0.02), rel=0.12) and not found.cannot_know
+    assert found.press_depth_mm == pytest.approx(np.full(1600, 0.02), rel=0.12) and not found.cannot_know
     none = with_touchdown(pressed("press", 0 * off, (0.5, 0.6, 0.7, 0.8), 0.002, sites=4))
-    assert (none.touchdown_mm < 0.001).all()
+    assert (none.press_depth_mm < 0.001).all()
 
 
 def test_one_zero_for_all_presses_is_not_seen_in_repeats():
     found = with_touchdown(pressed("session", np.full(40, 0.05)))
-    assert (found.touchdown_mm == 0.02).all() and "0.02 mm is assumed" in found.cannot_know[0]
+    assert (found.session_depth_mm == 0.02).all() and not found.press_depth_mm.any()
+    assert "0.02 mm is assumed" in found.cannot_know[0]
 
 
 def test_two_presses_are_one_repeat_however_many_depths_they_have():
     found = with_touchdown(pressed("press", [0.0, 0.01], np.linspace(0.2, 1.0, 12)))
-    assert (found.touchdown_mm == 0.02).all() and "assumed" in found.cannot_know[0]
+    assert (found.press_depth_mm == 0.02).all() and "assumed" in found.cannot_know[0]
 
 
 # ------------------------------------------------------------------------------------------------------- time of touch

@@ -128,7 +128,9 @@ def test_a_refit_finds_how_large_the_bubble_is(share):
     """Between the sizes that are tried, of readings so quiet that a large one of which less is lost is no small one."""
     base = artificial.context(68)
     seen = base.observations
-    quiet = {name: getattr(seen, name) / 10 for name in ("noise_N", "zero_N", "touchdown_mm")}
+    quiet = {
+        name: getattr(seen, name) / 10 for name in ("noise_N", "zero_N", "press_depth_mm", "session_depth_mm")
+    }
     base = replace(base, observations=replace(seen, **quiet))
     there, spacing = beside_the_middle(0.2, 0.1)
     sizes = sorted({place["radius_mm"] for place in TRIED})

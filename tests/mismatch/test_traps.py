@@ -23,7 +23,18 @@ NAMES = (
 )
 Z, DAYS = 2, 10.0
 PER_READING = (
-    *("noise_N", "zero_N", "touchdown_mm", "zero_by", "rounding_N", "came_along", "repeats", "tails"),
+    *(
+        "noise_N",
+        "zero_N",
+        "press_depth_mm",
+        "session_depth_mm",
+        "rounding_N",
+        "drift_N",
+        "trend_N",
+        "came_along",
+        "repeats",
+        "tails",
+    ),
 )
 
 
@@ -36,7 +47,8 @@ def base(tmp_path_factory):
     keys = {"mismatch": {"discretisation": 0.002, "coarser": 1.5}}
     study = study_from(merged(specimens.study(plan=PLAN, friction=0.0).model_dump(mode="json"), keys))
     planned = planned_observations(study, dwell_s=(0.5,))
-    planned = replace(planned, zero_by=np.full(len(planned.table), "press"))
+    depths = planned.session_depth_mm, planned.press_depth_mm
+    planned = replace(planned, press_depth_mm=depths[0], session_depth_mm=depths[1])
     held = planned.chosen((planned.table["phase"] == "dwell").to_numpy())
     solver = Solver(study, specimens.STUDY_LAWS, {}, tmp_path_factory.mktemp("traps"))
     found = base_of(solver, held, with_taken(CATALOGUE[name] for name in NAMES))

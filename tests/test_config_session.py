@@ -1,0 +1,95 @@
+"""What session.yaml says of what a laboratory knows: dates, noise by axis, and the two errors of the depth."""
+
+import warnings
+
+import pytest
+import yaml
+
+from gelforge.cli import one_line
+from gelforge.cli.new_study import new_study_files
+from gelforge.config import ConfigError, DepthZero, ForceSensor, OldKey, load_session, write_yaml
+
+
+def written(folder, text: str):
+    path = folder / "session.yaml"
+    path.write_text(f"session: s1\n{text}\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("date", "read"),
+    [
+        ("2024-05-14", "2024-05-14"),
+        ('"2024-05-14"', "2024-05-14"),
+        ("2024-05-14 10:30:00", "2024-05-14T10:30:00"),
+        ("14 May 2024", "14 May 2024"),
+        ('""', ""),
+    ],
+)
+def test_a_date_stands_with_quotes_or_without(tmp_path, date, read):
+    path = written(tmp_path, f"date: {date}")
+    session = load_session(path)
+    assert session.date == read
+    write_yaml(path, session)
+    assert load_session(path) == session
+
+
+@pytest.mark.parametrize("date", ["2024-02-30", "5", "true", "[2024, 5]"])
+def test_what_is_no_date_is_refused_in_one_line(tmp_path, date):
+    with pytest.raises(ConfigError) as refused:
+        load_session(written(tmp_path, f"date: {date}"))
+    assert "session.yaml" in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_repeatability_stands_by_axis_and_one_number_for_all():
+    assert ForceSensor(repeatability_N=[0.01, 0.01, 0.02]).repeatability_N == [0.01, 0.01, 0.02]
+    assert ForceSensor(repeatability_N=0.02).repeatability_N == [0.02] * 3
+    assert ForceSensor().repeatability_N is None
+    for wrong in ([0.01, 0.02], [0.01, 0.01, -0.02], True, "much"):
+        with pytest.raises(ValueError):
+            ForceSensor(repeatability_N=wrong)
+
+
+def test_both_errors_of_the_depth_stand_side_by_side(tmp_path):
+    keys = "depth_zero: {by: session, session_scatter_mm: 0.01, press_scatter_mm: 0.004}"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        zero = load_session(written(tmp_path, keys)).depth_zero
+    assert (zero.session_scatter_mm, zero.press_scatter_mm) == (0.01, 0.004)
+
+
+@pytest.mark.parametrize(
+    ("by", "press", "session"), [("session", 0.0, 0.01), ("press", 0.01, 0.0), (None, 0.0, 0.01)]
+)
+def test_the_old_key_is_read_as_what_it_was_with_a_warning(tmp_path, by, press, session):
+    own = "" if by is None else f"by: {by}, "
+    path = written(tmp_path, f"depth_zero: {{{own}scatter_mm: 0.01}}")
+    with pytest.warns(OldKey, match=f"{by or 'session'}_scatter_mm .by: {by or 'session'}.") as told:
+        zero = load_session(path).depth_zero
+    assert (zero.press_scatter_mm, zero.session_scatter_mm) == (press, session)
+    said = str(told[0].message)
+    assert said.startswith(str(path)) and one_line(said, OldKey, "", 0) == f"gelforge: {said}\n"
+    assert one_line("x", UserWarning, "a.py", 3).startswith("a.py:3: UserWarning: x")
+
+
+def test_an_old_key_without_a_number_says_nothing(tmp_path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert load_session(written(tmp_path, "depth_zero: {scatter_mm: null}")).depth_zero == DepthZero()
+
+
+def test_the_old_key_beside_a_new_one_is_refused(tmp_path):
+    keys = "depth_zero: {scatter_mm: 0.01, press_scatter_mm: 0.004}"
+    with pytest.raises(
+        ConfigError, match="depth_zero.*scatter_mm 0.01 beside press_scatter_mm 0.004.*remove it"
+    ):
+        load_session(written(tmp_path, keys))
+
+
+def test_the_session_of_a_new_study_names_both(tmp_path):
+    (text,) = (text for path, text in new_study_files("mine").items() if path.name == "session.yaml")
+    (tmp_path / "session.yaml").write_text(text)
+    assert load_session(tmp_path / "session.yaml").date == "2024-05-14"
+    keys = yaml.safe_load(text)
+    assert {"press_scatter_mm", "session_scatter_mm"} <= set(keys["depth_zero"])
+    assert "repeatability_N" in keys["force"]
