@@ -17,10 +17,16 @@ include: "workflow/rules/dataset.smk"
 include: "workflow/rules/learning.smk"
 include: "workflow/rules/mismatch.smk"
 include: "workflow/rules/report.smk"
+include: "workflow/rules/resume.smk"
 
 
 onstart:
     check_raw_data(list(workflow.dag.needrun_jobs()))
+    solve_anew(list(workflow.dag.needrun_jobs()))
+
+
+onsuccess:
+    tidy_up()
 
 
 rule all:

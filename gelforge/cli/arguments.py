@@ -17,6 +17,9 @@ synthetic data     virtual-materials, virtual-cell, virtual-session
 """
 
 
+FRESH = "solve anew what an earlier job that was broken off has solved from the same inputs"
+
+
 def depth_list(text: str) -> list[float]:
     """Return increasing depths [mm] from `0.25:2:0.25` (first:last:step) or `0.5,1,2`."""
     try:
@@ -276,6 +279,7 @@ def _workflow(commands) -> None:
         "--session", help="solve the cell at the age and temperature that this session states"
     )
     simulate.add_argument("--out", type=Path, required=True)
+    simulate.add_argument("--fresh", action="store_true", help=FRESH)
 
     in_order = _study_command(
         commands,
@@ -288,6 +292,7 @@ def _workflow(commands) -> None:
         "--laws", type=Path, nargs="+", required=True, metavar="JSON", help="laws of the materials"
     )
     in_order.add_argument("--out", type=Path, required=True)
+    in_order.add_argument("--fresh", action="store_true", help=FRESH)
 
     for name, text in (
         ("readings", "a session's forces on the sensor, zero subtracted"),
@@ -340,6 +345,7 @@ def _virtual(commands) -> None:
     )
     cell.add_argument("--cell", required=True)
     cell.add_argument("--out", type=Path, required=True)
+    cell.add_argument("--fresh", action="store_true", help=FRESH)
 
     session = _study_command(
         commands, "virtual-session", "factory.virtual_session", "one SYNTHETIC session of a virtual lab"

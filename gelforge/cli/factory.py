@@ -41,10 +41,16 @@ def simulate(
     variant: str | None,
     session: str | None,
     out: Path,
+    fresh: bool = False,
 ) -> None:
-    """Write one cell, solved or mirrored; a cell that does not converge is written as failed, with its reason."""
+    """Write one cell, solved, mirrored or taken up; one that does not converge is written as failed, with its reason.
+
+    fresh: solve also what an earlier job has solved from the same inputs.
+    """
     from gelforge.characterisation.law_file import read_law
     from gelforge.indentation.cell_file import read_cell, write_cell
+    from gelforge.indentation.inputs import solution_digest
+    from gelforge.indentation.kept_solutions import solved_once
     from gelforge.indentation.mirror import mirror_cell
 
     described = load_study(study)
@@ -59,21 +65,18 @@ def simulate(
     by_material = {name: law.law for name, law in read.items()}
     if planned.source:
         source = mirrored[0] if mirrored else cells / f"{planned.source}.h5"
-        result = mirror_cell(read_cell(source), described, by_material, planned)
+        result, how = mirror_cell(read_cell(source), described, by_material, planned), "mirrored"
+        write_cell(out, result)
     else:
-        from gelforge.indentation.companion import simulate_label  # loads the compiled kernels
-
-        ranges = {name: law.valid_range for name, law in read.items()}
-        outside = {name: valid.outside for name, valid in ranges.items() if valid is not None}
-        result = simulate_label(described, *laws_and_doubts(read), planned, outside)
-    write_cell(out, result)
-    print(f"{cell}: {result.attributes['status']} {result.attributes['reason']}".rstrip())
+        inputs = solution_digest(described, by_material, planned, laws)
+        result, how = solved_once(out, inputs, lambda: labelled(described, read, planned), fresh)
+    print_outcome(cell, result, how)
 
 
-def simulate_session(study: Path, session: str, laws: list[Path], out: Path) -> None:
-    """Write the labels of a session's presses, one after another on a sensor that softens."""
+def simulate_session(study: Path, session: str, laws: list[Path], out: Path, fresh: bool = False) -> None:
+    """Write the labels of a session's presses, one after another on a sensor that softens; fresh: from the first on."""
     from gelforge.characterisation.law_file import read_law
-    from gelforge.dataset.presses_in_order import press_in_order  # loads the compiled kernels
+    from gelforge.dataset.presses_in_order import discard_part, press_in_order  # loads the compiled kernels
 
     described = session_study(load_study(study), session_of(load_study(study), session))
     if not described.mechanics.effects.history.softens:
@@ -82,6 +85,8 @@ def simulate_session(study: Path, session: str, laws: list[Path], out: Path) -> 
         )
     known, doubts = laws_and_doubts({law.material: law for law in map(read_law, laws)})
     presses = session_presses(described, session)
+    if fresh:
+        discard_part(out)
     reason = press_in_order(described, known, doubts, presses, session, out)
     print(f"{session}: {len(presses)} presses" + (f"; ended early: {reason}" if reason else ""))
 
@@ -97,15 +102,16 @@ def virtual_materials(study: Path, material: str | None) -> None:
     make_material_tests(lab, described.data_folder / "materials")
 
 
-def virtual_cell(study: Path, cell: str, out: Path) -> None:
-    """Write one cell of the virtual sensor's truth."""
-    from gelforge.indentation.cell_file import write_cell
-    from gelforge.virtual_lab.truth import simulate_truth_cell
+def virtual_cell(study: Path, cell: str, out: Path, fresh: bool = False) -> None:
+    """Write one cell of the virtual sensor's truth, solved or taken up; fresh: see simulate."""
+    from gelforge.indentation.kept_solutions import solved_once
+    from gelforge.virtual_lab.truth import simulate_truth_cell, truth_digest
 
     described = load_study(study)
-    truth = simulate_truth_cell(described, virtual_lab_of(described, study), planned_cell(described, cell))
-    write_cell(out, truth)
-    print(f"{cell}: {truth.attributes['status']} {truth.attributes['reason']}".rstrip())
+    lab, planned = virtual_lab_of(described, study), planned_cell(described, cell)
+    inputs = truth_digest(described, lab, planned)
+    truth, how = solved_once(out, inputs, lambda: simulate_truth_cell(described, lab, planned), fresh)
+    print_outcome(cell, truth, how)
 
 
 def virtual_session(study: Path, session: str, workers: int) -> None:
@@ -247,6 +253,21 @@ def report(study: Path, out: Path) -> None:
 
 
 # ------------------------------------------------------------------------------------- what commands share
+def labelled(study: Study, read: dict, planned):
+    """Return a solved cell with its error bars; read: files of laws by material."""
+    from gelforge.indentation.companion import simulate_label  # loads the compiled kernels
+
+    ranges = {name: law.valid_range for name, law in read.items()}
+    outside = {name: valid.outside for name, valid in ranges.items() if valid is not None}
+    return simulate_label(study, *laws_and_doubts(read), planned, outside)
+
+
+def print_outcome(cell: str, result, how: str) -> None:
+    """Say in the log what became of a cell, and whether it was solved now."""
+    reason = f" {result.attributes['reason']}" if result.attributes["reason"] else ""
+    print(f"{cell}: {result.attributes['status']}{reason}; {how}")
+
+
 def cell_path(study: Study, name: str) -> Path:
     return study.results_folder / "cells" / f"{name}.h5"
 

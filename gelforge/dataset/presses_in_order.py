@@ -62,7 +62,7 @@ def press_in_order(
     carried to the next, so one that cannot be solved ends the session: it and those after it are in the file with the
     reason.
     """
-    part = out.with_name(f"{out.stem}.part")
+    part = part_of(out)
     identity = presses_digest(study, laws, presses)
     moved = {name: [law.description() for law in several] for name, several in uncertain.items()}
     bins = study.sensor.bins.nx * study.sensor.bins.ny
@@ -79,6 +79,18 @@ def press_in_order(
     del labels
     shutil.rmtree(part)
     return progress.reason
+
+
+def part_of(out: Path) -> Path:
+    """Return the folder of what is solved of a session whose file is not whole."""
+    return out.with_name(f"{out.stem}.part")
+
+
+def discard_part(out: Path) -> None:
+    """Remove what an earlier job has solved of a session, so that it begins with the first press."""
+    if part_of(out).exists():
+        shutil.rmtree(part_of(out))
+        print("what was solved before is discarded, as asked: from the first press on", flush=True)
 
 
 def _press(

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from pathlib import Path
+
 from gelforge.config import Study
-from gelforge.files import digest, source_digest
+from gelforge.files import digest, file_sha256, source_digest
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.surface_files import file_digests, surface_digests
 from gelforge.mechanics.laws import PrincipalLaw
@@ -26,3 +29,14 @@ def inputs_digest(study: Study, laws: dict[str, PrincipalLaw], planned: PlannedC
             "sources": source_digest("mechanics", "meshing", "indentation"),
         }
     )
+
+
+def solution_digest(
+    study: Study, laws: dict[str, PrincipalLaw], planned: PlannedCell, law_files: Iterable[Path]
+) -> str:
+    """Return the digest of everything that decides a solved cell's file, its error bars and warnings too.
+
+    These follow the covariances and tested ranges in the files of the laws.
+    """
+    files = sorted(file_sha256(path) for path in law_files)
+    return digest([inputs_digest(study, laws, planned), files, source_digest("characterisation/law_file.py")])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from gelforge.config import Study, VirtualLab
+from gelforge.files import digest, source_digest
 from gelforge.indentation.cell_file import Cell
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.simulate import Trajectory, simulate_trajectory
@@ -34,3 +35,16 @@ def simulate_truth_cell(study: Study, lab: VirtualLab, planned: PlannedCell) -> 
     mechanics = lab.mechanics.model_copy(update={"store_displacement": True})
     cell = simulate_trajectory(study.sensor, study.indenter, mechanics, true_laws(study, lab), trajectory)
     return Cell(cell.arrays, cell.attributes | {"cell": planned.name, "synthetic": True})
+
+
+def truth_digest(study: Study, lab: VirtualLab, planned: PlannedCell) -> str:
+    """Return the digest of everything that decides a cell of the virtual sensor."""
+    return digest(
+        {
+            "sensor": study.sensor.model_dump(mode="json"),
+            "indenter": study.indenter.model_dump(mode="json"),
+            "lab": lab.model_dump(mode="json"),
+            "cell": [planned.name, planned.x_mm, planned.y_mm, planned.depths_mm],
+            "sources": source_digest("mechanics", "meshing", "indentation", "virtual_lab/truth.py"),
+        }
+    )

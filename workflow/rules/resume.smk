@@ -1,0 +1,61 @@
+"""What an interrupted run has solved, and when it is not used: see gelforge/indentation/kept_solutions.py."""
+
+import shutil
+
+from gelforge.dataset.presses_in_order import part_of
+from gelforge.indentation.kept_solutions import forget, tidy
+
+SOLVES = {"simulate", "variant", "session_cell", "virtual_cell"}  # rules whose output is one solved cell
+
+
+def forced(jobs):
+    """Return the jobs that the command line forces (-R, --force, --forceall), and those that follow from them.
+
+    Snakemake's own reason says "forced" of incomplete outputs too. Only the process that the user starts knows this: the
+    jobs of a cluster are always started with --force.
+    """
+    settings = workflow.dag_settings
+    named = {name if workflow.is_rule(name) else os.path.relpath(name) for name in settings.forcerun}
+    if settings.forcetargets:
+        named |= {name if workflow.is_rule(name) else os.path.relpath(name) for name in settings.targets}
+    waiting = set(jobs)
+    found = {job for job in waiting if settings.forceall or job.rule.name in named or named & set(job.output)}
+    front = found
+    while front:
+        front = {after for job in front for after in workflow.dag.depending[job] if after in waiting} - found
+        found = found | front
+    return found
+
+
+def solve_anew(jobs):
+    """Remove what was kept for jobs that are forced, before any job starts: nothing is left to be taken up."""
+    kept = 0
+    for job in forced(jobs):
+        name, first = job.rule.name, Path(next(iter(job.output), ""))
+        if name in SOLVES:
+            kept += forget([first])
+        elif name == "session_presses":
+            kept += part_of(first).exists()
+            shutil.rmtree(part_of(first), ignore_errors=True)
+        elif name == "train":
+            Path(job.output.model).with_suffix(".checkpoint.pt").unlink(missing_ok=True)
+        elif name == "mismatch":
+            shutil.rmtree(first.parent / "solves", ignore_errors=True)
+    if kept:
+        print(f"forced: {kept} kept solutions removed, they are solved anew", file=sys.stderr)
+
+
+def solved_files():
+    """Return the files of all cells that the study solves, mirrored ones among them."""
+    own = [
+        f"{RESULTS}/sessions/{session}/cells/{cell}.h5"
+        for session, cells in OWN_CELLS.items()
+        for cell in cells
+    ]
+    truth = [f"{TRUTH}/{cell}.h5" for cell in CELLS] if LAB else []
+    return [Path(name) for name in cell_files(CELLS) + variant_files() + own + truth]
+
+
+def tidy_up():
+    """Remove kept solutions whose cells are there: a run that ended well needs them no more."""
+    tidy(solved_files())
