@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from gelforge.input_files import NotAFile, read_bytes
+from gelforge.units import looks_like_a_unit, unit_named
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -19,6 +22,27 @@ if TYPE_CHECKING:
 
 class TableError(ValueError):
     """A table that cannot be used: file, row, value found, limit, remedy."""
+
+
+@dataclass(frozen=True)
+class RowFilter:
+    """Which rows are read, by the text or the number in a column."""
+
+    column: str
+    equals: tuple[str, ...] | None = None
+    at_least: float | None = None
+    at_most: float | None = None
+
+    def keeps(self, text: str, decimal: str) -> bool:
+        """Return whether a row with this text in the column is read."""
+        value = _number(text, decimal)
+        if self.equals is not None and text not in self.equals:
+            if not any(value == _number(wanted, ".") for wanted in self.equals):
+                return False
+        if self.at_least is None and self.at_most is None:
+            return True
+        low = -math.inf if self.at_least is None else self.at_least
+        return low <= value <= (math.inf if self.at_most is None else self.at_most)
 
 
 @dataclass(frozen=True)
@@ -32,6 +56,15 @@ class CsvForm:
     skip_rows: int = 0  # lines above the header (or above the first row) that are not part of the table
     header: bool = True  # without a header the columns are called 1, 2, 3, ...
     columns: int | None = None  # their number where there is no header; None: as many as the first row has
+    header_begins_with: str | None = None  # text with which the header line begins, wherever it stands
+    find_header: bool = False  # where the header lacks a column: take the only line that names all of them
+    units_row: bool | None = (
+        False  # the line below the header holds units; None: where it can be nothing else
+    )
+    units: Mapping[str, str] = field(
+        default_factory=dict
+    )  # declared by column: must be those of the units row
+    rows: tuple[RowFilter, ...] = ()  # which rows are read
 
 
 def read_csv(
@@ -77,13 +110,10 @@ def read_columns(
 ) -> tuple[list[int], dict[str, list]]:
     """Return the line numbers and the columns of a CSV file, checked as by `read_csv`."""
     path = Path(path)
-    header, decimal, rows = _split(path, form)
-    missing = [name for name in (*numbers, *texts) if name not in header]
-    if missing:
-        raise TableError(
-            f"{path}, row {rows[0][0] if rows else 1}: columns {missing} are missing; found {header},"
-            " name them so in the header or add them"
-        )
+    header, decimal, rows = _split(path, form, [*numbers, *texts])
+    if form.header and form.units_row is not False:
+        _drop_units(path, header, rows, form, numbers)
+    _filter(path, header, rows, form, decimal)
     if len(rows) < 2:
         raise TableError(f"{path}: no rows below the header; at least one is needed")
     lines = [line for line, _ in rows[1:]]
@@ -106,46 +136,63 @@ def read_columns(
 def read_comments(path: str | Path) -> list[str]:
     """Return the comment lines above the header, without their mark."""
     comments = []
-    with open(path, encoding="utf-8-sig") as file:
-        for line in file:
-            text = line.strip()
-            if text and text[0] not in "#%":
-                break
-            comments.append(text.lstrip("#% "))
+    for line in _lines(Path(path), CsvForm()):
+        text = line.strip()
+        if text and text[0] not in "#%":
+            break
+        comments.append(text.lstrip("#% "))
     return comments
 
 
-def _split(path: Path, form: CsvForm) -> tuple[list[str], str, list[tuple[int, list[str]]]]:
-    """Return the header, the decimal sign(s) and all rows (header first) as (line number, cells)."""
+def _lines(path: Path, form: CsvForm) -> list[str]:
     try:
-        lines = path.read_bytes().decode(form.encoding).splitlines()
-    except FileNotFoundError:
-        raise TableError(f"{path}: no such file; name one that exists") from None
-    except UnicodeDecodeError as error:
+        text = read_bytes(path).decode(form.encoding)
+    except NotAFile as error:
+        raise TableError(str(error)) from None
+    except UnicodeError as error:
         name = "UTF-8" if form.encoding.startswith("utf-8") else form.encoding
-        raise TableError(f"{path}: byte {error.start} is not {name}; save the file as {name} text") from None
-    start = next(
-        (
-            i
-            for i, line in enumerate(lines)
-            if i >= form.skip_rows and line.strip() and not _comment(line, form)
-        ),
-        None,
-    )
-    if start is None:
-        raise TableError(f"{path}: no header line; the first line that is no comment names the columns")
+        where = f"byte {error.start}" if isinstance(error, UnicodeDecodeError) else "the text"
+        raise TableError(f"{path}: {where} is not {name}; save the file as {name} text") from None
+    if "\0" in text:
+        row = text.count("\n", 0, text.index("\0")) + 1
+        raise TableError(
+            f"{path}, row {row}: a null character; the file is damaged or no {form.encoding} text"
+        )
+    return text.splitlines()
+
+
+def _split(
+    path: Path, form: CsvForm, needed: Sequence[str]
+) -> tuple[list[str], str, list[tuple[int, list[str]]]]:
+    """Return the header, the decimal sign(s) and all rows (header first) as (line number, cells)."""
+    lines = _lines(path, form)
+    start = _header_line(path, lines, form, needed)
     separator = form.separator or (";" if ";" in lines[start] else ",")
     reader = csv.reader(lines[start:], delimiter=separator, skipinitialspace=separator == " ")
-    rows = [(start + reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
+    try:
+        rows = [(start + reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
+    except csv.Error as error:
+        raise TableError(
+            f"{path}, row {start + reader.line_num}: {error}; look for a quotation mark that is not closed"
+        ) from None
     rows = [(line, cells) for line, cells in rows if any(cells)]
     if not form.header:
         rows.insert(0, (start + 1, [str(i + 1) for i in range(form.columns or len(rows[0][1]))]))
-    header = rows[0][1]
+    header = _without_trailing(rows[0][1])
+    rows[0] = (rows[0][0], header)
+    missing = [name for name in needed if name not in header]
+    if missing:
+        raise TableError(
+            f"{path}, row {start + 1}: columns {missing} are missing; found {_few(header)}, name them so in the header"
+            " or add them"
+        )
     twice = sorted({name for name in header if header.count(name) > 1})
     if twice:
-        raise TableError(f"{path}, row {start + 1}: columns {twice} are there twice; rename one")
-    for line, cells in rows[1:]:
-        if len(cells) != len(header):
+        raise TableError(f"{path}, row {start + 1}: columns {_few(twice)} are there twice; rename one")
+    for i, (line, cells) in enumerate(rows[1:], 1):
+        if len(cells) > len(header) and not any(cells[len(header) :]):  # separators at the end of the row
+            rows[i] = (line, cells[: len(header)])
+        elif len(cells) != len(header):
             raise TableError(
                 f"{path}, row {line}: {len(cells)} values for {len(header)} columns; complete the row"
                 " (decimal commas need semicolons between the values)"
@@ -153,30 +200,139 @@ def _split(path: Path, form: CsvForm) -> tuple[list[str], str, list[tuple[int, l
     return header, form.decimal or (".," if separator == ";" else "."), rows
 
 
+def _header_line(path: Path, lines: list[str], form: CsvForm, needed: Sequence[str]) -> int:
+    """Return the number from 0 of the header line; without a header that of the first row."""
+    if form.header_begins_with is not None:
+        found = [i for i, line in enumerate(lines) if line.strip().startswith(form.header_begins_with)]
+        if not found:
+            raise TableError(
+                f"{path}: no line begins with {form.header_begins_with!r}; correct `header_begins_with`"
+            )
+        return found[0]
+    candidates = (
+        i for i, line in enumerate(lines) if i >= form.skip_rows and line.strip() and not _comment(line, form)
+    )
+    start = next(candidates, None)
+    if start is None and not (form.find_header and form.header):
+        raise TableError(f"{path}: no header line; the first line that is no comment names the columns")
+    if not form.find_header or not form.header or not needed:
+        return start
+    if start is not None and _names_all(lines[start], form, needed):
+        return start
+    elsewhere = [i for i, line in enumerate(lines) if _names_all(line, form, needed)]
+    if len(elsewhere) > 1:
+        raise TableError(
+            f"{path}, rows {elsewhere[0] + 1} and {elsewhere[1] + 1}: both name the columns {_few(needed)}; say with"
+            " `skip_rows` which is the header"
+        )
+    if elsewhere:
+        return elsewhere[0]
+    if start is None:
+        raise TableError(f"{path}: no header line; the first line that is no comment names the columns")
+    return start
+
+
+def _names_all(line: str, form: CsvForm, needed: Sequence[str]) -> bool:
+    if not all(name in line for name in needed):
+        return False
+    separator = form.separator or ","
+    try:
+        cells = next(csv.reader([line], delimiter=separator, skipinitialspace=separator == " "), [])
+    except csv.Error:
+        return False
+    return set(needed) <= {cell.strip() for cell in cells}
+
+
+def _without_trailing(cells: list[str]) -> list[str]:
+    """Return cells without empty ones at the end, which separators at the end of a line leave."""
+    count = len(cells)
+    while count > 1 and not cells[count - 1]:
+        count -= 1
+    return cells[:count]
+
+
+def _drop_units(path: Path, header: list[str], rows: list, form: CsvForm, numbers: Sequence[str]) -> None:
+    """Remove a line of units below the header; refuse units other than those declared."""
+    if len(rows) < 2:
+        return
+    line, cells = rows[1]
+    said = {name: cell for name, cell in zip(header, cells) if cell}
+    recognised = all(map(looks_like_a_unit, said.values())) and any(name in said for name in numbers)
+    if any(math.isfinite(_number(said[name], ".,")) for name in numbers if name in said):
+        recognised = False
+        if form.units_row:
+            raise TableError(
+                f"{path}, row {line}: numbers, where `units_row: true` declares units; set it to false"
+            )
+    if not recognised and not form.units_row:
+        return
+    for name, unit in form.units.items():
+        found = unit_named(said.get(name, ""))
+        if found is not None and found != unit_named(unit):
+            raise TableError(
+                f"{path}, row {line}: {name} is in {said[name]}, the mapping declares {unit}; set `unit: {found}`, or"
+                " correct the file's line of units"
+            )
+    del rows[1]
+
+
+def _filter(path: Path, header: list[str], rows: list, form: CsvForm, decimal: str) -> None:
+    """Remove the rows that the filters do not keep."""
+    for condition in form.rows:
+        if condition.column not in header:
+            raise TableError(
+                f"{path}: the filter of rows names the column {condition.column!r}; found {_few(header)}, correct `rows`"
+            )
+        at, before = header.index(condition.column), len(rows) - 1
+        rows[1:] = [row for row in rows[1:] if condition.keeps(row[1][at], decimal)]
+        if before and len(rows) < 2:
+            raise TableError(
+                f"{path}: the filter of rows by {condition.column} keeps none of {before} rows; correct `rows`"
+            )
+
+
+def _few(names: Sequence[str], most: int = 12) -> str:
+    """Return names as a list that stays short: a table without separators has its whole text as one name."""
+    shown = [name if len(name) <= 60 else name[:57] + "..." for name in names[:most]]
+    return f"{shown}" + (f" and {len(names) - most} more" if len(names) > most else "")
+
+
 def _comment(line: str, form: CsvForm) -> bool:
     return line.lstrip()[0] in form.comment
+
+
+def _number(text: str, decimal: str) -> float:
+    """Return a text as a number, NaN for what is none; decimal "." or "," allows only that sign, ".," both."""
+    if "_" in text or (decimal == "," and "." in text):
+        return (
+            math.nan
+        )  # 1_0 is no number in a table; 1.234 may be a thousand and more, or a fraction: not ours to guess
+    try:
+        return float(text.replace(",", ".") if "," in decimal else text)
+    except ValueError:
+        return math.nan
 
 
 def _numbers(
     path: Path, name: str, lines: list[int], column: list[str], decimal: str, empty_allowed: bool
 ) -> list[float]:
-    """Return a column of text as numbers; decimal "." or "," allows only that sign, ".," both."""
+    """Return a column of text as numbers."""
     values = []
     for line, text in zip(lines, column):
         if text == "" and empty_allowed:
             values.append(math.nan)
             continue
-        try:
-            value = float(text.replace(",", ".") if "," in decimal else text)
-            if decimal == "," and "." in text:
-                value = math.nan  # 1.234 may be a thousand and more, or a fraction: not ours to guess
-        except ValueError:
-            value = math.nan
+        value = _number(text, decimal)
         if not math.isfinite(value):
-            found = repr(text) if text else "nothing"
+            found = _few([text])[1:-1] if text else "nothing"
             raise TableError(
                 f"{path}, row {line}: {name} is {found}; a finite number is needed"
                 f"{f' (decimal sign {decimal})' if len(decimal) == 1 else ''}, correct or drop the row"
             )
         values.append(value)
+    if len(decimal) > 1 and any("," in text for text in column) and any("." in text for text in column):
+        line = next(line for line, text in zip(lines, column) if "." in text)
+        raise TableError(
+            f"{path}, row {line}: {name} has decimal points and decimal commas; write the whole column with one sign"
+        )
     return values

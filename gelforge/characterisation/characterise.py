@@ -30,6 +30,7 @@ from gelforge.characterisation.law_file import MaterialLaw, read_law, rounded, w
 from gelforge.characterisation.material_source import MaterialSource, source_of
 from gelforge.characterisation.material_table import material_table
 from gelforge.characterisation.measured_effects import MeasuredEffects
+from gelforge.characterisation.sample_scatter import scatter
 from gelforge.characterisation.small_effects import small_effects
 from gelforge.characterisation.stiffness import check_stiffness
 from gelforge.config import Fitting, LawParameters, Material
@@ -130,6 +131,7 @@ def characterise_source(
             comparison = compare_laws(curves, fitting.laws, fitting.loss, fitting.choose)
         except FitError as error:
             raise FitError(f"{source.name}: {error}") from None
+        notes += [text for curve in curves for text in scatter(curve, comparison.chosen.fit.law)]
     effects = measured_effects(source)
     notes += _cut_short(tests, curves)
     notes += _averaged(tests, effects)

@@ -66,7 +66,7 @@ class MaterialTest:
     cycle: int | None = None
     segments: tuple[Segment, ...] = ()
     findings: tuple[str, ...] = ()  # what is missing or odd, and what was corrected because it was asked for
-    source: str = ""
+    source: str = ""  # its file, by its path below the folder that was read
 
     @property
     def cauchy_stress(self) -> np.ndarray:
@@ -102,6 +102,9 @@ class MaterialTest:
         return [replace(self.part(s.rows), cycle=s.cycle) for s in found]
 
 
+HOLD_MOVES = 0.1  # of the longest way of a segment: a hold moves by creep alone
+
+
 @dataclass(frozen=True)
 class IndentationTest:
     """One press into a sample: position along the press, growing with depth (its zero is unknown), and force."""
@@ -117,6 +120,22 @@ class IndentationTest:
     source: str = ""
     layer_thickness_mm: float | None = None  # on a rigid base; None: half space
     rigid_board: str | None = None  # name of the file of the same press on a rigid board
+
+    @property
+    def is_the_board(self) -> bool:
+        """Return whether this is itself the press on the rigid board that it names."""
+        return self.rigid_board is not None and f"/{self.source}".endswith(f"/{self.rigid_board}")
+
+    @property
+    def segment_kinds(self) -> list[tuple[str, str]]:
+        """Return the segments in order, each with "load", "unload" or "hold"; none where they are not named."""
+        if self.segment is None:
+            return []
+        names = list(dict.fromkeys(self.segment))
+        ways = [float(np.subtract(*self.in_segment(name).position_mm[[-1, 0]])) for name in names]
+        longest = max(map(abs, ways))
+        kinds = ("hold" if abs(w) < HOLD_MOVES * longest else "load" if w > 0 else "unload" for w in ways)
+        return list(zip(names, kinds))
 
     def in_segment(self, name: str) -> IndentationTest:
         """Return the rows of one named segment."""

@@ -23,6 +23,7 @@ RATE_SPREAD = 1.5  # between the slow and the fast tenth of a loading
 INTERVAL_SPREAD = 3.0  # between the sampling intervals of one test
 LEFT_STRESS = 5e-3  # of the largest: the drift that a load cell of half a per cent may have
 REST = 1e-3  # strain within which a row counts as being at rest
+PRELOAD_ROWS = 3  # that wait at one stretch before the ramp
 SIGMAS = 3.0  # an offset smaller than this many standard errors is noise
 
 
@@ -33,6 +34,7 @@ def findings(test: MaterialTest, stated_rate: float | None = None, stated_by: st
         _start(test),
         _toe(test),
         _rest_stress(test),
+        _preload(test),
         _end_stress(test),
         _order(test),
         _back_steps(test),
@@ -181,6 +183,24 @@ def _rest_stress(test):
         yield (
             f"{found[0] * 1e3:.4g} kPa ({abs(found[0]) / largest:.2%} of the largest) at rest: offset of the force"
             " (`zero_force` subtracts it)"
+        )
+
+
+def _preload(test):
+    """Say which stress a sample bears while it waits near rest: the machine took up slack, or pressed it to be flat."""
+    start = test.stretch[0]
+    if test.cauchy_difference is not None or not REST < abs(start - test.at_rest) <= STRAIN_AT_START:
+        return  # at rest: told as its stress there; further away: as a late start
+    waits = np.abs(test.stretch - start) <= REST / 2
+    count = len(waits) if waits.all() else int(np.argmin(waits))
+    if count < PRELOAD_ROWS:
+        return
+    stress, largest = test.nominal_stress[:count], np.nanmax(np.abs(test.nominal_stress))
+    mean, error = float(stress.mean()), float(stress.std(ddof=1) / np.sqrt(count))
+    if abs(mean) > max(SIGMAS * error, LEFT_STRESS * largest):
+        yield (
+            f"{mean * 1e3:.4g} kPa ({abs(mean) / largest:.2%} of the largest) in the first {count} rows, at {start:.5g}:"
+            " a preload, or an offset of the force; it is kept"
         )
 
 

@@ -14,15 +14,16 @@ from gelforge.characterisation.stresses import (
     nominal_from_force,
     too_thick,
 )
-from gelforge.config.mapping import UNITS, Column, Strain, Stress, TestMapping
+from gelforge.config.mapping import Column, Strain, Stress, TestMapping
 from gelforge.csv_table import TableError
+from gelforge.units import UNITS
 
 
 def values(table: pd.DataFrame, column: Column | None) -> np.ndarray | None:
     """Return a column (n,) in mm, N, MPa, s, degC or as a plain number, with its sign."""
     if column is None:
         return None
-    _, factor, offset = UNITS[column.unit]
+    _, factor, offset = UNITS[column.known_unit]
     return column.sign * (table[column.column].to_numpy(dtype=float) * factor + offset)
 
 

@@ -42,11 +42,20 @@ Read = MaterialTest | IndentationTest | ForcePair
 
 
 def read_mapped_folder(folder: str | Path, mapping: Mapping) -> list[Read]:
-    """Return the tests of all files below a folder that the mapping does not ignore, in the order of names."""
+    """Return the tests of all files below a folder that the mapping does not ignore, in the order of names.
+
+    Their `source` is the path below the folder.
+    """
     folder = Path(folder)
     paths = sorted(path for path in folder.rglob("*") if path.is_file() and not path.name.startswith("."))
-    entries = [(path, mapping.entry_for(path.relative_to(folder).as_posix())) for path in paths]
-    tests = [test for path, entry in entries if entry for test in read_mapped(path, entry)]
+    entries = [(path, path.relative_to(folder).as_posix()) for path in paths]
+    entries = [(path, name, mapping.entry_for(name)) for path, name in entries]
+    tests = [
+        replace(test, source=name)
+        for path, name, entry in entries
+        if entry
+        for test in read_mapped(path, entry)
+    ]
     if not tests:
         raise TableError(f"{folder}: no file of a mechanical test; the mapping is for {mapping.describes}")
     return tests
@@ -89,14 +98,17 @@ def _table(path: Path, entry: TestMapping) -> pd.DataFrame:
     if entry.lateral:
         columns += [entry.lateral.strain, entry.lateral.stress]
     columns += [c.at for c in columns if isinstance(c, Stress) and c.at]
-    names = [c.column for c in columns if c]
+    columns = [column for column in columns if column]
+    names = [column.column for column in columns]
     texts = [name for name in (entry.split, entry.segment) if name]
     texts += [entry.time.restarts_with] if entry.time and entry.time.restarts_with else []
     table = read_csv(
         path,
         numbers=list(dict.fromkeys(names)),
         texts=list(dict.fromkeys(texts)),
-        form=entry.table.csv_form(),
+        form=entry.table.csv_form(
+            {c.column: c.unit for c in columns}, tuple(row.filter for row in entry.rows)
+        ),
     )
     return table if entry.split is None else table.sort_values(entry.split, kind="stable", key=_order_seen)
 

@@ -60,7 +60,9 @@ def read_sources(sources: list[Path], mapping: Path | None = None) -> list[Mater
     declared = load_mapping(mapping) if mapping else None
     found: dict[str, MaterialSource] = {}
     for source in map(Path, sources):
+        folder = source if source.is_dir() else source.parent
         for material in _read(source, declared):
+            material = material if len(sources) == 1 else _below(folder, material)
             found[material.name] = found[material.name] + material if material.name in found else material
     found = {name: replace(m, tests=_distinct(m.tests)) for name, m in found.items()}
     if mapping:
@@ -88,12 +90,40 @@ def source_files(folder: Path, mapping: Path | None = None) -> list[Path]:
 
 
 def _distinct(tests: tuple[MaterialTest, ...]) -> tuple[MaterialTest, ...]:
-    """Return the tests with the file's name added to samples that would share a name."""
-    names = Counter((t.test, t.sample, t.cycle) for t in tests)
-    return tuple(
-        replace(t, sample=f"{t.sample}_{Path(t.source).stem}") if names[t.test, t.sample, t.cycle] > 1 else t
-        for t in tests
-    )
+    """Return the tests with the file's name, then its folder, added to samples that would share a name.
+
+    Raises TableError for samples that are the same even so: a file that was named twice.
+    """
+    for longer in (_with_file, _with_folder):
+        names = Counter(map(_name, tests))
+        tests = tuple(replace(t, sample=longer(t)) if names[_name(t)] > 1 else t for t in tests)
+    names = Counter(map(_name, tests))
+    twice = next((t for t in tests if names[_name(t)] > 1), None)
+    if twice:
+        raise TableError(
+            f"{twice.source}: the {twice.test} sample {twice.sample!r} is read twice; name each file or folder once"
+        )
+    return tests
+
+
+def _name(test: MaterialTest) -> tuple:
+    return test.test, test.sample, test.cycle
+
+
+def _with_file(test: MaterialTest) -> str:
+    stem = Path(test.source).stem
+    return test.sample if stem == test.sample else f"{test.sample}_{stem}"
+
+
+def _with_folder(test: MaterialTest) -> str:
+    folder = Path(test.source).parent.as_posix()
+    return test.sample if folder == "." else f"{folder}/{test.sample}"
+
+
+def _below(folder: Path, material: MaterialSource) -> MaterialSource:
+    """Return a material whose tests tell their files with the folder: several sources may have files of one name."""
+    tests = tuple(replace(t, source=(folder / t.source).as_posix()) for t in material.tests)
+    return replace(material, tests=tests)
 
 
 def _read(source: Path, mapping: Mapping | None) -> list[MaterialSource]:
@@ -137,7 +167,7 @@ def _small_file(path: Path) -> MaterialSource:
 
 def _mapped(test: Read, otherwise: str, folder: Path, mapping: Mapping) -> MaterialSource:
     name = re.sub(r"[^A-Za-z0-9_-]+", "_", getattr(test, "material", "") or otherwise)  # a folder's name
-    files = tuple(path for path in sorted(folder.rglob(test.source)) if path.is_file())
+    files = (folder / test.source,)
     if isinstance(test, IndentationTest):
         board, more = _board(test, folder, mapping)
         press = Press(test, test.layer_thickness_mm, board)
@@ -151,9 +181,10 @@ def _board(
     test: IndentationTest, folder: Path, mapping: Mapping
 ) -> tuple[IndentationTest | None, list[Path]]:
     """Return the press on a rigid board that a mapping names for a press, and its file; none for the board itself."""
-    if test.rigid_board in (None, test.source):
+    if test.rigid_board is None or test.is_the_board:
         return None, []
-    found = [path for path in sorted(folder.rglob(test.rigid_board)) if path.is_file()]
+    beside = (folder / test.source).with_name(test.rigid_board)
+    found = [path for path in (beside, *sorted(folder.rglob(test.rigid_board))) if path.is_file()]
     entry = mapping.entry_for(test.rigid_board)
     if not found or entry is None:
         raise TableError(

@@ -24,6 +24,8 @@ LARGEST_GIVE = (
     0.7  # of the travel in contact; the sample's share is then the small difference of large numbers
 )
 LEAST_ROWS = 8  # in contact
+BEFORE_START = 0.05  # of the travel: machines that zero where they touch begin so near to the contact
+AT_TOUCH = 0.98  # share of rows in contact from which there is none to tell the force at rest
 LARGEST_SHIFT = 0.1  # of the largest push, between the baselines before and after a press
 FLAT = 0.02  # of the largest push: change over the far rows of a withdrawal that is free of the sample
 BOOTSTRAPS = 200
@@ -83,6 +85,10 @@ def fit_modulus(
     model = rest + E * _shape(depth, R, thickness_mm)
     draws = _bootstrap(z, model, residual, R, thickness_mm, contact, np.random.default_rng(seed))
     deepest = float(depth.max())
+    if (depth > 0).mean() > AT_TOUCH:
+        said.append(
+            "the rows begin at the touch: the force at rest is found with the modulus, which widens the interval"
+        )
     said += _limits(test, deepest, R, thickness_mm, (depth > 0).sum(), machine, E)
     return Modulus(
         float(E),
@@ -164,14 +170,16 @@ def _search(z, F, radius, thickness):
     inner = np.sort(z)[3:-LEAST_ROWS]
     if len(inner) < 3:
         raise ValueError(f"{len(z)} rows; {3 + LEAST_ROWS + 3} at least, before and in contact, are needed")
-    grid = np.linspace(inner[0], inner[-1], 80)
+    before = z.min() - BEFORE_START * np.ptp(z)
+    grid = np.linspace(before, inner[-1], 84)
     best = int(np.argmin([cost(c) for c in grid]))
     low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
     found = minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": 1e-6 * np.ptp(z)}).x
     beta, residual = _linear(z, F, found, radius, thickness)
     if best == 0 or not beta[1] > 0:
         raise ValueError(
-            "no contact point is found: the force does not begin to rise within the travel; start above the sample"
+            "no contact point is found: the force does not begin to rise within the travel, nor at its first row; start"
+            " above the sample"
         )
     return found, beta, residual
 

@@ -25,6 +25,7 @@ from gelforge.config.mapping import load_microindentation
 
 FRICTION, THICKNESS = "friction.csv", "thickness.csv"
 T_INTERVAL = "Student's t over the trials"
+SIGMAS = 2.0  # of a 95 % interval
 NOTABLE_OFFSET = 0.01  # of the largest force of a press: as much as load cells of one per cent are off anyway
 
 
@@ -104,7 +105,7 @@ def small_effects(small: SmallTests) -> tuple[list[MeasuredEffect], list[tuple[s
     if small.thickness:
         found.append(_thickness(small.thickness))
     for press in small.presses:
-        if press.test.rigid_board == press.test.source != "":
+        if press.test.is_the_board:
             not_judged.append(
                 ("microindentation", f"{press.test.source} is the press on the rigid board itself")
             )
@@ -112,6 +113,7 @@ def small_effects(small: SmallTests) -> tuple[list[MeasuredEffect], list[tuple[s
             _keep(found, not_judged, "microindentation", lambda press=press: _modulus(press))
         if press.test.segment is not None:
             _keep(found, not_judged, "adhesion", lambda press=press: _adhesion(press.test))
+            found += [_creep(press.test, name) for name, kind in press.test.segment_kinds if kind == "hold"]
     moduli = [e for e in found if e.effect == "microindentation"]
     if len(moduli) > 1:
         found.append(_mean_modulus(moduli))
@@ -171,7 +173,9 @@ def _thickness(by_sample: dict[str, Mean]) -> MeasuredEffect:
 
 
 def _modulus(press: Press) -> MeasuredEffect:
-    fit, name = fit_modulus(press.test, press.thickness_mm, press.board), press.test.sample
+    loading = next((name for name, kind in press.test.segment_kinds if kind == "load"), None)
+    loaded = press.test if loading is None else press.test.in_segment(loading)
+    fit, name = fit_modulus(loaded, press.thickness_mm, press.board), press.test.sample
     low, high = fit.interval
     said = f" Beware: {'; '.join(fit.warnings)}." if fit.warnings else ""
     return MeasuredEffect(
@@ -212,6 +216,38 @@ def _mean_modulus(moduli: list[MeasuredEffect]) -> MeasuredEffect:
         tuple(m.samples[0] for m in moduli),
         {"deviation_MPa": mean.deviation},
     )
+
+
+def _creep(test: IndentationTest, segment: str) -> MeasuredEffect:
+    """Return by how much a hold moves and by how much its force changes, from its first row to its last."""
+    held = test.in_segment(segment)
+    moved, changed = (float(values[-1] - values[0]) for values in (held.position_mm, held.force_N))
+    force, noise = float(held.force_N[0]), SIGMAS * _row_noise(held.position_mm)
+    lasts = None if held.time_s is None else float(held.time_s[-1] - held.time_s[0])
+    time = "" if lasts is None else f" of {lasts:.4g} s"
+    share = f", {changed / force:+.1%}" if force else ""
+    return MeasuredEffect(
+        "relaxation",
+        "indentation",
+        "further depth in a hold",
+        moved,
+        (moved - noise, moved + noise),
+        "scatter of neighbouring rows (one press)",
+        "mm",
+        "measured",
+        f"{test.sample}: In the hold{time} the ball sinks by {moved * 1e3:.3g} um and the force changes by {changed:.2g} N"
+        f"{share}.",
+        (test.sample,),
+        {"hold_s": lasts, "force_change_N": changed, "force_N": force},
+    )
+
+
+def _row_noise(values: np.ndarray) -> float:
+    """Return the standard deviation of the difference of two rows, from how far rows are off their neighbours' mean."""
+    if len(values) < 3:
+        return 0.0
+    off = values[1:-1] - (values[:-2] + values[2:]) / 2  # variance 1.5 times that of a row
+    return float(np.sqrt(2 / 1.5) * np.std(off))
 
 
 def _adhesion(test: IndentationTest) -> MeasuredEffect:

@@ -16,19 +16,22 @@ from gelforge.config.session import Session, old_scatter
 from gelforge.config.study import Study
 from gelforge.config.variants import merged
 from gelforge.config.virtual_lab import VirtualLab
+from gelforge.config.yaml_text import NoYaml, parsed, short
+from gelforge.input_files import NotAFile, read_bytes
+
+LONGEST_REMEDY = 600
 
 
 def _read_yaml(path: Path) -> dict[str, Any]:
     try:
-        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ConfigError(f"{path}: no such file; name a YAML file that exists") from None
-    except yaml.YAMLError as error:
-        raise ConfigError(f"{path}: not valid YAML ({error})") from None
+        content = parsed(read_bytes(path).decode("utf-8-sig"))
+    except NotAFile as error:
+        remedy = "; name a YAML file that exists" if "no such file" in str(error) else ""
+        raise ConfigError(str(error).replace("; name one that exists", "") + remedy) from None
     except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: not UTF-8 ({error}); save it as UTF-8") from None
-    except ValueError as error:  # a date without quotes that no calendar has
-        raise ConfigError(f"{path}: not valid YAML ({error}); put dates in quotes") from None
+        raise ConfigError(f"{path}: byte {error.start} is not UTF-8; save the file as UTF-8 text") from None
+    except NoYaml as error:
+        raise ConfigError(f"{path}{error}") from None
     if not isinstance(content, dict):
         raise ConfigError(f"{path}: a mapping of keys is expected, found {type(content).__name__}")
     return content
@@ -36,18 +39,44 @@ def _read_yaml(path: Path) -> dict[str, Any]:
 
 def _validated(model: type[Section], content: dict[str, Any], source: str):
     try:
-        return model.model_validate(content)
+        section = model.model_validate(content)
     except ValidationError as error:
         lines = []
         for item in error.errors():
             key = ".".join(str(part) for part in item["loc"]) or "(whole file)"
-            found = "" if isinstance(item["input"], dict) else f", found {item['input']!r}"
+            found = "" if isinstance(item["input"], dict) else f", found {short(repr(item['input']))}"
             unknown = item["type"] == "extra_forbidden"
             remedy = (
                 _unknown_key(model, item["loc"]) if unknown else item["msg"].removeprefix("Value error, ")
             )
-            lines.append(f"{source}: {key}{found}: {remedy}")
-        raise ConfigError("\n".join(lines)) from None
+            lines.append(f"{source}: {short(key)}{found}: {short(remedy, LONGEST_REMEDY)}")
+        more = f" (and {len(lines) - 1} more)" if len(lines) > 1 else ""
+        raise ConfigError(lines[0] + more) from None
+    except RecursionError:
+        raise ConfigError(f"{source}: nested too deeply; remove sections inside sections") from None
+    if key := _truth_as_number(content, section):
+        raise ConfigError(f"{source}: {key}: true or false where a number belongs; write the number")
+    return section
+
+
+def _truth_as_number(content: Any, read: Any) -> str:
+    """Return the key of a truth value that was read as a number, as Python's True is 1; empty: there is none."""
+    if isinstance(content, bool):
+        return "." if isinstance(read, (int, float)) and not isinstance(read, bool) else ""
+    if isinstance(content, dict):
+        pairs = ((key, part, _part(read, key)) for key, part in content.items())
+    elif isinstance(content, (list, tuple)) and isinstance(read, (list, tuple)):
+        pairs = ((number, *both) for number, both in enumerate(zip(content, read)))
+    else:
+        return ""
+    for key, part, own in pairs:
+        if found := _truth_as_number(part, own):
+            return f"{key}.{found}".rstrip(".")
+    return ""
+
+
+def _part(read: Any, key: Any) -> Any:
+    return read.get(key) if isinstance(read, dict) else getattr(read, str(key), None)
 
 
 def _unknown_key(model: type[Section], location: tuple[str | int, ...]) -> str:

@@ -7,43 +7,19 @@ the table reader behind it loads pandas, which a cell's job does without.
 
 from __future__ import annotations
 
+import codecs
 import re
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from gelforge.config.common import ConfigError, Name, Positive, Section
 from gelforge.config.files import load_section
-from gelforge.csv_table import CsvForm
+from gelforge.csv_table import CsvForm, RowFilter
+from gelforge.units import UNITS, unit_named
 
-# unit -> (quantity, factor, offset) to mm, N, MPa, s, degC and plain numbers: value * factor + offset
-UNITS: dict[str, tuple[str, float, float]] = {
-    "1": ("number", 1.0, 0.0),
-    "%": ("number", 1e-2, 0.0),
-    "mm": ("length", 1.0, 0.0),
-    "um": ("length", 1e-3, 0.0),
-    "nm": ("length", 1e-6, 0.0),
-    "m": ("length", 1e3, 0.0),
-    "N": ("force", 1.0, 0.0),
-    "mN": ("force", 1e-3, 0.0),
-    "uN": ("force", 1e-6, 0.0),
-    "nN": ("force", 1e-9, 0.0),
-    "gf": ("force", 9.80665e-3, 0.0),
-    "MPa": ("pressure", 1.0, 0.0),
-    "kPa": ("pressure", 1e-3, 0.0),
-    "Pa": ("pressure", 1e-6, 0.0),
-    "bar": ("pressure", 0.1, 0.0),
-    "s": ("time", 1.0, 0.0),
-    "ms": ("time", 1e-3, 0.0),
-    "min": ("time", 60.0, 0.0),
-    "h": ("time", 3600.0, 0.0),
-    "1/s": ("rate", 1.0, 0.0),
-    "%/s": ("rate", 1e-2, 0.0),
-    "degC": ("temperature", 1.0, 0.0),
-    "K": ("temperature", 1.0, -273.15),
-}
 STRAIN_QUANTITY = {
     "stretch": "number",
     "engineering": "number",
@@ -61,6 +37,15 @@ STRESS_QUANTITY = {
 }
 
 
+def _file_name(name: str) -> str:
+    if not name or set(name) & set("/\\\0*?[") or name in (".", ".."):
+        raise ValueError(f"{name!r} is not the name of a file; name a file without its folder")
+    return name
+
+
+FileName = Annotated[str, AfterValidator(_file_name)]
+
+
 class TableForm(Section):
     """How the table is written."""
 
@@ -70,19 +55,38 @@ class TableForm(Section):
     comment: str = Field("#%", description="each of these signs begins a comment line above the header")
     skip_rows: int = Field(0, ge=0, description="lines above the header that are not part of the table [-]")
     header: bool = Field(True, description="a header names the columns; else they are called 1, 2, 3, ...")
-
+    header_begins_with: str | None = Field(
+        None,
+        min_length=1,
+        description="text with which the header line begins, wherever it stands; null: the line after comments and "
+        "`skip_rows`, or, where that lacks the columns, the only line that names them all",
+    )
+    units_row: bool | None = Field(
+        None, description="the line below the header holds units; null: where it can be nothing else"
+    )
     columns: int | None = Field(None, ge=1, description="number of columns, where there is no header [-]")
 
     @model_validator(mode="after")
     def _columns(self):
         if self.header == (self.columns is not None):
             raise ValueError("`columns` (their number) goes with `header: false`, and only with it")
+        if self.header_begins_with and (not self.header or self.skip_rows):
+            raise ValueError(
+                "`header_begins_with` finds the header by itself; leave `skip_rows` and `header` out"
+            )
+        try:
+            codecs.lookup(self.encoding)
+        except (LookupError, ValueError):  # ValueError: a name with a null character
+            raise ValueError(
+                f"encoding {self.encoding!r} is not known; e.g. utf-8, latin-1, cp1252, utf-16"
+            ) from None
         return self
 
-    def csv_form(self) -> CsvForm:
-        """Return the form as the CSV reader takes it."""
+    def csv_form(self, units: dict[str, str], rows: tuple[RowFilter, ...] = ()) -> CsvForm:
+        """Return the form as the CSV reader takes it, with the units declared by column and the filter of rows."""
         signs = {"tab": "\t", "space": " "}
-        return CsvForm(**(self.model_dump() | {"separator": signs.get(self.separator, self.separator)}))
+        changed = {"separator": signs.get(self.separator, self.separator), "units": units, "rows": rows}
+        return CsvForm(**(self.model_dump() | changed), find_header=True)
 
 
 class Column(Section):
@@ -94,13 +98,18 @@ class Column(Section):
 
     @model_validator(mode="after")
     def _unit_known(self):
-        if self.unit not in UNITS:
+        if unit_named(self.unit) is None:
             raise ValueError(f"unit {self.unit!r} is not known; one of {sorted(UNITS)}")
         return self
 
+    @property
+    def known_unit(self) -> str:
+        """Return the unit as UNITS spells it."""
+        return unit_named(self.unit)
+
     def require(self, quantity: str, what: str) -> None:
         """Raise ValueError unless the unit belongs to the quantity."""
-        if UNITS[self.unit][0] != quantity:
+        if UNITS[self.known_unit][0] != quantity:
             fitting = [unit for unit, (q, _, _) in UNITS.items() if q == quantity]
             raise ValueError(f"{what}: unit {self.unit!r} is no {quantity}; one of {fitting}")
 
@@ -183,6 +192,27 @@ class Corrections(Section):
     repeated_time: Literal["keep", "average"] = Field("keep", description="rows with the same time stamp")
 
 
+class Rows(Section):
+    """Rows that are read, by the value of a column; all of several conditions must hold."""
+
+    column: str = Field(description="name in the header, or the number from 1 where there is none")
+    equals: list[str | int | float] | None = Field(None, min_length=1, description="values that are kept")
+    at_least: float | None = Field(None, description="smallest number that is kept, in the file's unit")
+    at_most: float | None = Field(None, description="largest number that is kept, in the file's unit")
+
+    @model_validator(mode="after")
+    def _asks(self):
+        if self.equals is None and self.at_least is None and self.at_most is None:
+            raise ValueError("a filter of rows needs `equals`, `at_least` or `at_most`")
+        return self
+
+    @property
+    def filter(self) -> RowFilter:
+        """Return the filter as the CSV reader takes it."""
+        equals = None if self.equals is None else tuple(map(str, self.equals))
+        return RowFilter(self.column, equals, self.at_least, self.at_most)
+
+
 class TestMapping(Section):
     """Files of one kind."""
 
@@ -201,6 +231,7 @@ class TestMapping(Section):
     ] = Field(description="what was done to the material")
     history: Literal["monotonic", "cyclic", "relaxation"] = Field("monotonic", description="in which order")
     table: TableForm = Field(TableForm(), description="how the table is written")
+    rows: list[Rows] = Field([], description="which rows are read, e.g. those of one cycle; none: all")
     material: Name | None = Field(None, description="name of the material")
     strain: Strain | None = None
     stress: Stress | None = None
@@ -223,7 +254,7 @@ class TestMapping(Section):
     layer_thickness_mm: Positive | None = Field(
         None, description="indentation: thickness on a rigid base; null: half space"
     )
-    rigid_board: str | None = Field(
+    rigid_board: FileName | None = Field(
         None,
         description="indentation: name of the file of the same press on a rigid board (the machine's own give)",
     )
@@ -312,7 +343,7 @@ class Microindentation(Section):
     layer_thickness_mm: Positive | None = Field(
         None, description="thickness on a rigid base; null: half space [mm]"
     )
-    rigid_board: str | None = Field(
+    rigid_board: FileName | None = Field(
         None, description="CSV beside it of the same press on a rigid board: the machine's own give"
     )
 

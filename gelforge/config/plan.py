@@ -26,6 +26,11 @@ class Plan(Section):
         None,
         description="CSV with cell, x_mm, y_mm, depth_mm, for a path also phase, shear_x_mm, shear_y_mm and tilts",
     )
+    mm_per_unit: Positive | None = Field(
+        None,
+        description="length of the plan file's unit: 1000 for metres; 1 confirms millimetres where these seem to be "
+        "another unit; null: millimetres, asked about where they cannot be meant [mm]",
+    )
     symmetry: Literal["auto", "d4", "none"] = Field(
         "auto",
         description="cells that mirror and rotate into each other are solved once: auto: where sensor, indenter and effects "
@@ -44,4 +49,6 @@ class Plan(Section):
             raise ValueError("`depths_mm` belongs to `grid`; a plan file has its own depths")
         if self.depths_mm and any(b <= a for a, b in zip(self.depths_mm, self.depths_mm[1:])):
             raise ValueError(f"depths_mm {self.depths_mm} must increase")
+        if self.file is None and self.mm_per_unit not in (None, 1.0):
+            raise ValueError("mm_per_unit converts a plan `file`; a grid is in millimetres")
         return self

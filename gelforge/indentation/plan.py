@@ -13,6 +13,7 @@ from gelforge.config import NAME, ConfigError, Sensor, Study, variant_study
 from gelforge.csv_table import read_columns
 from gelforge.indentation.effects.kinematics import touches_a_slope
 from gelforge.indentation.indenter_shapes import check_press, check_widest, real_indenter, shape_of
+from gelforge.indentation.plan_checks import check_count, check_places, check_unit
 from gelforge.indentation.reach import check_reach, planned_reach
 from gelforge.indentation.symmetry import D4, transform_points
 from gelforge.indentation.trajectory import Trajectory
@@ -55,7 +56,10 @@ class PlannedCell:
 
 def plan_cells(study: Study) -> dict[str, PlannedCell]:
     """Return the study's cells by name, in the order of the plan, with mirrored cells naming their source."""
-    cells = _from_file(study.plan.file) if study.plan.file else _from_grid(study)
+    plan = study.plan
+    cells = _from_file(plan.file, plan.mm_per_unit or 1.0) if plan.file else _from_grid(study)
+    check_unit(cells, study)
+    check_places(cells, POSITION_MATCH_MM)
     check_inside(cells, study)
     if not study.mirrors_cells:
         return cells
@@ -133,6 +137,7 @@ def _axis(width: float, spacing: float, margin: float) -> np.ndarray:
             f"plan.grid.margin_mm {margin} exceeds half the sensor's width {width} mm; make it smaller"
         )
     count = int(np.floor(span / spacing + 1e-9)) + 1
+    check_count(count)
     return width / 2 + spacing * (np.arange(count) - (count - 1) / 2)
 
 
@@ -140,6 +145,7 @@ def _from_grid(study: Study) -> dict[str, PlannedCell]:
     grid, sensor = study.plan.grid, study.sensor
     xs = _axis(sensor.width_x_mm, grid.spacing_mm, grid.margin_mm)
     ys = _axis(sensor.width_y_mm, grid.spacing_mm, grid.margin_mm)
+    check_count(len(xs) * len(ys))
     digits = len(str(max(len(xs), len(ys)) - 1))
     depths = tuple(study.plan.depths_mm)
     cells = {}
@@ -150,7 +156,7 @@ def _from_grid(study: Study) -> dict[str, PlannedCell]:
     return cells
 
 
-def _from_file(path: Path) -> dict[str, PlannedCell]:
+def _from_file(path: Path, mm_per_unit: float) -> dict[str, PlannedCell]:
     _, columns = read_columns(
         path,
         numbers=("x_mm", "y_mm", "depth_mm"),
@@ -161,6 +167,7 @@ def _from_file(path: Path) -> dict[str, PlannedCell]:
     names, phases = columns["cell"], columns["phase"]
     places = np.column_stack([columns[name] for name in ("x_mm", "y_mm", "depth_mm")])
     moves = np.nan_to_num(np.column_stack([columns[name] for name in PATH_NUMBERS]))
+    places, moves[:, :2] = places * mm_per_unit, moves[:, :2] * mm_per_unit  # tilts are angles
     rows_of: dict[str, list[int]] = {}
     for row, name in enumerate(names):
         rows_of.setdefault(name, []).append(row)

@@ -47,12 +47,9 @@ def press_readings(press: IndentationTest) -> ContactTest:
     """Return a press with approach and withdrawal beside Hertz's ball fitted to its approach; raises ValueError."""
     if press.segment is None:
         raise ValueError(f"{press.sample}: one way only; adhesion and creep need the way back and a hold")
-    names = list(dict.fromkeys(press.segment))
-    ways = [float(np.subtract(*press.in_segment(n).position_mm[[-1, 0]])) for n in names]
-    # a hold moves by creep alone: less than a tenth of the longest way
-    kinds = ["hold" if abs(w) < 0.1 * max(map(abs, ways)) else "load" if w > 0 else "unload" for w in ways]
+    names, kinds = zip(*press.segment_kinds)
     if "load" not in kinds:
-        raise ValueError(f"{press.sample}: no approach among its segments {names}")
+        raise ValueError(f"{press.sample}: no approach among its segments {list(names)}")
     approach = press.in_segment(names[kinds.index("load")])
     radius = press.ball_radius_mm or 1.0  # Hertz's depth dependence on a half space is that of any ball
     touch = contact_point(approach.position_mm, approach.force_N, radius)

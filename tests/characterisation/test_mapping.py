@@ -213,7 +213,7 @@ def test_ten_rows_are_read_and_said_to_be_few(read):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"stress": {"column": "P", "unit": "psi", "measure": "nominal"}}, "unit 'psi' is not known"),
+        ({"stress": {"column": "P", "unit": "ksi", "measure": "nominal"}}, "unit 'ksi' is not known"),
         ({"stress": {"column": "P", "unit": "mm", "measure": "nominal"}}, "unit 'mm' is no pressure"),
         ({"stress": None}, "kind uniaxial needs `stress`"),
         ({"stress": {"column": "P", "unit": "N", "measure": "force"}}, "needs cross_section_mm2"),

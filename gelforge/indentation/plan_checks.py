@@ -1,0 +1,76 @@
+"""What cannot be meant in a plan: two cells at one place, and lengths in metres or inches."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from gelforge.config import ConfigError, Study
+
+if TYPE_CHECKING:
+    from gelforge.indentation.plan import PlannedCell
+
+MOST_CELLS = 200_000  # of a grid: the article's has 1681; a spacing in metres has a million times as many
+UNITS = {"metres": 1e3, "inches": 25.4}  # mm of a unit that is taken for a millimetre
+
+
+def check_places(cells: Mapping[str, PlannedCell], within_mm: float) -> None:
+    """Refuse cells that stand at one place, as a recorded press joins the plan by its position.
+
+    Paths may share a place where they differ: a shear to the left and one to the right.
+    """
+    names = list(cells)
+    places = np.array([(cells[name].x_mm, cells[name].y_mm) for name in names]).reshape(-1, 2)
+    for i, j in sorted(cKDTree(places).query_pairs(within_mm)):
+        one, two = cells[names[i]], cells[names[j]]
+        if not (one.follows_a_path or two.follows_a_path):
+            raise ConfigError(
+                f"cells {one.name} and {two.name} are both at ({one.x_mm:g}, {one.y_mm:g}) mm, within {within_mm:g} mm:"
+                " give one cell the depths of both"
+            )
+        if _way(one) == _way(two):
+            raise ConfigError(
+                f"cells {one.name} and {two.name} follow the same path from ({one.x_mm:g}, {one.y_mm:g}) mm; remove one"
+            )
+
+
+def _way(cell: PlannedCell) -> tuple:
+    return cell.depths_mm, cell.phases, cell.shears_mm, cell.tilts_deg
+
+
+def check_unit(cells: Mapping[str, PlannedCell], study: Study) -> None:
+    """Ask about a plan all of whose positions or depths would also fit the sensor in metres, or all of them in inches.
+
+    `plan.mm_per_unit` mends a file in another unit, or confirms millimetres.
+    """
+    if study.plan.mm_per_unit is not None or not cells:
+        return
+    sensor = study.sensor
+    places = np.array([(cell.x_mm, cell.y_mm) for cell in cells.values()])
+    largest = np.abs(places).max(axis=0)
+    deepest = max(cell.deepest_mm for cell in cells.values())
+    sizes = (sensor.width_x_mm, sensor.width_y_mm, sensor.height_mm)
+    found = (*largest, deepest)
+    of_file = study.plan.file is not None
+    for unit, factor in UNITS.items():
+        fits = [0 < factor * length <= size for length, size in zip(found, sizes)]
+        if not (any(fits) if unit == "metres" else all(fits) and of_file and len(cells) > 1):
+            continue
+        where = f"{study.plan.file}: " if of_file else ""
+        mends = f"`plan.mm_per_unit: {factor:g}` reads {unit}" if of_file else "correct the numbers"
+        raise ConfigError(
+            f"{where}the plan reaches x {largest[0]:.3g}, y {largest[1]:.3g}, depth {deepest:.3g} mm on a sensor of"
+            f" {sizes[0]:g} x {sizes[1]:g} x {sizes[2]:g} mm; are these {unit}? {mends},"
+            " `plan.mm_per_unit: 1` confirms millimetres"
+        )
+
+
+def check_count(count: int) -> None:
+    """Refuse a grid of more cells than anybody presses."""
+    if count > MOST_CELLS:
+        raise ConfigError(
+            f"plan.grid.spacing_mm gives {count} cells; at most {MOST_CELLS} are planned, make it larger (it is in mm)"
+        )

@@ -1,0 +1,155 @@
+"""YAML files that cannot be meant: keys twice, truth values as numbers, aliases that grow, pipes and devices."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from gelforge.config import ConfigError, load_session, load_study, study_from
+from gelforge.config.files import load_section
+from gelforge.config.mapping import Microindentation
+from gelforge.csv_table import TableError, read_csv
+from gelforge.indentation.plan import plan_cells
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(autouse=True)
+def in_repository(monkeypatch):
+    monkeypatch.chdir(ROOT)
+
+
+def study(tmp_path, change=lambda text: text):
+    text = change(Path("config/test.yaml").read_text())
+    (tmp_path / "study.yaml").write_text(text)
+    return load_study(tmp_path / "study.yaml")
+
+
+def refused(tmp_path, change) -> str:
+    with pytest.raises(ConfigError) as error:
+        study(tmp_path, change)
+    message = str(error.value)
+    assert "\n" not in message and len(message) < 2000
+    return message
+
+
+@pytest.mark.parametrize("word", ["true", "yes", "True", "on"])
+def test_a_truth_value_is_no_number(tmp_path, word):
+    said = refused(
+        tmp_path, lambda text: text.replace("friction: 0.45", f"friction: {word}") + f"\nseed: {word}\n"
+    )
+    assert "seed" in said or "friction" in said
+    assert "number" in said or "integer" in said or "stands twice" in said
+
+
+def test_a_truth_value_that_python_gives_is_no_number_either():
+    content = {**load_study("config/test.yaml").model_dump(mode="json"), "seed": True}
+    with pytest.raises(ConfigError, match="seed: true or false where a number belongs"):
+        study_from(content)
+    content = {**content, "seed": 1}
+    content["mechanics"] = {**content["mechanics"], "error_bars": False}
+    assert study_from(content).mechanics.error_bars is False
+
+
+def session_file(tmp_path, text):
+    (tmp_path / "session.yaml").write_text(text)
+    return load_session(tmp_path / "session.yaml")
+
+
+def test_truth_values_dates_and_zeros_are_read_as_written(tmp_path):
+    for word in ("true", "yes", "True"):
+        assert session_file(tmp_path, f"session: no\nsynthetic: {word}\ndate: 2026-01-02\n").synthetic is True
+    read = session_file(tmp_path, "session: no\nsynthetic: no\ndate: 2026-01-02\nsensor_age_days: 010\n")
+    assert (read.session, read.synthetic, read.date, read.sensor_age_days) == (
+        "no",
+        False,
+        "2026-01-02",
+        10.0,
+    )
+    with pytest.raises(ConfigError, match="sensor_age_days"):
+        session_file(tmp_path, "session: a\nsensor_age_days: 1:30\n")
+    assert session_file(tmp_path, "session: a\ntemperature_C: -1e1\n").temperature_C == -10.0
+
+
+def test_a_key_that_stands_twice_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match=r"session.yaml, line 3: .*the key 'session' stands twice"):
+        session_file(tmp_path, "session: a\nnotes: x\nsession: b\n")
+    with pytest.raises(ConfigError, match="the key 'by' stands twice"):
+        session_file(tmp_path, "session: a\ndepth_zero: {by: press, by: session}\n")
+    both = session_file(tmp_path, "session: a\nforce: {tared: true}\ndepth_zero: {by: press}\nnotes: by\n")
+    assert both.depth_zero.by == "press"
+
+
+def test_an_alias_is_read_and_a_bomb_of_them_is_not(tmp_path):
+    read = session_file(tmp_path, "session: a\nforce: {resolution_N: &r [1, 1, 1], range_N: *r}\n")
+    assert read.force.range_N == [1.0, 1.0, 1.0]
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 9)]
+    for text in ("\n".join(lines), "a: &a [*a]", "a: &a {b: *a}", "[" * 3000, "a: " + "{a: " * 3000):
+        with pytest.raises(ConfigError) as error:
+            session_file(tmp_path, text)
+        assert len(str(error.value)) < 2000 and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "text", ["a: [1, 2", "\tx: 1", "a: !!python/object:x {}", "a: \x00", "? {a: b}\n: 1", "3", ""]
+)
+def test_what_is_no_yaml_is_one_line(tmp_path, text):
+    with pytest.raises(ConfigError) as error:
+        session_file(tmp_path, text)
+    assert "\n" not in str(error.value) and "session.yaml" in str(error.value)
+
+
+def test_pipes_devices_and_folders_are_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe.yaml")
+    for path in (tmp_path / "pipe.yaml", Path("/dev/zero"), tmp_path, tmp_path / "nowhere/pipe.yaml"):
+        with pytest.raises(ConfigError, match="a pipe or a device|a folder|no such file"):
+            load_section(path, Microindentation)
+        with pytest.raises(TableError, match="a pipe or a device|a folder|no such file"):
+            read_csv(path, numbers=["a"])
+
+
+def test_a_huge_value_is_told_in_short(tmp_path):
+    assert "has at most" not in refused(tmp_path, lambda text: text + "\nnotes: [" + "x, " * 5000 + "x]\n")
+    with pytest.raises(ConfigError, match="characters, at most"):
+        session_file(tmp_path, "# " + "x" * 3_000_000)
+
+
+def planned(tmp_path, rows, **plan):
+    """Return the cells of a plan file of the test study, whose sensor is read from its own keys."""
+    (tmp_path / "plan.csv").write_text("cell,x_mm,y_mm,depth_mm,phase,shear_x_mm\n" + "\n".join(rows) + "\n")
+    content = load_study("config/test.yaml").model_dump(mode="json")
+    content["plan"] = {"file": str(tmp_path / "plan.csv"), **plan}
+    return plan_cells(study_from(content))
+
+
+def test_two_cells_at_one_place_are_refused_and_two_paths_are_not(tmp_path):
+    with pytest.raises(ConfigError, match=r"cells a and b are both at \(8, 8\) mm"):
+        planned(tmp_path, ["a,8,8,0.2,,", "b,8.004,8,0.4,,"])
+    assert len(planned(tmp_path, ["a,8,8,0.2,,", "b,8.4,8,0.4,,"])) == 2
+    left, right = ["a,8,8,0.4,load,0", "a,8,8,0.4,shear,-0.1"], ["b,8,8,0.4,load,0", "b,8,8,0.4,shear,0.1"]
+    assert len(planned(tmp_path, [*left, *right])) == 2
+    with pytest.raises(ConfigError, match="cells a and b follow the same path"):
+        planned(tmp_path, [*left, *(row.replace("a,", "b,") for row in left)])
+
+
+def test_a_plan_in_metres_or_inches_is_asked_about(tmp_path):
+    metres = ["a,0.006,0.006,0.0004,,", "b,0.008,0.008,0.0004,,"]
+    with pytest.raises(ConfigError, match="are these metres. `plan.mm_per_unit: 1000` reads metres"):
+        planned(tmp_path, metres)
+    assert planned(tmp_path, metres, mm_per_unit=1000)["b"].x_mm == pytest.approx(8)
+    small = ["a,1.0,1.0,0.15,,", "b,1.2,1.2,0.15,,"]
+    with pytest.raises(ConfigError, match="are these inches"):
+        planned(tmp_path, small)
+    assert planned(tmp_path, small, mm_per_unit=1)["a"].x_mm == 1.0
+    with pytest.raises(ConfigError, match="depth 0.0004 mm .* are these metres"):
+        planned(tmp_path, ["a,6,6,0.0004,,"])
+    assert len(planned(tmp_path, ["a,0.3,0.3,0.2,,", "b,1,0.3,0.4,,"])) == 2  # near the corner, honest
+
+
+def test_a_grid_of_too_many_cells_is_refused_at_once(tmp_path):
+    content = load_study("config/test.yaml").model_dump(mode="json")
+    for spacing in (1e-9, 0.002):
+        content["plan"] = {"grid": {"spacing_mm": spacing, "margin_mm": 2}, "depths_mm": [0.3]}
+        with pytest.raises(ConfigError, match="at most 200000 are planned"):
+            plan_cells(study_from(content))
