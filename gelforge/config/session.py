@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
@@ -93,6 +94,11 @@ class DepthZero(Section):
         None,
         description="standard deviation of the session's contact point, one draw for all its presses; null: not known [mm]",
     )
+
+    @property
+    def both_scatter_mm(self) -> float:
+        """Return the standard deviation of a press's depth from both errors, as far as they are known [mm]."""
+        return math.hypot(self.press_scatter_mm or 0.0, self.session_scatter_mm or 0.0)
 
     @model_validator(mode="before")
     @classmethod

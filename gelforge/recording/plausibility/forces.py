@@ -74,8 +74,8 @@ def tared_zero(data: SessionData) -> list[Finding]:
 
 def steps_before_touch(data: SessionData) -> list[Finding]:
     """Return the indentations whose force changes among their zero rows, or while approaching far above the surface."""
-    readings, scatter = data.readings, data.session.depth_zero.scatter_mm
-    clear = -max(CLEAR_MM, 4 * (scatter or 0.0))
+    readings, scatter = data.readings, data.session.depth_zero.both_scatter_mm
+    clear = -max(CLEAR_MM, 4 * scatter)
     before = (readings["phase"] == "zero") | (
         (readings["phase"] == "approach") & (readings["depth_mm"] < clear)
     )
@@ -157,7 +157,7 @@ def force_answers(data: SessionData) -> list[Finding]:
     usual = force_over_depth(every, GROWING_FLOORS * floor)
     if usual is None:
         return []
-    off = max(OFF_MM, 3 * (data.session.depth_zero.scatter_mm or 0.0))
+    off = max(OFF_MM, 3 * data.session.depth_zero.both_scatter_mm)
     least = SILENT_SHARE * usual.at(every["depth_mm"].to_numpy() - off)
     silent = every["push_N"].abs().to_numpy() < SILENT_FLOORS * floor
     answered = every["depth_mm"].where(~silent & (every["push_N"].to_numpy() > 0))
@@ -215,7 +215,7 @@ def force_grows(data: SessionData) -> list[Finding]:
     if usual is None:
         return []
     known = data.indentations[~data.indentations["row"].isin(data.repeated_rows)]
-    off = max(OFF_MM, 3 * (data.session.depth_zero.scatter_mm or 0.0))
+    off = max(OFF_MM, 3 * data.session.depth_zero.both_scatter_mm)
     found = []
     for _, site in known.groupby(["site", "phase"], sort=False):
         found += _fallen(data, site, usual, off, GROWING_FLOORS * floor)
