@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from gelforge.config.common import Fraction, Name, NonNegative, Positive, Section
+
+Point = Annotated[list[float], Field(min_length=3, max_length=3)]
 
 
 class Layer(Section):
@@ -42,8 +44,22 @@ class Shape(Section):
     )
     files: dict[Name, Path] = Field(
         {},
-        description="of surfaces: each layer's closed surface (STL, PLY, OBJ; sensor frame, mm), from the inside out; "
-        "a point belongs to the first that encloses it",
+        description="of surfaces: each layer's closed surface (STL, PLY, OBJ), from the inside out; a point belongs to the "
+        "first that encloses it; or slabs that touch",
+    )
+    mm_per_unit: Positive = Field(1.0, description="of surfaces: length of the files' unit [mm]")
+    origin_mm: Point = Field(
+        [0.0, 0.0, 0.0],
+        description="of surfaces: point of the files, in mm, that becomes the origin of the sensor's frame [mm]",
+    )
+    orientation_deg: Point = Field(
+        [0.0, 0.0, 0.0],
+        description="of surfaces: turns about the sensor's x, then y, then z axis, about that point [deg]",
+    )
+    layout_confirmed: bool = Field(
+        False,
+        description="of surfaces, true: they may reach into one another (the first listed keeps what they share) or face "
+        "each other across a thin gap",
     )
     base_mm: float | None = Field(
         None,
@@ -56,6 +72,10 @@ class Shape(Section):
             raise ValueError("kind: surfaces and `files`, one closed surface per layer, belong together")
         if self.base_mm is not None and self.kind != "surfaces":
             raise ValueError(f"base_mm belongs to kind: surfaces; a {self.kind} stands on its lower face")
+        keys = ("mm_per_unit", "origin_mm", "orientation_deg", "layout_confirmed")
+        foreign = [key for key in keys if getattr(self, key) != Shape.model_fields[key].default]
+        if foreign and self.kind != "surfaces":
+            raise ValueError(f"{foreign} belong to kind: surfaces; a {self.kind} is drawn from its sizes")
         return self
 
 
@@ -75,6 +95,9 @@ class Sensor(Section):
         None, description="of a block: rim of the wall's material on the base, or null"
     )
     bins: Bins = Field(Bins(), description="surface bins of the label")
+    size_confirmed: bool = Field(
+        False, description="true: the sizes are meant, also outside what sensors usually have"
+    )
 
     @model_validator(mode="after")
     def _fits(self):
@@ -115,20 +138,27 @@ class IndenterPart(Section):
         0.5, description="rounding of the edges of a cylinder, box or mesh; faces stay where they are [mm]"
     )
     file: Path | None = Field(
-        None, description="closed surface of a mesh: STL, PLY or OBJ; its origin is over the position"
+        None, description="closed surface of a mesh: STL, PLY or OBJ; origin_mm is over the position"
     )
     mm_per_unit: Positive = Field(1.0, description="length of the file's unit [mm]")
-    orientation_deg: list[float] = Field(
+    origin_mm: Point | None = Field(
+        None,
+        description="point of the file, in mm, that is the shape's origin, over the position; null: the file's own, and "
+        "then the body must lie over the position [mm]",
+    )
+    orientation_deg: Point = Field(
         [0.0, 0.0, 0.0],
-        min_length=3,
-        max_length=3,
         description="turns about the sensor's x, then y, then z axis, about the shape's origin [deg]",
     )
-    offset_mm: list[float] = Field(
+    offset_mm: Point = Field(
         [0.0, 0.0, 0.0],
-        min_length=3,
-        max_length=3,
         description="x, y from the position, and height of the lowest point over that of the lowest part [mm]",
+    )
+    size_confirmed: bool = Field(
+        False, description="true: the size is meant, also if it is tiny or huge beside the sensor"
+    )
+    need_not_touch: bool = Field(
+        False, description="of one of several parts, true: it may stay clear of the sensor, as a ball's stem"
     )
 
     @model_validator(mode="after")
@@ -168,7 +198,7 @@ SHAPE_KEYS = {
     "sphere": {"radius_mm"},
     "cylinder": {"radius_mm", "length_mm", "edge_radius_mm"},
     "box": {"size_mm", "edge_radius_mm"},
-    "mesh": {"file", "mm_per_unit", "edge_radius_mm"},
+    "mesh": {"file", "mm_per_unit", "origin_mm", "edge_radius_mm"},
 }
 
 
@@ -182,6 +212,10 @@ class Indenter(IndenterPart):
     def _parts(self):
         if (self.kind == "several") != bool(self.parts):
             raise ValueError("kind: several and `parts`, a list of shapes, belong together")
+        if self.need_not_touch:
+            raise ValueError(
+                "need_not_touch is for one of several parts; an indenter that never touches has no labels"
+            )
         if self.kind != "several" and any(self.offset_mm):
             raise ValueError(
                 f"offset_mm {self.offset_mm} is for one of several parts; move the plan's positions instead"

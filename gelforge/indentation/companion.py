@@ -15,6 +15,7 @@ from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.sensitivities import sensitivities, variations_of, with_sensitivities
 from gelforge.indentation.simulate import model_of, simulate_cell
 from gelforge.indentation.stretch_range import Outside
+from gelforge.indentation.touching import untouched
 from gelforge.indentation.trajectory import Trajectory
 from gelforge.mechanics.equilibrium import NotConverged, Press, State
 from gelforge.mechanics.laws import PrincipalLaw
@@ -31,10 +32,13 @@ def simulate_label(
     """Return the solved cell of a plan with the error bars of its forces, unless mechanics.error_bars is false.
 
     laws by material; uncertain: by material, its law moved by error_bars.AMOUNT of a standard deviation along each
-    independent direction of its parameters (characterisation.law_file.moved_laws); outside: see simulate_cell.
+    independent direction of its parameters (characterisation.law_file.moved_laws); outside: see simulate_cell. A site that
+    the indenter, or one of its parts, never touches has failed.
     """
     variations_of(study, laws, study.mechanics.sensitivities)  # refused before anything is solved
     cell = _with_derivatives(simulate_cell(study, laws, planned, outside), study, laws, planned)
+    if cell.converged and (reason := untouched(cell, study.indenter)):
+        return Cell(cell.arrays, cell.attributes | {"status": "failed", "reason": reason})
     if not study.mechanics.error_bars or not len(cell.arrays["depth_mm"]):
         return cell
     wall_clock, cpu_clock = time.perf_counter(), time.process_time()

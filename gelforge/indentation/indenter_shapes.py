@@ -73,9 +73,24 @@ def _surface(part: IndenterPart) -> Shape:
 
     vertices, triangles = read_triangles(part.file)
     try:
-        return closed_surface(part.mm_per_unit * vertices, triangles, part.edge_radius_mm)
+        return closed_surface(_about_origin(part, vertices), triangles, part.edge_radius_mm)
     except SurfaceError as error:
         raise ConfigError(f"{part.file}: {error}") from None
+
+
+def _about_origin(part: IndenterPart, vertices: np.ndarray) -> np.ndarray:
+    """Return a file's vertices (V, 3) in mm about the point that is the shape's origin."""
+    return part.mm_per_unit * vertices - np.array(part.origin_mm or (0.0, 0.0, 0.0))
+
+
+def part_corners(part: IndenterPart) -> np.ndarray:
+    """Return the vertices (V, 3) [mm] of a file about its origin, turned; else two corners of its box."""
+    if part.kind == "mesh":
+        vertices, triangles = read_triangles(part.file)
+        used = _about_origin(part, vertices[np.unique(triangles)])
+        return used @ rotation_about_axes(part.orientation_deg).T
+    shape = _part(part)
+    return np.array([[sign * shape.support(sign * axis) for axis in np.eye(3)] for sign in (-1, 1)])
 
 
 def read_triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:

@@ -15,7 +15,9 @@ from gelforge.indentation.effects.kinematics import touches_a_slope
 from gelforge.indentation.indenter_shapes import check_press, check_widest, real_indenter, shape_of
 from gelforge.indentation.plan_checks import check_count, check_places, check_unit
 from gelforge.indentation.reach import check_reach, planned_reach
+from gelforge.indentation.sizes import check_indenter, check_sensor_size
 from gelforge.indentation.symmetry import D4, transform_points
+from gelforge.indentation.touching import check_over_sensor, check_reaches
 from gelforge.indentation.trajectory import Trajectory
 
 if TYPE_CHECKING:  # pandas takes 0.3 s to import: only those who make or read tables pay for it
@@ -250,10 +252,13 @@ def _phase(move: np.ndarray) -> str:
 def check_inside(cells: dict[str, PlannedCell], study: Study) -> None:
     """Refuse positions outside the sensor, and presses that would pierce it, sink the indenter or pass between nodes."""
     sensor, effects = study.sensor, study.mechanics.effects
+    check_sensor_size(sensor)
+    check_indenter(study)
     described = shape_of(study.indenter)
     real = real_indenter(described, effects)
     same_everywhere = not touches_a_slope(effects)  # then most cells of a plan press equally deep
     checked = set()
+    check_over_sensor(study, cells)
     for cell in cells.values():
         where = f"cell {cell.name}"
         for shear in cell.shears_mm or ((0.0, 0.0),):
@@ -270,6 +275,7 @@ def check_inside(cells: dict[str, PlannedCell], study: Study) -> None:
             check_widest(real, study.indenter.words, reach.depth_mm, where)
             check_press(study, described, cell.deepest_mm, where)
             checked.add(kind)
+    check_reaches(study, real, cells)
 
 
 def _check_mirrored(related: dict[str, PlannedCell], sensor: Sensor) -> None:

@@ -12,13 +12,15 @@ from gelforge.config import ConfigError, Sensor
 from gelforge.config import Mesh as MeshSizes
 from gelforge.config.effects import Base
 from gelforge.indentation.indenter_shapes import read_triangles
+from gelforge.indentation.sizes import check_fits
 from gelforge.indentation.surface_files import surface_digests
-from gelforge.mechanics.closed_surface import ClosedSurface, SurfaceError, closed_surface
+from gelforge.mechanics.closed_surface import SurfaceError, closed_surface
+from gelforge.mechanics.indenters import rotation_about_axes
 from gelforge.mechanics.meshes import Block, Mesh, Sizes, layered_block
+from gelforge.meshing.layout import check_layout
 from gelforge.meshing.solids import Solids, block_solids, dome_solids, given_solids
 from gelforge.meshing.tetrahedra import MeshingError, tetrahedral_mesh
-
-OUTSIDE_MM = 0.01  # a surface may reach this far beyond the sensor's stated rectangle and height
+from gelforge.meshing.tetwild import TetwildError
 
 
 def sensor_mesh(
@@ -44,9 +46,9 @@ def sensor_mesh(
     discs = np.array([[x_mm, y_mm, 0.0]]) if touched is None else np.asarray(touched)
     try:
         solids = sensor_solids(sensor, sizes.stray)
-        heights = [_height(solids.surfaces[-1], x, y) for x, y, _ in discs]
+        heights = [_height(solids, x, y) for x, y, _ in discs]
         return tetrahedral_mesh(solids, sizes, np.insert(discs, 2, heights, axis=1))
-    except (SurfaceError, MeshingError) as error:
+    except (SurfaceError, MeshingError, TetwildError) as error:
         raise ConfigError(f"sensor: {error}") from None
 
 
@@ -80,14 +82,26 @@ def _layers(sensor: Sensor) -> tuple[tuple[str, float], ...]:
 
 
 @lru_cache(maxsize=4)
-def _from_files(files: tuple[tuple[str, str, str], ...], base: float) -> Solids:
-    surfaces = {}
+def _from_files(
+    files: tuple[tuple[str, str, str], ...], unit: float, origin: tuple, turns: tuple, base: float
+) -> Solids:
+    """Return the solids of surface files (name, path, digest), brought into the sensor's frame."""
+    surfaces, rotation = {}, rotation_about_axes(turns)
     for name, path, _ in files:
+        vertices, triangles = read_triangles(Path(path))
         try:
-            surfaces[name] = closed_surface(*read_triangles(Path(path)))
+            surfaces[name] = closed_surface((unit * vertices - np.array(origin)) @ rotation.T, triangles)
         except SurfaceError as error:
             raise SurfaceError(f"{path}: {error}") from None
     return given_solids(surfaces, base)
+
+
+@lru_cache(maxsize=4)
+def _laid_out(files: tuple, unit: float, origin: tuple, turns: tuple, base: float, confirmed: bool) -> Solids:
+    """Return the same solids after a look at how they lie to one another."""
+    solids = _from_files(files, unit, origin, turns, base)
+    check_layout(solids, confirmed)
+    return solids
 
 
 @lru_cache(maxsize=4)
@@ -104,41 +118,35 @@ def sensor_solids(sensor: Sensor, envelope: float = Sizes.envelope) -> Solids:
         return block_solids(_block(sensor))
     if sensor.shape.kind == "dome":
         return _dome(sensor.width_x_mm, sensor.width_y_mm, _layers(sensor), envelope)
-    base = -sensor.height_mm if sensor.shape.base_mm is None else sensor.shape.base_mm
-    digests = surface_digests(sensor)
-    solids = _from_files(
-        tuple((name, str(path), digests[name]) for name, path in sensor.shape.files.items()), base
-    )
-    low, high = (f(solids.surfaces[-1].vertices, axis=0) for f in (np.min, np.max))
-    room = np.array([[0.0, 0.0, -np.inf], [sensor.width_x_mm, sensor.width_y_mm, 0.0]])
-    if (low < room[0] - OUTSIDE_MM).any() or (high > room[1] + OUTSIDE_MM).any() or abs(high[2]) > OUTSIDE_MM:
-        raise SurfaceError(
-            f"the outer surface reaches from {np.round(low, 3)} to {np.round(high, 3)} mm; the sensor's frame wants x in "
-            f"[0, {sensor.width_x_mm:g}], y in [0, {sensor.width_y_mm:g}] and its highest point at z = 0: move the surfaces "
-            f"by {np.round(-np.array([low[0], low[1], high[2]]), 3)} mm or correct width_x_mm and width_y_mm"
-        )
-    return solids
+    shape, digests = sensor.shape, surface_digests(sensor)
+    base = -sensor.height_mm if shape.base_mm is None else shape.base_mm
+    files = tuple((name, str(path), digests[name]) for name, path in shape.files.items())
+    placed = (shape.mm_per_unit, tuple(shape.origin_mm), tuple(shape.orientation_deg))
+    check_fits(sensor, *_from_files(files, *placed, base).bounds)
+    return _laid_out(files, *placed, base, shape.layout_confirmed)
 
 
-def _height(surface: ClosedSurface, x: float, y: float) -> float:
-    """Return the greatest z [mm] of a surface over (x, y), or of its nearest point where it has none there."""
-    a, b, c = (surface.vertices[surface.triangles[:, k]] for k in range(3))
-    p = np.array([x, y])
+def tops_over(solids: Solids, x: float, y: float) -> list[float]:
+    """Return the heights z [mm] at which the vertical through (x, y) meets the solids' surfaces; none beside them."""
+    p, heights = np.array([x, y]), []
 
     def cross(u, v):
         return u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
 
-    weight = np.stack(
-        [
-            cross(b[:, :2] - p, c[:, :2] - p),
-            cross(c[:, :2] - p, a[:, :2] - p),
-            cross(a[:, :2] - p, b[:, :2] - p),
-        ]
-    )
-    whole = weight.sum(axis=0)
-    over = (weight >= 0).all(axis=0) & (whole > 1e-12)
-    if over.any():
-        z = np.stack([a[:, 2], b[:, 2], c[:, 2]])
-        return float(((weight * z).sum(axis=0)[over] / whole[over]).max())
-    gap, normal, _ = surface.distance(np.array([[x, y, 0.0]]))
+    for surface in solids.surfaces:
+        corners = a, b, c = [surface.vertices[surface.triangles[:, k]] for k in range(3)]
+        sides = ((b, c), (c, a), (a, b))
+        weight = np.stack([cross(first[:, :2] - p, last[:, :2] - p) for first, last in sides])
+        whole = weight.sum(axis=0)
+        over = (weight >= 0).all(axis=0) & (whole > 1e-12)  # faces that look up
+        z = np.stack([corner[:, 2] for corner in corners])
+        heights += list((weight * z).sum(axis=0)[over] / whole[over])
+    return heights
+
+
+def _height(solids: Solids, x: float, y: float) -> float:
+    """Return the greatest z [mm] of the solids over (x, y), or of the nearest point of the last where they have none."""
+    if tops := tops_over(solids, x, y):
+        return float(max(tops))
+    gap, normal, _ = solids.surfaces[-1].distance(np.array([[x, y, 0.0]]))
     return float(-gap[0] * normal[0, 2])

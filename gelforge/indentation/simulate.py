@@ -39,6 +39,7 @@ from gelforge.indentation.sensor_mesh import sensor_mesh
 from gelforge.indentation.stretch_range import Outside, element_stretches, stretch_ranges, unstable_shares
 from gelforge.indentation.surface_files import file_digests, surface_digests
 from gelforge.indentation.touchdown import surface_point, touchdown
+from gelforge.indentation.touching import touched_parts
 from gelforge.indentation.trajectory import Trajectory
 from gelforge.mechanics.balances import force_balance, moment_balance
 from gelforge.mechanics.body import Body, SmallStrainBody
@@ -293,6 +294,7 @@ def _simulated(
         "reason": reason,
         "last_good_depth_mm": trajectory.depths_mm[done - 1] if done else 0.0,
         "phases": list(trajectory.phases[:done]),
+        "touched_parts": touched_parts(shape, mesh, states),
         "side_contact": [bool(force.any()) for force in arrays["side_force_N"]],
         "regions": list(mesh.regions),
         "code_version": gelforge.__version__,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gelforge.config import ConfigError
 from gelforge.mechanics.elements import TRIANGLE6_PARTS
 from gelforge.mechanics.indenters import Indenter
 from gelforge.mechanics.meshes import Mesh
@@ -19,7 +20,7 @@ SIDES = np.array([[0, 1], [1, 2], [2, 0]])  # of whose ends the nodes 3 to 5 are
 def surface_point(mesh: Mesh, x: float, y: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the point (3,) of the undeformed top surface over (x, y) [mm] and its outward normal (3,).
 
-    Raises ValueError where no face of the top surface lies over (x, y).
+    Raises ConfigError where no face of the top surface lies over (x, y).
     """
     faces, p = mesh.surface.faces, np.array([x, y])
     parts = TRIANGLE6_PARTS if faces.shape[1] == 6 else np.array([[0, 1, 2], [0, 2, 3]])
@@ -31,7 +32,7 @@ def surface_point(mesh: Mesh, x: float, y: float) -> tuple[np.ndarray, np.ndarra
     height = np.where(weight.min(axis=1) > -1e-9, np.einsum("fk,fk->f", weight, corner[:, :, 2]), -np.inf)
     best = int(np.argmax(height))
     if not np.isfinite(height[best]):
-        raise ValueError(f"no top surface lies over ({x:g}, {y:g}) mm; press where the sensor is")
+        raise ConfigError(f"no top surface lies over ({x:g}, {y:g}) mm; press where the sensor is")
     if faces.shape[1] == 4:
         normal = np.cross(corner[best, 1] - corner[best, 0], corner[best, 2] - corner[best, 0])
         return np.array([x, y, height[best]]), normal / np.linalg.norm(normal)
@@ -103,6 +104,6 @@ def _advanced(indenter: Indenter, points: np.ndarray, centre: np.ndarray, along:
         if gap < NEAR_MM:
             return centre
         centre = centre + gap * along
-    raise ValueError(
+    raise ConfigError(
         f"the indenter, coming along {np.round(along, 3)}, stays {gap:.2g} mm from the surface; press elsewhere"
     )

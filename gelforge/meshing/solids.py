@@ -1,7 +1,8 @@
 """What is meshed: named solids, each inside a closed surface, on a rigid base.
 
 Frame: z = 0 at the highest point of the undeformed body, up positive; x and y from a corner of the rectangle around it.
-A point belongs to the first solid whose surface encloses it, so solids are listed from the inside out.
+A point belongs to the first solid whose surface encloses it, so solids are listed from the inside out; slabs that touch
+enclose nothing of one another.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ DRAFT_STEP = 1.2  # mm, the same for the mesher in an envelope of 0.04 mm, which
 
 @dataclass(frozen=True)
 class Solids:
-    """Named solids from the inside out; the last one encloses all others."""
+    """Named solids from the inside out: each lies in later ones, or touches others, or stands on the base (layout.py)."""
 
     names: tuple[str, ...]
     surfaces: tuple[ClosedSurface, ...]  # on which nodes lie
@@ -29,6 +30,12 @@ class Solids:
         tuple[np.ndarray, np.ndarray], ...
     ]  # (vertices, triangles) for the mesher: the same within its envelope
     base: float  # z of the rigid base [mm]; boundary nodes at or below it are held
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the least and greatest x, y, z (3,) [mm] of all surfaces."""
+        ends = [(s.vertices.min(axis=0), s.vertices.max(axis=0)) for s in self.surfaces]
+        return np.min([low for low, _ in ends], axis=0), np.max([high for _, high in ends], axis=0)
 
 
 def enclosed_volume(surface: ClosedSurface) -> float:

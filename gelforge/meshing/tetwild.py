@@ -25,11 +25,12 @@ import numpy as np
 SEED = 5489
 RANDOM_READ = b"_ZNSt13random_device9_M_getvalEv"  # std::random_device::operator() of libstdc++
 STOP_ENERGY = 10.0  # fTetWild's own: mean quality at which it stops improving
+SAID = 200  # characters of the mesher's last words that a message repeats
 GRID = 40  # intervals of the sizing field along the longest side
 
 
-class TetwildError(RuntimeError):
-    """fTetWild made no mesh: what it said, what to do."""
+class TetwildError(ValueError):
+    """fTetWild made no mesh: what it said in one line, what to do."""
 
 
 def tetrahedralize(
@@ -67,12 +68,18 @@ def tetrahedralize(
         done = subprocess.run(command, capture_output=True, text=True, env=environment)
         if done.returncode or not made.is_file():
             raise TetwildError(
-                f"fTetWild made no mesh (exit {done.returncode}): {done.stderr.strip()[-300:] or 'it said nothing'}; "
-                "check the surfaces, or ask for other sizes"
+                f"fTetWild made no mesh (exit {done.returncode}): {_last_words(done.stderr)}; check that the surfaces do "
+                "not cross themselves, or ask for larger mechanics.mesh.near_mm and far_mm"
             )
         with np.load(made) as mesh:
             nodes, tetrahedra = mesh["nodes"].astype(float), mesh["tetrahedra"].astype(np.int64)
     return nodes, tetrahedra[:, [0, 2, 1, 3]]  # fTetWild's own orientation is the opposite one
+
+
+def _last_words(said: str) -> str:
+    """Return the end of what a process said on one line, and what it means where its memory did not suffice."""
+    words = " ".join(said.split())[-SAID:] or "it said nothing"
+    return f"{words}, too little memory" if "bad_alloc" in words else words
 
 
 def _background(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

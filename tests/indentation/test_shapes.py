@@ -144,7 +144,7 @@ def test_a_block_from_files_presses_as_the_block_does(tmp_path):
 
 def test_a_surface_that_does_not_fit_the_frame_is_refused(tmp_path):
     study = specimens.study(sensor=write_block(tmp_path, shift=(0.0, 3.0, 1.0)))
-    with pytest.raises(ConfigError, match=r"move the surfaces by \[-?0\. +-3\. +-1\.\] mm or correct"):
+    with pytest.raises(ConfigError, match=r"set shape\.origin_mm: \[0\.0, 3\.0, 1\.0\], the corner"):
         simulate_cell(study, LAWS, PlannedCell("a", *specimens.CENTRE, (0.4,)))
 
 

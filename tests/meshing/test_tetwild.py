@@ -2,8 +2,11 @@
 
 import numpy as np
 import pytest
+import specimens
 from small_shapes import SHAPES
 
+from gelforge.config import ConfigError
+from gelforge.indentation.sensor_mesh import sensor_mesh
 from gelforge.meshing import tetwild
 from gelforge.meshing.tetwild import TetwildError, tetrahedralize
 
@@ -38,3 +41,15 @@ def test_what_the_mesher_says_is_passed_on(monkeypatch):
     vertices, triangles = SHAPES["block"][0].drafts[-1]
     with pytest.raises(TetwildError, match=r"exit 1.*it said nothing"):
         tetrahedralize(vertices, triangles, lambda p: np.full(len(p), 3.0), 3.0, 0.05)
+
+
+def test_a_mesher_without_memory_is_an_error_of_ours_on_one_line(monkeypatch, tmp_path):
+    mesher = tmp_path / "mesher"
+    mesher.write_text("#!/bin/sh\nprintf 'terminate called\\n  what():  std::bad_alloc\\n' >&2\nexit 134\n")
+    mesher.chmod(0o755)
+    monkeypatch.setattr(tetwild.sys, "executable", str(mesher))
+    study = specimens.study(sensor={"shape": {"kind": "dome"}, "wall_mm": 0.0})
+    with pytest.raises(ConfigError) as refused:
+        sensor_mesh(study.sensor, study.mechanics.mesh, *specimens.CENTRE)
+    assert "exit 134" in str(refused.value) and "std::bad_alloc, too little memory" in str(refused.value)
+    assert "\n" not in str(refused.value)

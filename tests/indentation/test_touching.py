@@ -1,0 +1,111 @@
+"""A site that nothing touches is no label, nor one that a part of the indenter never touches."""
+
+import numpy as np
+import pytest
+import specimens
+
+from gelforge.cli import main
+from gelforge.config import ConfigError, study_from, write_yaml
+from gelforge.config.variants import merged
+from gelforge.indentation.companion import simulate_label
+from gelforge.indentation.plan import PlannedCell, plan_cells
+
+LAWS = specimens.STUDY_LAWS
+MESH = {"near_mm": 1.0, "near_radius_mm": 2.0, "growth": 0.4, "far_mm": 2.0}
+
+
+def balls(height, **keys):
+    """Return two balls side by side, the second one higher [mm]."""
+    parts = [
+        {"radius_mm": 3.0, "offset_mm": [-2.5, 0.0, 0.0]},
+        {"radius_mm": 3.0, "offset_mm": [2.5, 0.0, height]} | keys,
+    ]
+    return {"kind": "several", "parts": parts}
+
+
+def study(indenter=None, zero=0.0, depths=(0.4, 0.8), margin=6.0, **keys):
+    plan = {"grid": {"spacing_mm": 3.0, "margin_mm": margin}, "depths_mm": list(depths)}
+    described = specimens.study(plan=plan, indenter=indenter, mesh=MESH, error_bars=False, **keys)
+    effects = {"mechanics": {"effects": {"kinematics": {"contact_zero_mm": zero}}}}
+    return study_from(merged(described.model_dump(mode="json"), effects))
+
+
+def label(described, depths=(0.4, 0.8), place=specimens.CENTRE):
+    return simulate_label(described, LAWS, {}, PlannedCell("a", *place, tuple(depths)))
+
+
+def test_a_site_without_contact_has_failed():
+    cell = label(study(zero=-1.0))
+    assert not cell.converged
+    assert (
+        "no depth touches: the indenter stays clear of the sensor down to 0.8 mm" in cell.attributes["reason"]
+    )
+
+
+def test_depths_before_contact_are_labels_of_zero():
+    cell = label(study(zero=-0.6))
+    assert cell.converged and list(cell.attributes["touched_parts"]) == [True]
+    forces = cell.arrays["total_force_N"]
+    assert not forces[0].any() and forces[1, 2] < 0
+
+
+def test_two_balls_of_different_height_that_both_touch_are_a_label():
+    described = study(balls(0.3))
+    assert plan_cells(described)
+    cell = label(described)
+    assert cell.converged and list(cell.attributes["touched_parts"]) == [True, True]
+
+
+def test_a_ball_that_never_touches_is_refused_before_anything_is_solved():
+    with pytest.raises(
+        ConfigError, match=r"part 2 never touches: it lies 1 mm over the lowest part.*need_not_touch"
+    ):
+        plan_cells(study(balls(1.0)))
+    assert plan_cells(study(balls(1.0, need_not_touch=True)))
+
+
+def test_a_ball_beside_the_sensor_is_refused():
+    wide = balls(0.0)
+    wide["parts"][1]["offset_mm"] = [12.0, 0.0, 0.0]
+    with pytest.raises(ConfigError, match="part 2 never touches: it lies beside the sensor there"):
+        plan_cells(study(wide))
+    wide["parts"][1]["need_not_touch"] = True
+    assert plan_cells(study(wide))
+
+
+def test_a_solved_site_that_a_ball_never_touched_has_failed():
+    """Known only afterwards: the first ball's place yields to neither rule of the plan, the mesh decides."""
+    cell = label(study(balls(0.7)), depths=(0.4,))
+    assert not cell.converged and "part(s) [2] of the indenter never touch(es)" in cell.attributes["reason"]
+    stem = label(study(balls(0.7, need_not_touch=True)), depths=(0.4,))
+    assert stem.converged
+    assert np.array_equal(stem.arrays["total_force_N"], cell.arrays["total_force_N"])
+
+
+def test_parts_are_told_apart_where_the_set_is_turned():
+    turned = balls(0.3) | {"orientation_deg": [0.0, 0.0, 90.0]}
+    assert list(label(study(turned)).attributes["touched_parts"]) == [True, True]
+    tilted = balls(0.0) | {"orientation_deg": [0.0, 15.0, 0.0]}  # lowers one ball by 1.3 mm
+    touched = list(label(study(tilted)).attributes["touched_parts"])
+    assert sorted(touched) == [False, True]
+
+
+def test_an_indenter_alone_must_touch():
+    with pytest.raises(ConfigError, match="need_not_touch is for one of several parts"):
+        study({"radius_mm": 3.0, "need_not_touch": True})
+
+
+def test_positions_beside_a_dome_are_refused():
+    dome = {"shape": {"kind": "dome"}, "wall_mm": 0.0}
+    assert plan_cells(study(sensor=dome))
+    with pytest.raises(ConfigError, match=r"no surface of the sensor lies below \(2, 2\) mm"):
+        plan_cells(study(sensor=dome, margin=2.0))
+
+
+def test_press_without_contact_is_one_line(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    write_yaml(tmp_path / "s.yaml", study(zero=-1.0))
+    at = ["--x", "8", "--y", "8", "--depths", "0.4,0.8"]
+    assert main(["press", *at, "--study", "s.yaml"]) == 1
+    error = capfd.readouterr().err
+    assert error.startswith("gelforge: the press failed: no depth touches") and len(error.splitlines()) == 1
