@@ -23,7 +23,8 @@ from gelforge.config import Camera, Sensor, VirtualImaging, VirtualParticles
 from gelforge.mismatch.observations import Observations
 from gelforge.recording.camera import image_axes, project
 from gelforge.recording.flow import Flow, crop, read_grey
-from gelforge.recording.readings import Recording, image_path, read_recording, reference_path
+from gelforge.recording.images import image_path, reference_path
+from gelforge.recording.readings import Recording, read_recording
 from gelforge.virtual_lab.imaging import draw, expose
 from gelforge.virtual_lab.particles import gel_boxes, place_particles
 

@@ -34,7 +34,7 @@ from gelforge.mismatch.spread import spread_out
 from gelforge.mismatch.unsolved import base_where_solved
 from gelforge.mismatch.verdict import PATCH, NoiseCase, Provenance, Verdict, write_verdict
 from gelforge.mismatch.verdict_tables import BODY_MAP, write_body_map, write_flow, write_readings
-from gelforge.recording.readings import reference_path
+from gelforge.recording.images import reference_path
 
 IMAGES_LEFT_OUT = (
     "sessions with a camera are judged by their forces alone (mismatch.images: left_out); `fitted` judges their images too,"

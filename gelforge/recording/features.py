@@ -19,7 +19,8 @@ import pandas as pd
 from gelforge.config import Features, Session
 from gelforge.files import atomic, digest
 from gelforge.recording.flow import Flow, ImageError, read_grey
-from gelforge.recording.readings import Recording, image_path, reference_path, sample_rows
+from gelforge.recording.images import image_path, reference_path
+from gelforge.recording.readings import Recording, sample_rows
 
 FORMAT = "gelforge-features-1"
 BATCH = 64  # images in memory at a time

@@ -77,7 +77,8 @@ class Flow:
             self.search.setFinestScale(1)
             self.search.setVariationalRefinementIterations(0)
         # the finest patches, in pixels of the image
-        self.texture = Texture(reference, self.search.getPatchSize() << self.search.getFinestScale())
+        self.patch_px = self.search.getPatchSize() << self.search.getFinestScale()
+        self.texture = Texture(reference, self.patch_px)
 
     def __call__(self, image: np.ndarray) -> np.ndarray:
         """Return the displacement (H, W, 2) [px] float32 from the reference to an image (H, W) uint8.
@@ -97,3 +98,7 @@ class Flow:
                 f"deviation {self.reference.std():.1f} grey levels; record it anew with light and focus as in the images"
             )
         return self.texture.fill(self.search.calc(self.reference, image, None))
+
+    def backward(self, image: np.ndarray) -> np.ndarray:
+        """Return the displacement (H, W, 2) [px] float32 from an image (H, W) to the reference, as the search finds it."""
+        return self.search.calc(image, self.reference, None)

@@ -12,6 +12,17 @@ from gelforge.config import Session
 from gelforge.recording.checks import RecordingError
 
 PNG_END = b"IEND\xaeB`\x82"  # the last chunk's name and checksum; a truncated PNG lacks it
+JPEG_END, JPEG_TAIL = b"\xff\xd9", 4096  # the end marker; cameras pad what follows
+
+
+def image_path(folder: str | Path, name: str) -> Path:
+    """Return the path of a session's image."""
+    return Path(folder) / "images" / name
+
+
+def reference_path(folder: str | Path) -> Path:
+    """Return the path of a session's zero-force frame."""
+    return Path(folder) / "reference.png"
 
 
 def check_images(folder: Path, images: pd.Series, session: Session) -> None:
@@ -66,6 +77,10 @@ def image_size(path: Path) -> tuple[int, int]:
                 file.seek(-len(PNG_END), os.SEEK_END)
                 if file.read() != PNG_END:
                     raise RecordingError(f"{path}: the PNG was cut short; copy it again")
+            if kind == "JPEG":
+                file.seek(-min(JPEG_TAIL, os.fstat(file.fileno()).st_size), os.SEEK_END)
+                if JPEG_END not in file.read():  # a decoder fills the missing part with grey and says nothing
+                    raise RecordingError(f"{path}: the JPEG was cut short; copy it again")
     except (UnidentifiedImageError, OSError) as error:
         raise RecordingError(f"{path}: not a readable image ({error}); copy it again") from None
     return size

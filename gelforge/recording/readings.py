@@ -135,16 +135,6 @@ def sample_rows(readings: pd.DataFrame) -> pd.DataFrame:
     return readings[(readings["phase"] == "zero").to_numpy() | at_commanded_depth(readings)]
 
 
-def image_path(folder: str | Path, name: str) -> Path:
-    """Return the path of a session's image."""
-    return Path(folder) / "images" / name
-
-
-def reference_path(folder: str | Path) -> Path:
-    """Return the path of a session's zero-force frame."""
-    return Path(folder) / "reference.png"
-
-
 def write_readings(path: str | Path, recording: Recording) -> None:
     """Write all readings of a session, raw and corrected, as CSV."""
     write_text(path, recording.readings.to_csv(index=False, float_format="%.9g", lineterminator="\n"))

@@ -28,7 +28,8 @@ from gelforge.config import (
 from gelforge.files import write_text
 from gelforge.indentation.cell_file import read_cell
 from gelforge.indentation.plan import PlannedCell
-from gelforge.recording.readings import FORCE, reference_path
+from gelforge.recording.images import reference_path
+from gelforge.recording.readings import FORCE
 from gelforge.virtual_lab.imaging import draw, expose
 from gelforge.virtual_lab.particles import Motion, VirtualLabError, place_particles, serial_seed, true_motion
 

@@ -3,7 +3,8 @@
 import cv2
 import numpy as np
 
-SIZE = (240, 320)  # H, W [px]
+SIZE = (160, 208)  # H, W [px]
+MIDDLE = (104, 80)  # u, v
 
 
 def dots(spacing=30, radius=3.0):
@@ -14,7 +15,7 @@ def dots(spacing=30, radius=3.0):
     return at, np.full(len(at), radius), np.full(len(at), 40.0), ground
 
 
-def speckle(seed=5, count=3000):
+def speckle(seed=5, count=1500):
     """Return bright particles at random on a dark ground, as `dots` does."""
     rng = np.random.default_rng(seed)
     at = np.column_stack([rng.uniform(-40, SIZE[1] + 40, count), rng.uniform(-40, SIZE[0] + 40, count)])
@@ -25,7 +26,7 @@ def still(points):
     return np.zeros_like(points)
 
 
-def outward(peak_px, middle=(160, 120), width_px=45):
+def outward(peak_px, middle=MIDDLE, width_px=45):
     """Return a field: points (N, 2) -> displacement (N, 2), outwards, largest at width_px from the middle."""
 
     def field(points):
@@ -36,7 +37,7 @@ def outward(peak_px, middle=(160, 120), width_px=45):
     return field
 
 
-def along(peak_px, middle=(160, 120), width_px=60):
+def along(peak_px, middle=MIDDLE, width_px=60):
     """Return a field of displacements to the right, largest at the middle."""
 
     def field(points):

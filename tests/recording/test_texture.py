@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from drawn import along, dots, everywhere, outward, photograph, speckle, still
+from drawn import SIZE, along, dots, everywhere, outward, photograph, speckle, still
 from numpy.testing import assert_allclose, assert_array_equal
 
 from gelforge.recording.flow import Flow, ImageError
@@ -13,7 +13,7 @@ def length(flow):
     return np.linalg.norm(flow, axis=-1)
 
 
-@pytest.mark.parametrize("gain", [1.0, 0.7, 1.3, np.linspace(0.8, 1.2, 320)[None, :]])
+@pytest.mark.parametrize("gain", [1.0, 0.7, 1.3, np.linspace(0.8, 1.2, SIZE[1])[None, :]])
 def test_untouched_dots_do_not_move_whatever_the_light(gain):
     reference, image = photograph(dots(), seed=1), photograph(dots(), seed=2, gain=gain)
     search = Flow(reference, "fine")
@@ -47,7 +47,7 @@ def test_dim_speckle_is_texture_as_bright_speckle_is():
 
 
 def test_stripes_are_no_texture_as_motion_along_them_is_not_seen():
-    stripes = np.tile(128 + 60 * np.sin(np.arange(320) / 3), (240, 1))
+    stripes = np.tile(128 + 60 * np.sin(np.arange(SIZE[1]) / 3), (SIZE[0], 1))
     noisy = stripes + np.random.default_rng(0).normal(0, 2, stripes.shape)
     assert textured(np.rint(noisy).astype(np.uint8), 16).mean() < 0.01
 
@@ -60,7 +60,7 @@ def test_noise_is_estimated_from_the_smoothest_parts(sigma):
 
 def test_the_flow_that_stands_in_is_a_mean_of_the_flow_around():
     texture = Texture(photograph(dots()), 16)
-    uniform = np.broadcast_to(np.float32([3, -2]), (240, 320, 2)).copy()
+    uniform = np.broadcast_to(np.float32([3, -2]), (*SIZE, 2)).copy()
     filled = texture.fill(np.where(texture.mask[..., None], uniform, np.float32(50)))
     # within the dots' frame: between dots the share of texture is far above FAR_SHARE
     assert_allclose(filled[30:-30, 30:-30], uniform[30:-30, 30:-30], rtol=0.05)
@@ -68,6 +68,6 @@ def test_the_flow_that_stands_in_is_a_mean_of_the_flow_around():
 
 @pytest.mark.parametrize("grey", [0, 128, 255])
 def test_a_reference_without_texture_is_refused(grey):
-    blank = photograph((np.empty((0, 2)), (), (), np.full((240, 320), float(grey))))
+    blank = photograph((np.empty((0, 2)), (), (), np.full(SIZE, float(grey))))
     with pytest.raises(ImageError, match="shows no texture that flow could follow"):
         Flow(blank, "fine")(photograph(speckle(), still))

@@ -15,6 +15,7 @@ from gelforge.indentation.plan import PlannedCell
 from gelforge.recording.checks import RecordingError
 from gelforge.recording.plausibility import forces
 from gelforge.recording.plausibility.findings import Finding, Findings, collect
+from gelforge.recording.plausibility.images import IMAGE_TESTS, ImageSeries, image_series
 from gelforge.recording.plausibility.indentations import floor_N, indentation_table
 from gelforge.recording.plausibility.repeats import Run, repeats
 from gelforge.recording.plausibility.streams import ForceLog
@@ -51,6 +52,11 @@ class SessionData:
         force = self.session.force
         return floor_N(self.readings, force.resolution_N, force.repeatability_N)
 
+    @cached_property
+    def images(self) -> ImageSeries:
+        """Return a sample of the images with what is measured of them."""
+        return image_series(self.folder, self.readings, self.session.camera, self.session.crop_px)
+
 
 Test = Callable[[SessionData], list[Finding]]
 TESTS: dict[str, Test] = {
@@ -58,6 +64,7 @@ TESTS: dict[str, Test] = {
     "force_repeats": forces.force_repeats,
     "force_answers": forces.force_answers,
     "force_grows": forces.force_grows,
+    **{name: lambda data, test=test: test(data.images) for name, test in IMAGE_TESTS.items()},
 }
 
 

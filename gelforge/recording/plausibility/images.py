@@ -1,0 +1,327 @@
+"""Tests of the images: they show the surface, stand still before touch, follow the indentation, and are images of their own.
+
+The tests see measures of images (`image_measures`), of a sample while a session is read and of all when features are made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from gelforge.config import Camera
+from gelforge.recording.flow import ImageError, read_grey
+from gelforge.recording.image_measures import measured, pixel_digest, sample
+from gelforge.recording.images import reference_path
+from gelforge.recording.plausibility.findings import Finding, mostly
+from gelforge.recording.plausibility.image_steps import lag
+
+LEAST_TEXTURE = 0.1  # of the reference's textured pixels; black, white and badly blurred images show none
+LEAST_LIGHT = 0.1  # of the reference frame's mean grey level
+DARK, BRIGHT = 10.0, 245.0  # mean grey levels that are called black and white
+EXPOSURE_STEP = 0.15  # lamps warm by less from one image to the next, and pressing shades less
+LIGHT_IMAGES = 11  # in the running median of the light where an indentation has no image before touch
+BEFORE_SHARE = 0.5  # of the flow under load: images before touch that move more do not stand still
+ONE_BEFORE_SHARE = 0.3  # of the flow under load, of a single image
+SPREADS = 6.0  # robust standard deviations of the untouched images' flow, beyond which one is no accident
+LEAST_SPREAD_PX = 0.003  # the search itself repeats no better
+MOVES_PX = (
+    0.1  # a session whose images move by less, before touch and under load, is judged by its answer alone
+)
+GROWS = 1.1  # depths whose ratio is less do not have to differ
+LEAST_GROWTH = 0.7  # of the flow at a shallower depth of the same place, below which the deeper has lost it
+REPEAT_PX = 0.1  # expected motion below which two noiseless images may be equal
+# Where no flow was measured: a pressed surface moves sideways by more than a fiftieth of the depth, and no image shows more
+# than 100 mm.
+LEAST_MOTION = 0.02
+WIDEST_MM = 100.0
+
+
+@dataclass(frozen=True)
+class ImageSeries:
+    """Images of one session in the order taken, with their measures."""
+
+    table: pd.DataFrame  # readings with measures and `run`; index: line of indentations.csv
+    reference: str  # digest of the reference frame's pixels
+    least_px_per_mm: float  # by which a surface moves in the image per mm of depth, at least
+    error: str = ""  # why the images cannot be measured
+
+    @cached_property
+    def blank(self) -> pd.Series:
+        """Return (N,) bool: the images that are black, white, or show hardly any of the reference frame's texture."""
+        return (self.table["texture"] < LEAST_TEXTURE) | (self.table["gain"] < LEAST_LIGHT)
+
+    @cached_property
+    def shown(self) -> pd.DataFrame:
+        """Return the images that are not blank."""
+        return self.table[~self.blank]
+
+    @cached_property
+    def depth(self) -> pd.Series:
+        """Return the depth [mm] of each of these, 0 before touch."""
+        return self.shown["depth_mm"].where(self.shown["phase"] != "zero", 0.0).fillna(0.0)
+
+    @cached_property
+    def before(self) -> pd.DataFrame:
+        """Return those before touch that are not the reference frame itself."""
+        shown = self.shown
+        return shown[(shown["phase"] == "zero") & (shown["pixels"] != self.reference)]
+
+    @cached_property
+    def deep(self) -> pd.DataFrame:
+        """Return those of the deeper half of depths."""
+        return self.shown[self.depth >= 0.5 * self.depth.max()] if len(self.shown) else self.shown
+
+    @cached_property
+    def floor_px(self) -> tuple[float, float]:
+        """Return the median flow of the images before touch and its robust standard deviation; 0 where there are none."""
+        flow = self.before["flow_px"]
+        if flow.empty:
+            return 0.0, LEAST_SPREAD_PX
+        spread = 1.4826 * (flow - flow.median()).abs().median()
+        return float(flow.median()), float(max(spread, LEAST_SPREAD_PX))
+
+    @cached_property
+    def answer_px(self) -> float:
+        """Return the median flow of the deeper images."""
+        return float(self.deep["flow_px"].median()) if len(self.deep) else 0.0
+
+    @cached_property
+    def px_per_mm(self) -> float:
+        """Return by how much the image moves per mm of depth, measured or at least."""
+        depth = self.depth[self.deep.index].median() if len(self.deep) else 0.0
+        return max(self.answer_px / depth if depth > 0 else 0.0, self.least_px_per_mm)
+
+    @property
+    def indentations(self) -> int:
+        return self.table["press"].nunique()
+
+
+def image_series(folder: Path, readings: pd.DataFrame, camera: Camera | None, crop_px) -> ImageSeries:
+    """Return a sample of a session's images, measured; an empty series for a session without images."""
+    rows = sample(readings)
+    try:
+        reference = None if rows.empty else read_grey(reference_path(folder), crop_px)
+        table = measured(folder, crop_px, rows)
+    except ImageError as error:
+        return ImageSeries(measured(folder, crop_px, rows[:0]), "", 0.0, str(error))
+    return series_of(table, reference, camera)
+
+
+def series_of(table: pd.DataFrame, reference: np.ndarray | None, camera: Camera | None) -> ImageSeries:
+    """Return measured images as a series; reference: the frame (H, W), None where there are no images."""
+    if reference is None:
+        return ImageSeries(table, "", 0.0)
+    scale = reference.shape[1] / WIDEST_MM
+    if camera is not None:
+        scale = (
+            1 / camera.mm_per_px
+            if camera.mm_per_px
+            else camera.focal_px / max(abs(camera.position_mm[2]), 1.0)
+        )
+    return ImageSeries(table, pixel_digest(reference), LEAST_MOTION * scale)
+
+
+def image_readable(series: ImageSeries) -> list[Finding]:
+    """Return an error where an image of the sample cannot be read."""
+    if not series.error:
+        return []
+    found, _, remedy = series.error.rpartition("; ")
+    return [Finding("image_readable", "error", "image", f"cannot be used: {found}", remedy)]
+
+
+def image_content(series: ImageSeries) -> list[Finding]:
+    """Return the images that are black, white or without texture."""
+    table = series.table[series.blank]
+    found = [
+        _one(
+            series,
+            row,
+            "image_content",
+            f"{row.image} is {_look(row.grey)}: {100 * row.gain:.0f} % of the reference frame's brightness and"
+            f" {100 * row.texture:.0f} % of its texture",
+            "check lamps, exposure and focus, and record it anew",
+            *((row.texture, LEAST_TEXTURE) if row.texture < LEAST_TEXTURE else (row.gain, LEAST_LIGHT)),
+        )
+        for row in table.itertuples()
+    ]
+    return mostly(found, len(series.table))
+
+
+def _look(grey: float) -> str:
+    return "black" if grey < DARK else "white" if grey > BRIGHT else "without texture"
+
+
+def image_exposure(series: ImageSeries) -> list[Finding]:
+    """Return the images whose brightness steps against the untouched image of their indentation, or those around.
+
+    Lamps that warm or age change slowly, and a lamp that was switched between two indentations changes both images.
+    """
+    table = series.shown
+    zero = table[table["phase"] == "zero"].groupby("press")["gain"].mean()
+    around = table["gain"].rolling(LIGHT_IMAGES, center=True, min_periods=1).median()
+    usual = table["press"].map(zero).fillna(around)
+    step = (table["gain"] / usual - 1).abs()
+    held = table["phase"] != "zero"
+    found = [
+        _one(
+            series,
+            row,
+            "image_exposure",
+            f"{row.image} has {100 * row.gain / usual[row.Index]:.0f} % of the brightness before touch: exposure or gain"
+            " changed by itself",
+            "switch automatic exposure and gain of the camera off and record anew",
+            step[row.Index],
+            EXPOSURE_STEP,
+        )
+        for row in table[held & (step > EXPOSURE_STEP)].itertuples()
+    ]
+    return mostly(found, int(held.sum()))
+
+
+def image_repeats(series: ImageSeries) -> list[Finding]:
+    """Return the images equal to an earlier one, pixel by pixel, while the surface must have moved between them.
+
+    Noise makes any two images of a camera differ. Without noise images may be equal where nothing moved: at the same depth
+    of one place, or at depths so close that no grey level changes.
+    """
+    seen: dict[str, tuple[float, float, float]] = {series.reference: (np.nan, np.nan, 0.0)}
+    found = []
+    for row, depth in zip(series.shown.itertuples(), series.depth):
+        x, y, earlier = seen.setdefault(row.pixels, (row.x_mm, row.y_mm, depth))
+        same_place = (x, y) == (row.x_mm, row.y_mm) or min(depth, earlier) <= 0
+        moved_mm = abs(depth - earlier) if same_place else max(depth, earlier)
+        moved_px = moved_mm * series.px_per_mm
+        if moved_px > REPEAT_PX:
+            found.append(
+                _one(
+                    series,
+                    row,
+                    "image_repeats",
+                    f"{row.image} equals an earlier one in every pixel, though depth went from {earlier:g} to {depth:g} mm",
+                    "the camera or its buffer stood still: record it anew",
+                    moved_px,
+                    REPEAT_PX,
+                    "px",
+                )
+            )
+    return mostly(found, len(series.table))
+
+
+def image_in_step(series: ImageSeries) -> list[Finding]:
+    """Return that images move before touch as they do under load, lag or lead the readings, or show nothing of them."""
+    before, spread = series.floor_px
+    table = series.shown
+    if len(table) < 2 or not (series.depth > 0).any():
+        return []
+    if max(before, series.answer_px) > MOVES_PX:
+        why = lag(table, series.depth)
+        if not why and len(series.before) and before > BEFORE_SHARE * series.answer_px:
+            why = "the flow does not fit this surface, or the images belong to other rows"
+        if why:
+            text = f"before touch move by {before:.2g} px and those under load by {series.answer_px:.2g} px: {why}"
+            remedy = "save each image when its row is read, after the stage has come to rest"
+            limit = BEFORE_SHARE * series.answer_px
+            return [
+                Finding(
+                    "image_in_step", "error", "images", text, remedy, value=before, limit=limit, unit="px"
+                )
+            ]
+    if series.answer_px <= before + SPREADS * spread:
+        return [_silent(series, before, spread)]
+    return []
+
+
+def _silent(series: ImageSeries, before: float, spread: float) -> Finding:
+    """Return that images show nothing of the indentations: an error where these are deep enough to be seen."""
+    limit = before + SPREADS * spread
+    deepest = float(series.depth.max())
+    expected = series.least_px_per_mm * deepest
+    text = f"do not answer the indentations: flow {series.answer_px:.2g} px at depths up to {deepest:g} mm"
+    level = "error" if expected > limit else "note"
+    remedy = "check that the camera sees the gel and that images and rows match"
+    if level == "note":
+        text, remedy = text + ", within that before touch", "none where the indentations are that shallow"
+    return Finding(
+        "image_in_step", level, "images", text, remedy, value=series.answer_px, limit=limit, unit="px"
+    )
+
+
+def image_before_touch(series: ImageSeries) -> list[Finding]:
+    """Return single images before touch that move as those under load do."""
+    before, spread = series.floor_px
+    limit = max(before + SPREADS * spread, ONE_BEFORE_SHARE * series.answer_px)
+    table = series.before[series.before["flow_px"] > limit]
+    found = [
+        _one(
+            series,
+            row,
+            "image_before_touch",
+            f"{row.image} before touch moves by {row.flow_px:.2g} px",
+            "the surface was still touched, or the image belongs to another row: record it anew",
+            row.flow_px,
+            limit,
+            "px",
+        )
+        for row in table.itertuples()
+    ]
+    return mostly(found, len(series.before))
+
+
+def image_grows(series: ImageSeries) -> list[Finding]:
+    """Return the indentations whose images move less than those at a smaller depth of the same place.
+
+    Only loading counts: before touch, load and dwell. A place with one depth says nothing, as a camera may not see it.
+    """
+    before, spread = series.floor_px
+    held = series.shown.assign(depth_mm=series.depth)[series.depth > 0]
+    found, compared = [], 0
+    for _, place in held.groupby([held["x_mm"].round(2), held["y_mm"].round(2)], sort=False):
+        presses = place.groupby("press", sort=False).agg(
+            depth=("depth_mm", "max"), flow=("flow_px", "median")
+        )
+        for press, (depth, flow) in presses.iterrows():
+            shallower = presses["flow"][presses["depth"] * GROWS < depth]
+            if shallower.empty:
+                continue
+            compared += 1
+            # the median: one image of another row among the shallower ones is not the fault of this one
+            limit = LEAST_GROWTH * float(shallower.median()) - SPREADS * spread
+            if flow >= limit or limit <= before:
+                continue
+            rows = place[place["press"] == press]
+            text = f"move by {flow:.2g} px at {depth:g} mm, less than at smaller depths of this place"
+            remedy = (
+                "the images belong to another row, or the flow lost the surface: record the indentation anew"
+            )
+            first = rows.iloc[0]
+            found.append(
+                Finding(
+                    "image_grows", "excluded", "image", text, remedy, press, float(first["time_s"]), flow, limit, "px",
+                    tuple(rows.index),
+                )
+            )  # fmt: skip
+    return mostly(found, compared)
+
+
+def _one(series, row, test, found, remedy, value, limit, unit="") -> Finding:
+    """Return the exclusion of one image."""
+    return Finding(
+        test, "excluded", "image", found, remedy, str(row.press), float(row.time_s), float(value), float(limit), unit,
+        (row.Index,),
+    )  # fmt: skip
+
+
+IMAGE_TESTS: dict[str, Callable[[ImageSeries], list[Finding]]] = {
+    "image_readable": image_readable,
+    "image_content": image_content,
+    "image_exposure": image_exposure,
+    "image_repeats": image_repeats,
+    "image_in_step": image_in_step,
+    "image_before_touch": image_before_touch,
+    "image_grows": image_grows,
+}
