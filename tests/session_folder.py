@@ -44,12 +44,13 @@ def write_session(folder, images=False, presses=2, extra="", lines=None):
 
 
 def write_images(folder, names):
-    """Write a reference frame of 120 x 140 px with random spots, and images in which they are shifted."""
+    """Write a reference frame of 120 x 140 px with random spots, and images that shift them, further where deeper."""
     rng = np.random.default_rng(0)
     spots = cv2.GaussianBlur(rng.integers(0, 255, (120, 140)).astype(np.uint8), (0, 0), 1.5)
     cv2.imwrite(str(folder / "reference.png"), spots)
-    for name in names:
+    for order, name in enumerate(names):
         for i in range(3):
-            shift = np.float32([[1, 0, 0.5 * i], [0, 1, -0.3 * i]])
+            deeper = 1 + 0.6 * (order % 2)
+            shift = np.float32([[1, 0, 0.5 * i * deeper], [0, 1, -0.3 * i * deeper]])
             moved = cv2.warpAffine(spots, shift, (140, 120), borderMode=cv2.BORDER_REFLECT)
             cv2.imwrite(str(folder / "images" / f"{name}_{i}.png"), moved)

@@ -7,19 +7,20 @@ SIZE = (160, 208)  # H, W [px]
 MIDDLE = (104, 80)  # u, v
 
 
-def dots(spacing=30, radius=3.0):
+def dots(spacing=30, radius=3.0, size=SIZE):
     """Return printed dots on a smooth, unevenly lit ground: places (N, 2), radii, grey levels, ground (H, W)."""
-    v, u = np.mgrid[spacing : SIZE[0] - spacing // 2 : spacing, spacing : SIZE[1] - spacing // 2 : spacing]
+    v, u = np.mgrid[spacing : size[0] - spacing // 2 : spacing, spacing : size[1] - spacing // 2 : spacing]
     at = np.column_stack([u.ravel(), v.ravel()]).astype(float)
-    ground = np.tile(150 + 20 * np.sin(np.arange(SIZE[1]) / 45), (SIZE[0], 1))
+    ground = np.tile(150 + 20 * np.sin(np.arange(size[1]) / 45), (size[0], 1))
     return at, np.full(len(at), radius), np.full(len(at), 40.0), ground
 
 
-def speckle(seed=5, count=1500):
+def speckle(seed=5, size=SIZE):
     """Return bright particles at random on a dark ground, as `dots` does."""
     rng = np.random.default_rng(seed)
-    at = np.column_stack([rng.uniform(-40, SIZE[1] + 40, count), rng.uniform(-40, SIZE[0] + 40, count)])
-    return at, rng.uniform(1.0, 2.2, count), rng.uniform(140, 240, count), np.full(SIZE, 60.0)
+    count = int(0.0225 * (size[0] + 80) * (size[1] + 80))
+    at = np.column_stack([rng.uniform(-40, size[1] + 40, count), rng.uniform(-40, size[0] + 40, count)])
+    return at, rng.uniform(1.0, 2.2, count), rng.uniform(140, 240, count), np.full(size, 60.0)
 
 
 def still(points):
@@ -59,7 +60,7 @@ def photograph(pattern, field=still, seed=0, noise=2.0, gain=1.0):
     ).astype(np.uint8)
 
 
-def everywhere(field):
+def everywhere(field, size):
     """Return a field at every pixel (H, W, 2)."""
-    v, u = np.mgrid[: SIZE[0], : SIZE[1]]
-    return field(np.stack([u, v], axis=-1).reshape(-1, 2)).reshape(*SIZE, 2)
+    v, u = np.mgrid[: size[0], : size[1]]
+    return field(np.stack([u, v], axis=-1).reshape(-1, 2)).reshape(*size, 2)

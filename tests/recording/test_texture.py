@@ -1,12 +1,16 @@
 """Flow where the reference shows texture, and between printed dots; nothing changes where texture is everywhere."""
 
+import drawn
 import numpy as np
 import pytest
-from drawn import SIZE, along, dots, everywhere, outward, photograph, speckle, still
+from drawn import photograph, still
 from numpy.testing import assert_allclose, assert_array_equal
 
 from gelforge.recording.flow import Flow, ImageError
 from gelforge.recording.texture import Texture, noise_grey, textured
+
+SIZE, MIDDLE = (240, 320), (160, 120)
+DOTS, SPECKLE = drawn.dots(size=SIZE), drawn.speckle(size=SIZE)
 
 
 def length(flow):
@@ -15,34 +19,36 @@ def length(flow):
 
 @pytest.mark.parametrize("gain", [1.0, 0.7, 1.3, np.linspace(0.8, 1.2, SIZE[1])[None, :]])
 def test_untouched_dots_do_not_move_whatever_the_light(gain):
-    reference, image = photograph(dots(), seed=1), photograph(dots(), seed=2, gain=gain)
+    reference, image = photograph(DOTS, seed=1), photograph(DOTS, seed=2, gain=gain)
     search = Flow(reference, "fine")
     assert length(search.search.calc(reference, image, None)).mean() > 0.5  # what the search alone finds
     assert length(search(image)).mean() < 0.1
 
 
-@pytest.mark.parametrize("field", [outward(5), along(8)])
+@pytest.mark.parametrize("field", [drawn.outward(5, MIDDLE), drawn.along(8, MIDDLE)])
 def test_dots_carry_the_flow_between_them(field):
-    flow = Flow(photograph(dots(), seed=1), "fine")(photograph(dots(), field, seed=2))
-    error = length(flow - everywhere(field))[30:-30, 30:-30]
+    flow = Flow(photograph(DOTS, seed=1), "fine")(photograph(DOTS, field, seed=2))
+    error = length(flow - drawn.everywhere(field, SIZE))[30:-30, 30:-30]
     # dots 30 px apart sample a field of 45 px width: half a pixel is what they leave open
     assert error.mean() < 0.5
     assert length(flow)[:10, :10].max() < 0.5  # beyond the outermost dot, which moves by 0.25 px
 
 
 def test_speckle_keeps_its_flow_bit_for_bit():
-    field = outward(6)
-    reference, image = photograph(speckle(), seed=1), photograph(speckle(), field, seed=2)
+    field = drawn.outward(6, MIDDLE)
+    reference, image = photograph(SPECKLE, seed=1), photograph(SPECKLE, field, seed=2)
     search = Flow(reference, "fine")
     mask = search.texture.mask
     assert mask.mean() > 0.95
     assert_array_equal(search(image)[mask], search.search.calc(reference, image, None)[mask])
-    assert length(search(image) - everywhere(field)).mean() < 0.25  # measured 0.21, as the search alone has
+    assert (
+        length(search(image) - drawn.everywhere(field, SIZE)).mean() < 0.25
+    )  # measured 0.21, as the search alone has
 
 
 def test_dim_speckle_is_texture_as_bright_speckle_is():
-    bright = photograph(speckle(), noise=0.4)
-    dim = photograph(speckle(), noise=0.4, gain=0.15)
+    bright = photograph(SPECKLE, noise=0.4)
+    dim = photograph(SPECKLE, noise=0.4, gain=0.15)
     assert textured(dim, 16).mean() > 0.9 * textured(bright, 16).mean()
 
 
@@ -55,11 +61,11 @@ def test_stripes_are_no_texture_as_motion_along_them_is_not_seen():
 @pytest.mark.parametrize("sigma", [1.0, 2.0, 3.5])
 def test_noise_is_estimated_from_the_smoothest_parts(sigma):
     # dots leave most of the image smooth; the lowest percentiles of 16 px squares lie up to a fifth below the mean
-    assert_allclose(noise_grey(photograph(dots(), noise=sigma)), sigma, rtol=0.25)
+    assert_allclose(noise_grey(photograph(DOTS, noise=sigma)), sigma, rtol=0.25)
 
 
 def test_the_flow_that_stands_in_is_a_mean_of_the_flow_around():
-    texture = Texture(photograph(dots()), 16)
+    texture = Texture(photograph(DOTS), 16)
     uniform = np.broadcast_to(np.float32([3, -2]), (*SIZE, 2)).copy()
     filled = texture.fill(np.where(texture.mask[..., None], uniform, np.float32(50)))
     # within the dots' frame: between dots the share of texture is far above FAR_SHARE
@@ -70,4 +76,4 @@ def test_the_flow_that_stands_in_is_a_mean_of_the_flow_around():
 def test_a_reference_without_texture_is_refused(grey):
     blank = photograph((np.empty((0, 2)), (), (), np.full(SIZE, float(grey))))
     with pytest.raises(ImageError, match="shows no texture that flow could follow"):
-        Flow(blank, "fine")(photograph(speckle(), still))
+        Flow(blank, "fine")(photograph(SPECKLE, still))
