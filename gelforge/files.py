@@ -1,33 +1,249 @@
-"""Files that are whole or absent, and digests that say what made them."""
+"""Files that are whole or absent, that tell when they were changed, and digests that say what made them.
+
+A product that a later stage reads holds the SHA-256 of its own bytes as `sha256:` and 64 digits, which count as zeros in
+the sum: in the user block of HDF5, in the comment of a zip archive (model.pt, npz), as the first key of JSON, as the name
+of a last, empty column of a CSV table. Other programs read such files as before; who changes one seals it anew (`seal`).
+"""
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
+import re
+import shutil
+import socket
+import time
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+DIGITS = b"0" * 64  # in place of a digest until it is known
+SEAL = re.compile(rb"sha256:([0-9a-f]{64})")
+UNSEALED = b"sha256:" + DIGITS
+USER_BLOCK = 512  # bytes before the content of an HDF5 file, the least that the format allows
+HEAD = 4096  # bytes at the beginning of a file among which its checksum is looked for
+TAIL = len(UNSEALED)  # bytes at the end of a zip archive
+CHUNK = 1 << 16
+STALE_S = (
+    86400.0  # a temporary file of another machine that nobody has written to for a day has lost its owner
+)
+NO_ROOM = {
+    errno.ENOSPC: "no space is left on the device",
+    errno.EDQUOT: "the disk quota is used up",
+    errno.EFBIG: "the file is larger than the limit on file sizes allows (ulimit -f)",
+    errno.EROFS: "the file system is read-only",
+}
+# errors of the machine, not of the file
+NOT_THE_FILE = {
+    errno.EMFILE: "too many files are open; raise the limit (ulimit -n) and run again",
+    errno.ENFILE: "too many files are open on this machine; wait or close programs, and run again",
+    errno.EACCES: "permission denied; give read permission and run again",
+    errno.EPERM: "permission denied; give read permission and run again",
+    errno.ESTALE: "the network file system has lost its handle; run again, or mount it again",
+    errno.EIO: "the device cannot be read; check disk and network, and run again",
+    errno.ENOLCK: "the file system has no locks; set HDF5_USE_FILE_LOCKING=FALSE and run again",
+    errno.ENOTCONN: "the network file system is away; mount it again and run again",
+    errno.EISDIR: "it is a folder; name a file",
+}
 
 
+class FileError(ValueError):
+    """A file that cannot be read or written: which, why, what to do."""
+
+
+# ------------------------------------------------------------------------------------------ whole or absent
 @contextmanager
-def atomic(target: str | Path) -> Iterator[Path]:
-    """Yield a temporary path beside target; synced and renamed on success, removed on failure.
+def atomic(target: str | Path, sealed: bool = False) -> Iterator[Path]:
+    """Yield a temporary path beside target; sealed if asked, synced and renamed on success, removed on failure.
 
-    The temporary name holds the process id, so that an orphan that finishes late cannot disturb its successor.
+    The temporary name holds machine, process and its start, so that an orphan that finishes late cannot disturb its
+    successor, and what a killed process left is known as such: it is removed here. Raises FileError for a full disk.
     """
     target = Path(target)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    temporary = target.with_name(f".{target.stem}.{os.getpid()}.tmp{target.suffix}")
+    temporary = temporary_beside(target)
     try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        remove_orphans(target.parent)
         yield temporary
+        if sealed:
+            seal(temporary)
         with open(temporary, "rb") as handle:
             os.fsync(handle.fileno())
         os.replace(temporary, target)
+    except (OSError, RuntimeError) as error:  # HDF5 raises both
+        if reason := no_room(error):
+            raise FileError(
+                f"{target}: not written, {reason}; what was there before is as it was: make room and run again"
+            ) from None
+        raise
     finally:
         temporary.unlink(missing_ok=True)
 
 
+def no_room(error: BaseException) -> str:
+    """Return in words why an error means that nothing can be written; "" where it means something else."""
+    return NO_ROOM.get(errno_of(error), "")
+
+
+def errno_of(error: BaseException) -> int:
+    """Return the system's number of an error, which HDF5 hides in its text; 0 where there is none."""
+    hidden = re.search(r"errno = (\d+)", str(error))
+    return getattr(error, "errno", None) or (int(hidden[1]) if hidden else 0)
+
+
+def temporary_beside(target: Path) -> Path:
+    """Return a temporary path beside target that no other process uses and that `remove_orphans` knows."""
+    return target.with_name(f".{target.stem}.{_owner()}.tmp{target.suffix}")
+
+
+def remove_orphans(folder: Path) -> None:
+    """Remove what processes that are no more left in a folder under a temporary name; once per process and folder."""
+    _swept(os.getpid(), folder.absolute())
+
+
+@cache
+def _swept(process: int, folder: Path) -> None:
+    for path in folder.glob(".*.tmp*"):
+        found = re.search(r"\.([^.]+)-(\d+)-(\d+)\.tmp(\.[^.]*)?$", path.name)
+        if not found or _lives(path, found[1], int(found[2]), int(found[3])):
+            continue
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink(missing_ok=True)
+
+
+def _owner() -> str:
+    return f"{_machine()}-{os.getpid()}-{_started(os.getpid())}"
+
+
+def _machine() -> str:
+    return re.sub(r"[^A-Za-z0-9_]", "_", socket.gethostname())
+
+
+def _started(process: int) -> int:
+    """Return when a process started, in clock ticks since the machine did; 0 where that is not known."""
+    try:
+        text = Path(f"/proc/{process}/stat").read_text()
+    except OSError:
+        return 0
+    return int(text.rpartition(")")[2].split()[19])  # field 22; the second one, the name, may hold spaces
+
+
+def _lives(path: Path, machine: str, process: int, started: int) -> bool:
+    """Return whether the owner of a temporary file may still write to it."""
+    if machine != _machine():
+        try:
+            return os.path.getmtime(path) > time.time() - STALE_S
+        except OSError:
+            return False
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        pass
+    return _started(process) == started
+
+
+# ---------------------------------------------------------------------------------------------- the seal
+def seal(path: str | Path) -> None:
+    """Write the SHA-256 of a file into the place that it keeps for it; a zip archive without comment gets one.
+
+    Raises ValueError for a file that keeps no such place.
+    """
+    path = Path(path)
+    place = _seal_place(path)
+    if place is None and zipfile.is_zipfile(path):
+        with zipfile.ZipFile(path, "a") as archive:
+            archive.comment = UNSEALED
+        place = _seal_place(path)
+    if place is None:
+        raise ValueError(f"{path}: keeps no place for its checksum")
+    with open(path, "r+b") as file:
+        file.seek(place)
+        file.write(_sum(path, place).encode())
+
+
+def check_seal(path: str | Path, remedy: str, kind: type[ValueError] = FileError) -> None:
+    """Raise an error of a kind, naming file and remedy, for a file that is missing, damaged, edited or cannot be read.
+
+    A file that was found whole is not read again in this process while size and time of change stay the same.
+    """
+    path = Path(path)
+    try:
+        known = os.stat(path)
+        if not os.path.isfile(path):  # a pipe would be waited for
+            raise kind(f"{path}: is no regular file; {remedy}")
+        _check_seal(str(path), (known.st_ino, known.st_size, known.st_mtime_ns, known.st_ctime_ns))
+    except _Unsound as found:
+        raise kind(f"{path}: {found}; {remedy}") from None
+    except FileNotFoundError:
+        raise kind(f"{path}: no such file; {remedy}") from None
+    except OSError as error:
+        raise kind(f"{path}: not read, {why_not_read(error)}") from None
+
+
+def why_not_read(error: OSError) -> str:
+    """Return in words why a file was not read, with what to do; nothing speaks against the file itself."""
+    known = NOT_THE_FILE.get(errno_of(error))
+    return known or f"{error.strerror or str(error).splitlines()[0]}; the file may well be whole, run again"
+
+
+class _Unsound(Exception):
+    pass
+
+
+@cache
+def _check_seal(path: str, state: tuple[int, ...]) -> None:
+    place = _seal_place(Path(path))
+    if place is None:
+        raise _Unsound("holds no checksum: cut short, replaced, or written by a version before checksums")
+    with open(path, "rb") as file:
+        file.seek(place)
+        stated = file.read(64).decode()
+    found = _sum(Path(path), place)
+    if found != stated:
+        raise _Unsound(
+            f"damaged or edited: its bytes have the SHA-256 {found[:12]}..., {stated[:12]}... was written"
+        )
+
+
+def _seal_place(path: Path) -> int | None:
+    """Return where in a file the digits of its checksum begin: near its beginning, or at its very end."""
+    with open(path, "rb") as file:
+        head = SEAL.search(file.read(HEAD))
+        if head:
+            return head.start(1)
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(0, size - TAIL))
+        return size - 64 if SEAL.fullmatch(file.read()) else None
+
+
+def _sum(path: Path, place: int) -> str:
+    """Return the SHA-256 of a file in which the digits at a place count as zeros."""
+    total = hashlib.sha256()
+    with open(path, "rb") as file:
+        left = place
+        while left and (chunk := file.read(min(CHUNK, left))):
+            total.update(chunk)
+            left -= len(chunk)
+        file.read(len(DIGITS))
+        total.update(DIGITS)
+        while chunk := file.read(CHUNK):
+            total.update(chunk)
+    return total.hexdigest()
+
+
+# ------------------------------------------------------------------------------------------------- text
 def write_text(target: str | Path, text: str) -> None:
     """Write a UTF-8 text file, whole or not at all."""
     with atomic(target) as temporary:
@@ -39,6 +255,56 @@ def write_json(target: str | Path, content) -> None:
     write_text(target, json.dumps(content, indent=2, sort_keys=True, allow_nan=False) + "\n")
 
 
+def write_product_json(target: str | Path, content: dict) -> None:
+    """Write a JSON object that a later stage reads, its checksum as the first key `checksum`."""
+    text = json.dumps(content, indent=2, sort_keys=True, allow_nan=False)
+    with atomic(target, sealed=True) as temporary:
+        first = '{\n  "checksum": "' + UNSEALED.decode() + '"' + ("," if content else "")
+        temporary.write_text(first + text.removeprefix("{") + "\n", encoding="utf-8")
+
+
+def read_product_json(path: str | Path, remedy: str, kind: type[ValueError] = FileError) -> dict:
+    """Return what `write_product_json` wrote, after checking that it is whole."""
+    check_seal(path, remedy, kind)
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+    except ValueError as error:  # sealed so by hand
+        raise kind(f"{path}: not valid JSON ({error}); {remedy}") from None
+    if not isinstance(content, dict):
+        raise kind(f"{path}: holds {type(content).__name__}, expected an object; {remedy}")
+    content.pop("checksum", None)
+    return content
+
+
+def write_product_table(target: str | Path, table: pd.DataFrame, float_format: str | None = None) -> None:
+    """Write a CSV table that a later stage reads, its checksum as the name of a last, empty column."""
+    with atomic(target, sealed=True) as temporary:
+        sealed = without_seal(table).assign(**{UNSEALED.decode(): ""})
+        sealed.to_csv(temporary, index=False, float_format=float_format, lineterminator="\n")
+
+
+def read_product_table(
+    path: str | Path, remedy: str, kind: type[ValueError] = FileError, **options
+) -> pd.DataFrame:
+    """Return a table that `write_product_table` wrote, after checking that it is whole; options as of pandas.read_csv."""
+    check_seal(path, remedy, kind)
+    import pandas as pd  # a third of a second, which who reads no table does without
+
+    return without_seal(pd.read_csv(path, **options))
+
+
+def without_seal(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table without the column that is its checksum."""
+    return table.drop(columns=[name for name in table.columns if SEAL.fullmatch(str(name).encode())])
+
+
+def write_table(folder: str | Path, name: str, table: pd.DataFrame) -> None:
+    """Write a pandas table as <name>.csv, with its checksum, and <name>.md in a folder."""
+    write_product_table(Path(folder) / f"{name}.csv", table)
+    write_text(Path(folder) / f"{name}.md", table.to_markdown(index=False, floatfmt=".4g") + "\n")
+
+
+# ---------------------------------------------------------------------------------------------- digests
 def file_sha256(path: str | Path) -> str:
     """Return the SHA-256 of a file's bytes, as hexadecimal text."""
     with open(path, "rb") as handle:
@@ -66,9 +332,3 @@ def source_digest(*parts: str) -> str:
                 continue
             lines.append(f"{path.relative_to(package).as_posix()} {file_sha256(path)}")
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
-
-
-def write_table(folder: str | Path, name: str, table) -> None:
-    """Write a pandas table as <name>.csv and <name>.md in a folder."""
-    write_text(Path(folder) / f"{name}.csv", table.to_csv(index=False))
-    write_text(Path(folder) / f"{name}.md", table.to_markdown(index=False, floatfmt=".4g") + "\n")

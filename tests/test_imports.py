@@ -16,7 +16,7 @@ PACKAGE = Path(gelforge.__file__).parent
 LAYERS = [
     {"mechanics"},
     {"meshing"},
-    {"config", "files", "csv_table", "units", "input_files"},
+    {"config", "files", "hdf5", "csv_table", "units", "input_files"},
     {"characterisation", "indentation", "verification"},
     {"recording", "virtual_lab"},
     {"dataset"},

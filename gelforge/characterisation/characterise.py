@@ -34,7 +34,7 @@ from gelforge.characterisation.sample_scatter import scatter
 from gelforge.characterisation.small_effects import small_effects
 from gelforge.characterisation.stiffness import check_stiffness
 from gelforge.config import Fitting, LawParameters, Material
-from gelforge.files import digest, file_sha256, write_json, write_table, write_text
+from gelforge.files import digest, file_sha256, write_json, write_product_table, write_table, write_text
 from gelforge.mechanics.laws import Ogden, PrincipalLaw
 
 CURVE_COLUMNS = [
@@ -284,8 +284,7 @@ def _parameters(name: str, comparison: Comparison) -> pd.DataFrame:
 
 
 def _write_curves(folder: Path, table: pd.DataFrame) -> None:
-    text = table.to_csv(index=False, float_format="%.10g", lineterminator="\n")
-    write_text(folder / "curves.csv", text)
+    write_product_table(folder / "curves.csv", table, "%.10g")
 
 
 def _write_effects(folder: Path, effects: MeasuredEffects, inputs_digest: str, synthetic: bool) -> None:

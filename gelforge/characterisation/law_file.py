@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from gelforge.characterisation.families import FAMILIES, Family, family_of, parameters_of
 from gelforge.characterisation.valid_range import ValidRange
-from gelforge.files import write_json
+from gelforge.files import read_product_json, write_product_json
 from gelforge.mechanics.homogeneous import LOAD_CASES, principal_stretches
 from gelforge.mechanics.laws import Gent, MooneyRivlin, NeoHooke, Ogden, PrincipalLaw, Yeoh
 
@@ -167,7 +166,7 @@ def write_law(path: str | Path, material: MaterialLaw) -> None:
     }
     if isinstance(law, Ogden):
         content |= {"mu_kPa": [m * 1e3 for m in law.mu], "alpha": list(law.alpha)}
-    write_json(path, rounded(content))
+    write_product_json(path, rounded(content))
 
 
 def read_law(path: str | Path) -> MaterialLaw:
@@ -176,17 +175,11 @@ def read_law(path: str | Path) -> MaterialLaw:
     Raises LawFileError naming the file for one that is missing, damaged or of another format.
     """
     path = Path(path)
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise LawFileError(f"{path}: no such file; run the material stage (snakemake {path})") from None
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise LawFileError(
-            f"{path}: not valid JSON ({error}); delete it and run the material stage again"
-        ) from None
-    found = content.get("format") if isinstance(content, dict) else type(content).__name__
+    remedy = f"run the material stage again (snakemake -R {path})"
+    content = read_product_json(path, remedy, LawFileError)
+    found = content.get("format")
     if found != FORMAT:
-        raise LawFileError(f"{path}: format {found!r}, expected {FORMAT!r}; run the material stage again")
+        raise LawFileError(f"{path}: format {found!r}, expected {FORMAT!r}; {remedy}")
     kind = content.get("law")
     if kind != "ogden" and kind not in FAMILIES:
         raise LawFileError(f"{path}: law {kind!r}; one of {['ogden', *FAMILIES]} can be read")
@@ -210,9 +203,7 @@ def read_law(path: str | Path) -> MaterialLaw:
             tuple(content.get("notes", ())),
         )
     except (KeyError, TypeError, ValueError) as error:
-        raise LawFileError(
-            f"{path}: {type(error).__name__} {error}; delete it and run the material stage again"
-        ) from None
+        raise LawFileError(f"{path}: {type(error).__name__} {error}; {remedy}") from None
 
 
 def _read_parameters(kind: str, content: dict) -> PrincipalLaw:

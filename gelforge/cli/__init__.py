@@ -6,7 +6,9 @@ Commands are imported when they run, so that `gelforge --help` and a refused arg
 from __future__ import annotations
 
 import os
+import signal
 import sys
+import threading
 import warnings
 from importlib import import_module
 from pathlib import Path
@@ -20,11 +22,16 @@ def main(argv: list[str] | None = None) -> int:
     debug, (module, function) = arguments.pop("debug"), arguments.pop("run").split(".")
     keep_compiled_kernels()
     warnings.formatwarning = one_line
+    open_without_locks()
+    stop_in_order()
     try:
         getattr(import_module(f"gelforge.cli.{module}"), function)(**arguments)
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return 130
+    except Terminated:
+        print("gelforge: terminated (SIGTERM); nothing half written is left, run again", file=sys.stderr)
+        return 143
     except BrokenPipeError:  # the reader of a pipe (`gelforge ... | head`) has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
@@ -33,6 +40,16 @@ def main(argv: list[str] | None = None) -> int:
             raise
         print(f"gelforge: {error}", file=sys.stderr)
         return 1
+    except OSError as error:
+        if debug:
+            raise
+        print(f"gelforge: {of_the_machine(error)}", file=sys.stderr)
+        return 1
+    except MemoryError:
+        if debug:
+            raise
+        print("gelforge: no memory is left; give the job more, or use a coarser mesh", file=sys.stderr)
+        return 1
     return 0
 
 
@@ -40,6 +57,40 @@ def one_line(message, category, filename, lineno, line=None, usual=warnings.form
     """Return a warning of ours as one line, another one as Python writes it."""
     ours = category.__module__.startswith("gelforge.")
     return f"gelforge: {message}\n" if ours else usual(message, category, filename, lineno, line)
+
+
+class Terminated(BaseException):
+    """SIGTERM has come."""
+
+
+def stop_in_order() -> None:
+    """Let SIGTERM unwind the command, so that temporary files are removed; a second one ends it at once."""
+
+    def stop(number, frame):
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        raise Terminated
+
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, stop)
+
+
+def open_without_locks() -> None:
+    """Let HDF5 open files where the file system has no locks; whoever sets the variable decides.
+
+    Products appear under their names when they are whole and are never written again, so nothing is to be locked.
+    BEST_EFFORT would not do: HDF5 ignores a missing function (ENOSYS) then, and not a refused lock (ENOLCK).
+    """
+    os.environ.setdefault("HDF5_USE_FILE_LOCKING", "FALSE")
+
+
+def of_the_machine(error: OSError) -> str:
+    """Return an error of the operating system as one line: which file, what, what to do."""
+    from gelforge.files import no_room, why_not_read
+
+    name = f"{error.filename}: " if error.filename else ""
+    if reason := no_room(error):
+        return f"{name}not written, {reason}; make room and run again"
+    return f"{name}{why_not_read(error)}"
 
 
 def keep_compiled_kernels() -> None:

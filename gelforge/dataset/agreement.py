@@ -10,7 +10,7 @@ import pandas as pd
 
 from gelforge.dataset.schema import DatasetError
 from gelforge.dataset.session_labels import OwnCells, OwnPresses
-from gelforge.files import write_text
+from gelforge.files import read_product_table, write_product_table
 from gelforge.indentation.cell_file import read_cell
 from gelforge.indentation.plan import POSITION_MATCH_MM
 from gelforge.recording.readings import AXES, FORCE
@@ -63,11 +63,13 @@ def agreement_table(
 
 def _measured(session: str, path: str | Path) -> pd.DataFrame:
     """Return session, press, cell, position, depth and mean force [N] of each press, in the order taken."""
-    if not Path(path).is_file():
-        raise DatasetError(f"{path}: the readings are missing; make them again (snakemake -R {path})")
-    text = {"press": str, "cell": str, "excluded": str}
-    readings = pd.read_csv(
-        path, dtype=text, keep_default_na=False, na_values={name: [""] for name in (*FORCE, "depth_mm")}
+    readings = read_product_table(
+        path,
+        f"make the readings again (snakemake -R {path})",
+        DatasetError,
+        dtype={"press": str, "cell": str, "excluded": str},
+        keep_default_na=False,
+        na_values={name: [""] for name in (*FORCE, "depth_mm")},
     )
     held = readings[readings["phase"].isin(["load", "dwell"])]
     deepest = held.groupby("press")["depth_mm"].transform("max")
@@ -115,12 +117,17 @@ def _with_own(presses: pd.DataFrame, own: OwnCells | OwnPresses) -> list[pd.Data
 
 def write_agreement(path: str | Path, table: pd.DataFrame) -> None:
     """Write agreement.csv; nine digits, more than any force sensor has."""
-    write_text(path, table.to_csv(index=False, float_format="%.9g", lineterminator="\n"))
+    write_product_table(path, table, "%.9g")
 
 
 def read_agreement(path: str | Path) -> pd.DataFrame:
     """Return agreement.csv; names stay text."""
-    return pd.read_csv(path, dtype={"session": str, "press": str, "cell": str})
+    return read_product_table(
+        path,
+        f"make the agreement again (snakemake -R {path})",
+        DatasetError,
+        dtype={"session": str, "press": str, "cell": str},
+    )
 
 
 def rmse_gt_table(agreement: pd.DataFrame, resolution_N: Mapping[str, Sequence[float]]) -> pd.DataFrame:

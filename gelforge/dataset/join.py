@@ -24,6 +24,7 @@ from gelforge.dataset.session_labels import (
 from gelforge.dataset.shard import writing_shard
 from gelforge.dataset.splits import split_cells
 from gelforge.files import digest, file_sha256
+from gelforge.hdf5 import opened
 from gelforge.indentation.cell_file import ERROR_BARS, Cell, read_cell
 from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell, plan_cells
 
@@ -209,24 +210,14 @@ def _label_rows(planned: PlannedCell, cell: Cell, split: str) -> dict[str, np.nd
 
 
 # ----------------------------------------------------------------------------------------------- features
-def _open_features(path: str | Path) -> h5py.File:
-    if not Path(path).is_file():
-        raise DatasetError(f"{path}: the features are missing; extract them again (snakemake -R {path})")
-    try:
-        return h5py.File(path, "r")
-    except OSError as error:
-        raise DatasetError(
-            f"{path}: not a whole HDF5 file ({error}); delete it and extract the features again"
-        ) from None
+def open_features(path: str | Path) -> h5py.File:
+    """Return a session's features, opened after checking that they are whole."""
+    remedy = f"extract the features again (snakemake -R {path})"
+    return opened(path, FEATURE_FORMAT, remedy, DatasetError)
 
 
 def _check_features(path: str | Path, session: str, study: Study, expected: str | None) -> None:
-    with _open_features(path) as file:
-        found = file.attrs.get("format")
-        if found != FEATURE_FORMAT:
-            raise DatasetError(
-                f"{path}: format {found!r}, expected {FEATURE_FORMAT!r}; extract the features again"
-            )
+    with open_features(path) as file:
         if expected is not None and file.attrs["digest"] != expected:
             raise DatasetError(
                 f"{path}: session {session} was reduced with other settings (digest "
@@ -242,7 +233,7 @@ def _check_features(path: str | Path, session: str, study: Study, expected: str 
 
 
 def _session_attributes(path: str | Path) -> dict:
-    with _open_features(path) as file:
+    with open_features(path) as file:
         return {
             "features": Path(path).as_posix(),
             "features_digest": str(file.attrs["digest"]),
@@ -252,7 +243,7 @@ def _session_attributes(path: str | Path) -> dict:
 
 def _scan(path: str | Path) -> Iterator[tuple[int, str, str, str, str, int, float]]:
     """Yield row, press, cell, phase, image, image_index and depth of a feature file, a block of rows at a time."""
-    with _open_features(path) as file:
+    with open_features(path) as file:
         for start in range(0, len(file["press"]), SCAN_ROWS):
             block = slice(start, start + SCAN_ROWS)
             texts = [file[name].asstr()[block] for name in ("press", "cell", "phase", "image")]
@@ -296,7 +287,7 @@ def _presses(path: str | Path, planned: Mapping[str, PlannedCell], chunk: set[st
 
 def _excluded_images(path: str | Path) -> dict[str, int]:
     """Return by press how many of its images at depth were excluded before their features were extracted."""
-    with _open_features(path) as file:
+    with open_features(path) as file:
         return json.loads(file.attrs.get("excluded_images", "{}"))
 
 
@@ -325,7 +316,7 @@ def _session_rows(
 ) -> list[dict[str, np.ndarray]]:
     """Return the rows of a session's presses of one cell, a block per press; one without label is noted in about."""
     blocks = []
-    with _open_features(path) as file:
+    with open_features(path) as file:
         for press, rows in pressed.items():
             step = _step(path, press, rows, planned)
             label = labels(press, step)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -12,7 +11,14 @@ from gelforge.config.variants import merged
 from gelforge.dataset.card import card, croissant
 from gelforge.dataset.schema import DatasetError
 from gelforge.dataset.shard import ShardDataset, shard_attributes
-from gelforge.files import digest, file_sha256, write_json, write_text
+from gelforge.files import (
+    digest,
+    file_sha256,
+    read_product_json,
+    write_json,
+    write_product_json,
+    write_text,
+)
 
 FORMAT = "gelforge-dataset-1"
 SUMS = "SHA256SUMS"
@@ -27,7 +33,7 @@ def describe_dataset(
     """
     folder = Path(folder)
     manifest = make_manifest(study, shards, feature_files)
-    write_json(folder / "manifest.json", manifest)
+    write_product_json(folder / "manifest.json", manifest)
     write_text(folder / "README.md", card(study, manifest))
     write_json(folder / "croissant.json", croissant(study, manifest))
     named = [*(Path(path).name for path in shards), "manifest.json", "README.md", "croissant.json"]
@@ -91,12 +97,7 @@ def verify(folder: str | Path) -> list[str]:
 def read_manifest(path: str | Path) -> dict:
     """Return a manifest; DatasetError names the file where it is missing or not one."""
     path = Path(path)
-    if not path.is_file():
-        raise DatasetError(f"{path}: the manifest is missing; build the dataset first")
-    try:
-        manifest = json.loads(path.read_text(encoding="utf-8"))
-    except json.JSONDecodeError as error:
-        raise DatasetError(f"{path}: not valid JSON ({error}); build the dataset again") from None
+    manifest = read_product_json(path, f"build the dataset again (snakemake -R {path})", DatasetError)
     if manifest.get("format") != FORMAT:
         raise DatasetError(
             f"{path}: format {manifest.get('format')!r}, expected {FORMAT!r}; build the dataset again"

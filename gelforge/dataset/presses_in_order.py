@@ -22,7 +22,8 @@ from gelforge.config import ConfigError, Study
 from gelforge.dataset.recorded_presses import Laws, RecordedPress, presses_digest
 from gelforge.dataset.session_labels import FORMAT, PRESS_DATASETS
 from gelforge.files import atomic, digest
-from gelforge.indentation.cell_file import Cell, check_finite
+from gelforge.hdf5 import writing
+from gelforge.indentation.cell_file import Cell, check_finite, write_timings
 from gelforge.indentation.companion import solve_companion
 from gelforge.indentation.error_bars import COARSER, Companion, error_bars
 from gelforge.indentation.plan import PlannedCell
@@ -233,7 +234,6 @@ def _write(out, study, laws, session, identity, presses, progress: Progress, lab
         "position_mm": np.array([(press.path.x_mm, press.path.y_mm) for press in presses]),
         "depth_mm": np.array([press.depth_mm for press in presses]),
         "force_balance": np.array(progress.balances + [np.nan] * left),
-        "seconds": np.array(progress.seconds + [np.nan] * left),
     }
     described = {
         name: getattr(study, name).model_dump(mode="json") for name in ("sensor", "indenter", "mechanics")
@@ -248,7 +248,7 @@ def _write(out, study, laws, session, identity, presses, progress: Progress, lab
         "reason": progress.reason,
         "settings": json.dumps(described, sort_keys=True),
     }
-    with atomic(out) as temporary, h5py.File(temporary, "w") as file:
+    with writing(out) as file:
         file.attrs.update(attributes)
         for name, values in columns.items():
             text = {"dtype": h5py.string_dtype()} if isinstance(values, list) else {}
@@ -272,3 +272,4 @@ def _write(out, study, laws, session, identity, presses, progress: Progress, lab
                 file[total][chosen], file[bins][chosen] = known[:, 0], known[:, 1:]
         for name, data in file.items():
             data.attrs["units"], data.attrs["description"] = PRESS_DATASETS[name]
+    write_timings(out, {"seconds": progress.seconds})

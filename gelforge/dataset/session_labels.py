@@ -11,6 +11,7 @@ import h5py
 import numpy as np
 
 from gelforge.dataset.schema import DatasetError
+from gelforge.hdf5 import opened
 from gelforge.indentation.cell_file import Cell
 
 FORMAT = "gelforge-presses-1"
@@ -28,7 +29,6 @@ PRESS_DATASETS = {
     "position_mm": ("mm", "planned position x, y (P, 2)"),
     "depth_mm": ("mm", "planned depth (P)"),
     "force_balance": ("1", "force of contact against that of the base, relative (P)"),
-    "seconds": ("s", "wall time of the press and its companion (P)"),
     "total_force_N": ("N", "contact force on the sensor (P, 3)"),
     "bin_force_N": ("N", "force on the sensor per surface bin, k = nx iy + ix, undeformed surface (P, B, 3)"),
     "total_sigma_mesh_N": ("N", "standard deviation of total_force_N from discretisation (P, 3)"),
@@ -112,21 +112,8 @@ class OwnPresses:
         )
 
     def _open(self) -> h5py.File:
-        if not self.path.is_file():
-            raise DatasetError(
-                f"{self.path}: the session's presses are missing; press them again (snakemake -R {self.path})"
-            )
-        try:
-            file = h5py.File(self.path, "r")
-        except OSError as error:
-            raise DatasetError(
-                f"{self.path}: not a whole HDF5 file ({error}); delete it and press the session again"
-            ) from None
-        found = file.attrs.get("format")
-        if found != FORMAT:
-            file.close()
-            raise DatasetError(f"{self.path}: format {found!r}, expected {FORMAT!r}; press the session again")
-        return file
+        remedy = f"press the session again (snakemake -R {self.path})"
+        return opened(self.path, FORMAT, remedy, DatasetError)
 
 
 def cell_label(cell: Cell, step: int) -> Label:
@@ -150,5 +137,5 @@ def check_closure(path: str | Path, what: str, total: np.ndarray, bins: np.ndarr
     if not np.all(error <= limit):  # also refuses what is not a number
         raise DatasetError(
             f"{path}: {what}: bins and total force differ by {np.max(error):.3g} N, limit "
-            f"{np.min(limit):.1g} N; delete the file and simulate it again"
+            f"{np.min(limit):.1g} N; simulate it again (snakemake -R {path})"
         )

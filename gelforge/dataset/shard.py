@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from gelforge.dataset.schema import FORMAT, DatasetError, columns
-from gelforge.files import atomic
+from gelforge.hdf5 import opened, writing
 
 JSON_ATTRIBUTES = ("cells", "failed_cells", "sessions")
 
@@ -55,7 +55,7 @@ def writing_shard(
 
     attributes may be filled until the block ends; those of JSON_ATTRIBUTES are stored as JSON text.
     """
-    with atomic(path) as temporary, h5py.File(temporary, "w") as file:
+    with writing(path) as file:
         writer = ShardWriter(file, labels_only, features, bins)
         yield writer
         file.attrs["format"], file.attrs["labels_only"], file.attrs["rows"] = FORMAT, labels_only, writer.rows
@@ -64,19 +64,7 @@ def writing_shard(
 
 
 def _open(path: Path) -> h5py.File:
-    if not path.is_file():
-        raise DatasetError(f"{path}: the shard is missing; build the dataset again")
-    try:
-        file = h5py.File(path, "r")
-    except OSError as error:
-        raise DatasetError(
-            f"{path}: not a whole HDF5 file ({error}); delete it and build the dataset again"
-        ) from None
-    if file.attrs.get("format") != FORMAT:
-        found = file.attrs.get("format")
-        file.close()
-        raise DatasetError(f"{path}: format {found!r}, expected {FORMAT!r}; build the dataset again")
-    return file
+    return opened(path, FORMAT, f"build the shard again (snakemake -R {path})", DatasetError)
 
 
 def shard_attributes(path: str | Path) -> dict:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import json
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import h5py
 import numpy as np
 
-from gelforge.files import atomic
+from gelforge.files import write_json
+from gelforge.hdf5 import opened, writing
 
 FORMAT = "gelforge-cell-1"
 
@@ -75,6 +77,8 @@ OPTIONAL = {"gel_node_mm", "gel_hex", "gel_tet", "gel_displacement_mm"} | ERROR_
 SECTION = {
     name for name in DATASETS if name.startswith("section_")
 }  # a mirrored cell's is that of its source
+# attributes that differ from run to run: they go into a file of their own, so that a cell's bytes repeat
+TIMINGS = ("seconds", "cpu_seconds", "error_bar_seconds", "sensitivity_seconds")
 UNKNOWN_IS_NAN = {
     "volume_outside_valid_range"
 }  # attributes: of a law without a tested range (stretch_range.py)
@@ -89,7 +93,8 @@ class Cell:
     """One simulated position: arrays named as in DATASETS, attributes as in docs/file-formats.md.
 
     attributes always hold: format, cell, x_mm, y_mm, status ("converged" or "failed"), reason, last_good_depth_mm,
-    inputs_digest, code_version, seconds, iterations. Arrays of a failed cell hold the depths that converged.
+    inputs_digest, code_version, iterations; of a cell just solved also TIMINGS.
+    Arrays of a failed cell hold the depths that converged.
     """
 
     arrays: dict[str, np.ndarray]
@@ -104,13 +109,15 @@ def write_cell(path: str | Path, cell: Cell) -> None:
     """Write a cell, whole or not at all.
 
     Raises CellError for a number that is not finite: forces, fields, error bars, derivatives and attributes all are, but
-    for UNKNOWN_IS_NAN.
+    for UNKNOWN_IS_NAN. What TIMINGS name goes into <name>.timings.json beside it, see read_timings; the rest is the same,
+    byte for byte, from the same inputs on the same machine.
     """
     check_finite(path, cell)
-    with atomic(path) as temporary, h5py.File(temporary, "w") as file:
+    timings = {key: cell.attributes[key] for key in TIMINGS if key in cell.attributes}
+    with writing(path) as file:
         file.attrs["format"] = FORMAT
-        for key, value in cell.attributes.items():
-            file.attrs[key] = value
+        for key in sorted(cell.attributes.keys() - timings.keys()):
+            file.attrs[key] = cell.attributes[key]
         for name, array in cell.arrays.items():
             unit, description = DATASETS[name]
             large = array.size > 4096
@@ -118,6 +125,26 @@ def write_cell(path: str | Path, cell: Cell) -> None:
                 name, data=array, **({"compression": "gzip", "shuffle": True} if large else {})
             )
             data.attrs["units"], data.attrs["description"] = unit, description
+    write_timings(path, timings)
+
+
+def write_timings(path: str | Path, timings: Mapping) -> None:
+    """Write what a product cost, in seconds, into a file of its own beside it."""
+    plain = {key: np.asarray(value).tolist() for key, value in timings.items()}
+    write_json(timings_path(path), plain)
+
+
+def read_timings(path: str | Path) -> dict:
+    """Return what a product cost, in seconds; empty where nobody knows."""
+    try:
+        return json.loads(timings_path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+
+
+def timings_path(path: str | Path) -> Path:
+    """Return the file that says what a product cost."""
+    return Path(path).with_suffix(".timings.json")
 
 
 def check_finite(whose: str | Path, cell: Cell) -> None:
@@ -138,24 +165,14 @@ def check_finite(whose: str | Path, cell: Cell) -> None:
 def read_cell(path: str | Path, arrays: list[str] | None = None, if_held: Collection[str] = ()) -> Cell:
     """Return a cell: the named arrays and those of if_held that it holds, or without names all that a cell holds.
 
-    Raises CellError naming the file for a file that is missing, truncated, of another format or incomplete.
+    Raises CellError naming the file for a file that is missing, damaged, of another format or incomplete.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise CellError(f"{path}: the cell's file is missing; simulate it again (snakemake -R {path})")
-    try:
-        with h5py.File(path, "r") as file:
-            attributes = dict(file.attrs)
-            wanted = _held(attributes, file) if arrays is None else arrays
-            wanted = [*wanted, *sorted(name for name in if_held if name in file and name not in wanted)]
-            missing = [name for name in wanted if name not in file]
-            content = {name: file[name][()] for name in wanted if name in file}
-    except OSError as error:
-        raise CellError(f"{path}: not a whole HDF5 file ({error}); delete it and run again") from None
-    if attributes.get("format") != FORMAT:
-        raise CellError(
-            f"{path}: format {attributes.get('format')!r}, expected {FORMAT!r}; simulate it again"
-        )
+    with opened(path, FORMAT, f"simulate it again (snakemake -R {path})", CellError) as file:
+        attributes = dict(file.attrs)
+        wanted = _held(attributes, file) if arrays is None else arrays
+        wanted = [*wanted, *sorted(name for name in if_held if name in file and name not in wanted)]
+        missing = [name for name in wanted if name not in file]
+        content = {name: file[name][()] for name in wanted if name in file}
     if missing:
         raise CellError(
             f"{path}: datasets {missing} are missing; simulate the cell again with the settings that keep them"

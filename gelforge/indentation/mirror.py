@@ -7,7 +7,7 @@ import time
 import numpy as np
 
 from gelforge.config import Study
-from gelforge.indentation.cell_file import ERROR_BARS, Cell
+from gelforge.indentation.cell_file import ERROR_BARS, TIMINGS, Cell
 from gelforge.indentation.inputs import inputs_digest
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.symmetry import transform_bins, transform_points, transform_vectors
@@ -56,4 +56,5 @@ def mirror_cell(source: Cell, study: Study, laws: dict[str, PrincipalLaw], plann
     }
     # Effects have places and directions: their derivatives are not mirrored.
     kept = {key: value for key, value in source.attributes.items() if not key.startswith("sensitivity_")}
+    kept = {key: value for key, value in kept.items() if key not in TIMINGS}
     return Cell(arrays, kept | identity)

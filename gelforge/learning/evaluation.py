@@ -12,7 +12,7 @@ import torch
 
 from gelforge.dataset.schema import COLUMNS, DatasetError
 from gelforge.dataset.shard import ShardDataset
-from gelforge.files import atomic
+from gelforge.hdf5 import opened, writing
 from gelforge.learning.data import FEATURE, LABEL
 from gelforge.learning.network import load_model
 
@@ -33,7 +33,7 @@ def predict_test_rows(
     if not len(rows):
         raise DatasetError(f"{shards[0]}: no test row in {len(shards)} shards; give the study more cells")
     bins, nx = model.scaling.output_mean.shape[0], model.settings["bins"]["nx"]
-    with atomic(out) as temporary, h5py.File(temporary, "w") as file:
+    with writing(out) as file:
         file.attrs["format"], file.attrs["synthetic"] = FORMAT, model.settings["synthetic"]
         file.attrs["bins_nx"], file.attrs["bins_ny"] = nx, bins // nx
         file.attrs["sensor_width_mm"] = model.settings["sensor_width_mm"]
@@ -94,32 +94,22 @@ class Predictions:
 
     def __init__(self, path: str | Path):
         self.path = Path(path)
-        if not self.path.is_file():
-            raise DatasetError(f"{path}: the predictions are missing; evaluate the model first")
-        try:
-            with h5py.File(self.path, "r") as file:
-                found = file.attrs.get("format")
-                self.nx, self.ny = int(file.attrs.get("bins_nx", 0)), int(file.attrs.get("bins_ny", 0))
-                self.width_mm = np.array(file.attrs.get("sensor_width_mm", []))
-                if found == FORMAT:
-                    self.untouched, self.ft = file["untouched"][()], file["total_force_ft_N"][()]
-                    self.training_mean, self.label_range = (
-                        file["training_mean_N"][()],
-                        file["label_range_N"][()],
-                    )
-        except OSError as error:
-            raise DatasetError(
-                f"{path}: not a whole HDF5 file ({error}); delete it and evaluate again"
-            ) from None
-        if found != FORMAT:
-            raise DatasetError(f"{path}: format {found!r}, expected {FORMAT!r}; evaluate the model again")
+        with self._open() as file:
+            self.nx, self.ny = int(file.attrs["bins_nx"]), int(file.attrs["bins_ny"])
+            self.width_mm = np.array(file.attrs["sensor_width_mm"])
+            self.untouched, self.ft = file["untouched"][()], file["total_force_ft_N"][()]
+            self.training_mean, self.label_range = file["training_mean_N"][()], file["label_range_N"][()]
 
     def blocks(self) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
         """Yield rows, predicted and true distributions (n, B, 3) [N]."""
-        with h5py.File(self.path, "r") as file:
+        with self._open() as file:
             for start in range(0, len(self.untouched), BLOCK):
                 rows = slice(start, min(start + BLOCK, len(self.untouched)))
                 yield rows, file["predicted_N"][rows].astype(float), file["true_N"][rows].astype(float)
+
+    def _open(self) -> h5py.File:
+        remedy = f"evaluate the model again (snakemake -R {self.path})"
+        return opened(self.path, FORMAT, remedy, DatasetError)
 
 
 # ------------------------------------------------------------------------------------------------- tables

@@ -10,9 +10,11 @@ import numpy as np
 import torch
 from torch import nn
 
-from gelforge.files import atomic
+from gelforge.files import atomic, check_seal
 
 FORMAT = "gelforge-model-1"
+FORMS = ("vector", "polar")  # of Scaling
+LARGEST_OUTPUT = 1e4  # in units of Scaling.output_scale; trained networks stay below some hundred
 SIGMOID_GAIN = 4.0  # Glorot & Bengio 2010: a sigmoid's slope at 0 is 1/4
 
 
@@ -123,29 +125,67 @@ def save_tensors(path: str | Path, content: dict) -> None:
     """Write tensors, numbers and text; the same content gives the same bytes under any file name."""
     buffer = io.BytesIO()  # torch.save puts the name of a file that it opens itself into the archive
     torch.save(content, buffer)
-    with atomic(path) as temporary:
+    with atomic(path, sealed=True) as temporary:
         temporary.write_bytes(buffer.getvalue())
 
 
 def load_tensors(path: str | Path, kind: str) -> dict:
     """Return what save_tensors wrote, refusing anything but tensors, numbers and text (no code is run)."""
-    path = Path(path)
-    if not path.is_file():
-        raise ModelError(f"{path}: no such file; train the model first")
+    remedy = f"train the model again (snakemake -R {path})"
+    check_seal(path, remedy, ModelError)
     try:
         content = torch.load(path, map_location="cpu", weights_only=True)
-    except Exception as error:  # torch raises several kinds for a damaged archive
-        raise ModelError(
-            f"{path}: cannot be read ({type(error).__name__}); delete it and train again"
-        ) from None
+    except Exception as error:  # torch raises several kinds for what is no archive of tensors
+        raise ModelError(f"{path}: no tensors can be read ({type(error).__name__}); {remedy}") from None
     if not isinstance(content, dict) or content.get("format") != kind:
-        raise ModelError(f"{path}: not a file of format {kind!r}; train the model again")
+        raise ModelError(f"{path}: not a file of format {kind!r}; {remedy}")
     return content
 
 
 def load_model(path: str | Path) -> Model:
-    """Return a saved model, ready to predict. Raises ModelError naming the file."""
+    """Return a saved model, ready to predict.
+
+    Raises ModelError naming the file for one that is damaged, or whose numbers are no trained network's.
+    """
     content = load_tensors(path, FORMAT)
+    try:
+        model = _model_from(content)
+    except (KeyError, TypeError, ValueError, RuntimeError, AttributeError) as error:  # torch: RuntimeError
+        what = str(error).splitlines()[0][:200]
+        raise ModelError(f"{path}: {type(error).__name__} {what}; train the model again") from None
+    if wrong := implausible(model):
+        raise ModelError(f"{path}: {wrong}; train the model again (snakemake -R {path})")
+    return model
+
+
+def implausible(model: Model) -> str:
+    """Return why a network cannot be one that was trained; "" where nothing speaks against it.
+
+    Hidden units lie between 0 and 1, so no output exceeds the sum of its weights' sizes: a wrong exponent is seen there.
+    """
+    scaling, state = model.scaling, model.network.state_dict()
+    numbers = {f"weights {name}": values.numpy() for name, values in state.items()}
+    numbers |= {name: value for name, value in vars(scaling).items() if isinstance(value, np.ndarray)}
+    for name, values in numbers.items():
+        if not np.isfinite(values).all():
+            return f"{name}: {(~np.isfinite(values)).sum()} of {values.size} numbers are not finite"
+    if scaling.form not in FORMS or min(scaling.input_scale.min(), scaling.output_scale.min()) <= 0:
+        return (
+            f"scaling of form {scaling.form!r} with scales {scaling.input_scale} and {scaling.output_scale}"
+        )
+    last = model.network[-1]
+    reach = (last.weight.abs().sum(dim=1) + last.bias.abs()).max().item()
+    if reach > LARGEST_OUTPUT:
+        return (
+            f"an output can reach {reach:.3g} times the labels' standard deviation, limit {LARGEST_OUTPUT:g}"
+        )
+    size = float(np.abs(scaling.output_mean).max() / scaling.output_scale.max())
+    if size > LARGEST_OUTPUT:
+        return f"a mean label is {size:.3g} times the labels' standard deviation, limit {LARGEST_OUTPUT:g}"
+    return ""
+
+
+def _model_from(content: dict) -> Model:
     settings = content["settings"]
     scaling = Scaling(
         **{k: v.numpy() if isinstance(v, torch.Tensor) else v for k, v in content["scaling"].items()}

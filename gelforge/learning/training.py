@@ -15,7 +15,7 @@ from tqdm import tqdm
 from gelforge.config import Study
 from gelforge.dataset.shard import ShardDataset, shard_attributes
 from gelforge.dataset.splits import split_cells
-from gelforge.files import digest, file_sha256, write_text
+from gelforge.files import digest, file_sha256, write_product_table
 from gelforge.learning.data import BUFFER_ROWS, Batches, cells_of, measure_scaling, subset
 from gelforge.learning.network import Model, ModelError, load_tensors, make_network, save_model, save_tensors
 
@@ -95,7 +95,8 @@ def train(
     rows.close()
     if last < learning.epochs:
         return False
-    write_text(loss_path, _loss_table(losses))
+    columns = ["epoch", "training", "validation"]
+    write_product_table(loss_path, pd.DataFrame(losses, columns=columns), "%.9g")
     save_model(model_path, Model(network, scaling, settings))
     checkpoint_path.unlink(missing_ok=True)
     return True
@@ -180,8 +181,3 @@ def _resume(path: Path, settings: dict, network, adam) -> list[tuple]:
     network.load_state_dict(content["weights"])
     adam.load_state_dict(content["adam"])
     return [(int(epoch), training, validation) for epoch, training, validation in content["losses"]]
-
-
-def _loss_table(losses: list[tuple]) -> str:
-    table = pd.DataFrame(losses, columns=["epoch", "training", "validation"])
-    return table.to_csv(index=False, float_format="%.9g", lineterminator="\n")

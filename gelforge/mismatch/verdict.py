@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -10,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from gelforge.config import Name, NonNegative, Positive, Section
-from gelforge.files import write_json
+from gelforge.files import read_product_json, write_product_json
 from gelforge.mismatch.effect import FAMILIES
 
 FORMAT = "gelforge-verdict-1"
@@ -406,23 +405,20 @@ class Verdict(Section):
 
 def schema() -> dict[str, Any]:
     """Return the JSON schema of verdict.json; config/verdict_schema.json holds it."""
-    return Verdict.model_json_schema()
+    described = Verdict.model_json_schema()
+    checksum = {"description": "sha256: and the SHA-256 of the file with these digits zero", "type": "string"}
+    return described | {"properties": described["properties"] | {"checksum": checksum}}
 
 
 def write_verdict(folder: str | Path, verdict: Verdict) -> None:
     """Write verdict.json into a folder, whole or not at all."""
-    write_json(Path(folder) / VERDICT, verdict.model_dump(mode="json"))
+    write_product_json(Path(folder) / VERDICT, verdict.model_dump(mode="json"))
 
 
 def read_verdict(folder: str | Path) -> Verdict:
     """Return the verdict in a folder."""
     path = Path(folder) / VERDICT
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise VerdictError(f"{path}: no such file; `gelforge mismatch` writes it") from None
-    except ValueError as error:
-        raise VerdictError(f"{path}: not JSON ({error}); write it anew with `gelforge mismatch`") from None
+    content = read_product_json(path, "write it anew with `gelforge mismatch`", VerdictError)
     try:
         return Verdict.model_validate(content)
     except ValidationError as error:

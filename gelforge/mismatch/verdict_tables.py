@@ -12,7 +12,7 @@ from pathlib import Path
 import pandas as pd
 
 from gelforge.csv_table import read_csv
-from gelforge.files import write_text
+from gelforge.files import check_seal, without_seal, write_product_table
 from gelforge.mismatch.verdict import VerdictError
 
 READINGS, BODY_MAP, FLOW = "readings.csv", "body_map.csv", "flow.csv"
@@ -22,6 +22,7 @@ READINGS_NUMBERS = ["x_mm", "y_mm", "depth_mm", "measured_N", "base_N", "sigma_N
 READINGS_OPTIONAL = ["time_s", "after_N", "predicted_N", "after_sigma_N"]
 # held_out: no, positions, deepest, ...
 READINGS_TEXTS = ["session", "press", "site", "phase", "axis", "held_out"]
+REMEDY = "write it anew with `gelforge mismatch`"
 FLOW_NUMBERS = ["x_mm", "y_mm", "depth_mm", "middle_u_px", "middle_v_px"]
 FLOW_NUMBERS += [f"{name}_{axis}_px" for name in ("measured", "base", "sigma") for axis in "uv"]
 FLOW_OPTIONAL = ["after_u_px", "after_v_px"]
@@ -64,24 +65,30 @@ def read_flow(folder: str | Path) -> pd.DataFrame | None:
     path = Path(folder) / FLOW
     if not path.is_file():
         return None
+    check_seal(path, REMEDY, VerdictError)
     read = read_csv(path, numbers=FLOW_NUMBERS, optional_numbers=FLOW_OPTIONAL, texts=["session", "press"])
-    return read.reset_index(drop=True)
+    return without_seal(read).reset_index(drop=True)
 
 
 def read_readings(folder: str | Path) -> pd.DataFrame:
     """Return the readings, see write_readings; times and after_N, after_sigma_N are nan where they are empty."""
-    return read_csv(
+    check_seal(Path(folder) / READINGS, REMEDY, VerdictError)
+    table = read_csv(
         Path(folder) / READINGS,
         numbers=READINGS_NUMBERS,
         optional_numbers=READINGS_OPTIONAL,
         texts=READINGS_TEXTS,
-    ).reset_index(drop=True)
+    )
+    return without_seal(table).reset_index(drop=True)
 
 
 def read_body_map(folder: str | Path) -> pd.DataFrame | None:
     """Return the body map, see write_body_map; None where none was made."""
     path = Path(folder) / BODY_MAP
-    return read_csv(path, numbers=BODY_MAP_NUMBERS).reset_index(drop=True) if path.is_file() else None
+    if not path.is_file():
+        return None
+    check_seal(path, REMEDY, VerdictError)
+    return without_seal(read_csv(path, numbers=BODY_MAP_NUMBERS)).reset_index(drop=True)
 
 
 def _write_table(path: Path, table: pd.DataFrame, needed: list[str], optional: list[str]) -> None:
@@ -89,4 +96,4 @@ def _write_table(path: Path, table: pd.DataFrame, needed: list[str], optional: l
     if missing:
         raise VerdictError(f"{path}: columns {missing} are missing; found {list(table.columns)}")
     columns = needed + [name for name in optional if name in table]
-    write_text(path, table[columns].to_csv(index=False, float_format="%.9g"))
+    write_product_table(path, table[columns], "%.9g")

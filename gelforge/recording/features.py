@@ -17,7 +17,8 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import Features, Session
-from gelforge.files import atomic, digest
+from gelforge.files import digest
+from gelforge.hdf5 import writing
 from gelforge.recording.flow import Flow, ImageError, read_grey
 from gelforge.recording.images import image_path, reference_path
 from gelforge.recording.readings import Recording, sample_rows
@@ -138,7 +139,7 @@ def session_features(recording: Recording, settings: Features, out: str | Path, 
         raise ImageError(
             f"{recording.folder}: session {recording.session.session} has no images; it is force-only"
         )
-    with atomic(out) as temporary, h5py.File(temporary, "w", track_order=True) as file:
+    with writing(out, track_order=True) as file:
         _write_attributes(file, recording, settings)
         _write_rows(file, rows)
         m2 = 2 * settings.regions**2

@@ -11,7 +11,7 @@ import pandas as pd
 
 from gelforge.config import ForceSensor, Sensor, Session, StageToSensor, load_session
 from gelforge.csv_table import read_csv
-from gelforge.files import write_text
+from gelforge.files import check_seal, write_product_table
 from gelforge.indentation.plan import PlannedCell
 from gelforge.recording import checks
 from gelforge.recording.checks import RecordingError
@@ -137,12 +137,13 @@ def sample_rows(readings: pd.DataFrame) -> pd.DataFrame:
 
 def write_readings(path: str | Path, recording: Recording) -> None:
     """Write all readings of a session, raw and corrected, as CSV."""
-    write_text(path, recording.readings.to_csv(index=False, float_format="%.9g", lineterminator="\n"))
+    write_product_table(path, recording.readings, "%.9g")
 
 
 def read_readings(path: str | Path) -> pd.DataFrame:
     """Return the readings that `write_readings` wrote, columns as in COLUMNS; names stay text."""
     always = ["order", "time_s", "x_mm", "y_mm"]
+    check_seal(path, f"make the readings again (snakemake -R {path})", RecordingError)
     table = read_csv(
         path,
         numbers=always,

@@ -10,6 +10,8 @@ import h5py
 import numpy as np
 from matplotlib.figure import Figure
 
+from gelforge.files import read_product_json
+from gelforge.hdf5 import opened
 from gelforge.indentation.cell_file import FORMAT as CELL_FORMAT
 from gelforge.report.force_maps import AXES, draw_force_map, row_limits, total_text
 from gelforge.report.style import INK, frame_arrows, new_figure, styled
@@ -34,17 +36,14 @@ class Label:
 def read_label(path: str | Path, row: int | None = None) -> Label:
     """Return the label of a cell's depth (row; the deepest if None) or of a shard's row (the first if None)."""
     path = Path(path)
-    if not path.is_file():
-        raise LabelError(f"{path}: no such file; name a cell file or a shard")
-    try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("format") == CELL_FORMAT:
-                return _cell_label(file, path, row)
-            if "force_distribution_N" in file:
-                return _shard_label(file, path, row)
-            found = file.attrs.get("format", "no format attribute")
-    except OSError as error:
-        raise LabelError(f"{path}: not a whole HDF5 file ({error})") from None
+    with opened(
+        path, None, f"name a cell file or a shard, or make it again (snakemake -R {path})", LabelError
+    ) as file:
+        if file.attrs.get("format") == CELL_FORMAT:
+            return _cell_label(file, path, row)
+        if "force_distribution_N" in file:
+            return _shard_label(file, path, row)
+        found = file.attrs.get("format", "no format attribute")
     raise LabelError(
         f"{path}: neither a cell ({CELL_FORMAT}) nor a shard (force_distribution_N); found {found}"
     )
@@ -78,9 +77,10 @@ def _cell_label(file: h5py.File, path: Path, row: int | None) -> Label:
 def _sensor_of_dataset(shard: Path) -> dict:
     """Return the sensor's settings from the manifest beside a shard, which has the label but not the sensor's size."""
     manifest = shard.parent / "manifest.json"
-    if not manifest.is_file():
-        raise LabelError(f"{manifest}: missing; it says how large the sensor of {shard.name} is")
-    return json.loads(manifest.read_text(encoding="utf-8"))["settings"]["sensor"]
+    remedy = (
+        f"it says how large the sensor of {shard.name} is: build the dataset again (snakemake -R {manifest})"
+    )
+    return read_product_json(manifest, remedy, LabelError)["settings"]["sensor"]
 
 
 def _shard_label(file: h5py.File, path: Path, row: int | None) -> Label:

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.characterisation.law_file import MaterialLaw
+from gelforge.files import read_product_table
 from gelforge.mechanics.homogeneous import LOAD_CASES
 from gelforge.report.beside_paper import beside_paper
 from gelforge.report.chapters import Chapter, count
@@ -157,4 +158,5 @@ def _beyond(cell, attributes: dict, first: int) -> dict:
 
 
 def _table(path: Path) -> pd.DataFrame | None:
-    return pd.read_csv(path, keep_default_na=True) if path.is_file() else None
+    remedy = f"run the material stage again (snakemake -R {path})"
+    return read_product_table(path, remedy) if path.is_file() else None

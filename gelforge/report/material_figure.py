@@ -14,6 +14,7 @@ from matplotlib.patches import Rectangle
 from gelforge.characterisation.characterise import MEAN
 from gelforge.characterisation.common_form import LOAD_CASE_OF
 from gelforge.characterisation.law_file import MaterialLaw, read_law
+from gelforge.files import read_product_table
 from gelforge.mechanics.homogeneous import LOAD_CASES, stress_points
 from gelforge.mechanics.laws import PrincipalLaw
 from gelforge.report.style import (
@@ -64,7 +65,9 @@ def material_figure(
     only ones where no test is in tension. Below, the model minus the mean of the samples. R2 in the panels is that
     of the nominal stress, which was fitted.
     """
-    material, curves = read_law(law_json), pd.read_csv(curves_csv, dtype={"sample": str, "test": str})
+    material = read_law(law_json)
+    remedy = f"run the material stage again (snakemake -R {curves_csv})"
+    curves = read_product_table(curves_csv, remedy, dtype={"sample": str, "test": str})
     beside = [read_law(path) for path in others]
     curves["kind"] = curves.test.str.split(" ").str[0]
     further = [k for k in TITLES if k not in LOAD_CASES and k in set(curves.kind)]

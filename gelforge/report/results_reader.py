@@ -13,6 +13,11 @@ import pandas as pd
 
 from gelforge.characterisation.law_file import MaterialLaw, read_law
 from gelforge.config import ConfigError, Session, Study, load_session
+from gelforge.dataset.agreement import read_agreement
+from gelforge.dataset.join import open_features
+from gelforge.dataset.manifest import read_manifest
+from gelforge.files import read_product_table
+from gelforge.hdf5 import opened
 from gelforge.indentation.cell_file import Cell, CellError, read_cell
 from gelforge.indentation.plan import PlannedCell, landmarks, plan_cells
 
@@ -118,21 +123,19 @@ class StudyResults:
         for name in self.study.sessions:
             path = self.folder / "features" / f"{name}.h5"
             if path.is_file():
-                with h5py.File(path, "r") as file:
+                with open_features(path) as file:
                     found[name] = {key: _column(file[key]) for key in file if key != "feature"}
         return found
 
     def feature_row(self, session: str, row: int) -> np.ndarray:
-        with h5py.File(self.folder / "features" / f"{session}.h5", "r") as file:
+        with open_features(self.folder / "features" / f"{session}.h5") as file:
             return file["feature"][row]
 
     @cached_property
     def agreement(self) -> pd.DataFrame | None:
         path = self.folder / "agreement.csv"
-        if not path.is_file():
-            return None
-        table = pd.read_csv(path, comment="#", dtype={"cell": str, "press": str, "session": str})
-        return table if len(table) else None
+        table = read_agreement(path) if path.is_file() else None
+        return None if table is None or table.empty else table
 
     def published_force_depth(self) -> pd.DataFrame | None:
         path = self.paper_folder / "force_depth.csv"
@@ -144,18 +147,16 @@ class StudyResults:
         return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
 
     def table(self, name: str) -> pd.DataFrame | None:
-        path = self.folder / "tables" / f"{name}.csv"
-        return pd.read_csv(path) if path.is_file() else None
+        return _table(self.folder / "tables" / f"{name}.csv")
 
     @cached_property
     def manifest(self) -> dict | None:
         path = self.folder / "dataset" / "manifest.json"
-        return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
+        return read_manifest(path) if path.is_file() else None
 
     @cached_property
     def loss(self) -> pd.DataFrame | None:
-        path = self.folder / "model" / "loss.csv"
-        return pd.read_csv(path, comment="#") if path.is_file() else None
+        return _table(self.folder / "model" / "loss.csv")
 
     @cached_property
     def predictions(self) -> dict[str, np.ndarray] | None:
@@ -163,7 +164,7 @@ class StudyResults:
         path = self.folder / "model" / "predictions.h5"
         if not path.is_file():
             return None
-        with h5py.File(path, "r") as file:
+        with _open_predictions(path) as file:
             columns = {key: _column(file[key]) for key in file if key not in ("predicted_N", "true_N")}
             for key in ("predicted_N", "true_N"):
                 columns[f"total_{key}"] = np.concatenate(
@@ -173,8 +174,16 @@ class StudyResults:
 
     def predicted_map(self, row: int) -> tuple[np.ndarray, np.ndarray]:
         """Return predicted and true force maps (B, 3) of a test row."""
-        with h5py.File(self.folder / "model" / "predictions.h5", "r") as file:
+        with _open_predictions(self.folder / "model" / "predictions.h5") as file:
             return file["predicted_N"][row], file["true_N"][row]
+
+
+def _open_predictions(path: Path) -> h5py.File:
+    return opened(path, None, f"evaluate the model again (snakemake -R {path})")
+
+
+def _table(path: Path) -> pd.DataFrame | None:
+    return read_product_table(path, f"make it again (snakemake -R {path})") if path.is_file() else None
 
 
 def _column(data: h5py.Dataset) -> np.ndarray:

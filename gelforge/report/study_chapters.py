@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from gelforge.indentation.cell_file import read_timings
 from gelforge.report.chapters import Chapter, Facts, count
 from gelforge.report.flow_figure import flow_figure, read_picture
 from gelforge.report.force_depth import ForceDepth, deviation_table, force_depth_figure
@@ -259,11 +260,14 @@ def time_per_stage(results: StudyResults) -> Chapter:
         chapter.miss(f"No benchmark files in {results.folder / 'benchmarks'}; Snakemake writes them.")
     solved = [results.cell_attributes[c.name] for c in results.converged() if c.source is None]
     if solved:
-        seconds = [float(a["seconds"]) for a in solved]
+        names = [c.name for c in results.converged() if c.source is None]
+        timings = [read_timings(results.cell_path(name)) for name in names]
+        seconds = [float(known["seconds"]) for known in timings if "seconds" in known]
         iterations = [int(np.sum(a["iterations"])) for a in solved]  # stored per depth
+        took = f"{np.median(seconds):.1f} s (median; longest {max(seconds):.1f} s) and " if seconds else ""
         chapter.say(
-            f"A simulated cell took {np.median(seconds):.1f} s (median; longest {max(seconds):.1f} s) and"
-            f" {np.median(iterations):.0f} Newton iterations (median), over {count(len(solved), 'cell')}."
+            f"A simulated cell took {took}"
+            f"{np.median(iterations):.0f} Newton iterations (median), over {count(len(solved), 'cell')}."
         )
     return chapter
 

@@ -18,6 +18,7 @@ from gelforge.characterisation.material_source import read_sources
 from gelforge.characterisation.material_table import material_table
 from gelforge.config import Fitting
 from gelforge.csv_table import TableError
+from gelforge.files import write_product_json
 from gelforge.mechanics.homogeneous import principal_stretches
 
 ROOT = Path(__file__).parents[2]
@@ -58,7 +59,7 @@ def test_a_law_file_written_before_other_laws_existed_still_has_its_range(tmp_pa
     content = json.loads((tmp_path / "law.json").read_text())
     for key in ("parameters", "valid_states", "unstable_from", "fitted_by", "notes"):
         del content[key]
-    (tmp_path / "law.json").write_text(json.dumps(content))
+    write_product_json(tmp_path / "law.json", content)
     assert read_law(tmp_path / "law.json").valid_range.largest("uniaxial") == pytest.approx(3.0)
 
 

@@ -9,6 +9,8 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import Study, study_from
+from gelforge.files import write_product_table
+from gelforge.hdf5 import writing
 from gelforge.indentation.cell_file import Cell, write_cell
 from gelforge.indentation.plan import PlannedCell, plan_cells
 
@@ -118,7 +120,7 @@ def feature_rows(table: pd.DataFrame, width: int = FEATURES) -> np.ndarray:
 def write_features(path: Path, study: Study, table: pd.DataFrame, synthetic: bool = True, **columns) -> Path:
     """Write a feature file of a table of rows; columns replace those of the table."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with h5py.File(path, "w") as file:
+    with writing(path) as file:
         file.attrs["format"], file.attrs["synthetic"] = "gelforge-features-1", synthetic
         file.attrs["digest"] = f"digest of {path.stem}"
         for name in ("session", "press", "cell", "phase", "image"):
@@ -148,5 +150,5 @@ def write_readings(path: Path, study: Study, session: str, noise_N: float = 0.0)
     )
     table = pd.concat([table, unload]).sort_values(["order", "image_index"], kind="stable")
     path.parent.mkdir(parents=True, exist_ok=True)
-    table.drop(columns="image_index").to_csv(path, index=False)
+    write_product_table(path, table.drop(columns="image_index"))
     return path

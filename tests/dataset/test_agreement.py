@@ -7,6 +7,7 @@ from small_dataset import label, sample_table, small_study, write_cells, write_r
 
 from gelforge.dataset.agreement import agreement_table, read_agreement, rmse_gt_table, write_agreement
 from gelforge.dataset.schema import DatasetError
+from gelforge.files import write_product_table
 from gelforge.indentation.cell_file import CellError
 from gelforge.indentation.plan import plan_cells
 
@@ -55,7 +56,7 @@ def test_rmse_gt_equals_a_naive_loop(recorded):
 
 def test_a_session_without_images_is_enough(recorded):
     path = recorded.readings["day1"]
-    pd.read_csv(path).assign(image="").to_csv(path, index=False)
+    write_product_table(path, pd.read_csv(path).assign(image=""))
     assert len(agreement_table({"day1": path}, recorded.cells)) > 0
 
 
@@ -88,7 +89,7 @@ def test_a_press_without_its_cell_or_file_stops(recorded):
     with pytest.raises(CellError, match=r"x1_y1\.h5"):
         agreement_table(recorded.readings, recorded.cells)
     recorded.readings["day1"].unlink()
-    with pytest.raises(DatasetError, match=r"day1\.csv: the readings are missing"):
+    with pytest.raises(DatasetError, match=r"day1\.csv: no such file"):
         agreement_table(recorded.readings, recorded.cells)
 
 
@@ -96,6 +97,6 @@ def test_a_press_at_a_depth_that_was_not_simulated_stops(recorded):
     path = recorded.readings["day1"]
     readings = pd.read_csv(path, dtype={"press": str})
     readings.loc[readings["press"] == "p001", "depth_mm"] += 0.05
-    readings.to_csv(path, index=False)
+    write_product_table(path, readings)
     with pytest.raises(DatasetError, match="press p001 of session day1 has depth 1.05 mm"):
         agreement_table(recorded.readings, recorded.cells)

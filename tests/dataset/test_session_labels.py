@@ -18,6 +18,7 @@ from gelforge.dataset.recorded_presses import pressed_cells, read_presses, recor
 from gelforge.dataset.schema import DatasetError
 from gelforge.dataset.session_labels import OwnPresses
 from gelforge.dataset.shard import ShardDataset, lineage, shard_attributes
+from gelforge.files import write_product_table
 from gelforge.indentation.cell_file import CellError
 from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.indentation.plan import plan_cells
@@ -240,7 +241,7 @@ def test_each_press_has_its_own_row_and_a_failed_one_is_listed(pressed, tmp_path
     for name in study.sessions:
         table = read_presses(study.session_folder(name), cells)
         readings[name] = tmp_path / f"{name}.csv"
-        table.to_csv(readings[name], index=False)
+        write_product_table(readings[name], table)
     agreed = agreement_table(readings, {}, own)
     assert list(zip(agreed["session"], agreed["press"])) == sorted(found)
     np.testing.assert_allclose(agreed["fem_z_N"], [found[key][2] for key in sorted(found)], rtol=1e-12)
@@ -309,7 +310,7 @@ def test_what_is_missing_or_of_other_settings_is_refused(pressed, tmp_path):
     _, files = pressed
     with pytest.raises(DatasetError, match="deep_first.presses.h5: made with other settings"):
         OwnPresses(files["deep_first"], "another").attributes["status"]
-    with pytest.raises(DatasetError, match="none.h5: the session's presses are missing"):
+    with pytest.raises(DatasetError, match="none.h5: no such file"):
         OwnPresses(tmp_path / "none.h5").label("p0")
     with pytest.raises(DatasetError, match="no press p7"):
         OwnPresses(files["deep_first"]).label("p7")

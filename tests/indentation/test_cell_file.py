@@ -3,6 +3,7 @@
 import h5py
 import numpy as np
 import pytest
+from edited_file import edited
 
 from gelforge.indentation.cell_file import DATASETS, OPTIONAL, SECTION, Cell, CellError, read_cell, write_cell
 
@@ -94,12 +95,12 @@ def test_attributes_are_finite_but_for_what_is_not_known(tmp_path):
 def test_a_truncated_file_is_named(path, share):
     content = path.read_bytes()
     path.write_bytes(content[: int(share * len(content))])
-    with pytest.raises(CellError, match=r"x0_y0\.h5: not a whole HDF5 file"):
+    with pytest.raises(CellError, match=r"x0_y0\.h5: (holds no checksum|damaged or edited).*snakemake -R"):
         read_cell(path)
 
 
 def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(CellError, match=r"gone\.h5: the cell's file is missing; simulate it again"):
+    with pytest.raises(CellError, match=r"gone\.h5: no such file; simulate it again"):
         read_cell(tmp_path / "gone.h5")
 
 
@@ -110,7 +111,7 @@ def test_a_missing_dataset_is_named(path):
 
 @pytest.mark.parametrize("name", sorted(set(DATASETS) - OPTIONAL))
 def test_every_mandatory_dataset_is_missed(path, name):
-    with h5py.File(path, "a") as file:
+    with edited(path) as file:
         del file[name]
     with pytest.raises(CellError, match=rf"x0_y0\.h5: datasets \['{name}'\] are missing"):
         read_cell(path)
@@ -125,7 +126,7 @@ def test_a_mirrored_cell_needs_no_section_of_its_own(path):
 
 @pytest.mark.parametrize("wrong", ["gelforge-cell-0", None])
 def test_another_format_is_refused(path, wrong):
-    with h5py.File(path, "a") as file:
+    with edited(path) as file:
         del file.attrs["format"]
         if wrong:
             file.attrs["format"] = wrong

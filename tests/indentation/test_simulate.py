@@ -7,7 +7,7 @@ import pytest
 import specimens
 from numpy.testing import assert_allclose
 
-from gelforge.indentation.cell_file import DATASETS, OPTIONAL, read_cell, write_cell
+from gelforge.indentation.cell_file import DATASETS, OPTIONAL, read_cell, read_timings, write_cell
 from gelforge.indentation.inputs import inputs_digest
 from gelforge.indentation.mirror import mirror_cell
 from gelforge.indentation.plan import PlannedCell
@@ -33,11 +33,12 @@ def test_a_cell_file_holds_everything(cell, tmp_path):
     back = read_cell(tmp_path / "cell.h5")
     assert set(back.arrays) == set(cell.arrays)
     for name in (
-        "format cell x_mm y_mm status reason last_good_depth_mm inputs_digest code_version seconds cpu_seconds iterations"
+        "format cell x_mm y_mm status reason last_good_depth_mm inputs_digest code_version iterations"
         " residual force_balance moment_balance energy_mJ settings source linear_solver smallest_J binning_moment_shift_Nmm"
     ).split():
         assert name in back.attributes, name
     assert back.converged
+    assert {"seconds", "cpu_seconds"} == set(read_timings(tmp_path / "cell.h5"))
     assert (back.attributes["cell"], back.attributes["reason"], back.attributes["source"]) == (
         "x0_y0",
         "",

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from pydantic import ValidationError
 
+from gelforge.files import write_product_json
 from gelforge.mismatch.verdict import Verdict, VerdictError, read_verdict, schema, write_verdict
 from gelforge.mismatch.verdict_tables import read_body_map, read_readings, write_body_map, write_readings
 
@@ -145,13 +146,15 @@ def test_an_interval_runs_upward():
     ("text", "words"),
     [
         (None, "no such file"),
-        ("{", "not JSON"),
-        (json.dumps(content(state="sure")), "state: Input should be"),
+        ("{", "holds no checksum"),
+        (content(state="sure"), "state: Input should be"),
     ],
 )
 def test_a_file_that_is_no_verdict_is_refused_with_its_remedy(tmp_path, text, words):
-    if text is not None:
+    if isinstance(text, str):
         (tmp_path / "verdict.json").write_text(text)
+    elif text:
+        write_product_json(tmp_path / "verdict.json", text)
     with pytest.raises(VerdictError, match=words) as refused:
         read_verdict(tmp_path)
     assert "verdict.json" in str(refused.value) and "gelforge mismatch" in str(refused.value)

@@ -18,7 +18,8 @@ from gelforge.characterisation.law_file import MaterialLaw, write_law
 from gelforge.characterisation.material_table import material_table
 from gelforge.characterisation.measured_effects import MeasuredEffect, MeasuredEffects
 from gelforge.config import Camera, ForceSensor, Session, Study, study_from, write_yaml
-from gelforge.files import write_json, write_table
+from gelforge.files import write_product_json, write_product_table, write_table
+from gelforge.hdf5 import writing
 from gelforge.indentation.cell_file import Cell, write_cell
 from gelforge.indentation.plan import PlannedCell, plan_cells, variant_cells
 from gelforge.mechanics.homogeneous import cauchy_stress
@@ -216,7 +217,7 @@ def write_materials(study: Study, folder: Path) -> None:
             "nominal_stress_kPa",
             "model_nominal_stress_kPa",
         ]
-        pd.DataFrame(rows, columns=columns).to_csv(folder / "materials" / name / "curves.csv", index=False)
+        write_product_table(folder / "materials" / name / "curves.csv", pd.DataFrame(rows, columns=columns))
         age = MeasuredEffect(
             "age", "uniaxial", "relative change of the nominal stress", 0.3, (0.2, 0.4), "repeats", "1",
             "significant stiffening", "From 0 to 63 days: significant stiffening with age.",
@@ -259,7 +260,7 @@ def write_features(study: Study, folder: Path, regions: int = 40) -> None:
     text = h5py.string_dtype()
     path = folder / "features" / "day1.h5"
     path.parent.mkdir(parents=True)
-    with h5py.File(path, "w") as file:
+    with writing(path) as file:
         file.attrs["format"], file.attrs["synthetic"] = "gelforge-features-1", True
         file.create_dataset("cell", data=[c.name for c, _ in rows], dtype=text)
         file.create_dataset("session", data=["day1"] * len(rows), dtype=text)
@@ -287,7 +288,7 @@ def write_agreement(study: Study, folder: Path, seed: int = 4) -> pd.DataFrame:
         f"{k}_{a}_N" for k in ("fem", "ft") for a in "xyz"
     ]
     table = pd.DataFrame(rows, columns=columns)
-    table.to_csv(folder / "agreement.csv", index=False)
+    write_product_table(folder / "agreement.csv", table)
     return table
 
 
@@ -296,9 +297,8 @@ def write_model(study: Study, folder: Path, seed: int = 5) -> None:
     (folder / "model").mkdir()
     epoch = np.arange(1, 61)
     training, validation = np.exp(-epoch / 15) + 0.02, 0.9 * np.exp(-epoch / 15) + 0.05 + epoch**2 / 1e5
-    pd.DataFrame({"epoch": epoch, "training": training, "validation": validation}).to_csv(
-        folder / "model" / "loss.csv", index=False
-    )
+    losses = pd.DataFrame({"epoch": epoch, "training": training, "validation": validation})
+    write_product_table(folder / "model" / "loss.csv", losses)
     planned = plan_cells(study)
     rng = np.random.default_rng(seed)
     rows, true = [], []
@@ -311,7 +311,7 @@ def write_model(study: Study, folder: Path, seed: int = 5) -> None:
     predicted = 0.9 * true + np.where(
         np.abs(true) > 0, rng.normal(0, 0.002, true.shape), rng.normal(0, 3e-4, true.shape)
     )
-    with h5py.File(folder / "model" / "predictions.h5", "w") as file:
+    with writing(folder / "model" / "predictions.h5") as file:
         file.create_dataset("cell", data=[r[0] for r in rows], dtype=h5py.string_dtype())
         file["position_mm"] = [r[1:3] for r in rows]
         file["depth_mm"] = [r[3] for r in rows]
@@ -355,9 +355,10 @@ def write_manifest(study: Study, folder: Path) -> None:
     content = {
         "rows": rows,
         "shards": [{"name": "shard-00000.h5"}],
+        "format": "gelforge-dataset-1",
         "settings": study.model_dump(mode="json"),
     }
-    write_json(folder / "dataset" / "manifest.json", content)
+    write_product_json(folder / "dataset" / "manifest.json", content)
 
 
 def write_benchmarks(study: Study, folder: Path) -> None:

@@ -3,10 +3,10 @@
 import shutil
 from dataclasses import replace
 
-import h5py
 import numpy as np
 import pandas as pd
 import pytest
+from edited_file import edited
 
 from gelforge.report.error_bar_chapter import PARTS, error_bar_figure, error_bars, sigma_table
 from gelforge.report.results_reader import StudyResults
@@ -52,7 +52,7 @@ def test_chapter_names_the_laws_of_which_nothing_is_known(whole):
 def test_cells_without_error_bars_are_told(whole, tmp_path, lacking):
     shutil.copytree(whole[1] / "cells", tmp_path / "cells")
     for path in (tmp_path / "cells").glob("*.h5"):
-        with h5py.File(path, "a") as file:
+        with edited(path) as file:
             del file[lacking]
     results = replace(StudyResults(*whole), folder=tmp_path)
     (note,) = error_bars(results).blocks

@@ -201,7 +201,7 @@ def test_missing_cell_file_is_listed(tmp_path):
     write_report(study, folder, tmp_path / "page.html", tmp_path / "paper")
     html = (tmp_path / "page.html").read_text(encoding="utf-8")
     failed = html.split('<section id="failed">')[1].split("</section>")[0]
-    for part in ("x1_y1", "the cell&#39;s file is missing", "x3_y3", "not a whole HDF5 file"):
+    for part in ("x1_y1", "no such file", "x3_y3", "holds no checksum"):
         assert part in failed
     assert "22 converged, 3 failed or missing" in html
 

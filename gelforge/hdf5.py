@@ -1,0 +1,45 @@
+"""HDF5 files that are whole or absent and hold their checksum: how every stage writes and opens them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import h5py
+
+from gelforge.files import UNSEALED, USER_BLOCK, FileError, atomic, check_seal, errno_of, why_not_read
+
+
+@contextmanager
+def writing(path: str | Path, **options) -> Iterator[h5py.File]:
+    """Yield an HDF5 file that appears under its name only when it is whole; options as of h5py.File.
+
+    The same content written in the same order gives the same bytes.
+    """
+    with atomic(path, sealed=True) as temporary:
+        with h5py.File(temporary, "w", userblock_size=USER_BLOCK, **options) as file:
+            yield file
+        with open(temporary, "r+b") as block:
+            block.write(b"gelforge " + UNSEALED + b"\n")
+
+
+def opened(
+    path: str | Path, expected: str | None, remedy: str, kind: type[ValueError] = FileError
+) -> h5py.File:
+    """Return an HDF5 file opened for reading, after checking that it is whole and that its `format` is the expected one.
+
+    Raises an error of a kind that names file and remedy. expected None: any format.
+    """
+    check_seal(path, remedy, kind)
+    try:
+        file = h5py.File(path, "r")
+    except OSError as error:
+        if not errno_of(error):
+            raise kind(f"{path}: no HDF5 file; {remedy}") from None
+        raise kind(f"{path}: whole, but not opened, {why_not_read(error)}") from None
+    found = file.attrs.get("format")
+    if expected is not None and found != expected:
+        file.close()
+        raise kind(f"{path}: format {found!r}, expected {expected!r}; {remedy}")
+    return file
