@@ -238,6 +238,7 @@ def _session_attributes(path: str | Path) -> dict:
             "features": Path(path).as_posix(),
             "features_digest": str(file.attrs["digest"]),
             "synthetic": bool(file.attrs["synthetic"]),
+            "view": json.loads(file.attrs.get("view", "null")),
         }
 
 

@@ -104,7 +104,11 @@ class Model:
         self.network.eval()
         with torch.inference_mode():
             outputs = self.network(torch.from_numpy(self.scaling.inputs(np.atleast_2d(feature)))).numpy()
-        return self.scaling.newtons(outputs)
+        newtons = self.scaling.newtons(outputs)
+        if not np.isfinite(newtons).all():
+            bad = int((~np.isfinite(np.atleast_2d(feature))).sum())
+            raise ModelError(f"the predicted force is not finite, {bad} features are not; check the images")
+        return newtons
 
 
 def save_model(path: str | Path, model: Model) -> None:

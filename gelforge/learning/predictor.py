@@ -14,7 +14,7 @@ import torch
 from gelforge.config import Features
 from gelforge.learning.network import load_model
 from gelforge.recording.features import FlowFeatures, flow_features
-from gelforge.recording.flow import crop
+from gelforge.recording.flow import ImageError, crop
 from gelforge.recording.frames import Frame
 
 STEPS = ("read", "flow", "features", "network")
@@ -31,6 +31,30 @@ class Predictor:
     def features(self) -> Features:
         """The feature settings that the model was trained with."""
         return Features.model_validate(self.model.settings["features"])
+
+    def crop_for(self, frame: Frame, crop_px: list[int] | None) -> list[int] | None:
+        """Return the part of frames like this one to use [px]: as asked, else as of the images that the model learnt from.
+
+        Raises ImageError, naming the difference, where what is left has another size than those had: features in pixels
+        mean another force then. A model that knows nothing of its images takes any.
+        """
+        size = [frame.image.shape[1], frame.image.shape[0]]
+        views = self.model.settings.get("views") or {}
+        known = []
+        for session, view in views.items():
+            learnt = view["crop_px"][2:] if view["crop_px"] else view["image_px"]
+            crop = crop_px or (view["crop_px"] if size == view["image_px"] else None)
+            if learnt is None or learnt == (crop[2:] if crop else size):
+                return crop
+            part = f" of which {view['crop_px']} was used" if view["crop_px"] else ""
+            known.append(f"{' x '.join(map(str, view['image_px'] or learnt))} px{part} (session {session})")
+        if not known:
+            return crop_px
+        found = " x ".join(map(str, size)) + " px" + (f" of which {crop_px} is used" if crop_px else "")
+        raise ImageError(
+            f"{frame.name}: image of {found}, but the model learnt from images of {', '.join(known)}; record with the same "
+            "camera settings, or give --crop LEFT TOP WIDTH HEIGHT of that size"
+        )
 
     def __call__(self, feature: np.ndarray) -> np.ndarray:
         """Return the force distribution (B, 3) [N] on the sensor of one image's features (F,)."""
@@ -76,19 +100,21 @@ def predict_frames(
     """Yield the prediction of each frame, against a zero-force frame or else the first one.
 
     Every frame is read, reduced and predicted anew. The first frame pays for what is set up once (search buffers,
-    first call of the network). Raises ImageError for a frame of another size than the reference.
+    first call of the network). Raises ImageError for a frame of another size than the reference or than the images that
+    the model learnt from.
     """
     settings = predictor.features
-    extract = None if reference is None else FlowFeatures(crop(reference, crop_px), settings)
-    source = iter(frames)
+    extract, source, first = None, iter(frames), True
     while True:
         start = time.perf_counter()
         frame = next(source, None)
         if frame is None:
             return
+        if first:
+            crop_px, first = predictor.crop_for(frame, crop_px), False
         image = crop(frame.image, crop_px)
         if extract is None:
-            extract = FlowFeatures(image, settings)
+            extract = FlowFeatures(image if reference is None else crop(reference, crop_px), settings)
         marks = [start, time.perf_counter()]
         flow = extract.flow(image)
         marks.append(time.perf_counter())

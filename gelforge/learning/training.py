@@ -148,11 +148,13 @@ def _settings(study: Study, shards: Sequence[str | Path]) -> dict:
     """Return what the model file tells about its making; plain numbers and text."""
     dump = study.model_dump(mode="json", include={"study", "seed", "learning", "features", "dataset"})
     attributes = [shard_attributes(path) for path in shards]
+    sessions = {name: about for one in attributes for name, about in one["sessions"].items()}
     return {
         **dump,
         "bins": study.sensor.bins.model_dump(mode="json"),
         "sensor_width_mm": [study.sensor.width_x_mm, study.sensor.width_y_mm],
         "synthetic": any(one["synthetic"] for one in attributes),
+        "views": {name: about["view"] for name, about in sorted(sessions.items()) if about.get("view")},
         "shards_digest": digest([file_sha256(path) for path in shards]),
     }
 

@@ -188,7 +188,18 @@ def _write_attributes(file: h5py.File, recording: Recording, settings: Features)
     file.attrs["session"] = session.session
     file.attrs["synthetic"] = session.synthetic
     file.attrs["digest"] = features_digest(session, settings)
+    file.attrs["view"] = json.dumps(view_of(session), sort_keys=True)
     file.attrs["excluded_images"] = json.dumps(dict(recording.excluded_images))
+
+
+def view_of(session: Session) -> dict:
+    """Return what a session's images are: size as taken [px], the part that is used, and the camera."""
+    camera = session.camera
+    return {
+        "image_px": [camera.width_px, camera.height_px] if camera else None,
+        "crop_px": session.crop_px,
+        "camera": camera.model_dump(mode="json") if camera else None,
+    }
 
 
 def _write_rows(file: h5py.File, rows: pd.DataFrame) -> None:

@@ -1,9 +1,12 @@
 """The live path: the same features and forces as the dataset's, every step timed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from artificial_shards import small_rows, study_of, write_shards
 
+from gelforge.learning.network import ModelError
 from gelforge.learning.predictor import STEPS, Predictor, Timing, predict_frames
 from gelforge.learning.training import Run, train
 from gelforge.recording.features import FlowFeatures
@@ -80,6 +83,50 @@ def test_every_step_is_timed(predictor):
     assert (table["p99_ms"] >= table["p50_ms"]).all()
     assert table.loc["whole", "p50_ms"] >= table.loc["flow", "p50_ms"]
     assert table.loc["whole", "fps_at_p50"] == pytest.approx(1000 / table.loc["whole", "p50_ms"])
+
+
+@pytest.fixture
+def seen(predictor):
+    """The predictor of a model that learnt from the middle of images of 200 x 160 px."""
+    view = {"image_px": [200, 160], "crop_px": [20, 20, 160, 120], "camera": None}
+    model = replace(predictor.model, settings=predictor.model.settings | {"views": {"day1": view}})
+    other = Predictor.__new__(Predictor)
+    other.model = model
+    return other
+
+
+@pytest.mark.parametrize(
+    ("size", "asked"),
+    [((160, 200), None), ((120, 160), None), ((400, 400), [7, 7, 160, 120])],
+    ids=["as taken", "cropped before", "a crop of that size"],
+)
+def test_frames_like_those_learnt_from_pass(seen, size, asked):
+    found = [Frame("a.png", 0.0, pattern(shift, size)) for shift in (0, 1)]
+    assert len(list(predict_frames(seen, found, crop_px=asked))) == 2
+
+
+@pytest.mark.parametrize(
+    ("size", "asked", "words"),
+    [
+        (
+            (240, 320),
+            None,
+            "image of 320 x 240 px, but the model learnt from images of 200 x 160 px of which",
+        ),
+        ((160, 200), [0, 0, 100, 100], r"of which \[0, 0, 100, 100\] is used"),
+    ],
+)
+def test_frames_of_another_size_than_those_learnt_from_are_refused(seen, size, asked, words):
+    with pytest.raises(ImageError, match=words):
+        list(predict_frames(seen, [Frame("a.png", 0.0, pattern(0, size))], crop_px=asked))
+
+
+def test_no_prediction_is_returned_that_is_not_finite(predictor):
+    feature = np.zeros(32, np.float32)
+    assert np.isfinite(predictor(feature)).all()
+    feature[3] = np.nan
+    with pytest.raises(ModelError, match="not finite, 1 features are not"):
+        predictor(feature)
 
 
 def test_a_frame_of_another_size_stops(predictor):

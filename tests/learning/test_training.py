@@ -10,7 +10,7 @@ from artificial_shards import small_rows, study_of, write_shards
 
 from gelforge.dataset.shard import ShardDataset
 from gelforge.learning.data import Batches, TactileRows, cells_of, measure_scaling
-from gelforge.learning.network import ModelError, Scaling, load_model, make_network
+from gelforge.learning.network import ModelError, Scaling, load_model, make_network, save_tensors
 from gelforge.learning.training import Run, _validation_split, train
 
 QUIET = Run(threads=1, progress=False, checkpoint_every=3)
@@ -171,6 +171,48 @@ def test_a_damaged_model_is_named(tmp_path, content):
         path.write_bytes(content)
     with pytest.raises(ModelError, match=r"model\.pt"):
         load_model(path)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (
+            lambda c: c["weights"]["9.weight"].view(torch.int32)[3:4, 5:6].bitwise_xor_(1 << 30),
+            "an output can reach",
+        ),
+        (lambda c: c["weights"]["0.weight"].fill_(float("nan")), "are not finite"),
+        (lambda c: c["scaling"]["output_scale"].mul_(-1), "scales"),
+        (lambda c: c["scaling"]["output_mean"].mul_(1e30), "a mean label is"),
+        (lambda c: c["weights"].pop("0.weight"), "RuntimeError"),
+        (lambda c: c["settings"]["learning"].update(hidden=[7, 7, 7]), "RuntimeError"),
+    ],
+)
+def test_numbers_that_no_training_gives_are_refused_behind_the_checksum(
+    study, shards, tmp_path, spoil, words
+):
+    """One flipped bit of a weight once predicted 7e32 N."""
+    path = tmp_path / "model.pt"
+    train(study, shards, path, tmp_path / "loss.csv", QUIET)
+    load_model(path)
+    content = torch.load(path, weights_only=True)
+    spoil(content)
+    save_tensors(path, content)  # with a checksum that fits
+    with pytest.raises(ModelError, match=rf"model\.pt: .*{words}"):
+        load_model(path)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_two_trainings_give_the_same_bytes(study, shards, tmp_path, threads):
+    for name in ("one", "other"):
+        train(
+            study,
+            shards,
+            tmp_path / name / "model.pt",
+            tmp_path / name / "loss.csv",
+            replace(QUIET, threads=threads),
+        )
+    for name in ("model.pt", "loss.csv"):
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "other" / name).read_bytes()
 
 
 # ------------------------------------------------------------------------------------------------ batches
