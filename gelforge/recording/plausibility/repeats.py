@@ -17,7 +17,7 @@ SHORTEST_OF_NOISE = 8  # rows of a run that is too even for the channel's own no
 CHANCE = 1e-6  # of such a run in the whole session, by the channel's own share of equal neighbours
 EXPECTED = 0.5  # of the session's usual change between two depths: what any site shows of it
 STEPS = 3.0  # resolutions, and standard deviations, that the expected change must exceed
-LEAST_PAIRS = 20  # neighbours outside a run, to know the channel's noise
+LEAST_PAIRS = 10  # neighbours outside a run, to know the channel's noise
 
 
 @dataclass(frozen=True)
