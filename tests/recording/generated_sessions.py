@@ -120,7 +120,7 @@ def generate(folder: Path, kind: Kind, seed: int = 0) -> Path:
             "handedness": kind.handedness,
             "origin_mm": [0, 32] if kind.handedness == "left" else [0, 0],
         },
-        "depth_zero": {"by": "press", "scatter_mm": kind.touch_mm},
+        "depth_zero": {"by": "press", "press_scatter_mm": kind.touch_mm, "session_scatter_mm": 0.0},
         **kind.fault.get("session", {}),
     }
     (folder / "session.yaml").write_text(yaml.safe_dump(described))
