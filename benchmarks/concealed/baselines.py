@@ -17,7 +17,7 @@ from .draw import NEEDS, base_world
 from .kinds import KINDS
 from .library import Library
 from .presses import MIDDLE, PRESS_S, SPEED
-from .recording import FORCE, Instrument, with_circumstances
+from .recording import FORCE, Instrument, depth_errors, with_circumstances
 from .score import Judged, share_of_gain
 from .world import held, zeroed
 
@@ -59,7 +59,7 @@ def table_of(library: Library, case: Path, truth: dict) -> Table:
     rows = with_circumstances(rows, instrument)
     world = base_world(library, truth["base"])
     slope = (world.forces(rows, 0.005) - world.forces(rows, -0.005)) / 0.01
-    sigma = np.sqrt(instrument.sigma_N**2 + (slope * instrument.touchdown_mm) ** 2)
+    sigma = np.sqrt(instrument.sigma_N**2 + slope**2 * sum(size**2 for _, size in depth_errors(instrument)))
     places = sorted(set(zip(rows["x_mm"].round(3), rows["y_mm"].round(3))))
     rng = np.random.default_rng(int(truth["case"][1:]))
     out = {places[k] for k in rng.choice(len(places), len(places) // 4, replace=False)}

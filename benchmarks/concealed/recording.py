@@ -28,6 +28,7 @@ COLUMNS = [
     *FORCE,
     "image",
 ]
+STAGE_MM = (0.004, 0.012)  # repeatability of stages, drawn evenly
 FLOOR = (
     0.001,
     0.001,
@@ -50,6 +51,7 @@ class Instrument:
     tared: bool
     ages_days: tuple[float, ...]
     temperatures_C: tuple[float, ...]
+    stage_mm: float = 0.0  # from press to press, beside the session's contact point
 
     @property
     def sigma_N(self) -> np.ndarray:
@@ -77,6 +79,11 @@ def drawn_instrument(
     )
     if zero_by:
         instrument = replace(instrument, zero_by=zero_by)
+    if instrument.zero_by == "session":  # of a stream of its own: the others' draws stay as they were
+        (stage,) = rng.spawn(1)
+        instrument = replace(
+            instrument, stage_mm=float(stage.uniform(*STAGE_MM)) * bool(stage.random() < 0.5)
+        )
     if tared is not None:
         instrument = replace(instrument, tared=tared)
     return replace(instrument, zero_drift_N_per_s=0.0) if instrument.tared else instrument
@@ -91,10 +98,20 @@ def with_circumstances(rows: pd.DataFrame, instrument: Instrument) -> pd.DataFra
 
 
 def touchdown(rows: pd.DataFrame, instrument: Instrument, rng: np.random.Generator) -> np.ndarray:
-    """Return by how much each reading is pressed deeper (R,) [mm]: one draw per press, or per session."""
-    keys = ["session", "order"] if instrument.zero_by == "press" else ["session"]
-    group = rows.groupby(keys, sort=False).ngroup().to_numpy()
-    return rng.normal(0, instrument.touchdown_mm, group.max() + 1)[group]
+    """Return by how much each reading is pressed deeper (R,) [mm]: draws of each press, of each session, or of both."""
+    deeper = np.zeros(len(rows))
+    (stage,) = rng.spawn(1)
+    for (keys, size), draws in zip(depth_errors(instrument), (rng, stage)):
+        group = rows.groupby(keys, sort=False).ngroup().to_numpy()
+        deeper += draws.normal(0, size, group.max() + 1)[group]
+    return deeper
+
+
+def depth_errors(instrument: Instrument) -> list[tuple[list[str], float]]:
+    """Return the errors of the depth: the columns whose rows share a draw, and its standard deviation [mm]."""
+    by_press, by_session = ["session", "order"], ["session"]
+    found = [(by_press if instrument.zero_by == "press" else by_session, instrument.touchdown_mm)]
+    return found + [(by_press, instrument.stage_mm)] * (instrument.stage_mm > 0)
 
 
 def recorded(
@@ -116,15 +133,14 @@ def signal_to_noise(
 ) -> float:
     """Return sqrt(d' C^-1 d) of a change (R, 3) of the zeroed forces of readings under load.
 
-    C: noise and steps, the zero subtracted from each press, touchdown of each press or session at the base's slope, and
+    C: noise and steps, the zero subtracted from each press, errors of the depth at the base's slope, and
     the floor of discretisation: FLOOR of Fz, half of its variance common to all places and half each place's own.
     """
     on = held(rows)
     part = rows[on]
     slope = (world.forces(rows, 0.005) - world.forces(rows, -0.005))[on] / 0.01
     sigma = np.tile(instrument.sigma_N, on.sum())
-    touch = ["session", "order"] if instrument.zero_by == "press" else ["session"]
-    columns = [_per_group(part, touch, slope) * instrument.touchdown_mm]
+    columns = [_per_group(part, keys, slope) * size for keys, size in depth_errors(instrument)]
     if not instrument.tared:
         for axis in range(3):
             unit = np.zeros((on.sum(), 3))
@@ -184,13 +200,18 @@ def _session(name: str, instrument: Instrument, number: int) -> Session:
         force=ForceSensor(
             tared=instrument.tared,
             resolution_N=[instrument.step_N] * 3,
-            repeatability_N=round(float(instrument.sigma_N[2]), 6),
+            repeatability_N=[round(float(sigma), 6) for sigma in instrument.sigma_N],
         ),
-        depth_zero=DepthZero(
-            by=instrument.zero_by, how="touch found by force", scatter_mm=round(instrument.touchdown_mm, 6)
-        ),
+        depth_zero=_depth_zero(instrument),
         base_parameters="exact",
     )
+
+
+def _depth_zero(instrument: Instrument) -> DepthZero:
+    sizes = {"press": instrument.stage_mm, "session": 0.0}
+    sizes[instrument.zero_by] = instrument.touchdown_mm
+    scatter = {f"{by}_scatter_mm": round(size, 6) for by, size in sizes.items()}
+    return DepthZero(by=instrument.zero_by, how="touch found by force", **scatter)
 
 
 def described(instrument: Instrument) -> dict:

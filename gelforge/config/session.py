@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
 import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
@@ -19,8 +18,8 @@ def _for_each_axis(value: Any) -> Any:
 
 
 def _as_text(value: Any) -> Any:
-    """Return a date that YAML has read as such (2024-05-14 without quotes) as text; anything else as it is."""
-    return value.isoformat() if isinstance(value, datetime.date) else value
+    """Return a date that reads as a number (20240514 without quotes) as text; anything else as it is."""
+    return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
 
 
 class ForceSensor(Section):

@@ -12,21 +12,27 @@ from gelforge.recording.readings import AXES, FORCE, Recording
 BENT = 2.0  # times the scatter of zero readings: more than that of dwells about a line is relaxation
 LEAST_SCATTER = 0.1  # of the step, where all repeats were rounded to one number
 LEAST_FREEDOM = 10  # repeats that a noise estimate needs
+TOGETHER = (
+    "{session}: single presses have too few zero rows to show the noise: it is taken from those of all presses together,"
+    " about their drift, which is allowed for"
+)
 
 
-def reading_noise(recording: Recording) -> tuple[np.ndarray, np.ndarray, tuple[float, float], list[str]]:
+def reading_noise(
+    recording: Recording, zeros: Repeats | None = None
+) -> tuple[np.ndarray, np.ndarray, tuple[float, float], list[str]]:
     """Return the standard deviations (3,) [N] of one reading and of its rounding, how well, and what is not known of them.
 
     Repeats are zero rows of a press, and its dwell rows about their straight line, unless these bend by more than the zero
     rows scatter: that is relaxation. Where they scatter by less than half of the readings' step, rounding is one and the
     same error in all repeats: step / sqrt(12), in the zero and at each depth; where they scatter more, it is part of the
     scatter. How well: the repeats' degrees of freedom (inf where the deviation is stated), and the variance of their squares
-    over that of normal ones.
+    over that of normal ones. zeros: repeats of all presses together, where single presses have too few (zeros_together).
     """
     readings, session = recording.readings, recording.session
     step = np.array(session.force.resolution_N, dtype=float)
-    zero, dwell = _repeats(readings, "zero", 1), _repeats(readings, "dwell", 2)
-    said = []
+    zero, dwell = repeats_of(readings, "zero", 1), repeats_of(readings, "dwell", 2)
+    zero, said = (zero, []) if zeros is None else (zeros, [TOGETHER.format(session=session.session)])
     if min(zero.freedom, dwell.freedom) >= LEAST_FREEDOM:
         usual = np.maximum(zero.scatter, step / 2)
         k = int(np.argmax(dwell.scatter / usual))
@@ -44,7 +50,7 @@ def reading_noise(recording: Recording) -> tuple[np.ndarray, np.ndarray, tuple[f
         return np.maximum(scatter, LEAST_SCATTER * step), rounding, (float(found.freedom), tails), said
     stated = np.broadcast_to(session.force.repeatability_N or 0.0, 3)
     said = (
-        f"{session.session}: {found.freedom} repeated readings, {LEAST_FREEDOM} are needed to know the noise; "
+        f"{session.session}: {found.freedom:.3g} repeated readings, {LEAST_FREEDOM} are needed to know the noise; "
         + (
             "the stated repeatability is used"
             if stated.any()
@@ -60,8 +66,8 @@ class Repeats:
 
     squares: np.ndarray  # (3,) [N^2]
     fourths: np.ndarray  # (3,) [N^4]
-    expected: np.ndarray  # (2,)
-    freedom: int
+    expected: np.ndarray  # (2,), or (3, 2) by axis
+    freedom: float
 
     def __add__(self, other: Repeats) -> Repeats:
         return Repeats(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
@@ -77,7 +83,7 @@ class Repeats:
         return Repeats(np.zeros(3), np.zeros(3), np.zeros(2), 0)
 
 
-def _repeats(readings: pd.DataFrame, phase: str, fitted: int) -> Repeats:
+def repeats_of(readings: pd.DataFrame, phase: str, fitted: int) -> Repeats:
     """Return the repeats of a phase about a polynomial in time of so many coefficients per press."""
     found = Repeats.none()
     for _, of_press in readings[readings["phase"] == phase].groupby("press", sort=False):
@@ -96,10 +102,11 @@ def _tails(fourths: np.ndarray, expected: np.ndarray, scatter: np.ndarray, free:
     """Return the variance of a squared draw over that of a normal one, at least 1, from the repeats of the free axes.
 
     Residuals R e of draws e of variance v and excess kurtosis k have fourth moments 3 v^2 sum (RR')_ii^2 + k v^2 sum R_ij^4:
-    fourths (3,) are summed over all, expected holds both sums.
+    fourths (3,) are summed over all, expected holds both sums, (2,) or by axis (3, 2).
     """
     known = free & (scatter > 0)
     if not known.any():
         return 1.0
-    excess = (fourths[known] / scatter[known] ** 4 - 3 * expected[0]) / expected[1]
+    usual, excess = np.broadcast_to(expected, (3, 2))[known].T
+    excess = (fourths[known] / scatter[known] ** 4 - 3 * usual) / excess
     return 1.0 + max(float(excess.mean()), 0.0) / 2

@@ -15,6 +15,7 @@ from gelforge.mismatch.noise import reading_noise
 from gelforge.mismatch.observations import ARRAYS, COLUMNS, Observations, last_moves
 from gelforge.mismatch.outliers import without_outliers
 from gelforge.mismatch.touchdown import depth_scatter, with_touchdown
+from gelforge.mismatch.zeros import zeros_together
 from gelforge.recording.readings import AXES, FORCE, Recording, axes_of_stage, read_recording
 
 SPEED_MM_PER_S = 1.0  # assumed where a press has one moving row only
@@ -59,7 +60,8 @@ def _of_session(recording: Recording, speed_mm_per_s: float, touchdown_mm: float
     session = recording.session
     excluded = [f"{session.session}: {line}" for line in recording.findings.lines("excluded")]
     recording = replace(recording, readings=recording.readings.dropna(subset=FORCE).reset_index(drop=True))
-    noise, rounding, (repeats, tails), unknown = reading_noise(recording)
+    together = zeros_together(recording)
+    noise, rounding, (repeats, tails), unknown = reading_noise(recording, together and together.repeats)
     unknown += excluded
     readings, dropped = without_outliers(recording, np.hypot(noise, rounding))
     table = _table(session, readings, speed_mm_per_s, unknown)
@@ -68,6 +70,7 @@ def _of_session(recording: Recording, speed_mm_per_s: float, touchdown_mm: float
     force[:, _dead_axes(force, session, unknown)] = np.nan
     count = (readings["phase"] == "zero").groupby(readings["press"]).sum().reindex(readings["press"])
     zero = np.sqrt(noise**2 / np.maximum(count.to_numpy(), 1)[:, None] + rounding**2)
+    walk, trend = (0.0, 0.0) if together is None or session.force.tared else together.drift(readings)
     press_depth, session_depth = depth_scatter(session.depth_zero, touchdown_mm)
     return Observations(
         table,
@@ -78,6 +81,8 @@ def _of_session(recording: Recording, speed_mm_per_s: float, touchdown_mm: float
         np.full(R, press_depth),
         np.full(R, session_depth),
         rounding_N=rounding,
+        drift_N=walk,
+        trend_N=trend,
         came_along=last_moves(table, axes_of_stage(session.stage_to_sensor)),
         repeats=repeats,
         tails=tails,
