@@ -9,6 +9,7 @@ if "study" not in config:
 
 
 include: "workflow/rules/common.smk"
+include: "workflow/rules/cluster.smk"
 include: "workflow/rules/material.smk"
 include: "workflow/rules/simulation.smk"
 include: "workflow/rules/virtual.smk"
@@ -20,7 +21,17 @@ include: "workflow/rules/report.smk"
 include: "workflow/rules/resume.smk"
 
 
+localrules:  # seconds each: not worth a job of a cluster
+    study,
+    plan,
+    readings,
+    manifest,
+    agreement,
+    tables,
+
+
 onstart:
+    check_paths(list(workflow.dag.needrun_jobs()))
     check_raw_data(list(workflow.dag.needrun_jobs()))
     solve_anew(list(workflow.dag.needrun_jobs()))
 

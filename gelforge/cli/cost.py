@@ -5,6 +5,7 @@ cell_cost.csv holds the measurements; `python benchmarks/cell_cost.py --update` 
 
 from __future__ import annotations
 
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,63 +21,116 @@ DEPTHS = 8  # of every measured cell
 # takes 1.6 times that of a plain cell, and what is left behind 3.2 s on 0.44 million points of both grids.
 SOFTENING_STEP = 1.6
 GRID_POINT_S = 7e-6
+# A verdict in cells of the study's mesh per position that is judged, measured on the article's sensor by
+# benchmarks/mismatch_cost.py: 2 to 4 where an effect fits, up to 20 where none does. It begins with reading, its libraries
+# and its page.
+VERDICT_CELLS = 4
+VERDICT_START = 20.0
+
+
+class Costs:
+    """CPU seconds of a study's jobs; a mesh is made when the first of its jobs is asked for."""
+
+    def __init__(self, study: Study, cells: dict):
+        self.study, self.cells = study, cells
+        self.measured = read_costs()
+        self.mirrored = mirror_seconds(self.measured)
+        self.first = next(cell for cell in cells.values() if cell.source is None)
+
+    @cached_property
+    def mesh(self) -> tuple[int, int]:
+        """Unknowns and surface nodes of the study's mesh."""
+        return mesh_size(self.study, self.study.mechanics.mesh, self.first)
+
+    @cached_property
+    def solved(self) -> float:
+        """A solved cell with DEPTHS depths."""
+        return cell_seconds(self.measured, self.mesh[0])
+
+    @cached_property
+    def _truth(self) -> tuple[float, int]:
+        lab = load_virtual_lab(self.study.virtual_lab)
+        unknowns, _ = mesh_size(self.study, lab.mechanics.mesh, self.first)
+        return cell_seconds(self.measured, unknowns), len(lab.unload_depths_mm)
+
+    def cell(self, cell) -> float:
+        """A planned cell, solved or mirrored."""
+        return self.mirrored if cell.source else self.solved * len(cell.depths_mm) / DEPTHS
+
+    def true_cell(self, cell) -> float:
+        """A cell of the virtual sensor, which is loaded and unloaded."""
+        seconds, unloading = self._truth
+        return seconds * (len(cell.depths_mm) + unloading) / DEPTHS
+
+    def variant(self, name: str, cell) -> float:
+        """A cell of a variant."""
+        varied = variant_study(self.study, name)
+        unknowns, _ = mesh_size(varied, varied.mechanics.mesh, cell)
+        return cell_seconds(self.measured, unknowns) * len(cell.depths_mm) / DEPTHS
+
+    def session_presses(self, session: str) -> float:
+        """A session's presses, followed in order step by step."""
+        presses, steps = steps_in_order(self.study, self.cells, session)
+        return (
+            SOFTENING_STEP * self.solved * steps / DEPTHS + presses * grid_points(self.study) * GRID_POINT_S
+        )
+
+    def mismatch(self) -> float:
+        """A verdict on all sessions together."""
+        positions = min(self.study.mismatch.sites, len(self.cells))
+        return VERDICT_START + VERDICT_CELLS * positions * self.cell(self.first)
 
 
 def estimate(study: Study, cells: dict) -> list[str]:
     """Return lines with the number of cells, the minutes of finite elements and the disk that a study takes."""
     from gelforge.indentation.plan import variant_cells
 
+    costs = Costs(study, cells)
     solved = [cell for cell in cells.values() if cell.source is None]
     presses = sum(len(cell.depths_mm) for cell in cells.values())
-    unknowns, surface = mesh_size(study, study.mechanics.mesh, solved[0])
-    depths = sum(len(cell.depths_mm) for cell in solved)
-    mirrored = len(cells) - len(solved)
-    measured = read_costs()
-    seconds = cell_seconds(measured, unknowns) * depths / DEPTHS + mirrored * mirror_seconds(measured)
+    seconds = sum(map(costs.cell, cells.values()))
     if study.virtual_lab:
-        lab = load_virtual_lab(study.virtual_lab)
-        true_unknowns, _ = mesh_size(study, lab.mechanics.mesh, solved[0])
-        more = depths + len(solved) * len(lab.unload_depths_mm)
-        seconds += cell_seconds(measured, true_unknowns) * more / DEPTHS
+        seconds += sum(map(costs.true_cell, solved))
     for name in study.variants:
-        varied, chosen = variant_study(study, name), variant_cells(cells, study, name).values()
-        size, _ = mesh_size(varied, varied.mechanics.mesh, next(iter(chosen)))
-        seconds += cell_seconds(measured, size) * sum(len(cell.depths_mm) for cell in chosen) / DEPTHS
-    own, lines = session_costs(study, cells, cell_seconds(measured, unknowns), mirror_seconds(measured))
+        seconds += sum(costs.variant(name, cell) for cell in variant_cells(cells, study, name).values())
+    own, lines = session_costs(costs)
     seconds += own
+    unknowns, surface = costs.mesh
     # float64 forces (two of three components each) and float32 displacement on surface nodes, three sets of bins
     bins = study.sensor.bins.nx * study.sensor.bins.ny
     disk = presses * (surface * (2 * 3 * 8 + 3 * 4 + 1) + bins * 3 * 3 * 8)
+    judged = [
+        f"verdict    about {duration(costs.mismatch() / 2)} on two cores, up to five times where no effect fits"
+    ]
     return [
-        f"cells      {len(cells)} positions, {presses} presses; {len(solved)} solved, {mirrored} mirrored",
+        f"cells      {len(cells)} positions, {presses} presses; {len(solved)} solved, {len(cells) - len(solved)} mirrored",
         *lines,
         f"mesh       {unknowns} degrees of freedom at ({solved[0].x_mm:g}, {solved[0].y_mm:g}) mm",
         f"time       about {duration(seconds / 2)} on two cores for the finite elements (estimate; images and training add)",
+        *(judged if study.sessions else []),
         f"disk       at most {disk / 1e6:.1f} MB for the cells (before compression)",
     ]
 
 
-def session_costs(study: Study, cells: dict, solved: float, mirrored: float) -> tuple[float, list[str]]:
-    """Return the CPU seconds of labels that belong to sessions, and a line for each; a session that is not there has none.
-
-    solved: seconds of a cell with DEPTHS depths; mirrored: of a mirrored cell. Presses in order are followed step by step.
-    """
+def session_costs(costs: Costs) -> tuple[float, list[str]]:
+    """Return the CPU seconds of labels that belong to sessions, and a line for each session that is there."""
     from gelforge.dataset.recorded_presses import pressed_cells
 
+    study, cells = costs.study, costs.cells
     total, lines = 0.0, []
     for name in study.sessions:
         folder = study.session_folder(name)
         if study.mechanics.effects.history.softens:
-            presses, steps = steps_in_order(study, cells, name)
-            seconds = SOFTENING_STEP * solved * steps / DEPTHS + presses * grid_points(study) * GRID_POINT_S
+            presses, _ = steps_in_order(study, cells, name)
+            seconds = costs.session_presses(name)
             what = f"{presses} presses followed in order, one job on one core, about {duration(seconds)}"
         elif not study.virtual_lab and (folder / "indentations.csv").is_file():
             if session_study(study, load_session(folder / "session.yaml")) is study:
                 continue
             needed = [cells[cell] for cell in pressed_cells(folder, cells)]
-            depths = [len(cell.depths_mm) for cell in needed if cell.source is None]
-            seconds = solved * sum(depths) / DEPTHS + mirrored * (len(needed) - len(depths))
-            what = f"{len(needed)} cells at its own age and temperature, {len(depths)} solved"
+            seconds = sum(map(costs.cell, needed))
+            solved = sum(cell.source is None for cell in needed)
+            what = f"{len(needed)} cells at its own age and temperature, {solved} solved"
         else:
             continue
         lines.append(f"session    {name}: {what}")

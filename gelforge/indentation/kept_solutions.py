@@ -16,7 +16,7 @@ from glob import escape
 from pathlib import Path
 
 from gelforge.files import atomic
-from gelforge.indentation.cell_file import Cell, CellError, read_cell, write_cell
+from gelforge.indentation.cell_file import Cell, CellError, read_cell, timings_path, write_cell
 
 FOLDER = ".solved"
 DIGITS = 16  # of the digest, in the name
@@ -32,10 +32,10 @@ def solved_once(out: Path, inputs: str, solve: Callable[[], Cell], fresh: bool =
     if cell is None:
         cell = solve()
         write_cell(entry, cell)
-    for older in entries(out):
-        if older != entry:
-            older.unlink(missing_ok=True)
+    _remove(older for older in entries(out) if older != entry)
     _link(entry, out)
+    if timings_path(entry).is_file():
+        _link(timings_path(entry), timings_path(out))
     return cell, words
 
 
@@ -67,9 +67,14 @@ def entries(out: Path) -> list[Path]:
 def forget(outs: Iterable[Path]) -> int:
     """Remove the kept solutions of these cells' files and return how many there were."""
     found = [entry for out in outs for entry in entries(out)]
+    _remove(found)
+    return len(found)
+
+
+def _remove(found: Iterable[Path]) -> None:
     for entry in found:
         entry.unlink(missing_ok=True)
-    return len(found)
+        timings_path(entry).unlink(missing_ok=True)
 
 
 def tidy(outs: Iterable[Path]) -> None:
@@ -77,7 +82,7 @@ def tidy(outs: Iterable[Path]) -> None:
     outs = list(outs)
     missing = {(out.parent, out.stem) for out in outs if not out.exists()}
     for folder in {out.parent for out in outs}:
-        for entry in (folder / FOLDER).glob("*.h5"):
+        for entry in (folder / FOLDER).glob("*"):
             if (folder, entry.name.split(".")[0]) not in missing:
                 entry.unlink(missing_ok=True)
         if (folder / FOLDER).is_dir() and not any((folder / FOLDER).iterdir()):

@@ -12,6 +12,8 @@ rule join:
         ensure(f"{RESULTS}/dataset/shard-{{shard}}.h5", non_empty=True),
     log:
         f"{LOGS}/dataset/shard-{{shard}}.log",
+    resources:
+        runtime=asks(short_seconds),
     params:
         study=block("seed", "dataset", "plan", "sensor", "sessions"),
         source=source_digest("dataset"),

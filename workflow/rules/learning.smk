@@ -15,6 +15,7 @@ rule train:
         f"{BENCHMARKS}/train.tsv"
     threads: 2
     resources:
+        runtime=asks(training_seconds),
         mem_mb=4000,
     params:
         learning=block("seed", "learning", "sensor"),
@@ -36,6 +37,7 @@ rule evaluate:
         f"{BENCHMARKS}/evaluate.tsv"
     threads: 2
     resources:
+        runtime=asks(short_seconds),
         mem_mb=2000,
     params:
         source=source_digest("learning/evaluation.py", "learning/network.py"),

@@ -22,6 +22,8 @@ rule characterise:
         laws=directory(f"{MATERIAL}/laws"),
     log:
         f"{LOGS}/materials/{{material}}.log",
+    resources:
+        runtime=asks(fit_seconds),
     params:
         material=lambda wildcards: STUDY.materials[wildcards.material].model_dump(mode="json"),
         source=source_digest("characterisation"),

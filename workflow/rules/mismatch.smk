@@ -23,6 +23,8 @@ rule mismatch:
     benchmark:
         f"{BENCHMARKS}/mismatch.tsv"
     threads: 2
+    resources:
+        runtime=asks(verdict_seconds),
     params:
         study=block("sensor", "indenter", "mechanics", "mismatch", "seed"),
         source=source_digest("mechanics", "indentation", "recording", "mismatch", "report/mismatch_page.py"),
@@ -42,6 +44,8 @@ rule paper_mismatch:
     log:
         "logs/paper_mismatch.log",
     threads: 2
+    resources:
+        runtime=asks(lambda *_: PAPER_S),
     params:
         source=source_digest("mechanics", "indentation", "mismatch", "report/mismatch_page.py"),
     shell:

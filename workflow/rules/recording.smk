@@ -35,6 +35,7 @@ rule features:
         f"{BENCHMARKS}/features/{{session}}.tsv"
     threads: 2
     resources:
+        runtime=asks(features_seconds),
         mem_mb=1500,
     params:
         features=block("features"),

@@ -10,6 +10,8 @@ rule verify:
     benchmark:
         f"{BENCHMARKS}/verify.tsv"
     threads: 1
+    resources:
+        runtime=asks(lambda *_: VERIFY_S),
     params:
         source=source_digest("mechanics", "verification"),
     shell:
@@ -41,6 +43,8 @@ rule report:
         f"{LOGS}/report.log",
     benchmark:
         f"{BENCHMARKS}/report.tsv"
+    resources:
+        runtime=asks(short_seconds),
     params:
         variants=block("variants"),
         source=source_digest("report", "mismatch/verdict.py"),

@@ -41,6 +41,8 @@ rule simulate:
         "fem"
     threads: 1
     resources:
+        cpu_ms=counts(cell_seconds),
+        runtime=asks(cell_seconds),
         mem_mb=1500,
     params:
         planned=planned,
@@ -65,6 +67,8 @@ rule variant:
         "fem"
     threads: 1
     resources:
+        cpu_ms=counts(variant_seconds),
+        runtime=asks(variant_seconds),
         mem_mb=1500,
     params:
         planned=lambda wildcards: planned(wildcards)[:3],
@@ -93,6 +97,8 @@ rule session_cell:
         "fem"
     threads: 1
     resources:
+        cpu_ms=counts(cell_seconds),
+        runtime=asks(cell_seconds),
         mem_mb=1500,
     params:
         planned=planned,
@@ -119,6 +125,7 @@ rule session_presses:
         f"{BENCHMARKS}/sessions/{{session}}/presses.tsv"
     threads: 1
     resources:
+        runtime=asks(presses_seconds),
         mem_mb=1500,
     params:
         model=lambda wildcards: block(

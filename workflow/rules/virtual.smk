@@ -18,6 +18,8 @@ if LAB:
             "fem"
         threads: 1
         resources:
+            cpu_ms=counts(true_seconds),
+            runtime=asks(true_seconds),
             mem_mb=1500,
         params:
             planned=planned,
@@ -43,6 +45,7 @@ if LAB:
             f"{BENCHMARKS}/virtual_sessions/{{session}}.tsv"
         threads: 2
         resources:
+            runtime=asks(drawing_seconds),
             mem_mb=1500,
         params:
             model=block("sensor", "plan"),
