@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import sys
 from importlib import import_module
+from pathlib import Path
 
 PARTS = {
     "inputs": 2000,
@@ -32,6 +33,10 @@ def main() -> int:
         one.add_argument("--count", type=int, default=count, help="faults in all")
         one.add_argument("--only", help="one kind of fault")
         one.add_argument("--list", action="store_true", help="print the kinds and do nothing")
+        if name != "inputs":
+            one.add_argument(
+                "--study", type=Path, help="folder of a finished run of config/test.yaml; else it is made"
+            )
         one.add_argument("--verbose", action="store_true", help="print every fault with what came of it")
     asked = parser.parse_args()
     return import_module(f"benchmarks.fault_kinds.{asked.part}").run(asked)

@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import pandas as pd
 
+SEAL_COLUMN = re.compile(r"sha256:[0-9a-f]{64}|inputs:[0-9a-f]*")
 DIGITS = b"0" * 64  # in place of a digest until it is known
 SEAL = re.compile(rb"sha256:([0-9a-f]{64})")
 UNSEALED = b"sha256:" + DIGITS
@@ -276,10 +277,16 @@ def read_product_json(path: str | Path, remedy: str, kind: type[ValueError] = Fi
     return content
 
 
-def write_product_table(target: str | Path, table: pd.DataFrame, float_format: str | None = None) -> None:
-    """Write a CSV table that a later stage reads, its checksum as the name of a last, empty column."""
+def write_product_table(
+    target: str | Path, table: pd.DataFrame, float_format: str | None = None, inputs: str = ""
+) -> None:
+    """Write a CSV table that a later stage reads, its checksum as the name of a last, empty column.
+
+    inputs: the digest of what the table was made from, in the name of another one.
+    """
     with atomic(target, sealed=True) as temporary:
-        sealed = without_seal(table).assign(**{UNSEALED.decode(): ""})
+        names = [f"inputs:{inputs}"] * bool(inputs) + [UNSEALED.decode()]
+        sealed = without_seal(table).assign(**dict.fromkeys(names, ""))
         sealed.to_csv(temporary, index=False, float_format=float_format, lineterminator="\n")
 
 
@@ -294,8 +301,22 @@ def read_product_table(
 
 
 def without_seal(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a table without the column that is its checksum."""
-    return table.drop(columns=[name for name in table.columns if SEAL.fullmatch(str(name).encode())])
+    """Return a table without the columns that are its checksum and the digest of its inputs."""
+    return table.drop(columns=[name for name in table.columns if SEAL_COLUMN.fullmatch(str(name))])
+
+
+def check_table_inputs(
+    path: str | Path, expected: str, remedy: str, kind: type[ValueError] = FileError
+) -> None:
+    """Raise an error of a kind where a whole table was made from other inputs than the expected ones."""
+    check_seal(path, remedy, kind)
+    with open(path, encoding="utf-8") as file:
+        found = re.search(r"inputs:([0-9a-f]+)", file.readline())
+    if found is None or found[1] != expected:
+        stated = found[1][:12] if found else "none"
+        raise kind(
+            f"{path}: made from other inputs than those of this study (digest {stated}, expected {expected[:12]}); {remedy}"
+        )
 
 
 def write_table(folder: str | Path, name: str, table: pd.DataFrame) -> None:

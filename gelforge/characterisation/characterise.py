@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -80,8 +80,14 @@ class Characterised:
         )
 
 
-def characterise(name: str, material: Material, folder: Path) -> None:
-    """Write the results of a study's material; the same inputs give the same bytes."""
+def characterise(name: str, material: Material, folder: Path, study: str = "") -> None:
+    """Write the results of a study's material, its laws with the study's name; the same inputs give the same bytes."""
+    _characterise(name, material, folder)
+    for path in (folder / "law.json", *(folder / "laws").glob("*.json")):
+        write_law(path, replace(read_law(path), study=study))
+
+
+def _characterise(name: str, material: Material, folder: Path) -> None:
     if material.parameters is None:
         try:
             characterise_source(source_of(name, material.tests, material.mapping), material, folder)

@@ -59,6 +59,7 @@ class MaterialLaw:
     unstable_from: float | None = None  # share of the tested range, None where Drucker-stable
     fitted_by: str | None = None  # weights and loss
     notes: tuple[str, ...] = ()
+    study: str = ""  # for which it was made; empty: by hand, for any
 
     @property
     def family(self) -> Family:
@@ -163,6 +164,7 @@ def write_law(path: str | Path, material: MaterialLaw) -> None:
         "samples": material.samples or {},
         "synthetic": material.synthetic,
         "inputs_digest": material.inputs_digest,
+        "study": material.study,
     }
     if isinstance(law, Ogden):
         content |= {"mu_kPa": [m * 1e3 for m in law.mu], "alpha": list(law.alpha)}
@@ -201,6 +203,7 @@ def read_law(path: str | Path) -> MaterialLaw:
             content.get("unstable_from"),
             content.get("fitted_by"),
             tuple(content.get("notes", ())),
+            content.get("study", ""),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise LawFileError(f"{path}: {type(error).__name__} {error}; {remedy}") from None

@@ -19,10 +19,10 @@ def fit_law(study: Path, material: str, out: Path) -> None:
     """Write the law of a material, its curves, tables and measured effects."""
     from gelforge.characterisation.characterise import characterise
 
-    materials = load_study(study).materials
-    if material not in materials:
-        raise ConfigError(f"{study}: no material {material!r}; it has {sorted(materials)}")
-    characterise(material, materials[material], out)
+    described = load_study(study)
+    if material not in described.materials:
+        raise ConfigError(f"{study}: no material {material!r}; it has {sorted(described.materials)}")
+    characterise(material, described.materials[material], out, described.study)
 
 
 def plan(study: Path, out: Path) -> None:
@@ -47,7 +47,6 @@ def simulate(
 
     fresh: solve also what an earlier job has solved from the same inputs.
     """
-    from gelforge.characterisation.law_file import read_law
     from gelforge.indentation.cell_file import read_cell, write_cell
     from gelforge.indentation.inputs import solution_digest
     from gelforge.indentation.kept_solutions import solved_once
@@ -61,7 +60,7 @@ def simulate(
     if session:
         described = session_study(described, session_of(described, session))
         cells = described.results_folder / "sessions" / session / "cells"
-    read = {law.material: law for law in map(read_law, laws)}
+    read = {law.material: law for law in (study_law(described, path) for path in laws)}
     by_material = {name: law.law for name, law in read.items()}
     if planned.source:
         source = mirrored[0] if mirrored else cells / f"{planned.source}.h5"
@@ -75,7 +74,6 @@ def simulate(
 
 def simulate_session(study: Path, session: str, laws: list[Path], out: Path, fresh: bool = False) -> None:
     """Write the labels of a session's presses, one after another on a sensor that softens; fresh: from the first on."""
-    from gelforge.characterisation.law_file import read_law
     from gelforge.dataset.presses_in_order import discard_part, press_in_order  # loads the compiled kernels
 
     described = session_study(load_study(study), session_of(load_study(study), session))
@@ -83,7 +81,9 @@ def simulate_session(study: Path, session: str, laws: list[Path], out: Path, fre
         raise ConfigError(
             f"{study}: nothing softens, so presses need not be followed in order; give mechanics.effects.history.mullins"
         )
-    known, doubts = laws_and_doubts({law.material: law for law in map(read_law, laws)})
+    known, doubts = laws_and_doubts(
+        {law.material: law for law in (study_law(described, path) for path in laws)}
+    )
     presses = session_presses(described, session)
     if fresh:
         discard_part(out)
@@ -166,7 +166,7 @@ def join(study: Path, shard: int, out: Path) -> None:
         raise ConfigError(
             f"shard {shard}: the plan's {len(planned)} cells fill {-(-len(planned) // size)} shards of {size}"
         )
-    laws = read_laws([law_path(described, material) for material in described.materials])
+    laws = read_laws(described)
     features = {name: feature_path(described, name) for name in image_sessions(described)}
     rows = join_shard(
         described,
@@ -175,7 +175,12 @@ def join(study: Path, shard: int, out: Path) -> None:
         features,
         out,
         {name: inputs_digest(described, laws, planned[name]) for name in chunk},
-        {name: features_digest(session_of(described, name), described.features) for name in features},
+        {
+            name: features_digest(
+                described.session_folder(name), session_of(described, name), described.features
+            )
+            for name in features
+        },
         own_labels(described, {name: planned[name] for name in chunk}, laws),
     )
     print(f"{out}: {rows} rows" + ("" if features else " (labels only: the study has no images)"))
@@ -193,48 +198,61 @@ def manifest(study: Path) -> None:
 def agreement(study: Path, out: Path) -> None:
     """Write total forces, simulated beside measured, one row per press."""
     from gelforge.dataset.agreement import agreement_table, write_agreement
+    from gelforge.files import digest
     from gelforge.indentation.plan import plan_cells
 
     described = load_study(study)
     recorded = {name: described.results_folder / "recordings" / f"{name}.csv" for name in described.sessions}
     planned = plan_cells(described)
     cells = {name: cell_path(described, name) for name in planned}
-    write_agreement(out, agreement_table(recorded, cells, own_labels(described, planned)))
+    laws = read_laws(described)
+    digests, raw = agreement_inputs(described, laws)
+    own = own_labels(described, planned, laws)
+    table = agreement_table(recorded, cells, own, digests, raw)
+    write_agreement(out, table, digest([digests, raw]))
 
 
 def train(study: Path, model: Path, loss: Path) -> None:
     """Train the study's network, or go on from its checkpoint."""
+    from gelforge.dataset.manifest import check_shards
     from gelforge.learning.training import train
 
     described = load_study(study)
+    check_shards(shard_paths(described), described.results_folder / "dataset" / "manifest.json")
     train(described, shard_paths(described), model, loss)
 
 
 def evaluate(study: Path, model: Path, out: Path) -> None:
     """Write the predictions of every row of the held-out cells."""
     from gelforge.learning.evaluation import predict_test_rows
+    from gelforge.learning.network import check_trained_on
+    from gelforge.learning.training import shards_digest
 
-    rows = predict_test_rows(model, shard_paths(load_study(study)), out)
+    shards = shard_paths(load_study(study))
+    check_trained_on(model, shards_digest(shards))
+    rows = predict_test_rows(model, shards, out)
     print(f"{rows} rows of held-out cells")
 
 
 def tables(study: Path) -> None:
     """Write the article's tables from laws, agreement and predictions; the labels' ranges where nothing is predicted."""
-    from gelforge.characterisation.law_file import read_law
     from gelforge.characterisation.material_table import material_table
     from gelforge.dataset.agreement import read_agreement, rmse_gt_table
-    from gelforge.files import write_table
+    from gelforge.files import digest, write_table
     from gelforge.learning import evaluation
 
     described = load_study(study)
     results, folder = described.results_folder, described.results_folder / "tables"
-    laws = [read_law(law_path(described, material)) for material in described.materials]
+    laws = [study_law(described, law_path(described, material)) for material in described.materials]
     write_table(folder, "material", material_table(laws))
     if described.sessions:
         resolution = {name: session_of(described, name).force.resolution_N for name in described.sessions}
-        write_table(folder, "rmse_gt", rmse_gt_table(read_agreement(results / "agreement.csv"), resolution))
+        inputs = digest(list(agreement_inputs(described, {law.material: law.law for law in laws})))
+        agreed = read_agreement(results / "agreement.csv", inputs)
+        write_table(folder, "rmse_gt", rmse_gt_table(agreed, resolution))
     if image_sessions(described):
         predictions = evaluation.Predictions(results / "model" / "predictions.h5")
+        predictions.check_model(results / "model" / "model.pt")
         write_table(folder, "rmse", evaluation.rmse_table(predictions))
         write_table(folder, "baselines", evaluation.baselines_table(predictions))
         ranges = predictions.label_range
@@ -300,13 +318,26 @@ def image_sessions(study: Study) -> list[str]:
     return [name for name in study.sessions if session_of(study, name).camera is not None]
 
 
+def agreement_inputs(study: Study, laws: dict) -> tuple[dict, dict]:
+    """Return what the digests of the study's cells and of its sessions' tables are under its present settings and laws."""
+    from gelforge.indentation.inputs import inputs_digest
+    from gelforge.indentation.plan import plan_cells
+    from gelforge.recording.readings import raw_digest
+
+    cells = {name: inputs_digest(study, laws, cell) for name, cell in plan_cells(study).items()}
+    return cells, {name: raw_digest(study.session_folder(name)) for name in study.sessions}
+
+
 def session_presses(study: Study, session: str) -> list:
     """Return the presses of a session in the order recorded, from its readings."""
     from gelforge.dataset.recorded_presses import recorded_presses
+    from gelforge.files import check_table_inputs
     from gelforge.indentation.plan import plan_cells
-    from gelforge.recording.readings import read_readings
+    from gelforge.recording.readings import raw_digest, read_readings
 
     path = study.results_folder / "recordings" / f"{session}.csv"
+    remedy = f"make the readings again (snakemake -R {path})"
+    check_table_inputs(path, raw_digest(study.session_folder(session)), remedy)
     return recorded_presses(read_readings(path), plan_cells(study), study)
 
 
@@ -366,11 +397,23 @@ def laws_and_doubts(read: dict) -> tuple[dict, dict]:
     return laws, {name: moved_laws(material, AMOUNT) for name, material in known.items()}
 
 
-def read_laws(paths: list[Path]) -> dict:
-    """Return laws [MPa] by material."""
-    from gelforge.characterisation.law_file import read_law
+def read_laws(study: Study) -> dict:
+    """Return the study's laws [MPa] by material."""
+    read = (study_law(study, law_path(study, material)) for material in study.materials)
+    return {law.material: law.law for law in read}
 
-    return {read.material: read.law for read in map(read_law, paths)}
+
+def study_law(study: Study, path: Path):
+    """Return a material's law after checking that it is one of this study's materials and was made for no other study."""
+    from gelforge.characterisation.law_file import LawFileError, read_law
+
+    law = read_law(path)
+    if law.material not in study.materials or law.study not in ("", study.study):
+        raise LawFileError(
+            f"{path}: the law of {law.material!r} of study {law.study!r}, expected one of {sorted(study.materials)} of study"
+            f" {study.study!r}; run the material stage again (snakemake -R {path})"
+        )
+    return law
 
 
 def print_findings(recording) -> None:

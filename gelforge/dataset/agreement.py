@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 
 from gelforge.dataset.schema import DatasetError
-from gelforge.dataset.session_labels import OwnCells, OwnPresses
-from gelforge.files import read_product_table, write_product_table
-from gelforge.indentation.cell_file import read_cell
+from gelforge.dataset.session_labels import OwnCells, OwnPresses, check_digest
+from gelforge.files import check_table_inputs, read_product_table, write_product_table
+from gelforge.indentation.cell_file import Cell, read_cell
 from gelforge.indentation.plan import POSITION_MATCH_MM
 from gelforge.recording.readings import AXES, FORCE
 
@@ -30,6 +30,8 @@ def agreement_table(
     readings_files: Mapping[str, str | Path],
     cell_files: Mapping[str, str | Path],
     own_labels: Mapping[str, OwnCells | OwnPresses] | None = None,
+    cell_digests: Mapping[str, str] | None = None,
+    raw_digests: Mapping[str, str] | None = None,
 ) -> pd.DataFrame:
     """Return one row per press: total force [N] of the finite elements and the mean of the press's load and dwell readings.
 
@@ -39,6 +41,9 @@ def agreement_table(
     Presses of failed cells, and those that failed themselves, are left out, as in the shards. Raises DatasetError for a
     press without its cell or depth, CellError for a cell that is missing or truncated.
     """
+    for session, expected in (raw_digests or {}).items():
+        path = readings_files[session]
+        check_table_inputs(path, expected, f"make the readings again (snakemake -R {path})", DatasetError)
     parts = [_measured(session, path) for session, path in readings_files.items()]
     measured = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=COLUMNS)
     rows, own_labels = [], own_labels or {}
@@ -52,7 +57,7 @@ def agreement_table(
                 f"{readings_files[press.session]}: press {press.press} belongs to cell {name!r}, which is not in the plan; "
                 "add its position to the plan"
             )
-        cell = read_cell(cell_files[name], ["depth_mm", "total_force_N"])
+        cell = checked_totals(cell_files[name], name, (cell_digests or {}).get(name))
         if cell.converged:
             rows.append(
                 _with_fem(presses, cell.arrays["depth_mm"], cell.arrays["total_force_N"], cell_files[name])
@@ -107,7 +112,7 @@ def _with_own(presses: pd.DataFrame, own: OwnCells | OwnPresses) -> list[pd.Data
         return [known.assign(**{f"fem_{axis}_N": total[:, i] for i, axis in enumerate(AXES)})]
     rows = []
     for name, of_cell in presses.groupby("cell", sort=False):
-        cell = read_cell(own.files[name], ["depth_mm", "total_force_N"])
+        cell = checked_totals(own.files[name], name, own.digests.get(name))
         if cell.converged:
             rows.append(
                 _with_fem(of_cell, cell.arrays["depth_mm"], cell.arrays["total_force_N"], own.files[name])
@@ -115,13 +120,26 @@ def _with_own(presses: pd.DataFrame, own: OwnCells | OwnPresses) -> list[pd.Data
     return rows
 
 
-def write_agreement(path: str | Path, table: pd.DataFrame) -> None:
-    """Write agreement.csv; nine digits, more than any force sensor has."""
-    write_product_table(path, table, "%.9g")
+def checked_totals(path: str | Path, name: str, expected: str | None) -> Cell:
+    """Return depths and total forces of a cell, after checking that it is the one asked for and that they are numbers."""
+    cell = read_cell(path, ["depth_mm", "total_force_N"])
+    check_digest(path, name, cell, expected)
+    if not all(np.isfinite(array).all() for array in cell.arrays.values()):
+        raise DatasetError(
+            f"{path}: cell {name}: forces or depths are not finite; simulate it again (snakemake -R {path})"
+        )
+    return cell
 
 
-def read_agreement(path: str | Path) -> pd.DataFrame:
-    """Return agreement.csv; names stay text."""
+def write_agreement(path: str | Path, table: pd.DataFrame, inputs: str = "") -> None:
+    """Write agreement.csv; nine digits, more than any force sensor has. inputs: digest of the cells and readings."""
+    write_product_table(path, table, "%.9g", inputs)
+
+
+def read_agreement(path: str | Path, inputs: str | None = None) -> pd.DataFrame:
+    """Return agreement.csv; names stay text. inputs: what the digest of its cells and readings must be."""
+    if inputs is not None:
+        check_table_inputs(path, inputs, f"make the agreement again (snakemake -R {path})", DatasetError)
     return read_product_table(
         path,
         f"make the agreement again (snakemake -R {path})",

@@ -19,6 +19,7 @@ from gelforge.dataset.session_labels import (
     OwnPresses,
     cell_label,
     check_closure,
+    check_digest,
     sigma,
 )
 from gelforge.dataset.shard import writing_shard
@@ -116,15 +117,7 @@ def _checked_cell(path: str | Path, planned: PlannedCell, bins: int, expected: s
     """Return a cell's label arrays after checking that they belong to the plan and to the present settings."""
     cell = read_cell(path, ["depth_mm", "total_force_N", "bin_force_N"], ERROR_BARS)
     found = cell.attributes
-    if found["cell"] != planned.name:
-        raise DatasetError(
-            f"{path}: holds cell {found['cell']!r}, expected {planned.name!r}; simulate it again"
-        )
-    if expected is not None and found["inputs_digest"] != expected:
-        raise DatasetError(
-            f"{path}: cell {planned.name} was made with other settings (inputs_digest {str(found['inputs_digest'])[:12]}, "
-            f"expected {expected[:12]}); simulate it again (snakemake -R {path})"
-        )
+    check_digest(path, planned.name, cell, expected)
     gap = max(abs(found["x_mm"] - planned.x_mm), abs(found["y_mm"] - planned.y_mm))
     if gap > 1e-6:  # the plan is rounded to 1e-6 mm
         raise DatasetError(
@@ -148,6 +141,12 @@ def _check_label(path: str | Path, cell: Cell, planned: PlannedCell, bins: int) 
             f"{path}: bin_force_N has shape {label.shape}, expected {(len(depths), bins, 3)}; simulate the cell again"
         )
     check_closure(path, f"cell {planned.name}", total, label)
+    for name in sorted(ERROR_BARS & set(cell.arrays)):
+        if not (cell.arrays[name] >= 0).all():  # also refuses what is not a number
+            raise DatasetError(
+                f"{path}: cell {planned.name}: {name} holds what is no standard deviation; simulate it again"
+                f" (snakemake -R {path})"
+            )
 
 
 def _cell_attributes(path: str | Path, cell: Cell, planned: PlannedCell, split: str) -> dict:
@@ -383,13 +382,18 @@ def _rows_of(data, rows: list[int]) -> np.ndarray:
 
 
 # --------------------------------------------------------------------------------------------- attributes
+def shard_settings_digest(study: Study) -> str:
+    """Return the digest of the settings that decide a shard beside its cells and features."""
+    names = {"seed", "dataset", "plan", "sensor", "features"}
+    return digest(study.model_dump(mode="json", include=names))
+
+
 def _shard_attributes(study: Study, split: Mapping[str, str]) -> dict:
-    settings = study.model_dump(mode="json", include={"seed", "dataset", "plan", "sensor", "features"})
     return {
         "study": study.study,
         "split_seed": study.seed,
         "test_fraction": study.dataset.test_fraction,
-        "settings_digest": digest(settings),
+        "settings_digest": shard_settings_digest(study),
         "train_cells": sum(value == "train" for value in split.values()),
         "test_cells": sum(value == "test" for value in split.values()),
         "cells": {},

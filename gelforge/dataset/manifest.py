@@ -9,6 +9,7 @@ from gelforge import __version__
 from gelforge.config import Study
 from gelforge.config.variants import merged
 from gelforge.dataset.card import card, croissant
+from gelforge.dataset.join import shard_settings_digest
 from gelforge.dataset.schema import DatasetError
 from gelforge.dataset.shard import ShardDataset, shard_attributes
 from gelforge.files import (
@@ -47,6 +48,12 @@ def make_manifest(
     """Return the dataset's files, cells, sessions, raw files and settings, each with its SHA-256 or digest."""
     attributes = [shard_attributes(path) for path in shards]
     _check_one_dataset(shards, attributes)
+    for name, expected in (("study", study.study), ("settings_digest", shard_settings_digest(study))):
+        if attributes and attributes[0][name] != expected:
+            raise DatasetError(
+                f"{shards[0]}: {name} is {attributes[0][name]!r}, expected {expected!r} of this study; build the shard again"
+                f" (snakemake -R {shards[0]})"
+            )
     cells = {name: cell for one in attributes for name, cell in one["cells"].items()}
     failed = {name: reason for one in attributes for name, reason in one["failed_cells"].items()}
     sessions: dict[str, dict] = {}
@@ -103,6 +110,18 @@ def read_manifest(path: str | Path) -> dict:
             f"{path}: format {manifest.get('format')!r}, expected {FORMAT!r}; build the dataset again"
         )
     return manifest
+
+
+def check_shards(shards: Sequence[str | Path], manifest: str | Path) -> None:
+    """Raise DatasetError for a shard that is not the one that the manifest lists; without a manifest nothing is known."""
+    if not Path(manifest).is_file():
+        return
+    listed = {shard["file"]: shard["sha256"] for shard in read_manifest(manifest)["shards"]}
+    for path in map(Path, shards):
+        if path.is_file() and listed.get(path.name) != file_sha256(path):
+            raise DatasetError(
+                f"{path}: not the shard that {manifest} lists; build both again (snakemake -R {path})"
+            )
 
 
 def _file(path: str | Path, whole_path: bool = False, **more) -> dict:

@@ -6,6 +6,7 @@ the softening left, so that a killed job goes on where it was.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
 import time
@@ -43,6 +44,7 @@ class Progress:
     digest: str
     done: int = 0
     reason: str = ""  # why the press after those done could not be solved
+    labels: str = ""  # SHA-256 of the labels of those done
     companion_reasons: list[str] = field(default_factory=list)
     seconds: list[float] = field(default_factory=list)
     balances: list[float] = field(default_factory=list)
@@ -73,6 +75,7 @@ def press_in_order(
             break
         _press(study, laws, uncertain, presses[number], progress, labels[number])
         labels.flush()  # before the progress that counts it
+        progress.labels = _sum_of(labels, progress.done)
         _keep(part, progress)
         outcome = progress.reason or f"solved in {progress.seconds[-1]:.1f} s"
         print(f"{presses[number].name} ({number + 1} of {len(presses)}): {outcome}", flush=True)
@@ -183,8 +186,11 @@ def _resumed(part: Path, identity: str, shape: tuple[int, ...]) -> tuple[np.memm
     try:
         progress = _read_progress(part / "progress.npz")
         if progress.digest == identity:
-            print(f"{progress.done} presses were solved before; going on from there", flush=True)
-            return np.lib.format.open_memmap(labels, mode="r+"), progress
+            solved = np.lib.format.open_memmap(labels, mode="r+")
+            if solved.shape == shape and _sum_of(solved, progress.done) == progress.labels:
+                print(f"{progress.done} presses were solved before; going on from there", flush=True)
+                return solved, progress
+            raise ValueError("the labels are not those that were kept")
         print(
             "settings, presses or code have changed since this session was broken off: from the first press on"
         )
@@ -193,6 +199,10 @@ def _resumed(part: Path, identity: str, shape: tuple[int, ...]) -> tuple[np.memm
     shutil.rmtree(part, ignore_errors=True)
     part.mkdir(parents=True)
     return np.lib.format.open_memmap(labels, mode="w+", dtype=float, shape=shape), Progress(identity)
+
+
+def _sum_of(labels: np.ndarray, done: int) -> str:
+    return hashlib.sha256(np.ascontiguousarray(labels[:done])).hexdigest()
 
 
 def _keep(part: Path, progress: Progress) -> None:

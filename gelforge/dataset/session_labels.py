@@ -130,6 +130,18 @@ def sigma(cell: Cell, quantity: str) -> np.ndarray:
     return np.hypot(*parts)
 
 
+def check_digest(path: str | Path, name: str, cell: Cell, expected: str | None) -> None:
+    """Raise DatasetError for the file of another cell, or of one made with other settings than the expected digest's."""
+    found = cell.attributes
+    if found["cell"] != name:
+        raise DatasetError(f"{path}: holds cell {found['cell']!r}, expected {name!r}; simulate it again")
+    if expected is not None and found["inputs_digest"] != expected:
+        raise DatasetError(
+            f"{path}: cell {name} was made with other settings (inputs_digest {str(found['inputs_digest'])[:12]}, "
+            f"expected {expected[:12]}); simulate it again (snakemake -R {path})"
+        )
+
+
 def check_closure(path: str | Path, what: str, total: np.ndarray, bins: np.ndarray) -> None:
     """Raise DatasetError where bins (D, B, 3) do not add up to the totals (D, 3) [N]."""
     error = np.abs(bins.sum(axis=1) - total)  # (D, 3)

@@ -12,6 +12,7 @@ import torch
 
 from gelforge.dataset.schema import COLUMNS, DatasetError
 from gelforge.dataset.shard import ShardDataset
+from gelforge.files import file_sha256
 from gelforge.hdf5 import opened, writing
 from gelforge.learning.data import FEATURE, LABEL
 from gelforge.learning.network import load_model
@@ -35,6 +36,7 @@ def predict_test_rows(
     bins, nx = model.scaling.output_mean.shape[0], model.settings["bins"]["nx"]
     with writing(out) as file:
         file.attrs["format"], file.attrs["synthetic"] = FORMAT, model.settings["synthetic"]
+        file.attrs["model_sha256"] = file_sha256(model_path)
         file.attrs["bins_nx"], file.attrs["bins_ny"] = nx, bins // nx
         file.attrs["sensor_width_mm"] = model.settings["sensor_width_mm"]
         for name in ("predicted_N", "true_N"):
@@ -95,10 +97,18 @@ class Predictions:
     def __init__(self, path: str | Path):
         self.path = Path(path)
         with self._open() as file:
+            self.model_sha256 = str(file.attrs["model_sha256"])
             self.nx, self.ny = int(file.attrs["bins_nx"]), int(file.attrs["bins_ny"])
             self.width_mm = np.array(file.attrs["sensor_width_mm"])
             self.untouched, self.ft = file["untouched"][()], file["total_force_ft_N"][()]
             self.training_mean, self.label_range = file["training_mean_N"][()], file["label_range_N"][()]
+
+    def check_model(self, model_path: str | Path) -> None:
+        """Raise DatasetError for predictions of another model than this file's; a file that is not there says nothing."""
+        if Path(model_path).is_file() and file_sha256(model_path) != self.model_sha256:
+            raise DatasetError(
+                f"{self.path}: predictions of another model than {model_path}; evaluate it again (snakemake -R {self.path})"
+            )
 
     def blocks(self) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
         """Yield rows, predicted and true distributions (n, B, 3) [N]."""

@@ -146,6 +146,14 @@ def load_tensors(path: str | Path, kind: str) -> dict:
     return content
 
 
+def check_trained_on(path: str | Path, shards_digest: str) -> None:
+    """Raise ModelError for a model that was trained on other shards than those of this digest."""
+    if load_model(path).settings.get("shards_digest") != shards_digest:
+        raise ModelError(
+            f"{path}: was trained on other shards than the study's; train the model again (snakemake -R {path})"
+        )
+
+
 def load_model(path: str | Path) -> Model:
     """Return a saved model, ready to predict.
 

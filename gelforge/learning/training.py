@@ -144,6 +144,11 @@ def _validation_split(rows: ShardDataset, study: Study) -> tuple[np.ndarray, np.
     return training, validation
 
 
+def shards_digest(shards: Sequence[str | Path]) -> str:
+    """Return the digest of the shards that a model is trained on."""
+    return digest([file_sha256(path) for path in shards])
+
+
 def _settings(study: Study, shards: Sequence[str | Path]) -> dict:
     """Return what the model file tells about its making; plain numbers and text."""
     dump = study.model_dump(mode="json", include={"study", "seed", "learning", "features", "dataset"})
@@ -155,7 +160,7 @@ def _settings(study: Study, shards: Sequence[str | Path]) -> dict:
         "sensor_width_mm": [study.sensor.width_x_mm, study.sensor.width_y_mm],
         "synthetic": any(one["synthetic"] for one in attributes),
         "views": {name: about["view"] for name, about in sorted(sessions.items()) if about.get("view")},
-        "shards_digest": digest([file_sha256(path) for path in shards]),
+        "shards_digest": shards_digest(shards),
     }
 
 

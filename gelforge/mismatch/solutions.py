@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from gelforge.config import ConfigError, Study
-from gelforge.files import atomic, digest, source_digest
+from gelforge.files import FileError, atomic, check_seal, digest, source_digest
 from gelforge.indentation.cell_file import Cell, CellError, read_cell
 from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.indentation.effects.surfaces import top_slope
@@ -289,12 +289,16 @@ def found_before(solver: Solver, name: str) -> dict[str, np.ndarray] | None:
     path = solver.kept / f"{name}.npz"
     if not path.is_file():
         return None
+    try:
+        check_seal(path, "it is solved again")
+    except FileError:  # kept solutions cost time, not the run
+        return None
     with np.load(path) as file:
         return dict(file)
 
 
 def keep(solver: Solver, name: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    with atomic(solver.kept / f"{name}.npz") as temporary:
+    with atomic(solver.kept / f"{name}.npz", sealed=True) as temporary:
         with open(temporary, "wb") as file:
             np.savez(file, **arrays)
     return arrays

@@ -21,7 +21,7 @@ from gelforge.files import digest
 from gelforge.hdf5 import writing
 from gelforge.recording.flow import Flow, ImageError, read_grey
 from gelforge.recording.images import image_path, reference_path
-from gelforge.recording.readings import Recording, sample_rows
+from gelforge.recording.readings import Recording, raw_digest, sample_rows
 
 FORMAT = "gelforge-features-1"
 BATCH = 64  # images in memory at a time
@@ -152,9 +152,10 @@ def session_features(recording: Recording, settings: Features, out: str | Path, 
     return len(rows)
 
 
-def features_digest(session: Session, settings: Features) -> str:
-    """Return the digest of the settings that decide a session's features; a join compares it."""
-    return digest({"session": session.model_dump(mode="json"), "features": settings.model_dump(mode="json")})
+def features_digest(folder: str | Path, session: Session, settings: Features) -> str:
+    """Return the digest of what decides a session's features but for its images; a join compares it."""
+    described = {"session": session.model_dump(mode="json"), "features": settings.model_dump(mode="json")}
+    return digest(described | {"raw": raw_digest(folder)})
 
 
 def _features_in_batches(
@@ -187,7 +188,7 @@ def _write_attributes(file: h5py.File, recording: Recording, settings: Features)
     file.attrs["format"] = FORMAT
     file.attrs["session"] = session.session
     file.attrs["synthetic"] = session.synthetic
-    file.attrs["digest"] = features_digest(session, settings)
+    file.attrs["digest"] = features_digest(recording.folder, session, settings)
     file.attrs["view"] = json.dumps(view_of(session), sort_keys=True)
     file.attrs["excluded_images"] = json.dumps(dict(recording.excluded_images))
 

@@ -11,7 +11,7 @@ import pandas as pd
 
 from gelforge.config import ForceSensor, Sensor, Session, StageToSensor, load_session
 from gelforge.csv_table import read_csv
-from gelforge.files import check_seal, write_product_table
+from gelforge.files import check_seal, digest, file_sha256, write_product_table
 from gelforge.indentation.plan import PlannedCell
 from gelforge.recording import checks
 from gelforge.recording.checks import RecordingError
@@ -135,9 +135,15 @@ def sample_rows(readings: pd.DataFrame) -> pd.DataFrame:
     return readings[(readings["phase"] == "zero").to_numpy() | at_commanded_depth(readings)]
 
 
+def raw_digest(folder: str | Path) -> str:
+    """Return the digest of a session's description and tables; its images are not among them."""
+    files = [Path(folder) / name for name in ("session.yaml", "indentations.csv", "ft.csv")]
+    return digest({path.name: file_sha256(path) for path in files if path.is_file()})
+
+
 def write_readings(path: str | Path, recording: Recording) -> None:
     """Write all readings of a session, raw and corrected, as CSV."""
-    write_product_table(path, recording.readings, "%.9g")
+    write_product_table(path, recording.readings, "%.9g", raw_digest(recording.folder))
 
 
 def read_readings(path: str | Path) -> pd.DataFrame:

@@ -340,6 +340,11 @@ def test_lineage_names_cell_image_and_files(made):
         lineage(path, 100000)
 
 
+def test_two_joins_give_the_same_bytes(made):
+    first = made.join().read_bytes()
+    assert made.join().read_bytes() == first
+
+
 def test_axis_zero_is_the_sample_with_units_and_description(made):
     with h5py.File(made.join()) as file:
         count = file.attrs["rows"]

@@ -8,6 +8,7 @@ import specimens
 from numpy.testing import assert_allclose
 
 from gelforge.indentation.cell_file import DATASETS, OPTIONAL, read_cell, read_timings, write_cell
+from gelforge.indentation.companion import simulate_label
 from gelforge.indentation.inputs import inputs_digest
 from gelforge.indentation.mirror import mirror_cell
 from gelforge.indentation.plan import PlannedCell
@@ -146,6 +147,18 @@ def test_bins_of_a_centred_cell_have_the_symmetry_of_the_square():
             # the stopping rule, with a margin for the condition of stick and slip
             assert_allclose(transform_bins(name, bins, 10), bins, atol=1e-7 * np.abs(bins).max())
         assert_allclose(cell.arrays["total_force_N"][:, :2], 0, atol=1e-8)
+
+
+def test_two_solves_give_the_same_bytes(tmp_path):
+    """On one machine with one thread; what differs, seconds, stands beside the cell."""
+    study = specimens.study(store_displacement=True, error_bars=True)
+    uncertain = {"soft": [LAWS["soft"]]}
+    for name in ("one", "other"):
+        cell = simulate_label(study, LAWS, uncertain, PLANNED)
+        write_cell(tmp_path / f"{name}.h5", cell)
+    assert (tmp_path / "one.h5").read_bytes() == (tmp_path / "other.h5").read_bytes()
+    assert {"seconds", "cpu_seconds", "error_bar_seconds"} == set(read_timings(tmp_path / "one.h5"))
+    assert read_cell(tmp_path / "one.h5").attributes.keys().isdisjoint(read_timings(tmp_path / "one.h5"))
 
 
 @pytest.mark.parametrize("name", ["rotate_90", "mirror_x", "swap_xy_negative"])

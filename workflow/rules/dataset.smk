@@ -46,6 +46,7 @@ rule labels:
 rule agreement:
     """Total force of the finite elements beside the force sensor's, press by press."""
     input:
+        laws=law_files(),
         cells=cell_files(CELLS),
         own=session_label_files(CELLS),
         readings=expand(f"{RESULTS}/recordings/{{session}}.csv", session=STUDY.sessions),
