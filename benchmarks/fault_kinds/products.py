@@ -43,6 +43,7 @@ def join(shard: int) -> Reader:
     return to_file("join", f"shard-{shard}.h5", "--shard", str(shard))
 
 
+LAWS = [f"{RESULTS}/materials/{name}/law.json" for name in ("ecoflex_gel", "elastosil_25_1")]
 AGREEMENT = to_file("agreement", "agreement.csv")
 EVALUATE = to_file("evaluate", "predictions.h5", "--model", f"{RESULTS}/model/model.pt")
 TRAIN = of_study(
@@ -59,7 +60,9 @@ def readers(path: Path, cells: Sequence[str]) -> list[Reader]:
     """Return the commands that read a product, by its path within a study's folder; cells: all, in order of the plan."""
     name, kind = str(path), path.parts[len(RESULTS.parts)]
     if kind == "cells":
-        return [join(cells.index(path.stem) // 4), AGREEMENT, shown(name)]
+        mirror = to_file("simulate", "mirrored.h5", "--cell", "x2_y0", "--laws", *LAWS)
+        own = [mirror] if path.stem == "x0_y0" else []
+        return [join(cells.index(path.stem) // 4), AGREEMENT, shown(name), *own]
     return {
         "materials": [tables(), join(0), AGREEMENT],
         "recordings": [AGREEMENT],

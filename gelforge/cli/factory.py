@@ -47,8 +47,9 @@ def simulate(
 
     fresh: solve also what an earlier job has solved from the same inputs.
     """
+    from gelforge.dataset.session_labels import check_digest
     from gelforge.indentation.cell_file import read_cell, write_cell
-    from gelforge.indentation.inputs import solution_digest
+    from gelforge.indentation.inputs import inputs_digest, solution_digest
     from gelforge.indentation.kept_solutions import solved_once
     from gelforge.indentation.mirror import mirror_cell
 
@@ -64,7 +65,9 @@ def simulate(
     by_material = {name: law.law for name, law in read.items()}
     if planned.source:
         source = mirrored[0] if mirrored else cells / f"{planned.source}.h5"
-        result, how = mirror_cell(read_cell(source), described, by_material, planned), "mirrored"
+        solved, expected = read_cell(source), planned_cell(described, planned.source)
+        check_digest(source, expected.name, solved, inputs_digest(described, by_material, expected))
+        result, how = mirror_cell(solved, described, by_material, planned), "mirrored"
         write_cell(out, result)
     else:
         inputs = solution_digest(described, by_material, planned, laws)

@@ -120,7 +120,7 @@ def test_labels_of_a_session_are_those_of_its_age(tmp_path, monkeypatch):
             factory.simulate("study.yaml", cell, law_files, [], None, session, where / f"{cell}.h5")
 
     features = {name: features_of(study, tmp_path, name, [("x1_y0", 0.5)]) for name in study.sessions}
-    laws = factory.read_laws(law_files)
+    laws = factory.read_laws(study)
     own = factory.own_labels(study, plan_cells(study), laws)
     assert set(own) == {"june"}
     files = {"x1_y0": cells / "x1_y0.h5"}
