@@ -1,4 +1,4 @@
-"""A small seeded set of the faults of benchmarks/faults.py on the finished test study; the large ones are in docs/faults.md."""
+"""A small seeded set of the faults of benchmarks/faults.py on the finished test study; docs/faults.md has the large ones."""
 
 import os
 import subprocess
@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.mark.parametrize(("part", "count"), [("products", 32), ("kills", 11)])
 def test_what_is_damaged_or_killed_changes_no_result(finished, part, count):
-    """Damaged products are refused in one line or change nothing; a killed stage leaves nothing, and gives the same again."""
+    """Damaged products are refused in one line or change nothing; a killed stage leaves nothing and gives the same again."""
     command = [sys.executable, "-m", "benchmarks.faults", part, "--count", str(count), "--seed", "35"]
     done = subprocess.run(
         [*command, "--study", str(finished.folder)],
