@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gelforge.cli.bench import known_laws
 from gelforge.cli.cost import estimate
-from gelforge.cli.factory import print_findings, virtual_lab_of
+from gelforge.cli.factory import law_path, print_findings, virtual_lab_of
 from gelforge.cli.new_study import new_study_files
 from gelforge.config import NAME, ConfigError, Session, Study, load_session, load_study
 from gelforge.files import write_text
@@ -31,6 +31,7 @@ def check(study: str, picture: Path | None) -> None:
     """Validate a study and what it reads, draw it, and print cells, minutes and disk; name what is missing."""
     from gelforge.characterisation.stiffness import stiffness_words
     from gelforge.indentation.plan import plan_cells
+    from gelforge.indentation.sizes import indenter_words
     from gelforge.indentation.stability_ahead import check_stable_ahead
     from gelforge.report.sensor_figure import sensor_figure
 
@@ -44,6 +45,13 @@ def check(study: str, picture: Path | None) -> None:
     laws = known_laws(described, [])
     for name, material in laws.items():
         print(f"material   {name}: {type(material.law).__name__}, {stiffness_words(material.law)}")
+    for name in described.materials:
+        if name not in laws:
+            print(
+                f"material   {name}: no constitutive model yet, it is fitted by snakemake {law_path(described, name)}"
+            )
+    for line in indenter_words(described.indenter):
+        print(f"indenter   {line}")
     if {layer.material for layer in described.sensor.layers} <= set(laws):
         check_stable_ahead(described, {name: material.law for name, material in laws.items()}, cells)
     out = picture or described.results_folder / "check.png"

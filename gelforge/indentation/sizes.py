@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gelforge.config import ConfigError, IndenterPart, Sensor, Study
+from gelforge.config import ConfigError, Indenter, IndenterPart, Sensor, Study
 from gelforge.indentation.indenter_shapes import part_corners
 from gelforge.mechanics.closed_surface import SurfaceError
 from gelforge.mechanics.indenters import rotation_about_axes
@@ -87,6 +87,18 @@ def check_indenter(study: Study) -> None:
             )
         if part.kind == "mesh" and part.origin_mm is None:
             _check_over_origin(name, part, corners)
+
+
+def indenter_words(indenter: Indenter) -> list[str]:
+    """Return of each part of an indenter its extents [mm], and of a file where its lowest point is beside the position."""
+    lines = []
+    for part in indenter.shapes:
+        corners = part_corners(part)
+        extents = " x ".join(f"{size:.4g}" for size in np.ptp(corners, axis=0))
+        x, y, _ = np.round(lowest_point(corners) + part.offset_mm, 3) + 0.0  # no minus zero
+        beside = f", lowest at ({x:g}, {y:g}) mm from the position" if part.kind == "mesh" else ""
+        lines.append(f"{part.words}: {extents} mm{beside}")
+    return lines
 
 
 def lowest_point(corners: np.ndarray) -> np.ndarray:

@@ -56,17 +56,23 @@ def check_reaches(study: Study, shape: Shape, cells: dict[str, PlannedCell]) -> 
 
 def check_over_sensor(study: Study, cells: dict[str, PlannedCell]) -> None:
     """Refuse positions that have no surface of a dome or of surface files below them. Raises ConfigError."""
-    if study.sensor.shape.kind == "block":
+    sensor = study.sensor
+    if sensor.shape.kind == "block":
         return
-    from gelforge.indentation.sensor_mesh import sensor_solids, tops_over  # loads the mesher's files
+    if sensor.shape.kind == "surfaces":
+        from gelforge.indentation.sensor_mesh import sensor_solids, tops_over  # loads the mesher's files
 
-    solids = sensor_solids(study.sensor)
+        solids = sensor_solids(sensor)
+    half = np.array([sensor.width_x_mm, sensor.width_y_mm]) / 2
     for cell in cells.values():
-        if not tops_over(solids, cell.x_mm, cell.y_mm):
-            raise ConfigError(
-                f"cell {cell.name}: no surface of the sensor lies below ({cell.x_mm:g}, {cell.y_mm:g}) mm; move the "
-                "position or make plan.grid.margin_mm larger"
-            )
+        place = np.array([cell.x_mm, cell.y_mm])
+        dome = sensor.shape.kind == "dome"
+        if np.hypot(*(place / half - 1)) < 1 if dome else tops_over(solids, *place):
+            continue
+        raise ConfigError(
+            f"cell {cell.name}: no surface of the sensor lies below ({cell.x_mm:g}, {cell.y_mm:g}) mm; move the position or "
+            "make plan.grid.margin_mm larger"
+        )
 
 
 def touched_parts(shape: Shape, mesh: Mesh, states: Sequence[State]) -> list[bool]:

@@ -108,11 +108,11 @@ def _draw_block_above(ax: Axes, sensor: Sensor) -> None:
 
 
 def _draw_surface_above(ax: Axes, sensor: Sensor) -> None:
-    """Draw the outer surface of a sensor that is no block."""
+    """Draw the surfaces of a sensor that is no block, seen from above."""
     from gelforge.indentation.sensor_mesh import sensor_solids  # loads the mesher's files
 
-    outer = sensor_solids(sensor).surfaces[-1]
-    triangles = outer.vertices[outer.triangles][:, :, :2]
+    surfaces = sensor_solids(sensor).surfaces
+    triangles = np.concatenate([surface.vertices[surface.triangles][:, :, :2] for surface in surfaces])
     ax.add_collection(PolyCollection(triangles, facecolors=OUTSIDE, edgecolors=OUTSIDE, linewidths=0.4))
     ax.add_patch(Rectangle((0, 0), 0, 0, fc=OUTSIDE, label=f"outer surface, a {sensor.shape.kind}"))
 
@@ -122,7 +122,7 @@ def _draw_surfaces_cut(ax: Axes, sensor: Sensor) -> None:
     from gelforge.indentation.sensor_mesh import sensor_solids
 
     solids, colours = sensor_solids(sensor), region_colours([layer.name for layer in sensor.layers])
-    low, high = (f(solids.surfaces[-1].vertices, axis=0) for f in (np.min, np.max))
+    low, high = solids.bounds
     x, z = (np.linspace(a - 0.1, b + 0.1, 241) for a, b in zip(low[[0, 2]], high[[0, 2]]))
     points = np.stack(np.meshgrid(x, [(low[1] + high[1]) / 2], z, indexing="ij"), axis=-1).reshape(-1, 3)
     for surface, colour in reversed(list(zip(solids.surfaces, colours))):

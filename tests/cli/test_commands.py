@@ -55,6 +55,11 @@ def test_a_new_study_is_valid_and_its_missing_data_are_named(empty_folder, capsy
     for name in ("uniaxial_01.csv", "indentations.csv", "reference.png", "images"):
         assert f"{name}\n" in printed
     assert "2 positions, 4 presses" in printed
+    assert (
+        "gel: no constitutive model yet, it is fitted by snakemake results/mine/materials/gel/law.json"
+        in printed
+    )
+    assert "ball of radius 5 mm: 10 x 10 x 10 mm" in printed
     assert (empty_folder / "results/mine/check.png").stat().st_size > 10_000
     study = load_study("config/mine.yaml")
     assert study.sensor.height_mm == 6.0
