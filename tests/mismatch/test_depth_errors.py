@@ -15,6 +15,7 @@ from test_noise import pressed
 
 from gelforge.config import DepthZero
 from gelforge.mismatch.covariance import _indicators, readings_covariance
+from gelforge.mismatch.flow_covariance import _touchdown
 from gelforge.mismatch.scan import global_test
 from gelforge.mismatch.touchdown import TOUCHDOWN_MM, depth_scatter, with_touchdown
 
@@ -164,3 +165,38 @@ def test_noise_is_stated_by_axis():
     )
     noise, _, _, said = reading_noise(recording)
     assert noise == pytest.approx([0.01, 0.1, 0.03]) and "stated repeatability" in said[0]
+
+
+# ------------------------------------------------------------------------------------------------------- with images
+@pytest.mark.parametrize(
+    ("press_mm", "session_mm"), [(STAGE_MM, CONTACT_MM), (STAGE_MM, 0.0), (0.0, CONTACT_MM), (0.0, 0.0)]
+)
+def test_force_and_flow_of_a_press_share_its_depth_and_its_session_s(press_mm, session_mm):
+    """What the columns give forces and flow in common is slope times slope times each variance of the depth."""
+    found, covariance = allowed(
+        press_mm, session_mm, 2, 2, trend=0.01
+    )  # the trend's columns come after the depth's
+    seen, labels = found.observations, found.observations.labels()
+    pressed_at = [int(np.flatnonzero(seen.table["press"] == press)[-1]) for press in (0, 5, 20)]
+    slope = np.random.default_rng(0).normal(size=(3, 4, 2))  # px/mm of four regions of three presses
+    model = SimpleNamespace(
+        seen=[SimpleNamespace(row=seen.table.loc[k]) for k in pressed_at],
+        slope=lambda: slope,
+        base=SimpleNamespace(law=np.zeros((len(seen.force), 3, 0))),
+    )
+    rows = SimpleNamespace(shown=np.ones((3, 4), bool), entries=len(labels), flat=np.ravel)
+    problem = SimpleNamespace(covariance=covariance, labels=labels, observations=seen)
+    by_press, force, flow = _touchdown(problem, model, rows)
+    common = covariance.levels[-1].directions
+    both = common @ flow["session"].T + force @ flow["press"].T  # (n, 24): forces with flow
+    forces = by_press[:, 3:] @ by_press[:, 3:].T + force @ force.T
+    own = seen.flat(found.slope())
+    for k, at in enumerate(pressed_at):
+        row = seen.table.loc[at]
+        mine = press_mm**2 * (labels["press"] == row["press"]) + session_mm**2 * (
+            labels["session"] == row["session"]
+        )
+        expected = np.outer(own * mine, slope[k])
+        assert both.reshape(len(labels), 3, 8)[:, k] == pytest.approx(expected, abs=1e-12)
+        i = np.flatnonzero(labels["press"] == row["press"])
+        assert forces[np.ix_(i, i)] == pytest.approx(press_mm**2 * np.outer(own[i], own[i]), abs=1e-12)
