@@ -1,18 +1,260 @@
-"""Faults of inputs."""
+"""Mutated inputs: each file of a small study in turn is spoilt in one way, and the command that reads it is run.
+
+What came of it:
+
+- refused: an error exit and one line;
+- unchanged: accepted, and what decides the labels is the same, to the digit;
+- excluded: accepted, and the command says which values it leaves out, with the test that found them;
+- meant: accepted with another result, where the mutant is a file that a person could have written so. No reader can tell
+  it from an honest one: a key that is left out and has a default, a value within the range of a setting that is chosen
+  freely (seed, friction, mesh, alpha; `yaml_mutants.CHOSEN`), a table or YAML file that ends earlier at the end of a row or
+  key, a byte that makes another name or number, lateral forces of the other sign or a smaller size, x for y on a square
+  sensor, a test that took a thousand times as long, a value that is off by less than the noise (`table_mutants.NOISE`);
+- changed: accepted with another result, although nobody can have meant the file: must not be;
+- traceback, long message (above 2 kB, or more than one line), hang (30 s; a mutant takes about one): must not be.
+
+What decides the labels is: of study, sensor, indenter and plan the digest of every cell's inputs; of a recording all
+readings that are written for the join; of material tests the law, its covariance and the measured effects; of a mapping the
+tests as read.
+"""
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
+import json
+import os
+import shutil
+import signal
+import sys
+import tempfile
+import traceback
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
 
-from benchmarks.fault_kinds.outcomes import Fault, report
+import numpy as np
+import yaml
 
-KINDS: dict = {}  # name of the kind: what makes and judges its faults
+from benchmarks.fault_kinds import table_mutants, yaml_mutants
+from benchmarks.fault_kinds.input_world import INPUTS, Input, write_world
+from benchmarks.fault_kinds.outcomes import LONGEST_MESSAGE, Fault, report
+from benchmarks.fault_kinds.table_mutants import Mutant, Table
+
+LIMIT_S = 30
+
+
+class Hang(BaseException):
+    """A mutant took longer than LIMIT_S."""
+
+
+def _main(*arguments: str) -> int:
+    from gelforge.cli import main
+
+    return main(list(arguments))
+
+
+def _plan() -> object:
+    """Return the digests of all cells' inputs, each as if it were solved and not mirrored."""
+    from gelforge.config import load_study
+    from gelforge.indentation.inputs import inputs_digest
+    from gelforge.indentation.plan import plan_cells
+    from gelforge.mechanics.laws import NeoHooke
+
+    study = load_study("study.yaml")
+    laws = {name: NeoHooke(0.02) for name in study.materials}  # parameters that are given count by themselves
+    given = {name: material.model_dump(mode="json") for name, material in study.materials.items()}
+    cells = {name: replace(cell, source=None, symmetry=None) for name, cell in plan_cells(study).items()}
+    labels = {name: inputs_digest(study, laws, cell) for name, cell in sorted(cells.items())}
+    return [labels, given, study.sessions, str(study.data)]
+
+
+def _lab() -> object:
+    from gelforge.config import load_virtual_lab
+
+    return load_virtual_lab("lab.yaml").model_dump(mode="json")
+
+
+def _readings(session: str) -> Callable[[], object]:
+    return lambda: Path(f"out/{session}.csv").read_text()
+
+
+def _law() -> object:
+    law = json.loads(Path("out/gel/law.json").read_text())
+    effects = json.loads(Path("out/gel/effects.json").read_text())
+    return [law["parameters"], law["covariance"], effects["effects"]]
+
+
+def _foreign() -> object:
+    """Return the tests as read; a fit of them takes fifteen seconds, and another test runs the fit."""
+    from gelforge.characterisation.material_source import source_of
+
+    source = source_of("foreign", Path("data/exports"), Path("mapping.yaml"))
+    arrays = (
+        None if a is None else a.tolist()
+        for t in source.tests
+        for a in (t.stretch, t.nominal_stress, t.time_s)
+    )
+    return list(arrays)
+
+
+# by name: the command that reads a file, and what decides the labels
+COMMANDS: dict[str, tuple[tuple[str, ...], Callable[[], object]]] = {
+    "plan": (("check", "study.yaml", "--picture", "out/p.png"), _plan),
+    "lab": (("check", "synthetic.yaml", "--picture", "out/p.png"), _lab),
+    "day": (
+        ("readings", "--study", "study.yaml", "--session", "day", "--out", "out/day.csv"),
+        _readings("day"),
+    ),
+    "night": (
+        ("readings", "--study", "study.yaml", "--session", "night", "--out", "out/night.csv"),
+        _readings("night"),
+    ),
+    "gel": (("fit-law", "--study", "study.yaml", "--material", "gel", "--out", "out/gel"), _law),
+    "foreign": (("check", "study.yaml", "--picture", "out/p.png"), _foreign),
+}
+
+
+def tried(command: str) -> tuple[str, str, object]:
+    """Return how a command ends in the working directory ("" where it is done), what it said, and its result."""
+    arguments, result = COMMANDS[command]
+    shutil.rmtree("out", ignore_errors=True)
+    said = io.StringIO()
+    signal.signal(signal.SIGALRM, _alarm)
+    signal.alarm(LIMIT_S)
+    try:
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            status = _main(*arguments)
+            found = None if status else result()
+    except Hang:
+        return "hang", "", None
+    except Exception:
+        return "traceback", traceback.format_exc(), None
+    finally:
+        signal.alarm(0)
+    text = said.getvalue()
+    if not status:
+        return "", text, found
+    lines = [line for line in text.splitlines() if line.startswith("gelforge: ")]
+    whole = text[text.find("gelforge: ") :].strip()
+    wrong = len(lines) != 1 or "\n" in whole or len(whole.encode()) > LONGEST_MESSAGE
+    return ("long message" if wrong else "refused"), whole or text, None
+
+
+def _alarm(*_) -> None:
+    raise Hang
+
+
+def judged(kind: str, of: Input, mutant: Mutant, control: object) -> Fault:
+    """Return what came of a mutant that lies in the place of its file."""
+    how, said, found = tried(of.command)
+    what = f"{of.path}: {mutant.what}"
+    if how:
+        return Fault(kind, what, how, said)
+    if found == control:
+        return Fault(kind, what, "unchanged", said)
+    if "excluded" in said:
+        return Fault(kind, what, "excluded", said)
+    return Fault(kind, what, "meant" if mutant.can_be_meant else "changed", said)
+
+
+def mutants(rng: np.random.Generator, contents: dict[str, bytes]) -> Iterator[tuple[str, Input, Mutant]]:
+    """Yield kinds, inputs and mutants without end: all kinds in turn, each of a random input."""
+    tables = [one for one in INPUTS if one.is_table]
+    texts = [one for one in INPUTS if not one.is_table]
+    while True:
+        for name, mutate in table_mutants.MUTATIONS.items():
+            of = tables[rng.integers(len(tables))]
+            yield f"table: {name}", of, mutate(Table(contents[of.path], of), rng)
+        for name, mutate in yaml_mutants.MUTATIONS.items():
+            of = texts[rng.integers(len(texts))]
+            mutant = mutate(yaml.safe_load(contents[of.path]), rng)
+            if mutant is not None:
+                yield f"YAML: {name}", of, mutant
+        of, other = (INPUTS[k] for k in rng.choice(len(INPUTS), 2, replace=False))
+        like = of.is_table and other.is_table and set(of.numbers) <= set(other.numbers)
+        yield "file: another's", of, Mutant(contents[other.path], f"holds {other.path}", like)
+        of = INPUTS[rng.integers(len(INPUTS))]
+        noise = rng.integers(0, 256, int(rng.integers(0, 4000)), dtype=np.uint8).tobytes()
+        yield "file: random bytes", of, Mutant(noise, f"holds {len(noise)} random bytes")
+        yield "file: pipe, device, folder, nothing", INPUTS[rng.integers(len(INPUTS))], Mutant(b"", "")
+
+
+SPECIAL = ("a pipe", "an endless device", "a folder", "nothing", "a link to itself")
+
+
+def replace_by_special(path: Path, which: str) -> None:
+    path.unlink()
+    if which == "a pipe":
+        os.mkfifo(path)
+    elif which == "an endless device":
+        path.symlink_to("/dev/zero")
+    elif which == "a folder":
+        path.mkdir()
+    elif which == "a link to itself":
+        path.symlink_to(path.name)
+
+
+def remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        path.rmdir()
+    else:
+        path.unlink(missing_ok=True)
+
+
+def run_all(
+    seed: int, count: int, only: str | None = None, show: Callable[[Fault], None] = lambda fault: None
+) -> list[Fault]:
+    """Return what came of so many mutants. Raises RuntimeError where an untouched control is not accepted."""
+    home, rng, faults = Path.cwd(), np.random.default_rng(seed), []
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
+        try:
+            write_world(Path(folder))
+            contents = {one.path: Path(one.path).read_bytes() for one in INPUTS}
+            controls = {}
+            for command in COMMANDS:
+                how, said, controls[command] = tried(command)
+                if how:
+                    raise RuntimeError(f"the untouched control of {command} ends with {how}: {said}")
+            for number, (kind, of, mutant) in enumerate(mutants(rng, contents)):
+                if number >= count:
+                    return faults
+                if only and only != kind:
+                    continue
+                path = Path(of.path)
+                if kind.startswith("file: pipe"):
+                    which = SPECIAL[rng.integers(len(SPECIAL))]
+                    mutant = Mutant(b"", f"is {which}", which == "nothing")
+                    replace_by_special(path, which)
+                else:
+                    path.write_bytes(mutant.content)
+                faults.append(judged(kind, of, mutant, controls[of.command]))
+                show(faults[-1])
+                remove(path)
+                path.write_bytes(contents[of.path])
+        finally:
+            os.chdir(home)
+    return faults
 
 
 def run(asked: argparse.Namespace) -> int:
-    """Make the faults, print their table and return the exit status."""
+    """Make the mutants, print their table and return the exit status."""
     if asked.list:
-        print("\n".join(KINDS))
+        kinds = [f"table: {name}" for name in table_mutants.MUTATIONS]
+        kinds += [f"YAML: {name}" for name in yaml_mutants.MUTATIONS]
+        print(
+            "\n".join(
+                [*kinds, "file: another's", "file: random bytes", "file: pipe, device, folder, nothing"]
+            )
+        )
         return 0
-    faults: list[Fault] = []
-    return report(faults, asked.verbose)
+
+    def show(fault: Fault) -> None:
+        if asked.verbose:
+            print(f"{fault.outcome}: {fault.kind}: {fault.what}", file=sys.stderr, flush=True)
+
+    return report(run_all(asked.seed, asked.count, asked.only, show))

@@ -15,6 +15,8 @@ LIMIT_S = 120.0  # a command of a small study that takes longer hangs
 
 # outcomes that are right: refused in one line, the same result as without the fault, or made anew
 RIGHT = ("refused", "unchanged")
+# of inputs also: left out and told, or a file that a person could have meant (see inputs.py)
+RIGHT_OF_INPUTS = ("excluded", "meant")
 # outcomes that must not be
 WRONG = ("changed", "traceback", "long message", "hang")
 
@@ -69,7 +71,8 @@ def gelforge(arguments: Sequence[str], folder: Path, limit_s: float = LIMIT_S, *
 
 def table(faults: Sequence[Fault]) -> str:
     """Return outcomes by kind as a Markdown table, with a last row of sums."""
-    names = [*RIGHT, *WRONG]
+    found = {fault.outcome for fault in faults}
+    names = [*RIGHT, *(name for name in RIGHT_OF_INPUTS if name in found), *WRONG]
     kinds = list(dict.fromkeys(fault.kind for fault in faults))
     lines = [
         "| " + " | ".join(["kind", "faults", *names]) + " |",
@@ -85,7 +88,7 @@ def table(faults: Sequence[Fault]) -> str:
 
 def report(faults: Sequence[Fault], verbose: bool = False) -> int:
     """Print the table and every fault whose outcome must not be; return the exit status."""
-    wrong = [fault for fault in faults if fault.outcome not in RIGHT]
+    wrong = [fault for fault in faults if fault.outcome in WRONG]
     for fault in faults if verbose else wrong:
         print(f"{fault.outcome}: {fault.kind}: {fault.what}: {fault.said.strip()[-300:]}", file=sys.stderr)
     print(table(faults))

@@ -15,6 +15,10 @@ LARGEST_TRAVEL = (
     50.0  # of the ball's radius: the way to the contact included; um read as mm are 1000 times more
 )
 
+HALF_WAY = (
+    0.62  # of the largest force at half the depth: 0.35 by Hertz, less on a thin layer, 0.5 of a flat punch
+)
+
 
 def indentation_test(path, entry, table, sample, time, said, named) -> IndentationTest:
     position, force = values(table, entry.height), values(table, entry.force)
@@ -82,6 +86,18 @@ def _check_press(path, entry, position, force, segment) -> None:
         raise TableError(
             f"{path}: the force rises by {rise:.3g} N from the shallow to the deepest rows, {np.ptp(force):.3g} N is its"
             f" range; it should grow with depth: check columns {entry.height.column}, {entry.force.column} and their sign"
+        )
+    if entry.ball_radius_mm is None:
+        return
+    push = force - np.median(force[shallow])
+    touched = position[push > 0.05 * push.max()].min()
+    half = np.abs(position - (touched + position.max()) / 2) <= 0.1 * (position.max() - touched)
+    share = float(np.median(push[half]) / push.max()) if half.any() else 0.0
+    if share > HALF_WAY:
+        raise TableError(
+            f"{path}: half-way into the sample the force has reached {share:.0%} of its largest; a ball's force grows"
+            f" faster than its depth, {HALF_WAY:.0%} at most are expected: are {entry.height.column} and"
+            f" {entry.force.column} swapped?"
         )
 
 

@@ -26,6 +26,7 @@ from gelforge.characterisation.mapped_columns import (
     values,
 )
 from gelforge.characterisation.mapped_contacts import force_pair, indentation_test
+from gelforge.characterisation.odd_rows import check_rows
 from gelforge.config.mapping import (
     Column,
     Mapping,
@@ -217,6 +218,9 @@ def material_test(path, entry, table, sample, time, said, named) -> MaterialTest
     )
     check_range(path, entry, table, test)
     test = replace(test, segments=checked_segments(path, entry, table, test, at_rest))
+    if entry.corrections.odd_rows == "refuse":
+        remedy = "or confirm it with `corrections: {odd_rows: keep}`"
+        check_rows(path, table.index, test, remedy, entry.corrections.zero_force)
     odd = check_stiffness(path, entry, test) + check_also(path, entry, table, test)
     stated, by = _stated_rate(entry, name_rate, column_rate)
     odd += findings(test, stated, by)

@@ -10,6 +10,7 @@ from pathlib import Path
 from gelforge.characterisation.common_form import ForcePair, IndentationTest, MaterialTest
 from gelforge.characterisation.mapped_files import Read, read_mapped, read_mapped_folder
 from gelforge.characterisation.material_tests import declared_synthetic, input_files, read_material_tests
+from gelforge.characterisation.odd_rows import check_copies
 from gelforge.characterisation.small_effects import (
     FRICTION,
     THICKNESS,
@@ -65,6 +66,8 @@ def read_sources(sources: list[Path], mapping: Path | None = None) -> list[Mater
             material = material if len(sources) == 1 else _below(folder, material)
             found[material.name] = found[material.name] + material if material.name in found else material
     found = {name: replace(m, tests=_distinct(m.tests)) for name, m in found.items()}
+    for name, material in found.items():
+        check_copies(name, material.tests)
     if mapping:
         found = {name: replace(m, files=(*m.files, Path(mapping))) for name, m in found.items()}
     return [found[name] for name in sorted(found)]

@@ -16,6 +16,7 @@ import pandas as pd
 from gelforge.characterisation.common_form import HISTORIES, MaterialTest, Segment
 from gelforge.characterisation.findings import corrected, findings, rate_while_loading
 from gelforge.characterisation.mapped_checks import unnoticed_unit
+from gelforge.characterisation.odd_rows import check_rows
 from gelforge.characterisation.piece_pictures import (
     PICTURE_SETTINGS,
     has_pictures,
@@ -32,10 +33,12 @@ from gelforge.csv_table import TableError, read_comments, read_csv
 from gelforge.mechanics.homogeneous import LOAD_CASES, principal_stretches
 
 RELAXATION = "relaxation"  # as a `test` in samples.csv: a strip in uniaxial tension whose stretch is held
+KEEP = "keep_odd_rows"  # confirms what odd_rows.py would refuse
 CORRECTIONS = (
     "toe",
     "zero_force",
     "zero_strain",
+    KEEP,
 )  # made where samples.csv asks for them, stated in the findings
 CIRCUMSTANCES = ("strain_rate_per_s", "age_days", "temperature_C", "cycle")
 
@@ -218,7 +221,11 @@ def _material_test(
     odd = findings(test, stated, "is in samples.csv")
     used = rate[0] if rate and stated is None else stated
     test = replace(test, rate_per_s=used, findings=(*test.findings, *odd))
-    return corrected(test, **{name: True for name in row.corrections.split()})
+    words = set(row.corrections.split())
+    if KEEP not in words:
+        remedy = f"or confirm it with `{KEEP}` among the corrections in samples.csv"
+        check_rows(folder / row.file, table.index, test, remedy, "zero_force" in words)
+    return corrected(test, **{name: True for name in words - {KEEP}})
 
 
 Curve = tuple[pd.DataFrame, np.ndarray, list[str]]  # table of the sample, Cauchy stress [MPa], findings

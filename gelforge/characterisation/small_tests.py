@@ -46,6 +46,7 @@ def static_friction(path: str | Path) -> Mean:
     """Return mu0 = tan(tilt at the onset of sliding), averaged over the trials of a friction.csv (trial, tilt_deg)."""
     path = Path(path)
     table = read_csv(path, texts=("trial",), numbers=("tilt_deg",))
+    _once(path, table, ["trial"])
     _within(path, table["tilt_deg"], TILT_DEG, "the angle to the horizontal in degrees is expected")
     _enough(path, len(table), "trials")
     return mean_of(np.tan(np.radians(table["tilt_deg"])))
@@ -58,6 +59,7 @@ def sheet_thickness(path: str | Path) -> dict[str, Mean]:
     """
     path = Path(path)
     table = read_csv(path, texts=("sample", "section"), numbers=("thickness_mm",))
+    _once(path, table, ["sample", "section"])
     _within(path, table["thickness_mm"], THICKNESS_MM, "check the unit")
     for sample, rows in table.groupby("sample", sort=False):
         _enough(path, len(rows), f"sections of sample {sample}")
@@ -132,6 +134,17 @@ def _slope(x, y) -> float:
     """Return the slope of the line with the least squared distance to the points (n,) about their mean."""
     xx, yy, xy = x @ x, y @ y, x @ y
     return float((yy - xx + np.sqrt((yy - xx) ** 2 + 4 * xy**2)) / (2 * xy))
+
+
+def _once(path: Path, table, names: list[str]) -> None:
+    """Refuse rows that stand twice: each would count as a measurement of its own."""
+    again = table.duplicated(names)
+    if again.any():
+        line = table.index[int(np.argmax(again))]
+        said = ", ".join(f"{name} {table.at[line, name]}" for name in names)
+        raise TableError(
+            f"{path}, row {line}: {said} stands twice; give each its own number or remove the row"
+        )
 
 
 def _within(path: Path, column, limits, remedy: str) -> None:

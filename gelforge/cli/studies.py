@@ -71,7 +71,9 @@ def missing_files(study: Study) -> list[str]:
 
     missing = []
     for material in study.materials.values():
-        if material.tests:
+        if material.mapping:
+            missing += [path for path in (material.tests, material.mapping) if not path.exists()]
+        elif material.tests:
             samples = material.tests / "samples.csv"
             names = read_csv(samples, texts=("file",))["file"] if samples.is_file() else ["samples.csv"]
             missing += [material.tests / name for name in names if not (material.tests / name).is_file()]
@@ -87,12 +89,13 @@ def missing_files(study: Study) -> list[str]:
 
 def check_data(study: Study, cells: dict, missing: list[str]) -> None:
     """Read every material and session that is complete; the first thing that is wrong is raised by its reader."""
-    from gelforge.characterisation.material_tests import read_material_tests
+    from gelforge.characterisation.material_source import source_of
     from gelforge.recording.readings import read_recording
 
     for name, material in study.materials.items():
         if material.tests and not any(path.startswith(material.tests.as_posix() + "/") for path in missing):
-            print(f"material   {name}: {len(read_material_tests(material.tests))} samples")
+            tests = source_of(name, material.tests, material.mapping).tests
+            print(f"material   {name}: {len(tests)} samples")
     for name in study.sessions:
         folder = study.session_folder(name)
         if not folder.is_dir() or any(path.startswith(folder.as_posix() + "/") for path in missing):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from difflib import get_close_matches
 from pathlib import Path
 from types import NoneType, UnionType
@@ -20,6 +21,7 @@ from gelforge.config.yaml_text import NoYaml, parsed, short
 from gelforge.input_files import NotAFile, read_bytes
 
 LONGEST_REMEDY = 600
+LARGEST = 1e12  # squares and cubes of what is below stay numbers
 
 
 def _read_yaml(path: Path) -> dict[str, Any]:
@@ -54,25 +56,41 @@ def _validated(model: type[Section], content: dict[str, Any], source: str):
         raise ConfigError(lines[0] + more) from None
     except RecursionError:
         raise ConfigError(f"{source}: nested too deeply; remove sections inside sections") from None
-    if key := _truth_as_number(content, section):
+    if key := _first(content, section, _truth_as_number):
         raise ConfigError(f"{source}: {key}: true or false where a number belongs; write the number")
+    if key := _first(content, section, _beyond_measure):
+        raise ConfigError(
+            f"{source}: {key}: no length, force, modulus or number beyond {LARGEST:g}, or below {1 / LARGEST:g} and not 0, can"
+            " be meant; correct it"
+        )
     return section
 
 
-def _truth_as_number(content: Any, read: Any) -> str:
-    """Return the key of a truth value that was read as a number, as Python's True is 1; empty: there is none."""
-    if isinstance(content, bool):
-        return "." if isinstance(read, (int, float)) and not isinstance(read, bool) else ""
+def _first(content: Any, read: Any, wrong: Callable[[Any, Any], bool]) -> str:
+    """Return the key of the first value of a content that is wrong, given how it was read; empty: there is none."""
     if isinstance(content, dict):
         pairs = ((key, part, _part(read, key)) for key, part in content.items())
     elif isinstance(content, (list, tuple)) and isinstance(read, (list, tuple)):
         pairs = ((number, *both) for number, both in enumerate(zip(content, read)))
     else:
-        return ""
+        return "." if wrong(content, read) else ""
     for key, part, own in pairs:
-        if found := _truth_as_number(part, own):
+        if found := _first(part, own, wrong):
             return f"{key}.{found}".rstrip(".")
     return ""
+
+
+def _truth_as_number(content: Any, read: Any) -> bool:
+    """Return whether a truth value was read as a number, as Python's True is 1."""
+    return isinstance(content, bool) and isinstance(read, (int, float)) and not isinstance(read, bool)
+
+
+def _beyond_measure(content: Any, read: Any) -> bool:
+    """Return whether a number is of no size that anything has; whole ones, such as seeds, may fill 63 bits."""
+    if isinstance(read, bool) or not isinstance(read, (int, float)):
+        return False
+    size = abs(read)
+    return size >= 2**63 if isinstance(read, int) else size > LARGEST or 0 < size < 1 / LARGEST
 
 
 def _part(read: Any, key: Any) -> Any:

@@ -189,6 +189,10 @@ class Corrections(Section):
         "refuse",
         description="a time that goes back: refuse the file, sort its rows, or read it without a time",
     )
+    odd_rows: Literal["refuse", "keep"] = Field(
+        "refuse",
+        description="single rows far off their curve, and a start under load: refuse, or keep as right",
+    )
     repeated_time: Literal["keep", "average"] = Field("keep", description="rows with the same time stamp")
 
 

@@ -9,6 +9,8 @@ from pydantic import Field, model_validator
 from gelforge.config.common import Name, Positive, Section
 from gelforge.config.effects import Effects
 
+LARGEST_RATIO = 1000.0  # far_mm over near_mm, ten halvings of the base grid: the article's has 4
+
 
 class Mesh(Section):
     """Elements and their sizes: hexahedra of an even grid, halved where the contact wants it, or quadratic tetrahedra."""
@@ -30,6 +32,14 @@ class Mesh(Section):
         0.04,
         description="how far tetrahedra may stray from a surface before nodes are moved onto it, near_mm / 6 at most [mm]",
     )
+
+    @model_validator(mode="after")
+    def _halvings(self):
+        if self.far_mm > LARGEST_RATIO * self.near_mm:
+            raise ValueError(
+                f"far_mm {self.far_mm:g} is more than {LARGEST_RATIO:g} times near_mm {self.near_mm:g}; make it smaller"
+            )
+        return self
 
     def coarser(self, factor: float) -> Mesh:
         """Return these with near, far and the wall's size multiplied, and the envelope with the square.

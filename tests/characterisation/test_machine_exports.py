@@ -179,8 +179,8 @@ def test_samples_that_scatter_as_moulds_do_are_no_finding(tmp_path):
 
 
 def test_a_file_that_is_named_twice_is_refused_and_two_folders_are_not(tmp_path):
-    for day in ("day1", "day2"):
-        batches(tmp_path / day, {"run_1.csv": 1.0})
+    for day, factor in (("day1", 1.0), ("day2", 1.01)):
+        batches(tmp_path / day, {"run_1.csv": factor})
     mapping = tmp_path / "day1/mapping.yaml"
     entry = yaml.safe_load(mapping.read_text())
     entry["tests"][0]["material"] = "gel"
