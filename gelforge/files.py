@@ -22,6 +22,8 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gelforge.input_files import regular_file
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -327,8 +329,8 @@ def write_table(folder: str | Path, name: str, table: pd.DataFrame) -> None:
 
 # ---------------------------------------------------------------------------------------------- digests
 def file_sha256(path: str | Path) -> str:
-    """Return the SHA-256 of a file's bytes, as hexadecimal text."""
-    with open(path, "rb") as handle:
+    """Return the SHA-256 of a file's bytes, as hexadecimal text. Raises NotAFile."""
+    with open(regular_file(path), "rb") as handle:
         return hashlib.file_digest(handle, "sha256").hexdigest()
 
 

@@ -15,7 +15,7 @@ MODULUS_MPA, RADIUS_MM = 0.06, 5.0
 MU_MPA = 0.02  # neo-Hookean, of the gel's tests
 DEPTHS_MM = (0.4, 0.8)
 SITES = [(x, y) for x in (10.0, 16.0, 22.0) for y in (10.0, 16.0, 22.0)]
-SIZE_PX = (64, 48)
+SIZE_PX = (128, 96)
 
 
 @dataclass(frozen=True)
@@ -88,10 +88,10 @@ depth_zero: {{by: session, how: force threshold}}
 """
 CAMERA = """\
 camera:
-  width_px: 64
-  height_px: 48
+  width_px: 128
+  height_px: 96
   focal_px: 80.0
-  centre_px: [32.0, 24.0]
+  centre_px: [64.0, 48.0]
   position_mm: [16.0, 16.0, -25.0]
   mirrored: true
 """
@@ -117,7 +117,7 @@ materials:
 stiffness_scale: {gel: 1.05}
 mechanics: {friction: 0.4, mesh: {near_mm: 0.9, near_radius_mm: 3.0, far_mm: 2.5}}
 unload_depths_mm: [0.6, 0.3]
-camera: {width_px: 64, height_px: 48, focal_px: 80.0, centre_px: [32.0, 24.0], position_mm: [16.0, 16.0, -25.0]}
+camera: {width_px: 128, height_px: 96, focal_px: 80.0, centre_px: [64.0, 48.0], position_mm: [16.0, 16.0, -25.0]}
 force: {noise_N: [0.008, 0.008, 0.015], resolution_N: [0.03, 0.03, 0.06]}
 sessions:
   - {session: day, date: '2026-03-02', share: 1.0, seed: 1}

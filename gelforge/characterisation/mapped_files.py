@@ -48,7 +48,7 @@ def read_mapped_folder(folder: str | Path, mapping: Mapping) -> list[Read]:
     Their `source` is the path below the folder.
     """
     folder = Path(folder)
-    paths = sorted(path for path in folder.rglob("*") if path.is_file() and not path.name.startswith("."))
+    paths = sorted(path for path in folder.rglob("*") if not path.is_dir() and not path.name.startswith("."))
     entries = [(path, path.relative_to(folder).as_posix()) for path in paths]
     entries = [(path, name, mapping.entry_for(name)) for path, name in entries]
     tests = [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -56,9 +57,10 @@ class SmallTests:
 def small_test_files(folder: str | Path) -> list[Path]:
     """Return the small tests of a folder: friction.csv, thickness.csv, and the files of presses."""
     folder = Path(folder)
-    named = [folder / name for name in (FRICTION, THICKNESS) if (folder / name).is_file()]
+    # what is there and no file, a pipe or a dangling link, is refused where it is read
+    named = [folder / name for name in (FRICTION, THICKNESS) if os.path.lexists(folder / name)]
     presses = [
-        p.with_suffix(".csv") for p in sorted(folder.glob("*.yaml")) if p.with_suffix(".csv").is_file()
+        p.with_suffix(".csv") for p in sorted(folder.glob("*.yaml")) if os.path.lexists(p.with_suffix(".csv"))
     ]
     return list(dict.fromkeys([*named, *(file for press in presses for file in press_files(press))]))
 

@@ -60,8 +60,7 @@ def _validated(model: type[Section], content: dict[str, Any], source: str):
         raise ConfigError(f"{source}: {key}: true or false where a number belongs; write the number")
     if key := _first(content, section, _beyond_measure):
         raise ConfigError(
-            f"{source}: {key}: no length, force, modulus or number beyond {LARGEST:g}, or below {1 / LARGEST:g} and not 0, can"
-            " be meant; correct it"
+            f"{source}: {key}: nothing is larger than {LARGEST:g}, or smaller than {1 / LARGEST:g} and not 0; correct it"
         )
     return section
 

@@ -9,6 +9,7 @@ import pandas as pd
 from PIL import Image, UnidentifiedImageError
 
 from gelforge.config import Session
+from gelforge.input_files import NotAFile, regular_file
 from gelforge.recording.checks import RecordingError
 
 PNG_END = b"IEND\xaeB`\x82"  # the last chunk's name and checksum; a truncated PNG lacks it
@@ -69,6 +70,10 @@ def check_images(folder: Path, images: pd.Series, session: Session) -> None:
 
 def image_size(path: Path) -> tuple[int, int]:
     """Return width and height [px] from an image's header. Raises RecordingError if it is no image or was cut short."""
+    try:
+        regular_file(path)
+    except NotAFile as error:
+        raise RecordingError(str(error)) from None
     try:
         with open(path, "rb") as file:
             with Image.open(file) as image:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -162,8 +163,9 @@ def read_readings(path: str | Path) -> pd.DataFrame:
 
 def _read_table(path: Path, ft: Path) -> pd.DataFrame:
     """Return indentations.csv with every column of the format; forces may be absent where ft.csv holds them."""
-    force_needed = () if ft.is_file() else FORCE
-    force_optional = FORCE if ft.is_file() else ()
+    beside = os.path.lexists(ft)  # a pipe or a dangling link is refused where it is read
+    force_needed = () if beside else FORCE
+    force_optional = FORCE if beside else ()
     return read_csv(
         path,
         numbers=["order", "time_s", "x_mm", "y_mm", *force_needed],
@@ -178,7 +180,7 @@ def _raw_force(
 ) -> tuple[np.ndarray, ForceLog | None, list[Finding]]:
     """Return the forces as recorded (N, 3) [N], from ft.csv where it stands beside the table, NaN in its gaps."""
     path = folder / "ft.csv"
-    if not path.is_file():
+    if not os.path.lexists(path):
         return table[FORCE].to_numpy(), None, []
     log = read_force_log(path, session.force.delay_s)
     check_ends(path, table, log)

@@ -1,0 +1,16 @@
+"""A small seeded set of `python -m benchmarks.faults inputs`; docs/faults.md has the table of the large one."""
+
+from collections import Counter
+
+import pytest
+
+from benchmarks.fault_kinds.inputs import run_all
+from benchmarks.fault_kinds.outcomes import WRONG
+
+
+@pytest.mark.parametrize("seed", [11, 12])
+def test_mutants_are_refused_in_a_line_or_change_nothing(seed):
+    faults = run_all(seed, 62)  # each kind twice
+    wrong = [f"{f.outcome}: {f.kind}: {f.what}: {f.said[-300:]}" for f in faults if f.outcome in WRONG]
+    assert not wrong, "\n".join(wrong)
+    assert Counter(f.outcome for f in faults)["refused"] > 40  # and not that nothing was looked at
