@@ -8,6 +8,7 @@ import pandas as pd
 from gelforge.indentation.cell_file import read_timings
 from gelforge.report.chapters import Chapter, Facts, count
 from gelforge.report.flow_figure import flow_figure, read_picture
+from gelforge.report.flow_floor import tell_flow_floor
 from gelforge.report.force_depth import ForceDepth, deviation_table, force_depth_figure
 from gelforge.report.results_reader import StudyResults, is_papers_sensor
 from gelforge.report.section import section_figure
@@ -181,7 +182,13 @@ def inside(results: StudyResults) -> Chapter:
 
 
 def images(results: StudyResults) -> Chapter:
-    """Return one image with its flow."""
+    """Return one image with its flow, and the flow of all images beside that before touch."""
+    chapter = _one_image(results)
+    tell_flow_floor(chapter, results)
+    return chapter
+
+
+def _one_image(results: StudyResults) -> Chapter:
     chapter = Chapter("images", "What the camera sees")
     if not results.study.sessions:
         chapter.miss(f"No images: {LABELS_ONLY}")

@@ -272,6 +272,8 @@ def write_features(study: Study, folder: Path, regions: int = 40) -> None:
         file["depth_mm"] = [d for _, d in rows]
         file["force_N"] = [(0.0, 0.0, fz(c, d)) for c, d in rows]
         file["feature"] = feature
+        file["flow_px"] = np.float32([0.02 + 2.5 * d for _, d in rows])
+        file["flow_lost"] = np.float32([0.05 if d >= 2 else 0.0 for _, d in rows])
 
 
 def write_agreement(study: Study, folder: Path, seed: int = 4) -> pd.DataFrame:

@@ -1,0 +1,53 @@
+"""False flow of untouched images beside that of indentations, and what the flow lost."""
+
+import fake_results
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from gelforge.report.chapters import Chapter
+from gelforge.report.flow_floor import depth_rows, false_flow_px, flow_table, tell_flow_floor
+from gelforge.report.results_reader import StudyResults
+
+
+def columns(**changed):
+    return {
+        "press": np.array(["a", "a", "b", "b", "c", "c"], object),
+        "phase": np.array(["zero", "dwell"] * 3, object),
+        "depth_mm": np.array([0, 1, 0, 1, 0, 2.0]),
+        "flow_px": np.float32([0.02, 1.0, 0.04, 1.2, 0.03, 9.0]),
+        "flow_lost": np.float32([0, 0, 0, 0.01, 0, 0.1]),
+    } | changed
+
+
+def test_false_flow_is_that_of_untouched_images_but_the_reference_itself():
+    assert_allclose(false_flow_px(flow_table(columns())), (0.03, 1.4826 * 0.01), rtol=1e-5)
+    itself = columns(flow_px=np.float32([0.0, 1.0, 0.04, 1.2, 0.04, 9.0]))
+    assert_allclose(false_flow_px(flow_table(itself))[0], 0.04, rtol=1e-5)
+
+
+def test_rows_by_depth_begin_with_the_untouched_images():
+    rows = depth_rows("day", flow_table(columns()))
+    assert rows["depth [mm]"].to_list() == ["untouched", "1", "2"]
+    assert_allclose(rows["flow, median [px]"], [0.03, 1.1, 9.0], rtol=1e-5)
+    assert_allclose(rows["median / false flow"], [1, 1.1 / 0.03, 300], rtol=1e-5)
+    assert rows["indentations lost"].to_list() == [0, 0, 1]
+
+
+@pytest.mark.parametrize("touched_only", [False, True])
+def test_a_report_says_false_flow_and_what_was_lost(touched_only, tmp_path):
+    study = fake_results.fake_study(tmp_path)
+    folder = tmp_path / "results"
+    fake_results.write_features(study, folder)
+    results = StudyResults(study, folder, tmp_path / "paper")
+    if touched_only:
+        held = results.features["day1"]["phase"] != "zero"
+        results.__dict__["features"] = {"day1": {k: v[held] for k, v in results.features["day1"].items()}}
+    chapter = Chapter("images", "Images")
+    tell_flow_floor(chapter, results)
+    said = " ".join(
+        block if isinstance(block, str) else getattr(block, "words", "") for block in chapter.blocks
+    )
+    assert ("no image before touch" in said) == touched_only
+    assert ("before touch move by 0.02 px" in said) != touched_only
+    assert "the flow lost the surface in" in said
