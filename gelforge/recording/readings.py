@@ -54,7 +54,8 @@ def read_recording(
 
     Presses join the planned cells by position within 0.01 mm and by depth. Without cells the column `cell` stays as
     recorded; without a sensor positions are not checked against its outline. Images are checked for presence, size
-    and completeness from their headers, and not decoded. Raises RecordingError naming file, row, value and remedy.
+    and completeness from their headers; a sample is decoded and tested with the session as a whole. Raises
+    RecordingError naming file, row, value and remedy.
     """
     folder = Path(folder)
     if not (folder / "session.yaml").is_file():
