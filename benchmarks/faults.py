@@ -3,6 +3,7 @@
 usage: python -m benchmarks.faults inputs   [--seed 1] [--count 2000]   mutated tables, YAML files and recordings
        python -m benchmarks.faults products [--seed 1] [--count 500]    damaged cells, shards, models, readings, tables
        python -m benchmarks.faults kills    [--seed 1] [--count 60]     SIGKILL, SIGTERM and a full disk at every stage
+       python -m benchmarks.faults workflow                             shell text, killed runs, cancelled Slurm jobs
 
 Run from the repository's root. Each prints a Markdown table for docs/faults.md and exits with 1 where a number is above
 what is held to. The same seed gives the same faults; --only KIND runs one kind, --list prints the kinds.
@@ -19,6 +20,7 @@ PARTS = {
     "inputs": 2000,
     "products": 500,
     "kills": 60,
+    "workflow": 7,
 }  # subcommand, a module of fault_kinds: faults by default
 
 

@@ -118,6 +118,23 @@ def test_a_group_asks_for_the_sum_of_its_jobs_over_its_cores():
     assert group(36_000, None) == 99, "a job that says nothing: Snakemake's own sum"
 
 
+@pytest.mark.parametrize(
+    ("path", "reaches"),
+    [
+        ("data/test", True),
+        ("/home/user's lab data/study", True),
+        ('a 12" sensor', True),
+        ("data/x$(touch Y)", True),  # in single quotes
+        ("lab's x$(touch Y)", False),  # Python puts it into double quotes, in which a shell executes
+        ("lab's `touch Y`", False),
+        ("'a'$(touch Y)", False),  # taken for quoted already
+        ("back\\slash", False),
+    ],
+)
+def test_paths_that_a_shell_would_read_otherwise_are_known(path, reaches):
+    assert patient_slurm.reaches_jobs(path) == reaches
+
+
 def test_estimates_follow_the_study():
     study = load_study(ROOT / "config/test.yaml")
     costs = Costs(study, plan_cells(study))

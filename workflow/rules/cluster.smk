@@ -1,11 +1,12 @@
 """What the jobs of a cluster need: the time that each asks for, from the study's own estimate (gelforge/cli/cost.py)."""
 
-import shlex
 from functools import cache
 
-from snakemake_interface_executor_plugins.utils import format_cli_value
-
 from gelforge.cli.cost import Costs
+
+sys.path.append(str(Path(workflow.basedir) / "workflow/scripts"))
+
+from patient_slurm import make_patient, reaches_jobs
 
 START_S = 60  # a job of a cluster starts Snakemake twice, 10 to 30 s on a busy machine
 MARGIN = 2  # machines differ, and so do cells
@@ -100,23 +101,11 @@ def check_paths(jobs):
     paths = {os.getcwd(), *map(str, workflow.configfiles)}
     paths |= {str(path) for job in jobs for path in (*job.input, *job.output)}
     for path in sorted(paths):
-        if not is_one_word(path, format_cli_value(path, quote=True)):
+        if not reaches_jobs(path):
             raise WorkflowError(
                 f"{path}: a quote beside $, `, a backslash or another quote does not reach the jobs of a cluster; rename it"
             )
 
 
-def is_one_word(path, text):
-    """Return whether a shell reads text as this path, and nothing is executed."""
-    try:
-        return shlex.split(text) == [path] and not (text[0] == '"' and set("$`") & set(path))
-    except ValueError:  # a quote without its partner
-        return False
-
-
 if workflow.is_main_process and "snakemake_executor_plugin_slurm" in sys.modules:
-    sys.path.append(str(Path(workflow.basedir) / "workflow/scripts"))
-
-    from patient_slurm import make_patient
-
     make_patient(sys.modules["snakemake_executor_plugin_slurm"].Executor, minutes)

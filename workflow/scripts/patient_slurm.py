@@ -10,9 +10,12 @@ mirror images of half a second would ask for an hour. Here a group asks for the 
 
 from __future__ import annotations
 
+import shlex
 import subprocess
 import time
 from collections.abc import Callable
+
+from snakemake_interface_executor_plugins.utils import format_cli_value
 
 PING = ["scontrol", "ping"]
 PATIENCE_S = 10  # between two questions whether the controller is back
@@ -81,4 +84,13 @@ def controller_answers() -> bool:
     except FileNotFoundError:
         return True  # the submission says what is missing
     except subprocess.TimeoutExpired:
+        return False
+
+
+def reaches_jobs(path: str) -> bool:
+    """Return whether Snakemake hands a path to the jobs of a cluster as one word that executes nothing."""
+    text = format_cli_value(path, quote=True)  # Python's quotes, in a command that a shell reads
+    try:
+        return shlex.split(text) == [path] and not (text[0] == '"' and set("$`") & set(path))
+    except ValueError:  # a quote without its partner
         return False
