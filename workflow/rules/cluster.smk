@@ -11,8 +11,8 @@ from patient_slurm import make_patient, reaches_jobs
 START_S = 60  # a job of a cluster starts Snakemake twice, 10 to 30 s on a busy machine
 MARGIN = 2  # machines differ, and so do cells
 FIT_S, PICTURES_S = 20, 300  # a material; one whose tests are pictures
-# CPU seconds on the test study: 4.0 and 2.7 for 45 and 30 images of 0.16 megapixels, 3.9 for 30 that are drawn, start included.
-FEATURES_S_PER_MPX, DRAWING_S_PER_MPX = 0.5, 0.8
+# CPU seconds on the test study: 4.0 and 2.7 for 45 and 36 images of 0.16 megapixels, 3.9 for 45 that are drawn, start included.
+FEATURES_S_PER_MPX, DRAWING_S_PER_MPX = 0.5, 0.5
 # Of shards, an epoch: 8 to 30 rows a megabyte, 6 operations a weight and row, 4 million weights, 1e10 operations a second.
 TRAINING_S_PER_MB = 0.05
 VERIFY_S, PAPER_S = 60, 1200
