@@ -146,12 +146,14 @@ def readings(study: Path, session: str, out: Path) -> None:
 
 def features(study: Path, session: str, out: Path, workers: int) -> None:
     """Write the optical-flow features of a session's images."""
-    from gelforge.recording.features import session_features
+    from gelforge.recording.features import found_in, session_features
 
     described = load_study(study)
     recording = recording_of(described, session)
     count = session_features(recording, described.features, out, workers)
     print_findings(recording)
+    for line in found_in(out):
+        print(f"{'of all':<10} {session}: {line}")
     print(f"{session}: {count} images")
 
 

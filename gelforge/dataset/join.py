@@ -360,6 +360,7 @@ def _press_rows(
         "total_force_fem_N": np.where(touched[:, None], label.total, 0.0),
         "total_force_fem_sigma_N": np.where(touched[:, None], label.total_sigma, 0.0),
         "total_force_ft_N": _rows_of(file["force_N"], rows.row),
+        "flow_lost": _rows_of(file["flow_lost"], rows.row),
         "position_mm": np.tile([planned.x_mm, planned.y_mm], (count, 1)),
         "depth_mm": touched * depth,
         "cell": np.full(count, planned.name, object),

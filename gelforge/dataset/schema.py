@@ -62,6 +62,13 @@ COLUMNS = {
         "measured force on the sensor, sensor frame, zero subtracted; NaN where a test of the session excluded it",
         True,
     ),
+    "flow_lost": Column(
+        (),
+        "f4",
+        "1",
+        "share of the textured pixels whose flow does not fit the image; beyond 0.02 features are no displacements",
+        True,
+    ),
     "position_mm": Column(("2",), "f8", "mm", "planned position x, y in the sensor frame", False),
     "depth_mm": Column((), "f8", "mm", "planned depth; 0 for untouched rows", False),
     "cell": Column((), "text", "1", "cell of the plan: one position with all its depths", False),

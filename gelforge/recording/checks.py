@@ -14,7 +14,8 @@ from gelforge.indentation.plan import POSITION_MATCH_MM
 PHASES = {"zero": 0, "approach": 1, "touch": 1, "load": 2, "dwell": 2, "unload": 3}
 DEPTH_MM = (0.02, 30.0)  # deepest press of a session: below it is metres, above it micrometres
 FORCE_N = 100.0  # no soft gel bears more at these depths; above it is millinewtons
-STUCK_STEPS = 3.0  # resolutions by which a force has to grow where depth does, to be stuck if it does not
+# Resolutions, with the scatter of readings, by which a force has to grow where depth does, to be stuck if it does not
+STUCK_STEPS = 3.0
 
 
 class RecordingError(ValueError):
@@ -169,12 +170,15 @@ def check_raw_force(path: Path, table: pd.DataFrame, raw: np.ndarray, force: For
             )
 
 
-def check_saturation(path: Path, table: pd.DataFrame, raw: np.ndarray, force: ForceSensor) -> None:
+def check_saturation(
+    path: Path, table: pd.DataFrame, raw: np.ndarray, force: ForceSensor, scatter_N: np.ndarray
+) -> None:
     """Raise RecordingError for an axis whose largest reading stays the same, to the last digit, while presses go deeper.
 
-    A gel's force grows at least in proportion to depth, so between two depths of one place it should grow by their ratio;
-    what rounding to the resolution may hide is let pass, and rounded readings that noise made equal: of a saturated sensor
-    every depth of the place from some one to the deepest reaches the end of its range, and no reading without load does.
+    A gel's force grows at least in proportion to depth, so between two depths of one place it should grow by their ratio.
+    What rounding and the scatter of a reading (3,) [N] may hide is let pass, and rounded readings that noise made equal: of
+    a saturated sensor every depth of the place from some one to the deepest reaches the end of its range, and no reading
+    without load does.
     """
     held, before = (table["phase"].isin(names).to_numpy() for names in (["load", "dwell"], ["zero"]))
     for axis, name in enumerate(("fx_N", "fy_N", "fz_N")):
@@ -182,7 +186,7 @@ def check_saturation(path: Path, table: pd.DataFrame, raw: np.ndarray, force: Fo
         for extreme in (raw[held, axis].min(), raw[held, axis].max()):
             depth = _stuck_to_the_deepest(table[held], raw[held, axis] == extreme)
             growth = np.abs(extreme - zero).min() * (depth["max"] / depth["min"] - 1)
-            if growth.max() > STUCK_STEPS * force.resolution_N[axis]:
+            if growth.max() > STUCK_STEPS * np.hypot(force.resolution_N[axis], scatter_N[axis]):
                 (x, y), (low, high) = growth.idxmax(), depth.loc[growth.idxmax()]
                 raise RecordingError(
                     f"{path}: {name} is {extreme:.6g} N at {low:g} and at {high:g} mm of ({x:g}, {y:g}) and never beyond: "

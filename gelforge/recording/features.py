@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from itertools import islice
@@ -20,7 +21,11 @@ from gelforge.config import Features, Session
 from gelforge.files import digest
 from gelforge.hdf5 import writing
 from gelforge.recording.flow import Flow, ImageError, read_grey
+from gelforge.recording.image_measures import Measurer, Measures, add_measures
 from gelforge.recording.images import image_path, reference_path
+from gelforge.recording.plausibility.findings import Findings, collect
+from gelforge.recording.plausibility.images import IMAGE_TESTS, flow_lost_of, series_of
+from gelforge.recording.plausibility.session import refuse
 from gelforge.recording.readings import Recording, raw_digest, sample_rows
 
 FORMAT = "gelforge-features-1"
@@ -40,6 +45,12 @@ DATASETS = {
     "force_N": (
         "N",
         "measured force on the sensor in the sensor frame, zero subtracted; NaN: excluded (N, 3)",
+    ),
+    "flow_px": ("px", "root mean square of the flow's length over the image (N)"),
+    "flow_lost": (
+        "1",
+        "share of the textured pixels whose flow does not fit the image, of the first image of an indentation before touch "
+        "and at depth (N)",
     ),
     "feature": (
         "px, rad",
@@ -129,7 +140,8 @@ def session_features(recording: Recording, settings: Features, out: str | Path, 
     """Write the features of a recording's zero, load and dwell images to an HDF5 file; return how many there are.
 
     Images are read, reduced and written in batches, so that memory does not grow with the session; the result does
-    not depend on the number of worker threads. Raises ImageError naming the image.
+    not depend on the number of worker threads. Images that a test of the session excludes are left out. Raises ImageError
+    naming the image, RecordingError where the images as a whole cannot be true.
     """
     if workers > 1:
         cv2.setNumThreads(1)  # one image per thread is faster than several threads on one image
@@ -140,16 +152,52 @@ def session_features(recording: Recording, settings: Features, out: str | Path, 
             f"{recording.folder}: session {recording.session.session} has no images; it is force-only"
         )
     with writing(out, track_order=True) as file:
-        _write_attributes(file, recording, settings)
-        _write_rows(file, rows)
         m2 = 2 * settings.regions**2
-        feature = file.create_dataset("feature", (len(rows), m2), "f4", chunks=(min(16, len(rows)), m2))
+        shape = {"shape": (len(rows), m2), "maxshape": (None, m2), "chunks": (min(16, len(rows)), m2)}
+        feature = file.create_dataset("feature", dtype="f4", **shape)
         _describe(feature, "feature")
-        done = 0
-        for batch in _features_in_batches(recording, settings, rows["image"], workers):
-            feature[done : done + len(batch)] = batch
-            done += len(batch)
-    return len(rows)
+        measures: list[Measures] = []
+        for batch in _features_in_batches(recording, settings, rows, workers):
+            vectors, found = zip(*batch)
+            feature[len(measures) : len(measures) + len(vectors)] = np.stack(vectors)
+            measures += found
+        table = add_measures(rows.assign(run=0), measures)
+        table["flow_lost"] = table.groupby(["press", "phase"], sort=False)["flow_lost"].ffill()
+        judged = judge_all(recording, table)
+        left_out = table.index.isin(judged.excluded_rows("image"))
+        _keep(feature, np.flatnonzero(~left_out))
+        _write_attributes(file, recording, settings, table[left_out], judged)
+        _write_rows(file, table[~left_out])
+    return int((~left_out).sum())
+
+
+def judge_all(recording: Recording, table: pd.DataFrame) -> Findings:
+    """Return what the image tests find in all images of a session, and which indentations the flow cannot follow.
+
+    A sample was judged when the session was read. Raises RecordingError where an error is found.
+    """
+    session = recording.session
+    reference = read_grey(reference_path(recording.folder), session.crop_px)
+    series = series_of(table, reference, session.camera)
+    found = [finding for test in IMAGE_TESTS.values() for finding in test(series)]
+    judged = collect(session.session, [*found, *flow_lost_of(series.shown)], session.confirmed)
+    refuse(recording.folder, judged)
+    return judged
+
+
+def _keep(feature: h5py.Dataset, rows: np.ndarray) -> None:
+    """Move the rows kept to the front of a dataset and cut the rest off."""
+    for start in range(0, len(rows), BATCH):
+        block = rows[start : start + BATCH]
+        if block[-1] >= start + len(block):  # something before it was left out
+            feature[start : start + len(block)] = feature[block]
+    feature.resize(len(rows), axis=0)
+
+
+def found_in(path: str | Path) -> list[str]:
+    """Return what the image tests found when a file of features was made, a line per test."""
+    with h5py.File(path, "r") as file:
+        return json.loads(file.attrs["findings"])
 
 
 def features_digest(folder: str | Path, session: Session, settings: Features) -> str:
@@ -159,30 +207,38 @@ def features_digest(folder: str | Path, session: Session, settings: Features) ->
 
 
 def _features_in_batches(
-    recording: Recording, settings: Features, images: Iterable[str], workers: int
-) -> Iterator[np.ndarray]:
-    """Yield features (up to BATCH, 2 m) of a recording's images in their order."""
+    recording: Recording, settings: Features, rows: pd.DataFrame, workers: int
+) -> Iterator[list[tuple[np.ndarray, Measures]]]:
+    """Yield features (2 m) and measures of a recording's images in their order, up to BATCH at a time.
+
+    Whether the flow fits the image is measured of the first image of an indentation before touch and at depth.
+    """
     crop_px = recording.session.crop_px
     reference = read_grey(reference_path(recording.folder), crop_px)
     local = threading.local()
 
-    def features(name: str) -> np.ndarray:
+    def features(name: str, first: bool) -> tuple[np.ndarray, Measures]:
         if not hasattr(local, "extract"):
             local.extract = FlowFeatures(reference, settings)
+            local.measure = Measurer(local.extract.flow)
         path = image_path(recording.folder, name)
         image = read_grey(path, crop_px)
         try:
-            return local.extract(image)
+            flow = local.extract.flow(image)
         except ImageError as error:
             raise ImageError(f"{path}: {error}") from None
+        vector = flow_features(flow, settings.regions, settings.moved_px)
+        return vector, local.measure(image, flow, with_lost=first)
 
-    names = iter(images)
+    names, firsts = iter(rows["image"]), iter(~rows.duplicated(["press", "phase"]))
     with ThreadPoolExecutor(workers) as pool:
         while batch := list(islice(names, BATCH)):
-            yield np.stack(list(pool.map(features, batch)))
+            yield list(pool.map(features, batch, islice(firsts, len(batch))))
 
 
-def _write_attributes(file: h5py.File, recording: Recording, settings: Features) -> None:
+def _write_attributes(
+    file: h5py.File, recording: Recording, settings: Features, left_out: pd.DataFrame, judged: Findings
+) -> None:
     """Write what made the file; excluded_images: by indentation, how many at its depth a test of the session took out."""
     session = recording.session
     file.attrs["format"] = FORMAT
@@ -190,7 +246,10 @@ def _write_attributes(file: h5py.File, recording: Recording, settings: Features)
     file.attrs["synthetic"] = session.synthetic
     file.attrs["digest"] = features_digest(recording.folder, session, settings)
     file.attrs["view"] = json.dumps(view_of(session), sort_keys=True)
-    file.attrs["excluded_images"] = json.dumps(dict(recording.excluded_images))
+    excluded = Counter(recording.excluded_images)
+    excluded.update(left_out.loc[left_out["phase"] != "zero", "press"])
+    file.attrs["excluded_images"] = json.dumps(dict(excluded))
+    file.attrs["findings"] = json.dumps(judged.lines("excluded", "note"))
 
 
 def view_of(session: Session) -> dict:
@@ -213,6 +272,7 @@ def _write_rows(file: h5py.File, rows: pd.DataFrame) -> None:
     file["position_mm"] = rows[["x_mm", "y_mm"]].to_numpy(float)
     file["depth_mm"] = rows["depth_mm"].where(rows["phase"] != "zero", 0.0).to_numpy(float)
     file["force_N"] = rows[["fx_N", "fy_N", "fz_N"]].to_numpy(float)
+    file["flow_px"], file["flow_lost"] = rows["flow_px"].to_numpy("f4"), rows["flow_lost"].to_numpy("f4")
     for name in file:
         _describe(file[name], name)
 

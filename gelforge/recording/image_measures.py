@@ -23,6 +23,9 @@ RUNS, RUN_LENGTH = 3, 8
 # pixels, flow with 2 % of its pixels wrong has 3.5 % and more (docs/flow.md).
 APART_PX, APART_SHARE = 3.0, 0.25  # of the flow's length, whichever is larger
 LEAST_CORRELATION = 0.5
+CONTRAST_KEPT = (
+    0.5  # standard deviation of an image over the reference's, above which its texture is not counted
+)
 WINDOW_PX = 17  # side of the square in which images are correlated
 
 
@@ -46,22 +49,28 @@ NAMES = list(Measures.__dataclass_fields__)
 class Measurer:
     """Measures images against one reference frame. Not shared between threads, as `Flow`."""
 
-    def __init__(self, search: Flow, with_lost: bool):
-        self.search, self.with_lost = search, with_lost
+    def __init__(self, search: Flow):
+        self.search = search
+        self.mean, self.spread = float(search.reference.mean()), float(search.reference.std())
         self.textured = max(int(search.texture.mask.sum()), 1)
 
-    def __call__(self, image: np.ndarray, flow: np.ndarray) -> Measures:
+    def __call__(self, image: np.ndarray, flow: np.ndarray, with_lost: bool = False) -> Measures:
         """Return the measures of an image (H, W) uint8 whose flow (H, W, 2) is known."""
-        reference = self.search.reference
-        lost = flow_lost(self.search, image, flow) if self.with_lost else float("nan")
+        grey = float(image.mean())
         return Measures(
-            grey=float(image.mean()),
-            gain=float(image.mean() / max(reference.mean(), 1e-9)),
-            texture=float(textured(image, self.search.patch_px).sum() / self.textured),
+            grey=grey,
+            gain=grey / max(self.mean, 1e-9),
+            texture=self._texture(image),
             flow_px=float(np.sqrt(np.mean(np.square(flow, dtype=np.float64).sum(axis=-1)))),
-            flow_lost=lost,
+            flow_lost=flow_lost(self.search, image, flow) if with_lost else float("nan"),
             pixels=pixel_digest(image),
         )
+
+    def _texture(self, image: np.ndarray) -> float:
+        """Return the share of the reference's textured pixels; 1 without counting where contrast has not gone."""
+        if image.std() > CONTRAST_KEPT * self.spread:
+            return 1.0
+        return float(textured(image, self.search.patch_px).sum() / self.textured)
 
 
 def pixel_digest(image: np.ndarray) -> str:
@@ -122,14 +131,14 @@ def sample(readings: pd.DataFrame) -> pd.DataFrame:
 
 
 def measured(folder: Path, crop_px: list[int] | None, rows: pd.DataFrame) -> pd.DataFrame:
-    """Return rows of readings with their images' measures as columns, without `flow_lost`.
+    """Return rows of readings with their images' measures as columns, `flow_lost` being NaN.
 
     Raises ImageError for an image that is missing, cannot be decoded or has another size.
     """
     if rows.empty:
         return add_measures(rows, [])
     search = Flow(read_grey(reference_path(folder), crop_px), PRESET)
-    measurer = Measurer(search, with_lost=False)
+    measurer = Measurer(search)
     pictures = (read_grey(image_path(folder, name), crop_px) for name in rows["image"])
     return add_measures(rows, [measurer(picture, search(picture)) for picture in pictures])
 

@@ -19,7 +19,7 @@ from gelforge.recording.checks import RecordingError
 from gelforge.recording.images import check_images
 from gelforge.recording.join import cells_of_presses
 from gelforge.recording.plausibility.findings import Finding, Findings
-from gelforge.recording.plausibility.indentations import at_commanded_depth
+from gelforge.recording.plausibility.indentations import at_commanded_depth, scatter_N
 from gelforge.recording.plausibility.session import SessionData, apply_findings, examine, refuse
 from gelforge.recording.plausibility.streams import ForceLog, check_ends, gap_findings, read_force_log
 
@@ -76,7 +76,8 @@ def read_recording(
     refuse(folder, Findings(session.session, tuple(gaps)))
     read = np.isfinite(raw).all(axis=1) if gaps else np.ones(len(raw), bool)
     checks.check_raw_force(path, table[read], raw[read], session.force)
-    checks.check_saturation(path, table[read], raw[read], session.force)
+    scatter = scatter_N(table.assign(**dict(zip(FORCE, raw.T))), FORCE)
+    checks.check_saturation(path, table[read], raw[read], session.force, scatter)
 
     readings = table.copy()
     readings["session"] = session.session
@@ -86,11 +87,11 @@ def read_recording(
     readings[FORCE] = force_on_sensor(raw, session.force)
     if not session.force.tared:
         readings[FORCE] -= zero_force(path, readings)
-    checks.check_force(path, readings, session.force)
     if cells is not None:
         readings["cell"] = cells_of_presses(path, readings, cells)
     check_images(folder, readings["image"], session)
     findings = examine(SessionData(folder, session, readings, cells, log), gaps)
+    checks.check_force(path, readings, session.force)
     kept = apply_findings(readings, findings, FORCE)
     lost = at_commanded_depth(readings) & (readings["image"] != "") & (kept["image"] == "")
     excluded_images = readings.loc[lost, "press"].value_counts().to_dict()

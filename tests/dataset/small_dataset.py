@@ -129,6 +129,7 @@ def write_features(path: Path, study: Study, table: pd.DataFrame, synthetic: boo
             file[name] = table[name].to_numpy()
         file["position_mm"] = table[["x_mm", "y_mm"]].to_numpy()
         file["force_N"] = measured(table)
+        file["flow_lost"] = np.zeros(len(table), np.float32)
         file["feature"] = columns.get("feature", feature_rows(table, 2 * study.features.regions**2))
     return path
 

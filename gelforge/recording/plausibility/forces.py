@@ -27,8 +27,8 @@ CLEAR_MM = (
 SILENT_FLOORS = 5.0
 SILENT_SHARE = 0.1  # of the session's usual force at that depth: softer than that is no site of one sensor
 OFF_MM = 0.05  # depth zero may be off by this, or by three times its stated scatter
-DEEPER = 1.5  # a depth this many times another's, under which a force proportional to depth grows by as much
-FALLS_TO = 0.5  # softening, ageing and relaxation take less than half of a force, growth not counted
+DEEPER = 1.5  # depths that are compared: one this many times the other
+FALLS_TO = 0.4  # of a force in proportion to depth, the least that a gel shows: softening and ageing take less than 60 %
 GROWING_FLOORS = 10.0
 
 
@@ -190,7 +190,7 @@ def _no_answer_at_all(every: pd.DataFrame) -> Finding | None:
     if len(push) < 3:
         return None
     error = push.std(ddof=1) / np.sqrt(len(push))
-    if push.mean() > 3 * error:
+    if abs(push.mean()) > 3 * error:  # of the wrong sign it answers too, see checks.check_force
         return None
     return Finding(
         test="force_answers",
@@ -228,13 +228,14 @@ def _fallen(data: SessionData, site: pd.DataFrame, usual, off: float, least: flo
     while len(site) > 1:
         depth, push = site["depth_mm"].to_numpy(), site["first_N"].to_numpy()
         deeper = (depth[:, None] >= DEEPER * depth) & (depth[:, None] - off > depth + off)
-        fallen = deeper & (push[:, None] < FALLS_TO * push) & (push > least)  # (deep, shallow)
+        least_push = FALLS_TO * push * depth[:, None] / depth
+        fallen = deeper & (push[:, None] < least_push) & (push > least)  # (deep, shallow)
         if not fallen.any():
             return found
         ratio = np.log(np.maximum(push, least / GROWING_FLOORS) / usual.at(depth))
-        both = np.abs(ratio - np.median(ratio)) * (fallen.any(axis=0) | fallen.any(axis=1))
-        k = int(both.argmax())
-        against = np.flatnonzero(fallen[k] | fallen[:, k])[0]
+        doubt = np.abs(ratio - np.median(ratio)) * (fallen.any(axis=0) | fallen.any(axis=1))
+        k = int(doubt.argmax())
+        against = int(np.flatnonzero(fallen[k] | fallen[:, k])[0])
         press = site.index[k]
         found.append(
             Finding(
@@ -244,6 +245,7 @@ def _fallen(data: SessionData, site: pd.DataFrame, usual, off: float, least: flo
                 press=str(press),
                 time_s=float(site["time_s"].iloc[k]),
                 value=float(push[k]),
+                limit=float(least_push[k, against]),
                 unit="N",
                 found=(
                     f"does not grow with depth: {push[k]:.3g} N at {depth[k]:g} mm, {push[against]:.3g} N at"

@@ -34,6 +34,7 @@ MOVES_PX = (
 )
 GROWS = 1.1  # depths whose ratio is less do not have to differ
 LEAST_GROWTH = 0.7  # of the flow at a shallower depth of the same place, below which the deeper has lost it
+MOST_LOST = 0.02  # of the textured pixels; see `image_measures`
 REPEAT_PX = 0.1  # expected motion below which two noiseless images may be equal
 # Where no flow was measured: a pressed surface moves sideways by more than a fiftieth of the depth, and no image shows more
 # than 100 mm.
@@ -306,6 +307,26 @@ def image_grows(series: ImageSeries) -> list[Finding]:
                 )
             )  # fmt: skip
     return mostly(found, compared)
+
+
+def flow_lost_of(table: pd.DataFrame) -> list[Finding]:
+    """Return the indentations whose displacements the flow could not follow; their rows stay, `flow_lost` beside them."""
+    remedy = "these features are no displacements: press less deep, or record finer texture, more pixels or more light"
+    lost = table[table["flow_lost"] > MOST_LOST].drop_duplicates("press")
+    return [
+        Finding(
+            "flow_lost",
+            "note",
+            "flow",
+            f"of {row.image} fits the image on all but {100 * row.flow_lost:.1f} % of the textured pixels",
+            remedy,
+            str(row.press),
+            float(row.time_s),
+            float(row.flow_lost),
+            MOST_LOST,
+        )
+        for row in lost.itertuples()
+    ]
 
 
 def _one(series, row, test, found, remedy, value, limit, unit="") -> Finding:

@@ -17,7 +17,9 @@ SHORTEST_OF_NOISE = 8  # rows of a run that is too even for the channel's own no
 CHANCE = 1e-6  # of such a run in the whole session, by the channel's own share of equal neighbours
 EXPECTED = 0.5  # of the session's usual change between two depths: what any site shows of it
 STEPS = 3.0  # resolutions, and standard deviations, that the expected change must exceed
-LEAST_PAIRS = 20  # neighbours outside a run, to know the channel's noise
+STEPS_IN_TURN, IN_TURN = 1.5, 3  # the same where so many indentations in turn show no change
+CHANCE_ROWS = 2  # so many rows of an indentation at one depth may belong to a run by chance, at its ends
+LEAST_PAIRS = 10  # neighbours outside a run, to know the channel's noise
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,8 @@ def repeats(readings: pd.DataFrame, indentations: pd.DataFrame, force: ForceSens
     usual = force_over_depth(indentations, STEPS * resolution[2])
     depth = readings["depth_mm"].fillna(0.0).clip(lower=0.0).to_numpy()
     expected = np.zeros(len(depth)) if usual is None else EXPECTED * usual.at(depth)
-    hidden = STEPS * (resolution[normal] + scatter_N(readings, RAW)[normal])
+    hidden = resolution[normal] + scatter_N(readings, RAW)[normal]
+    number = (readings["press"] != readings["press"].shift()).cumsum().to_numpy()
     found = []
     for axis, name in enumerate(RAW):
         value = readings[name].to_numpy()
@@ -53,12 +56,25 @@ def repeats(readings: pd.DataFrame, indentations: pd.DataFrame, force: ForceSens
         long = ends - starts >= SHORTEST
         too_even = _too_even(readings, value)
         for start, end in zip(starts[long], ends[long]):
-            if np.ptp(depth[start:end]) == 0:
+            start, end = _without_chance(number, depth, start, end)
+            if end - start < SHORTEST or np.ptp(depth[start:end]) == 0:
                 continue
-            dead = axis == normal and np.ptp(expected[start:end]) > hidden
+            steps = STEPS if number[end - 1] - number[start] + 1 < IN_TURN else STEPS_IN_TURN
+            dead = axis == normal and np.ptp(expected[start:end]) > steps * hidden
             if dead or too_even(start, end):
                 found.append(Run(axis, float(value[start]), tuple(readings.index[start:end])))
     return found
+
+
+def _without_chance(number: np.ndarray, depth: np.ndarray, start: int, end: int) -> tuple[int, int]:
+    """Return a run without the few rows at its ends that are of another indentation and at one depth."""
+    inside = number[start:end]
+    first, last = start + int((inside == inside[0]).sum()), end - int((inside == inside[-1]).sum())
+    if first - start <= CHANCE_ROWS and first < end and np.ptp(depth[start:first]) == 0:
+        start = first
+    if end - last <= CHANCE_ROWS and last > start and np.ptp(depth[last:end]) == 0:
+        end = last
+    return start, end
 
 
 def _too_even(readings: pd.DataFrame, value: np.ndarray) -> Callable[[int, int], bool]:

@@ -13,7 +13,7 @@ import pandas as pd
 from gelforge.config import Session
 from gelforge.indentation.plan import PlannedCell
 from gelforge.recording.checks import RecordingError
-from gelforge.recording.plausibility import forces
+from gelforge.recording.plausibility import forces, positions, timing
 from gelforge.recording.plausibility.findings import Finding, Findings, collect
 from gelforge.recording.plausibility.images import IMAGE_TESTS, ImageSeries, image_series
 from gelforge.recording.plausibility.indentations import floor_N, indentation_table
@@ -60,11 +60,14 @@ class SessionData:
 
 Test = Callable[[SessionData], list[Finding]]
 TESTS: dict[str, Test] = {
+    "mirrored_axes": positions.mirrored_axes,
+    "force_in_step": timing.force_in_step,
     "force_before_touch": forces.force_before_touch,
     "force_repeats": forces.force_repeats,
     "force_answers": forces.force_answers,
     "force_grows": forces.force_grows,
     **{name: lambda data, test=test: test(data.images) for name, test in IMAGE_TESTS.items()},
+    "planned_count": positions.planned_count,
 }
 
 

@@ -1,0 +1,450 @@
+"""Recordings that cannot be true are found, and honest ones that resemble them pass without any finding."""
+
+import os
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from generated_sessions import FORCE, Kind, generate
+from numpy.testing import assert_allclose
+
+from gelforge.config import load_study
+from gelforge.dataset.agreement import _measured
+from gelforge.indentation.plan import PlannedCell, plan_cells
+from gelforge.recording.checks import RecordingError
+from gelforge.recording.features import sample_rows
+from gelforge.recording.plausibility.findings import (
+    Finding,
+    Findings,
+    collect,
+    read_findings,
+    write_findings,
+)
+from gelforge.recording.plausibility.streams import read_force_log, spread_stamps
+from gelforge.recording.readings import read_readings, read_recording, write_readings
+
+SHARED = Path(os.environ.get("GELFORGE_SHARED", Path(__file__).parents[3] / "shared"))
+CASES = SHARED / "field_cases"
+NO_OFFSET = {"offset_N": (0.0, 0.0, 0.0), "drift_N_per_s": 0.0}
+
+HONEST = {
+    "as usual": {},
+    "fast log": {"log_s": 0.005},
+    "slow log": {"log_s": 0.2},
+    "log of 1 Hz": {"log_s": 1.0, "dwells": (0.5, 1.5, 2.5)},
+    "log with a jittery clock": {"log_s": 0.01, "log_jitter": 0.9},
+    "relaxes during the wait": {"relaxes": 0.8, "relaxes_s": 0.3, "log_s": 0.005, "dwells": (0.5, 1, 2, 4)},
+    "relaxes at once": {"relaxes": 0.8, "relaxes_s": 0.05, "log_s": 0.005},
+    "softens by 40 %": {"softens": 0.4},
+    "hysteresis on the way up": {"unload_share": 0.3},
+    "adhesion, pull-off": {"pull_off_N": 0.1, "log_s": 0.005},
+    "pull-off as large as the force": {"pull_off_N": 0.4},
+    "a step of 60 mN": {"resolution_N": 0.06, "noise_N": 0.001},
+    "steps and noise": {"resolution_N": 0.03, "noise_N": 0.02, **NO_OFFSET},
+    "noise below the step": {"resolution_N": 0.01, "noise_N": 0.0005, **NO_OFFSET},
+    "central: 0.00 sideways": {
+        **{"sites": [(16, 16)], "repeats": 3, "noise_N": 0.0002, "resolution_N": 0.01},
+        **NO_OFFSET,
+    },
+    "depth zero below the surface": {"offset_mm": 0.1},
+    "depth zero above the surface": {"offset_mm": -0.08, "touch_mm": 0.02},
+    "left-handed stage": {"handedness": "left"},
+    "left-handed stage and force": {
+        "handedness": "left",
+        "fault": {"force": {"axes": [[1, 0, 0], [0, -1, 0], [0, 0, 1]]}},
+    },
+    "upside down: lateral axes of determinant -1, a rotation": {
+        "acts_on": "sensor",
+        "fault": {
+            "force": {"axes": [[1, 0, 0], [0, -1, 0], [0, 0, -1]]},
+            "table": lambda table, rng: table.assign(fy_N=-table["fy_N"], fz_N=-table["fz_N"]),
+        },
+    },
+    "heavy tails": {"tails": True, "noise_N": 0.006},
+    "tared": {"tared": True, "drift_N_per_s": 0.0},
+    "tared, heavy tails": {"tared": True, "drift_N_per_s": 0.0, "tails": True, "noise_N": 0.006},
+    "drift, not tared": {"drift_N_per_s": 5e-4},
+    "one indentation": {"sites": [(16, 16)], "depths": (1.0,)},
+    "one depth": {"depths": (1.0,)},
+    "no load row": {"load_row": False, "dwells": (1.0,)},
+    "stiff": {"stiffness": 10.0, "exponent": 2.2},
+    "soft": {"stiffness": 0.02},
+    "sites unlike each other": {"site_spread": 0.6},
+    "eight depths": {"depths": tuple(np.linspace(0.25, 2, 8))},
+    "sideways force": {"lateral": 0.8},
+    "fast stage": {"speed": 5.0, "log_s": 0.005},
+    "slow stage": {"speed": 0.2, "log_s": 0.01},
+    "no reading on the way up": {"unload_rows": ()},
+}
+
+
+# ------------------------------------------------------------------------------------------ honest sessions
+@pytest.mark.parametrize("name", HONEST)
+def test_honest_sessions_pass(tmp_path, name):
+    assert_nothing_found(generate(tmp_path / "s", Kind(**HONEST[name])))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_honest_sessions_of_any_mixture_pass(tmp_path, seed):
+    rng = np.random.default_rng([seed, 1])
+    pick = rng.choice
+    kind = Kind(
+        stiffness=float(np.exp(rng.uniform(np.log(0.05), np.log(5)))),
+        exponent=float(rng.uniform(1.0, 2.2)),
+        relaxes=float(pick([0.0, 0.3, 0.7])),
+        relaxes_s=float(pick([0.1, 1.0, 10.0])),
+        softens=float(pick([0.0, 0.3])),
+        unload_share=float(pick([1.0, 0.4])),
+        pull_off_N=float(pick([0.0, 0.05])),
+        noise_N=float(pick([0.0005, 0.004])),
+        tails=bool(pick([False, True])),
+        resolution_N=float(pick([0.001, 0.01])),
+        drift_N_per_s=float(pick([0.0, 1e-4])),
+        offset_mm=float(rng.uniform(-0.05, 0.1)),
+        speed=float(pick([0.5, 1.0, 4.0])),
+        log_s=pick([None, 0.005, 0.05]),
+        acts_on=str(pick(["sensor", "indenter"])),
+    )
+    assert_nothing_found(generate(tmp_path / "s", kind, seed))
+
+
+def assert_nothing_found(folder):
+    recording = read_recording(folder)
+    assert recording.findings.lines() == []
+    assert recording.readings[FORCE].notna().all(axis=None)
+    assert (recording.readings["excluded"] == "").all()
+
+
+# --------------------------------------------------------------------------------- sessions that are refused
+def shifted(rows):
+    return lambda table, rng: table.assign(**{name: np.roll(table[name], rows) for name in FORCE})
+
+
+def from_press(first, last, value, names=FORCE, noise_N=0.0):
+    """Return an edit: from indentation first to last (whole numbers) the axes show one value, None: the one there."""
+
+    def edit(table, rng):
+        table = table.copy()
+        rows = table["order"].between(first, last)
+        for name in names:
+            shown = table.loc[rows, name].iloc[0] if value is None else value
+            table.loc[rows, name] = (shown + noise_N * rng.normal(size=rows.sum())).round(3)
+        return table
+
+    return edit
+
+
+def without(log, first_s, last_s):
+    return log[(log["time_s"] < first_s) | (log["time_s"] > last_s)]
+
+
+REFUSED = {
+    "lag of 0.3 s": (
+        {"log_s": 0.005, "fault": {"lag_s": 0.3}},
+        r"ft\.csv lags the depth by 0\.\d+ s .*delay_s: 0\.[23]",
+    ),
+    "lag of 1 s": ({"log_s": 0.005, "fault": {"lag_s": 1.0}}, r"lags the depth by (0\.9|1\.0)\d s"),
+    "lag of 5 s": ({"log_s": 0.005, "fault": {"lag_s": 5.0}}, r"lags the depth by (4\.9|5\.0)\d s"),
+    "lag, relaxing": (
+        {"log_s": 0.005, "relaxes": 0.7, "fault": {"lag_s": 1.0}},
+        r"lags the depth by (0\.9|1\.0)\d s",
+    ),
+    "lead of 1.5 s": ({"log_s": 0.005, "fault": {"lag_s": -1.5}}, r"leads the depth by 1\.[45]\d s"),
+    "a row late": ({"fault": {"table": shifted(1)}}, r"force lags the depth by 1 row\(s\)"),
+    "a row early": (
+        {"fault": {"table": shifted(-1)}, "relaxes": 0.7},
+        r"force leads the depth by 1 row\(s\)",
+    ),
+    "an indentation late": ({"fault": {"table": shifted(8)}}, r"force lags the depth by 8 row\(s\)"),
+    "dead from the start": ({"fault": {"table": from_press(0, 99, 0.0)}}, r"answers no indentation"),
+    "noise alone": (
+        {"fault": {"table": from_press(0, 99, 0.0, noise_N=0.002)}},
+        r"answers no indentation: .* on average",
+    ),
+    "dead for most of it": (
+        {"fault": {"table": from_press(3, 99, 0.0)}},
+        r"repeats one value to the last digit from press p003 on .*12 indentations in all",
+    ),
+    "tared once, drifts": (
+        {"tared": True, "drift_N_per_s": 5e-4},
+        r"in the zero rows of a tared session.*set force\.tared: false",
+    ),
+    "mirrored axes": (
+        {"fault": {"force": {"axes": [[1, 0, 0], [0, -1, 0], [0, 0, 1]]}}},
+        r"mirror \(determinant -1.*stage_to_sensor\.handedness: left",
+    ),
+    "all signs turned by the axes": (
+        {"acts_on": "indenter", "fault": {"force": {"axes": (-np.eye(3)).tolist(), "acts_on": "sensor"}}},
+        r"mirror \(determinant -1.*force\.acts_on",
+    ),
+    "z turned alone": (
+        {"acts_on": "indenter", "fault": {"force": {"axes": np.diag([1.0, 1, -1]).tolist()}}},
+        r"mirror \(determinant -1.*one lateral axis reversed",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_cannot_be_true_is_refused_in_one_line(tmp_path, name):
+    traits, message = REFUSED[name]
+    folder = generate(tmp_path / "s", Kind(**traits))
+    with pytest.raises(RecordingError, match=message) as refused:
+        read_recording(folder)
+    assert "\n" not in str(refused.value)
+    assert "confirmed: [" in str(refused.value)
+
+
+def test_the_delay_that_a_refusal_names_mends_the_lag(tmp_path):
+    kind = Kind(log_s=0.005, fault={"lag_s": 5.0})
+    with pytest.raises(RecordingError, match=r"delay_s: (\S+) in") as refused:
+        read_recording(generate(tmp_path / "lag", kind))
+    delay = float(str(refused.value).split("delay_s: ")[1].split()[0])
+    mended = replace(kind, fault={"lag_s": 5.0, "force": {"delay_s": delay}})
+    honest = replace(kind, fault={})
+    found, wanted = (
+        read_recording(generate(tmp_path / name, one)).readings
+        for name, one in (("mended", mended), ("true", honest))
+    )
+    still = (found["phase"] != "unload").to_numpy()
+    assert_allclose(
+        found.loc[still, FORCE], wanted.loc[still, FORCE], atol=0.05
+    )  # 0.04 s at 1 mm/s of 0.6 N/mm
+
+
+def test_a_confirmed_finding_is_a_note(tmp_path):
+    kind = Kind(tared=True, drift_N_per_s=5e-4, fault={"session": {"confirmed": ["force_before_touch"]}})
+    recording = read_recording(generate(tmp_path / "s", kind))
+    assert [finding.level for finding in recording.findings] == ["note"]
+    assert "confirmed in session.yaml" in recording.findings.lines("note")[0]
+
+
+# ------------------------------------------------------------------------------------------- exclusions
+def weak(table, rng):
+    """Take 95 % of the force from an indentation to the deepest depth."""
+    table = table.copy()
+    press = table.loc[table["depth_mm"].idxmax(), "press"]
+    own = table["press"] == press
+    zero = table.loc[own & (table["phase"] == "zero"), FORCE].mean()
+    held = own & (table["phase"] != "zero")
+    table.loc[held, FORCE] = (zero + 0.05 * (table.loc[held, FORCE] - zero)).round(3)
+    return table
+
+
+def silent(table, rng):
+    """Take all force from an indentation to the deepest depth; noise stays."""
+    table = table.copy()
+    press = table.loc[table["depth_mm"].idxmax(), "press"]
+    own = table["press"] == press
+    zero = table.loc[own & (table["phase"] == "zero"), FORCE].mean()
+    table.loc[own, FORCE] = (zero.to_numpy() + 0.002 * rng.normal(size=(own.sum(), 3))).round(3)
+    return table
+
+
+def touches_early(table, rng):
+    table = table.copy()
+    own = table["press"] == "p003"
+    zero = table.index[own & (table["phase"] == "zero")][-1]
+    table.loc[zero, FORCE] = table.loc[own & (table["phase"] == "load"), FORCE].iloc[0]
+    return table
+
+
+EXCLUDED = {
+    "gap": (
+        {"log_s": 0.005, "fault": {"log": lambda log, rng: without(log, 1.5, 6)}},
+        {"p000"},
+        r"press p000 at 2\.\d+ s: force has no sample in ft\.csv for 4\.5\d* s",
+    ),
+    "gap of all zero rows": (
+        {"log_s": 0.005, "fault": {"log": lambda log, rng: without(log, 0.01, 0.8)}},
+        {"p000"},
+        r"force has no sample in ft\.csv for 0\.8\d* s",
+    ),
+    "frozen for a while": (
+        {"fault": {"table": from_press(4, 8, None)}},
+        {"p004", "p005", "p006", "p007", "p008"},
+        r"repeats one value to the last digit from press p004 on \(.*fz = .*5 indentations in all",
+    ),
+    "frozen to the end": (
+        {"fault": {"table": from_press(12, 99, 0.0)}},
+        {"p012", "p013", "p014"},
+        r"from press p012 on \(.*fz = 0 N\)",
+    ),
+    "dead, steps of 60 mN": (
+        {"resolution_N": 0.06, "noise_N": 0.01, "fault": {"table": from_press(10, 99, 0.0)}},
+        {"p010", "p011", "p012", "p013", "p014"},
+        r"repeats one value to the last digit",
+    ),
+    "a lateral axis freezes": (
+        {"noise_N": 0.006, "fault": {"table": from_press(10, 99, None, ["fx_N"])}},
+        {"p010", "p011", "p012", "p013", "p014"},
+        r"repeats one value to the last digit from press p010 on \(fx = ",
+    ),
+    "does not grow": ({"fault": {"table": weak}}, None, r"does not grow with depth: .* of the same site"),
+    "no answer": ({"fault": {"table": silent}}, None, r"is -?0\.00\d* N at 1\.2 mm, where 0\.\d+ N is usual"),
+    "touches among its zero rows": (
+        {"fault": {"table": touches_early}},
+        {"p003"},
+        r"force changes by .* N .* before touch",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", EXCLUDED)
+def test_what_cannot_be_true_is_left_out_and_listed(tmp_path, name):
+    traits, presses, message = EXCLUDED[name]
+    folder = generate(tmp_path / "s", Kind(**traits))
+    recording = read_recording(folder)
+    if presses is None:
+        table = pd.read_csv(folder / "indentations.csv")
+        presses = {table.loc[table["depth_mm"].idxmax(), "press"]}
+    lost = recording.readings["fz_N"].isna()
+    assert set(recording.readings.loc[lost, "press"]) == presses
+    assert (lost == (recording.readings["excluded"] != "")).all()
+    excluded = recording.findings.of("excluded")
+    assert {finding.press for finding in excluded} == presses
+    assert any(re.search(message, line) for line in recording.findings.lines("excluded")), (
+        recording.findings.lines("excluded")
+    )
+    for finding in excluded:
+        assert np.isfinite(finding.value) and np.isfinite(finding.time_s) and finding.remedy
+    # the same rows stay out of what follows
+    write_readings(tmp_path / "s.csv", recording)
+    assert read_readings(tmp_path / "s.csv")["fz_N"].isna().sum() == lost.sum()
+    measured = _measured("s", tmp_path / "s.csv")
+    assert measured[["ft_x_N", "ft_y_N", "ft_z_N"]].notna().all(axis=None)
+    whole = lost.groupby(recording.readings["press"]).all()
+    assert not set(whole.index[whole]) & set(measured["press"])
+
+
+def test_a_gap_takes_only_the_readings_inside(tmp_path):
+    fault = {"log": lambda log, rng: without(log, 1.5, 2.6)}  # p000 arrives at 2.4 mm or later
+    kind = Kind(log_s=0.005, depths=(0.4,), fault=fault)
+    readings = read_recording(generate(tmp_path / "s", kind)).readings
+    lost = readings[readings["fz_N"].isna()]
+    assert list(lost["phase"]) == ["load"]
+    honest = read_recording(generate(tmp_path / "true", replace(kind, fault={}))).readings
+    kept = readings["fz_N"].notna()
+    assert_allclose(readings.loc[kept, FORCE], honest.loc[kept, FORCE], atol=1e-12)
+
+
+def test_gaps_in_most_indentations_are_an_error_that_can_be_confirmed(tmp_path):
+    def holes(log, rng):
+        """The waits of all indentations but the last are missing."""
+        return log[
+            (log["time_s"] % kind.press_s < 2.0) | (log["time_s"] > log["time_s"].max() - kind.press_s)
+        ]
+
+    kind = Kind(log_s=0.005)
+    kind = replace(kind, fault={"log": holes})
+    folder = generate(tmp_path / "s", kind)
+    with pytest.raises(
+        RecordingError, match=r"no sample in ft\.csv .* indentations in all.*confirmed: \[gap\]"
+    ):
+        read_recording(folder)
+
+
+# ------------------------------------------------------------------------------------------------- ft.csv
+def test_equal_stamps_of_a_coarse_clock_are_spread(tmp_path):
+    def coarse(log, rng):
+        return log.assign(time_s=np.floor(log["time_s"] * 100 + 1e-6) / 100)
+
+    kind = Kind(log_s=0.005)
+    honest = read_recording(generate(tmp_path / "true", kind)).readings
+    folder = generate(tmp_path / "s", replace(kind, fault={"log": coarse}))
+    log = read_force_log(folder / "ft.csv")
+    assert_allclose(np.diff(log.time_s), 0.005, atol=1e-9)
+    found = read_recording(folder)
+    assert found.findings.lines() == []
+    assert_allclose(found.readings[FORCE], honest[FORCE], atol=1e-12)
+
+
+def test_a_gap_is_no_room_for_samples_of_one_stamp():
+    time = spread_stamps(np.array([0.0, 1.0, 1.1]), np.array([2, 1, 1]), 0.1)
+    assert_allclose(time, [0.0, 0.05, 1.0, 1.1])
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (lambda log, rng: log.assign(time_s=np.floor(log["time_s"])), r"samples share the stamp 0 s .* 1 s"),
+        (lambda log, rng: log.iloc[::-1], r"runs back; sort the rows by time_s"),
+        (lambda log, rng: log[log["time_s"] < 60], r"no force sample within 1\.0 s of the reading"),
+    ],
+)
+def test_a_log_that_cannot_be_read_is_named(tmp_path, edit, message):
+    folder = generate(tmp_path / "s", Kind(log_s=0.01, fault={"log": edit}))
+    with pytest.raises(RecordingError, match=message):
+        read_recording(folder)
+
+
+# ------------------------------------------------------------------------------------------- plan, findings
+def test_fewer_indentations_than_planned_are_information(tmp_path):
+    kind = Kind()
+    cells = {
+        f"c{k}": PlannedCell(f"c{k}", float(x), float(y), (0.4, 0.8, 1.2, 1.6))
+        for k, (x, y) in enumerate(kind.sites)
+    }
+    findings = read_recording(generate(tmp_path / "s", kind), cells).findings
+    (note,) = findings
+    assert (note.level, note.value) == ("note", 5)
+    assert "20 indentations at the sites visited, 5 of them not recorded: c" in note.found
+    whole = {name: replace(cell, depths_mm=(0.4, 0.8, 1.2)) for name, cell in cells.items()}
+    assert read_recording(tmp_path / "s", whole).findings.lines() == []
+
+
+def test_findings_survive_their_file_and_speak_one_line_a_test(tmp_path):
+    made = [
+        Finding("gap", "excluded", "force", f"misses {k} s", "log", f"p{k}", 1.0 * k, k, 0.5, "s", (k,))
+        for k in range(1, 6)
+    ]
+    findings = Findings("s", tuple(made))
+    (line,) = findings.lines()
+    assert line == (
+        "press p5 at 5 s: force misses 5 s (limit 0.5 s); 5 indentations in all: p1, p2, p3, ...; "
+        "force left out there; log"
+    )
+    write_findings(tmp_path / "f.csv", findings)
+    again = read_findings(tmp_path / "f.csv")
+    assert list(again["press"]) == [f"p{k}" for k in range(1, 6)]
+    assert_allclose(again["value"], range(1, 6))
+    write_findings(tmp_path / "none.csv", Findings("s"))
+    assert read_findings(tmp_path / "none.csv").empty
+    assert [f.level for f in collect("s", made, ["gap"])] == ["note"] * 5
+    with pytest.raises(ValueError, match="takes rows out"):
+        Finding("gap", "excluded", "plan", "", "")
+
+
+# --------------------------------------------------------------------------------------------- field cases
+FIELD = {
+    "rec_good": None,
+    "img_good": None,
+    "img_good_dots": None,
+    "rec_ft_shared_stamps": None,
+    "rec_sensor_dies": r"repeats one value to the last digit from press p027 on .*27 indentations in all",
+    "rec_ft_gap": r"force has no sample in ft\.csv for 1\.\d+ s .*18 indentations in all",
+    "rec_tared_drift": r"zero rows of a tared session.*resolution of 0\.001 N.*set force\.tared: false",
+}
+
+
+@pytest.mark.skipif(not CASES.is_dir(), reason=f"{CASES} is not here: inputs that people's reports suggested")
+@pytest.mark.parametrize("name", FIELD)
+def test_field_cases_give_their_right_answer(name):
+    study = load_study(CASES / name / "study.yaml")
+    try:
+        recording = read_recording(CASES / name / "recordings" / "s1", plan_cells(study), study.sensor)
+        said = recording.findings.lines("excluded")
+    except RecordingError as error:
+        said = [str(error)]
+    if FIELD[name] is None:
+        assert said == []
+    else:
+        assert len(said) == 1 and re.search(FIELD[name], said[0])
+
+
+def test_untouched_samples_stay(tmp_path):
+    kind = Kind(fault={"table": from_press(12, 99, 0.0)})
+    recording = read_recording(generate(tmp_path / "s", kind))
+    assert set(sample_rows(recording.readings)["press"]) == {f"p{k:03d}" for k in range(15)}
