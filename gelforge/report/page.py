@@ -16,6 +16,7 @@ from gelforge.report import (
     learning_chapters,
     material_chapter,
     mismatch_chapters,
+    recording_chapter,
     study_chapters,
     verification_chapter,
 )
@@ -29,6 +30,7 @@ CHAPTERS = (
     error_bar_chapter.error_bars,
     study_chapters.inside,
     study_chapters.images,
+    recording_chapter.recordings,
     learning_chapters.agreement,
     learning_chapters.predictions,
     learning_chapters.error_tables,

@@ -20,6 +20,7 @@ from gelforge.files import read_product_table
 from gelforge.hdf5 import opened
 from gelforge.indentation.cell_file import Cell, CellError, read_cell
 from gelforge.indentation.plan import PlannedCell, landmarks, plan_cells
+from gelforge.recording.plausibility.findings import read_findings
 
 
 @dataclass(frozen=True)
@@ -126,6 +127,13 @@ class StudyResults:
                 with open_features(path) as file:
                     found[name] = {key: _column(file[key]) for key in file if key != "feature"}
         return found
+
+    @cached_property
+    def findings(self) -> pd.DataFrame | None:
+        """What the tests of all sessions found, one row each; None where no session has its table."""
+        paths = [self.folder / "recordings" / f"{name}.findings.csv" for name in self.study.sessions]
+        tables = [read_findings(path) for path in paths if path.is_file()]
+        return pd.concat(tables, ignore_index=True) if tables else None
 
     def feature_row(self, session: str, row: int) -> np.ndarray:
         with open_features(self.folder / "features" / f"{session}.h5") as file:

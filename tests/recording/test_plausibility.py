@@ -11,9 +11,10 @@ import pytest
 from generated_sessions import FORCE, Kind, generate
 from numpy.testing import assert_allclose
 
-from gelforge.config import load_study
+from gelforge.config import Sensor, load_study
 from gelforge.dataset.agreement import _measured
 from gelforge.indentation.plan import PlannedCell, plan_cells
+from gelforge.mismatch.sessions import observe
 from gelforge.recording.checks import RecordingError
 from gelforge.recording.features import sample_rows
 from gelforge.recording.plausibility.findings import (
@@ -28,6 +29,7 @@ from gelforge.recording.readings import read_readings, read_recording, write_rea
 
 SHARED = Path(os.environ.get("GELFORGE_SHARED", Path(__file__).parents[3] / "shared"))
 CASES = SHARED / "field_cases"
+SENSOR = Sensor.model_validate({"layers": [{"name": "gel", "thickness_mm": 6.0, "material": "m"}]})
 NO_OFFSET = {"offset_N": (0.0, 0.0, 0.0), "drift_N_per_s": 0.0}
 
 HONEST = {
@@ -315,8 +317,12 @@ def test_what_cannot_be_true_is_left_out_and_listed(tmp_path, name):
     assert read_readings(tmp_path / "s.csv")["fz_N"].isna().sum() == lost.sum()
     measured = _measured("s", tmp_path / "s.csv")
     assert measured[["ft_x_N", "ft_y_N", "ft_z_N"]].notna().all(axis=None)
+    observed = observe([folder], SENSOR)
+    assert np.isfinite(observed.force[:, 2]).all()  # an axis that never changes is left out by itself
+    assert any(re.search(message, said) for said in observed.cannot_know)
     whole = lost.groupby(recording.readings["press"]).all()
     assert not set(whole.index[whole]) & set(measured["press"])
+    assert not {f"s/{press}" for press in whole.index[whole]} & set(observed.table["press"])
 
 
 def test_a_gap_takes_only_the_readings_inside(tmp_path):

@@ -24,6 +24,7 @@ from gelforge.indentation.cell_file import Cell, write_cell
 from gelforge.indentation.plan import PlannedCell, plan_cells, variant_cells
 from gelforge.mechanics.homogeneous import cauchy_stress
 from gelforge.mechanics.laws import Ogden
+from gelforge.recording.plausibility.findings import Finding, Findings, write_findings
 from gelforge.report.mismatch_page import write_mismatch_page
 
 RADIUS = 5.0
@@ -294,6 +295,27 @@ def write_agreement(study: Study, folder: Path, seed: int = 4) -> pd.DataFrame:
     return table
 
 
+def write_found(study: Study, folder: Path) -> None:
+    """Write that one indentation of each session fell into a gap of its force log."""
+    for name in study.sessions:
+        gap = Finding(
+            "gap",
+            "excluded",
+            "force",
+            "has no sample",
+            "record without gaps",
+            "p00003",
+            36.0,
+            1.6,
+            0.04,
+            "s",
+            (3,),
+        )
+        path = folder / "recordings" / f"{name}.findings.csv"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_findings(path, Findings(name, (gap,)))
+
+
 def write_model(study: Study, folder: Path, seed: int = 5) -> None:
     """Write loss.csv and predictions.h5 of the centre cell and one near an edge."""
     (folder / "model").mkdir()
@@ -416,6 +438,7 @@ def write_everything(root: Path) -> tuple[Study, Path, Path]:
     write_session(study)
     write_features(study, folder)
     write_agreement(study, folder)
+    write_found(study, folder)
     write_model(study, folder)
     write_error_tables(folder)
     write_verification(folder)

@@ -127,6 +127,11 @@ def test_failed_cell_is_named_with_its_reason(page):
     assert "0.5" in failed  # the last good depth [mm]
 
 
+def test_what_was_left_out_of_a_recording_is_listed(page):
+    assert "Left out: force of 1 indentation" in page[0] and "No image is left out" in page[0]
+    assert "p00003" in page[0] and "record without gaps" in page[0]
+
+
 def test_synthetic_data_is_labelled_loudly(page):
     assert 'role="alert"' in page[0]
     text = " ".join(parsed(page[0]).text)

@@ -10,8 +10,7 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
-from gelforge.csv_table import read_csv
-from gelforge.files import write_text
+from gelforge.files import read_product_table, write_product_table
 
 Level = Literal["error", "excluded", "note"]
 COLUMNS = [
@@ -112,20 +111,15 @@ def mostly(found: list[Finding], indentations: int) -> list[Finding]:
 
 def write_findings(path: str | Path, findings: Findings) -> None:
     """Write the findings as CSV; a session without any has the header alone."""
-    text = findings.table().to_csv(index=False, float_format="%.6g", lineterminator="\n")
-    write_text(path, text)
+    write_product_table(path, findings.table(), "%.6g")
 
 
 def read_findings(path: str | Path) -> pd.DataFrame:
-    """Return the table that `write_findings` wrote."""
-    if len(Path(path).read_text(encoding="utf-8").splitlines()) < 2:
-        return pd.DataFrame(columns=COLUMNS)
-    return read_csv(
-        path,
-        optional_numbers=["time_s", "value", "limit"],
-        texts=["session", "level", "test", "channel", "found", "remedy"],
-        optional_texts=["press", "unit"],
-    )[COLUMNS].reset_index(drop=True)
+    """Return the table that `write_findings` wrote, columns as in COLUMNS."""
+    remedy = f"make the readings again (snakemake -R {path})"
+    return read_product_table(path, remedy, dtype={"press": str, "session": str}).fillna(
+        {"press": "", "unit": ""}
+    )
 
 
 def _line(group: list[Finding]) -> str:
