@@ -24,7 +24,8 @@ from gelforge.recording.flow import Flow, ImageError, read_grey
 from gelforge.recording.image_measures import Measurer, Measures, add_measures
 from gelforge.recording.images import image_path, reference_path
 from gelforge.recording.plausibility.findings import Findings, collect
-from gelforge.recording.plausibility.images import IMAGE_TESTS, flow_lost_of, series_of
+from gelforge.recording.plausibility.image_series import series_of
+from gelforge.recording.plausibility.images import IMAGE_TESTS, flow_lost_of
 from gelforge.recording.plausibility.session import refuse
 from gelforge.recording.readings import Recording, raw_digest, sample_rows
 

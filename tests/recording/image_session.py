@@ -34,10 +34,11 @@ def write_image_session(
     finish=None,
     extra="",
     px_per_mm=PX_PER_MM,
+    before=True,
 ):
     """Write a session and return its folder.
 
-    images: at each depth, beside one before touch. change(names, pictures): alters the list of pictures in the order taken.
+    images: at each depth; before: one before touch too. change(names, pictures): alters the pictures in the order taken.
     gain(k): brightness of the k-th picture. finish: what is done to every picture, the reference frame too.
     """
     folder, pattern = Path(folder), pattern or speckle()
@@ -46,11 +47,12 @@ def write_image_session(
     for order, (place, depth) in enumerate(presses or indentations()):
         shown = [("zero", -1.0, 0.0)] + [("dwell", depth, 1.0 + 0.1 * i) for i in range(images)]
         for i, (phase, at, seconds) in enumerate(shown):
-            name = f"p{order:02d}_{i}.png"
+            name = f"p{order:02d}_{i}.png" if at > 0 or before else ""
             field = field_of(place, max(at, 0.0), px_per_mm)
             light = gain(len(pictures)) if gain else 1.0
-            pictures.append(photograph(pattern, field, 1 + len(pictures), noise, light))
-            names.append(name)
+            if name:
+                pictures.append(photograph(pattern, field, 1 + len(pictures), noise, light))
+                names.append(name)
             force = (
                 1.0 - (depth if at > 0 else 0.0) + 0.003 * np.random.default_rng([order, i]).standard_normal()
             )

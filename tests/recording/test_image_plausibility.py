@@ -42,6 +42,7 @@ HONEST = {
     "speckle": {},
     "dots": {"pattern": dots()},
     "five images": {"images": 5},
+    "none before touch": {"before": False, "images": 2},
     "light drifts by a fifth": {"gain": lambda k: 1 - 0.2 * k / 18},
     "lamp switched between indentations": {"gain": lambda k: 1.0 if k < 8 else 0.6},
     "no noise": {"noise": 0.0},
@@ -169,6 +170,21 @@ def test_a_deep_indentation_whose_images_do_not_move_is_left_out(tmp_path):
     untouched = photograph(speckle(), seed=300)
     folder = write_image_session(tmp_path / "s", change=put(**{f"p{deep:02d}_1": lambda p: untouched}))
     assert found(folder) == [("excluded", "image_grows", f"p{deep:02d}")]
+
+
+def test_one_late_image_of_five_is_left_out(tmp_path):
+    def late_once(names, pictures):
+        return [
+            pictures[k - 1] if name == "p02_1.png" else p for k, (name, p) in enumerate(zip(names, pictures))
+        ]
+
+    folder = write_image_session(tmp_path / "s", images=5, presses=indentations()[:4], change=late_once)
+    assert ("excluded", "image_alike", "p02") in found(folder)
+
+
+def test_twelve_bits_saved_as_sixteen_are_refused(tmp_path):
+    folder = write_image_session(tmp_path / "s", finish=lambda p: p.astype(np.uint16) * 16)
+    refused(folder, "image of the reference frame spans 1[0-9] of 256 grey levels .* scale 10 and 12 bits")
 
 
 @pytest.mark.parametrize("suffix", ["png", "jpg"])

@@ -6,125 +6,31 @@ The tests see measures of images (`image_measures`), of a sample while a session
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from gelforge.config import Camera
-from gelforge.recording.flow import ImageError, read_grey
-from gelforge.recording.image_measures import measured, pixel_digest, sample
-from gelforge.recording.images import reference_path
 from gelforge.recording.plausibility.findings import Finding, mostly
+from gelforge.recording.plausibility.image_series import (
+    LEAST_LIGHT,
+    LEAST_TEXTURE,
+    ImageSeries,
+)
 from gelforge.recording.plausibility.image_steps import lag
 
-LEAST_TEXTURE = 0.1  # of the reference's textured pixels; black, white and badly blurred images show none
-LEAST_LIGHT = 0.1  # of the reference frame's mean grey level
 DARK, BRIGHT = 10.0, 245.0  # mean grey levels that are called black and white
 EXPOSURE_STEP = 0.15  # lamps warm by less from one image to the next, and pressing shades less
 LIGHT_IMAGES = 11  # in the running median of the light where an indentation has no image before touch
 BEFORE_SHARE = 0.5  # of the flow under load: images before touch that move more do not stand still
 ONE_BEFORE_SHARE = 0.3  # of the flow under load, of a single image
 SPREADS = 6.0  # robust standard deviations of the untouched images' flow, beyond which one is no accident
-LEAST_SPREAD_PX = 0.003  # the search itself repeats no better
-MOVES_PX = (
-    0.1  # a session whose images move by less, before touch and under load, is judged by its answer alone
-)
+MOVES_PX = 0.1  # a session whose images move by less is judged by its answer alone
 GROWS = 1.1  # depths whose ratio is less do not have to differ
 LEAST_GROWTH = 0.7  # of the flow at a shallower depth of the same place, below which the deeper has lost it
+ALIKE = 2.0  # ratio of flows of one indentation's images at one depth, beyond which one is of another row
+LEAST_LEVELS = 16  # between the reference frame's darkest and brightest thousandth
 MOST_LOST = 0.02  # of the textured pixels; see `image_measures`
 REPEAT_PX = 0.1  # expected motion below which two noiseless images may be equal
-# Where no flow was measured: a pressed surface moves sideways by more than a fiftieth of the depth, and no image shows more
-# than 100 mm.
-LEAST_MOTION = 0.02
-WIDEST_MM = 100.0
-
-
-@dataclass(frozen=True)
-class ImageSeries:
-    """Images of one session in the order taken, with their measures."""
-
-    table: pd.DataFrame  # readings with measures and `run`; index: line of indentations.csv
-    reference: str  # digest of the reference frame's pixels
-    least_px_per_mm: float  # by which a surface moves in the image per mm of depth, at least
-    error: str = ""  # why the images cannot be measured
-
-    @cached_property
-    def blank(self) -> pd.Series:
-        """Return (N,) bool: the images that are black, white, or show hardly any of the reference frame's texture."""
-        return (self.table["texture"] < LEAST_TEXTURE) | (self.table["gain"] < LEAST_LIGHT)
-
-    @cached_property
-    def shown(self) -> pd.DataFrame:
-        """Return the images that are not blank."""
-        return self.table[~self.blank]
-
-    @cached_property
-    def depth(self) -> pd.Series:
-        """Return the depth [mm] of each of these, 0 before touch."""
-        return self.shown["depth_mm"].where(self.shown["phase"] != "zero", 0.0).fillna(0.0)
-
-    @cached_property
-    def before(self) -> pd.DataFrame:
-        """Return those before touch that are not the reference frame itself."""
-        shown = self.shown
-        return shown[(shown["phase"] == "zero") & (shown["pixels"] != self.reference)]
-
-    @cached_property
-    def deep(self) -> pd.DataFrame:
-        """Return those of the deeper half of depths."""
-        return self.shown[self.depth >= 0.5 * self.depth.max()] if len(self.shown) else self.shown
-
-    @cached_property
-    def floor_px(self) -> tuple[float, float]:
-        """Return the median flow of the images before touch and its robust standard deviation; 0 where there are none."""
-        flow = self.before["flow_px"]
-        if flow.empty:
-            return 0.0, LEAST_SPREAD_PX
-        spread = 1.4826 * (flow - flow.median()).abs().median()
-        return float(flow.median()), float(max(spread, LEAST_SPREAD_PX))
-
-    @cached_property
-    def answer_px(self) -> float:
-        """Return the median flow of the deeper images."""
-        return float(self.deep["flow_px"].median()) if len(self.deep) else 0.0
-
-    @cached_property
-    def px_per_mm(self) -> float:
-        """Return by how much the image moves per mm of depth, measured or at least."""
-        depth = self.depth[self.deep.index].median() if len(self.deep) else 0.0
-        return max(self.answer_px / depth if depth > 0 else 0.0, self.least_px_per_mm)
-
-    @property
-    def indentations(self) -> int:
-        return self.table["press"].nunique()
-
-
-def image_series(folder: Path, readings: pd.DataFrame, camera: Camera | None, crop_px) -> ImageSeries:
-    """Return a sample of a session's images, measured; an empty series for a session without images."""
-    rows = sample(readings)
-    try:
-        reference = None if rows.empty else read_grey(reference_path(folder), crop_px)
-        table = measured(folder, crop_px, rows)
-    except ImageError as error:
-        return ImageSeries(measured(folder, crop_px, rows[:0]), "", 0.0, str(error))
-    return series_of(table, reference, camera)
-
-
-def series_of(table: pd.DataFrame, reference: np.ndarray | None, camera: Camera | None) -> ImageSeries:
-    """Return measured images as a series; reference: the frame (H, W), None where there are no images."""
-    if reference is None:
-        return ImageSeries(table, "", 0.0)
-    scale = reference.shape[1] / WIDEST_MM
-    if camera is not None:
-        scale = (
-            1 / camera.mm_per_px
-            if camera.mm_per_px
-            else camera.focal_px / max(abs(camera.position_mm[2]), 1.0)
-        )
-    return ImageSeries(table, pixel_digest(reference), LEAST_MOTION * scale)
 
 
 def image_readable(series: ImageSeries) -> list[Finding]:
@@ -136,7 +42,14 @@ def image_readable(series: ImageSeries) -> list[Finding]:
 
 
 def image_content(series: ImageSeries) -> list[Finding]:
-    """Return the images that are black, white or without texture."""
+    """Return the images that are black, white or without texture; a reference frame of few grey levels is an error."""
+    if series.levels < LEAST_LEVELS:
+        text = f"of the reference frame spans {series.levels:.0f} of 256 grey levels"
+        remedy = (
+            "record with more light, or scale 10 and 12 bits to the whole range before they are saved as 16"
+        )
+        limit = float(LEAST_LEVELS)
+        return [Finding("image_content", "error", "image", text, remedy, value=series.levels, limit=limit)]
     table = series.table[series.blank]
     found = [
         _one(
@@ -273,6 +186,29 @@ def image_before_touch(series: ImageSeries) -> list[Finding]:
     return mostly(found, len(series.before))
 
 
+def image_alike(series: ImageSeries) -> list[Finding]:
+    """Return single images whose flow is not that of the other images of their indentation at the same depth."""
+    _, spread = series.floor_px
+    held = series.shown.assign(depth_mm=series.depth)[series.depth > 0]
+    depth = held["depth_mm"].round(2)
+    usual = held.groupby([held["press"], depth])["flow_px"].transform("median")
+    few, many = usual / ALIKE - SPREADS * spread, usual * ALIKE + SPREADS * spread
+    found = [
+        _one(
+            series,
+            row,
+            "image_alike",
+            f"{row.image} moves by {row.flow_px:.2g} px, the median of this indentation's by {usual[row.Index]:.2g} px",
+            "the camera was behind, or the image belongs to another row: record the indentation anew",
+            row.flow_px,
+            few[row.Index] if row.flow_px < few[row.Index] else many[row.Index],
+            "px",
+        )
+        for row in held[(held["flow_px"] < few) | (held["flow_px"] > many)].itertuples()
+    ]
+    return mostly(found, len(held))
+
+
 def image_grows(series: ImageSeries) -> list[Finding]:
     """Return the indentations whose images move less than those at a smaller depth of the same place.
 
@@ -344,5 +280,6 @@ IMAGE_TESTS: dict[str, Callable[[ImageSeries], list[Finding]]] = {
     "image_repeats": image_repeats,
     "image_in_step": image_in_step,
     "image_before_touch": image_before_touch,
+    "image_alike": image_alike,
     "image_grows": image_grows,
 }

@@ -15,7 +15,8 @@ from gelforge.indentation.plan import PlannedCell
 from gelforge.recording.checks import RecordingError
 from gelforge.recording.plausibility import forces, positions, timing
 from gelforge.recording.plausibility.findings import Finding, Findings, collect
-from gelforge.recording.plausibility.images import IMAGE_TESTS, ImageSeries, image_series
+from gelforge.recording.plausibility.image_series import ImageSeries, image_series
+from gelforge.recording.plausibility.images import IMAGE_TESTS
 from gelforge.recording.plausibility.indentations import floor_N, indentation_table
 from gelforge.recording.plausibility.repeats import Run, repeats
 from gelforge.recording.plausibility.streams import ForceLog
