@@ -100,7 +100,10 @@ def read_triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
     if not path.is_file():
         raise ConfigError(f"{path}: no such file; name an STL, PLY or OBJ file that exists")
     try:
-        read = meshio.read(path)
+        with np.errstate(
+            over="ignore"
+        ):  # meshio takes the text of an ASCII STL for a number of triangles first
+            read = meshio.read(path)
     except (
         meshio.ReadError,
         ValueError,

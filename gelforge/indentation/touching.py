@@ -61,8 +61,12 @@ def check_over_sensor(study: Study, cells: dict[str, PlannedCell]) -> None:
         return
     if sensor.shape.kind == "surfaces":
         from gelforge.indentation.sensor_mesh import sensor_solids, tops_over  # loads the mesher's files
+        from gelforge.mechanics.closed_surface import SurfaceError
 
-        solids = sensor_solids(sensor)
+        try:
+            solids = sensor_solids(sensor)
+        except SurfaceError as error:
+            raise ConfigError(f"sensor: {error}") from None
     half = np.array([sensor.width_x_mm, sensor.width_y_mm]) / 2
     for cell in cells.values():
         place = np.array([cell.x_mm, cell.y_mm])

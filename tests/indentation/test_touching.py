@@ -7,6 +7,7 @@ import specimens
 from gelforge.cli import main
 from gelforge.config import ConfigError, study_from, write_yaml
 from gelforge.config.variants import merged
+from gelforge.indentation.cell_file import read_cell
 from gelforge.indentation.companion import simulate_label
 from gelforge.indentation.plan import PlannedCell, plan_cells
 
@@ -109,3 +110,15 @@ def test_press_without_contact_is_one_line(tmp_path, monkeypatch, capfd):
     assert main(["press", *at, "--study", "s.yaml"]) == 1
     error = capfd.readouterr().err
     assert error.startswith("gelforge: the press failed: no depth touches") and len(error.splitlines()) == 1
+
+
+def test_a_site_of_the_workflow_that_nothing_touches_is_written_as_failed(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    described = study(zero=-1.0)
+    write_yaml(tmp_path / "s.yaml", described)
+    for name in described.materials:
+        assert main(["fit-law", "--study", "s.yaml", "--material", name, "--out", name]) == 0
+    laws = ["--laws", *(f"{name}/law.json" for name in described.materials)]
+    assert main(["simulate", "--study", "s.yaml", "--cell", "x0_y0", *laws, "--out", "a.h5"]) == 0
+    assert "x0_y0: failed no depth touches" in capfd.readouterr().out
+    assert read_cell("a.h5").attributes["status"] == "failed"
