@@ -10,7 +10,7 @@ from gelforge.characterisation.characterise import characterise, given_law
 from gelforge.characterisation.stiffness import check_stiffness, stiffness_words
 from gelforge.cli import main
 from gelforge.config import ConfigError, Material, write_yaml
-from gelforge.indentation.plan import plan_cells
+from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.stability_ahead import check_stable_ahead
 from gelforge.mechanics.laws import Ogden, Yeoh
 
@@ -137,12 +137,9 @@ def test_yeoh_that_softens_is_accepted_as_far_as_it_is_stable(tmp_path, monkeypa
 
 
 def test_stability_ahead_is_that_of_the_deepest_site():
-    """The same laws at a small and a large depth of one plan."""
     laws = {"soft": Ogden((7.9652e-3,), (1.2769,)), "stiff": Yeoh(60e-3, 0.0, -30e-3)}
-    for depths, stable in (([0.3], True), ([0.3, 2.0], False)):
-        study = specimens.study(plan={"grid": {"spacing_mm": 3.0, "margin_mm": 5.0}, "depths_mm": depths})
-        if stable:
-            check_stable_ahead(study, laws, plan_cells(study))
-        else:
-            with pytest.raises(ConfigError, match="skin is unstable"):
-                check_stable_ahead(study, laws, plan_cells(study))
+    shallow, deep = (PlannedCell(name, 8.0, 8.0, (0.3, depth)) for name, depth in (("a", 0.4), ("b", 2.0)))
+    check_stable_ahead(specimens.study(), laws, {"a": shallow})
+    for cells in ({"a": shallow, "b": deep}, {"b": deep, "a": shallow}):
+        with pytest.raises(ConfigError, match="skin is unstable"):
+            check_stable_ahead(specimens.study(), laws, cells)

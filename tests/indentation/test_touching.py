@@ -89,6 +89,10 @@ def test_parts_are_told_apart_where_the_set_is_turned():
     tilted = balls(0.0) | {"orientation_deg": [0.0, 15.0, 0.0]}  # lowers one ball by 1.3 mm
     touched = list(label(study(tilted)).attributes["touched_parts"])
     assert sorted(touched) == [False, True]
+    about = balls(0.7) | {
+        "orientation_deg": [0.0, 0.0, 180.0]
+    }  # the second ball, 0.7 mm higher, is now on the left
+    assert list(label(study(about), depths=(0.4,)).attributes["touched_parts"]) == [True, False]
 
 
 def test_an_indenter_alone_must_touch():
