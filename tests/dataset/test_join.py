@@ -223,6 +223,21 @@ def test_missing_last_image(made):
         made.join()
 
 
+def test_what_tests_of_the_session_excluded_is_left_out_without_an_error(made):
+    """The image at depth that was excluded is no row, and an excluded force is NaN in `total_force_ft_N`."""
+    without(made, press="p002", image_index=DWELL)
+    with edited(made.features["day1"]) as file:
+        file.attrs["excluded_images"] = json.dumps({"p002": 1})
+        force = file["force_N"][()]
+        force[file["press"].asstr()[()] == "p002"] = np.nan
+        file["force_N"][...] = force
+    rows = rows_of(made.join(), "press", "session", "total_force_ft_N")
+    hit = (rows["press"] == "p002") & (rows["session"] == "day1")
+    assert hit.sum() == DWELL  # the zero image and two of three
+    assert np.isnan(rows["total_force_ft_N"][hit]).all()
+    assert np.isfinite(rows["total_force_ft_N"][~hit]).all()
+
+
 def test_missing_zero_image(made):
     without(made, press="p002", image_index=0)
     with pytest.raises(DatasetError, match=r"press p002 .*image_index \[0\] missing"):

@@ -80,7 +80,8 @@ def steps_before_touch(data: SessionData) -> list[Finding]:
         (readings["phase"] == "approach") & (readings["depth_mm"] < clear)
     )
     rows = readings[before].dropna(subset=FORCE)
-    spread = rows.groupby("press", sort=False)[FORCE].agg(lambda values: values.max() - values.min())
+    by_press = rows.groupby("press", sort=False)[FORCE]
+    spread = by_press.max() - by_press.min()
     largest = data.indentations["push_N"].reindex(spread.index)
     largest = largest.fillna(0.0).to_numpy()[:, None]
     limit = np.maximum(STEP_FLOORS * data.floor_N, STEP_SHARE * largest)
