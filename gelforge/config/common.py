@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
@@ -34,3 +35,11 @@ class Section(BaseModel):
     """A block of keys; what it does not name is refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def without_former(value: object, former: set[str], instead: str) -> object:
+    """Return a section's raw keys without former ones that decide nothing any more, with a warning that says so."""
+    if not isinstance(value, dict) or not (found := sorted(former & set(value))):
+        return value
+    warnings.warn(f"{', '.join(found)}: no longer read, leave out: {instead}", OldKey, stacklevel=2)
+    return {key: item for key, item in value.items() if key not in former}

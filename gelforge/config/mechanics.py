@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from gelforge.config.common import Name, Positive, Section
+from gelforge.config.common import Name, Positive, Section, without_former
 from gelforge.config.effects import Effects
 
 LARGEST_RATIO = 1000.0  # far_mm over near_mm, ten halvings of the base grid: the article's has 4
@@ -52,26 +52,46 @@ class Mesh(Section):
 
 
 class Contact(Section):
-    """Constants of the contact algorithm; results do not depend on them within the tolerance."""
+    """How fast the contact iteration closes gaps and stops slips, over shear modulus per element size.
 
-    normal_stiffness_N_per_mm3: Positive = Field(20.0, description="augmentation stiffness [N/mm^3]")
-    tangential_stiffness_N_per_mm3: Positive = Field(
-        3.0, description="elastic slip stiffness of friction [N/mm^3]"
-    )
+    No solution depends on these numbers.
+    """
+
+    normal_augmentation: Positive = Field(50.0, description="of gaps [-]")
+    tangential_augmentation: Positive = Field(1000.0, description="of slips [-]")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _former(cls, value):
+        former = {"normal_stiffness_N_per_mm3", "tangential_stiffness_N_per_mm3"}
+        return without_former(value, former, "contact is exact now, no stiffness is in its solution")
 
 
 class Solver(Section):
     """Stopping rules of the Newton iteration."""
 
-    force_tolerance: float = Field(1e-6, gt=0, le=1e-2, description="unbalanced force over contact force [-]")
-    gap_tolerance_mm: float = Field(
-        1e-4, gt=0, le=1e-2, description="largest penetration of a contact node [mm]"
+    force_tolerance: float = Field(
+        1e-6, gt=0, le=1e-2, description="unbalanced force, and error of friction, over contact force [-]"
+    )
+    gap_tolerance: float = Field(
+        1e-4, gt=0, le=1e-2, description="largest penetration of a contact node over its element size [-]"
+    )
+    longest_step: float = Field(
+        1.0,
+        gt=0,
+        le=10,
+        description="longest step of the indenter over the element size: friction depends on the path [-]",
     )
     max_iterations: int = Field(40, ge=2, le=500, description="Newton iterations of one depth step [-]")
     max_halvings: int = Field(
         4, ge=0, le=10, description="times a depth step may be halved before giving up [-]"
     )
     linear_solver: Literal["auto", "pardiso", "superlu"] = Field("auto", description="sparse direct solver")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _former(cls, value):
+        return without_former(value, {"gap_tolerance_mm"}, "use gap_tolerance, over the element size")
 
 
 class Mechanics(Section):

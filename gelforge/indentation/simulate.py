@@ -304,8 +304,10 @@ def _simulated(
         "iterations": [state.iterations for state in states],
         "factorisations": [state.factorisations for state in states],
         "residual": [state.residual for state in states],
-        "force_balance": [force_balance(state) for state in states],
-        "moment_balance": [moment_balance(mesh, state, shape.size, not small) for state in states],
+        "force_balance": [force_balance(state, press.contact.least_force) for state in states],
+        "moment_balance": [
+            moment_balance(mesh, state, shape.size, not small, press.contact.least_force) for state in states
+        ],
         "energy_mJ": [state.energy for state in states],
         "smallest_J": [state.smallest_J for state in states],
         "binning_moment_shift_Nmm": moment_shift(arrays, sensor),
@@ -365,10 +367,11 @@ def _settings(mechanics: Mechanics) -> Settings:
     contact = mechanics.effects.contact
     return Settings(
         friction=mechanics.friction,
-        normal_stiffness=mechanics.contact.normal_stiffness_N_per_mm3,
-        tangential_stiffness=mechanics.contact.tangential_stiffness_N_per_mm3,
+        normal_augmentation=mechanics.contact.normal_augmentation,
+        tangential_augmentation=mechanics.contact.tangential_augmentation,
         force_tolerance=mechanics.solver.force_tolerance,
-        gap_tolerance=mechanics.solver.gap_tolerance_mm,
+        gap_tolerance=mechanics.solver.gap_tolerance,
+        longest_step=mechanics.solver.longest_step,
         max_iterations=mechanics.solver.max_iterations,
         max_halvings=mechanics.solver.max_halvings,
         initial_normals=mechanics.contact_normals == "initial",

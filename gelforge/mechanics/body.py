@@ -90,6 +90,7 @@ class Body:
         self.bulk = shear * [
             bulk_to_shear[name] if per_region else bulk_to_shear for name in mesh.regions
         ]  # (R,)
+        self.element_shear = shear[mesh.region] * self.stiffness  # (E,) [MPa] at rest
         bulk_factor = (
             self.stiffness if bulk_stiffness is None else _stiffness(bulk_stiffness, len(mesh.elements))
         )

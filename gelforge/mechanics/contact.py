@@ -1,13 +1,16 @@
-"""Contact of surface nodes with a rigid indenter: active set with augmented Lagrangian, Coulomb friction by return map.
+"""Contact of surface nodes with a rigid indenter: semi-smooth Newton for pressure and for Coulomb friction.
 
 Normal: the contact pressure lam_n [MPa] of a node is an unknown of its own. One iteration linearises
 lam_n = max(0, lam_n - eps_n (g + n . du)), the semi-smooth Newton form of the complementarity conditions (Alart & Curnier
 1991, doi 10.1016/0045-7825(91)90022-X; Hueeber & Wohlmuth 2005, doi 10.1016/j.cma.2004.08.006), so the gap closes to zero
 and eps_n decides only how fast.
-Tangential: trial t = t_old - eps_t A slip, returned to mu lam_n A (Simo & Laursen 1992, doi 10.1016/0045-7949(92)90540-G).
-A node that has just touched has slipped over half of the step. Two tangents exist: far from the solution, where the
-consistent one cycles between stick and slip, a symmetric one half-way between secant and consistent with the limit of
-the last iterate; near it the consistent, unsymmetric one, in which the limit follows the contact pressure.
+Tangential: the friction force t [N] of a node is an unknown too, and solves t = Pi(t - w A s): s the slip [mm] in the tangent
+plane, Pi the projection onto the disc of radius mu lam_n A. A node whose trial t - w A s lies in the disc sticks: one
+iteration holds it with a stiff spring, which the new t carries on as a force, so that no slip is left. A node outside slips:
+its force has the disc's radius along the trial's direction e, and the derivative of Pi holds it across e until its slip
+points along e (Hueeber, Stadler & Wohlmuth 2008, doi 10.1137/060671061). Neither the weight w nor the spring is in the
+solution. Two tangents exist: a symmetric positive one, in which the limit of friction is that of the iterate, and near the
+solution the unsymmetric derivative, in which the limit follows the contact pressure.
 """
 
 from __future__ import annotations
@@ -16,35 +19,46 @@ import numba as nb
 import numpy as np
 
 OPEN, STICK, SLIP = 0, 1, 2
-SLIP_TANGENT = 0.5  # 0: secant, 1: consistent
+
+
+@nb.njit(cache=True)
+def friction_coefficient(pressure, mu, exponent, reference):
+    """Return mu (1 + p / p_0)^-n [-] at a pressure p [MPa]; without an exponent n it is mu."""
+    return mu if exponent == 0.0 else mu * (1.0 + max(pressure, 0.0) / reference) ** -exponent
 
 
 @nb.njit(cache=True)
 def contact_forces(
-    gap, normal, turn, slip, pressure, active, area, t_old, new_contact, eps_n, eps_t, mu,
-    f_mixed, f_condensed, f_consistent, friction, stiffness, stiffness_consistent, state,
+    gap, normal, turn, slip, pressure, active, area, given, eps_n, weight, hold, mu,
+    f_mixed, f_condensed, f_consistent, friction, wanted, direction, spring, stiffness, stiffness_consistent, state,
     exponent=0.0, reference=1.0,
 ):  # fmt: skip
     """Fill the forces of the indenter on the nodes and their tangents; return nothing.
 
     In: gap (S,) [mm] that is to be closed, normal (S, 3) from the indenter into the body, turn (S, 3, 3) = dn/dx [1/mm],
-    slip (S, 3) motion relative to the indenter since the last converged state [mm], pressure (S,) lam_n [MPa], active (S,)
-    bool, area (S,) [mm^2], t_old (S, 3) friction forces of the last converged state [N], new_contact (S,) bool: open at the
-    last converged state, eps_n (S,), eps_t [N/mm^3], mu [-], exponent n [-] and reference p_0 [MPa] of mu (1 + p/p_0)^-n.
-    Out: f_mixed (S, 3) [N] with the pressure given; f_condensed (S, 3) with lam_n - eps_n g; friction (S, 3) the tangential
-    part of both; stiffness (S, 3, 3) [N/mm], about -d f_condensed/dx, symmetric positive; f_consistent (S, 3) and
-    stiffness_consistent (S, 3, 3) = -d f_consistent/dx exactly, the limit of friction following lam_n - eps_n g; state (S,).
+    slip (S, 3) motion relative to the indenter that is to be none or to be dragged on [mm], pressure (S,) lam_n [MPa],
+    active (S,) bool, area (S,) [mm^2], given (S, 3) friction forces of the iterate [N], eps_n (S,), weight (S,) w and hold
+    (S,) of the spring that holds [N/mm^3], mu [-], exponent n [-] and reference p_0 [MPa] of mu (1 + p/p_0)^-n.
+    Out: f_mixed (S, 3) [N] with pressure and friction as given; f_condensed (S, 3) with lam_n - eps_n g and what the springs
+    hold; friction (S, 3) the given forces in the tangent plane, a part of f_mixed; wanted (S, 3) what they should be, equal
+    to them at the solution; direction (S, 3) e of slipping nodes, 0 of others; spring (S,) [N/mm] stiffness in the tangent
+    plane, across e where it slips; stiffness (S, 3, 3) [N/mm], about -d f_condensed/dx, symmetric positive; f_consistent
+    (S, 3) and stiffness_consistent (S, 3, 3) = -d f_consistent/dx, the limit of friction following lam_n - eps_n g; state
+    (S,).
     """
+    t = np.empty(3)
+    along = np.empty(3)  # the slip in the tangent plane
+    e = np.empty(3)
     T = np.empty(3)
-    turned = np.empty(3)
-    trial = np.empty(3)
-    M = np.empty((3, 3))  # d trial / dx
     for s in range(gap.shape[0]):
         state[s] = OPEN
         f_mixed[s] = 0.0
         f_condensed[s] = 0.0
         f_consistent[s] = 0.0
         friction[s] = 0.0
+        wanted[s] = 0.0
+        direction[s] = 0.0
+        spring[s] = 0.0
         stiffness[s] = 0.0
         stiffness_consistent[s] = 0.0
         if not active[s]:
@@ -67,50 +81,54 @@ def contact_forces(
         if mu <= 0.0 or N <= 0.0:
             continue
 
-        share = 0.5 if new_contact[s] else 1.0
-        along = 0.0
-        for i in range(3):
-            T[i] = t_old[s, i] - eps_t * A * share * slip[s, i]
-            along += T[i] * n[i]
+        limit = friction_coefficient(pressure[s], mu, exponent, reference) * N
+        p = max(N_next, 0.0) / A
+        mu_next = friction_coefficient(p, mu, exponent, reference)
+        t_n = given[s, 0] * n[0] + given[s, 1] * n[1] + given[s, 2] * n[2]
+        s_n = slip[s, 0] * n[0] + slip[s, 1] * n[1] + slip[s, 2] * n[2]
         size = 0.0
         for i in range(3):
-            trial[i] = T[i] - along * n[i]
-            turned[i] = H[i, 0] * T[0] + H[i, 1] * T[1] + H[i, 2] * T[2]
-            size += trial[i] * trial[i]
+            t[i] = given[s, i] - t_n * n[i]
+            along[i] = slip[s, i] - s_n * n[i]
+            e[i] = t[i] - weight[s] * A * along[i]  # the trial force
+            size += e[i] ** 2
         size = np.sqrt(size)
-        for i in range(3):
-            for j in range(3):
-                plane = (1.0 if i == j else 0.0) - n[i] * n[j]
-                M[i, j] = -eps_t * A * share * plane - n[i] * turned[j] - along * H[i, j]
-        mu_now = mu
-        mu_next = mu
-        slope = mu  # of the limit of friction with N_next
-        if exponent > 0.0:
-            p = max(N_next, 0.0) / A
-            mu_now = mu * (1.0 + pressure[s] / reference) ** -exponent
-            mu_next = mu * (1.0 + p / reference) ** -exponent
-            slope = mu_next * (1.0 - exponent * p / (reference + p))
-        slips = size > mu_now * N
+        slips = size > limit
         state[s] = SLIP if slips else STICK
-        factor = mu_now * N / size if slips else 1.0
-        factor_next = mu_next * max(N_next, 0.0) / size if slips else 1.0
+        k = hold[s] * A
         for i in range(3):
-            friction[s, i] = factor * trial[i]
-            f_mixed[s, i] += friction[s, i]
-            f_condensed[s, i] += friction[s, i]
-            f_consistent[s, i] += factor_next * trial[i]
+            friction[s, i] = t[i]
+            f_mixed[s, i] += t[i]
+            wanted[s, i] = e[i]
+        if slips:
+            share = limit / size
+            k = min(k, weight[s] * A * share / (1.0 - share))
+            along_e = 0.0
+            for i in range(3):
+                e[i] /= size
+                along_e += along[i] * e[i]
+            for i in range(3):
+                direction[s, i] = e[i]
+                wanted[s, i] = limit * e[i]
+                across = k * (along[i] - along_e * e[i])
+                f_condensed[s, i] += limit * e[i] - across
+                T[i] = mu_next * max(N_next, 0.0) * e[i] - across
+        else:
+            for i in range(3):
+                T[i] = t[i] - k * along[i]
+                f_condensed[s, i] += T[i]
+        spring[s] = k
+        # With N_next below zero the limit of friction is held at zero.
+        slope = mu_next * (1.0 - exponent * p / (reference + p)) if N_next > 0.0 else 0.0
+        for i in range(3):
+            f_consistent[s, i] += T[i]
             for j in range(3):
-                plane = (1.0 if i == j else 0.0) - n[i] * n[j]
+                plane = (1.0 if i == j else 0.0) - n[i] * n[j] - direction[s, i] * direction[s, j]
+                stiffness[s, i, j] += k * plane
+                turned = H[j, 0] * T[0] + H[j, 1] * T[1] + H[j, 2] * T[2]
+                stiffness_consistent[s, i, j] += k * plane + n[i] * turned
                 if slips:
-                    plane -= SLIP_TANGENT * trial[i] * trial[j] / size**2
-                stiffness[s, i, j] += share * factor * eps_t * A * plane
-                change = factor_next * M[i, j]
-                if slips:
-                    pull = (trial[0] * M[0, j] + trial[1] * M[1, j] + trial[2] * M[2, j]) / size**2
-                    change -= factor_next * trial[i] * pull
-                    if N_next > 0.0:  # else the limit of friction is held at zero
-                        change -= slope * eps * A * trial[i] / size * n[j]
-                stiffness_consistent[s, i, j] -= change
+                    stiffness_consistent[s, i, j] += slope * eps * A * e[i] * n[j]
 
 
 def film_given(pressure: np.ndarray, thickness: float, half_pressure: float) -> tuple[np.ndarray, np.ndarray]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,13 +11,15 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, gmres
 
 from gelforge.mechanics.body import NO_TANGENT, Body, Response
-from gelforge.mechanics.contact import OPEN, add_node_blocks, adhesive_traction, contact_forces, film_given
-from gelforge.mechanics.indenters import Indenter, rotation_of
+from gelforge.mechanics.contact import add_node_blocks
+from gelforge.mechanics.indenters import Indenter
 from gelforge.mechanics.kernels import symmetric_product
 from gelforge.mechanics.sparse import DirectSolver, NotPositiveDefinite, direct_solver, refined_solve
+from gelforge.mechanics.surface_contact import SAME_WAY, ContactForces, Iterate, SurfaceContact
 
 STEP_LENGTHS = (1.0, 0.5, 0.25, 0.125, 0.0625)
-# A factorisation is kept while the residual is this small and each correction with it halves the residual at least.
+# A factorisation is kept while no node changes between open, stick and slip, the residual is this small and each correction
+# with it halves the residual at least.
 CHORD_RESIDUAL = 2e-2
 CHORD_RATE = 0.5
 # Below this a symmetric iteration that wins less than CHORD_RATE only creeps to the limit of slipping nodes: the consistent
@@ -24,14 +27,16 @@ CHORD_RATE = 0.5
 # open, stick and slip in this many iterations.
 CREEP_RESIDUAL = 1e-4
 STEADY = 2
-LEAST_FORCE = (
-    1e-5  # N; a contact force below this is measured by it: after release there is none, only rounding
-)
-# A gap below this closes an open node; what lies between is the rounding of a flat face that stands on the surface.
-TOUCHES_MM = -1e-12
+# From this iteration on the weight that decides between stick and slip is halved in each: a step that cycles between them
+# comes to rest.
+PATIENT = 10
+# With friction the first step after the first touch is at most this share of the element size, and each further one at most
+# twice as long: of a node that touches within a step, only the step before says how it has moved until then.
+FIRST_STEP = 0.25
 # A step that is not to be halved any more may take this many times max_iterations: friction creeps, and gets there.
 PATIENCE = 3
-GMRES_TOLERANCE = 1e-2  # of a correction with the kept factorisation: the next residual is no smaller anyway
+ROUNDING = 1e-9  # of a number of steps
+GMRES_TOLERANCE = 1e-3  # of a correction with the kept factorisation
 
 
 class NotConverged(ArithmeticError):
@@ -40,14 +45,15 @@ class NotConverged(ArithmeticError):
 
 @dataclass(frozen=True)
 class Settings:
-    """Constants of the iteration; lengths mm, forces N."""
+    """Constants of the iteration, pure numbers, and of the contact's physics in mm, N and MPa."""
 
     friction: float = 0.45
-    normal_stiffness: float = 20.0  # N/mm^3
-    tangential_stiffness: float = 3.0  # N/mm^3
-    force_tolerance: float = 1e-6  # norm of unbalanced over norm of contact forces
-    gap_tolerance: float = 1e-4  # mm
+    normal_augmentation: float = 50.0  # of shear modulus over element size: how fast gaps close, not where to
+    tangential_augmentation: float = 1000.0  # the same for slip
+    force_tolerance: float = 1e-6  # norm of unbalanced forces, and of friction's error, over norm of contact forces
+    gap_tolerance: float = 3e-4  # penetration over element size
     volume_tolerance: float = 1e-6  # error of an element's volume ratio
+    longest_step: float = 1.0  # of the indenter over the element size, where friction makes the path matter
     max_iterations: int = 40
     max_halvings: int = 4
     initial_normals: bool = False
@@ -81,6 +87,10 @@ class State:
     residual: float = 0.0  # norm of unbalanced over norm of contact forces
     smallest_J: float = 1.0
     touched: np.ndarray | None = None  # (S,) bool, nodes that have been in contact; None: none has
+    travel: np.ndarray | None = None  # the indenter's last step, as centre; None: there was none
+    moved: np.ndarray | None = None  # (S, 3) of the surface nodes in that step [mm]
+    travel: np.ndarray | None = None  # the indenter's last step, as centre; None: there was none
+    moved: np.ndarray | None = None  # (S, 3) of the surface nodes in that step [mm]
     memory: Any = None  # of a body that remembers (mechanics.memory.Memory)
 
     @property
@@ -104,12 +114,13 @@ class Press:
         self, body: Body, indenter: Indenter, settings: Settings = Settings(), linear_solver: str = "auto"
     ):
         self.body, self.indenter, self.settings = body, indenter, settings
-        mesh = body.mesh
-        self.surface, self.area = mesh.surface.nodes, mesh.surface.area
+        self.contact = SurfaceContact(body, indenter, settings)
+        self.surface, self.area = self.contact.nodes, self.contact.area
         self.free = body.pattern.equation >= 0
         self.slots = body.pattern.node_slots(self.surface)
         self.solver: DirectSolver = direct_solver(body.pattern, linear_solver)
         self._values = np.empty(len(body.pattern.indices))
+        self._tangent_at: Iterate | None = None  # the iterate whose body tangent the values hold
 
     def start(self, x: float, y: float) -> State:
         """Return the undeformed state with the indenter touching the plane z = 0 at (x, y) [mm]."""
@@ -119,7 +130,7 @@ class Press:
         """Return the undeformed state with the indenter at a centre (3,) [mm]."""
         S = len(self.surface)
         u = np.zeros_like(self.body.mesh.X)
-        gap = self._gap(u, centre)[0]
+        gap = self.contact.gap(u, centre)[0]
         none = np.zeros((S, 3))
         return State(
             centre=centre,
@@ -137,7 +148,7 @@ class Press:
     def follow(
         self, start: State, centres: np.ndarray, watch: Watch | None = None, times: np.ndarray | None = None
     ) -> Iterator[State]:
-        """Yield the state at each centre (n, 3) [mm] in turn; a step that fails is halved.
+        """Yield the state at each centre (n, 3) [mm] in turn, by the steps of `parts`; a step that fails is halved.
 
         Centres (n, 6) hold a rotation vector [rad] too: the indenter turns about its centre. watch is called with the
         states before and after every step, halves included. times (n,) [s]: when it is there, for a body that remembers.
@@ -146,7 +157,16 @@ class Press:
         previous, state = None, replace(start, centre=_padded(start.centre, np.shape(centres)[-1]))
         for number, centre in enumerate(centres):
             iterations = factorisations = 0
-            pending = [(np.asarray(centre, dtype=float), 0, None if times is None else float(times[number]))]
+            centre, end = np.asarray(centre, dtype=float), None if times is None else float(times[number])
+            shares = self.parts(state, centre - state.centre)
+            pending = [
+                (
+                    state.centre + share * (centre - state.centre) if share < 1 else centre,
+                    0,
+                    None if end is None else state.memory.time + share * (end - state.memory.time),
+                )
+                for share in shares[::-1]
+            ]
             while pending:
                 target, halvings, time = pending[-1]
                 limit = self.iterations_allowed(halvings)
@@ -170,6 +190,28 @@ class Press:
             state = replace(state, iterations=iterations, factorisations=factorisations)
             yield state
 
+    def parts(self, state: State, move: np.ndarray) -> list[float]:
+        """Return the shares, increasing to 1, of a move (3,) or (6,) [mm, rad] of the indenter at which to stop on the way.
+
+        Without friction only the end matters. With it a step is no longer than longest_step element sizes, and the first
+        ones after the first touch grow from FIRST_STEP of one, each by two.
+        """
+        s, size = self.settings, self.contact.element_size
+        length = float(np.linalg.norm(move[:3]) + np.linalg.norm(move[3:]) * self.indenter.size)
+        if s.friction == 0 or length == 0:
+            return [1.0]
+        stops = [1.0]
+        if state.contact_pressure.max(initial=0.0) == 0:
+            lead = min(max(float(state.gap.min()), 0.0), length)
+            while (length * stops[0] - lead) > FIRST_STEP * size * (1 + ROUNDING):
+                stops.insert(0, (length * stops[0] + lead) / 2 / length)
+        found, last = [], 0.0
+        for stop in stops:
+            n = max(1, math.ceil(length * (stop - last) / (s.longest_step * size) - ROUNDING))
+            found += [last + (stop - last) * k / n for k in range(1, n)] + [stop]
+            last = stop
+        return found
+
     def iterations_allowed(self, halvings: int) -> int:
         """Return how many iterations a step may take that has been halved so often: the last one has more patience."""
         s = self.settings
@@ -190,87 +232,67 @@ class Press:
         guess: a state to begin the iteration at instead of the prediction. time [s]: the end of the step, for a body that
         remembers; without, the step takes no time. limit: iterations, max_iterations if not given.
         """
-        s = self.settings
+        s, contact = self.settings, self.contact
         limit = s.max_iterations if limit is None else limit
         if self.body.remembers:
             self.body.begin(state.memory, state.memory.time if time is None else time)
-        u, pressure, lam = (
-            self._predict(previous, state, centre)
-            if guess is None
-            else (guess.u.copy(), guess.pressure.copy(), guess.contact_pressure.copy())
-        )
-        gap, normal, turn = self._gap(u, centre)
-        active = (lam > 0) | ((lam == 0) & (gap < TOUCHES_MM))
-        lam = np.where(active, lam, 0.0)
+        move = contact.step(state, centre)
+        at = contact.begin(*(unknowns(guess) if guess else self._predict(previous, state, centre)), centre)
         factored_for, last_residual, changes, factorisations = None, np.inf, 0, 0
         last_contact, steady = None, 0
-        response, contact = self._evaluate(u, pressure, lam, active, gap, normal, turn, state, centre)
+        response, forces = self._evaluate(at, tangent=True), contact.forces(at, move)
         for iteration in range(limit + 1):
-            residual = self._residual(response, contact)
-            penetration = float(np.abs(self._closing(gap, lam)[0][active]).max(initial=0.0))
-            volume_error = self.body.pressure_error(response, pressure)
+            residual, slipped = self._residual(response, forces), contact.friction_error(forces)
+            penetration = contact.penetration(at)
+            volume_error = self.body.pressure_error(response, at.pressure)
             if not np.isfinite(residual):
                 raise NotConverged(f"no finite residual at centre {np.round(centre, 4)} mm")
             if (
                 iteration > 0
-                and residual < s.force_tolerance
+                and max(residual, slipped) < s.force_tolerance
                 and penetration < s.gap_tolerance
                 and volume_error < s.volume_tolerance
                 and changes == 0
                 and response.admissible
             ):
-                return self._converged(
-                    centre, u, pressure, lam, gap, response, contact, iteration, factorisations, residual
-                )
+                return self._converged(state, centre, at, response, forces, iteration, factorisations, residual)
             if iteration == limit:
                 break
             chord = (
                 factored_for is not None
-                and np.array_equal(active, factored_for)
+                and self._tangent_at is None  # else a newer one is at hand
+                and np.array_equal(forces.state, factored_for)
                 and residual < CHORD_RESIDUAL
                 and residual < CHORD_RATE * last_residual
             )
             if not chord:
-                self._factor(u, pressure, contact)
-                factored_for, factorisations = active, factorisations + 1
-            same = (
-                changes == 0 and residual <= last_residual and np.array_equal(contact["state"], last_contact)
-            )
-            steady, last_contact = (steady + 1 if same else 0), contact["state"]
+                self._factor(at, forces)
+                factored_for, factorisations = forces.state, factorisations + 1
+            same = changes == 0 and residual <= last_residual and np.array_equal(forces.state, last_contact)
+            steady, last_contact = (steady + 1 if same else 0), forces.state
             settled = residual < CREEP_RESIDUAL or (steady >= STEADY and residual < CHORD_RESIDUAL)
             creeps = settled and residual > CHORD_RATE * last_residual
             last_residual = residual
             exact = chord or creeps
-            du = self._correction(response, contact, consistent=exact)
+            du = self._correction(response, forces, consistent=exact)
             new_pressure = self.body.linearised_pressure(response, du)
-            new_lam = self._next_pressure(lam, active, gap, normal, du)
+            weight = 0.5 ** max(0, iteration - PATIENT)
+            far = residual > CHORD_RESIDUAL  # the next iterate will want a factorisation of its own
             for length in STEP_LENGTHS:
-                trial_u = u + length * du
-                trial_p = pressure + length * (new_pressure - pressure)
-                trial_lam = lam + length * (new_lam - lam)
-                trial_gap, normal_at, turn_at = self._gap(trial_u, centre)
-                trial_active = np.where(active, trial_lam > 0, trial_gap < TOUCHES_MM)
-                trial_lam = np.where(trial_active, trial_lam, 0.0)
-                response, contact = self._evaluate(
-                    trial_u, trial_p, trial_lam, trial_active, trial_gap, normal_at, turn_at, state, centre
-                )
+                trial = contact.corrected(at, forces, du, new_pressure, centre, length)
+                trial_response = self._evaluate(trial, tangent=far)
+                trial_forces = contact.forces(trial, move, weight)
                 # A consistent step across the limit of friction may overshoot, and cycle with the symmetric ones.
                 allowed = max(residual, CREEP_RESIDUAL) if exact else np.inf
-                if response.admissible and self._residual(response, contact) < allowed:
+                if trial_response.admissible and self._residual(trial_response, trial_forces) < allowed:
                     break  # else the iterate is shortened
-            changes = int((trial_active != active).sum())
-            u, pressure, lam, active, gap, normal = (
-                trial_u,
-                trial_p,
-                trial_lam,
-                trial_active,
-                trial_gap,
-                normal_at,
-            )
+            changes = int((trial.active != at.active).sum())
+            at, response, forces = trial, trial_response, trial_forces
         raise NotConverged(
             f"no equilibrium at centre {np.round(centre, 4)} mm after {limit} iterations: unbalanced force "
-            f"{residual:.1e} of the contact force (limit {s.force_tolerance:.0e}), penetration {penetration:.1e} mm "
-            f"(limit {s.gap_tolerance:.0e}), {changes} nodes still changing contact, smallest J {response.smallest_J:.3f}"
+            f"{residual:.1e} and friction {slipped:.1e} of the contact force (limit {s.force_tolerance:.0e}), penetration "
+            f"{penetration:.1e} of an element (limit {s.gap_tolerance:.0e}), {changes} nodes still changing contact, "
+            f"smallest J {response.smallest_J:.3f}"
             + (
                 f", a point at {response.largest_extension:.3g} of its law's limit of extension"
                 if response.largest_extension
@@ -278,113 +300,50 @@ class Press:
             )
         )
 
-    def _predict(self, previous: State | None, state: State, centre: np.ndarray):
-        """Return displacement, element and contact pressures extrapolated along a straight path of the indenter."""
+    def _predict(self, previous: State | None, state: State, centre: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return the unknowns extrapolated along a straight path of the indenter."""
         if previous is None or previous.contact_pressure.max() == 0:
-            return state.u.copy(), state.pressure.copy(), state.contact_pressure.copy()
+            return unknowns(state)
         move, last = centre - state.centre, state.centre - previous.centre
         # The path turns or rests: no slope to follow.
-        if move @ last <= 0.999 * np.linalg.norm(move) * np.linalg.norm(last):
-            return state.u.copy(), state.pressure.copy(), state.contact_pressure.copy()
+        if move @ last <= SAME_WAY * np.linalg.norm(move) * np.linalg.norm(last):
+            return unknowns(state)
         ratio = np.linalg.norm(move) / np.linalg.norm(last)
-        return tuple(
-            getattr(state, name) + ratio * (getattr(state, name) - getattr(previous, name))
-            for name in ("u", "pressure", "contact_pressure")
-        )
+        return tuple(now + ratio * (now - then) for now, then in zip(unknowns(state), unknowns(previous)))
 
-    def _gap(self, u: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        reference = self.body.mesh.X[self.surface]
-        moved = reference + u[self.surface]
-        if self.settings.initial_normals:
-            moved = np.concatenate([reference[:, :2], moved[:, 2:]], axis=1)
-            return self.indenter.vertical_gap(moved, centre)
-        return self.indenter.gap(moved, centre)
+    def _evaluate(self, at: Iterate, tangent: bool = False) -> Response:
+        if tangent:
+            self._tangent_at = at
+        return self.body.response(at.u, at.pressure, self._values if tangent else NO_TANGENT)
 
-    def _closing(self, gap: np.ndarray, lam: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the gap that contact has to close (S,) [mm], less what a film gives, and the augmentation (S,) [N/mm^3]."""
-        s = self.settings
-        given, slope = film_given(lam, s.film_thickness, s.film_pressure)
-        return gap + given, s.normal_stiffness / (1 + s.normal_stiffness * slope)
-
-    def _next_pressure(self, lam, active, gap, normal, du) -> np.ndarray:
-        """Return the contact pressures (S,) [MPa] after a correction du (N, 3), to first order."""
-        closing, stiffness = self._closing(gap, lam)
-        moved = np.einsum("si,si->s", normal, du[self.surface])
-        return np.where(active, lam - stiffness * (closing + moved), 0.0)
-
-    def _carried(self, old: State, centre: np.ndarray) -> np.ndarray:
-        """Return the motion (S, 3) or (3,) [mm] since the old state of the indenter's points at the surface nodes."""
-        shift = (centre - old.centre)[:3]
-        if len(centre) == 3 or np.array_equal(centre[3:], old.centre[3:]):
-            return shift
-        arm = (self.body.mesh.X + old.u)[self.surface] - old.centre[:3]
-        turned = rotation_of(centre[3:]) @ rotation_of(old.centre[3:]).T
-        return shift + arm @ (turned - np.eye(3)).T
-
-    def _evaluate(
-        self, u, pressure, lam, active, gap, normal, turn, old: State, centre
-    ) -> tuple[Response, dict]:
-        S = len(self.surface)
-        contact = {name: np.empty((S, 3)) for name in ("f_mixed", "f_condensed", "f_consistent", "friction")}
-        contact |= {name: np.empty((S, 3, 3)) for name in ("stiffness", "stiffness_consistent")}
-        contact["state"] = np.empty(S, np.int8)
-        slip = (u - old.u)[self.surface] - self._carried(old, centre)
-        closing, stiffness = self._closing(gap, lam)
-        contact_forces(
-            closing, normal, turn, slip, lam, active, self.area, old.friction_force, old.contact_state == OPEN,
-            stiffness, self.settings.tangential_stiffness, self.settings.friction,
-            contact["f_mixed"], contact["f_condensed"], contact["f_consistent"], contact["friction"],
-            contact["stiffness"], contact["stiffness_consistent"], contact["state"],
-            self.settings.friction_exponent, self.settings.friction_pressure,
-        )  # fmt: skip
-        touches = contact["state"] != OPEN
-        contact["touched"] = touches if old.touched is None else touches | old.touched
-        if max(self.settings.adhesion_work, self.settings.adhesion_approach) > 0:
-            self._adhere(contact, gap, normal, turn, active, old)
-        return self.body.response(u, pressure, NO_TANGENT), contact
-
-    def _adhere(self, contact: dict, gap, normal, turn, active, old: State) -> None:
-        """Add the cohesive pull to the contact's forces; its tangent is not positive and enters the consistent one only."""
-        s = self.settings
-        touched = np.zeros(len(gap), bool) if old.touched is None else old.touched
-        work = np.where(touched, s.adhesion_work, s.adhesion_approach)
-        traction, slope = adhesive_traction(gap, active, work, s.adhesion_range)
-        pull = -(self.area * traction)[:, None] * normal
-        for name in ("f_mixed", "f_condensed", "f_consistent"):
-            contact[name] += pull
-        contact["stiffness_consistent"] += (self.area * slope)[:, None, None] * (
-            normal[:, :, None] * normal[:, None, :]
-        ) + (self.area * traction)[:, None, None] * turn
-
-    def _residual(self, response: Response, contact: dict) -> float:
+    def _residual(self, response: Response, forces: ContactForces) -> float:
         """Return the norm of the unbalanced forces at the free nodes over that of the contact forces."""
         unbalanced = response.f_mixed.copy()
-        unbalanced[self.surface] -= contact["f_mixed"]
-        size = max(np.linalg.norm(contact["f_mixed"]), LEAST_FORCE)
-        return float(np.linalg.norm(unbalanced[self.free]) / size)
+        unbalanced[self.surface] -= forces.f_mixed
+        return float(np.linalg.norm(unbalanced[self.free])) / self.contact.size_of(forces)
 
-    def _factor(self, u: np.ndarray, pressure: np.ndarray, contact: dict) -> None:
-        response = self.body.response(u, pressure, self._values)
-        add_node_blocks(self.slots, contact["stiffness"], self._values)
-        self._factored_blocks = contact["stiffness"]
+    def _factor(self, at: Iterate, forces: ContactForces) -> None:
+        if self._tangent_at is not at:
+            self._evaluate(at, tangent=True)
+        self._tangent_at = None  # the contact's is added
+        add_node_blocks(self.slots, forces.stiffness, self._values)
+        self._factored_blocks = forces.stiffness
         try:
             self.solver.factor(self._values)
         except NotPositiveDefinite as error:
             raise NotConverged(
-                f"the tangent lost its positive definiteness at smallest J {response.smallest_J:.3f} ({error}); smaller "
-                "steps of depth or a smaller bulk_to_shear may keep it"
+                f"the tangent lost its positive definiteness ({error}); smaller steps of depth or a smaller bulk_to_shear "
+                "may keep it"
             ) from None
 
-    def _correction(self, response: Response, contact: dict, consistent: bool) -> np.ndarray:
+    def _correction(self, response: Response, forces: ContactForces, consistent: bool) -> np.ndarray:
         """Return du (N, 3) of the condensed system: with the symmetric factorisation at hand, or consistent through it."""
         force = response.f_condensed.copy()
-        force[self.surface] -= contact["f_consistent" if consistent else "f_condensed"]
+        force[self.surface] -= forces.f_consistent if consistent else forces.f_condensed
         rhs = -force[self.free]
         du = np.zeros_like(force)
         if consistent:
-            du[self.free] = self._consistent_solve(
-                rhs, contact["stiffness_consistent"] - self._factored_blocks
-            )
+            du[self.free] = self._consistent_solve(rhs, forces.stiffness_consistent - self._factored_blocks)
         else:
             du[self.free], _ = refined_solve(self.solver, self.body.pattern, self._values, rhs, 0.0, 1)
         return self.body.spread(du)
@@ -410,26 +369,42 @@ class Press:
         return solution
 
     def _converged(
-        self, centre, u, pressure, lam, gap, response, contact, iterations, factorisations, residual
+        self,
+        old: State,
+        centre: np.ndarray,
+        at: Iterate,
+        response: Response,
+        forces: ContactForces,
+        iterations: int,
+        factorisations: int,
+        residual: float,
     ) -> State:
+        centre = np.asarray(centre, dtype=float)
         return State(
-            centre=np.asarray(centre, dtype=float),
-            u=u,
-            pressure=pressure,
-            contact_pressure=lam,
-            gap=gap,
-            normal_force=contact["f_mixed"] - contact["friction"],
-            friction_force=contact["friction"],
-            contact_state=contact["state"],
+            centre=centre,
+            u=at.u,
+            pressure=at.pressure,
+            contact_pressure=at.contact_pressure,
+            gap=at.gap,
+            normal_force=forces.f_mixed - forces.friction,
+            friction_force=forces.friction,
+            contact_state=forces.state,
             fixed_force=response.f_mixed[self.body.mesh.fixed],
             energy=response.energy,
             iterations=iterations,
             factorisations=factorisations,
             residual=residual,
             smallest_J=response.smallest_J,
-            touched=contact["touched"],
-            memory=self.body.remember(u) if self.body.remembers else None,
+            touched=forces.touched,
+            travel=centre - _padded(old.centre, len(centre)),
+            moved=(at.u - old.u)[self.surface],
+            memory=self.body.remember(at.u) if self.body.remembers else None,
         )
+
+
+def unknowns(state: State) -> tuple[np.ndarray, ...]:
+    """Return displacement, element pressures, contact pressures and friction forces of a state."""
+    return state.u, state.pressure, state.contact_pressure, state.friction_force
 
 
 def _padded(centre: np.ndarray, length: int) -> np.ndarray:

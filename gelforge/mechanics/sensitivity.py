@@ -14,8 +14,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from gelforge.mechanics.body import Body
-from gelforge.mechanics.equilibrium import Press, Settings, State
+from gelforge.mechanics.equilibrium import Press, Settings, State, unknowns
 from gelforge.mechanics.indenters import Indenter
+from gelforge.mechanics.surface_contact import Iterate, SurfaceContact
 
 # The last correction over all of them: each is a third of the one before or less, so that less than this is left.
 DIFFERENCE_TOLERANCE = 3e-4
@@ -43,8 +44,10 @@ class Neighbour(Press):
                 "the neighbour's mesh has other elements than the base's; solve it by itself instead"
             )
         vars(self).update(vars(base))  # shares the linear solver and what it has factorised
-        self.base, self.body, self.area = base, body, body.mesh.surface.area
+        self.base, self.body = base, body
         self.indenter, self.settings = indenter, settings
+        self.contact = SurfaceContact(body, indenter, settings)
+        self.area = self.contact.area
         self.centres, self.tolerance = np.asarray(centres, dtype=float), tolerance
         self.undeformed = self.start_at(_as_long(start, self.centres[0]))
         self.seconds = 0.0  # wall seconds spent beside the base
@@ -54,31 +57,26 @@ class Neighbour(Press):
 
         To be called while the base's factorisation is that of `after`. Raises NotConverged.
         """
-        self._factored_blocks = self.base._factored_blocks
-        u = after.u + old.u - before.u
-        pressure = after.pressure + old.pressure - before.pressure
+        self._factored_blocks, contact = self.base._factored_blocks, self.contact
+        u, pressure, lam, friction = (
+            now + own - then for now, own, then in zip(unknowns(after), unknowns(old), unknowns(before))
+        )
         active = after.contact_pressure > 0
-        lam = after.contact_pressure + old.contact_pressure - before.contact_pressure
         lam = np.where(active, np.maximum(lam, 0.0), 0.0)
+        move = contact.step(old, centre)
+        at = Iterate(u, pressure, lam, friction, active, *contact.gap(u, centre))
         moved, last = 0.0, np.inf  # lengths of all corrections and of the last one
         for iteration in range(MAX_CORRECTIONS):
-            gap, normal, turn = self._gap(u, centre)
-            response, contact = self._evaluate(u, pressure, lam, active, gap, normal, turn, old, centre)
-            if last <= self.tolerance * max(moved, np.linalg.norm(u - after.u)):
-                residual = self._residual(response, contact)
-                return self._converged(
-                    centre, u, pressure, lam, gap, response, contact, iteration, 0, residual
-                )
-            du = self._correction(response, contact, consistent=True)
+            response, forces = self._evaluate(at), contact.forces(at, move)
+            if last <= self.tolerance * max(moved, np.linalg.norm(at.u - after.u)):
+                residual = self._residual(response, forces)
+                return self._converged(old, centre, at, response, forces, iteration, 0, residual)
+            du = self._correction(response, forces, consistent=True)
             last = np.linalg.norm(du)
             moved += last
             if not np.isfinite(last):
                 break
-            pressure = self.body.linearised_pressure(response, du)
-            lam = self._next_pressure(lam, active, gap, normal, du)
-            u = u + du
-            active = np.where(active, lam > 0, self._gap(u, centre)[0] < 0)
-            lam = np.where(active, lam, 0.0)
+            at = contact.corrected(at, forces, du, self.body.linearised_pressure(response, du), centre)
         # Too far for the base's factorisation: a step of its own. The base factorises anew at its next step anyway.
         state = self.step(None, old, centre)
         self.base._factored_blocks = self._factored_blocks

@@ -37,7 +37,11 @@ def follow_yielding(
     previous, state, lag, growth = None, replace(start, centre=at), 0.0, 0.0
     for number, target in enumerate(commanded):
         iterations = factorisations = 0
-        pending = [(target, 0, None if times is None else float(times[number]))]
+        begun, end = (None, None) if times is None else (state.memory.time, float(times[number]))
+        pending = [
+            (at + share * (target - at) if share < 1 else target, 0, None if end is None else begun + share * (end - begun))
+            for share in press.parts(state, target - at)[::-1]
+        ]
         while pending:
             aim, halvings, time = pending[-1]
             move = float((aim - at) @ along)
@@ -72,7 +76,7 @@ def _balanced(
     halvings: int,
 ) -> tuple[State, float, float]:
     """Return the state at which lag = c F . along, that lag [mm], and the stiffness of the body [N/mm] there."""
-    tolerance = SHARE_OF_GAP * press.settings.gap_tolerance
+    tolerance = SHARE_OF_GAP * press.settings.gap_tolerance * press.contact.element_size
     limit = press.iterations_allowed(halvings)
     guess, last, iterations, factorisations, stiffness = None, None, 0, 0, 0.0
     for _ in range(MAX_SOLVES):
