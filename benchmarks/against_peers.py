@@ -42,6 +42,7 @@ OURS, CALCULIX = 1000.0, 20.0  # K/mu
 FORCE = "Fz at 1 mm [N]"
 SOLVERS = ("scipy.sparse.linalg", "pypardiso")
 PENALTY = 100.0  # N/mm^3; ours needs none
+SLIP_STIFFNESS = 3.0  # N/mm^3, of elastic slip, which stays in the solution of CalculiX
 FRICTION = 0.45  # the paper's; FElupe's twin has none
 
 
@@ -93,7 +94,7 @@ def calculix_row(mesh: Mesh, bulk_to_shear: float, friction: float, limit_s: flo
     if shutil.which("ccx") is None:
         return None
     clock = Clock()
-    contact = calculix_model.Contact(PENALTY, friction, Settings().tangential_stiffness)
+    contact = calculix_model.Contact(PENALTY, friction, SLIP_STIFFNESS)
     forces = calculix_model.press(mesh, LAWS, bulk_to_shear, RADIUS, DEPTHS, contact, limit_s)
     last = -forces[-1] if len(forces) == len(DEPTHS) else np.nan
     name = f"CalculiX {calculix_model.ELEMENT}"

@@ -30,13 +30,12 @@ STAGES = {
     "mesh and checks of the path": [("simulate.py", "meshes_of", None), ("simulate.py", "_path", None)],
     "body: gradients, pattern": [("simulate.py", "_body", None)],
     "order of elimination (symbolic)": [("sparse.py", "direct_solver", None)],
-    "elements: forces with tangent": [("body.py", "response", "_factor")],
-    "elements: forces alone": [("body.py", "response", "_evaluate")],
+    "elements: forces, with and without tangent": [("body.py", "response", None)],
     "factorisation": [("sparse.py", "factor", None)],
     "back-substitution": [("sparse.py", "solve", None)],
     "distances and contact": [
-        ("equilibrium.py", "_gap", None),
-        ("contact.py", "contact_forces", None),
+        ("surface_contact.py", "forces", None),
+        ("surface_contact.py", "corrected", None),
         ("contact.py", "add_node_blocks", None),
     ],
     "arrays of the file": [

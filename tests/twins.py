@@ -105,32 +105,37 @@ def element(X, u, p, law, bulk, local=0.0):
     }
 
 
-def contact(gap, normal, slip, pressure, active, area, t_old, new_contact, eps_n, eps_t, mu):
+def contact(gap, normal, slip, pressure, active, area, given, eps_n, weight, hold, mu):
     """Return the forces of the indenter on the nodes; arguments as in gelforge.mechanics.contact.contact_forces.
 
-    Keys: f_mixed, f_condensed, f_consistent, friction (S, 3), state (S,), stiffness (S, 3, 3): the symmetric tangent.
+    Keys: f_mixed, f_condensed, f_consistent, friction, wanted, direction (S, 3), spring (S,), state (S,), stiffness (S, 3, 3):
+    the symmetric tangent.
     """
     N = area * np.where(active, pressure, 0.0)
     N_next = np.where(active, area * (pressure - eps_n * gap), 0.0)
     rubs = active & (N > 0) & (mu > 0)
     plane = np.eye(3) - np.einsum("si,sj->sij", normal, normal)
-    share = np.where(new_contact, 0.5, 1.0)
-    elastic = eps_t * area * share
-    trial = np.einsum("sij,sj->si", plane, t_old - elastic[:, None] * slip)
+    t = np.einsum("sij,sj->si", plane, given) * rubs[:, None]
+    s = np.einsum("sij,sj->si", plane, slip)
+    trial = (t - (weight * area)[:, None] * s) * rubs[:, None]
     size = np.linalg.norm(trial, axis=1)
     slips = rubs & (size > mu * N)
-    size = np.where(slips, size, 1.0)
-    factor = np.where(slips, mu * N / size, 1.0) * rubs
-    factor_next = np.where(slips, mu * np.maximum(N_next, 0) / size, 1.0) * rubs
-    friction = factor[:, None] * trial
-    along = np.einsum("si,sj->sij", trial, trial) / size[:, None, None] ** 2 * slips[:, None, None]
+    share = np.where(slips, mu * N / np.where(slips, size, 1.0), 0.0)
+    e = np.where(slips[:, None], trial / np.where(slips, size, 1.0)[:, None], 0.0)
+    k = np.where(slips, np.minimum(hold * area, weight * area * share / (1 - share)), hold * area) * rubs
+    across = s - e * (e * s).sum(axis=1, keepdims=True)
+    held = np.where(slips[:, None], (mu * N)[:, None] * e, t) - k[:, None] * across
+    held_next = np.where(slips[:, None], (mu * np.maximum(N_next, 0))[:, None] * e, t) - k[:, None] * across
     stiffness = (eps_n * area * active)[:, None, None] * np.einsum("si,sj->sij", normal, normal)
-    stiffness += (factor * elastic)[:, None, None] * (plane - 0.5 * along)
+    stiffness += k[:, None, None] * (plane - np.einsum("si,sj->sij", e, e))
     return {
-        "f_mixed": N[:, None] * normal + friction,
-        "f_condensed": N_next[:, None] * normal + friction,
-        "f_consistent": N_next[:, None] * normal + factor_next[:, None] * trial,
-        "friction": friction,
+        "f_mixed": N[:, None] * normal + t,
+        "f_condensed": N_next[:, None] * normal + held,
+        "f_consistent": N_next[:, None] * normal + held_next,
+        "friction": t,
+        "wanted": np.where(slips[:, None], (mu * N)[:, None] * e, trial),
+        "direction": e,
+        "spring": k,
         "stiffness": stiffness,
         "state": np.where(active, np.where(rubs & ~slips, 1, 2), 0),
     }

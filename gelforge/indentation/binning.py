@@ -10,7 +10,8 @@ from gelforge.mechanics.elements import TRIANGLE6_PARTS
 from gelforge.mechanics.meshes import Mesh
 
 PARTS = 24  # of a triangle's side: a node's share of a bin is then known to 1e-2 where the bin's edge cuts its faces
-ZERO_N = 1e-9  # smaller forces are stored as exact zeros: the sparse RMSE counts entries that are not zero
+# Components below this share of the largest are stored as exact zeros: the sparse RMSE counts entries that are not zero.
+DUST = 1e-8
 
 
 def bin_shares(mesh: Mesh, sensor: Sensor, rule: str) -> sp.csr_matrix:
@@ -172,5 +173,5 @@ def bin_centres(width_x: float, width_y: float, nx: int, ny: int) -> np.ndarray:
 
 
 def without_dust(forces: np.ndarray) -> np.ndarray:
-    """Return the forces with components below ZERO_N replaced by exact zeros."""
-    return np.where(np.abs(forces) < ZERO_N, 0.0, forces)
+    """Return the forces with components below DUST of the largest one replaced by exact zeros."""
+    return np.where(np.abs(forces) < DUST * np.abs(forces).max(initial=0.0), 0.0, forces)

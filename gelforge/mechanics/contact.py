@@ -4,8 +4,8 @@ Normal: the contact pressure lam_n [MPa] of a node is an unknown of its own. One
 lam_n = max(0, lam_n - eps_n (g + n . du)), the semi-smooth Newton form of the complementarity conditions (Alart & Curnier
 1991, doi 10.1016/0045-7825(91)90022-X; Hueeber & Wohlmuth 2005, doi 10.1016/j.cma.2004.08.006), so the gap closes to zero
 and eps_n decides only how fast.
-Tangential: the friction force t [N] of a node is an unknown too, and solves t = Pi(t - w A s): s the slip [mm] in the tangent
-plane, Pi the projection onto the disc of radius mu lam_n A. A node whose trial t - w A s lies in the disc sticks: one
+Tangential: the friction force t [N] of a node is an unknown too, and solves t = Pi(t - w A s): s the slip [mm] in the
+tangent plane, Pi the projection onto the disc of radius mu lam_n A. A node whose trial t - w A s lies in the disc sticks: one
 iteration holds it with a stiff spring, which the new t carries on as a force, so that no slip is left. A node outside slips:
 its force has the disc's radius along the trial's direction e, and the derivative of Pi holds it across e until its slip
 points along e (Hueeber, Stadler & Wohlmuth 2008, doi 10.1137/060671061). Neither the weight w nor the spring is in the
@@ -118,6 +118,8 @@ def contact_forces(
                 T[i] = t[i] - k * along[i]
                 f_condensed[s, i] += T[i]
         spring[s] = k
+        # As the normal turns, the plane's part of forces and slips along it changes.
+        left = -k * s_n if slips else t_n - k * s_n
         # With N_next below zero the limit of friction is held at zero.
         slope = mu_next * (1.0 - exponent * p / (reference + p)) if N_next > 0.0 else 0.0
         for i in range(3):
@@ -126,8 +128,10 @@ def contact_forces(
                 plane = (1.0 if i == j else 0.0) - n[i] * n[j] - direction[s, i] * direction[s, j]
                 stiffness[s, i, j] += k * plane
                 turned = H[j, 0] * T[0] + H[j, 1] * T[1] + H[j, 2] * T[2]
-                stiffness_consistent[s, i, j] += k * plane + n[i] * turned
+                stiffness_consistent[s, i, j] += k * plane + n[i] * turned + left * H[i, j]
                 if slips:
+                    across = H[j, 0] * e[0] + H[j, 1] * e[1] + H[j, 2] * e[2]
+                    stiffness_consistent[s, i, j] -= left * e[i] * across
                     stiffness_consistent[s, i, j] += slope * eps * A * e[i] * n[j]
 
 

@@ -50,7 +50,9 @@ class Settings:
     friction: float = 0.45
     normal_augmentation: float = 50.0  # of shear modulus over element size: how fast gaps close, not where to
     tangential_augmentation: float = 1000.0  # the same for slip
-    force_tolerance: float = 1e-6  # norm of unbalanced forces, and of friction's error, over norm of contact forces
+    force_tolerance: float = (
+        1e-6  # norm of unbalanced forces, and of friction's error, over norm of contact forces
+    )
     gap_tolerance: float = 3e-4  # penetration over element size
     volume_tolerance: float = 1e-6  # error of an element's volume ratio
     longest_step: float = 1.0  # of the indenter over the element size, where friction makes the path matter
@@ -255,7 +257,9 @@ class Press:
                 and changes == 0
                 and response.admissible
             ):
-                return self._converged(state, centre, at, response, forces, iteration, factorisations, residual)
+                return self._converged(
+                    state, centre, at, response, forces, iteration, factorisations, residual
+                )
             if iteration == limit:
                 break
             chord = (

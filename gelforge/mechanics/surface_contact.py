@@ -25,7 +25,7 @@ LEAST_FORCE = 1e-3
 # stands on the surface.
 TOUCHES = 3e-14
 # The weight of slip beside the friction force that decides between stick and slip, of shear modulus over element size. Above
-# the stiffness of a node it takes nodes from one slip to the opposite one, past the stick between them; it is in no solution.
+# the stiffness of a node it takes nodes from one slip to the opposite one, past the stick between them. It is in no solution.
 SLIP_WEIGHT = 1.0
 FINE = 0.1  # share of the surface's nodes whose elements are the smallest
 SAME_WAY = 0.999  # cosine between two steps of the indenter along which the body's motion is extrapolated
@@ -176,7 +176,9 @@ class SurfaceContact:
 
     def _closing(self, at: Iterate) -> tuple[np.ndarray, np.ndarray]:
         """Return the gap that contact has to close (S,) [mm], less what a film gives, and the augmentation (S,) [N/mm^3]."""
-        given, slope = film_given(at.contact_pressure, self.settings.film_thickness, self.settings.film_pressure)
+        given, slope = film_given(
+            at.contact_pressure, self.settings.film_thickness, self.settings.film_pressure
+        )
         return at.gap + given, self.eps_n / (1 + self.eps_n * slope)
 
     # ------------------------------------------------------------------------------------------------ next iterate
@@ -207,10 +209,14 @@ class SurfaceContact:
             turn=turn,
         )
 
-    def _next_friction(self, at: Iterate, forces: ContactForces, lam: np.ndarray, moved: np.ndarray) -> np.ndarray:
+    def _next_friction(
+        self, at: Iterate, forces: ContactForces, lam: np.ndarray, moved: np.ndarray
+    ) -> np.ndarray:
         """Return the friction forces (S, 3) [N] that the springs hold after the nodes have moved (S, 3) [mm]."""
         n, e = at.normal, forces.direction
-        across = moved - n * (n * moved).sum(axis=1, keepdims=True) - e * (e * moved).sum(axis=1, keepdims=True)
+        across = (
+            moved - n * (n * moved).sum(axis=1, keepdims=True) - e * (e * moved).sum(axis=1, keepdims=True)
+        )
         t = forces.held - forces.spring[:, None] * across
         size = np.linalg.norm(t, axis=1)
         slips = (forces.state == SLIP) & (size > 0)

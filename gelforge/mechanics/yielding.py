@@ -39,7 +39,11 @@ def follow_yielding(
         iterations = factorisations = 0
         begun, end = (None, None) if times is None else (state.memory.time, float(times[number]))
         pending = [
-            (at + share * (target - at) if share < 1 else target, 0, None if end is None else begun + share * (end - begun))
+            (
+                at + share * (target - at) if share < 1 else target,
+                0,
+                None if end is None else begun + share * (end - begun),
+            )
             for share in press.parts(state, target - at)[::-1]
         ]
         while pending:

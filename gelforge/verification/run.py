@@ -19,7 +19,7 @@ CHECKS: dict[str, Callable[[], list[Check]]] = {
         presses.bonded_layers,
         presses.balances,
         presses.energy_and_cycle,
-        presses.penalty_independence,
+        presses.augmentation_independence,
         presses.quarter_turn,
     )
 }

@@ -17,7 +17,7 @@ LAWS = specimens.STUDY_LAWS
 # Pressed off every line of symmetry, so that yaw, tilt and gradient change the total force at first order too.
 UNDER = Place(*specimens.CORNER, -2.5, 1.2)
 # Iterated on: a hundredth of an effect changes forces by 1e-4, and 5 % of that must be seen.
-TIGHT = {"solver": {"force_tolerance": 1e-10, "gap_tolerance_mm": 1e-9, "max_iterations": 80}}
+TIGHT = {"solver": {"force_tolerance": 1e-10, "gap_tolerance": 1e-9, "max_iterations": 80}}
 SESSION = {"age_days": 10.0, "temperature_C": 33.0}
 
 # The sign of the change of the pressing force -Fz; none: it may go either way.

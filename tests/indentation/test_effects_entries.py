@@ -23,7 +23,7 @@ from gelforge.mechanics.laws import Gent, MooneyRivlin, NeoHooke, Ogden, Yeoh
 
 LAWS = specimens.STUDY_LAWS
 BY_LAYER = {"gel": specimens.GEL, "skin": specimens.SKIN}
-TIGHT = {"solver": {"force_tolerance": 1e-9, "gap_tolerance_mm": 1e-9, "max_iterations": 80}}
+TIGHT = {"solver": {"force_tolerance": 1e-9, "gap_tolerance": 1e-9, "max_iterations": 80}}
 PLANNED = PlannedCell("place", *specimens.CORNER, (0.4,))
 
 

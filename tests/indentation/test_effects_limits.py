@@ -19,7 +19,7 @@ from gelforge.mechanics.laws import NeoHooke, Ogden
 
 LAWS = specimens.STUDY_LAWS
 BY_LAYER = {"gel": specimens.GEL, "skin": specimens.SKIN}
-TIGHT = {"solver": {"force_tolerance": 1e-9, "gap_tolerance_mm": 1e-9, "max_iterations": 80}}
+TIGHT = {"solver": {"force_tolerance": 1e-9, "gap_tolerance": 1e-9, "max_iterations": 80}}
 # Cells of 1 mm everywhere: a wall of 1 mm, a flange 1 mm high, or none of them, on the same lines.
 EVEN = TIGHT | {"mesh": {"near_mm": 1.0, "far_mm": 1.0}}
 MIDDLE, DEPTH = specimens.CENTRE, 0.4

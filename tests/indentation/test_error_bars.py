@@ -148,7 +148,7 @@ def test_moved_laws_carry_the_covariance_of_the_stress():
 
 def test_the_companion_is_the_coarser_solution_and_its_slopes_those_of_full_solutions():
     fine = {"near_mm": 0.6, "near_radius_mm": 2.5, "growth": 0.3, "far_mm": 1.2}
-    exact = {"force_tolerance": 1e-9, "gap_tolerance_mm": 1e-7}
+    exact = {"force_tolerance": 1e-9, "gap_tolerance": 1e-7}
     place = PlannedCell("x", 10.3, 9.2, (0.4, 0.8))
     study = specimens.study(mesh=fine, solver=exact)
     companion, reason, _ = solve_companion(

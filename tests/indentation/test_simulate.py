@@ -18,7 +18,7 @@ from gelforge.mechanics.laws import Ogden
 
 LAWS = specimens.STUDY_LAWS
 PLANNED = PlannedCell("x0_y0", *specimens.CORNER, (0.4, 0.8))
-TIGHT = {"solver": {"force_tolerance": 1e-10, "gap_tolerance_mm": 1e-10}}
+TIGHT = {"solver": {"force_tolerance": 1e-10, "gap_tolerance": 1e-10}}
 # What a cell of hexahedra holds that keeps its displacement and no error bars.
 HELD = (set(DATASETS) - OPTIONAL) | {"gel_node_mm", "gel_hex", "gel_displacement_mm"}
 
@@ -224,7 +224,7 @@ CHANGES = {
     "binning": {"binning": "node"},
     "mesh": {"mesh": {"near_mm": 0.9}},
     "tolerance": {"solver": {"force_tolerance": 1e-7}},
-    "contact": {"contact": {"normal_stiffness_N_per_mm3": 10.0}},
+    "contact": {"contact": {"normal_augmentation": 10.0}},
     "displacement": {"store_displacement": True},
 }
 BASE = inputs_digest(specimens.study(), LAWS, PLANNED)

@@ -19,7 +19,7 @@ from gelforge.indentation.simulate import simulate_cell
 SESSION = {"material": {"circumstances": {"age_days": 10.0, "temperature_C": 33.0}}}
 TIGHT = {
     "effects": SESSION,
-    "solver": {"force_tolerance": 1e-9, "gap_tolerance_mm": 1e-7, "max_iterations": 80},
+    "solver": {"force_tolerance": 1e-9, "gap_tolerance": 1e-7, "max_iterations": 80},
 }
 PLANNED = PlannedCell("place", 10.3, 9.2, (0.3, 0.6))
 RELEASED = press_path("place", 10.3, 9.2, [0.3, 0.6], None, unload=True)

@@ -31,7 +31,7 @@ def pressed(depths, law=SOFT, indenter=BALL, **settings):
 @pytest.mark.parametrize("friction", [0.0, 0.45])
 def test_the_surface_stays_behind_by_what_the_film_has_given(friction):
     _, states = pressed(
-        (0.2, 0.5), friction=friction, film_thickness=THICK, film_pressure=0.005, normal_stiffness=40.0
+        (0.2, 0.5), friction=friction, film_thickness=THICK, film_pressure=0.005, normal_augmentation=1000.0
     )
     for state in states:
         touches = state.contact_pressure > 0

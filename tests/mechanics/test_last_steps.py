@@ -6,7 +6,7 @@ import specimens
 
 from gelforge.mechanics.body import Body
 from gelforge.mechanics.contact import OPEN
-from gelforge.mechanics.equilibrium import LEAST_FORCE, PATIENCE, NotConverged, Press, Settings
+from gelforge.mechanics.equilibrium import PATIENCE, NotConverged, Press, Settings
 from gelforge.mechanics.indenters import Box
 from gelforge.mechanics.laws import NeoHooke
 from gelforge.mechanics.meshes import Block, Sizes, layered_block
@@ -31,9 +31,10 @@ def test_a_flat_face_that_stands_on_the_surface_within_rounding_does_not_touch_i
 
 
 def test_a_flat_punch_leaves_the_gel_where_it_touched_it():
-    pressed, deepest, _, gone = specimens.follow(flat_press(), (6.0, 6.0), [0.3, 0.6, 0.3, 0.0])
+    press = flat_press()
+    pressed, deepest, _, gone = specimens.follow(press, (6.0, 6.0), [0.3, 0.6, 0.3, 0.0])
     assert deepest.force[2] < pressed.force[2] < 0
-    assert np.abs(gone.force).max() < LEAST_FORCE
+    assert np.abs(gone.force).max() < press.contact.least_force
 
 
 def test_a_step_that_cannot_be_halved_any_more_has_patience():

@@ -28,7 +28,7 @@ LAWS = specimens.STUDY_LAWS
 PLACE, DEPTH = specimens.CORNER, 0.5  # off every line of symmetry
 SESSION = {"age_days": 10.0, "temperature_C": 33.0}
 # Iterated on, so that a hundredth of a width is seen; friction at which the surface slips: where it sticks nothing follows.
-TIGHT = {"solver": {"force_tolerance": 1e-10, "gap_tolerance_mm": 1e-9, "max_iterations": 80}}
+TIGHT = {"solver": {"force_tolerance": 1e-10, "gap_tolerance": 1e-9, "max_iterations": 80}}
 STICKS, SLIPS = 0.45, 0.1
 PRESSED = PlannedCell("place", *PLACE, (DEPTH,))
 

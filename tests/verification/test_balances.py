@@ -145,7 +145,7 @@ def test_a_cycle_with_friction_costs_work():
 def there_and_back(request):
     """Return a press, and the states before and after every step: down, aside by 0.4 mm, back and up until released.
 
-    At a friction of 0.05 most nodes slide, at 0.45 most stick and their springs turn over.
+    At a friction of 0.05 most nodes slide, at 0.45 most stick until the ball moves aside.
     """
     settings = Settings(request.param, force_tolerance=1e-8, gap_tolerance=1e-8)
     press, steps = specimens.press(CORNER, settings), []
@@ -165,22 +165,18 @@ def slip_of(press, before, after):
 
 
 def test_friction_dissipates_in_every_step_at_every_node(there_and_back):
-    """Its work -t . slip, less what the springs of elastic slip store, t^2 / (2 eps_t A), is never negative.
+    """Its work -t . slip is never negative: what sticks does not move along the ball, what slips is dragged against it.
 
-    The work itself may be: where the path turns, a node that sticks gives back what its spring held.
+    Nodes that touch in the step are left out: part of their motion is free.
     """
     press, steps = there_and_back
-    spring = press.settings.tangential_stiffness * press.area
-    lost, given_back = [], 0.0
+    lost = []
     for before, after in steps:
-        work = -(after.friction_force * slip_of(press, before, after)).sum(axis=1)
-        old, new = ((state.friction_force**2).sum(axis=1) for state in (before, after))
-        lost.append(work - (new - old) / (2 * spring))
-        given_back = min(given_back, work.min())
-    # Rounding: 1e-16 of forces of 0.1 N times paths of 1 mm.
-    assert np.min(lost) > -1e-15
-    assert np.sum(lost, axis=1).min() > 0  # something slides, or comes loose, in every step
-    assert given_back < 0
+        on = before.contact_state > 0
+        lost.append(-(after.friction_force * slip_of(press, before, after)).sum(axis=1)[on])
+    # The stopping rule: 1e-8 of forces of 0.3 N times paths of 0.1 mm.
+    assert min(work.min(initial=0) for work in lost) > -1e-9
+    assert sum(work.sum() for work in lost) > 1e-4
 
 
 def test_the_ball_s_work_is_the_energy_stored_and_the_work_of_friction(there_and_back):

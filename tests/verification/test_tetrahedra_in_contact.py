@@ -51,7 +51,7 @@ def test_a_layer_as_thick_as_the_contact_s_radius_is_pressed_as_the_integral_equ
     block = Block(5.0, 5.0, (("gel", 1.0),))
     even = layered_block(block, 2.5, 2.5, Sizes(near=2 * apart, far=2 * apart))
     mesh = specimens.tetrahedral(spread_out(even, np.array([2.5, 2.5, 0.0]), start=1.5, length=1.0))
-    settings = Settings(friction=0.0, gap_tolerance=1e-5 * known.depth)
+    settings = Settings(friction=0.0, gap_tolerance=1e-6)
     press = Press(Body(mesh, LAWS, bulk_to_shear), Sphere(radius), settings)
     (state,) = specimens.follow(press, (2.5, 2.5), [known.depth])
     assert -state.force[2] == pytest.approx(known.force, rel=0.01)
