@@ -108,8 +108,8 @@ def element(X, u, p, law, bulk, local=0.0):
 def contact(gap, normal, slip, pressure, active, area, given, eps_n, weight, hold, mu):
     """Return the forces of the indenter on the nodes; arguments as in gelforge.mechanics.contact.contact_forces.
 
-    Keys: f_mixed, f_condensed, f_consistent, friction, wanted, direction (S, 3), spring (S,), state (S,), stiffness (S, 3, 3):
-    the symmetric tangent.
+    Keys: f_mixed, f_condensed, f_consistent, friction, wanted, direction (S, 3), spring (S,), state (S,) and the symmetric
+    tangent stiffness (S, 3, 3).
     """
     N = area * np.where(active, pressure, 0.0)
     N_next = np.where(active, area * (pressure - eps_n * gap), 0.0)

@@ -6,11 +6,11 @@ lam_n = max(0, lam_n - eps_n (g + n . du)), the semi-smooth Newton form of the c
 and eps_n decides only how fast.
 Tangential: the friction force t [N] of a node is an unknown too, and solves t = Pi(t - w A s): s the slip [mm] in the
 tangent plane, Pi the projection onto the disc of radius mu lam_n A. A node whose trial t - w A s lies in the disc sticks:
-one iteration holds it with a stiff spring, which the new t carries on as a force, so that no slip is left. A node outside slips:
-its force has the disc's radius along the trial's direction e, and the derivative of Pi holds it across e until its slip
-points along e (Hueeber, Stadler & Wohlmuth 2008, doi 10.1137/060671061). Neither the weight w nor the spring is in the
-solution. Two tangents exist: a symmetric positive one, in which the limit of friction is that of the iterate, and near the
-solution the unsymmetric derivative, in which the limit follows the contact pressure.
+one iteration holds it with a stiff spring, which the new t carries on as a force, so that no slip is left. A node outside
+slips: its force has the disc's radius along the trial's direction e, and the derivative of Pi holds it across e until its
+slip points along e (Hueeber, Stadler & Wohlmuth 2008, doi 10.1137/060671061). Neither the weight w nor the spring
+is in the solution. Two tangents exist: a symmetric positive one, in which the limit of friction is that of the iterate, and
+near the solution the unsymmetric derivative, in which the limit follows the contact pressure.
 """
 
 from __future__ import annotations

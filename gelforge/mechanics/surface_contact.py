@@ -24,8 +24,9 @@ LEAST_FORCE = 1e-3
 # A gap below this share of the body's extent closes an open node; what lies between is the rounding of a flat face that
 # stands on the surface.
 TOUCHES = 3e-14
-# The weight of slip beside the friction force that decides between stick and slip, over shear modulus per element size. Above
-# the stiffness of a node it takes nodes from one slip to the opposite one, past the stick between. It is in no solution.
+# The weight of slip beside the friction force that decides between stick and slip, of shear modulus over element size.
+# Above the stiffness of a node it takes nodes from one slip to the opposite one, past the stick between them. It is in no
+# solution.
 SLIP_WEIGHT = 1.0
 FINE = 0.1  # share of the surface's nodes whose elements are the smallest
 SAME_WAY = 0.999  # cosine between two steps of the indenter along which the body's motion is extrapolated

@@ -1,7 +1,7 @@
 """Forces follow moduli and lengths in proportion: no constant of contact, step or tolerance has a unit.
 
-With K/mu and friction kept, moduli times c give forces times c at every node, and lengths times c forces times c^2. Powers of
-two scale without rounding; at other factors the iterations round differently, and end within their stopping rule.
+With K/mu and friction kept, moduli times c give forces times c at every node, and lengths times c forces times c^2.
+Powers of two scale without rounding; at other factors the iterations round differently, and end within their stopping rule.
 """
 
 from dataclasses import replace
