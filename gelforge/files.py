@@ -54,6 +54,7 @@ NOT_THE_FILE = {
     errno.EIO: "the device cannot be read; check disk and network, and run again",
     errno.ENOLCK: "the file system has no locks; set HDF5_USE_FILE_LOCKING=FALSE and run again",
     errno.ENOTCONN: "the network file system is away; mount it again and run again",
+    errno.ENOENT: "no such file or folder; name one that exists, or make the folder",
     errno.EISDIR: "it is a folder; name a file",
 }
 

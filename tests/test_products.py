@@ -201,6 +201,9 @@ def test_the_next_run_removes_what_a_killed_one_left(tmp_path):
     old = tmp_path / ".d.other_machine-1-2.tmp.csv"
     old.write_text("of the day before yesterday")
     os.utime(old, (0, 0))
+    folder = tmp_path / old.name.replace(".csv", "").replace(".d.", ".session.")
+    (folder / "images").mkdir(parents=True)
+    os.utime(folder, (0, 0))
     mine = tmp_path / ".notes.tmp"
     mine.write_text("somebody's own")
     write_table(tmp_path / "a.csv")

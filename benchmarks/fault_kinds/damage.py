@@ -200,3 +200,4 @@ KINDS: dict[str, tuple[Damage, ...]] = {
     "another file of the study": (exchanged,),
     "another study's file": (other_study_hdf5, other_study_text, other_study_model),
 }
+EXCHANGED = ("another file of the study", "another study's file")

@@ -39,7 +39,7 @@ def finished(folder: Path | None) -> Path:
 def copy_of(study: Path, target: Path) -> Path:
     """Return a copy of a finished run whose results are links: products are replaced, never written into."""
     shutil.rmtree(target, ignore_errors=True)
-    target.mkdir(parents=True)
+    (target / "out").mkdir(parents=True)
     for name in ("config", "data"):
         (target / name).symlink_to(study / name)
     shutil.copytree(study / "results", target / "results", copy_function=os.link)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import signal
+import sys
 import tempfile
 import time
 from collections.abc import Sequence
@@ -87,12 +88,15 @@ def run(asked: argparse.Namespace) -> int:
     rng, rows = np.random.default_rng(asked.seed), []
     with tempfile.TemporaryDirectory(dir=study, prefix="faults-") as scratch:
         whole = {one: undisturbed(one, study, Path(scratch) / "whole") for one in STAGES}
-        for number in range(asked.count):
-            one, kind = STAGES[number % len(STAGES)], kinds[number // len(STAGES) % len(kinds)]
-            found = disturbed(one, kind, study, Path(scratch) / "disturbed", *whole[one], rng)
-            rows.append((kind, found))
-            if asked.verbose or any(found[1:]):
-                print(one.name, kind, dict(zip(COLUMNS, found)))
+        try:
+            for number in range(asked.count):
+                one, kind = STAGES[number % len(STAGES)], kinds[number // len(STAGES) % len(kinds)]
+                found = disturbed(one, kind, study, Path(scratch) / "disturbed", *whole[one], rng)
+                rows.append((kind, found))
+                if asked.verbose or any(found[1:]):
+                    print(one.name, kind, dict(zip(COLUMNS, found)), file=sys.stderr)
+        except KeyboardInterrupt:
+            print(f"interrupted after {len(rows)} of {asked.count}", file=sys.stderr)
     print("| fault | " + " | ".join(["number", *COLUMNS]) + " |")
     print("|---|" + "---:|" * (len(COLUMNS) + 1))
     for kind in (*kinds, "all"):

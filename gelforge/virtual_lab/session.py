@@ -25,7 +25,7 @@ from gelforge.config import (
     load_session,
     write_yaml,
 )
-from gelforge.files import write_text
+from gelforge.files import remove_orphans, temporary_beside, write_text
 from gelforge.indentation.cell_file import read_cell
 from gelforge.indentation.plan import PlannedCell
 from gelforge.recording.images import reference_path
@@ -118,7 +118,8 @@ def make_session(
     by_cell: dict[str, list[Press]] = {}
     for press in presses:
         by_cell.setdefault(press.cell.name, []).append(press)
-    temporary = out_folder.with_name(f".{out_folder.name}.{os.getpid()}.tmp")
+    remove_orphans(out_folder.parent)
+    temporary = temporary_beside(out_folder)
     try:
         (temporary / "images").mkdir(parents=True)
         record = partial(_record_cell, bench, study, Path(truth_folder), temporary / "images")
