@@ -54,6 +54,7 @@ class Run:
         study |= {"study": "tiny", "data": self.data}
         study["plan"] = {"grid": {"spacing_mm": 4.0, "margin_mm": 14.0}, "depths_mm": [0.4, 0.8, 1.2]}
         study["plan"]["symmetry"] = "none"
+        del study["variants"]  # these positions have no centre
         (self.folder / "config/tiny.yaml").write_text(yaml.safe_dump(study))
 
     def start(self, *arguments: str) -> None:
@@ -71,6 +72,9 @@ class Run:
             self.process.kill()
             return None
 
+    def said(self) -> str:
+        return " ".join((self.folder / "run.log").read_text()[-600:].split())
+
     def solved(self) -> set[str]:
         """Return the cells that are solved, accepted by Snakemake or not yet."""
         return {path.name.split(".")[0] for path in (self.folder / CELLS).glob(".solved/x*.h5")}
@@ -81,9 +85,18 @@ class Run:
             time.sleep(0.2)
         return self.solved()
 
-    def taken_up(self) -> set[str]:
-        logs = (self.folder / "logs/tiny/cells").glob("*.log")
-        return {path.stem for path in logs if "not solved again: taken up" in path.read_text()}
+    def mark_solved(self) -> dict[str, Path]:
+        """Return second names of the files of solved cells, by cell; a cell that is solved again has another file."""
+        marked = {}
+        for path in (self.folder / CELLS).glob(".solved/x*.h5"):
+            cell = path.name.split(".")[0]
+            marked[cell] = self.folder / f"before-{cell}.h5"
+            os.link(path, marked[cell])
+        return marked
+
+    def solved_again(self, marked: dict[str, Path]) -> list[str]:
+        cells = {cell: self.folder / CELLS / f"{cell}.h5" for cell in marked}
+        return [cell for cell in marked if not (cells[cell].is_file() and cells[cell].samefile(marked[cell]))]
 
 
 # -------------------------------------------------------------------------------------------------- faults
@@ -133,14 +146,16 @@ def broken_off(folder: Path, how: list[str], fault: Callable[[Run], None]) -> tu
     run.start(*LAWS, "--cores", "1")
     run.ended()
     run.start("cells", *how)
-    before = run.wait_for_cells(2)
+    if not run.wait_for_cells(2):
+        return f"no cell was solved: {run.said()}", False
+    before = run.mark_solved()
     fault(run)
     status = run.ended()
     if status not in (0, None):  # the same command once more, as a user does
         run.start("cells", *how)
         status = run.ended()
     accepted = {path.stem for path in (folder / CELLS).glob("*.h5")}
-    lost = before - run.taken_up() if fault is not controller_away else set()
+    lost = run.solved_again(before)
     told = f"{len(before)} solved before, {len(lost)} of them solved again, {len(accepted)} of 4 cells at the end"
     right = bool(before) and not lost and status == 0 and len(accepted) == 4
     return ("hangs; " if status is None else "") + told + asked_over_used(run), right

@@ -8,6 +8,7 @@ are whole. What they have solved is taken up by the next run.
 """
 
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -30,8 +31,8 @@ def main() -> int:
         return 1
     cancel(here)
     end([process for process in psutil.process_iter() if is_job(process, here)])
-    if any((here / ".snakemake" / "locks").glob("*")):
-        return subprocess.run([sys.executable, "-m", "snakemake", "--unlock"]).returncode
+    # What `snakemake --unlock` does, which reads a study first: the demo's, though another one may have been run.
+    shutil.rmtree(here / ".snakemake" / "locks", ignore_errors=True)
     return 0
 
 
