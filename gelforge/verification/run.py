@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from gelforge.verification import elements, presses
+from gelforge.verification import elements, friction, presses
 from gelforge.verification.check import Check
 
 CHECKS: dict[str, Callable[[], list[Check]]] = {
@@ -21,6 +21,9 @@ CHECKS: dict[str, Callable[[], list[Check]]] = {
         presses.energy_and_cycle,
         presses.augmentation_independence,
         presses.quarter_turn,
+        friction.partial_slip,
+        friction.cone_edge,
+        friction.frictionless_slide,
     )
 }
 

@@ -37,6 +37,19 @@ def study(**changes):
     return study_from(merged(plain.model_dump(mode="json"), merged(circumstances, changes)))
 
 
+# On these elements all nodes stick at a friction of 0.45, where no law of friction matters, and open nodes are further away
+# than adhesion reaches.
+SEEN_WITH = {
+    "friction_law": {"friction": 0.03},
+    "adhesion": {"friction": 0.0, "effects": {"contact": {"adhesion": {"range_mm": 0.5}}}},
+}
+
+
+def study_for(name):
+    """Return the study in which an effect is seen."""
+    return study(mechanics=SEEN_WITH.get(name, {}))
+
+
 PRESSED = PlannedCell("place", *specimens.CORNER, (0.5,))
 PRESSED_AGAIN = PlannedCell(
     "place", *specimens.CORNER, (0.6, 0.5)
@@ -52,13 +65,13 @@ def way(name):
 
 def forces(name, amount):
     """Return the total forces (D, 3) [N] with an amount of an effect."""
-    return solved(CATALOGUE[name](study(), amount, UNDER).model_dump_json(), way(name))
+    return solved(CATALOGUE[name](study_for(name), amount, UNDER).model_dump_json(), way(name))
 
 
 def plain_forces(name):
     """Return the total forces (D, 3) [N] without effects along the same way."""
     if not CATALOGUE[name].history:
-        return solved(study().model_dump_json(), way(name))
+        return solved(study_for(name).model_dump_json(), way(name))
     nothing = {"relative_moduli": [0.0], "times_s": [3.0]}  # a plain body, every press a path of its own
     timed = with_keys(study(), history={"viscoelastic": {"skin": nothing}})
     return solved(timed.model_dump_json(), way(name))
