@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,10 +19,45 @@ def writing(path: str | Path, **options) -> Iterator[h5py.File]:
     The same content written in the same order gives the same bytes.
     """
     with atomic(path, sealed=True) as temporary:
-        with h5py.File(temporary, "w", userblock_size=USER_BLOCK, **options) as file:
-            yield file
-        with open(temporary, "r+b") as block:
-            block.write(b"gelforge " + UNSEALED + b"\n")
+        with _Patient(temporary, "w+b") as below:
+            try:
+                with h5py.File(below, "w", userblock_size=USER_BLOCK, **options) as file:
+                    yield file
+            finally:
+                if below.failure:
+                    raise below.failure
+            below.seek(0)
+            below.write(b"gelforge " + UNSEALED + b"\n")
+            if below.failure:
+                raise below.failure
+
+
+class _Patient(io.FileIO):
+    """A file that keeps the first failure to write for later: HDF5 cannot close a file on a full disk, and may crash."""
+
+    failure: OSError | None = None
+
+    def write(self, content) -> int:
+        left = memoryview(content).cast("B")
+        size = len(left)
+        try:
+            while left and not self.failure:
+                left = left[super().write(left) :]
+        except OSError as failure:
+            self.failure = failure
+        return size
+
+    def truncate(self, size=None) -> int:
+        try:
+            return super().truncate(size)
+        except OSError as failure:
+            self.failure = self.failure or failure
+            return size
+
+    def readinto(self, buffer) -> int:
+        read = super().readinto(buffer)
+        memoryview(buffer).cast("B")[read:] = bytes(len(buffer) - read)  # what could not be written
+        return len(buffer)
 
 
 def opened(

@@ -61,7 +61,7 @@ def simulate(
     if session:
         described = session_study(described, session_of(described, session))
         cells = described.results_folder / "sessions" / session / "cells"
-    read = {law.material: law for law in (study_law(described, path) for path in laws)}
+    read = study_laws(described, laws)
     by_material = {name: law.law for name, law in read.items()}
     if planned.source:
         source = mirrored[0] if mirrored else cells / f"{planned.source}.h5"
@@ -84,9 +84,7 @@ def simulate_session(study: Path, session: str, laws: list[Path], out: Path, fre
         raise ConfigError(
             f"{study}: nothing softens, so presses need not be followed in order; give mechanics.effects.history.mullins"
         )
-    known, doubts = laws_and_doubts(
-        {law.material: law for law in (study_law(described, path) for path in laws)}
-    )
+    known, doubts = laws_and_doubts(study_laws(described, laws))
     presses = session_presses(described, session)
     if fresh:
         discard_part(out)
@@ -248,7 +246,7 @@ def tables(study: Path) -> None:
 
     described = load_study(study)
     results, folder = described.results_folder, described.results_folder / "tables"
-    laws = [study_law(described, law_path(described, material)) for material in described.materials]
+    laws = own_laws(described)
     write_table(folder, "material", material_table(laws))
     if described.sessions:
         resolution = {name: session_of(described, name).force.resolution_N for name in described.sessions}
@@ -404,19 +402,39 @@ def laws_and_doubts(read: dict) -> tuple[dict, dict]:
 
 def read_laws(study: Study) -> dict:
     """Return the study's laws [MPa] by material."""
-    read = (study_law(study, law_path(study, material)) for material in study.materials)
-    return {law.material: law.law for law in read}
+    return {law.material: law.law for law in own_laws(study)}
 
 
-def study_law(study: Study, path: Path):
-    """Return a material's law after checking that it is one of this study's materials and was made for no other study."""
+def own_laws(study: Study) -> list:
+    """Return the study's laws with what is known of them, in the order of its materials."""
+    return [study_law(study, law_path(study, material), material) for material in study.materials]
+
+
+def study_laws(study: Study, paths: list[Path]) -> dict:
+    """Return by material the laws of files, with what is known of them; each layer's material must be among them."""
+    from gelforge.characterisation.law_file import LawFileError
+
+    read = {law.material: law for law in (study_law(study, path) for path in paths)}
+    missing = sorted({layer.material for layer in study.sensor.layers} - read.keys())
+    if missing:
+        raise LawFileError(
+            f"{', '.join(map(str, paths))}: no law of {missing} among those of {sorted(read)}; run the material stage again"
+        )
+    return read
+
+
+def study_law(study: Study, path: Path, material: str | None = None):
+    """Return a law after checking that it is that of a material (None: of any) of this study, made for no other study."""
     from gelforge.characterisation.law_file import LawFileError, read_law
 
     law = read_law(path)
-    if law.material not in study.materials or law.study not in ("", study.study):
+    if law.material not in ([material] if material else study.materials) or law.study not in (
+        "",
+        study.study,
+    ):
         raise LawFileError(
-            f"{path}: the law of {law.material!r} of study {law.study!r}, expected one of {sorted(study.materials)} of study"
-            f" {study.study!r}; run the material stage again (snakemake -R {path})"
+            f"{path}: the law of {law.material!r} of study {law.study!r}, expected {material or sorted(study.materials)}"
+            f" of study {study.study!r}; run the material stage again (snakemake -R {path})"
         )
     return law
 
