@@ -153,3 +153,20 @@ def test_a_grid_of_too_many_cells_is_refused_at_once(tmp_path):
         content["plan"] = {"grid": {"spacing_mm": spacing, "margin_mm": 2}, "depths_mm": [0.3]}
         with pytest.raises(ConfigError, match="at most 200000 are planned"):
             plan_cells(study_from(content))
+
+
+@pytest.mark.parametrize(("key", "size"), [("near_mm", 1e-3), ("far_mm", 1e4)])
+def test_a_mesh_beyond_any_memory_is_refused_before_it_is_made(key, size):
+    content = load_study("config/test.yaml").model_dump(mode="json")
+    content["mechanics"]["mesh"][key] = size
+    with pytest.raises(ConfigError, match="elements in a body|more than 1000 times near_mm"):
+        plan_cells(study_from(content))
+    content["mechanics"]["mesh"] |= {"near_mm": 0.1, "far_mm": 3.0}
+    assert plan_cells(study_from(content))
+
+
+def test_numbers_of_no_size_are_refused(tmp_path):
+    for word in ("1e13", "1e-13", "-1e300"):
+        with pytest.raises(ConfigError, match=r"origin_mm.0: nothing is larger than 1e\+12, or smaller"):
+            session_file(tmp_path, f"session: a\nstage_to_sensor: {{origin_mm: [{word}, 0]}}\n")
+    assert session_file(tmp_path, "session: a\nstage_to_sensor: {origin_mm: [0, 1e-3]}\n")

@@ -23,6 +23,10 @@ CHOSEN = {
 }  # fmt: skip
 
 
+MAY_BE_ZERO = {"wall_mm"}  # a sensor without a wall
+DECIDES_NO_FORCE = {"length_mm"}  # of a cylinder's shaft above the sensor
+
+
 def leaves(content: Any, place: Place = ()) -> Iterator[Place]:
     """Yield the places of all values that hold no others."""
     parts = (
@@ -86,15 +90,14 @@ def truth(content, rng) -> Mutant | None:
     return Mutant(text, f"{_words(place)} is {word}")
 
 
-def _scaled(change: Callable[[float], float], name: str, free: bool = True):
+def _scaled(change: Callable[[float], float], name: str):
     def mutate(content, rng) -> Mutant | None:
         place = _place(content, rng, _is_number)
         if place is None:
             return None
         value = change(at(content, place))
-        return Mutant(
-            put(content, place, value), f"{_words(place)}: {name} ({value:g})", free and _chosen(place)
-        )
+        may = _chosen(place) or place[-1] in (MAY_BE_ZERO if value == 0 else DECIDES_NO_FORCE)
+        return Mutant(put(content, place, value), f"{_words(place)}: {name} ({value:g})", may)
 
     return mutate
 

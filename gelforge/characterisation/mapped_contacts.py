@@ -8,6 +8,8 @@ from gelforge.characterisation.common_form import ForcePair, IndentationTest
 from gelforge.characterisation.findings import few_rows
 from gelforge.characterisation.mapped_checks import unnoticed_unit
 from gelforge.characterisation.mapped_columns import values
+from gelforge.characterisation.microindentation import layer_factor
+from gelforge.characterisation.odd_rows import single_row
 from gelforge.characterisation.segments import first_reversal
 from gelforge.csv_table import TableError
 
@@ -15,6 +17,10 @@ LARGEST_TRAVEL = (
     50.0  # of the ball's radius: the way to the contact included; um read as mm are 1000 times more
 )
 
+YOUNGS_MODULUS_MPA = (
+    3e-4,
+    50.0,
+)  # of gels to hard rubber, a factor of three beyond, as the contact is coarse
 HALF_WAY = (
     0.62  # of the largest force at half the depth: 0.35 by Hertz, less on a thin layer, 0.5 of a flat punch
 )
@@ -40,6 +46,8 @@ def indentation_test(path, entry, table, sample, time, said, named) -> Indentati
             f" {LARGEST_TRAVEL:g} radii at most are a press: check the units of both"
         )
     _check_press(path, entry, position, force, segment)
+    if entry.corrections.odd_rows == "refuse":
+        _check_single_rows(path, table.index, position, force, segment)
     stiffness = push / travel * 1e3
     low, high = entry.plausible_stiffness_N_per_m
     if not low <= stiffness <= high:
@@ -75,6 +83,37 @@ def indentation_test(path, entry, table, sample, time, said, named) -> Indentati
         entry.layer_thickness_mm,
         entry.rigid_board,
     )
+
+
+def _check_single_rows(path, lines, position, force, segment) -> None:
+    names = [""] if segment is None else dict.fromkeys(segment)
+    for name in names:
+        own = np.arange(len(force)) if segment is None else np.flatnonzero(segment == name)
+        row = single_row(position[own], force[own])
+        if row is not None:
+            raise TableError(
+                f"{path}, row {lines[own[row]]}: a force of {force[own[row]]:.4g} N, far off the rows beside it; correct or"
+                " drop the row, or confirm it (`odd_rows: keep` beside the ball's radius, of a mapping in `corrections`)"
+            )
+
+
+def check_modulus(path, test: IndentationTest, thickness_mm: float | None) -> None:
+    """Refuse a press in the project's own format whose size of force no soft body has; its contact is taken coarsely.
+
+    Raises TableError.
+    """
+    z, push = test.position_mm, test.force_N - np.median(test.force_N[: max(len(test.force_N) // 10, 3)])
+    deepest = z.max() - z[push > 0.02 * push.max()].min()
+    shape = (
+        np.sqrt(test.ball_radius_mm) * deepest**1.5 * layer_factor(deepest, test.ball_radius_mm, thickness_mm)
+    )
+    E = push.max() / (16 / 9 * float(shape)) if shape > 0 else np.inf
+    low, high = YOUNGS_MODULUS_MPA
+    if not low <= E <= high:
+        raise TableError(
+            f"{path}: force and depth give a Young's modulus of some {E:.2g} MPa; {low:g} to {high:g} MPa is expected: check"
+            " the units of depth_mm, force_N and ball_radius_mm, or confirm it with `odd_rows: keep` beside the radius"
+        )
 
 
 def _check_press(path, entry, position, force, segment) -> None:

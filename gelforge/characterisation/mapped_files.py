@@ -25,10 +25,11 @@ from gelforge.characterisation.mapped_columns import (
     stretch_of,
     values,
 )
-from gelforge.characterisation.mapped_contacts import force_pair, indentation_test
+from gelforge.characterisation.mapped_contacts import check_modulus, force_pair, indentation_test
 from gelforge.characterisation.odd_rows import check_rows
 from gelforge.config.mapping import (
     Column,
+    Corrections,
     Mapping,
     Microindentation,
     Stress,
@@ -89,8 +90,12 @@ def read_microindentation(
         height=Column(column="depth_mm", unit="mm"),
         force=Column(column="force_N", unit="N"),
         ball_radius_mm=sidecar.ball_radius_mm,
+        corrections=Corrections(odd_rows=sidecar.odd_rows),
     )
-    return read_mapped(path, entry)[0], sidecar
+    test = read_mapped(path, entry)[0]
+    if like is None and sidecar.odd_rows == "refuse":  # the board is as stiff as it likes
+        check_modulus(path, test, sidecar.layer_thickness_mm)
+    return test, sidecar
 
 
 def _table(path: Path, entry: TestMapping) -> pd.DataFrame:

@@ -340,15 +340,24 @@ class Mapping(Section):
         raise ConfigError(f"{name}: no entry of the mapping fits this file; its patterns are {patterns}")
 
 
+LARGEST_BALL_MM = 200.0
+
+
 class Microindentation(Section):
     """The sidecar <name>.yaml of a microindentation <name>.csv (depth_mm, force_N)."""
 
-    ball_radius_mm: Positive = Field(description="radius of the ball [mm]")
+    ball_radius_mm: Positive = Field(
+        le=LARGEST_BALL_MM, description="radius of the ball; a larger one is given in another unit [mm]"
+    )
     layer_thickness_mm: Positive | None = Field(
         None, description="thickness on a rigid base; null: half space [mm]"
     )
     rigid_board: FileName | None = Field(
         None, description="CSV beside it of the same press on a rigid board: the machine's own give"
+    )
+    odd_rows: Literal["refuse", "keep"] = Field(
+        "refuse",
+        description="single rows far off their curve, and a modulus that no gel has: refuse, or keep as right",
     )
 
 

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from gelforge.indentation.plan import PlannedCell
 
 MOST_CELLS = 200_000  # of a grid: the article's has 1681; a spacing in metres has a million times as many
+MOST_ELEMENTS = 5e6  # a hundred times those of the article's mesh; their factors alone would need a terabyte
 UNITS = {"metres": 1e3, "inches": 25.4}  # mm of a unit that is taken for a millimetre
 
 
@@ -65,6 +66,24 @@ def check_unit(cells: Mapping[str, PlannedCell], study: Study) -> None:
             f"{where}the plan reaches x {largest[0]:.3g}, y {largest[1]:.3g}, depth {deepest:.3g} mm on a sensor of"
             f" {sizes[0]:g} x {sizes[1]:g} x {sizes[2]:g} mm; are these {unit}? {mends},"
             " `plan.mm_per_unit: 1` confirms millimetres"
+        )
+
+
+def check_mesh(study: Study) -> None:
+    """Refuse element sizes that would give a mesh beyond any memory: a length or a size in another unit."""
+    sensor, mesh = study.sensor, study.mechanics.mesh
+    rim = 2 * sensor.flange.width_mm if sensor.flange else 0.0
+    far, radius, height = max(mesh.far_mm, mesh.near_mm), mesh.near_radius_mm, sensor.height_mm
+    sides = (sensor.width_x_mm + rim, sensor.width_y_mm + rim, height)
+    coarse = float(np.prod([max(side / far, 1.0) for side in sides]))
+    area = min(np.pi * radius**2, sensor.width_x_mm * sensor.width_y_mm)
+    fine = area * min(height, radius) / mesh.near_mm**3
+    if coarse + fine > MOST_ELEMENTS:
+        key = "near_mm" if fine > coarse else "far_mm"
+        raise ConfigError(
+            f"mechanics.mesh: {key} {getattr(mesh, key):g} mm gives some {coarse + fine:.2g} elements in a body of"
+            f" {sides[0]:g} x {sides[1]:g} x {sides[2]:g} mm, at most {MOST_ELEMENTS:.0e} are meshed; make it larger, or"
+            " correct the sensor's lengths"
         )
 
 

@@ -16,6 +16,8 @@ DEPTH_MM = (0.02, 30.0)  # deepest press of a session: below it is metres, above
 FORCE_N = 100.0  # no soft gel bears more at these depths; above it is millinewtons
 # Resolutions, with the scatter of readings, by which a force has to grow where depth does, to be stuck if it does not
 STUCK_STEPS = 3.0
+# Between time_s and dwell_s: a dwell rounded to seconds stays within, milliseconds do not
+CLOCK_RATIO = 30.0
 
 
 class RecordingError(ValueError):
@@ -119,6 +121,36 @@ def _check_depths(path: Path, table: pd.DataFrame) -> None:
             f"{path}, row {line}: the deepest press has depth_mm {deepest:.6g}; {low} to {high} mm is "
             "expected, "
             f"is it in {unit}?"
+        )
+
+
+def check_repeated_rows(path: Path, table: pd.DataFrame) -> None:
+    """Raise RecordingError for a row that repeats the one before in everything, force and time included."""
+    known = table[["fx_N", "fy_N", "fz_N"]].notna().all(axis=1)
+    again = known & (table == table.shift()).where(table.notna() | table.shift().notna(), True).all(axis=1)
+    if again.any():
+        line = again.idxmax()
+        raise RecordingError(
+            f"{path}, row {line}: press {table.at[line, 'press']}: the row stands twice, time_s {table.at[line, 'time_s']:g}"
+            " and force included; remove one"
+        )
+
+
+def check_clock(path: Path, table: pd.DataFrame) -> None:
+    """Raise RecordingError where time_s runs much faster or slower than the times that dwell_s states."""
+    held = table[(table["phase"] == "dwell") & table["dwell_s"].notna()]
+    press = held["press"]
+    waited = held["dwell_s"] - held.groupby("press")["dwell_s"].transform("first")
+    passed = held["time_s"] - held.groupby("press")["time_s"].transform("first")
+    known = (waited > 0) & (passed > 0)
+    if known.sum() < 2 or press[known].nunique() < 2:
+        return
+    ratio = float(np.median(passed[known] / waited[known]))
+    if not 1 / CLOCK_RATIO <= ratio <= CLOCK_RATIO:
+        line = known.idxmax()
+        raise RecordingError(
+            f"{path}, row {line}: time_s passes {ratio:.3g} times as fast as dwell_s (median of the dwells); within a factor"
+            f" of {CLOCK_RATIO:g} is expected, are both in seconds? Correct one, or leave dwell_s empty"
         )
 
 

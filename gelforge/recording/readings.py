@@ -72,6 +72,8 @@ def read_recording(
     path = folder / "indentations.csv"
     table = _read_table(path, folder / "ft.csv")
     checks.check_rows(path, table)
+    checks.check_clock(path, table)
+    checks.check_repeated_rows(path, table)
     raw, log, gaps = _raw_force(table, folder, session)
     refuse(folder, Findings(session.session, tuple(gaps)))
     read = np.isfinite(raw).all(axis=1) if gaps else np.ones(len(raw), bool)

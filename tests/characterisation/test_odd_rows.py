@@ -8,6 +8,7 @@ from gelforge.characterisation.mapped_files import read_microindentation
 from gelforge.characterisation.material_tests import read_material_tests
 from gelforge.characterisation.odd_rows import check_copies, check_rows
 from gelforge.characterisation.small_tests import sheet_thickness, static_friction
+from gelforge.config import ConfigError
 from gelforge.csv_table import TableError
 
 G = 0.05  # MPa
@@ -111,3 +112,26 @@ def test_trials_and_sections_count_once(tmp_path):
         sheet_thickness(tmp_path / "thickness.csv")
     (tmp_path / "friction.csv").write_text("trial,tilt_deg\n1,24\n2,24\n3,24\n")
     assert static_friction(tmp_path / "friction.csv").count == 3
+
+
+def ball(folder, z, force, sidecar="ball_radius_mm: 2\n"):
+    folder.mkdir(exist_ok=True)
+    (folder / "p.csv").write_text(
+        "\n".join(["depth_mm,force_N", *(f"{a:.9g},{b:.9g}" for a, b in zip(z, force))])
+    )
+    (folder / "p.yaml").write_text(sidecar)
+    return read_microindentation(folder / "p.csv")[0]
+
+
+def test_a_press_with_a_row_or_a_unit_that_is_off_is_refused_and_confirmed(tmp_path):
+    z = np.linspace(0, 0.3, 100)
+    force = 0.15 * np.maximum(z - 0.05, 0) ** 1.5 + 2e-5 * np.random.default_rng(0).normal(size=100)
+    assert len(ball(tmp_path, z, force).force_N) == 100
+    spoilt = force * np.where(np.arange(100) == 80, 1e-3, 1)
+    with pytest.raises(TableError, match="row 82: a force of .* far off the rows beside it"):
+        ball(tmp_path, z, spoilt)
+    assert len(ball(tmp_path, z, spoilt, "ball_radius_mm: 2\nodd_rows: keep\n").force_N) == 100
+    with pytest.raises(TableError, match="Young's modulus of some .* MPa"):
+        ball(tmp_path, z / 1000, force)
+    with pytest.raises(ConfigError, match="ball_radius_mm, found 2000"):
+        ball(tmp_path, z, force, "ball_radius_mm: 2000\n")

@@ -350,3 +350,28 @@ def test_bad_images_are_named_without_decoding(tmp_path, name, monkeypatch):
     monkeypatch.setattr(cv2, "imread", None)
     with pytest.raises(RecordingError, match=message):
         read_recording(folder, CELLS, SENSOR)
+
+
+def test_a_row_that_stands_twice_is_refused_and_a_like_one_is_not(tmp_path):
+    lines = press_lines("a", 0, 10, 12, 0.5, False)
+    again = [HEADER, *lines[:4], lines[3], *lines[4:]]
+    with pytest.raises(
+        RecordingError, match=r"row 6: press a: the row stands twice, time_s 3 and force included"
+    ):
+        read_recording(write_session(tmp_path / "day", lines=again))
+    later = lines[3].replace(",3,dwell", ",3.5,dwell")  # the same force to the digit half a second later
+    other = press_lines("b", 1, 11, 12, 1.0, False)
+    read_recording(write_session(tmp_path / "night", lines=[HEADER, *lines[:4], later, *lines[4:], *other]))
+
+
+@pytest.mark.parametrize(("factor", "right"), [(1.0, True), (3.0, True), (1000.0, False), (1e-3, False)])
+def test_a_clock_that_the_dwells_contradict_is_refused(tmp_path, factor, right):
+    folder = write_session(tmp_path / "day")
+    table = pd.read_csv(folder / "indentations.csv")
+    table["time_s"] *= factor
+    table.to_csv(folder / "indentations.csv", index=False)
+    if right:
+        assert len(read_recording(folder).readings)
+    else:
+        with pytest.raises(RecordingError, match="as fast as dwell_s"):
+            read_recording(folder)
