@@ -187,7 +187,8 @@ def test_a_mirrored_cell_equals_a_solved_one(name):
 # -------------------------------------------------------------------------------------------- failing
 def test_a_cell_that_fails_says_so_and_keeps_what_converged(tmp_path):
     """0.1 mm converges in four iterations; 2.3 mm does not, and may not be halved."""
-    study = specimens.study(solver={"max_iterations": 3, "max_halvings": 0, "force_tolerance": 1e-4})
+    solver = {"max_iterations": 2, "max_halvings": 0, "longest_step": 10.0, "force_tolerance": 1e-4}
+    study = specimens.study(solver=solver)
     cell = simulate_cell(study, LAWS, PlannedCell("deep", *specimens.CORNER, (0.1, 2.3)))
     write_cell(tmp_path / "deep.h5", cell)
     back = read_cell(tmp_path / "deep.h5")
@@ -202,7 +203,8 @@ def test_a_cell_that_fails_says_so_and_keeps_what_converged(tmp_path):
 
 
 def test_a_cell_that_fails_at_once_is_empty_and_whole(tmp_path):
-    study = specimens.study(solver={"max_iterations": 2, "max_halvings": 0}, store_displacement=True)
+    solver = {"max_iterations": 2, "max_halvings": 0, "force_tolerance": 1e-12}
+    study = specimens.study(solver=solver, store_displacement=True)
     cell = simulate_cell(study, LAWS, replace(PLANNED, depths_mm=(1.0,)))
     write_cell(tmp_path / "cell.h5", cell)
     back = read_cell(tmp_path / "cell.h5")
