@@ -2,8 +2,8 @@
 
 python benchmarks/contact_constants.py [--x 12 --y 16]
 
-One site of the article's study, with error bars, at the default constants and with each augmentation times 4 and 16. Per depth:
-the largest change of a bin over its own sigma, and over the largest shear; and the CPU seconds of each run.
+One site of the article's study, with error bars, at the default constants and with each augmentation times 4 and 16. Per
+depth: the largest change of a bin over its own sigma, and over the largest shear; and the CPU seconds of each run.
 """
 
 from __future__ import annotations
