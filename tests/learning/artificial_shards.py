@@ -91,6 +91,7 @@ def write_shards(
                         "cell": np.full(count, name, object),
                         "press": rows["press"][own].astype(object),
                         "image_index": rows["image_index"][own],
+                        "flow_lost": np.zeros(count, np.float32),
                         "image": np.full(count, "none.png", object),
                         "session": np.full(count, "artificial", object),
                         "split": np.full(count, split[name], object),
