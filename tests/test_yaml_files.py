@@ -165,6 +165,17 @@ def test_a_mesh_beyond_any_memory_is_refused_before_it_is_made(key, size):
     assert plan_cells(study_from(content))
 
 
+def test_steps_that_nobody_solves_are_refused():
+    content = load_study("config/test.yaml").model_dump(mode="json")
+    for step, right in ((1e-9, False), (0.01, True)):
+        content["mechanics"]["effects"]["history"]["timing"]["step_mm"] = step
+        if right:
+            assert plan_cells(study_from(content))
+        else:
+            with pytest.raises(ConfigError, match="step_mm 1e-09 mm: .* at most 10000 are solved"):
+                plan_cells(study_from(content))
+
+
 def test_numbers_of_no_size_are_refused(tmp_path):
     for word in ("1e13", "1e-13", "-1e300"):
         with pytest.raises(ConfigError, match=r"origin_mm.0: nothing is larger than 1e\+12, or smaller"):

@@ -13,7 +13,7 @@ from gelforge.config import NAME, ConfigError, Sensor, Study, variant_study
 from gelforge.csv_table import read_columns
 from gelforge.indentation.effects.kinematics import touches_a_slope
 from gelforge.indentation.indenter_shapes import check_press, check_widest, real_indenter, shape_of
-from gelforge.indentation.plan_checks import check_count, check_mesh, check_places, check_unit
+from gelforge.indentation.plan_checks import check_count, check_mesh, check_places, check_steps, check_unit
 from gelforge.indentation.reach import check_reach, planned_reach
 from gelforge.indentation.sizes import check_indenter, check_sensor_size
 from gelforge.indentation.symmetry import D4, transform_points
@@ -254,6 +254,7 @@ def check_inside(cells: dict[str, PlannedCell], study: Study) -> None:
     sensor, effects = study.sensor, study.mechanics.effects
     check_sensor_size(sensor)
     check_mesh(study)
+    check_steps(cells, study)
     check_indenter(study)
     described = shape_of(study.indenter)
     real = real_indenter(described, effects)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 MOST_CELLS = 200_000  # of a grid: the article's has 1681; a spacing in metres has a million times as many
 MOST_ELEMENTS = 5e6  # a hundred times those of the article's mesh; their factors alone would need a terabyte
+MOST_STEPS = 1e4  # of one press; a hundred resolve any history
 UNITS = {"metres": 1e3, "inches": 25.4}  # mm of a unit that is taken for a millimetre
 
 
@@ -84,6 +85,17 @@ def check_mesh(study: Study) -> None:
             f"mechanics.mesh: {key} {getattr(mesh, key):g} mm gives some {coarse + fine:.2g} elements in a body of"
             f" {sides[0]:g} x {sides[1]:g} x {sides[2]:g} mm, at most {MOST_ELEMENTS:.0e} are meshed; make it larger, or"
             " correct the sensor's lengths"
+        )
+
+
+def check_steps(cells: Mapping[str, PlannedCell], study: Study) -> None:
+    """Refuse steps of a press with history that nobody could solve one after the other."""
+    step = study.mechanics.effects.history.timing.step_mm
+    deepest = max((cell.deepest_mm for cell in cells.values()), default=0.0)
+    if deepest > MOST_STEPS * step:
+        raise ConfigError(
+            f"mechanics.effects.history.timing.step_mm {step:g} mm: {deepest / step:.2g} steps to {deepest:g} mm, at most"
+            f" {MOST_STEPS:g} are solved; make it larger"
         )
 
 
