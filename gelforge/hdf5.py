@@ -60,6 +60,10 @@ class _Patient(io.FileIO):
         return len(buffer)
 
 
+# HDF5 calls these itself: an exception that has nothing to do with them, such as that of a signal, must not arise there
+CALLED_BY_HDF5 = {method.__code__ for method in (_Patient.write, _Patient.truncate, _Patient.readinto)}
+
+
 def opened(
     path: str | Path, expected: str | None, remedy: str, kind: type[ValueError] = FileError
 ) -> h5py.File:

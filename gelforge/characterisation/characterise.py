@@ -82,15 +82,10 @@ class Characterised:
 
 def characterise(name: str, material: Material, folder: Path, study: str = "") -> None:
     """Write the results of a study's material, its laws with the study's name; the same inputs give the same bytes."""
-    _characterise(name, material, folder)
-    for path in (folder / "law.json", *(folder / "laws").glob("*.json")):
-        write_law(path, replace(read_law(path), study=study))
-
-
-def _characterise(name: str, material: Material, folder: Path) -> None:
     if material.parameters is None:
         try:
-            characterise_source(source_of(name, material.tests, material.mapping), material, folder)
+            source = replace(source_of(name, material.tests, material.mapping), study=study)
+            characterise_source(source, material, folder)
         except FitError as error:
             raise FitError(f"{material.tests}: {error}") from None
         check_stiffness(read_law(folder / "law.json"), material.stiffness_confirmed)
@@ -104,7 +99,7 @@ def _characterise(name: str, material: Material, folder: Path) -> None:
     write_table(folder, "laws", pd.DataFrame(columns=["law", "chosen"]))
     _write_curves(folder, pd.DataFrame(columns=CURVE_COLUMNS))
     write_text(folder / "notes.txt", f"{name}: {NOTHING_MEASURED}\n")
-    write_law(folder / "law.json", law)
+    write_law(folder / "law.json", replace(law, study=study))
 
 
 def given_law(name: str, parameters: LawParameters) -> MaterialLaw:
@@ -276,7 +271,8 @@ def _write_laws(
         chosen = candidate is comparison.chosen
         path = folder / ("law.json" if chosen else f"laws/{candidate.name}.json")
         kept = (*notes, *comparison.misfit, *comparison.identifiability) if chosen else notes
-        write_law(path, material_law(source.name, candidate.fit, inputs, source.synthetic, kept))
+        law = material_law(source.name, candidate.fit, inputs, source.synthetic, kept)
+        write_law(path, replace(law, study=source.study))
         others += [] if chosen else [path]
     return others
 

@@ -34,6 +34,7 @@ class MaterialSource:
     files: tuple[Path, ...] = ()
     synthetic: bool = False
     small: SmallTests = field(default_factory=SmallTests)
+    study: str = ""  # for which its laws are fitted; empty: by hand
 
     def __add__(self, other: MaterialSource) -> MaterialSource:
         """Return what is known from both."""

@@ -29,7 +29,9 @@ def main(argv: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return 130
-    except Terminated:
+    except (Terminated, RuntimeError) as error:
+        if isinstance(error, RuntimeError) and not isinstance(error.__cause__, Terminated):
+            raise  # else Python has wrapped the signal, as while a class is made
         print("gelforge: terminated (SIGTERM); nothing half written is left, run again", file=sys.stderr)
         return 143
     except BrokenPipeError:  # the reader of a pipe (`gelforge ... | head`) has seen enough
@@ -59,19 +61,52 @@ def one_line(message, category, filename, lineno, line=None, usual=warnings.form
     return f"gelforge: {message}\n" if ours else usual(message, category, filename, lineno, line)
 
 
+LATER_S = 0.02  # until a signal that came at a bad moment comes again
+
+
 class Terminated(BaseException):
     """SIGTERM has come."""
 
 
 def stop_in_order() -> None:
-    """Let SIGTERM unwind the command, so that temporary files are removed; a second one ends it at once."""
+    """Let SIGTERM unwind the command, so that temporary files are removed; a second one ends it at once.
+
+    Where a library has called Python, an exception would not arrive: there the signal comes again a little later.
+    """
+    usual = sys.unraisablehook
 
     def stop(number, frame):
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        raise Terminated
+        if _in_a_library(frame):
+            again()
+        else:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+            raise Terminated
+
+    def again():
+        timer = threading.Timer(LATER_S, os.kill, (os.getpid(), signal.SIGTERM))
+        timer.daemon = True
+        timer.start()
+
+    def lost(error):
+        if error.exc_type is Terminated:
+            signal.signal(signal.SIGTERM, stop)
+            again()
+        else:
+            usual(error)
 
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, stop)
+        sys.unraisablehook = lost
+
+
+def _in_a_library(frame) -> bool:
+    """Return whether HDF5 has called the Python code that is running."""
+    hdf5 = sys.modules.get("gelforge.hdf5")
+    while hdf5 and frame:
+        if frame.f_code in hdf5.CALLED_BY_HDF5:
+            return True
+        frame = frame.f_back
+    return False
 
 
 def open_without_locks() -> None:

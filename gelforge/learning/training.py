@@ -145,7 +145,9 @@ def _validation_split(rows: ShardDataset, study: Study) -> tuple[np.ndarray, np.
 
 
 def shards_digest(shards: Sequence[str | Path]) -> str:
-    """Return the digest of the shards that a model is trained on."""
+    """Return the digest of the shards that a model is trained on, after checking that they are whole."""
+    for path in shards:
+        shard_attributes(path)
     return digest([file_sha256(path) for path in shards])
 
 

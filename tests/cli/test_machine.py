@@ -88,6 +88,39 @@ def test_sigterm_leaves_nothing_half_written(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+INSIDE_HDF5 = """
+import os, signal, sys
+import numpy as np
+import gelforge.cli.studies
+from gelforge import hdf5
+from gelforge.cli import main
+
+def kill_once(frame, event, argument):
+    if event == "call" and frame.f_code is hdf5._Patient.write.__code__:
+        sys.setprofile(None)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+def explain(path, row):
+    with hdf5.writing(path) as file:
+        sys.setprofile(kill_once)
+        for number in range(10**6):
+            file[f"values {number}"] = np.zeros(10000)
+
+gelforge.cli.studies.explain = explain
+sys.exit(main(["explain", sys.argv[1], "0"]))
+"""
+
+
+def test_sigterm_while_hdf5_writes_comes_again(tmp_path):
+    """HDF5 calls our file; an exception that arose there was at times printed and forgotten, and the command went on."""
+    command = [sys.executable, "-c", INSIDE_HDF5, str(tmp_path / "product.h5")]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 143
+    assert done.stderr.startswith("gelforge: terminated")
+    assert len(done.stderr.splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize(
     ("error", "words"),
     [
