@@ -58,12 +58,12 @@ def test_mapping_laws_and_choice_rerun_the_fit(checkout):
     [entry] = MAPPING["tests"]
     harder = {
         **entry,
-        "stress": {**entry["stress"], "unit": "MPa"},
-        "plausible_shear_modulus_kPa": [1e3, 1e5],
+        "stress": {**entry["stress"], "unit": "psi"},
+        "plausible_shear_modulus_kPa": [10, 1000],
     }
     mapping.write_text(yaml.safe_dump({**MAPPING, "tests": [harder]}))
     assert checkout.jobs(LAW, *OWN) == {"characterise": 1}
-    assert abs(made(checkout)["parameters"][0]["value"] / 20e3 - 1) < 1e-4
+    assert abs(made(checkout)["parameters"][0]["value"] / (20 * 6.894757) - 1) < 1e-4
 
 
 def test_a_picture_that_a_row_names_reruns_the_fit(checkout):
