@@ -16,10 +16,10 @@ def drawn(folder, tests=None, parameters=None):
 
 @pytest.fixture
 def fitted(tmp_path):
-    lam = np.linspace(1, 2, 40)
-    rows = "".join(f"{l:.6g},{20 * (l - l**-2):.6g}\n" for l in lam)
-    (tmp_path / "ua.csv").write_text("# synthetic\nstretch_1,nominal_stress_kPa\n" + rows)
-    (tmp_path / "samples.csv").write_text("file,test,sample\nua.csv,uniaxial,s1\nua.csv,uniaxial,s2\n")
+    for name, count in (("s1", 40), ("s2", 41)):  # equal curves would be refused as copies
+        rows = "".join(f"{l:.6g},{20 * (l - l**-2):.6g}\n" for l in np.linspace(1, 2, count))
+        (tmp_path / f"{name}.csv").write_text("# synthetic\nstretch_1,nominal_stress_kPa\n" + rows)
+    (tmp_path / "samples.csv").write_text("file,test,sample\ns1.csv,uniaxial,s1\ns2.csv,uniaxial,s2\n")
     return drawn(tmp_path, tests=tmp_path)
 
 
