@@ -1,10 +1,12 @@
 """Coverage of the error bars: do the true errors of bins and totals lie inside two standard deviations?
 
-The truth is a mesh of half the sizes (near and far), solved once per position and kept in results/error_bars. Positions are
-drawn over the paper's grid with a fixed seed; the first CALIBRATION of them are those on which the parts in
-gelforge/indentation/error_bars.py were found, and are left out of the table.
+The truth is a mesh of half the sizes (near and far). Positions are drawn over the paper's grid with a fixed seed; the first
+CALIBRATION of them are those on which the parts in gelforge/indentation/error_bars.py were found, and are left out of the
+tables. Beside the article's gel: gels whose shear moduli, friction or compressibility are far from it (GELS), at the first
+four of the positions that are judged. Solutions are kept in results/error_bars: remove it after a change of the solver.
 
-usage: python benchmarks/error_bars.py [--positions 25] [--all]     (one thread; two minutes per position, once)
+usage: python benchmarks/error_bars.py [--positions 25] [--gels article stiff compressible] [--calibration]
+       (one thread; some three minutes per position, once)
 """
 
 from __future__ import annotations
@@ -17,13 +19,29 @@ import pandas as pd
 from scipy.ndimage import binary_erosion
 
 from gelforge.cli.bench import laws_of, paper_study
+from gelforge.config import Study, study_from
+from gelforge.config.variants import merged
 from gelforge.indentation.companion import simulate_label
 from gelforge.indentation.plan import PlannedCell
 
 DEPTHS = tuple(0.25 * (k + 1) for k in range(8))
 CALIBRATION = 13
+OF_OTHER_GELS = 4  # positions on each gel but the article's
 KEPT = Path("results/error_bars")
 SEED = 2026
+STIFF_GEL = {
+    "mu_kPa": [565.2, 21.95],
+    "alpha": [1.2769, 3.5676],
+}  # 71 times the article's: a modulus of 0.4 MPa
+NU_049 = 2 * (1 + 0.49) / (3 * (1 - 2 * 0.49))  # K/mu
+GELS = {
+    "article": {},
+    "stiff": {  # 0.4 MPa, friction 0.8
+        "materials": {"ecoflex_gel": {"parameters": STIFF_GEL}},
+        "mechanics": {"friction": 0.8},
+    },
+    "compressible": {"mechanics": {"bulk_to_shear": NU_049}},  # Poisson's ratio 0.49
+}
 
 
 def positions(count: int) -> list[tuple[float, float]]:
@@ -34,40 +52,42 @@ def positions(count: int) -> list[tuple[float, float]]:
     ]
 
 
-def truth(number: int, x: float, y: float, study, laws) -> tuple[np.ndarray, np.ndarray]:
-    """Return total (D, 3) and bins (D, B, 3) [N] of the finer mesh, solved or as kept."""
-    path = KEPT / f"{number:02d}_{x:g}_{y:g}.npz"
+def solved(name: str, x: float, y: float, study: Study) -> dict[str, np.ndarray]:
+    """Return total (D, 3) and bin (D, B, 3) forces [N] of a press, and their mesh bars if any; solved or kept."""
+    path = KEPT / f"{name}_{x:g}_{y:g}.npz"
     if not path.is_file():
-        mesh = study.mechanics.mesh.coarser(1 / 2)
-        mechanics = study.mechanics.model_copy(update={"mesh": mesh, "error_bars": False})
-        fine = study.model_copy(update={"mechanics": mechanics})
-        cell = simulate_label(fine, laws, {}, PlannedCell("truth", x, y, DEPTHS))
+        cell = simulate_label(study, laws_of(study, []), {}, PlannedCell(name, x, y, DEPTHS))
+        if not cell.converged:
+            raise SystemExit(f"{name} at ({x:g}, {y:g}) mm: {cell.attributes['reason']}")
+        wanted = ("total_force_N", "bin_force_N", "total_sigma_mesh_N", "bin_sigma_mesh_N")
         KEPT.mkdir(parents=True, exist_ok=True)
-        np.savez(path, total=cell.arrays["total_force_N"], bins=cell.arrays["bin_force_N"])
+        np.savez(path, **{key: cell.arrays[key] for key in wanted if key in cell.arrays})
     with np.load(path) as kept:
-        return kept["total"], kept["bins"]
+        return dict(kept)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--positions", type=int, default=25, help="how many, the calibration's included")
-    parser.add_argument("--all", action="store_true", help="do not leave the calibration's out")
-    arguments = parser.parse_args()
-    study = paper_study()
-    laws, bins = laws_of(study, []), study.sensor.bins
+def of_half_size(study: Study) -> Study:
+    mesh = study.mechanics.mesh.coarser(1 / 2)
+    mechanics = study.mechanics.model_copy(update={"mesh": mesh, "error_bars": False})
+    return study.model_copy(update={"mechanics": mechanics})
+
+
+def coverage(gel: str, places: list[tuple[float, float]]) -> pd.DataFrame:
+    """Return the table of one gel: coverage and width of bars, of bins and totals, over some places (x, y) [mm]."""
+    study = study_from(merged(paper_study().model_dump(mode="json"), GELS[gel]))
+    bins = study.sensor.bins
     errors, sigmas, rims, totals = [], [], [], []
-    for number, (x, y) in enumerate(positions(arguments.positions)):
-        if number < CALIBRATION and not arguments.all:
-            continue
-        total, true = truth(number, x, y, study, laws)
-        a = simulate_label(study, laws, {}, PlannedCell("label", x, y, DEPTHS)).arrays
-        loaded = (np.abs(a["bin_force_N"]).max(axis=-1) > 0) | (np.abs(true).max(axis=-1) > 0)
+    for x, y in places:
+        true, label = solved(f"{gel}_half", x, y, of_half_size(study)), solved(gel, x, y, study)
+        force = label["bin_force_N"]
+        loaded = (np.abs(force).max(axis=-1) > 0) | (np.abs(true["bin_force_N"]).max(axis=-1) > 0)
         inner = [binary_erosion(d, np.ones((3, 3))) for d in loaded.reshape(-1, bins.ny, bins.nx)]
-        errors.append((a["bin_force_N"] - true)[loaded])
-        sigmas.append(a["bin_sigma_mesh_N"][loaded])
+        errors.append((force - true["bin_force_N"])[loaded])
+        sigmas.append(label["bin_sigma_mesh_N"][loaded])
         rims.append(~np.reshape(inner, loaded.shape)[loaded])
-        totals.append(np.stack([a["total_force_N"] - total, a["total_sigma_mesh_N"]]))
-        print(f"({x:g}, {y:g}) mm: {loaded.sum()} loaded bins of {len(DEPTHS)} depths", flush=True)
+        difference = label["total_force_N"] - true["total_force_N"]
+        totals.append(np.stack([difference, label["total_sigma_mesh_N"]]))
+        print(f"{gel} ({x:g}, {y:g}) mm: {loaded.sum()} loaded bins of {len(DEPTHS)} depths", flush=True)
     error, sigma, rim = np.concatenate(errors), np.concatenate(sigmas), np.concatenate(rims)
     rows = [
         row(f"bins, {name}", "xyz"[i], error[chosen, i], sigma[chosen, i])
@@ -76,7 +96,22 @@ def main() -> None:
     ]
     of_totals = np.concatenate(totals, axis=1)
     rows += [row("totals", "xyz"[i], of_totals[0, :, i], of_totals[1, :, i]) for i in range(3)]
-    print(pd.DataFrame(rows).to_markdown(index=False))
+    return pd.DataFrame(rows)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--positions", type=int, default=25, help="how many, the calibration's included")
+    parser.add_argument("--gels", nargs="+", choices=GELS, default=list(GELS))
+    parser.add_argument("--calibration", action="store_true", help="the calibration's positions instead")
+    arguments = parser.parse_args()
+    drawn = positions(arguments.positions)
+    judged = drawn[:CALIBRATION] if arguments.calibration else drawn[CALIBRATION:]
+    for gel in arguments.gels:
+        table = coverage(gel, judged if gel == "article" else judged[:OF_OTHER_GELS])
+        print(f"\n{gel}:\n\n{table.to_markdown(index=False)}\n", flush=True)
 
 
 def row(where: str, axis: str, error: np.ndarray, sigma: np.ndarray) -> dict:

@@ -8,10 +8,12 @@ radius R comes down for a contact radius a much smaller than R (their profiles d
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
+from scipy.special import ellipe, ellipkm1
 
 # Quadrature of the integral equation: the kernel is smooth, so both converge geometrically. 40 points suffice for 12 digits
 # up to a/h = 4; the transform's integrand falls as u^2 exp(-2 u) and is below 1e-17 at u = 25.
@@ -130,6 +132,88 @@ def _gauss(start: float, stop: float, count: int) -> tuple[np.ndarray, np.ndarra
     """Return points and weights of Gauss-Legendre quadrature on an interval."""
     x, w = np.polynomial.legendre.leggauss(count)
     return start + (stop - start) * (x + 1) / 2, (stop - start) / 2 * w
+
+
+# ----------------------------------------------------------------------------------- stick and slip under a normal load
+@dataclass(frozen=True)
+class PressedWithFriction:
+    """A rigid indenter pressed straight into a half space with friction: inside the stick radius nothing slips."""
+
+    stick_ratio: float  # stick radius over contact radius
+    friction_share: float  # sum of the radial friction over the normal force
+    stiffening: (
+        float  # normal force over that of the frictionless press to the same depth, of a flat indenter
+    )
+
+
+def pressed_with_friction(friction: float, nu: float, rings: int = 200) -> PressedWithFriction:
+    r"""Return the press of a flat indenter of radius 1 on a half space with Coulomb friction (Spence 1968, 1975).
+
+    Pressure p and outward friction q move the surface (indenter's radius and shear modulus 1) by
+
+    .. math::
+        w(r) = (1 - \nu) \int_0^1 p(t) t K_0 dt - \frac{1 - 2 \nu}{2} \int_r^1 q(t) dt, \qquad
+        u(r) = (1 - \nu) \int_0^1 q(t) t K_1 dt - \frac{1 - 2 \nu}{2 r} \int_0^r p(t) t dt, \qquad
+        K_n(r, t) = \int_0^\infty J_n(s r) J_n(s t) ds .
+
+    Under the indenter w = 1; where it sticks u = 0, and nearer to the edge q = friction p. The stick zone is the largest in
+    which q stays below friction p. The tractions are even over rings, narrow near the edge where they are singular; with
+    unlimited friction the force is Mossakovskii's, ln(3 - 4 nu) / (1 - 2 nu) in place of 1 / (1 - nu) (a test holds it).
+    By Spence's theorem of self-similarity stick ratio and friction share are the same for a ball that is pressed in:
+    its tractions are a sum of those of flat indenters of growing radius, whose stick zones are in proportion.
+    """
+    edges = np.sin(np.linspace(0, np.pi / 2, rings + 1))
+    r = (edges[1:] + edges[:-1]) / 2
+    pressing, rubbing = (_ring_moves(edges, r, _KERNELS[order]) for order in (0, 1))
+    beyond = np.maximum(
+        edges[1:] - np.maximum(edges[:-1], r[:, None]), 0
+    )  # the length of a ring that lies beyond r
+    within = np.maximum(np.minimum(edges[1:], r[:, None]) ** 2 - edges[:-1] ** 2, 0) / (2 * r[:, None])
+    direct, cross = 1 - nu, (1 - 2 * nu) / 2
+    down = np.hstack([direct * pressing, -cross * beyond])
+    outward = np.hstack([-cross * within, direct * rubbing])
+    sliding = np.hstack([-friction * np.eye(rings), np.eye(rings)])
+
+    def tractions(sticking: int) -> tuple[np.ndarray, np.ndarray]:
+        system = np.vstack([down, outward[:sticking], sliding[sticking:]])
+        return np.split(np.linalg.solve(system, np.repeat([1.0, 0.0], rings)), 2)
+
+    low, high = 1, rings  # low rings stick, high do not all
+    while high - low > 1:
+        middle = (low + high) // 2
+        p, q = tractions(middle)
+        low, high = (middle, high) if q[middle - 1] <= friction * p[middle - 1] else (low, middle)
+    p, q = tractions(low)
+    area = np.pi * np.diff(edges**2)
+    force = area @ p
+    return PressedWithFriction(float(edges[low]), float(area @ q / force), float(force * direct / 4))
+
+
+def _ring_moves(edges: np.ndarray, r: np.ndarray, kernel: Callable) -> np.ndarray:
+    """Return \\int kernel(r_i, t) t dt over each ring j (n, n); the kernel is singular as log |r - t|."""
+    x, weight = _gauss(0.0, 1.0, 16)
+    wide = np.diff(edges)
+    t = edges[:-1, None] + wide[:, None] * x  # (n, 16)
+    moves = np.einsum("ijk,jk->ij", kernel(r[:, None, None], t) * t, wide[:, None] * weight)
+    half = wide[:, None] / 2 * x**3  # both sides of the middle: the cube takes the logarithm's place
+    for side in (-1, 1):
+        t = r[:, None] + side * half
+        part = (kernel(r[:, None], t) * t) @ (3 * x**2 * weight) * wide / 2
+        np.fill_diagonal(moves, part + (moves.diagonal() if side == 1 else 0))
+    return moves
+
+
+def _kernel_0(r: np.ndarray, t: np.ndarray) -> np.ndarray:
+    return 2 / (np.pi * (r + t)) * ellipkm1(((r - t) / (r + t)) ** 2)
+
+
+def _kernel_1(r: np.ndarray, t: np.ndarray) -> np.ndarray:
+    rest = ((r - t) / (r + t)) ** 2  # 1 - m
+    whole = (r**2 + t**2) * ellipkm1(rest) - (r + t) ** 2 * ellipe(1 - rest)
+    return whole / (np.pi * r * t * (r + t))
+
+
+_KERNELS = (_kernel_0, _kernel_1)
 
 
 # ----------------------------------------------------------------------------------------------- homogeneous stresses

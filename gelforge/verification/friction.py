@@ -16,6 +16,8 @@ from gelforge.mechanics.reference_solutions import (
     cattaneo_mindlin_traction,
     contact_modulus,
     hertz,
+    poissons_ratio,
+    pressed_with_friction,
     sliding_shift,
 )
 from gelforge.verification.check import Check, absolute, relative, vanishing
@@ -27,6 +29,7 @@ from gelforge.verification.presses import (
     RADIUS,
     ROUNDING,
     contact_radius,
+    follow,
     half_space,
 )
 
@@ -73,6 +76,38 @@ def partial_slip() -> list[Check]:
             1 / PER_RADIUS,
         ),
         vanishing(f"{name}: shear traction of rings, rms error over its largest", source, off, 0.07),
+    ]
+
+
+SPENCE_BULK_TO_SHEAR = 13 / 6  # Poisson's ratio 0.3: a gel that keeps its volume has no shear under a ball
+
+
+def pressed_stick_zone() -> list[Check]:
+    """Return force ratio and stick radius of a ball that is pressed straight into a nearly infinite block with friction.
+
+    The contact grows with the depth and every ring of it begins to slip as it touches; the steps are graded as the solver
+    does. The friction's sum over the normal force feels no single node; the stick radius is one of 8 elements fine.
+    """
+    nu = poissons_ratio(SPENCE_BULK_TO_SHEAR)
+    known = pressed_with_friction(FRICTION, nu)
+    mesh, middle = half_space()
+    body = SmallStrainBody(mesh, {"gel": NEO_HOOKE}, SPENCE_BULK_TO_SHEAR)
+    press = Press(body, Sphere(RADIUS), Settings(friction=FRICTION, gap_tolerance=1e-6))
+    state = follow(press, (middle, middle), DEPTH * np.linspace(0.4, 1, 5) ** 2)[-1]
+    outward = press.body.mesh.X[press.surface, :2] - middle
+    outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-12)
+    share = (state.friction_force[:, :2] * outward).sum() / -state.normal_force[:, 2].sum()
+    stick = np.sqrt(press.area[state.contact_state == STICK].sum() / np.pi) / contact_radius(press, state)
+    name, source = "ball pressed in with friction", "Spence 1975, by an integral equation"
+    return [
+        absolute(f"{name}: radial friction over normal force", source, known.friction_share, share, 0.004),
+        absolute(
+            f"{name}: stick over contact radius, within an element",
+            source,
+            known.stick_ratio,
+            stick,
+            1 / PER_RADIUS,
+        ),
     ]
 
 

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import quad
+from scipy.optimize import brentq
+from scipy.special import ellipkm1
 
 from gelforge.mechanics import reference_solutions as known
 
@@ -81,3 +83,27 @@ def test_uniaxial_stress_agrees_with_the_tests_closed_forms():
     assert known.ogden_uniaxial(1.7, mu, alpha) == pytest.approx(
         closed_forms.ogden("uniaxial", 1.7, mu, alpha), rel=1e-14
     )
+
+
+def test_a_press_with_friction_lies_between_its_closed_forms():
+    """Mossakovskii 1954: a force of ln(3 - 4 nu) / (1 - 2 nu) under unlimited friction, 1 / (1 - nu) without."""
+    nu = 0.1
+    stuck = np.log(3 - 4 * nu) / (1 - 2 * nu) * (1 - nu)
+    # the edge's singularity is of another order where it sticks: it converges as 1 over the number of rings
+    assert known.pressed_with_friction(1e3, nu).stiffening == pytest.approx(stuck, rel=5e-3)
+    assert known.pressed_with_friction(1e-9, nu).stiffening == pytest.approx(1, rel=5e-5)
+    assert known.pressed_with_friction(0.3, 0.5).friction_share == pytest.approx(
+        0, abs=5e-5
+    )  # the last ring always slips
+    shares = [known.pressed_with_friction(0.3, 0.3, rings).friction_share for rings in (50, 100)]
+    assert shares[0] == pytest.approx(shares[1], rel=2e-4)
+
+
+def test_the_stick_zone_follows_friction_over_dundurs_constant_as_spence_found():
+    """Spence 1975: ln((1 + k) / (1 - k)) / (2 k) = friction / beta K(1 - k^2), where pressure does not feel the shear."""
+    nu, friction = 0.48, 0.03
+    beta = (1 - 2 * nu) / (2 * (1 - nu))
+    k = brentq(
+        lambda k: np.log((1 + k) / (1 - k)) / (2 * k) - friction / beta * ellipkm1(k**2), 1e-6, 1 - 1e-9
+    )
+    assert known.pressed_with_friction(friction, nu).stick_ratio == pytest.approx(k, abs=0.01)
