@@ -23,7 +23,7 @@ from gelforge.dataset.session_labels import (
     sigma,
 )
 from gelforge.dataset.shard import writing_shard
-from gelforge.dataset.splits import split_cells
+from gelforge.dataset.splits import planned_split
 from gelforge.files import digest, file_sha256
 from gelforge.hdf5 import opened
 from gelforge.indentation.cell_file import ERROR_BARS, Cell, read_cell
@@ -73,7 +73,7 @@ def join_shard(
         raise DatasetError(
             f"cells {unknown} are not in the plan of study {study.study}; join the study's own cells"
         )
-    split = split_cells(planned, study.dataset.test_fraction, study.seed)
+    split, orbit = planned_split(planned, study.sensor, study.dataset.test_fraction, study.seed)
     bins = study.sensor.bins.nx * study.sensor.bins.ny
     labels_only = not feature_files
     attributes = _shard_attributes(study, {name: split[name] for name in cells_of_chunk})
@@ -91,7 +91,9 @@ def join_shard(
         for name in cells_of_chunk:
             path = cell_files[name]
             cell = _checked_cell(path, planned[name], bins, (cell_digests or {}).get(name))
-            attributes["cells"][name] = _cell_attributes(path, cell, planned[name], split[name])
+            attributes["cells"][name] = _cell_attributes(path, cell, planned[name], split[name]) | {
+                "orbit": orbit[name]
+            }
             if not cell.converged:
                 attributes["failed_cells"][name] = str(cell.attributes["reason"])
             elif labels_only:

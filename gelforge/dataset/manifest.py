@@ -70,7 +70,7 @@ def make_manifest(
         "synthetic": any(one["synthetic"] for one in attributes),
         "labels_only": all(one["labels_only"] for one in attributes),
         "rows": {**rows, "all": sum(rows.values())},
-        "split": {"by": "cell", "seed": study.seed, "test_fraction": study.dataset.test_fraction},
+        "split": {"by": "orbit", "seed": study.seed, "test_fraction": study.dataset.test_fraction},
         "settings": study.dataset_settings,
         "settings_digest": digest(study.dataset_settings),
         "shards": [_file(path, rows=int(one["rows"])) for path, one in zip(shards, attributes)],

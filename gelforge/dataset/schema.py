@@ -76,7 +76,7 @@ COLUMNS = {
     "image_index": Column((), "i4", "1", "number of the image within its press, from 0", True),
     "image": Column((), "text", "1", "file name of the image in the session's folder images", True),
     "session": Column((), "text", "1", "recording session", True),
-    "split": Column((), "text", "1", "train or test, by cell", False),
+    "split": Column((), "text", "1", "train or test, by orbit: a cell with its mirror images", False),
     "untouched": Column((), "bool", "1", "true: recorded before touch; the label is zero", False),
 }
 

@@ -43,9 +43,12 @@ def subset(rows: ShardDataset, cells: set[str]) -> np.ndarray:
     return np.concatenate(parts)
 
 
-def cells_of(rows: ShardDataset) -> list[str]:
-    """Return the names of the cells that rows belong to, sorted."""
-    return sorted({name for block in rows.batches(("cell",), 8192) for name in block["cell"]})
+def positions_of(rows: ShardDataset) -> dict[str, np.ndarray]:
+    """Return the position (2,) [mm] of each cell that rows belong to, by its name, sorted."""
+    places: dict[str, np.ndarray] = {}
+    for block in rows.batches(("cell", "position_mm"), 8192):
+        places |= dict(zip(block["cell"], block["position_mm"]))
+    return dict(sorted(places.items()))
 
 
 def measure_scaling(rows: ShardDataset, index: np.ndarray, form: str) -> Scaling:

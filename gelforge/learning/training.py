@@ -14,9 +14,9 @@ from tqdm import tqdm
 
 from gelforge.config import Study
 from gelforge.dataset.shard import ShardDataset, shard_attributes
-from gelforge.dataset.splits import split_cells
+from gelforge.dataset.splits import split_orbits
 from gelforge.files import digest, file_sha256, write_product_table
-from gelforge.learning.data import BUFFER_ROWS, Batches, cells_of, measure_scaling, subset
+from gelforge.learning.data import BUFFER_ROWS, Batches, measure_scaling, positions_of, subset
 from gelforge.learning.network import Model, ModelError, load_tensors, make_network, save_model, save_tensors
 
 CHECKPOINT_FORMAT = "gelforge-checkpoint-1"
@@ -67,7 +67,7 @@ def train(
     settings = _settings(study, shards)
 
     rows = ShardDataset(shards, "train")
-    training, validation = _validation_split(rows, study)
+    training, validation = _validation_split(rows, shards, study)
     scaling = measure_scaling(rows, training, study.learning.input_form)
     learning = study.learning
     network = make_network(
@@ -136,9 +136,16 @@ def _check_has_images(shards: Sequence[str | Path]) -> None:
             )
 
 
-def _validation_split(rows: ShardDataset, study: Study) -> tuple[np.ndarray, np.ndarray]:
-    """Return the numbers of the rows that train and of those that only watch the loss, by cell."""
-    split = split_cells(cells_of(rows), study.learning.validation_fraction, study.seed + 1)
+def _validation_split(
+    rows: ShardDataset, shards: Sequence[str | Path], study: Study
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the numbers of the rows that train and of those that only watch the loss, by orbit."""
+    places = positions_of(rows)
+    known = {name: about for path in shards for name, about in shard_attributes(path)["cells"].items()}
+    orbit = {name: known.get(name, {}).get("orbit", name) for name in places}
+    widths = np.array([study.sensor.width_x_mm, study.sensor.width_y_mm])
+    from_wall = {name: float(np.minimum(place, widths - place).min()) for name, place in places.items()}
+    split = split_orbits(orbit, from_wall, study.learning.validation_fraction, study.seed + 1)
     sides = ({cell for cell, name in split.items() if name == side} for side in ("train", "test"))
     training, validation = (subset(rows, cells) for cells in sides)
     return training, validation

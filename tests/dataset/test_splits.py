@@ -1,41 +1,99 @@
-"""The split: by cell, seeded, of the size asked for."""
+"""The split: by orbit, seeded, of the size asked for, near walls and in the middle."""
 
+import json
+
+import h5py
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gelforge.config import Sensor
 from gelforge.dataset.shard import ShardDataset
-from gelforge.dataset.splits import split_cells
+from gelforge.dataset.splits import orbits, planned_split, split_orbits
+from gelforge.indentation.plan import PlannedCell, plan_cells
+from gelforge.indentation.symmetry import D4, transform_points
 
 NAMES = [f"x{i}_y{j}" for i in range(9) for j in range(9)]
+ALONE = {name: name for name in NAMES}
+PLACES = {name: float(min(i % 9, i // 9)) for i, name in enumerate(NAMES)}
 
 
-def test_a_fifth_of_the_cells_tests():
-    split = split_cells(NAMES, 0.2, 0)
+def sensor(width_x=32.0, width_y=32.0) -> Sensor:
+    layer = {"name": "gel", "thickness_mm": 6.0, "material": "soft"}
+    return Sensor.model_validate({"layers": [layer], "width_x_mm": width_x, "width_y_mm": width_y})
+
+
+def plan_of(places, depths=(1.0,)) -> dict[str, PlannedCell]:
+    return {f"c{i}": PlannedCell(f"c{i}", float(x), float(y), depths) for i, (x, y) in enumerate(places)}
+
+
+def test_a_fifth_of_the_orbits_tests():
+    split = split_orbits(ALONE, PLACES, 0.2, 0)
     assert list(split) == sorted(NAMES)
     assert sum(side == "test" for side in split.values()) == round(0.2 * 81)
 
 
+def test_presses_near_walls_and_in_the_middle_are_tested():
+    """Of 81 cells 32 lie at a side: a draw without parts can leave them out."""
+    for seed in range(20):
+        tested = [
+            PLACES[name] for name, side in split_orbits(ALONE, PLACES, 0.1, seed).items() if side == "test"
+        ]
+        assert min(tested) == 0
+        assert max(tested) >= 2
+
+
 @given(st.integers(2, 40), st.floats(0.01, 0.99), st.integers(0, 9))
-def test_both_sides_have_a_cell(count, fraction, seed):
-    sides = list(split_cells([f"c{i}" for i in range(count)], fraction, seed).values())
+def test_both_sides_have_an_orbit(count, fraction, seed):
+    names = [f"c{i}" for i in range(count)]
+    sides = list(split_orbits({n: n for n in names}, dict.fromkeys(names, 1.0), fraction, seed).values())
     assert set(sides) == {"train", "test"}
 
 
 def test_one_cell_trains():
-    assert split_cells(["alone"], 0.2, 0) == {"alone": "train"}
+    assert split_orbits({"alone": "alone"}, {"alone": 1.0}, 0.2, 0) == {"alone": "train"}
 
 
-def test_the_draw_depends_on_names_and_seed_only():
-    assert split_cells(NAMES, 0.2, 3) == split_cells(NAMES[::-1], 0.2, 3)
-    assert split_cells(NAMES, 0.2, 3) != split_cells(NAMES, 0.2, 4)
+def test_the_draw_depends_on_cells_and_seed_only():
+    turned = dict(reversed(ALONE.items()))
+    assert split_orbits(ALONE, PLACES, 0.2, 3) == split_orbits(turned, PLACES, 0.2, 3)
+    assert split_orbits(ALONE, PLACES, 0.2, 3) != split_orbits(ALONE, PLACES, 0.2, 4)
+
+
+@given(
+    st.lists(st.tuples(st.integers(1, 31), st.integers(1, 31)), min_size=1, max_size=12), st.integers(0, 9)
+)
+def test_no_mirror_image_of_a_trained_place_is_tested(places, seed):
+    images = {tuple(transform_points(name, np.array(p, float), 32.0)) for p in places for name in D4}
+    planned = plan_of(sorted(images))
+    split, orbit = planned_split(planned, sensor(), 0.3, seed)
+    for cell in planned.values():
+        for name in D4:
+            x, y = transform_points(name, np.array([cell.x_mm, cell.y_mm]), 32.0)
+            image = next(c for c in planned.values() if np.hypot(c.x_mm - x, c.y_mm - y) < 1e-6)
+            assert split[image.name] == split[cell.name]
+            assert orbit[image.name] == orbit[cell.name]
+
+
+def test_a_rectangle_has_no_diagonal_and_other_depths_at_a_place_are_no_other_orbit():
+    planned = plan_of([(4, 10), (28, 10), (10, 4)])
+    assert list(orbits(planned, sensor()).values()) == ["c0", "c0", "c0"]
+    assert list(orbits(planned, sensor(32, 20)).values()) == ["c0", "c0", "c2"]
+    deeper = {"deep": PlannedCell("deep", 4.0, 10.0, (2.0,))}
+    assert orbits(planned | deeper, sensor())["deep"] == "c0"
 
 
 @pytest.mark.parametrize("part", [slice(0, 4), slice(4, 9)])
 def test_every_row_of_a_cell_is_on_one_side_in_every_shard(made, part):
-    rows = ShardDataset([made.join(names=made.names[part])])
+    path = made.join(names=made.names[part])
+    rows = ShardDataset([path])
     read = rows.read(np.arange(len(rows)), ["cell", "split", "press"])
-    expected = split_cells(made.names, made.study.dataset.test_fraction, made.study.seed)
+    expected, orbit = planned_split(
+        plan_cells(made.study), made.study.sensor, made.study.dataset.test_fraction, made.study.seed
+    )
     assert [expected[cell] for cell in read["cell"]] == list(read["split"])
     assert len(set(zip(read["cell"], read["split"]))) == len(set(read["cell"]))
+    with h5py.File(path) as file:
+        kept = json.loads(file.attrs["cells"])
+    assert {name: about["orbit"] for name, about in kept.items()} == {n: orbit[n] for n in made.names[part]}

@@ -8,7 +8,7 @@ import numpy as np
 
 from gelforge.config import Study, study_from
 from gelforge.dataset.shard import writing_shard
-from gelforge.dataset.splits import split_cells
+from gelforge.dataset.splits import split_orbits
 
 
 def study_of(regions: int = 40, bins: int = 20, **learning) -> Study:
@@ -66,7 +66,9 @@ def write_shards(
 ) -> list[Path]:
     """Write rows, cell by cell, as the shards of a study's dataset."""
     names = [f"c{c:03d}" for c in np.unique(rows["cell"])]
-    split = split_cells(names, study.dataset.test_fraction, study.seed)
+    first = {name: rows["position"][rows["cell"] == int(name[1:])][0] for name in names}
+    from_wall = {name: float(np.minimum(place, 32 - place).min()) for name, place in first.items()}
+    split = split_orbits({n: n for n in names}, from_wall, study.dataset.test_fraction, study.seed)
     untouched = rows.get("untouched", rows["depth"] == 0)
     paths = []
     for number, chunk in enumerate(np.array_split(np.unique(rows["cell"]), shards)):

@@ -9,7 +9,7 @@ import torch
 from artificial_shards import small_rows, study_of, write_shards
 
 from gelforge.dataset.shard import ShardDataset
-from gelforge.learning.data import Batches, TactileRows, cells_of, measure_scaling
+from gelforge.learning.data import Batches, TactileRows, measure_scaling, positions_of
 from gelforge.learning.network import ModelError, Scaling, load_model, make_network, save_tensors
 from gelforge.learning.training import Run, _validation_split, train
 
@@ -88,7 +88,7 @@ def test_vector_inputs_do_not_jump_at_pi():
 def test_scaling_does_not_know_the_test_rows(study, tmp_path, form):
     rows = small_rows()
     shards = write_shards(tmp_path / "a", rows, study)
-    test_cells = {int(name[1:]) for name in cells_of(ShardDataset(shards, "test"))}
+    test_cells = {int(name[1:]) for name in positions_of(ShardDataset(shards, "test"))}
     changed = np.isin(rows["cell"], list(test_cells))
     assert 0 < changed.sum() < len(changed)
     rows["feature"][changed] *= 100
@@ -108,10 +108,10 @@ def test_scaling_does_not_know_the_test_rows(study, tmp_path, form):
 
 
 def test_no_cell_is_on_two_sides(study, shards):
-    test, train_rows = (set(cells_of(ShardDataset(shards, side))) for side in ("test", "train"))
+    test, train_rows = (set(positions_of(ShardDataset(shards, side))) for side in ("test", "train"))
     assert not test & train_rows
     rows = ShardDataset(shards, "train")
-    training, validation = _validation_split(rows, study)
+    training, validation = _validation_split(rows, shards, study)
     assert sorted([*training, *validation]) == list(range(len(rows)))
     sides = [set(rows.read(index, ["cell"])["cell"]) for index in (training, validation)]
     assert not sides[0] & sides[1]
