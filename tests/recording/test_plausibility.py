@@ -53,6 +53,7 @@ HONEST = {
     },
     "depth zero below the surface": {"offset_mm": 0.1},
     "depth zero above the surface": {"offset_mm": -0.08, "touch_mm": 0.02},
+    "seven shallow, one deep": {"sites": [(16, 16)], "depths": (0.5,) * 7 + (3.0,), "repeats": 1},
     "left-handed stage": {"handedness": "left"},
     "left-handed stage and force": {
         "handedness": "left",

@@ -26,6 +26,7 @@ CLEAR_MM = (
 )
 SILENT_FLOORS = 5.0
 SILENT_SHARE = 0.1  # of the session's usual force at that depth: softer than that is no site of one sensor
+SAME_WAY = 0.9  # share of indentations that push one way: a channel that answers nothing has half of its noise either way
 OFF_MM = 0.05  # depth zero may be off by this, or by three times its stated scatter
 DEEPER = 1.5  # depths that are compared: one this many times the other
 FALLS_TO = 0.4  # of a force in proportion to depth, the least that a gel shows: softening and ageing take less than 60 %
@@ -186,12 +187,17 @@ def force_answers(data: SessionData) -> list[Finding]:
 
 
 def _no_answer_at_all(every: pd.DataFrame) -> Finding | None:
-    """Return that the mean force of all indentations is not told from zero by its own scatter."""
+    """Return that the mean force of all indentations is not told from zero by its own scatter, nor by its sign.
+
+    One deep indentation among shallow ones scatters the force, but all push the same way.
+    """
     push = every["push_N"].to_numpy()
     if len(push) < 3:
         return None
     error = push.std(ddof=1) / np.sqrt(len(push))
-    if abs(push.mean()) > 3 * error:  # of the wrong sign it answers too, see checks.check_force
+    same_way = max((push > 0).mean(), (push < 0).mean())
+    # of the wrong sign it answers too, see checks.check_force
+    if abs(push.mean()) > 3 * error or same_way > SAME_WAY:
         return None
     return Finding(
         test="force_answers",
