@@ -5,7 +5,7 @@ BIN := .venv/bin
 ONE_THREAD := OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 READY := .venv/.gelforge-ready
 
-.PHONY: setup demo test speed format lint
+.PHONY: setup demo test test-thorough speed format lint
 
 setup: $(READY)
 
@@ -25,6 +25,10 @@ demo: $(READY)
 
 test: $(READY)
 	$(ONE_THREAD) $(BIN)/python -m pytest --numprocesses $(CORES) --dist loadfile
+
+# The slow ones too, as before a release: an hour on two cores.
+test-thorough: $(READY)
+	$(ONE_THREAD) $(BIN)/python -m pytest --numprocesses $(CORES) --dist loadfile --thorough
 
 # What a cell costs and where its time goes, beside FElupe and CalculiX where they are installed: half an hour, one thread.
 speed: $(READY)

@@ -8,6 +8,7 @@ from benchmarks.fault_kinds.inputs import run_all
 from benchmarks.fault_kinds.outcomes import WRONG
 
 
+@pytest.mark.thorough(but_first=1)
 @pytest.mark.parametrize("seed", [11, 12])
 def test_mutants_are_refused_in_a_line_or_change_nothing(seed):
     faults = run_all(seed, 62)  # each kind twice

@@ -34,6 +34,7 @@ def errors(film, track):
     return track.stretch / film.principal_stretches - 1
 
 
+@pytest.mark.thorough(but_first=1)
 @pytest.mark.parametrize("name", FILMS)
 def test_both_stretches_hold_at_every_frame_to_three(name):
     film = FILMS[name]

@@ -80,6 +80,7 @@ def presses():
     }
 
 
+@pytest.mark.thorough
 def test_a_dome_balances_and_its_parts_add_up(presses):
     for name, cell in presses.items():
         assert cell.converged, (name, cell.attributes["reason"])

@@ -106,6 +106,7 @@ def test_meshes_repeat_to_the_byte():
     assert first.elements.tobytes() == second.elements.tobytes()
 
 
+@pytest.mark.thorough
 def test_a_coarser_mesh_of_a_dome_has_a_third_of_the_elements():
     """Twice the sizes in a wider envelope: edges as long as asked would stray further from a narrower one."""
     sizes = MeshSizes(near_mm=0.3, near_radius_mm=1.5, growth=0.4, far_mm=1.0)

@@ -19,6 +19,7 @@ def read_as(problem, residual):
     return replace(problem, observations=replace(problem.observations, force=force))
 
 
+@pytest.mark.thorough
 def test_noise_gives_known_effects_little_evidence():
     """The mean Bayes factor of noise is 1, much of it in rare draws: of 200 hardly one beyond 10."""
     problem = problem_of(artificial.context(7, per_side=3))

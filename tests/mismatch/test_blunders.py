@@ -21,6 +21,7 @@ def read_with(name, shape, seed=7):
     return artificial.read(base, force, np.random.default_rng(seed + 1))
 
 
+@pytest.mark.thorough(but_first=1)
 @pytest.mark.parametrize("axes", READ)
 def test_lateral_axes_that_are_others_are_named_and_no_physics_is(axes):
     problem, found = judged(read_with("force_frame", {"axes": axes}))
@@ -30,6 +31,7 @@ def test_lateral_axes_that_are_others_are_named_and_no_physics_is(axes):
     assert f"force frame (axes {axes})" in sentence_of(problem, found)
 
 
+@pytest.mark.thorough(but_first=1)
 @pytest.mark.parametrize("unit", ["kgf", "lbf"])
 def test_another_unit_comes_first(unit):
     _, found = judged(read_with("force_unit", {"unit": unit}))

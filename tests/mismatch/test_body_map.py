@@ -128,6 +128,7 @@ def test_a_hidden_box_is_where_the_map_says():
     assert body_map(problem) is None
 
 
+@pytest.mark.thorough
 def test_a_recording_with_a_stiffer_box_shows_it(tmp_path):
     """SYNTHETIC: a box at the bottom of the gel is 60 % stiffer; the map is surest of that one, three sigma."""
     settings = {"sites": 9, "discretisation": 0.002, "leave_out": sorted(set(CATALOGUE) - {"gel_stiffness"})}

@@ -79,6 +79,7 @@ def test_what_was_set_aside_stays_predicted():
     assert square[0] < square[1]  # fitted better than predicted, which is why it is not told of them
 
 
+@pytest.mark.thorough
 def test_where_all_readings_cannot_be_solved_the_training_readings_amounts_are_told_with_a_note():
     problem, plain, _ = named()
 
@@ -96,6 +97,7 @@ def test_where_all_readings_cannot_be_solved_the_training_readings_amounts_are_t
     assert not any("amounts are" in note for note in plain.notes)
 
 
+@pytest.mark.thorough
 def test_intervals_hold_the_truth_as_often_as_they_say():
     """Of amounts drawn from the prior and readings from the covariance. A tenth of a scale as prior, as the likeliest scale
     may be, would hold them towards none: what plausible widths are for."""

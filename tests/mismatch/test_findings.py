@@ -75,6 +75,7 @@ def test_where_a_defect_of_the_answer_lies_is_told_with_its_layer():
     assert found[0].depth_mm == pytest.approx((1.8, 4.2)) and found[1].depth_mm == pytest.approx((1.5, 1.5))
 
 
+@pytest.mark.thorough
 def test_weights_are_told_to_decide_between_a_gain_and_a_stiffness_with_cost_and_odds():
     base = artificial.context(7, per_side=3)
     context = artificial.read(base, 1.06 * base.force, np.random.default_rng(8))
@@ -89,6 +90,7 @@ def verdict(problem, judgement):
     return verdict_of(problem, judgement, "artificial", True, None, PROVENANCE)
 
 
+@pytest.mark.thorough(but_first=1)
 @pytest.mark.parametrize(
     ("p", "state", "words"),
     [
@@ -117,6 +119,7 @@ def test_what_an_answer_leaves_is_told_below_one_per_cent_and_doubts_it_below_tw
     assert told.adequacy.words == words
 
 
+@pytest.mark.thorough
 def test_what_rests_on_an_unfinished_refit_is_not_named_and_told():
     base = artificial.context(7, per_side=3)
     problem = problem_of(

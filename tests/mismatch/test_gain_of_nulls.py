@@ -65,6 +65,7 @@ def standard_error(values):
     return np.std(values, ddof=1) / np.sqrt(len(values))
 
 
+@pytest.mark.thorough
 def test_what_training_readings_choose_gains_nothing_on_nulls(gains):
     _, blind = gains
     assert blind.mean() < -standard_error(blind)  # below 0 by more than chance (Gibbs' inequality)

@@ -131,6 +131,7 @@ def test_draws_of_presses_set_aside_are_not_fitted(world):
     assert scores["score"][scores["block"] == "positions"].sum() == pytest.approx(alone, abs=15)
 
 
+@pytest.mark.thorough
 def test_the_error_of_a_gain_is_what_noise_gives_it(world):
     """For fixed predictions the gain scatters over draws of noise as its standard error says, also where one site gains."""
     labels, covariance, _ = world

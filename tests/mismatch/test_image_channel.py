@@ -358,6 +358,7 @@ def test_motion_that_cannot_be_solved_ends_with_its_place(recorded, monkeypatch)
         flow_fields.moved_along((recorded[0], planned, {}))
 
 
+@pytest.mark.thorough
 def test_what_the_forces_find_predicts_the_images_better(study, truth, tmp_path):
     """The study takes depth zero for 0.1 mm higher than it is: found from forces, the flow of the images follows."""
     higher = SOLVER_EFFECTS["contact_zero"](study, -DEEPER_MM)

@@ -42,6 +42,7 @@ def test_a_study_with_a_direction_has_no_images():
     assert image_of(tilted, path) == (path, "identity")
 
 
+@pytest.mark.thorough
 def test_carried_forces_and_derivatives_are_those_of_the_place(tmp_path, monkeypatch):
     study = specimens.study(friction=0.0)  # with friction derivatives are good to a tenth on so coarse a mesh
     middle = study.sensor.width_x_mm / 2

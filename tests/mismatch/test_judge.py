@@ -26,6 +26,7 @@ from gelforge.mismatch.weighing import weighed
 from gelforge.mismatch.words import plain, sentence_of
 
 
+@pytest.mark.thorough
 def test_nulls_raise_few_alarms():
     """Four tests at 0.01 each, two of them bounds: of 40 nulls 0.8 to 1.6 are expected to alarm, and more than 4 seldom."""
     states = [judged(artificial.context(seed, per_side=3))[1].state for seed in range(40)]
@@ -46,6 +47,7 @@ CASES = [
 ]
 
 
+@pytest.mark.thorough(but_first=3)
 @pytest.mark.parametrize(("name", "amounts"), CASES)
 def test_one_effect_is_in_the_group_that_istold_of(name, amounts):
     base = artificial.context(7, per_side=3)
@@ -67,6 +69,7 @@ def test_two_effects_are_bothtold_of():
     assert len(found.answer.fit.parts) >= 2 and {"tilt", "viscoelastic"} <= told
 
 
+@pytest.mark.thorough(but_first=1)
 @pytest.mark.parametrize("name", ["tilt", "cross_talk"])
 def test_without_the_effect_in_the_catalogue_it_is_open(name):
     """Each of these leaves a lateral pattern that nothing else in the artificial catalogue has."""
@@ -120,6 +123,7 @@ def test_an_answer_that_the_readings_set_aside_refute_is_open_where_something_is
     assert "no effect of the catalogue explains it" in told and "refute it" in told
 
 
+@pytest.mark.thorough
 def test_what_an_answer_leaves_with_the_readings_set_aside_may_not_be_certain_either():
     _, found, state = named()
     test, scan = (replace(one, p=5e-4) for one in (found.mismatch.test, found.mismatch.scan))
@@ -195,6 +199,7 @@ def test_what_is_sure_is_named_whichever_effect_takes_up_the_little_beside_it():
     assert found.unnamed == ()
 
 
+@pytest.mark.thorough
 def test_where_one_effect_was_refuted_and_none_of_several_is_sure_something_unknown_is_there():
     problem, found, state = named()
     (group,) = found.answer.groups

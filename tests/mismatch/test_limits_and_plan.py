@@ -128,6 +128,7 @@ def pressed(study, amount, table):
     return force
 
 
+@pytest.mark.thorough
 def test_a_recording_shows_the_limit_s_amount_as_promised(home):
     """Pressed on the study's own mesh it is DETECTED_SNR away from the base, and five times as much is read as that.
 

@@ -113,6 +113,7 @@ def test_nothing_missing_is_null_with_the_amounts_that_would_have_been_seen(seed
     assert limits["viscoelastic"].seen and limits["mullins"].seen
 
 
+@pytest.mark.thorough(but_first=1)
 @pytest.mark.parametrize("seed", range(2))
 def test_rate_dependence_of_another_form_is_named_and_predicts_what_was_set_aside(seed):
     verdict = judged(samples_of(np.random.default_rng(seed), power_law, hold_s=200.0))
@@ -258,6 +259,7 @@ def shared(folder):
     return {j.name: j.verdict for j in judge_sources(sources)[0]}
 
 
+@pytest.mark.thorough
 @shared_data.needs_shared
 @pytest.mark.parametrize(
     ("folder", "material"), [("vhb_20C", "vhb"), ("oca_vhb_viscoelastic", "oca"), ("nitrile", "nitrile")]

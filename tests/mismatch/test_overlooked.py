@@ -60,6 +60,7 @@ def problem(amount=0.12, chance=0.065):
     )
 
 
+@pytest.mark.thorough(but_first=1)
 @pytest.mark.parametrize(("rivals", "found"), [(1, True), (0, False)])
 def test_the_answer_of_all_readings_is_refitted(rivals, found):
     """With no refits to spare it cannot be: the answer is then one of the decoys."""

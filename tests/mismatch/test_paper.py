@@ -57,6 +57,7 @@ def paper(tmp_path_factory):
     return SimpleNamespace(verdicts=verdicts, folder=folder, problem=problem, context=context)
 
 
+@pytest.mark.thorough
 def test_the_article_s_readings_are_one_fz_for_each_depth_at_two_sites(paper):
     seen, table = paper.problem.observations, read_table()
     assert seen.read.sum(axis=0).tolist() == [0, 0, 16] and len(seen.sites) == 2

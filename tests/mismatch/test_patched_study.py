@@ -72,6 +72,7 @@ CASES = {
 }
 
 
+@pytest.mark.thorough(but_first=1)
 @pytest.mark.parametrize("case", CASES)
 def test_the_patched_study_presses_what_the_judge_calls_after(case, tmp_path):
     plain = study()
@@ -125,6 +126,7 @@ def test_a_patched_base_is_followed_in_the_time_of_the_readings(name, shape, amo
     assert_allclose(still, judged_by.context.force, rtol=0, atol=SAME * np.abs(after).max())
 
 
+@pytest.mark.thorough
 def test_a_verdict_s_patch_gives_its_figure_after(tmp_path):
     """Two hidden effects, found and put into the patch; the patched study's presses leave what the verdict says."""
     plain = study("gel_stiffness", "tilt")

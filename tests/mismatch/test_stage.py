@@ -99,6 +99,7 @@ def test_the_same_recording_gives_the_same_bytes(stiffer, kept, tmp_path):
         assert (tmp_path / name).read_bytes() == (out / name).read_bytes()
 
 
+@pytest.mark.thorough
 def test_a_force_gain_is_found_and_goes_to_the_patch_as_known(kept, tmp_path):
     """Of one lateral axis only, which no gel does."""
     session = record(
@@ -122,6 +123,7 @@ def test_a_force_gain_is_found_and_goes_to_the_patch_as_known(kept, tmp_path):
     assert again.mismatch.chi2 < 0.6 * verdict.mismatch.chi2
 
 
+@pytest.mark.thorough
 def test_what_the_catalogue_lacks_is_open_without_it(stiffer, kept, tmp_path):
     """Without everything that scales the forces the stiffer gel is no longer explained."""
     session, _, _ = stiffer

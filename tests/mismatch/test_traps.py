@@ -65,6 +65,7 @@ def cosines_of(base, *effects, context=None):
     return cosines(covariance.whiten(np.column_stack(changes)))
 
 
+@pytest.mark.thorough
 def test_what_scales_all_forces_is_alike(base):
     """Modulus, gain, and relaxation of any time where presses are read at one dwell; the ball's radius nearly."""
     relaxing = [("viscoelastic", shape) for shape in CATALOGUE["viscoelastic"].shapes(base.context)]

@@ -77,6 +77,7 @@ def test_a_manner_is_as_large_as_is_plausible():
     assert all(0.5 * PLAUSIBLE < size < 1.5 * PLAUSIBLE for size in sizes.values()), sizes
 
 
+@pytest.mark.thorough
 def test_of_nulls_nothing_unknown_is_likely():
     """Evidence against the true model exceeds e^3 in at most e^-3 of recordings, whatever the other (Markov): 1.5 of 30."""
     found = [problem_of(artificial.context(seed, per_side=3)) for seed in range(30)]
@@ -112,6 +113,7 @@ def test_effects_that_only_happen_to_fit_are_less_likely_than_something_unknown(
     assert weighed_unknown(problem, manners, best.parts, best.amounts, left).log_bayes_factor > 5
 
 
+@pytest.mark.thorough
 def test_what_differs_from_press_to_press_is_open_and_called_so():
     problem, found = judged(displaced())
     assert found.state == "open"
@@ -162,6 +164,7 @@ def test_a_sure_name_stands_where_something_unknown_beside_it_is_not():
     assert "it is explained by" in told and "something unknown may be there too" in told
 
 
+@pytest.mark.thorough
 def test_a_pair_that_is_found_leaves_nothing_unknown():
     base, rng = artificial.context(9, per_side=3), np.random.default_rng(10)
     zero = CATALOGUE["contact_zero"].to_forces(base, {}, base.force, np.array([0.06]))

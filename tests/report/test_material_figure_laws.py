@@ -14,8 +14,9 @@ from gelforge.report.material_figure import material_figure
 LAW = NeoHooke(0.02)
 
 
-@pytest.fixture
-def drawn(tmp_path):
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("drawn")
     lam = np.linspace(1, 2, 40)
     tests = [
         MaterialTest("uniaxial", f"s{k}", lam, f * nominal_stress(LAW, "uniaxial", lam))
@@ -25,8 +26,8 @@ def drawn(tmp_path):
     along, across = (stress_points("biaxial", lam, fixed, c).measured_stress(LAW) for c in "12")
     tests.append(MaterialTest("biaxial", "b1", lam, along, stretch_2=fixed, nominal_stress_2=across))
     fitting = Fitting(laws=["neo_hooke", "ogden1"])
-    result = characterise_source(MaterialSource("gel", tuple(tests)), fitting, tmp_path)
-    return material_figure(tmp_path / "law.json", tmp_path / "curves.csv", result.other_laws)
+    result = characterise_source(MaterialSource("gel", tuple(tests)), fitting, folder)
+    return material_figure(folder / "law.json", folder / "curves.csv", result.other_laws)
 
 
 def lines(ax):

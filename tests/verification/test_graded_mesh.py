@@ -41,6 +41,7 @@ def share_above_even(far):
     return pressed(far).arrays["total_force_N"][0, 2] / pressed(NEAR).arrays["total_force_N"][0, 2] - 1
 
 
+@pytest.mark.thorough
 def test_larger_cells_far_away_change_the_force_by_half_a_per_cent():
     """Fz is to lie within 1 % of converged, and the near size has the other half of that. Measured: 0.56 %.
 

@@ -93,6 +93,7 @@ def test_an_elastic_base_of_its_own_bulk_modulus():
     assert compliance[2] < 0.05
 
 
+@pytest.mark.thorough(but_first=1)
 @pytest.mark.parametrize("bulk_to_shear", [50.0, 1000.0])
 def test_tetrahedra_press_as_hexahedra_do(bulk_to_shear):
     """The same box by both elements: 0.8 mm between nodes of tetrahedra, 0.4 mm of hexahedra, under a contact of 2 mm.

@@ -37,6 +37,7 @@ def test_test_study_lists_every_rule(checkout):
     assert not {"session_cell", "session_presses"} & set(jobs)
 
 
+@pytest.mark.thorough(but_first=2)
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -139,6 +140,7 @@ def edited(folder, name, old, new):
     (folder / name).write_text(text.replace(old, new))
 
 
+@pytest.mark.thorough(but_first=1)
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [

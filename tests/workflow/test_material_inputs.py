@@ -4,6 +4,7 @@ import json
 
 import cv2
 import numpy as np
+import pytest
 import yaml
 
 from gelforge.virtual_lab.speckle import TensileFilm
@@ -66,6 +67,7 @@ def test_mapping_laws_and_choice_rerun_the_fit(checkout):
     assert abs(made(checkout)["parameters"][0]["value"] / (20 * 6.894757) - 1) < 1e-4
 
 
+@pytest.mark.thorough
 def test_a_picture_that_a_row_names_reruns_the_fit(checkout):
     folder, film = checkout.folder / "data/strip", TensileFilm(np.linspace(1, 1.3, 7), shape=(140, 380))
     folder.mkdir()

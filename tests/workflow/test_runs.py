@@ -134,7 +134,7 @@ def test_shards_need_no_virtual_truth(again):
 def test_a_truncated_cell_stops_the_join_by_name(again):
     path = again.folder / RESULTS / "cells/x0_y1.h5"
     path.write_bytes(path.read_bytes()[:-2000])
-    failed = again.snakemake("--cores", "1", *TEST, check=False)
+    failed = again.snakemake("labels", "--cores", "1", *TEST, check=False)
     assert failed.returncode == 1
     assert "cells/x0_y1.h5" in failed.stdout
     assert "Traceback" not in failed.stdout.partition("Error in rule join")[2]
@@ -144,7 +144,7 @@ def test_killed_in_the_middle_it_recovers_and_ends_the_same(checkout, finished):
     """kill -9 on Snakemake while cells are computed; the documented two lines bring the same files."""
     with (checkout.folder / "killed.log").open("w") as log:
         run = subprocess.Popen(
-            checkout.command("--cores", "2", *TEST), cwd=checkout.folder, stdout=log, stderr=log
+            checkout.command("labels", "--cores", "2", *TEST), cwd=checkout.folder, stdout=log, stderr=log
         )
         deadline = time.monotonic() + 120
         while not checkout.files(f"{RESULTS}/cells/*.h5") and time.monotonic() < deadline:
@@ -155,13 +155,13 @@ def test_killed_in_the_middle_it_recovers_and_ends_the_same(checkout, finished):
         assert "alive" in busy.stderr
         os.kill(run.pid, signal.SIGKILL)
         run.wait()
-    locked = checkout.snakemake("--cores", "2", *TEST, check=False)
+    locked = checkout.snakemake("labels", "--cores", "2", *TEST, check=False)
     assert "locked" in locked.stdout.lower()
 
     released = unlock(checkout)
     assert released.returncode == 0, released.stdout + released.stderr
-    checkout.snakemake("--cores", "2", "--rerun-incomplete", *TEST)
-    for pattern in ("materials/*/law.json", "recordings/*.csv", "tables/material.csv", "plan.csv"):
+    checkout.snakemake("labels", "--cores", "2", "--rerun-incomplete", *TEST)
+    for pattern in ("materials/*/law.json", "recordings/*.csv", "cells/*.h5", "dataset/shard-*.h5"):
         assert checkout.files(f"{RESULTS}/{pattern}") == finished.files(f"{RESULTS}/{pattern}")
     assert not list(checkout.folder.rglob("*.tmp*"))
 
