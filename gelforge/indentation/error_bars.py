@@ -19,8 +19,8 @@ from scipy.ndimage import gaussian_filter
 
 COARSER = 2.0  # the companion's sizes over the cell's
 SMOOTHING = 0.6  # standard deviation of the weights of the mean square: of bins along x and y, and of depths
-PART_BINS = np.array([0.24, 0.24, 0.34])  # x, y, z: of the root mean square difference of bins
-SHARE_BINS = np.array([0.003, 0.003, 0.007])  # of the force of the bin itself
+PART_BINS = np.array([0.30, 0.30, 0.34])  # x, y, z: of the root mean square difference of bins
+SHARE_BINS = 0.007  # of the force of the bin itself
 LEAST_BINS = 5e-4  # of the largest bin
 PART_TOTALS = 0.3  # of the difference of the total, root mean square over depths
 PART_OF_BINS = 0.2  # of the bins' bars as if independent, on the total: what the near size errs by does not cancel in them
