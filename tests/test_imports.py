@@ -92,7 +92,7 @@ def test_imports_run_one_way(path):
         ("mechanics", "from gelforge.config import Study"),
         ("indentation", "from gelforge.recording.camera import project"),
         ("indentation", "from gelforge.characterisation import fits"),
-        ("dataset", "def f():\n    import gelforge.learning.network"),
+        ("dataset", "def f():\n    import gelforge.learning.model_file"),
         ("dataset", "import torch"),
         ("report", "import cv2"),
         ("learning", "from matplotlib.figure import Figure"),

@@ -228,7 +228,7 @@ def train(study: Path, model: Path, loss: Path) -> None:
 def evaluate(study: Path, model: Path, out: Path) -> None:
     """Write the predictions of every row of the held-out cells."""
     from gelforge.learning.evaluation import predict_test_rows
-    from gelforge.learning.network import check_trained_on
+    from gelforge.learning.model_file import check_trained_on
     from gelforge.learning.training import shards_digest
 
     shards = shard_paths(load_study(study))
@@ -258,6 +258,7 @@ def tables(study: Path) -> None:
         predictions.check_model(results / "model" / "model.pt")
         write_table(folder, "rmse", evaluation.rmse_table(predictions))
         write_table(folder, "baselines", evaluation.baselines_table(predictions))
+        write_table(folder, "reliability", evaluation.reliability_table(predictions))
         ranges = predictions.label_range
     else:
         ranges = evaluation.label_ranges(shard_paths(described))

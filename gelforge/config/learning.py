@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from gelforge.config.common import NonNegative, Positive, Section
 
@@ -29,20 +29,86 @@ class Dataset(Section):
     cells_per_shard: int = Field(16, ge=1, description="cells in one shard file [-]")
 
 
-class Learning(Section):
-    """The network of Sferrazza et al. 2019, table 2, and how it is trained."""
+OF_NETWORK = {  # keys that mean something to some networks only
+    "hidden": ("paper",),
+    "dropout": ("paper",),
+    "input_form": ("paper",),
+    "channels": ("unet", "cnn"),
+    "symmetry": ("unet", "cnn"),
+}
+USUAL = {  # learning_rate, batch_size, epochs
+    "paper": (1e-4, 400, 400),  # Sferrazza et al. 2019, table 2
+    "unet": (3e-3, 32, 35),
+    "cnn": (3e-3, 32, 35),
+}
 
+
+class Learning(Section):
+    """The network and how it is trained."""
+
+    network: Literal["unet", "cnn", "paper"] = Field(
+        "unet",
+        description="unet: flow components on the grid of regions to forces on the grid of bins; cnn: the same with a few "
+        "convolutions alone; paper: the layers of Sferrazza et al. 2019, table 2",
+    )
+    channels: int = Field(16, ge=4, le=256, description="channels on the finest grid (unet, cnn) [-]")
+    symmetry: Literal["auto", "d4", "none"] = Field(
+        "auto",
+        description="turn and mirror images with their labels while training (unet, cnn); auto: where sensor and camera are "
+        "their own mirror images and the plan has none of its sites",
+    )
     input_form: Literal["vector", "polar"] = Field(
         "polar",
-        description="feed each region's magnitude and direction (polar) or the flow's components (vector)",
+        description="feed each region's magnitude and direction (polar) or the flow's components (vector) (paper)",
     )
     hidden: list[Annotated[int, Field(ge=1)]] = Field(
-        [800, 600, 400], description="widths of the hidden layers [-]"
+        [800, 600, 400], description="widths of the hidden layers (paper) [-]"
     )
-    dropout: float = Field(0.1, ge=0, lt=1, description="dropout after each hidden layer [-]")
-    learning_rate: Positive = Field(1e-4, description="Adam's step size [-]")
-    batch_size: int = Field(400, ge=1, description="rows per step [-]")
-    epochs: int = Field(400, ge=1, description="passes over the training rows [-]")
+    dropout: float = Field(0.1, ge=0, lt=1, description="dropout after each hidden layer (paper) [-]")
+    learning_rate: Positive | None = Field(
+        None, description="Adam's largest step size; as usual for the network: 1e-4 for paper, else 3e-3 [-]"
+    )
+    batch_size: int | None = Field(
+        None, ge=1, description="rows per step; as usual for the network: 400 for paper, else 32 [-]"
+    )
+    epochs: int | None = Field(
+        None,
+        ge=1,
+        description="passes over the training rows, one image of each press in a pass but for paper, which takes all; as "
+        "usual for the network: 400 for paper, else 35 [-]",
+    )
+    patience: int | None = Field(
+        None,
+        ge=1,
+        description="epochs without a better validation loss after which training ends; null: none [-]",
+    )
     validation_fraction: float = Field(
-        0.1, gt=0, lt=1, description="share of training cells that watch the loss [-]"
+        0.1, gt=0, lt=1, description="share of training orbits that watch the loss [-]"
     )
+
+    @model_validator(mode="after")
+    def _belongs_to_the_network(self) -> Learning:
+        for key in sorted(self.model_fields_set & set(OF_NETWORK)):
+            if (
+                self.network not in OF_NETWORK[key]
+                and getattr(self, key) != type(self).model_fields[key].default
+            ):
+                raise ValueError(
+                    f"{key} is a key of network {' and '.join(OF_NETWORK[key])}, found network {self.network}; "
+                    f"leave it out or set network: {OF_NETWORK[key][0]}"
+                )
+        return self
+
+    @property
+    def form(self) -> str:
+        """How flow is fed to the network."""
+        return self.input_form if self.network == "paper" else "vector"
+
+    @property
+    def usual(self) -> Learning:
+        """These settings with what is not given as usual for the network."""
+        names = ("learning_rate", "batch_size", "epochs")
+        given = {name: getattr(self, name) for name in names}
+        return self.model_copy(
+            update={name: given[name] or usual for name, usual in zip(names, USUAL[self.network])}
+        )

@@ -8,7 +8,8 @@ import numpy as np
 import torch
 
 from gelforge.dataset.shard import ShardDataset
-from gelforge.learning.network import ModelError, Scaling, input_flow
+from gelforge.learning.scaling import ModelError, Scaling, input_flow
+from gelforge.learning.turns import flow_centre, image_on_sensor
 
 FEATURE, LABEL = "feature", "force_distribution_N"
 BLOCK_ROWS = 64  # consecutive rows that are read together; about one cell
@@ -51,43 +52,87 @@ def positions_of(rows: ShardDataset) -> dict[str, np.ndarray]:
     return dict(sorted(places.items()))
 
 
-def measure_scaling(rows: ShardDataset, index: np.ndarray, form: str) -> Scaling:
+def images_of_presses(rows: ShardDataset, index: np.ndarray) -> np.ndarray:
+    """Return for each of the rows numbered by index (n,) the number of its group: the images of a press at one depth."""
+    groups: dict[tuple, int] = {}
+    found = []
+    for start in range(0, len(index), 8192):
+        block = rows.read(index[start : start + 8192], ("session", "press", "depth_mm"))
+        keys = zip(block["session"], block["press"], block["depth_mm"].tolist())
+        found.append([groups.setdefault(key, len(groups)) for key in keys])
+    return np.concatenate([np.empty(0, int), *map(np.array, found)]).astype(int)
+
+
+def lie_of_images(rows: ShardDataset, index: np.ndarray, width_mm: np.ndarray) -> tuple[str, bool]:
+    """Return how images lie on the sensor, by the deepest quarter of the rows index (n,); see image_on_sensor."""
+    depth = np.concatenate([b["depth_mm"] for b in _columns(rows, index, ("depth_mm",))])
+    deep = index[depth >= max(np.quantile(depth, 0.75), 1e-9)]
+    centre, position = [np.empty((0, 2))], [np.empty((0, 2))]
+    for block in _columns(rows, deep, (FEATURE, "position_mm")):
+        flow = input_flow(block[FEATURE], "vector")
+        flow = flow.reshape(len(flow), 2, -1)
+        centre.append(flow_centre(flow, round(flow.shape[-1] ** 0.5)))
+        position.append(block["position_mm"])
+    return image_on_sensor(np.concatenate(centre), np.concatenate(position), width_mm)
+
+
+def _columns(
+    rows: ShardDataset, index: np.ndarray, names: tuple[str, ...]
+) -> Iterator[dict[str, np.ndarray]]:
+    for start in range(0, len(index), 256):
+        yield rows.read(index[start : start + 256], names)
+
+
+def measure_scaling(
+    rows: ShardDataset, index: np.ndarray, form: str, turn: str = "identity", centred: bool = True
+) -> Scaling:
     """Return the scaling measured on the rows numbered by index (n,), in two passes of bounded memory.
 
-    A second pass around the mean instead of a difference of large sums keeps the variance exact.
+    A second pass around the mean instead of a difference of large sums keeps the variance exact. Without centring nothing
+    prefers a place or a direction: zero means, and one scale for both components of the flow and of the horizontal force.
     """
     if not len(index):
         raise ModelError("no training rows; give the study more cells or a smaller dataset.test_fraction")
     mean = [0.0, 0.0]
-    for flow, label in _blocks(rows, index, form):
+    for flow, label in _blocks(rows, index, form, turn):
         mean = [m + v.sum(axis=0, dtype=np.float64) / len(index) for m, v in zip(mean, (flow, label))]
+    mean = mean if centred else [0.0 * m for m in mean]
     square = [0.0, 0.0]
-    for flow, label in _blocks(rows, index, form):
+    for flow, label in _blocks(rows, index, form, turn):
         square = [
             s + ((v - m) ** 2).sum(axis=0) / len(index) for s, v, m in zip(square, (flow, label), mean)
         ]  # (F,), (B, 3)
     half = len(mean[0]) // 2
-    input_scale = np.sqrt([square[0][:half].mean(), square[0][half:].mean()])
-    output_scale = np.sqrt(square[1].mean(axis=0))
+    input_square, output_square = (
+        np.array([square[0][:half].mean(), square[0][half:].mean()]),
+        square[1].mean(axis=0),
+    )
+    if not centred:
+        input_square[:] = input_square.mean()
+        output_square[:2] = output_square[:2].mean()
+    input_scale, output_scale = np.sqrt(input_square), np.sqrt(output_square)
     if not (input_scale > 0).all() or not (output_scale > 0).all():
         raise ModelError(
             f"training rows do not vary (input scale {input_scale.tolist()}, output scale {output_scale.tolist()} N); "
             "check the images and the labels"
         )
-    return Scaling(form, *(np.asarray(v, np.float32) for v in (mean[0], input_scale, mean[1], output_scale)))
+    found = (np.asarray(v, np.float32) for v in (mean[0], input_scale, mean[1], output_scale))
+    return Scaling(form, turn, *found)
 
 
-def _blocks(rows: ShardDataset, index: np.ndarray, form: str) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    for start in range(0, len(index), 256):
-        block = rows.read(index[start : start + 256], (FEATURE, LABEL))
-        yield input_flow(block[FEATURE], form), block[LABEL].astype(np.float64)
+def _blocks(
+    rows: ShardDataset, index: np.ndarray, form: str, turn: str
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    for block in _columns(rows, index, (FEATURE, LABEL)):
+        yield input_flow(block[FEATURE], form, turn), block[LABEL].astype(np.float64)
 
 
 class Batches:
     """Shuffled batches of scaled inputs and targets, the same for the same seed and epoch.
 
     Where all rows fit into the buffer they are read once and shuffled freely. Otherwise every epoch draws blocks of
-    consecutive rows in random order until the buffer is full, shuffles the buffer and empties it, and so on.
+    consecutive rows in random order until the buffer is full, shuffles the buffer and empties it, and so on. Where rows
+    belong to groups (n,), an epoch takes one row of each, another one the next time.
     """
 
     def __init__(
@@ -98,42 +143,59 @@ class Batches:
         size: int,
         seed: int,
         buffer_rows: int = BUFFER_ROWS,
+        groups: np.ndarray | None = None,
     ):
         self.rows, self.index, self.scaling, self.size, self.seed = rows, index, scaling, size, seed
-        self.buffer_rows = buffer_rows
+        self.buffer_rows, self.groups = buffer_rows, groups
         self._whole: tuple[torch.Tensor, torch.Tensor] | None = None
 
     def epoch(self, epoch: int) -> Iterator[tuple[torch.Tensor, torch.Tensor]]:
         """Yield inputs (n, F) and targets (n, 3 B) of one epoch; the order depends on seed and epoch only."""
         rng = np.random.default_rng([self.seed, epoch])
-        for inputs, targets in self._buffers(rng):
-            order = torch.from_numpy(rng.permutation(len(inputs)))
+        for inputs, targets, chosen in self._buffers(rng, self._drawn(rng)):
+            order = torch.from_numpy(rng.permutation(chosen))
             for start in range(0, len(order), self.size):
-                chosen = order[start : start + self.size]
-                yield inputs[chosen], targets[chosen]
+                batch = order[start : start + self.size]
+                yield inputs[batch], targets[batch]
+
+    def steps(self) -> int:
+        """Return an upper bound of the number of batches in an epoch."""
+        rows = len(self.index) if self.groups is None else len(np.unique(self.groups))
+        return -(-rows // self.size) + len(self.index) // self.buffer_rows
 
     def in_order(self) -> Iterator[tuple[torch.Tensor, torch.Tensor]]:
         """Yield all rows once, unshuffled."""
-        if not len(self.index):
-            return
         if len(self.index) <= self.buffer_rows:
-            inputs, targets = next(self._buffers(np.random.default_rng(0)))
-            yield from zip(inputs.split(self.size), targets.split(self.size))
+            self._whole = self._whole or self._read(self.index)
+            yield from zip(*(part.split(self.size) for part in self._whole))
             return
         for start in range(0, len(self.index), self.size):
             yield self._read(self.index[start : start + self.size])
 
-    def _buffers(self, rng: np.random.Generator) -> Iterator[tuple[torch.Tensor, torch.Tensor]]:
+    def _drawn(self, rng: np.random.Generator) -> np.ndarray:
+        """Return the places in index of an epoch's rows, in order."""
+        if self.groups is None:
+            return np.arange(len(self.index))
+        shuffled = rng.permutation(len(self.index))
+        return np.sort(shuffled[np.unique(self.groups[shuffled], return_index=True)[1]])
+
+    def _buffers(
+        self, rng: np.random.Generator, drawn: np.ndarray
+    ) -> Iterator[tuple[torch.Tensor, torch.Tensor, np.ndarray]]:
+        """Yield inputs and targets in memory, and which of them belong to the epoch."""
         if len(self.index) <= self.buffer_rows:
             if self._whole is None:
                 self._whole = self._read(self.index)
-            yield self._whole
+            yield *self._whole, drawn
             return
-        blocks = np.array_split(self.index, -(-len(self.index) // BLOCK_ROWS))
+        blocks = np.array_split(drawn, -(-len(drawn) // BLOCK_ROWS))
         order = rng.permutation(len(blocks))
         per_buffer = max(1, self.buffer_rows // BLOCK_ROWS)
         for start in range(0, len(order), per_buffer):
-            yield self._read(np.concatenate([blocks[i] for i in order[start : start + per_buffer]]))
+            read = self._read(
+                self.index[np.concatenate([blocks[i] for i in order[start : start + per_buffer]])]
+            )
+            yield *read, np.arange(len(read[0]))
 
     def _read(self, index: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
         block = self.rows.read(index, (FEATURE, LABEL))

@@ -15,9 +15,10 @@ from gelforge.dataset.shard import ShardDataset
 from gelforge.files import file_sha256
 from gelforge.hdf5 import opened, writing
 from gelforge.learning.data import FEATURE, LABEL
-from gelforge.learning.network import load_model
+from gelforge.learning.model_file import load_model
+from gelforge.learning.reliability import centre_of_pressure
 
-FORMAT = "gelforge-predictions-1"
+FORMAT = "gelforge-predictions-2"
 BLOCK = 256  # rows in memory at a time
 AXES = ("x_N", "y_N", "z_N")
 KEPT = ("cell", "session", "press", "image_index", "position_mm", "depth_mm", "total_force_ft_N", "untouched")
@@ -39,8 +40,11 @@ def predict_test_rows(
         file.attrs["model_sha256"] = file_sha256(model_path)
         file.attrs["bins_nx"], file.attrs["bins_ny"] = nx, bins // nx
         file.attrs["sensor_width_mm"] = model.settings["sensor_width_mm"]
-        for name in ("predicted_N", "true_N"):
+        half = ("bin_half_N",) if model.intervals else ()
+        for name in ("predicted_N", "true_N", *half):
             _create(file, name, (len(rows), bins, 3), "f4", "N", _DESCRIPTIONS[name], chunks=(1, bins, 3))
+        if model.intervals:
+            _create(file, "total_half_N", (len(rows), 3), "f8", "N", _DESCRIPTIONS["total_half_N"])
         for name in KEPT:
             column = COLUMNS[name]
             kind = h5py.string_dtype() if column.kind == "text" else column.kind
@@ -52,7 +56,11 @@ def predict_test_rows(
         start = 0
         for block in rows.batches((FEATURE, LABEL, *KEPT), BLOCK):
             stop = start + len(block["cell"])
-            file["predicted_N"][start:stop] = model.predict(block[FEATURE])
+            predicted = model.predict(block[FEATURE])
+            file["predicted_N"][start:stop] = predicted
+            if model.intervals:
+                file["bin_half_N"][start:stop] = model.intervals.of_bins(predicted)
+                file["total_half_N"][start:stop] = model.intervals.of_totals(predicted)
             file["true_N"][start:stop] = block[LABEL]
             for name in KEPT:
                 file[name][start:stop] = block[name]
@@ -63,6 +71,8 @@ def predict_test_rows(
 _DESCRIPTIONS = {
     "predicted_N": "force distribution predicted by the network (N, B, 3)",
     "true_N": "force distribution of the finite-element model, the label (N, B, 3)",
+    "bin_half_N": "half width of the 90 % interval of each bin's force (N, B, 3)",
+    "total_half_N": "half width of the 90 % interval of the total force (N, 3)",
     "training_mean_N": "mean label over the touched training rows (B, 3)",
     "label_range_N": "range of all labels: per bin and in total; least and greatest; axis (2, 2, 3)",
 }
@@ -101,6 +111,7 @@ class Predictions:
             self.nx, self.ny = int(file.attrs["bins_nx"]), int(file.attrs["bins_ny"])
             self.width_mm = np.array(file.attrs["sensor_width_mm"])
             self.untouched, self.ft = file["untouched"][()], file["total_force_ft_N"][()]
+            self.has_intervals = "bin_half_N" in file
             self.training_mean, self.label_range = file["training_mean_N"][()], file["label_range_N"][()]
 
     def check_model(self, model_path: str | Path) -> None:
@@ -116,6 +127,13 @@ class Predictions:
             for start in range(0, len(self.untouched), BLOCK):
                 rows = slice(start, min(start + BLOCK, len(self.untouched)))
                 yield rows, file["predicted_N"][rows].astype(float), file["true_N"][rows].astype(float)
+
+    def halves(self) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
+        """Yield rows, half widths of the intervals of bins (n, B, 3) and of totals (n, 3) [N]; nothing without intervals."""
+        with self._open() as file:
+            for start in range(0, len(self.untouched) if self.has_intervals else 0, BLOCK):
+                rows = slice(start, min(start + BLOCK, len(self.untouched)))
+                yield rows, file["bin_half_N"][rows].astype(float), file["total_half_N"][rows]
 
     def _open(self) -> h5py.File:
         remedy = f"evaluate the model again (snakemake -R {self.path})"
@@ -171,18 +189,6 @@ def force_ranges_table(ranges: np.ndarray) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["quantity", *columns])
 
 
-def centre_of_pressure(force: np.ndarray, nx: int, ny: int, width_mm: np.ndarray) -> np.ndarray:
-    """Return the centre of pressure (n, 2) [mm] of distributions (n, B, 3): moment of the vertical forces over their sum.
-
-    NaN where the sensor is not pressed, that is where the sum is not negative.
-    """
-    x = (np.arange(nx * ny) % nx + 0.5) * width_mm[0] / nx
-    y = (np.arange(nx * ny) // nx + 0.5) * width_mm[1] / ny
-    total = force[..., 2].sum(axis=1)
-    total = np.where(total < 0, total, np.nan)
-    return np.stack([force[..., 2] @ x, force[..., 2] @ y], axis=-1) / total[:, None]
-
-
 def baselines_table(predictions: Predictions) -> pd.DataFrame:
     """Return what the network must beat: the same errors of itself, of the training-mean map and of no force at all.
 
@@ -224,6 +230,72 @@ def _errors(predictions: Predictions, of: Callable[[np.ndarray], np.ndarray]) ->
         *np.sqrt(_ratio(square, count)),
         float(np.median(far)) if len(far) else np.nan,
     )
+
+
+CONTACT_N = 0.02  # a touch that is to be seen
+LIGHT_N = 0.05
+
+
+def reliability_table(predictions: Predictions) -> pd.DataFrame:
+    """Return how far the network is to be trusted: zeros, contacts seen, light presses, the centre, intervals.
+
+    quantity, value, unit: Fz of untouched images (rms); share of contacts of CONTACT_N and more that are seen; mean error of
+    presses up to LIGHT_N; the centre of pressure's distance (median, 95th percentile of touched rows); how many of the bins
+    that carry force, and of the totals of touched rows, lie in their 90 % intervals, and the intervals' mean half widths.
+    """
+    geometry = predictions.nx, predictions.ny, predictions.width_mm
+    parts: dict[str, list] = {name: [] for name in ("predicted", "true", "seen", "distance")}
+    for _, predicted, true in predictions.blocks():
+        parts["predicted"].append(predicted.sum(axis=1))
+        parts["true"].append(true.sum(axis=1))
+        parts["seen"].append(np.abs(predicted).max(axis=(1, 2)) > 0)
+        gap = centre_of_pressure(predicted, *geometry) - centre_of_pressure(true, *geometry)
+        parts["distance"].append(np.nan_to_num(np.hypot(*gap.T), nan=np.inf))
+    predicted, true, seen, distance = (np.concatenate(parts[name]) for name in parts)
+    touched, push = ~predictions.untouched, np.linalg.norm(true, axis=1)
+    felt, light = push >= CONTACT_N, touched & (push <= LIGHT_N)
+    rows = [
+        ("Fz of untouched images, rms", _rms(predicted[~touched, 2]), "N"),
+        (f"contacts of {1e3 * CONTACT_N:g} mN and more that are seen", _mean(seen[felt]), "1"),
+        (f"mean error of Fz of presses up to {1e3 * LIGHT_N:g} mN", _mean((predicted - true)[light, 2]), "N"),
+        ("centre of pressure, median distance", _quantile(distance[touched], 0.5), "mm"),
+        ("centre of pressure, 95th percentile", _quantile(distance[touched], 0.95), "mm"),
+    ]
+    rows += _coverage(predictions, touched) if predictions.has_intervals else []
+    return pd.DataFrame(rows, columns=["quantity", "value", "unit"])
+
+
+def _coverage(predictions: Predictions, touched: np.ndarray) -> list[tuple[str, float, str]]:
+    held = {name: np.zeros(3) for name in ("bins", "totals")}
+    width, count = {name: np.zeros(3) for name in held}, dict.fromkeys(held, 0)
+    for (rows, predicted, true), (_, of_bins, of_totals) in zip(predictions.blocks(), predictions.halves()):
+        error, carries, on = np.abs(predicted - true), (true != 0).any(axis=-1), touched[rows]
+        total = np.abs((predicted - true).sum(axis=1))
+        for name, off, half, where in (("bins", error, of_bins, carries), ("totals", total, of_totals, on)):
+            held[name] += (off[where] <= half[where]).sum(axis=0)
+            width[name] += half[where].sum(axis=0)
+            count[name] += int(where.sum())
+    return [
+        (f"{name}, {axis}: {what}", float(_ratio(sums[name], np.full(3, float(count[name])))[i]), unit)
+        for name in held
+        for what, sums, unit in (
+            ("share inside the 90 % interval", held, "1"),
+            ("mean half width", width, "N"),
+        )
+        for i, axis in enumerate("xyz")
+    ]
+
+
+def _mean(values: np.ndarray) -> float:
+    return float(np.mean(values)) if len(values) else np.nan
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else np.nan
+
+
+def _quantile(values: np.ndarray, share: float) -> float:
+    return float(np.quantile(values, share, method="higher")) if len(values) else np.nan
 
 
 def _ratio(total: np.ndarray, count: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ import pandas as pd
 import torch
 
 from gelforge.config import Features
-from gelforge.learning.network import load_model
+from gelforge.learning.model_file import load_model
 from gelforge.recording.features import FlowFeatures, flow_features
 from gelforge.recording.flow import ImageError, crop
 from gelforge.recording.frames import Frame

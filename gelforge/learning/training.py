@@ -1,10 +1,10 @@
-"""Training as in Sferrazza et al. 2019, table 2: Adam on the mean squared error, with checkpoints to go on from."""
+"""Training: Adam on the mean squared error, the best epoch by validation, with checkpoints to go on from."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,14 +12,32 @@ import pandas as pd
 import torch
 from tqdm import tqdm
 
-from gelforge.config import Study
+from gelforge.config import Learning, Study
 from gelforge.dataset.shard import ShardDataset, shard_attributes
 from gelforge.dataset.splits import split_orbits
 from gelforge.files import digest, file_sha256, write_product_table
-from gelforge.learning.data import BUFFER_ROWS, Batches, measure_scaling, positions_of, subset
-from gelforge.learning.network import Model, ModelError, load_tensors, make_network, save_model, save_tensors
+from gelforge.learning.data import (
+    BUFFER_ROWS,
+    FEATURE,
+    LABEL,
+    Batches,
+    images_of_presses,
+    lie_of_images,
+    measure_scaling,
+    positions_of,
+    subset,
+)
+from gelforge.learning.model_file import Model, load_tensors, save_model, save_tensors
+from gelforge.learning.networks import Grids, make_network
+from gelforge.learning.reliability import Zero, find_intervals, find_zero
+from gelforge.learning.scaling import ModelError, Scaling
+from gelforge.learning.turns import Turner, names_of
 
-CHECKPOINT_FORMAT = "gelforge-checkpoint-1"
+CHECKPOINT_FORMAT = "gelforge-checkpoint-2"
+WARM_UP = 0.15  # share of the steps in which the step size grows
+LAST_RATE = 1e-3  # of the largest step size, at the end
+WEIGHT_DECAY = 1e-4
+ROWS_SET_ASIDE = 4000  # at most, for thresholds and intervals
 
 
 @dataclass(frozen=True)
@@ -46,6 +64,19 @@ def _without_denormals() -> Iterator[None]:
         torch.set_flush_denormal(False)
 
 
+@dataclass(frozen=True)
+class Plan:
+    """What a training does with its network, beside the network."""
+
+    learning: Learning  # with nothing left open
+    grids: Grids
+    turns: tuple[str, ...]  # elements of D4 that sensor and camera have
+
+    @property
+    def as_paper(self) -> bool:
+        return self.learning.network == "paper"
+
+
 @_without_denormals()
 def train(
     study: Study,
@@ -56,10 +87,11 @@ def train(
 ) -> bool:
     """Train the study's network and write model.pt and loss.csv; return False if the run stopped before the last epoch.
 
-    A checkpoint `<model>.checkpoint.pt` beside the model holds weights, Adam's moments and losses; random numbers
-    depend on seed and epoch only. A run that finds one of the same settings and shards goes on from it, with the same
-    result as an uninterrupted run on the same machine and number of threads; one of other settings is discarded. It is
-    removed at the end. The validation cells only watch the loss; the model is that of the last epoch.
+    A checkpoint `<model>.checkpoint.pt` beside the model holds weights, the best weights, Adam's moments and losses; random
+    numbers depend on seed and epoch only. A run that finds one of the same settings and shards goes on from it, with the
+    same result as an uninterrupted run on the same machine and number of threads; one of other settings is discarded. It is
+    removed at the end. The model is that of the epoch whose validation loss is least; thresholds and intervals are found on
+    the validation rows too, whose orbits are neither trained on nor tested.
     """
     _check_has_images(shards)
     torch.set_num_threads(run.threads)
@@ -68,15 +100,14 @@ def train(
 
     rows = ShardDataset(shards, "train")
     training, validation = _validation_split(rows, shards, study)
-    scaling = measure_scaling(rows, training, study.learning.input_form)
-    learning = study.learning
-    network = make_network(
-        len(scaling.input_mean), learning.hidden, scaling.output_mean.size, learning.dropout, study.seed
-    )
-    adam = torch.optim.Adam(network.parameters(), lr=learning.learning_rate)
-    losses = _resume(checkpoint_path, settings, network, adam)
-    batches = Batches(rows, training, scaling, learning.batch_size, study.seed, run.buffer_rows)
-    watched = Batches(rows, validation, scaling, learning.batch_size, study.seed, run.buffer_rows)
+    plan, scaling = _plan(study, rows, training)
+    learning = plan.learning
+    network = make_network(learning, plan.grids, study.seed)
+    adam = _optimiser(network, learning)
+    losses, best = _resume(checkpoint_path, settings, network, adam)
+    groups = None if plan.as_paper else images_of_presses(rows, training)
+    batches = Batches(rows, training, scaling, learning.batch_size, study.seed, run.buffer_rows, groups)
+    watched = Batches(rows, validation, scaling, max(learning.batch_size, 256), study.seed, run.buffer_rows)
 
     last = min(learning.epochs, len(losses) + run.stop_after) if run.stop_after else learning.epochs
     bar = tqdm(
@@ -86,29 +117,77 @@ def train(
         unit="epoch",
         disable=not run.progress,
     )
-    for epoch in bar:
-        training_loss = one_epoch(network, adam, batches, epoch)
+    finished = _out_of_patience(losses, learning.patience)
+    for epoch in bar if not finished else ():
+        training_loss = one_epoch(network, adam, batches, epoch, plan)
         losses.append((epoch + 1, training_loss, mean_loss(network, watched)))
+        if _best_epoch(losses) == epoch + 1:
+            best = {name: values.clone() for name, values in network.state_dict().items()}
         bar.set_postfix(training=f"{losses[-1][1]:.4f}", validation=f"{losses[-1][2]:.4f}")
-        if (epoch + 1) % run.checkpoint_every == 0 or epoch + 1 == last:
-            _save_checkpoint(checkpoint_path, settings, network, adam, losses)
-    rows.close()
-    if last < learning.epochs:
+        finished = _out_of_patience(losses, learning.patience)
+        if (epoch + 1) % run.checkpoint_every == 0 or epoch + 1 == last or finished:
+            _save_checkpoint(checkpoint_path, settings, network, adam, losses, best)
+        if finished:
+            break
+    if last < learning.epochs and not finished:
+        rows.close()
         return False
+    network.load_state_dict(best)
+    model = _with_reliability(Model(network, scaling, settings), rows, validation)
+    rows.close()
     columns = ["epoch", "training", "validation"]
     write_product_table(loss_path, pd.DataFrame(losses, columns=columns), "%.9g")
-    save_model(model_path, Model(network, scaling, settings))
+    save_model(model_path, model)
     checkpoint_path.unlink(missing_ok=True)
     return True
 
 
-def one_epoch(network: torch.nn.Module, adam: torch.optim.Optimizer, batches: Batches, epoch: int) -> float:
+def _plan(study: Study, rows: ShardDataset, training: np.ndarray) -> tuple[Plan, Scaling]:
+    learning, bins = study.learning.usual, study.sensor.bins
+    width = study.sensor.width_x_mm, study.sensor.width_y_mm
+    grids = Grids(study.features.regions, bins.nx, bins.ny)
+    if learning.network == "paper":
+        scaling = measure_scaling(rows, training, learning.form)
+        return Plan(learning, grids, ("identity",)), scaling
+    turn, along_axis = lie_of_images(rows, training, np.array(width))
+    scaling = measure_scaling(rows, training, learning.form, turn, centred=False)
+    holds = along_axis and study.has_symmetry_of_square and bins.nx == bins.ny
+    turned = learning.symmetry == "d4" or (learning.symmetry == "auto" and holds and not study.mirrors_cells)
+    turns = names_of(bins.nx == bins.ny) if turned else ("identity",)
+    return Plan(learning, grids, turns), scaling
+
+
+def _optimiser(network: torch.nn.Module, learning: Learning) -> torch.optim.Optimizer:
+    if learning.network == "paper":
+        return torch.optim.Adam(network.parameters(), lr=learning.learning_rate)
+    return torch.optim.AdamW(network.parameters(), lr=learning.learning_rate, weight_decay=WEIGHT_DECAY)
+
+
+def _rate(learning: Learning, step: int, steps: int) -> float:
+    """Return the step size: steady for the article's network, else up along a line and down along a cosine."""
+    if learning.network == "paper":
+        return learning.learning_rate
+    done = step / max(steps - 1, 1)
+    if done < WARM_UP:
+        return learning.learning_rate * max(done / WARM_UP, 0.04)
+    fallen = 0.5 + 0.5 * np.cos(np.pi * (done - WARM_UP) / (1 - WARM_UP))
+    return learning.learning_rate * (LAST_RATE + (1 - LAST_RATE) * fallen)
+
+
+def one_epoch(
+    network: torch.nn.Module, adam: torch.optim.Optimizer, batches: Batches, epoch: int, plan: Plan
+) -> float:
     """Take one pass over the training rows and return the mean loss, with dropout, per row."""
     network.train()
     # dropout's masks depend on seed and epoch only, so that a resumed run draws what an uninterrupted one does
     torch.manual_seed(int(np.random.SeedSequence([batches.seed, epoch]).generate_state(1)[0]))
-    total, count = 0.0, 0
-    for inputs, targets in batches.epoch(epoch):
+    rng, turner = np.random.default_rng([batches.seed, epoch, 1]), Turner(plan.turns, *plan.grids)
+    total, count, steps = 0.0, 0, batches.steps()
+    for number, (inputs, targets) in enumerate(batches.epoch(epoch)):
+        for group in adam.param_groups:
+            group["lr"] = _rate(plan.learning, epoch * steps + number, plan.learning.epochs * steps)
+        if len(plan.turns) > 1:
+            inputs, targets = turner(str(rng.choice(plan.turns)), inputs, targets)
         adam.zero_grad(set_to_none=True)
         loss = torch.nn.functional.mse_loss(network(inputs), targets)
         loss.backward()
@@ -118,7 +197,7 @@ def one_epoch(network: torch.nn.Module, adam: torch.optim.Optimizer, batches: Ba
 
 
 def mean_loss(network: torch.nn.Module, batches: Batches) -> float:
-    """Return the mean squared error per row without dropout; NaN where there is no row."""
+    """Return the mean squared error of bins per row without dropout; NaN where there is no row."""
     network.eval()
     total, count = 0.0, 0
     with torch.inference_mode():
@@ -126,6 +205,36 @@ def mean_loss(network: torch.nn.Module, batches: Batches) -> float:
             total += torch.nn.functional.mse_loss(network(inputs), targets).item() * len(inputs)
             count += len(inputs)
     return total / count if count else float("nan")
+
+
+def _best_epoch(losses: list[tuple]) -> int:
+    """Return the number, from 1, of the epoch of the least validation loss, the last one where nothing was set aside."""
+    validation = [row[2] for row in losses]
+    return len(losses) if np.isnan(validation).any() else int(np.argmin(validation)) + 1
+
+
+def _out_of_patience(losses: list[tuple], patience: int | None) -> bool:
+    return bool(losses) and patience is not None and len(losses) - _best_epoch(losses) >= patience
+
+
+def _with_reliability(model: Model, rows: ShardDataset, validation: np.ndarray) -> Model:
+    """Return a model with its thresholds and intervals, found on the rows set aside."""
+    index = validation[:: max(1, -(-len(validation) // ROWS_SET_ASIDE))]
+    predicted, true, untouched = [], [], []
+    for start in range(0, len(index), 256):
+        block = rows.read(index[start : start + 256], (FEATURE, LABEL, "untouched"))
+        predicted.append(model.predict_raw(block[FEATURE]))
+        true.append(block[LABEL].astype(float))
+        untouched.append(block["untouched"])
+    if not predicted:
+        return model
+    force, true = np.concatenate(predicted), np.concatenate(true)
+    zero = Zero()
+    if model.settings["learning"]["network"] != "paper":  # the article's says what it says
+        bins = model.settings["bins"]
+        grid = bins["nx"], bins["ny"], np.array(model.settings["sensor_width_mm"])
+        zero = find_zero(force, true, np.concatenate(untouched), grid)
+    return replace(model, zero=zero, intervals=find_intervals(zero.applied(force), true))
 
 
 def _check_has_images(shards: Sequence[str | Path]) -> None:
@@ -173,27 +282,31 @@ def _settings(study: Study, shards: Sequence[str | Path]) -> dict:
     }
 
 
-def _save_checkpoint(path: Path, settings: dict, network, adam, losses: list[tuple]) -> None:
+def _save_checkpoint(
+    path: Path, settings: dict, network, adam, losses: list[tuple], best: dict[str, torch.Tensor]
+) -> None:
     content = {
         "format": CHECKPOINT_FORMAT,
         "settings": settings,
         "weights": network.state_dict(),
+        "best": best,
         "adam": adam.state_dict(),
         "losses": [list(row) for row in losses],
     }
     save_tensors(path, content)
 
 
-def _resume(path: Path, settings: dict, network, adam) -> list[tuple]:
-    """Load a checkpoint of the same settings into network and optimiser; return the losses so far."""
+def _resume(path: Path, settings: dict, network, adam) -> tuple[list[tuple], dict[str, torch.Tensor]]:
+    """Load a checkpoint of the same settings into network and optimiser; return the losses so far and the best weights."""
     if not path.is_file():
-        return []
+        return [], {}
     try:
         content = load_tensors(path, CHECKPOINT_FORMAT)
     except ModelError:  # a checkpoint is a convenience; a damaged one costs time, not the run
-        return []
+        return [], {}
     if content["settings"] != settings:
-        return []
+        return [], {}
     network.load_state_dict(content["weights"])
     adam.load_state_dict(content["adam"])
-    return [(int(epoch), training, validation) for epoch, training, validation in content["losses"]]
+    losses = [(int(epoch), training, validation) for epoch, training, validation in content["losses"]]
+    return losses, content["best"]

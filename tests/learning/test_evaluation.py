@@ -19,6 +19,7 @@ from gelforge.learning.evaluation import (
 from gelforge.learning.training import Run, train
 
 SMALL = {
+    "network": "paper",
     "hidden": [24, 16, 12],
     "batch_size": 8,
     "epochs": 30,

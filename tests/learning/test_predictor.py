@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from artificial_shards import small_rows, study_of, write_shards
 
-from gelforge.learning.network import ModelError
 from gelforge.learning.predictor import STEPS, Predictor, Timing, predict_frames
+from gelforge.learning.scaling import ModelError
 from gelforge.learning.training import Run, train
 from gelforge.recording.features import FlowFeatures
 from gelforge.recording.flow import ImageError
 from gelforge.recording.frames import Frame
 
-SMALL = {"hidden": [24, 16, 12], "batch_size": 8, "epochs": 3, "validation_fraction": 0.2}
+SMALL = {"network": "paper", "hidden": [24, 16, 12], "batch_size": 8, "epochs": 3, "validation_fraction": 0.2}
 
 
 @pytest.fixture(scope="module")

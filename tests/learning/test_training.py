@@ -9,12 +9,21 @@ import torch
 from artificial_shards import small_rows, study_of, write_shards
 
 from gelforge.dataset.shard import ShardDataset
-from gelforge.learning.data import Batches, TactileRows, measure_scaling, positions_of
-from gelforge.learning.network import ModelError, Scaling, load_model, make_network, save_tensors
-from gelforge.learning.training import Run, _validation_split, train
+from gelforge.learning.data import (
+    Batches,
+    TactileRows,
+    images_of_presses,
+    measure_scaling,
+    positions_of,
+)
+from gelforge.learning.model_file import load_model, save_tensors
+from gelforge.learning.networks import paper_network
+from gelforge.learning.scaling import ModelError, Scaling
+from gelforge.learning.training import Run, _validation_split, mean_loss, train
 
 QUIET = Run(threads=1, progress=False, checkpoint_every=3)
 SMALL = {
+    "network": "paper",
     "hidden": [24, 16, 12],
     "batch_size": 8,
     "epochs": 12,
@@ -39,7 +48,7 @@ def weights(path):
 
 # -------------------------------------------------------------------------------------------- the network
 def test_the_papers_network():
-    network = make_network(3200, [800, 600, 400], 1200, 0.1, seed=0)
+    network = paper_network(3200, [800, 600, 400], 1200, 0.1, seed=0)
     shapes = [tuple(layer.weight.shape) for layer in network if isinstance(layer, torch.nn.Linear)]
     assert shapes == [(800, 3200), (600, 800), (400, 600), (1200, 400)]
     assert [type(layer).__name__ for layer in network] == ["Linear", "Sigmoid", "Dropout"] * 3 + ["Linear"]
@@ -48,7 +57,7 @@ def test_the_papers_network():
 
 def test_the_signal_passes_an_untrained_network():
     """Unit inputs must not fade: PyTorch's own start leaves some 1e-3 of them after three sigmoids."""
-    network = make_network(3200, [800, 600, 400], 1200, 0.1, seed=0).eval()
+    network = paper_network(3200, [800, 600, 400], 1200, 0.1, seed=0).eval()
     inputs = torch.randn(64, 3200, generator=torch.Generator().manual_seed(0))
     outputs = network(inputs).detach()
     assert 0.1 < float((outputs - outputs.mean(dim=0)).std()) < 3
@@ -79,7 +88,9 @@ def test_regions_that_never_move_stay_small(study, shards):
 
 
 def test_vector_inputs_do_not_jump_at_pi():
-    scaling = Scaling("vector", np.zeros(2, np.float32), np.ones(2, np.float32), np.zeros((1, 3)), np.ones(3))
+    scaling = Scaling(
+        "vector", "identity", np.zeros(2, np.float32), np.ones(2, np.float32), np.zeros((1, 3)), np.ones(3)
+    )
     near = scaling.inputs(np.array([[2.0, np.pi - 1e-3], [2.0, -np.pi + 1e-3]]))
     assert np.abs(near[0] - near[1]).max() < 5e-3
 
@@ -178,7 +189,7 @@ def test_a_damaged_model_is_named(tmp_path, content):
     [
         (
             lambda c: c["weights"]["9.weight"].view(torch.int32)[3:4, 5:6].bitwise_xor_(1 << 30),
-            "an output can reach",
+            "a weight or an output is",
         ),
         (lambda c: c["weights"]["0.weight"].fill_(float("nan")), "are not finite"),
         (lambda c: c["scaling"]["output_scale"].mul_(-1), "scales"),
@@ -232,8 +243,58 @@ def test_an_epoch_visits_every_row_once_in_its_own_order(study, tmp_path, buffer
         np.testing.assert_array_equal(epoch(number), epoch(number))
     assert len(np.unique(everything, axis=0)) == len(rows) == len(epoch(0))
     assert not np.array_equal(epoch(0), epoch(1))
-    largest = max(len(inputs) for inputs, _ in batches._buffers(np.random.default_rng(0)))
+    largest = max(
+        len(inputs) for inputs, _, _ in batches._buffers(np.random.default_rng(0), np.arange(len(rows)))
+    )
     assert largest <= max(buffer_rows, len(rows) if buffer_rows == 1000 else 0)
+
+
+@pytest.mark.parametrize("buffer_rows", [1000, 64])
+def test_an_epoch_takes_one_image_of_each_press_and_another_the_next_time(study, tmp_path, buffer_rows):
+    rows = ShardDataset(write_shards(tmp_path, small_rows(cells=40), study, shards=2), "train")
+    index, groups = np.arange(len(rows)), np.arange(len(rows)) // 4
+    scaling = measure_scaling(rows, index, "vector")
+    batches = Batches(rows, index, scaling, 7, seed=1, buffer_rows=buffer_rows, groups=groups)
+    everything = np.concatenate([x.numpy() for x, _ in batches.in_order()])
+    epochs = [np.concatenate([x.numpy() for x, _ in batches.epoch(number)]) for number in (0, 1, 0)]
+    for taken in epochs:
+        where = [int(np.flatnonzero((everything == row).all(axis=1))[0]) for row in taken]
+        assert sorted(np.array(where) // 4) == sorted(set(groups))
+    np.testing.assert_array_equal(epochs[0], epochs[2])
+    assert not np.array_equal(np.sort(epochs[0], axis=0), np.sort(epochs[1], axis=0))
+    assert sum(1 for _ in batches.epoch(0)) <= batches.steps()
+
+
+def test_images_of_a_press_at_a_depth_are_one_group(study, shards):
+    rows = ShardDataset(shards, "train")
+    groups = images_of_presses(rows, np.arange(len(rows)))
+    block = rows.read(np.arange(len(rows)), ["press", "depth_mm", "session"])
+    keys = list(zip(block["session"], block["press"], block["depth_mm"]))
+    assert len(set(groups)) == len(set(keys)) == len(set(zip(groups, keys)))
+
+
+def test_the_model_is_that_of_the_best_epoch_and_patience_ends_it(study, shards, tmp_path):
+    """At this step size the validation loss soon grows again."""
+    fast = {"learning_rate": 0.3, "epochs": 30}
+    learning = study.learning.model_copy(update=fast)
+    patient = study.learning.model_copy(update=fast | {"patience": 5})
+    for name, chosen in (("all", learning), ("patient", patient)):
+        train(
+            study.model_copy(update={"learning": chosen}),
+            shards,
+            tmp_path / name / "model.pt",
+            tmp_path / name / "loss.csv",
+            QUIET,
+        )
+    losses = {name: pd.read_csv(tmp_path / name / "loss.csv", comment="#") for name in ("all", "patient")}
+    ended = losses["patient"]["validation"]
+    assert len(ended) == ended.idxmin() + 1 + 5 < len(losses["all"])
+    best = int(losses["all"]["validation"].idxmin())
+    rows = ShardDataset(shards, "train")
+    model = load_model(tmp_path / "all/model.pt")
+    watched = Batches(rows, _validation_split(rows, shards, study)[1], model.scaling, 64, seed=0)
+    assert mean_loss(model.network, watched) == pytest.approx(losses["all"]["validation"][best], rel=1e-5)
+    assert best < 29
 
 
 def test_rows_feed_pytorchs_loader_with_workers(shards):

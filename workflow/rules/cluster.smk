@@ -13,9 +13,9 @@ MARGIN = 2  # machines differ, and so do cells
 FIT_S, PICTURES_S = 20, 300  # a material; one whose tests are pictures
 # CPU seconds on the test study: 4.0 and 2.7 for 45 and 36 images of 0.16 megapixels, 3.9 for 45 that are drawn, start included.
 FEATURES_S_PER_MPX, DRAWING_S_PER_MPX = 0.5, 0.5
-# Of shards, an epoch: 8 to 30 rows a megabyte, 6 operations a weight and row, 4 million weights, 1e10 operations a second.
+# Of shards, an epoch: 8 to 30 rows a megabyte, 6 operations a weight and row, 4 million weights, 1e10 operations a second; a U-Net is as slow.
 TRAINING_S_PER_MB = 0.05
-VERIFY_S, PAPER_S = 60, 1200
+VERIFY_S, PAPER_S = 90, 1200
 SHORT_S = 20  # a job that reads, sums and writes
 
 
@@ -88,7 +88,7 @@ def drawing_seconds(wildcards, input, threads):
 
 
 def training_seconds(wildcards, input, threads):
-    return SHORT_S + TRAINING_S_PER_MB * STUDY.learning.epochs * input.size_mb
+    return SHORT_S + TRAINING_S_PER_MB * STUDY.learning.usual.epochs * input.size_mb
 
 
 def short_seconds(*_):

@@ -19,7 +19,10 @@ rule train:
         mem_mb=4000,
     params:
         learning=block("seed", "learning", "sensor"),
-        source=source_digest("learning/data.py", "learning/network.py", "learning/training.py"),
+        source=source_digest(
+            *(f"learning/{name}.py" for name in ("data", "networks", "scaling", "training", "turns")),
+            *("learning/model_file.py", "learning/reliability.py"),
+        ),
     shell:
         "{GELFORGE:q} train --study {STUDY_FILE:q} --model {output.model:q} --loss {output.loss:q} &> {log:q}"
 
@@ -40,7 +43,12 @@ rule evaluate:
         runtime=asks(short_seconds),
         mem_mb=2000,
     params:
-        source=source_digest("learning/evaluation.py", "learning/network.py"),
+        source=source_digest(
+            *(
+                f"learning/{name}.py"
+                for name in ("evaluation", "model_file", "networks", "reliability", "scaling")
+            ),
+        ),
     shell:
         "{GELFORGE:q} evaluate --study {STUDY_FILE:q} --model {input.model:q} --out {output:q} &> {log:q}"
 
@@ -58,7 +66,11 @@ rule tables:
         f"{LOGS}/tables.log",
     params:
         source=source_digest(
-            "characterisation/law_file.py", "dataset/agreement.py", "learning/evaluation.py", "files.py"
+            "characterisation/law_file.py",
+            "dataset/agreement.py",
+            "learning/evaluation.py",
+            "learning/reliability.py",
+            "files.py",
         ),
     shell:
         "{GELFORGE:q} tables --study {STUDY_FILE:q} &> {log:q}"

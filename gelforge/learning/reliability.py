@@ -1,0 +1,116 @@
+"""Exact zeros where nothing touches, and intervals of forces: both found on rows that the network did not learn from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+QUIET_SHARE = 0.999  # of the untouched rows set aside that are to be exactly zero
+MARGIN = 1.5  # times the largest force there: other sessions are noisier than those at hand
+LADDER = np.array([0.5, 1, 2, 4, 8, 16])  # of the bins' threshold over the images'
+COVER = 0.9
+CLASSES = 8  # of predicted force, each with an interval of its own
+LEAST_IN_CLASS = 100
+LEAST_ROWS = 30
+
+
+@dataclass(frozen=True)
+class Zero:
+    """Forces below which nothing touches."""
+
+    contact_N: float = 0.0  # an image touches where a bin's force is at least this long
+    bin_N: float = 0.0  # and in it the bins do whose force is
+
+    def applied(self, force: np.ndarray) -> np.ndarray:
+        """Return distributions (n, B, 3) [N] with what does not touch set to zero."""
+        size = np.linalg.norm(force, axis=-1)  # (n, B)
+        touched = (size >= self.bin_N) & (size.max(axis=1, keepdims=True) >= self.contact_N)
+        return np.where(touched[..., None], force, 0.0)
+
+
+def find_zero(force: np.ndarray, true: np.ndarray, untouched: np.ndarray, grid: tuple) -> Zero:
+    """Return the thresholds of predicted distributions (n, B, 3) [N] beside the true ones of rows (n,) set aside.
+
+    An image touches from a little above the largest force that untouched images show on. A bin of a touched image does from
+    the threshold under which the centre of pressure errs least: many bins far away that show a little draw it to the middle
+    of the sensor. grid: bins nx, ny and widths [mm].
+    """
+    size = np.linalg.norm(force, axis=-1)
+    if not untouched.any() or untouched.all():
+        return Zero()
+    contact = MARGIN * float(np.quantile(size[untouched].max(axis=1), QUIET_SHARE))
+    known = centre_of_pressure(true[~untouched], *grid)
+    best, least = Zero(contact, contact), np.inf
+    for threshold in (contact * LADDER).tolist():
+        zero = Zero(max(contact, threshold), threshold)
+        off = np.hypot(*(centre_of_pressure(zero.applied(force[~untouched]), *grid) - known).T)
+        error = float(np.quantile(np.nan_to_num(off, nan=np.inf), 0.9, method="higher"))
+        best, least = (zero, error) if error < least else (best, least)
+    return Zero(contact, best.bin_N)
+
+
+def centre_of_pressure(force: np.ndarray, nx: int, ny: int, width_mm: np.ndarray) -> np.ndarray:
+    """Return the centre of pressure (n, 2) [mm] of distributions (n, B, 3): moment of the vertical forces over their sum.
+
+    NaN where the sensor is not pressed, that is where the sum is not negative.
+    """
+    x = (np.arange(nx * ny) % nx + 0.5) * width_mm[0] / nx
+    y = (np.arange(nx * ny) // nx + 0.5) * width_mm[1] / ny
+    total = force[..., 2].sum(axis=1)
+    total = np.where(total < 0, total, np.nan)
+    return np.stack([force[..., 2] @ x, force[..., 2] @ y], axis=-1) / total[:, None]
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """Half widths of 90 % intervals by the size of the predicted force: split conformal prediction within classes of it.
+
+    Valid for sites and images like those set aside (Vovk, Gammerman & Shafer 2005; Lei et al. 2018).
+    """
+
+    bin_edges_N: np.ndarray  # (C - 1,) lengths of a bin's force between classes
+    bin_half_N: np.ndarray  # (C, 3)
+    total_edges_N: np.ndarray  # (T - 1,)
+    total_half_N: np.ndarray  # (T, 3)
+
+    def of_bins(self, force: np.ndarray) -> np.ndarray:
+        """Return half widths (n, B, 3) [N] of predicted distributions (n, B, 3)."""
+        return self.bin_half_N[
+            np.searchsorted(self.bin_edges_N, np.linalg.norm(force, axis=-1), side="right")
+        ]
+
+    def of_totals(self, force: np.ndarray) -> np.ndarray:
+        """Return half widths (n, 3) [N] of the totals of predicted distributions (n, B, 3)."""
+        size = np.linalg.norm(force.sum(axis=1), axis=-1)
+        return self.total_half_N[np.searchsorted(self.total_edges_N, size, side="right")]
+
+
+def find_intervals(force: np.ndarray, true: np.ndarray) -> Intervals | None:
+    """Return the intervals that hold the true distributions (n, B, 3) [N] of rows set aside about the predicted ones."""
+    touched = np.abs(true).max(axis=(1, 2)) > 0
+    if touched.sum() < LEAST_ROWS:
+        return None
+    bins = (np.abs(true[touched]).max(axis=-1) > 0) | (np.abs(force[touched]).max(axis=-1) > 0)
+    of_bins = _by_class(force[touched][bins], true[touched][bins])
+    totals = force[touched].sum(axis=1), true[touched].sum(axis=1)
+    return Intervals(*of_bins, *_by_class(*totals))
+
+
+def _by_class(force: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return edges (C - 1,) of classes of |force| (m, 3) with as many rows in each, and half widths (C, 3)."""
+    size = np.linalg.norm(force, axis=-1)
+    classes = int(np.clip(len(size) // LEAST_IN_CLASS, 1, CLASSES))
+    edges = np.unique(np.quantile(size, np.arange(1, classes) / classes))
+    which = np.searchsorted(edges, size, side="right")
+    error = np.abs(force - true)
+    half = [
+        _conformal(error[which == k]) if (which == k).any() else np.zeros(3) for k in range(len(edges) + 1)
+    ]
+    return edges, np.array(half)
+
+
+def _conformal(error: np.ndarray) -> np.ndarray:
+    """Return the ceil((m + 1) 0.9)th smallest of errors (m, 3), the largest where there are too few."""
+    rank = min(int(np.ceil((len(error) + 1) * COVER)), len(error)) - 1
+    return np.sort(error, axis=0)[rank]

@@ -1,0 +1,62 @@
+"""Convolutional networks of any grids, and their keys in a study."""
+
+import pytest
+import torch
+from pydantic import ValidationError
+
+from gelforge.config import Learning
+from gelforge.learning.networks import Grids, make_network
+
+
+@pytest.mark.parametrize("name", ["unet", "cnn"])
+@pytest.mark.parametrize(
+    "grids", [Grids(40, 20, 20), Grids(10, 20, 20), Grids(7, 5, 3), Grids(3, 1, 1), Grids(13, 12, 6)]
+)
+def test_any_grid_of_regions_becomes_any_grid_of_bins(name, grids):
+    network = make_network(Learning(network=name, channels=4), grids, seed=1)
+    outputs = network(torch.randn(2, 2 * grids.regions**2))
+    assert outputs.shape == (2, 3 * grids.bins_x * grids.bins_y)
+    outputs.sum().backward()
+    assert all(p.grad is not None and p.grad.isfinite().all() for p in network.parameters())
+
+
+@pytest.mark.parametrize("name", ["unet", "cnn", "paper"])
+def test_seeds_make_networks(name):
+    def weights(seed):
+        network = make_network(Learning(network=name), Grids(4, 2, 2), seed)
+        return torch.cat([p.flatten() for p in network.parameters()])
+
+    assert torch.equal(weights(1), weights(1))
+    assert not torch.equal(weights(1), weights(2))
+
+
+def test_a_unet_keeps_places():
+    """What moves beside the left side of the image loads bins there first: x of regions is x of bins, and so is y."""
+    network = make_network(Learning(), Grids(40, 20, 20), seed=0)
+    maps = torch.zeros(1, 2, 40, 40)
+    maps[0, :, 30:32, 4:6] = 1.0
+    with torch.inference_mode():
+        nothing, something = network(torch.zeros(1, 3200)), network(maps.reshape(1, -1))
+    change = (something - nothing).reshape(20, 20, 3).norm(dim=-1)
+    row, column = divmod(int(change.argmax()), 20)
+    assert abs(row - 15) <= 3
+    assert abs(column - 2) <= 3
+
+
+def test_keys_of_another_network_are_refused():
+    with pytest.raises(
+        ValidationError, match=r"hidden is a key of network paper, found network unet; .*set network: paper"
+    ):
+        Learning(hidden=[10])
+    with pytest.raises(
+        ValidationError, match="channels is a key of network unet and cnn, found network paper"
+    ):
+        Learning(network="paper", channels=8)
+
+
+def test_what_is_left_open_is_usual_for_the_network():
+    assert Learning(network="paper").usual.epochs == 400
+    assert Learning(network="paper").usual.batch_size == 400
+    assert Learning(network="paper", epochs=3).usual.epochs == 3
+    assert Learning().usual.learning_rate == 3e-3
+    assert Learning.model_validate(Learning(network="paper", hidden=[9]).model_dump()).hidden == [9]

@@ -1,0 +1,74 @@
+"""Zeros are exact, light touches stay, and intervals hold what they promise on rows that they were not made from."""
+
+import numpy as np
+import pytest
+
+from gelforge.learning.reliability import Zero, centre_of_pressure, find_intervals, find_zero
+
+GRID = (6, 6, np.array([32.0, 32.0]))
+PLACE = (np.stack([np.arange(36) % 6, np.arange(36) // 6], axis=-1) + 0.5) * 32 / 6
+
+
+def rows(count, seed, noise=1e-4):
+    """Return predicted and true distributions (n, 36, 3) [N] and which rows nothing touches: errors grow with the force."""
+    rng = np.random.default_rng(seed)
+    where, size = rng.uniform(6, 26, (count, 2)), rng.uniform(0.02, 1.0, count)
+    untouched = rng.random(count) < 0.2
+    bump = np.exp(-((PLACE - where[:, None]) ** 2).sum(axis=-1) / 20)
+    bump[bump < 0.05] = 0
+    true = -(np.where(untouched, 0, size)[:, None] * bump)[..., None] * [0.1, -0.1, 1.0]
+    predicted = true * (1 + 0.05 * rng.normal(size=true.shape)) + noise * rng.normal(size=true.shape)
+    return predicted, true, untouched
+
+
+def test_untouched_images_are_zero_and_light_touches_are_not():
+    zero = find_zero(*rows(600, 1), GRID)
+    predicted, true, untouched = rows(600, 2)
+    found = zero.applied(predicted)
+    assert (found[untouched] == 0).mean() > 0.995
+    felt = -true[..., 2].sum(axis=1) >= 0.02
+    assert (np.abs(found[felt]).max(axis=(1, 2)) > 0).mean() > 0.99
+
+
+def test_the_centre_of_pressure_is_nearer_than_without_a_threshold():
+    zero = find_zero(*rows(600, 1, noise=1e-3), GRID)
+    predicted, true, untouched = rows(600, 2, noise=1e-3)
+    known = centre_of_pressure(true[~untouched], *GRID)
+    off = [
+        np.nanmedian(np.hypot(*(centre_of_pressure(force[~untouched], *GRID) - known).T))
+        for force in (predicted, zero.applied(predicted))
+    ]
+    assert off[1] < 0.8 * off[0]
+
+
+@pytest.mark.parametrize("untouched", [True, False])
+def test_without_untouched_rows_or_touches_nothing_is_cut(untouched):
+    predicted, true, _ = rows(50, 1)
+    assert find_zero(predicted, true, np.full(50, untouched), GRID) == Zero()
+
+
+def test_intervals_hold_nine_in_ten_of_other_rows_at_every_size():
+    zero = find_zero(*rows(3000, 1), GRID)
+    intervals = find_intervals(*(force(f, zero) for f, force in zip(rows(3000, 1)[:2], (applied, as_it_is))))
+    predicted, true, untouched = rows(3000, 2)
+    predicted, carries = zero.applied(predicted), (true != 0).any(axis=-1)
+    inside = np.abs(predicted - true) <= intervals.of_bins(predicted)
+    size = np.linalg.norm(predicted, axis=-1)
+    for low, high in ((0.0, 0.05), (0.05, 0.2), (0.2, np.inf)):  # 3 %: of some thousand bins in each
+        chosen = carries & (size >= low) & (size < high)
+        assert inside[chosen].mean() == pytest.approx(0.9, abs=0.03)
+    total = np.abs((predicted - true).sum(axis=1))[~untouched] <= intervals.of_totals(predicted)[~untouched]
+    assert total.mean(axis=0) == pytest.approx([0.9] * 3, abs=0.03)
+
+
+def applied(force, zero):
+    return zero.applied(force)
+
+
+def as_it_is(force, zero):
+    return force
+
+
+def test_too_few_rows_give_no_interval():
+    predicted, true, _ = rows(20, 1)
+    assert find_intervals(predicted, true) is None

@@ -1,0 +1,71 @@
+"""Turned images and labels stay those of one press, and the way that an image lies on the sensor is found."""
+
+import numpy as np
+import pytest
+import torch
+from numpy.testing import assert_allclose, assert_array_equal
+
+from gelforge.indentation.symmetry import D4, transform_bins
+from gelforge.learning.turns import Turner, flow_centre, image_on_sensor, names_of, order, turned_flow
+
+RNG = np.random.default_rng(5)
+WIDTH = np.array([32.0, 32.0])
+
+
+@pytest.mark.parametrize("name", D4)
+def test_labels_turn_as_the_mechanics_turns_bins(name):
+    label = RNG.normal(size=(3, 25, 3)).astype(np.float32)
+    flow = torch.zeros(3, 32)
+    _, turned = Turner((name,), 4, 5, 5)(name, flow, torch.from_numpy(label.reshape(3, -1)))
+    assert_allclose(turned.reshape(3, 25, 3), transform_bins(name, label, 5), atol=1e-6)
+
+
+@pytest.mark.parametrize("name", D4)
+def test_flow_and_label_of_one_bump_turn_together(name):
+    """A source of flow at a place: after the turn it is still a source, at the turned place, and so is the label."""
+    n = 9
+    index = np.arange(n * n)
+    place = np.stack([index % n, index // n], axis=-1) - (n - 1) / 2
+    away = place - [2.0, -1.0]
+    bump = np.exp(-(away**2).sum(axis=1) / 4)
+    flow, label = (
+        (away * bump[:, None]).T[None],
+        np.concatenate([away, -np.ones((n * n, 1))], axis=1) * bump[:, None],
+    )
+    inputs = torch.from_numpy(flow.reshape(1, -1).astype(np.float32))
+    targets = torch.from_numpy(label.reshape(1, -1).astype(np.float32))
+    inputs, targets = Turner((name,), n, n, n)(name, inputs, targets)
+    centre = D4[name] @ [2.0, -1.0]
+    away = place - centre
+    bump = np.exp(-(away**2).sum(axis=1) / 4)
+    assert_allclose(inputs.reshape(2, -1).T, away * bump[:, None], atol=1e-6)
+    assert_allclose(targets.reshape(-1, 3)[:, :2], away * bump[:, None], atol=1e-6)
+    assert_allclose(turned_flow(name, flow, n)[0].T, away * bump[:, None], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", D4)
+def test_how_the_image_lies_is_found(name):
+    position = RNG.uniform(4, 28, (40, 2))
+    share = (position - WIDTH / 2) / WIDTH
+    centre = 0.8 * share @ D4[name] + 0.002 * RNG.normal(size=share.shape)  # D4's inverse is its transpose
+    assert image_on_sensor(centre, position, WIDTH) == (name, True)
+    assert image_on_sensor(centre + [0.1, 0.0], position, WIDTH) == (name, False)
+    uneven = centre * [1.2, 1.0]
+    assert image_on_sensor(uneven, position, WIDTH) == (name, False)
+
+
+def test_images_that_do_not_follow_the_indenter_are_taken_as_they_are():
+    position, centre = RNG.uniform(4, 28, (40, 2)), RNG.normal(size=(40, 2))
+    assert image_on_sensor(centre, position, WIDTH) == ("identity", False)
+    assert image_on_sensor(centre[:1], position[:1], WIDTH) == ("identity", False)
+
+
+def test_the_flow_s_centre_is_where_it_moves():
+    flow = np.zeros((1, 2, 16))
+    flow[0, :, 4 * 3 + 1] = 2.0  # column 1, row 3 of 4 x 4
+    assert_allclose(flow_centre(flow, 4), [[-0.125, 0.375]])
+
+
+def test_a_rectangle_is_mirrored_and_not_turned_by_a_quarter():
+    assert set(names_of(square=False)) == {"identity", "rotate_180", "mirror_x", "mirror_y"}
+    assert_array_equal(order("mirror_x", 3, 2), [2, 1, 0, 5, 4, 3])
