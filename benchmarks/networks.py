@@ -1,0 +1,103 @@
+"""The networks beside each other on a finished study's dataset, whose test rows are of orbits that none has seen.
+
+usage: python benchmarks/networks.py [results/demo] [--seeds 1 2 3] [--networks unet unet-turned cnn paper]
+       (one thread; the demo: two minutes a seed for unet, eight for paper)
+
+Prints a Markdown table: medians over seeds, which also draw the orbits that watch the loss. The paper's network is trained
+as the article does, with the epoch of the least validation loss.
+"""
+
+from __future__ import annotations
+
+import os
+
+for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+    os.environ[name] = "1"
+
+import argparse  # noqa: E402
+import tempfile  # noqa: E402
+import time  # noqa: E402
+from pathlib import Path  # noqa: E402
+
+import pandas as pd  # noqa: E402
+
+from gelforge.config import Learning, Study, load_study  # noqa: E402
+from gelforge.learning.evaluation import (  # noqa: E402
+    Predictions,
+    baselines_table,
+    predict_test_rows,
+    reliability_table,
+    rmse_table,
+)
+from gelforge.learning.training import Run, train  # noqa: E402
+
+NETWORKS = {
+    "unet": {},
+    "unet-turned": {"symmetry": "d4"},
+    "cnn": {"network": "cnn"},
+    "paper": {"network": "paper", "epochs": 210},  # some 3100 steps of the demo's 400 rows
+}
+
+
+def judged(study: Study, shards: list[Path], folder: Path) -> dict[str, float]:
+    """Return figures of a network that is trained on the training rows, all on the test rows."""
+    model, predicted = folder / "model.pt", folder / "predictions.h5"
+    started = time.process_time()
+    train(study, shards, model, folder / "loss.csv", Run(threads=1, progress=False))
+    seconds = time.process_time() - started
+    predict_test_rows(model, shards, predicted, threads=1)
+    predictions = Predictions(predicted)
+    rmse = rmse_table(predictions).set_index("error")
+    trust = reliability_table(predictions).set_index("quantity")["value"]
+    row = {f"RMSES {axis} [mN]": 1e3 * rmse.loc["RMSES", f"{axis}_N"] for axis in "xyz"}
+    row["total Fz [mN]"] = 1e3 * rmse.loc["RMSET_FEM", "z_N"]
+    row["CoP median [mm]"] = trust["centre of pressure, median distance"]
+    row["CoP p95 [mm]"] = trust["centre of pressure, 95th percentile"]
+    row["untouched Fz [mN]"] = 1e3 * trust["Fz of untouched images, rms"]
+    for what in ("bins", "totals"):
+        inside = [
+            trust.get(f"{what}, {axis}: share inside the 90 % interval", float("nan")) for axis in "xyz"
+        ]
+        row |= {f"{what} {axis} in 90 % [%]": 100 * share for axis, share in zip("xyz", inside)}
+    return row | {"training CPU [s]": seconds}
+
+
+def training_mean(shards: list[Path], folder: Path) -> pd.Series:
+    """Return the errors of the mean label, of the last predictions."""
+    return baselines_table(Predictions(folder / "predictions.h5")).set_index("predictor").loc["training mean"]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("results", nargs="?", type=Path, default=Path("results/demo"))
+    parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2, 3])
+    parser.add_argument("--networks", nargs="+", choices=NETWORKS, default=list(NETWORKS))
+    arguments = parser.parse_args()
+    study = load_study(arguments.results / "study.yaml")
+    shards = sorted((arguments.results / "dataset").glob("shard-*.h5"))
+    table = {}
+    for name in arguments.networks:
+        rows = []
+        for seed in arguments.seeds:
+            learning = Learning(
+                **{"validation_fraction": study.learning.validation_fraction, **NETWORKS[name]}
+            )
+            changed = study.model_copy(update={"learning": learning, "seed": seed})
+            with tempfile.TemporaryDirectory() as folder:
+                rows.append(judged(changed, shards, Path(folder)))
+                mean = training_mean(shards, Path(folder))
+            print(
+                f"{name}, seed {seed}: {', '.join(f'{k} {v:.3g}' for k, v in rows[-1].items())}", flush=True
+            )
+        table[name] = pd.DataFrame(rows).median()
+    print()
+    print(pd.DataFrame(table).to_markdown(floatfmt=".3g"))
+    print(
+        f"\ntraining mean: RMSES z {1e3 * mean['RMSES_z_N']:.3g} mN, CoP {mean['centre_of_pressure_median_mm']:.3g} mm"
+    )
+
+
+if __name__ == "__main__":
+    main()
