@@ -65,8 +65,12 @@ def images_of_presses(rows: ShardDataset, index: np.ndarray) -> np.ndarray:
 
 def lie_of_images(rows: ShardDataset, index: np.ndarray, width_mm: np.ndarray) -> tuple[str, bool]:
     """Return how images lie on the sensor, by the deepest quarter of the rows index (n,); see image_on_sensor."""
+    if not len(index):
+        return "identity", False
     depth = np.concatenate([b["depth_mm"] for b in _columns(rows, index, ("depth_mm",))])
     deep = index[depth >= max(np.quantile(depth, 0.75), 1e-9)]
+    if not len(deep):
+        return "identity", False
     centre, position = [np.empty((0, 2))], [np.empty((0, 2))]
     for block in _columns(rows, deep, (FEATURE, "position_mm")):
         flow = input_flow(block[FEATURE], "vector")

@@ -41,13 +41,16 @@ class Model:
     def predict_raw(self, feature: np.ndarray) -> np.ndarray:
         """Return the same as the network says it, small forces where nothing touches included."""
         feature = np.atleast_2d(feature)
+        if bad := int((~np.isfinite(feature)).sum()):
+            raise ModelError(f"the predicted force is not finite, {bad} features are not; check the images")
         self.network.eval()
         with torch.inference_mode():
             outputs = self.network(torch.from_numpy(self.scaling.inputs(feature))).numpy()
         newtons = self.scaling.newtons(outputs)
         if not np.isfinite(newtons).all():
-            bad = int((~np.isfinite(feature)).sum())
-            raise ModelError(f"the predicted force is not finite, {bad} features are not; check the images")
+            raise ModelError(
+                "the predicted force is not finite though all features are; check the model's file"
+            )
         if np.abs(outputs).max(initial=0) > LARGEST_OUTPUT:
             raise ModelError(
                 f"a predicted force is {np.abs(outputs).max():.3g} times the labels' standard deviation, limit "
@@ -138,6 +141,11 @@ def implausible(model: Model) -> str:
         return f"scaling of form {scaling.form!r} and turn {scaling.turn!r}"
     if min(scaling.input_scale.min(), scaling.output_scale.min()) <= 0:
         return f"scales {scaling.input_scale} and {scaling.output_scale}, which are not positive"
+    largest = LARGEST_OUTPUT * scaling.output_scale.max()
+    if not all(0 <= threshold <= largest for threshold in (model.zero.contact_N, model.zero.bin_N)):
+        return f"thresholds of {model.zero.contact_N:g} and {model.zero.bin_N:g} N"
+    if any(values.min(initial=0) < 0 for name, values in numbers.items() if name.endswith("half_N")):
+        return "a half width of an interval is negative"
     reach = max(
         np.abs(values).max(initial=0) for name, values in numbers.items() if name.startswith("weights")
     )

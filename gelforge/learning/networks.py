@@ -139,4 +139,6 @@ def _block(before: int, after: int) -> nn.Sequential:
 def _resized(maps: torch.Tensor, size: tuple[int, int]) -> torch.Tensor:
     if tuple(maps.shape[-2:]) == tuple(size):
         return maps
+    if all(there <= here for there, here in zip(size, maps.shape[-2:])):
+        return functional.adaptive_avg_pool2d(maps, tuple(size))  # no place is left out
     return functional.interpolate(maps, size=tuple(size), mode="bilinear", align_corners=False)

@@ -9,6 +9,7 @@ import numpy as np
 QUIET_SHARE = 0.999  # of the untouched rows set aside that are to be exactly zero
 MARGIN = 1.5  # times the largest force there: other sessions are noisier than those at hand
 LADDER = np.array([0.5, 1, 2, 4, 8, 16])  # of the bins' threshold over the images'
+LIGHT_SHARE = 0.3  # of the largest bin: a light touch keeps the bins that carry it
 COVER = 0.9
 CLASSES = 8  # of predicted force, each with an interval of its own
 LEAST_IN_CLASS = 100
@@ -20,13 +21,14 @@ class Zero:
     """Forces below which nothing touches."""
 
     contact_N: float = 0.0  # an image touches where a bin's force is at least this long
-    bin_N: float = 0.0  # and in it the bins do whose force is
+    bin_N: float = 0.0  # and in it the bins whose force is at least this long, and the one of the largest
 
     def applied(self, force: np.ndarray) -> np.ndarray:
         """Return distributions (n, B, 3) [N] with what does not touch set to zero."""
         size = np.linalg.norm(force, axis=-1)  # (n, B)
-        touched = (size >= self.bin_N) & (size.max(axis=1, keepdims=True) >= self.contact_N)
-        return np.where(touched[..., None], force, 0.0)
+        largest = size.max(axis=1, keepdims=True)
+        touched = (size >= np.minimum(self.bin_N, LIGHT_SHARE * largest)) & (largest >= self.contact_N)
+        return np.where((touched & (size > 0))[..., None], force, 0.0)
 
 
 def find_zero(force: np.ndarray, true: np.ndarray, untouched: np.ndarray, grid: tuple) -> Zero:
@@ -43,11 +45,11 @@ def find_zero(force: np.ndarray, true: np.ndarray, untouched: np.ndarray, grid: 
     known = centre_of_pressure(true[~untouched], *grid)
     best, least = Zero(contact, contact), np.inf
     for threshold in (contact * LADDER).tolist():
-        zero = Zero(max(contact, threshold), threshold)
+        zero = Zero(contact, threshold)
         off = np.hypot(*(centre_of_pressure(zero.applied(force[~untouched]), *grid) - known).T)
         error = float(np.quantile(np.nan_to_num(off, nan=np.inf), 0.9, method="higher"))
         best, least = (zero, error) if error < least else (best, least)
-    return Zero(contact, best.bin_N)
+    return best
 
 
 def centre_of_pressure(force: np.ndarray, nx: int, ny: int, width_mm: np.ndarray) -> np.ndarray:
@@ -87,11 +89,14 @@ class Intervals:
 
 
 def find_intervals(force: np.ndarray, true: np.ndarray) -> Intervals | None:
-    """Return the intervals that hold the true distributions (n, B, 3) [N] of rows set aside about the predicted ones."""
+    """Return the intervals that hold the true distributions (n, B, 3) [N] of rows set aside about the predicted ones.
+
+    Of touched rows alone, and of bins that carry force: the many that carry none would make the intervals narrow.
+    """
     touched = np.abs(true).max(axis=(1, 2)) > 0
     if touched.sum() < LEAST_ROWS:
         return None
-    bins = (np.abs(true[touched]).max(axis=-1) > 0) | (np.abs(force[touched]).max(axis=-1) > 0)
+    bins = np.abs(true[touched]).max(axis=-1) > 0
     of_bins = _by_class(force[touched][bins], true[touched][bins])
     totals = force[touched].sum(axis=1), true[touched].sum(axis=1)
     return Intervals(*of_bins, *_by_class(*totals))

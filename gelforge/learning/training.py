@@ -120,6 +120,11 @@ def train(
     finished = _out_of_patience(losses, learning.patience)
     for epoch in bar if not finished else ():
         training_loss = one_epoch(network, adam, batches, epoch, plan)
+        if not np.isfinite(training_loss):
+            raise ModelError(
+                f"the training loss of epoch {epoch + 1} is not finite; give a smaller learning.learning_rate "
+                f"(now {learning.learning_rate:g}), and check the features"
+            )
         losses.append((epoch + 1, training_loss, mean_loss(network, watched)))
         if _best_epoch(losses) == epoch + 1:
             best = {name: values.clone() for name, values in network.state_dict().items()}
@@ -153,7 +158,7 @@ def _plan(study: Study, rows: ShardDataset, training: np.ndarray) -> tuple[Plan,
     scaling = measure_scaling(rows, training, learning.form, turn, centred=False)
     holds = along_axis and study.has_symmetry_of_square and bins.nx == bins.ny
     turned = learning.symmetry == "d4" or (learning.symmetry == "auto" and holds and not study.mirrors_cells)
-    turns = names_of(bins.nx == bins.ny) if turned else ("identity",)
+    turns = names_of(bins.nx == bins.ny and width[0] == width[1]) if turned else ("identity",)
     return Plan(learning, grids, turns), scaling
 
 
@@ -171,7 +176,9 @@ def _rate(learning: Learning, step: int, steps: int) -> float:
     if done < WARM_UP:
         return learning.learning_rate * max(done / WARM_UP, 0.04)
     fallen = 0.5 + 0.5 * np.cos(np.pi * (done - WARM_UP) / (1 - WARM_UP))
-    return learning.learning_rate * (LAST_RATE + (1 - LAST_RATE) * fallen)
+    return float(
+        learning.learning_rate * (LAST_RATE + (1 - LAST_RATE) * fallen)
+    )  # a plain number: it is saved
 
 
 def one_epoch(
@@ -210,7 +217,7 @@ def mean_loss(network: torch.nn.Module, batches: Batches) -> float:
 def _best_epoch(losses: list[tuple]) -> int:
     """Return the number, from 1, of the epoch of the least validation loss, the last one where nothing was set aside."""
     validation = [row[2] for row in losses]
-    return len(losses) if np.isnan(validation).any() else int(np.argmin(validation)) + 1
+    return len(losses) if np.isnan(validation).all() else int(np.nanargmin(validation)) + 1
 
 
 def _out_of_patience(losses: list[tuple], patience: int | None) -> bool:
@@ -219,7 +226,8 @@ def _out_of_patience(losses: list[tuple], patience: int | None) -> bool:
 
 def _with_reliability(model: Model, rows: ShardDataset, validation: np.ndarray) -> Model:
     """Return a model with its thresholds and intervals, found on the rows set aside."""
-    index = validation[:: max(1, -(-len(validation) // ROWS_SET_ASIDE))]
+    draw = np.random.default_rng(0).permutation(len(validation))[:ROWS_SET_ASIDE]
+    index = validation[np.sort(draw)]
     predicted, true, untouched = [], [], []
     for start in range(0, len(index), 256):
         block = rows.read(index[start : start + 256], (FEATURE, LABEL, "untouched"))
@@ -269,11 +277,12 @@ def shards_digest(shards: Sequence[str | Path]) -> str:
 
 def _settings(study: Study, shards: Sequence[str | Path]) -> dict:
     """Return what the model file tells about its making; plain numbers and text."""
-    dump = study.model_dump(mode="json", include={"study", "seed", "learning", "features", "dataset"})
+    dump = study.model_dump(mode="json", include={"study", "seed", "features", "dataset"})
     attributes = [shard_attributes(path) for path in shards]
     sessions = {name: about for one in attributes for name, about in one["sessions"].items()}
     return {
         **dump,
+        "learning": study.learning.usual.model_dump(mode="json"),
         "bins": study.sensor.bins.model_dump(mode="json"),
         "sensor_width_mm": [study.sensor.width_x_mm, study.sensor.width_y_mm],
         "synthetic": any(one["synthetic"] for one in attributes),

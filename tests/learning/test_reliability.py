@@ -41,6 +41,19 @@ def test_the_centre_of_pressure_is_nearer_than_without_a_threshold():
     assert off[1] < 0.8 * off[0]
 
 
+def test_a_light_touch_stays_however_much_the_others_smear():
+    """A smear far away in proportion to the force asks for a high threshold of bins: it is no threshold of a touch."""
+    predicted, true, untouched = rows(800, 3)
+    light = ~untouched & (np.random.default_rng(4).random(800) < 0.08)
+    predicted[light], true[light] = 0.03 * predicted[light], 0.03 * true[light]
+    predicted += 0.02 * np.abs(true).max(axis=(1, 2), keepdims=True) * [0, 0, -1]
+    zero = find_zero(predicted, true, untouched, GRID)
+    seen = np.abs(zero.applied(predicted)).max(axis=(1, 2)) > 0
+    felt = np.linalg.norm(predicted, axis=-1).max(axis=1) >= zero.contact_N
+    assert light.sum() > 30
+    assert (seen == felt).all()
+
+
 @pytest.mark.parametrize("untouched", [True, False])
 def test_without_untouched_rows_or_touches_nothing_is_cut(untouched):
     predicted, true, _ = rows(50, 1)

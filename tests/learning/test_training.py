@@ -8,6 +8,7 @@ import pytest
 import torch
 from artificial_shards import small_rows, study_of, write_shards
 
+from gelforge.config import Learning
 from gelforge.dataset.shard import ShardDataset
 from gelforge.learning.data import (
     Batches,
@@ -16,10 +17,10 @@ from gelforge.learning.data import (
     measure_scaling,
     positions_of,
 )
-from gelforge.learning.model_file import load_model, save_tensors
+from gelforge.learning.model_file import load_model, load_tensors, save_tensors
 from gelforge.learning.networks import paper_network
 from gelforge.learning.scaling import ModelError, Scaling
-from gelforge.learning.training import Run, _validation_split, mean_loss, train
+from gelforge.learning.training import CHECKPOINT_FORMAT, Run, _validation_split, mean_loss, train
 
 QUIET = Run(threads=1, progress=False, checkpoint_every=3)
 SMALL = {
@@ -130,12 +131,18 @@ def test_no_cell_is_on_two_sides(study, shards):
 
 
 # --------------------------------------------------------------------------------------------------- runs
-def test_resumed_equals_uninterrupted(study, shards, tmp_path):
+@pytest.mark.parametrize("network", ["paper", "unet", "cnn"])
+def test_resumed_equals_uninterrupted(study, shards, tmp_path, network):
+    if network != "paper":
+        learning = Learning(network=network, channels=4, batch_size=8, epochs=12, validation_fraction=0.2)
+        study = study.model_copy(update={"learning": learning})
     one, other = tmp_path / "one", tmp_path / "other"
     assert train(study, shards, one / "model.pt", one / "loss.csv", QUIET)
-    for _ in range(2):  # after 5 and after 10 epochs
+    for done in (5, 10):
         assert not train(study, shards, other / "model.pt", other / "loss.csv", replace(QUIET, stop_after=5))
         assert not (other / "model.pt").exists()
+        kept = load_tensors(other / "model.checkpoint.pt", CHECKPOINT_FORMAT)
+        assert len(kept["losses"]) == done, "it went on and did not begin again"
         torch.rand(7)  # whatever else drew random numbers in between
     assert train(study, shards, other / "model.pt", other / "loss.csv", QUIET)
     assert (one / "loss.csv").read_bytes() == (other / "loss.csv").read_bytes()
@@ -153,6 +160,12 @@ def test_a_checkpoint_of_other_settings_or_a_damaged_one_is_not_used(study, shar
     (other / "model.checkpoint.pt").write_bytes(b"half a file")
     train(study, shards, other / "model.pt", other / "loss.csv", QUIET)
     assert (fresh / "model.pt").read_bytes() == (other / "model.pt").read_bytes()
+
+
+def test_a_step_size_that_diverges_is_named(study, shards, tmp_path):
+    wild = study.model_copy(update={"learning": Learning(channels=4, epochs=5, learning_rate=1e30)})
+    with pytest.raises(ModelError, match=r"not finite; give a smaller learning\.learning_rate"):
+        train(wild, shards, tmp_path / "model.pt", tmp_path / "loss.csv", QUIET)
 
 
 def test_the_loss_falls(study, shards, tmp_path):
@@ -195,6 +208,8 @@ def test_a_damaged_model_is_named(tmp_path, content):
         (lambda c: c["scaling"]["output_scale"].mul_(-1), "scales"),
         (lambda c: c["scaling"]["output_mean"].mul_(1e30), "a mean label is"),
         (lambda c: c["weights"].pop("0.weight"), "RuntimeError"),
+        (lambda c: c["zero"].update(contact_N=1e30), "thresholds of"),
+        (lambda c: c["zero"].update(bin_N=float("nan")), "thresholds of"),
         (lambda c: c["settings"]["learning"].update(hidden=[7, 7, 7]), "RuntimeError"),
     ],
 )

@@ -21,7 +21,8 @@ rule train:
         learning=block("seed", "learning", "sensor"),
         source=source_digest(
             *(f"learning/{name}.py" for name in ("data", "networks", "scaling", "training", "turns")),
-            *("learning/model_file.py", "learning/reliability.py"),
+            *("learning/model_file.py", "learning/reliability.py", "config/learning.py"),
+            *("dataset/splits.py", "indentation/symmetry.py"),
         ),
     shell:
         "{GELFORGE:q} train --study {STUDY_FILE:q} --model {output.model:q} --loss {output.loss:q} &> {log:q}"
