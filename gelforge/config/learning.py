@@ -86,6 +86,15 @@ class Learning(Section):
         0.1, gt=0, lt=1, description="share of training orbits that watch the loss [-]"
     )
 
+    @model_validator(mode="before")
+    @classmethod
+    def _named_by_its_keys(cls, given):
+        """A study from before networks had names means the article's where it says how wide its layers are."""
+        own = [key for key, networks in OF_NETWORK.items() if networks == ("paper",)]
+        if isinstance(given, dict) and "network" not in given and any(key in given for key in own):
+            return {"network": "paper", **given}
+        return given
+
     @model_validator(mode="after")
     def _belongs_to_the_network(self) -> Learning:
         for key in sorted(self.model_fields_set & set(OF_NETWORK)):

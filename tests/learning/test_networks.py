@@ -47,7 +47,7 @@ def test_keys_of_another_network_are_refused():
     with pytest.raises(
         ValidationError, match=r"hidden is a key of network paper, found network unet; .*set network: paper"
     ):
-        Learning(hidden=[10])
+        Learning(network="unet", hidden=[10])
     with pytest.raises(
         ValidationError, match="channels is a key of network unet and cnn, found network paper"
     ):
@@ -60,3 +60,9 @@ def test_what_is_left_open_is_usual_for_the_network():
     assert Learning(network="paper", epochs=3).usual.epochs == 3
     assert Learning().usual.learning_rate == 3e-3
     assert Learning.model_validate(Learning(network="paper", hidden=[9]).model_dump()).hidden == [9]
+
+
+def test_a_study_that_gives_widths_of_layers_means_the_papers_network():
+    assert Learning(hidden=[32, 16], epochs=5).network == "paper"
+    assert Learning(input_form="vector").usual.epochs == 400
+    assert Learning(epochs=5).network == "unet"
