@@ -118,7 +118,7 @@ def write_cell(path: str | Path, cell: Cell) -> None:
         file.attrs["format"] = FORMAT
         for key in sorted(cell.attributes.keys() - timings.keys()):
             file.attrs[key] = cell.attributes[key]
-        for name, array in cell.arrays.items():
+        for name, array in sorted(cell.arrays.items()):  # a set of names has another order in each process
             unit, description = DATASETS[name]
             large = array.size > 4096
             data = file.create_dataset(

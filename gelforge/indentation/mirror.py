@@ -34,7 +34,7 @@ def mirror_cell(source: Cell, study: Study, laws: dict[str, PrincipalLaw], plann
         arrays[key] = transform_vectors(name, source.arrays[key])
     for key in ("bin_force_N", "bin_normal_N", "bin_shear_N"):
         arrays[key] = transform_bins(name, source.arrays[key], n)
-    for key in ERROR_BARS & set(source.arrays):
+    for key in sorted(ERROR_BARS & set(source.arrays)):
         moved = transform_bins(name, source.arrays[key], n) if key.startswith("bin") else None
         arrays[key] = np.abs(transform_vectors(name, source.arrays[key]) if moved is None else moved)
     for key in ("node_xy_mm", "indenter_mm"):

@@ -59,7 +59,7 @@ def bins():
 def test_equal_solutions_leave_the_least_bars_on_loaded_bins_alone(bins):
     bars, _ = bars_of(bins, bins)
     size, largest = np.linalg.norm(bins, axis=-1, keepdims=True), np.abs(bins).max(axis=(1, 2), keepdims=True)
-    expected = np.hypot(SHARE_BINS * size, LEAST_BINS * largest * (size > 0))
+    expected = np.hypot(SHARE_BINS * size, LEAST_BINS * largest * (size > 0)) * np.ones(3)  # x, y, z alike
     assert_allclose(bars["bin_sigma_mesh_N"], expected, rtol=1e-12)
     uncancelled = PART_OF_BINS * np.sqrt((expected**2).sum(axis=1))
     assert_allclose(bars["total_sigma_mesh_N"], uncancelled, rtol=1e-12)
