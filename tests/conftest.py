@@ -26,6 +26,9 @@ def pytest_addoption(parser):
 
 
 def pytest_collection_modifyitems(config, items):
+    items.sort(
+        key=lambda item: "workflow" not in item.path.parts
+    )  # the longest files first, or one core ends alone
     if config.getoption("--thorough"):
         return
     kept, left_out, seen = [], [], Counter()

@@ -90,6 +90,7 @@ def test_a_dome_balances_and_its_parts_add_up(presses):
         assert_allclose(total, a["total_force_N"], atol=1e-6 * np.abs(a["total_force_N"]).max())
 
 
+@pytest.mark.thorough
 def test_a_hemisphere_presses_by_hertz_with_both_radii(presses):
     """1/R = 1/5 + 1/10. Base, friction and finite strain add 8 to 12 %; the ball's radius alone would give 22 % more."""
     modulus = contact_modulus(specimens.GEL.shear_modulus, poissons_ratio(1000.0))

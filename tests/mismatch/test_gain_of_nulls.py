@@ -71,6 +71,7 @@ def test_what_training_readings_choose_gains_nothing_on_nulls(gains):
     assert blind.mean() < -standard_error(blind)  # below 0 by more than chance (Gibbs' inequality)
 
 
+@pytest.mark.thorough
 def test_what_the_judge_chooses_gains_nothing_on_nulls(gains):
     """Less what it pays for the choice: without that the mean is +0.39 +- 0.14, and +0.31 +- 0.09 of 40 nulls."""
     shipped, _ = gains

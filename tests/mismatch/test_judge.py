@@ -60,6 +60,7 @@ def test_one_effect_is_in_the_group_that_istold_of(name, amounts):
     assert "it is explained by" in sentence_of(problem, found)
 
 
+@pytest.mark.thorough
 def test_two_effects_are_bothtold_of():
     base, rng = artificial.context(9, per_side=3), np.random.default_rng(10)
     tilt = CATALOGUE["tilt"].to_forces(base, {}, base.force, np.array([2.5, 0.0]))

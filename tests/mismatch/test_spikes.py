@@ -103,6 +103,7 @@ def test_what_strikes_many_presses_is_no_glitch():
     assert len(spikes(problem_of(context))) > 1 and calmed(context) is context.observations
 
 
+@pytest.mark.thorough
 def test_one_struck_reading_is_no_mismatch():
     """With it something would differ from press to press; without it there is nothing to explain."""
     context = struck(15.0, [(200, 2)])

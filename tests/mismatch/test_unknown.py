@@ -125,6 +125,7 @@ def test_what_differs_from_press_to_press_is_open_and_called_so():
     )
 
 
+@pytest.mark.thorough
 def test_evidence_for_something_unknown_is_a_test_of_its_own():
     """Of half the backlash neither the sum of squares nor the scan is certain."""
     _, found = judged(displaced(size_mm=0.4))

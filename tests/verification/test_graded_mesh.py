@@ -51,6 +51,7 @@ def test_larger_cells_far_away_change_the_force_by_half_a_per_cent():
     assert 0 < share_above_even(0.8) < 0.006
 
 
+@pytest.mark.thorough
 def test_the_change_goes_with_the_square_of_the_far_size():
     """It would be 5 times as much from 1.6 mm, (1.6^2 - 0.4^2) / (0.8^2 - 0.4^2), did no cell between grow slower: 3.4."""
     assert 2.5 < share_above_even(1.6) / share_above_even(0.8) < 5

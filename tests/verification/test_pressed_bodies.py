@@ -44,6 +44,7 @@ def test_every_law_presses_alike_at_small_strain(gel, neo_hooke):
         assert not np.array_equal(state.force, known.force)
 
 
+@pytest.mark.thorough
 def test_a_limit_of_extension_ends_the_press_with_its_reason():
     """Gent's law with a limit that the press must exceed: no NaN, no state beyond it, the limit named."""
     with pytest.raises(NotConverged, match=r"halved 4 times") as failure:
