@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 
 ROOT = Path(__file__).parents[2]
 
@@ -67,10 +68,19 @@ def checkout(tmp_path) -> Checkout:
 
 
 @pytest.fixture(scope="session")
-def finished(tmp_path_factory) -> Checkout:
-    """The test study, run to its end once; tests that change it work in a copy (see `again`)."""
-    run = Checkout(tmp_path_factory.mktemp("finished"))
-    run.snakemake("--cores", "2", "--configfile", "config/test.yaml")
+def finished(tmp_path_factory, request) -> Checkout:
+    """The test study, run to its end once for all processes; tests that change it work in a copy (see `again`)."""
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if hasattr(request.config, "workerinput") else base  # of pytest-xdist's processes
+    with FileLock(shared / "finished.lock"):
+        run = Checkout.__new__(Checkout)
+        run.folder = shared / "finished"
+        if not (shared / "finished.done").is_file():
+            shutil.rmtree(run.folder, ignore_errors=True)  # of a process that failed
+            run.folder.mkdir()
+            run = Checkout(run.folder)
+            run.snakemake("--cores", "2", "--configfile", "config/test.yaml")
+            (shared / "finished.done").touch()
     return run
 
 
