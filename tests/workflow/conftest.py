@@ -87,7 +87,8 @@ def finished(tmp_path_factory, request) -> Checkout:
 @pytest.fixture
 def again(finished, tmp_path) -> Checkout:
     """A copy of the finished study, time stamps kept."""
-    shutil.copytree(finished.folder, tmp_path, symlinks=True, dirs_exist_ok=True)
+    others = shutil.ignore_patterns("faults-*")  # what another process tries out there, see test_faults
+    shutil.copytree(finished.folder, tmp_path, symlinks=True, dirs_exist_ok=True, ignore=others)
     run = Checkout.__new__(Checkout)
     run.folder = tmp_path
     return run
