@@ -29,7 +29,7 @@ class Model:
     scaling: Scaling
     settings: dict  # learning, features and bins of the study, seed, digest of the dataset
     zero: Zero = field(default_factory=Zero)
-    intervals: Intervals | None = None  # None: too few rows were set aside
+    intervals: Intervals | None = None  # None: too few validation rows
 
     def predict(self, feature: np.ndarray) -> np.ndarray:
         """Return force distributions (n, B, 3) [N] of features (n, F): exactly zero where nothing touches.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-QUIET_SHARE = 0.999  # of the untouched rows set aside that are to be exactly zero
+QUIET_SHARE = 0.999  # of the untouched validation rows that are to be exactly zero
 MARGIN = 1.5  # times the largest force there: other sessions are noisier than those at hand
 LADDER = np.array([0.5, 1, 2, 4, 8, 16])  # of the bins' threshold over the images'
 LIGHT_SHARE = 0.3  # of the largest bin: a light touch keeps the bins that carry it
@@ -32,7 +32,7 @@ class Zero:
 
 
 def find_zero(force: np.ndarray, true: np.ndarray, untouched: np.ndarray, grid: tuple) -> Zero:
-    """Return the thresholds of predicted distributions (n, B, 3) [N] beside the true ones of rows (n,) set aside.
+    """Return the thresholds of predicted distributions (n, B, 3) [N] beside the true ones of validation rows (n,).
 
     An image touches from a little above the largest force that untouched images show on. A bin of a touched image does from
     the threshold under which the centre of pressure errs least: many bins far away that show a little draw it to the middle
@@ -68,7 +68,7 @@ def centre_of_pressure(force: np.ndarray, nx: int, ny: int, width_mm: np.ndarray
 class Intervals:
     """Half widths of 90 % intervals by the size of the predicted force: split conformal prediction within classes of it.
 
-    Valid for sites and images like those set aside (Vovk, Gammerman & Shafer 2005; Lei et al. 2018).
+    Valid for sites and images like the validation rows' (Vovk, Gammerman & Shafer 2005; Lei et al. 2018).
     """
 
     bin_edges_N: np.ndarray  # (C - 1,) lengths of a bin's force between classes
@@ -89,7 +89,7 @@ class Intervals:
 
 
 def find_intervals(force: np.ndarray, true: np.ndarray) -> Intervals | None:
-    """Return the intervals that hold the true distributions (n, B, 3) [N] of rows set aside about the predicted ones.
+    """Return the intervals that hold the true distributions (n, B, 3) [N] of validation rows about the predicted ones.
 
     Of touched rows alone, and of bins that carry force: the many that carry none would make the intervals narrow.
     """

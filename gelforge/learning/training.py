@@ -215,7 +215,7 @@ def mean_loss(network: torch.nn.Module, batches: Batches) -> float:
 
 
 def _best_epoch(losses: list[tuple]) -> int:
-    """Return the number, from 1, of the epoch of the least validation loss, the last one where nothing was set aside."""
+    """Return the number, from 1, of the epoch of the least validation loss; the last one without validation rows."""
     validation = [row[2] for row in losses]
     return len(losses) if np.isnan(validation).all() else int(np.nanargmin(validation)) + 1
 
@@ -225,7 +225,7 @@ def _out_of_patience(losses: list[tuple], patience: int | None) -> bool:
 
 
 def _with_reliability(model: Model, rows: ShardDataset, validation: np.ndarray) -> Model:
-    """Return a model with its thresholds and intervals, found on the rows set aside."""
+    """Return a model with its thresholds and intervals, found on the validation rows."""
     draw = np.random.default_rng(0).permutation(len(validation))[:ROWS_SET_ASIDE]
     index = validation[np.sort(draw)]
     predicted, true, untouched = [], [], []

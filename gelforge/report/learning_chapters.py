@@ -105,7 +105,7 @@ TABLES = {
     "rmse": "Errors of the network on held-out cells, beside the paper's (another sensor, 13,448 presses).",
     "baselines": "The network beside baselines; it is of use only where it is clearly below them. Row limit: what is asked.",
     "reliability": "How far to trust the network on held-out cells. A share far from 0.9 in the 90 % intervals says that the"
-    " cells set aside in training are unlike these.",
+    " validation cells are unlike these.",
     "rmse_gt": "Measured against simulated total force over presses (difference: F/T − FEM), beside the paper's.",
     "force_ranges": "Range of the labels, beside the paper's.",
 }

@@ -14,6 +14,7 @@ from gelforge.learning.evaluation import (
     force_ranges_table,
     label_ranges,
     predict_test_rows,
+    reliability_table,
     rmse_table,
 )
 from gelforge.learning.training import Run, train
@@ -110,6 +111,29 @@ def test_baselines(evaluated):
         assert table.loc[name, "total_Fz_rms_over_range"] == pytest.approx(rms, rel=1e-9)
     assert table.loc["zero", "centre_of_pressure_median_mm"] == np.inf
     assert table.loc["limit", "RMSES_N"] == pytest.approx(table.loc["training mean", "RMSES_N"] / 2)
+
+
+def test_reliability(evaluated):
+    predicted, true = maps(evaluated[1])
+    predictions = Predictions(evaluated[1])
+    table = reliability_table(predictions).set_index("quantity")["value"]
+    untouched = predictions.untouched
+    rms = np.sqrt(np.mean(predicted[untouched].sum(axis=1)[:, 2] ** 2))
+    assert table["Fz of untouched images, rms"] == pytest.approx(rms, rel=1e-9)
+    for name, row in table.items():
+        if "share inside" in name:
+            assert 0 < row <= 1
+    if predictions.has_intervals:
+        with h5py.File(evaluated[1]) as file:
+            half, total_half = file["bin_half_N"][()].astype(float), file["total_half_N"][()]
+        carries = (true != 0).any(axis=-1)
+        inside = (np.abs(predicted - true) <= half)[carries][:, 2].mean()
+        assert table["bins, z: share inside the 90 % interval"] == pytest.approx(inside, rel=1e-9)
+        error = np.abs((predicted - true).sum(axis=1))[~untouched, 1]
+        inside = (error <= total_half[~untouched, 1]).mean()
+        assert table["totals, y: share inside the 90 % interval"] == pytest.approx(inside, rel=1e-9)
+    else:
+        assert not [name for name in table.index if "interval" in name]
 
 
 def test_centre_of_pressure_of_one_bin_and_of_two():
