@@ -54,11 +54,11 @@ def planned_split(
 ) -> tuple[dict[str, str], dict[str, str]]:
     """Return "train" or "test" of every cell of a plan, and its orbit."""
     orbit = orbits(planned, sensor)
-    return split_orbits(orbit, distances_from_wall(planned, sensor), test_fraction, seed), orbit
-
-
-def distances_from_wall(planned: Mapping[str, PlannedCell], sensor: Sensor) -> dict[str, float]:
-    """Return the distance [mm] of each cell's position from the nearest side of the sensor."""
-    widths = np.array([sensor.width_x_mm, sensor.width_y_mm])
     places = {name: np.array([cell.x_mm, cell.y_mm]) for name, cell in planned.items()}
+    return split_orbits(orbit, distances_from_wall(places, sensor), test_fraction, seed), orbit
+
+
+def distances_from_wall(places: Mapping[str, np.ndarray], sensor: Sensor) -> dict[str, float]:
+    """Return the distance [mm] of each cell's position (2,) [mm] from the nearest side of the sensor."""
+    widths = np.array([sensor.width_x_mm, sensor.width_y_mm])
     return {name: float(np.minimum(place, widths - place).min()) for name, place in places.items()}

@@ -14,7 +14,7 @@ from tqdm import tqdm
 
 from gelforge.config import Learning, Study
 from gelforge.dataset.shard import ShardDataset, shard_attributes
-from gelforge.dataset.splits import split_orbits
+from gelforge.dataset.splits import distances_from_wall, split_orbits
 from gelforge.files import digest, file_sha256, write_product_table
 from gelforge.learning.data import (
     BUFFER_ROWS,
@@ -260,8 +260,7 @@ def _validation_split(
     places = positions_of(rows)
     known = {name: about for path in shards for name, about in shard_attributes(path)["cells"].items()}
     orbit = {name: known.get(name, {}).get("orbit", name) for name in places}
-    widths = np.array([study.sensor.width_x_mm, study.sensor.width_y_mm])
-    from_wall = {name: float(np.minimum(place, widths - place).min()) for name, place in places.items()}
+    from_wall = distances_from_wall(places, study.sensor)
     split = split_orbits(orbit, from_wall, study.learning.validation_fraction, study.seed + 1)
     sides = ({cell for cell, name in split.items() if name == side} for side in ("train", "test"))
     training, validation = (subset(rows, cells) for cells in sides)
