@@ -36,7 +36,7 @@ def to_file(command: str, name: str, *arguments: str) -> Reader:
 
 
 def tables() -> Reader:
-    names = ("material", "force_ranges", "rmse_gt", "rmse", "baselines")
+    names = ("material", "force_ranges", "rmse_gt", "rmse", "baselines", "errors_by")
     return of_study("tables", made=[f"{RESULTS}/tables/{name}.csv" for name in names])
 
 

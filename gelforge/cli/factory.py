@@ -227,13 +227,14 @@ def train(study: Path, model: Path, loss: Path) -> None:
 
 def evaluate(study: Path, model: Path, out: Path) -> None:
     """Write the predictions of every row of the held-out cells."""
-    from gelforge.learning.evaluation import predict_test_rows
     from gelforge.learning.model_file import check_trained_on
+    from gelforge.learning.predictions import predict_test_rows
     from gelforge.learning.training import shards_digest
 
-    shards = shard_paths(load_study(study))
+    described = load_study(study)
+    shards = shard_paths(described)
     check_trained_on(model, shards_digest(shards))
-    rows = predict_test_rows(model, shards, out)
+    rows = predict_test_rows(model, shards, described, out)
     print(f"{rows} rows of held-out cells")
 
 
@@ -243,6 +244,7 @@ def tables(study: Path) -> None:
     from gelforge.dataset.agreement import read_agreement, rmse_gt_table
     from gelforge.files import digest, write_table
     from gelforge.learning import evaluation
+    from gelforge.learning.predictions import Predictions, label_ranges
 
     described = load_study(study)
     results, folder = described.results_folder, described.results_folder / "tables"
@@ -254,14 +256,15 @@ def tables(study: Path) -> None:
         agreed = read_agreement(results / "agreement.csv", inputs)
         write_table(folder, "rmse_gt", rmse_gt_table(agreed, resolution))
     if image_sessions(described):
-        predictions = evaluation.Predictions(results / "model" / "predictions.h5")
+        predictions = Predictions(results / "model" / "predictions.h5")
         predictions.check_model(results / "model" / "model.pt")
         write_table(folder, "rmse", evaluation.rmse_table(predictions))
         write_table(folder, "baselines", evaluation.baselines_table(predictions))
+        write_table(folder, "errors_by", evaluation.errors_by_table(predictions))
         write_table(folder, "reliability", evaluation.reliability_table(predictions))
         ranges = predictions.label_range
     else:
-        ranges = evaluation.label_ranges(shard_paths(described))
+        ranges = label_ranges(shard_paths(described))
     write_table(folder, "force_ranges", evaluation.force_ranges_table(ranges))
 
 

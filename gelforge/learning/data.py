@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 import torch
 
-from gelforge.dataset.shard import ShardDataset
+from gelforge.config import Study
+from gelforge.dataset.shard import ShardDataset, shard_attributes
+from gelforge.dataset.splits import distances_from_wall, split_orbits
 from gelforge.learning.scaling import ModelError, Scaling, input_flow
 from gelforge.learning.turns import flow_centre, image_on_sensor
 
@@ -50,6 +53,20 @@ def positions_of(rows: ShardDataset) -> dict[str, np.ndarray]:
     for block in rows.batches(("cell", "position_mm"), 8192):
         places |= dict(zip(block["cell"], block["position_mm"]))
     return dict(sorted(places.items()))
+
+
+def training_and_validation(
+    rows: ShardDataset, shards: Sequence[str | Path], study: Study
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the numbers of the rows that train and of those that only watch the loss, by orbit."""
+    places = positions_of(rows)
+    known = {name: about for path in shards for name, about in shard_attributes(path)["cells"].items()}
+    orbit = {name: known.get(name, {}).get("orbit", name) for name in places}
+    from_wall = distances_from_wall(places, study.sensor)
+    split = split_orbits(orbit, from_wall, study.learning.validation_fraction, study.seed + 1)
+    sides = ({cell for cell, name in split.items() if name == side} for side in ("train", "test"))
+    training, validation = (subset(rows, cells) for cells in sides)
+    return training, validation
 
 
 def images_of_presses(rows: ShardDataset, index: np.ndarray) -> np.ndarray:

@@ -13,11 +13,12 @@ from torch import nn
 from gelforge.config import Learning
 from gelforge.files import atomic, check_seal
 from gelforge.indentation.symmetry import D4
+from gelforge.learning.familiarity import Familiar
 from gelforge.learning.networks import Grids, make_network
 from gelforge.learning.reliability import Intervals, Zero
 from gelforge.learning.scaling import FORMS, ModelError, Scaling
 
-FORMAT = "gelforge-model-2"
+FORMAT = "gelforge-model-3"
 LARGEST_OUTPUT = 1e4  # in units of Scaling.output_scale; trained networks stay below some hundred
 
 
@@ -30,6 +31,7 @@ class Model:
     settings: dict  # learning, features and bins of the study, seed, digest of the dataset
     zero: Zero = field(default_factory=Zero)
     intervals: Intervals | None = None  # None: too few validation rows
+    familiar: Familiar | None = None  # the same
 
     def predict(self, feature: np.ndarray) -> np.ndarray:
         """Return force distributions (n, B, 3) [N] of features (n, F): exactly zero where nothing touches.
@@ -58,6 +60,13 @@ class Model:
             )
         return newtons
 
+    def unlike(self, feature: np.ndarray) -> np.ndarray:
+        """Return how unlike the training images those of features (n, F) are (n,), beyond 1 flagged; NaN: not known."""
+        feature = np.atleast_2d(feature)
+        if self.familiar is None:
+            return np.full(len(feature), np.nan)
+        return self.familiar.unlike(self.scaling.inputs(feature))
+
 
 def save_model(path: str | Path, model: Model) -> None:
     """Write weights, scaling and settings as one file, whole or not at all; it holds tensors, numbers and text only."""
@@ -68,6 +77,7 @@ def save_model(path: str | Path, model: Model) -> None:
         "settings": model.settings,
         "zero": _tensors(model.zero),
         "intervals": _tensors(model.intervals) if model.intervals else None,
+        "familiar": _tensors(model.familiar) if model.familiar else None,
     }
     save_tensors(path, content)
 
@@ -132,7 +142,7 @@ def implausible(model: Model) -> str:
     """
     scaling, state = model.scaling, model.network.state_dict()
     numbers = {f"weights {name}": values.numpy() for name, values in state.items()}
-    kept = [part for part in (scaling, model.zero, model.intervals) if part]
+    kept = [part for part in (scaling, model.zero, model.intervals, model.familiar) if part]
     numbers |= {k: v for part in kept for k, v in vars(part).items() if isinstance(v, np.ndarray)}
     for name, values in numbers.items():
         if not np.isfinite(values).all():
@@ -144,8 +154,11 @@ def implausible(model: Model) -> str:
     largest = LARGEST_OUTPUT * scaling.output_scale.max()
     if not all(0 <= threshold <= largest for threshold in (model.zero.contact_N, model.zero.bin_N)):
         return f"thresholds of {model.zero.contact_N:g} and {model.zero.bin_N:g} N"
-    if any(values.min(initial=0) < 0 for name, values in numbers.items() if name.endswith("half_N")):
-        return "a half width of an interval is negative"
+    if model.familiar and not 0 < model.familiar.squared_limit < np.inf:
+        return f"a limit of unlike images of {model.familiar.squared_limit:g}"
+    for ending in ("half_N", "sigma_N", "rest_limit", "deviation"):
+        if any(values.min(initial=0) < 0 for name, values in numbers.items() if name.endswith(ending)):
+            return f"a number of {ending} is negative"
     reach = max(
         np.abs(values).max(initial=0) for name, values in numbers.items() if name.startswith("weights")
     )
@@ -169,4 +182,5 @@ def _model_from(content: dict) -> Model:
     network.load_state_dict(content["weights"])
     network.eval()
     intervals = Intervals(**_arrays(content["intervals"])) if content["intervals"] else None
-    return Model(network, scaling, settings, Zero(**_arrays(content["zero"])), intervals)
+    familiar = Familiar(**_arrays(content["familiar"])) if content["familiar"] else None
+    return Model(network, scaling, settings, Zero(**_arrays(content["zero"])), intervals, familiar)

@@ -11,6 +11,7 @@ MARGIN = 1.5  # times the largest force there: other sessions are noisier than t
 LADDER = np.array([0.5, 1, 2, 4, 8, 16])  # of the bins' threshold over the images'
 LIGHT_SHARE = 0.3  # of the largest bin: a light touch keeps the bins that carry it
 COVER = 0.9
+WIDTH = 1.645  # standard deviations of a normal error on each side of 90 %
 CLASSES = 8  # of predicted force, each with an interval of its own
 LEAST_IN_CLASS = 100
 LEAST_ROWS = 30
@@ -68,51 +69,79 @@ def centre_of_pressure(force: np.ndarray, nx: int, ny: int, width_mm: np.ndarray
 class Intervals:
     """Half widths of 90 % intervals by the size of the predicted force: split conformal prediction within classes of it.
 
-    Valid for sites and images like the validation rows' (Vovk, Gammerman & Shafer 2005; Lei et al. 2018).
+    Valid for sites and images like the validation rows' (Vovk, Gammerman & Shafer 2005; Lei et al. 2018). Those of `of_bins`
+    and `of_totals` hold the label; those of the true force are wider by the label's own standard deviation, as the root of
+    the squares' sum.
     """
 
     bin_edges_N: np.ndarray  # (C - 1,) lengths of a bin's force between classes
     bin_half_N: np.ndarray  # (C, 3)
+    bin_sigma_N: np.ndarray  # (C, 3) rms standard deviation of the labels; 0 where labels have none
     total_edges_N: np.ndarray  # (T - 1,)
     total_half_N: np.ndarray  # (T, 3)
+    total_sigma_N: np.ndarray  # (T, 3)
 
     def of_bins(self, force: np.ndarray) -> np.ndarray:
         """Return half widths (n, B, 3) [N] of predicted distributions (n, B, 3)."""
-        return self.bin_half_N[
-            np.searchsorted(self.bin_edges_N, np.linalg.norm(force, axis=-1), side="right")
-        ]
+        return self.bin_half_N[_class(self.bin_edges_N, force)]
 
     def of_totals(self, force: np.ndarray) -> np.ndarray:
         """Return half widths (n, 3) [N] of the totals of predicted distributions (n, B, 3)."""
-        size = np.linalg.norm(force.sum(axis=1), axis=-1)
-        return self.total_half_N[np.searchsorted(self.total_edges_N, size, side="right")]
+        return self.total_half_N[_class(self.total_edges_N, force.sum(axis=1))]
+
+    def of_true_bins(self, force: np.ndarray) -> np.ndarray:
+        """Return the same as of_bins for the true force: with the labels' own uncertainty."""
+        sigma = self.bin_sigma_N[_class(self.bin_edges_N, force)]
+        return np.hypot(self.of_bins(force), WIDTH * sigma)
+
+    def of_true_totals(self, force: np.ndarray) -> np.ndarray:
+        """Return the same as of_totals for the true force: with the labels' own uncertainty."""
+        sigma = self.total_sigma_N[_class(self.total_edges_N, force.sum(axis=1))]
+        return np.hypot(self.of_totals(force), WIDTH * sigma)
 
 
-def find_intervals(force: np.ndarray, true: np.ndarray) -> Intervals | None:
-    """Return the intervals that hold the true distributions (n, B, 3) [N] of validation rows about the predicted ones.
+def _class(edges: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Return the class (...) of the lengths of forces (..., 3)."""
+    return np.searchsorted(edges, np.linalg.norm(force, axis=-1), side="right")
+
+
+@dataclass(frozen=True)
+class Labels:
+    """What validation rows say of their forces [N], and how sure they are of it."""
+
+    bins: np.ndarray  # (n, B, 3)
+    bin_sigma: np.ndarray  # (n, B, 3); NaN: no error bars
+    total_sigma: np.ndarray  # (n, 3)
+
+
+def find_intervals(force: np.ndarray, labels: Labels) -> Intervals | None:
+    """Return the intervals that hold the labels of validation rows about predicted distributions (n, B, 3) [N].
 
     Of touched rows alone, and of bins that carry force: the many that carry none would make the intervals narrow.
     """
-    touched = np.abs(true).max(axis=(1, 2)) > 0
+    touched = np.abs(labels.bins).max(axis=(1, 2)) > 0
     if touched.sum() < LEAST_ROWS:
         return None
-    bins = np.abs(true[touched]).max(axis=-1) > 0
-    of_bins = _by_class(force[touched][bins], true[touched][bins])
-    totals = force[touched].sum(axis=1), true[touched].sum(axis=1)
-    return Intervals(*of_bins, *_by_class(*totals))
+    force, true = force[touched], labels.bins[touched]
+    bins = np.abs(true).max(axis=-1) > 0
+    of_bins = _by_class(force[bins], true[bins], labels.bin_sigma[touched][bins])
+    of_totals = _by_class(force.sum(axis=1), true.sum(axis=1), labels.total_sigma[touched])
+    return Intervals(*of_bins, *of_totals)
 
 
-def _by_class(force: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return edges (C - 1,) of classes of |force| (m, 3) with as many rows in each, and half widths (C, 3)."""
+def _by_class(
+    force: np.ndarray, true: np.ndarray, sigma: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return edges (C - 1,) of classes of |force| (m, 3) with as many rows in each, half widths and rms sigma (C, 3)."""
     size = np.linalg.norm(force, axis=-1)
     classes = int(np.clip(len(size) // LEAST_IN_CLASS, 1, CLASSES))
     edges = np.unique(np.quantile(size, np.arange(1, classes) / classes))
-    which = np.searchsorted(edges, size, side="right")
-    error = np.abs(force - true)
-    half = [
-        _conformal(error[which == k]) if (which == k).any() else np.zeros(3) for k in range(len(edges) + 1)
-    ]
-    return edges, np.array(half)
+    which = _class(edges, force)
+    error, variance = np.abs(force - true), np.nan_to_num(sigma) ** 2
+    members = [which == k for k in range(len(edges) + 1)]
+    half = [_conformal(error[own]) if own.any() else np.zeros(3) for own in members]
+    rms = [np.sqrt(variance[own].mean(axis=0)) if own.any() else np.zeros(3) for own in members]
+    return edges, np.array(half), np.array(rms)
 
 
 def _conformal(error: np.ndarray) -> np.ndarray:

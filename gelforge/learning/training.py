@@ -14,7 +14,6 @@ from tqdm import tqdm
 
 from gelforge.config import Learning, Study
 from gelforge.dataset.shard import ShardDataset, shard_attributes
-from gelforge.dataset.splits import distances_from_wall, split_orbits
 from gelforge.files import digest, file_sha256, write_product_table
 from gelforge.learning.data import (
     BUFFER_ROWS,
@@ -24,27 +23,31 @@ from gelforge.learning.data import (
     images_of_presses,
     lie_of_images,
     measure_scaling,
-    positions_of,
-    subset,
+    training_and_validation,
 )
+from gelforge.learning.familiarity import find_familiar
 from gelforge.learning.model_file import Model, load_tensors, save_model, save_tensors
 from gelforge.learning.networks import Grids, make_network
-from gelforge.learning.reliability import Zero, find_intervals, find_zero
+from gelforge.learning.reliability import Labels, Zero, find_intervals, find_zero
 from gelforge.learning.scaling import ModelError, Scaling
 from gelforge.learning.turns import Turner, names_of
 
+USUAL_THREADS = {"paper": 2}
 CHECKPOINT_FORMAT = "gelforge-checkpoint-2"
 WARM_UP = 0.15  # share of the steps in which the step size grows
 LAST_RATE = 1e-3  # of the largest step size, at the end
 WEIGHT_DECAY = 1e-4
 ROWS_SET_ASIDE = 4000  # at most, for thresholds and intervals
+SIGMAS = ("force_sigma_N", "total_force_fem_sigma_N")
 
 
 @dataclass(frozen=True)
 class Run:
     """How a training is run; nothing here changes what is learnt but for rounding."""
 
-    threads: int = 2  # of torch; sums of another number of threads differ in rounding
+    # of torch, sums of another number of threads differ in rounding; None: two for the article's wide layers, one for small
+    # networks, whose second thread gains little and waits in a loop where other work has the core
+    threads: int | None = None
     checkpoint_every: int = 20  # epochs
     buffer_rows: int = BUFFER_ROWS
     progress: bool = True
@@ -94,12 +97,12 @@ def train(
     the validation rows too, whose orbits are neither trained on nor tested.
     """
     _check_has_images(shards)
-    torch.set_num_threads(run.threads)
+    torch.set_num_threads(run.threads or USUAL_THREADS.get(study.learning.network, 1))
     checkpoint_path = Path(model_path).with_name(Path(model_path).stem + ".checkpoint.pt")
     settings = _settings(study, shards)
 
     rows = ShardDataset(shards, "train")
-    training, validation = _validation_split(rows, shards, study)
+    training, validation = training_and_validation(rows, shards, study)
     plan, scaling = _plan(study, rows, training)
     learning = plan.learning
     network = make_network(learning, plan.grids, study.seed)
@@ -138,7 +141,7 @@ def train(
         rows.close()
         return False
     network.load_state_dict(best)
-    model = _with_reliability(Model(network, scaling, settings), rows, validation)
+    model = _with_reliability(Model(network, scaling, settings), rows, training, validation)
     rows.close()
     columns = ["epoch", "training", "validation"]
     write_product_table(loss_path, pd.DataFrame(losses, columns=columns), "%.9g")
@@ -224,25 +227,35 @@ def _out_of_patience(losses: list[tuple], patience: int | None) -> bool:
     return bool(losses) and patience is not None and len(losses) - _best_epoch(losses) >= patience
 
 
-def _with_reliability(model: Model, rows: ShardDataset, validation: np.ndarray) -> Model:
-    """Return a model with its thresholds and intervals, found on the validation rows."""
-    draw = np.random.default_rng(0).permutation(len(validation))[:ROWS_SET_ASIDE]
-    index = validation[np.sort(draw)]
-    predicted, true, untouched = [], [], []
-    for start in range(0, len(index), 256):
-        block = rows.read(index[start : start + 256], (FEATURE, LABEL, "untouched"))
-        predicted.append(model.predict_raw(block[FEATURE]))
-        true.append(block[LABEL].astype(float))
-        untouched.append(block["untouched"])
-    if not predicted:
+def _with_reliability(
+    model: Model, rows: ShardDataset, training: np.ndarray, validation: np.ndarray
+) -> Model:
+    """Return a model with its thresholds and intervals, found on validation rows, and what images are like its own."""
+    watched = _drawn(rows, validation, (FEATURE, LABEL, "untouched", *SIGMAS))
+    if watched is None:
         return model
-    force, true = np.concatenate(predicted), np.concatenate(true)
+    force = np.concatenate(
+        [
+            model.predict_raw(part)
+            for part in np.array_split(watched[FEATURE], -(-len(watched[FEATURE]) // 256))
+        ]
+    )
     zero = Zero()
     if model.settings["learning"]["network"] != "paper":  # the article's says what it says
         bins = model.settings["bins"]
         grid = bins["nx"], bins["ny"], np.array(model.settings["sensor_width_mm"])
-        zero = find_zero(force, true, np.concatenate(untouched), grid)
-    return replace(model, zero=zero, intervals=find_intervals(zero.applied(force), true))
+        zero = find_zero(force, watched[LABEL].astype(float), watched["untouched"], grid)
+    labels = Labels(*(watched[name].astype(float) for name in (LABEL, *SIGMAS)))
+    learnt = _drawn(rows, training, (FEATURE,))
+    familiar = find_familiar(*(model.scaling.inputs(part[FEATURE]) for part in (learnt, watched)))
+    intervals = find_intervals(zero.applied(force), labels)
+    return replace(model, zero=zero, intervals=intervals, familiar=familiar)
+
+
+def _drawn(rows: ShardDataset, index: np.ndarray, names: tuple[str, ...]) -> dict[str, np.ndarray] | None:
+    """Return columns of at most ROWS_SET_ASIDE of the rows index (n,), None where there is none."""
+    draw = np.random.default_rng(0).permutation(len(index))[:ROWS_SET_ASIDE]
+    return rows.read(index[np.sort(draw)], names) if len(index) else None
 
 
 def _check_has_images(shards: Sequence[str | Path]) -> None:
@@ -251,20 +264,6 @@ def _check_has_images(shards: Sequence[str | Path]) -> None:
             raise ModelError(
                 f"{path}: holds labels only; add sessions with images to the study before training"
             )
-
-
-def _validation_split(
-    rows: ShardDataset, shards: Sequence[str | Path], study: Study
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the numbers of the rows that train and of those that only watch the loss, by orbit."""
-    places = positions_of(rows)
-    known = {name: about for path in shards for name, about in shard_attributes(path)["cells"].items()}
-    orbit = {name: known.get(name, {}).get("orbit", name) for name in places}
-    from_wall = distances_from_wall(places, study.sensor)
-    split = split_orbits(orbit, from_wall, study.learning.validation_fraction, study.seed + 1)
-    sides = ({cell for cell, name in split.items() if name == side} for side in ("train", "test"))
-    training, validation = (subset(rows, cells) for cells in sides)
-    return training, validation
 
 
 def shards_digest(shards: Sequence[str | Path]) -> str:

@@ -7,6 +7,8 @@ import numpy as np
 from gelforge.report.beside_paper import beside_paper
 from gelforge.report.chapters import Chapter
 from gelforge.report.force_maps import prediction_figure, total_force_figure
+from gelforge.report.network_figure import errors_figure
+from gelforge.report.network_words import network_words
 from gelforge.report.residuals import residual_depth_figure, residual_map_figure
 from gelforge.report.results_reader import StudyResults
 from gelforge.report.silhouette import touched_radius_mm
@@ -57,9 +59,11 @@ def predictions(results: StudyResults) -> Chapter:
     if not results.features and results.predictions is None:
         chapter.miss(f"No network: {FORCE_ONLY}")
         return chapter
+    _say_how_good(chapter, results)
     if results.loss is not None:
         chapter.show(
-            "Both curves should fall and level out; if only the training curve falls, the network learns by heart.",
+            "Loss of training rows and of validation sites; the weights are those of the best epoch. A validation curve far"
+            " above the other means overfitting.",
             loss_figure(results.loss),
         )
     else:
@@ -80,11 +84,24 @@ def predictions(results: StudyResults) -> Chapter:
         shown.append(row)
         _show_map(chapter, results, row, place)
     chapter.show(
-        "Total force summed from the predicted map: points on the grey line are exact, a flatter cloud means"
-        " that the network hesitates towards the mean.",
+        "Total force summed from the predicted map: points on the grey line are exact.",
         total_force_figure(columns["total_predicted_N"], columns["total_true_N"]),
     )
     return chapter
+
+
+def _say_how_good(chapter: Chapter, results: StudyResults) -> None:
+    """Say in a paragraph and a figure how good the network is, where its tables are there."""
+    tables = [results.table(name) for name in ("baselines", "errors_by", "reliability")]
+    if any(table is None for table in tables):
+        return
+    baselines, by, reliability = tables
+    chapter.say(network_words(baselines, by, reliability, results.loss))
+    chapter.show(
+        "Error of the vertical force of pressed bins on held-out sites (RMSES): the network beside its baselines, and by"
+        " depth, distance from the nearest wall and session.",
+        errors_figure(baselines, by),
+    )
 
 
 def _show_map(chapter: Chapter, results: StudyResults, row: int, place: str) -> None:
@@ -95,7 +112,7 @@ def _show_map(chapter: Chapter, results: StudyResults, row: int, place: str) -> 
     radius = touched_radius_mm(results.study.indenter, depth)
     chapter.show(
         f"Held-out cell {columns['cell'][row]} {place}, indenter at ({x:g}, {y:g}) mm, {depth:g} mm deep: left and"
-        " middle should look alike and the right stay pale, on one colour scale per row. The dashed circle is"
+        " middle are predicted and true, the right is their difference, on one colour scale per row. The dashed circle is"
         " where the indenter cuts the undeformed surface.",
         prediction_figure(predicted, true, bins.nx, bins.ny, results.widths_mm, (x, y), radius),
     )
@@ -103,7 +120,10 @@ def _show_map(chapter: Chapter, results: StudyResults, row: int, place: str) -> 
 
 TABLES = {
     "rmse": "Errors of the network on held-out cells, beside the paper's (another sensor, 13,448 presses).",
-    "baselines": "The network beside baselines; it is of use only where it is clearly below them. Row limit: what is asked.",
+    "baselines": "The network beside baselines on the same rows and inputs: ridge, kernel ridge, nearest neighbours, the"
+    " mean label of training, no force at all. total Fz: rms error of the sum over bins; RMSES: error of pressed bins.",
+    "errors_by": "Errors of the network by depth, by distance from the nearest wall and by session (of touched rows), and"
+    " the share of images flagged as unlike the training images.",
     "reliability": "How far to trust the network on held-out cells. A share far from 0.9 in the 90 % intervals says that the"
     " validation cells are unlike these.",
     "rmse_gt": "Measured against simulated total force over presses (difference: F/T − FEM), beside the paper's.",

@@ -168,12 +168,13 @@ class StudyResults:
 
     @cached_property
     def predictions(self) -> dict[str, np.ndarray] | None:
-        """Columns of model/predictions.h5, the two force maps left on disk (see predicted_map)."""
+        """Columns of model/predictions.h5, what is of each bin left on disk (see predicted_map)."""
         path = self.folder / "model" / "predictions.h5"
         if not path.is_file():
             return None
         with _open_predictions(path) as file:
-            columns = {key: _column(file[key]) for key in file if key not in ("predicted_N", "true_N")}
+            small = [key for key in file if isinstance(file[key], h5py.Dataset) and file[key].ndim < 3]
+            columns = {key: _column(file[key]) for key in small}
             for key in ("predicted_N", "true_N"):
                 columns[f"total_{key}"] = np.concatenate(
                     [file[key][i : i + 512].sum(axis=1) for i in range(0, len(file[key]), 512)]

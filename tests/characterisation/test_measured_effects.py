@@ -361,6 +361,7 @@ def test_a_study_takes_its_material_from_a_mapped_folder(tmp_path):
     assert read_law(tmp_path / "out" / "law.json").law.mu == pytest.approx(0.06, rel=1e-6)
 
 
+@pytest.mark.thorough(but_first=1)
 @pytest.mark.parametrize("choose", ["aicc", "held_out", "first"])
 def test_the_chosen_law_is_the_one_asked_for(folder, tmp_path, choose):
     fitting = Fitting(laws=["ogden1", "neo_hooke", "yeoh"], choose=choose)

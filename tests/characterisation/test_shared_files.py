@@ -146,6 +146,7 @@ SPOILT = {
 }
 
 
+@pytest.mark.thorough(but_first=100)
 @pytest.mark.parametrize("how", SPOILT)
 @every_file
 def test_a_spoilt_file_is_refused_with_file_value_and_remedy(folder, name, how, tmp_path):

@@ -133,6 +133,7 @@ def test_without_the_thin_layer_correction_the_layer_seems_stiffer():
     assert any("half space is assumed" in warning for warning in fit.warnings)
 
 
+@pytest.mark.thorough
 def test_the_interval_holds_the_truth():
     hits = sum(
         fit.interval[0] <= E <= fit.interval[1]

@@ -99,6 +99,7 @@ def test_a_hemisphere_presses_by_hertz_with_both_radii(presses):
         assert 1.04 < -force[2] / known < 1.16
 
 
+@pytest.mark.thorough
 def test_along_the_normal_the_force_is_along_the_normal(presses):
     """A sphere knows no other direction; far from the base its force is that at the top."""
     for top, east in zip(*(presses[name].arrays["total_force_N"] for name in ("top", "east"))):

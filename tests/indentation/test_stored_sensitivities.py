@@ -65,7 +65,7 @@ def change(name, amount):
     return [there[array] - none[array] for array in ARRAYS]
 
 
-@pytest.mark.thorough(but_first=12)
+@pytest.mark.thorough(but_first=4)
 @pytest.mark.parametrize("name", DERIVABLE)
 def test_a_derivative_predicts_what_a_little_of_the_effect_does(stored, name):
     """The issue: 1e-2 of a plausible width moves every total force by what the derivative predicts within 5 %."""
@@ -76,6 +76,7 @@ def test_a_derivative_predicts_what_a_little_of_the_effect_does(stored, name):
     assert_allclose(amount * stored[0][name].total, total, atol=0.05 * size)
 
 
+@pytest.mark.thorough(but_first=10)
 @pytest.mark.parametrize("name", DERIVABLE)
 def test_bins_follow_their_derivatives_to_5_per_cent_of_the_largest(stored, name):
     """At the step of the effect's derivative: what an empty ball does to bins bends within 1e-2 of its width by 10 %."""

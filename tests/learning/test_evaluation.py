@@ -8,15 +8,14 @@ from artificial_shards import small_rows, study_of, write_shards
 from gelforge.dataset.schema import DatasetError
 from gelforge.dataset.shard import ShardDataset
 from gelforge.learning.evaluation import (
-    Predictions,
     baselines_table,
-    centre_of_pressure,
+    errors_by_table,
     force_ranges_table,
-    label_ranges,
-    predict_test_rows,
     reliability_table,
     rmse_table,
 )
+from gelforge.learning.predictions import Predictions, label_ranges, predict_test_rows
+from gelforge.learning.reliability import centre_of_pressure
 from gelforge.learning.training import Run, train
 
 SMALL = {
@@ -35,7 +34,7 @@ def evaluated(tmp_path_factory):
     folder, study = tmp_path_factory.mktemp("evaluated"), study_of(regions=4, bins=5, **SMALL)
     shards = write_shards(folder / "dataset", small_rows(), study)
     train(study, shards, folder / "model.pt", folder / "loss.csv", Run(threads=1, progress=False))
-    predict_test_rows(folder / "model.pt", shards, folder / "predictions.h5", threads=1)
+    predict_test_rows(folder / "model.pt", shards, study, folder / "predictions.h5", threads=1)
     return shards, folder / "predictions.h5"
 
 
@@ -107,10 +106,34 @@ def test_baselines(evaluated):
         )
         assert table.loc[name, "RMSES_z_N"] == pytest.approx(naive_rmse(judged, true, 2, True), rel=1e-9)
         error = (judged - true)[..., 2].sum(axis=1)
-        rms = np.sqrt(np.mean(error**2)) / np.ptp(true[..., 2].sum(axis=1))
-        assert table.loc[name, "total_Fz_rms_over_range"] == pytest.approx(rms, rel=1e-9)
+        assert table.loc[name, "total_Fz_rms_N"] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-9)
     assert table.loc["zero", "centre_of_pressure_median_mm"] == np.inf
-    assert table.loc["limit", "RMSES_N"] == pytest.approx(table.loc["training mean", "RMSES_N"] / 2)
+
+
+def test_scikit_learns_baselines_stand_beside(evaluated):
+    predictions, true = Predictions(evaluated[1]), maps(evaluated[1])[1]
+    assert predictions.baselines == ["kernel ridge", "nearest neighbours", "ridge"]
+    table = baselines_table(predictions).set_index("predictor")
+    for name in predictions.baselines:
+        with h5py.File(evaluated[1]) as file:
+            said = file[f"baselines/{name}"][()].astype(float)
+        assert table.loc[name, "RMSES_z_N"] == pytest.approx(naive_rmse(said, true, 2, True), rel=1e-9)
+        assert table.loc[name, "RMSES_z_N"] < table.loc["zero", "RMSES_z_N"]
+
+
+def test_errors_by_class_share_out_the_rows(evaluated):
+    predictions, (predicted, true) = Predictions(evaluated[1]), maps(evaluated[1])
+    table = errors_by_table(predictions)
+    touched = int((~predictions.untouched).sum())
+    for by in ("depth", "place", "session"):
+        assert table.loc[table["by"] == by, "rows"].sum() == touched
+    assert table.loc[table["by"] == "contact", "rows"].sum() == len(true) - touched
+    first = table[table["by"] == "depth"].iloc[0]
+    chosen = ~predictions.untouched & np.isclose(
+        predictions.depth_mm, float(first["class"].split()[0]), atol=1e-3
+    )
+    expected = naive_rmse(predicted[chosen], true[chosen], 0, True)
+    assert first["RMSES_x_N"] == pytest.approx(expected, rel=1e-9)
 
 
 def test_reliability(evaluated):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gelforge.learning.reliability import Zero, centre_of_pressure, find_intervals, find_zero
+from gelforge.learning.reliability import Labels, Zero, centre_of_pressure, find_intervals, find_zero
 
 GRID = (6, 6, np.array([32.0, 32.0]))
 PLACE = (np.stack([np.arange(36) % 6, np.arange(36) // 6], axis=-1) + 0.5) * 32 / 6
@@ -62,7 +62,7 @@ def test_without_untouched_rows_or_touches_nothing_is_cut(untouched):
 
 def test_intervals_hold_nine_in_ten_of_other_rows_at_every_size():
     zero = find_zero(*rows(3000, 1), GRID)
-    intervals = find_intervals(*(force(f, zero) for f, force in zip(rows(3000, 1)[:2], (applied, as_it_is))))
+    intervals = find_intervals(zero.applied(rows(3000, 1)[0]), labels_of(rows(3000, 1)[1]))
     predicted, true, untouched = rows(3000, 2)
     predicted, carries = zero.applied(predicted), (true != 0).any(axis=-1)
     inside = np.abs(predicted - true) <= intervals.of_bins(predicted)
@@ -74,14 +74,28 @@ def test_intervals_hold_nine_in_ten_of_other_rows_at_every_size():
     assert total.mean(axis=0) == pytest.approx([0.9] * 3, abs=0.03)
 
 
-def applied(force, zero):
-    return zero.applied(force)
+def labels_of(true, sigma=0.0):
+    return Labels(true, np.full_like(true, sigma), np.full_like(true[:, 0], sigma))
 
 
-def as_it_is(force, zero):
-    return force
+def test_intervals_of_the_true_force_hold_it_where_labels_are_off():
+    """Labels off by a normal error as large as the network's: their own standard deviation widens the interval."""
+    (predicted, true, _), rng = rows(3000, 1), np.random.default_rng(3)
+    sigma = 0.03
+    off = np.where(true != 0, sigma * rng.standard_normal(true.shape), 0.0)
+    intervals = find_intervals(predicted + off, labels_of(true + off, sigma))
+    carries = (true != 0).any(axis=-1)
+    half, wider = intervals.of_bins(predicted + off), intervals.of_true_bins(predicted + off)
+    np.testing.assert_allclose(wider[carries], np.hypot(half, 1.645 * sigma)[carries], rtol=1e-9)
+    assert (np.abs(predicted + off - true) <= wider)[carries].mean() == pytest.approx(0.9, abs=0.05)
+
+
+def test_labels_without_error_bars_widen_nothing():
+    predicted, true, _ = rows(300, 1)
+    intervals = find_intervals(predicted, labels_of(true, np.nan))
+    np.testing.assert_array_equal(intervals.of_true_totals(predicted), intervals.of_totals(predicted))
 
 
 def test_too_few_rows_give_no_interval():
     predicted, true, _ = rows(20, 1)
-    assert find_intervals(predicted, true) is None
+    assert find_intervals(predicted, labels_of(true)) is None

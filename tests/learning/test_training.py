@@ -16,11 +16,12 @@ from gelforge.learning.data import (
     images_of_presses,
     measure_scaling,
     positions_of,
+    training_and_validation,
 )
 from gelforge.learning.model_file import load_model, load_tensors, save_tensors
 from gelforge.learning.networks import paper_network
 from gelforge.learning.scaling import ModelError, Scaling
-from gelforge.learning.training import CHECKPOINT_FORMAT, Run, _validation_split, mean_loss, train
+from gelforge.learning.training import CHECKPOINT_FORMAT, Run, mean_loss, train
 
 QUIET = Run(threads=1, progress=False, checkpoint_every=3)
 SMALL = {
@@ -123,7 +124,7 @@ def test_no_cell_is_on_two_sides(study, shards):
     test, train_rows = (set(positions_of(ShardDataset(shards, side))) for side in ("test", "train"))
     assert not test & train_rows
     rows = ShardDataset(shards, "train")
-    training, validation = _validation_split(rows, shards, study)
+    training, validation = training_and_validation(rows, shards, study)
     assert sorted([*training, *validation]) == list(range(len(rows)))
     sides = [set(rows.read(index, ["cell"])["cell"]) for index in (training, validation)]
     assert not sides[0] & sides[1]
@@ -307,7 +308,7 @@ def test_the_model_is_that_of_the_best_epoch_and_patience_ends_it(study, shards,
     best = int(losses["all"]["validation"].idxmin())
     rows = ShardDataset(shards, "train")
     model = load_model(tmp_path / "all/model.pt")
-    watched = Batches(rows, _validation_split(rows, shards, study)[1], model.scaling, 64, seed=0)
+    watched = Batches(rows, training_and_validation(rows, shards, study)[1], model.scaling, 64, seed=0)
     assert mean_loss(model.network, watched) == pytest.approx(losses["all"]["validation"][best], rel=1e-5)
     assert best < 29
 

@@ -59,6 +59,7 @@ def test_blunders_say_nothing_of_what_the_readings_could_have_seen():
     assert {candidate.name for candidate in problem.physics} == {"gel_stiffness"}
 
 
+@pytest.mark.thorough
 def test_a_common_gain_and_the_stiffness_of_all_layers_are_one_group():
     base = artificial.context(7, per_side=3)
     gained = artificial.read(base, 1.06 * base.force, np.random.default_rng(8))

@@ -128,7 +128,7 @@ def test_all_layers_stiffer_by_one_share_are_a_gain_of_all_forces():
     np.testing.assert_allclose(solved(stiffer.model_dump_json()), 1.25 * alike, atol=1e-7 * size)
 
 
-@pytest.mark.thorough(but_first=10)
+@pytest.mark.thorough(but_first=4)
 @pytest.mark.parametrize(("name", "k"), CASES)
 def test_the_first_order_is_the_slope_of_full_solutions(name, k):
     effect, (_, shape) = CATALOGUE[name], shape_of(name)

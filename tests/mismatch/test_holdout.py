@@ -93,6 +93,7 @@ def chosen_gain(r, labels, covariance, candidates, blocks):
     return name, gain(predictive_scores(r, covariance, blocks, labels, change=change), after)
 
 
+@pytest.mark.thorough
 def test_nothing_to_find_gives_no_gain(world):
     """Whatever the training readings choose: without a mismatch the expected gain is at most 0 (Gibbs' inequality)."""
     labels, covariance, candidates = world

@@ -93,6 +93,7 @@ def flow_entries(joint):
     return np.arange(len(joint.labels)) >= joint.flow.entries
 
 
+@pytest.mark.thorough
 def test_predicted_flow_is_the_measured_one_but_for_the_camera(joint):
     mask = flow_entries(joint)
     measured = joint.observations.flat(joint.observations.force)[mask]

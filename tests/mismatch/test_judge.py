@@ -47,7 +47,7 @@ CASES = [
 ]
 
 
-@pytest.mark.thorough(but_first=3)
+@pytest.mark.thorough(but_first=1)
 @pytest.mark.parametrize(("name", "amounts"), CASES)
 def test_one_effect_is_in_the_group_that_istold_of(name, amounts):
     base = artificial.context(7, per_side=3)
@@ -83,6 +83,7 @@ def test_without_the_effect_in_the_catalogue_it_is_open(name):
     assert "no effect of the catalogue explains it" in sentence_of(problem, found)
 
 
+@pytest.mark.thorough
 def test_an_effect_that_cannot_be_solved_gives_way_to_the_next_and_istold_of():
     base = artificial.context(13, per_side=3)
     problem = problem_of(artificial.with_effect(base, "gel_stiffness", [0.3], np.random.default_rng(14)))
@@ -114,6 +115,7 @@ def test_patterns_are_told_in_words_that_follow_most_clearly(name, kind, words):
     assert plain(Finding(name, kind, {}, 5.0, 0.1)) == words
 
 
+@pytest.mark.thorough
 def test_an_answer_that_the_readings_set_aside_refute_is_open_where_something_is_certainly_there():
     problem, found, state = named()
     # 10 standard errors: a true answer gains 50 give or take 10
@@ -168,6 +170,7 @@ def test_what_shapes_and_scales_have_cost_is_paid_on():
     assert fit.log_bayes_factor - free.log_bayes_factor == pytest.approx(first.paid)
 
 
+@pytest.mark.thorough
 def test_a_group_that_is_less_likely_than_not_is_no_answer():
     _, found, state = named()
     (group,) = found.answer.groups
@@ -176,6 +179,7 @@ def test_a_group_that_is_less_likely_than_not_is_no_answer():
     assert states == ["group", "insufficient"]
 
 
+@pytest.mark.thorough
 def test_what_is_sure_is_named_whichever_effect_takes_up_the_little_beside_it():
     problem, found, state = named()
     (group,) = found.answer.groups

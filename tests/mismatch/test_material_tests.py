@@ -123,6 +123,7 @@ def test_rate_dependence_of_another_form_is_named_and_predicts_what_was_set_asid
     assert "mullins" not in named_in(verdict) and "ageing" not in named_in(verdict)
 
 
+@pytest.mark.thorough
 def test_flow_that_stress_speeds_up_is_told_from_linear_relaxation():
     """What unloads as stiffly as it began to load is no softening, and no spectrum of linear elements meets it."""
     tests = samples_of(np.random.default_rng(5), flowing, hold_s=200.0)
@@ -160,6 +161,7 @@ def pressed(sample, rng, **law):
     return replace(test, segments=find_segments(lam, time))
 
 
+@pytest.mark.thorough
 def test_a_foam_that_ages_in_law_and_relaxation_is_named_with_both():
     """Softer at small strain and stiffer at large strain: no factor on all of the stress is that."""
     rng = np.random.default_rng(6)
@@ -271,6 +273,7 @@ def test_adhesives_and_nitrile_show_rate_dependence(folder, material):
     assert verdict.fit.held_out.shown
 
 
+@pytest.mark.thorough
 @shared_data.needs_shared
 def test_the_foam_relaxes_and_there_is_evidence_for_ageing_of_its_law():
     """Softer at small strain, as stiff at large strain, and relaxing more: seen in the curves themselves."""

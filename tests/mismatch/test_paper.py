@@ -67,6 +67,7 @@ def test_the_article_s_readings_are_one_fz_for_each_depth_at_two_sites(paper):
     assert set(NO_TIMES) <= set(paper.verdicts["linear"].cannot_know)
 
 
+@pytest.mark.thorough
 def test_the_linear_curve_s_mismatch_grows_with_depth(paper):
     verdict = paper.verdicts["linear"]
     assert verdict.mismatch.p < 1e-10  # 8e-15 by the design, whose errors are not all of ours

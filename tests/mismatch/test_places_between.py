@@ -102,6 +102,7 @@ def away(place, there):
     return np.hypot(place["x_mm"] - there["x_mm"], place["y_mm"] - there["y_mm"])
 
 
+@pytest.mark.thorough(but_first=1)
 @pytest.mark.parametrize(("along", "across"), [(0.4, 0.0), (0.3, 0.4), (-0.45, 0.2)])
 def test_a_refit_moves_to_where_the_bubble_is(along, across):
     """Within 0.09 of the spacing: it waits for no step below 0.05. An error of the way would hold it back by 0.1."""
@@ -123,6 +124,7 @@ def test_a_refit_moves_to_where_the_bubble_is(along, across):
     assert whole(seated, found).columns @ fit.amounts[0] == pytest.approx(change, abs=1e-12)
 
 
+@pytest.mark.thorough(but_first=1)
 @pytest.mark.parametrize("share", [0.2, 0.6])
 def test_a_refit_finds_how_large_the_bubble_is(share):
     """Between the sizes that are tried, of readings so quiet that a large one of which less is lost is no small one."""

@@ -63,6 +63,7 @@ def test_a_struck_reading_is_found_beside_a_strong_effect():
     ]
 
 
+@pytest.mark.thorough(but_first=2)
 @pytest.mark.parametrize(
     "name", ["mullins", "viscoelastic", "adhesion", "lateral_play", "contact_zero", "tilt"]
 )

@@ -92,6 +92,7 @@ def test_tables_and_verdict_read_back(stiffer):
     assert json.loads((out / "verdict.json").read_text())["synthetic"] is True
 
 
+@pytest.mark.thorough
 def test_the_same_recording_gives_the_same_bytes(stiffer, kept, tmp_path):
     session, _, out = stiffer
     judge_recording(solver(kept), [session], tmp_path, "stiffer")

@@ -130,6 +130,7 @@ def chances(drift, allow: bool, number=80, presses=40) -> np.ndarray:
     return np.array(p)
 
 
+@pytest.mark.thorough(but_first=1)
 @pytest.mark.parametrize("drift", [{}, {"wander": 4e-4}, {"trend": 2e-3, "wander": 1e-3}])
 def test_nulls_with_one_zero_row_each_are_calibrated(drift):
     """80 nulls: at most 4 below 0.01 by a chance of 0.999."""

@@ -357,9 +357,20 @@ def write_error_tables(folder: Path) -> None:
     bins, total = (-0.05, 0.05, -0.05, 0.05, -0.14, 0.0), (-0.1, 0.1, -0.1, 0.1, -1.46, 0.0)
     ranges = pd.DataFrame([("force per bin", *bins), ("total force", *total)], columns=["quantity", *ends])
     errors = [f"RMSES_{axis}_N" for axis in "xyz"]
-    columns = ["predictor", "total_Fz_rms_over_range", *errors, "centre_of_pressure_median_mm"]
+    figures = ["RMSES_N", *errors, "total_Fz_rms_N", "centre_of_pressure_median_mm"]
+    predictors = {"network": 0.01, "ridge": 0.03, "training mean": 0.04, "zero": 0.05}
     baselines = pd.DataFrame(
-        [("network", 0.05, *[0.01] * 3, 0.8), ("zero", 0.6, *[0.05] * 3, np.inf)], columns=columns
+        [(n, *[e] * 4, 3 * e, 0.8) for n, e in predictors.items()], columns=["predictor", *figures]
+    )
+    classes = [
+        ("depth", "0.5 mm", 0.01),
+        ("depth", "1 mm", 0.02),
+        ("place", "near a wall (0 to 6.4 mm)", 0.03),
+    ]
+    classes += [("place", "in the middle (11.2 and more mm)", 0.01), ("session", "day1", 0.01)]
+    errors_by = pd.DataFrame(
+        [(by, name, 96, *[e] * 4, 3 * e, 0.8) for by, name, e in classes],
+        columns=["by", "class", "rows", *figures],
     )
     reliability = pd.DataFrame(
         [("Fz of untouched images, rms", 0.0, "N"), ("totals, z: share inside the 90 % interval", 0.91, "1")],
@@ -370,6 +381,7 @@ def write_error_tables(folder: Path) -> None:
         "rmse_gt": gt,
         "force_ranges": ranges,
         "baselines": baselines,
+        "errors_by": errors_by,
         "reliability": reliability,
     }
     for name, table in made.items():

@@ -34,6 +34,7 @@ def lines(ax):
     return {line.get_label(): line for line in ax.get_lines() if not line.get_label().startswith("_")}
 
 
+@pytest.mark.thorough
 def test_all_laws_are_drawn_and_named(drawn):
     assert set(lines(drawn.axes[0])) == {"samples", "Neo-Hooke", "Ogden, K = 1", "mean of samples"}
     assert [text.get_text() for text in drawn.legends[0].get_texts()][:2] == ["samples", "Neo-Hooke"]

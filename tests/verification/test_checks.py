@@ -7,6 +7,7 @@ from gelforge.verification.check import Check, absolute, check_table, relative, 
 from gelforge.verification.run import CHECKS
 
 
+@pytest.mark.thorough  # the test study runs them too, and ends where one fails
 @pytest.mark.parametrize("name", CHECKS)
 def test_check(name):
     """Each function argues its own limits."""

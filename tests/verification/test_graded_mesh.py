@@ -57,6 +57,7 @@ def test_the_change_goes_with_the_square_of_the_far_size():
     assert 2.5 < share_above_even(1.6) / share_above_even(0.8) < 5
 
 
+@pytest.mark.thorough(but_first=1)
 @pytest.mark.parametrize("far", [0.8, 1.6])
 def test_bins_of_the_halved_mesh_are_those_of_the_even_one_within_one_error_bar(far):
     halved, even = pressed(far).arrays, pressed(NEAR).arrays

@@ -10,6 +10,7 @@ CAMERA = "camera: {width_px: 140, height_px: 120, mm_per_px: 0.2, centre_px: [70
 TEST = ("--configfile", "config/test.yaml")
 
 
+@pytest.mark.thorough
 def test_paper_makes_every_cell_a_job(checkout):
     jobs = checkout.jobs("--configfile", "config/paper.yaml")
     assert jobs["simulate"] == 1681
@@ -75,6 +76,7 @@ def test_a_missing_recording_is_named_before_any_job(checkout):
     assert not (checkout.folder / "results").exists()
 
 
+@pytest.mark.thorough(but_first=1)
 @pytest.mark.parametrize("images", ["left_out", "predicted"])
 def test_a_verdict_waits_for_the_images_that_it_looks_at(checkout, images):
     study = ("--config", f"mismatch={{images: {images}}}", *TEST)
@@ -110,6 +112,7 @@ def session_study(checkout, effects, **more):
     return ("--configfile", "config/own.yaml")
 
 
+@pytest.mark.thorough
 def test_only_a_session_of_another_age_has_cells_of_its_own(checkout):
     """The study is as old as the sensor in March: June has its two pressed cells and the one that the corner mirrors."""
     circumstances = {"ageing_per_day": {"gel": 0.001}, "age_days": 10.0}

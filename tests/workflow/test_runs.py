@@ -73,6 +73,7 @@ def test_training_settings_rerun_training_and_what_follows(again):
     assert not {"simulate", "features", "characterise", "join", "virtual_cell", "virtual_session"} & set(jobs)
 
 
+@pytest.mark.thorough
 def test_every_file_of_a_material_reruns_its_characterisation(again):
     """Whatever decides it: here the sidecar of a press, which is no table; pictures and mappings are listed the same way."""
     folder, law = (
@@ -115,6 +116,7 @@ def test_a_deleted_cell_is_made_again(again):
     assert again.jobs(*TEST)["simulate"] == 1
 
 
+@pytest.mark.thorough
 def test_shards_need_no_virtual_truth(again):
     """A laboratory has recordings and no truth: without lab and truth the shards have the same bytes."""
     before = again.files(f"{RESULTS}/dataset/shard-*.h5")
@@ -140,6 +142,7 @@ def test_a_truncated_cell_stops_the_join_by_name(again):
     assert "Traceback" not in failed.stdout.partition("Error in rule join")[2]
 
 
+@pytest.mark.thorough
 def test_killed_in_the_middle_it_recovers_and_ends_the_same(checkout, finished):
     """kill -9 on Snakemake while cells are computed; the documented two lines bring the same files."""
     with (checkout.folder / "killed.log").open("w") as log:

@@ -152,7 +152,7 @@ def table_files():
     """Return the tables that the study's data allow."""
     names = ["material", "force_ranges"]
     names += ["rmse_gt"] if STUDY.sessions else []
-    names += ["rmse", "baselines", "reliability"] if IMAGE_SESSIONS else []
+    names += ["rmse", "baselines", "errors_by", "reliability"] if IMAGE_SESSIONS else []
     return [f"{RESULTS}/tables/{name}.{suffix}" for name in names for suffix in ("csv", "md")]
 
 

@@ -13,7 +13,7 @@ rule train:
         f"{LOGS}/model/train.log",
     benchmark:
         f"{BENCHMARKS}/train.tsv"
-    threads: 2
+    threads: 2 if STUDY.learning.network == "paper" else 1
     resources:
         runtime=asks(training_seconds),
         mem_mb=4000,
@@ -21,7 +21,7 @@ rule train:
         learning=block("seed", "learning", "sensor"),
         source=source_digest(
             *(f"learning/{name}.py" for name in ("data", "networks", "scaling", "training", "turns")),
-            *("learning/model_file.py", "learning/reliability.py", "config/learning.py"),
+            *("learning/model_file.py", "learning/reliability.py", "learning/familiarity.py", "config/learning.py"),
             *("dataset/splits.py", "indentation/symmetry.py"),
         ),
     shell:
@@ -47,7 +47,10 @@ rule evaluate:
         source=source_digest(
             *(
                 f"learning/{name}.py"
-                for name in ("evaluation", "model_file", "networks", "reliability", "scaling")
+                for name in (
+                    *("baselines", "familiarity", "model_file", "networks", "predictions"),
+                    *("reliability", "scaling"),
+                )
             ),
         ),
     shell:
@@ -70,6 +73,7 @@ rule tables:
             "characterisation/law_file.py",
             "dataset/agreement.py",
             "learning/evaluation.py",
+            "learning/predictions.py",
             "learning/reliability.py",
             "files.py",
         ),
