@@ -23,7 +23,7 @@ import pandas as pd  # noqa: E402
 
 from gelforge.config import Learning, Study, load_study  # noqa: E402
 from gelforge.learning.evaluation import baselines_table, reliability_table, rmse_table  # noqa: E402
-from gelforge.learning.predictions import Predictions, predict_test_rows  # noqa: E402
+from gelforge.learning.predictions import LearningSets, Predictions, predict_test_rows  # noqa: E402
 from gelforge.learning.training import Run, train  # noqa: E402
 
 NETWORKS = {
@@ -40,7 +40,7 @@ def judged(study: Study, shards: list[Path], folder: Path) -> dict[str, float]:
     started = time.process_time()
     train(study, shards, model, folder / "loss.csv", Run(threads=1, progress=False))
     seconds = time.process_time() - started
-    predict_test_rows(model, shards, study, predicted, threads=1)
+    predict_test_rows(model, LearningSets.of(shards), study, predicted, threads=1)
     predictions = Predictions(predicted)
     rmse = rmse_table(predictions).set_index("error")
     trust = reliability_table(predictions).set_index("quantity")["value"]

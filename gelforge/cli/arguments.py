@@ -13,7 +13,7 @@ live               predict
 what the workflow runs
                    fit-law, plan, simulate, simulate-session, readings, features, join, manifest, agreement, train,
                    evaluate
-synthetic data     virtual-materials, virtual-cell, virtual-session
+synthetic data     synthesise, virtual-materials, virtual-cell, virtual-session
 """
 
 
@@ -314,6 +314,15 @@ def _workflow(commands) -> None:
         commands, "agreement", "factory.agreement", "simulated beside measured total force, per press"
     )
     agreement.add_argument("--out", type=Path, required=True)
+
+    synthesise = _study_command(
+        commands, "synthesise", "factory.synthesise", "SYNTHETIC training rows of one drawn indentation"
+    )
+    synthesise.add_argument("--number", type=int, required=True, help="number of the indentation, from 0")
+    synthesise.add_argument(
+        "--laws", type=Path, nargs="+", required=True, metavar="JSON", help="laws of the materials"
+    )
+    synthesise.add_argument("--out", type=Path, required=True)
 
     train = _study_command(
         commands, "train", "factory.train", "train the network; goes on from its last checkpoint"

@@ -21,6 +21,8 @@ DEPTHS = 8  # of every measured cell
 # takes 1.6 times that of a plain cell, and what is left behind 3.2 s on 0.44 million points of both grids.
 SOFTENING_STEP = 1.6
 GRID_POINT_S = 7e-6
+START_S = 3.0  # of a process with its compiled kernels
+IMAGE_S = 0.01  # to draw an image and to reduce it
 # A verdict in cells of the study's mesh per position that is judged, measured on the article's sensor by
 # benchmarks/mismatch_cost.py: 2 to 4 where an effect fits, up to 20 where none does. It begins with reading, its libraries
 # and its page.
@@ -62,6 +64,14 @@ class Costs:
         seconds, unloading = self._truth
         return seconds * (len(cell.depths_mm) + unloading) / DEPTHS
 
+    def drawn_indentation(self) -> float:
+        """One indentation of the simulated training set, with its images; a path has about as many steps again."""
+        synthesis = self.study.synthesis
+        unknowns, _ = mesh_size(self.study, synthesis.mesh, self.first)
+        steps = 3 * synthesis.steps  # sheared and unloaded ones have more
+        drawing = IMAGE_S * synthesis.patterns * steps
+        return START_S + cell_seconds(self.measured, unknowns) * steps / DEPTHS + drawing
+
     def variant(self, name: str, cell) -> float:
         """A cell of a variant."""
         varied = variant_study(self.study, name)
@@ -93,6 +103,8 @@ def estimate(study: Study, cells: dict) -> list[str]:
         seconds += sum(map(costs.true_cell, solved))
     for name in study.variants:
         seconds += sum(costs.variant(name, cell) for cell in variant_cells(cells, study, name).values())
+    if study.synthesis:
+        seconds += study.synthesis.indentations * costs.drawn_indentation()
     own, lines = session_costs(costs)
     seconds += own
     unknowns, surface = costs.mesh

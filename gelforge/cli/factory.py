@@ -215,14 +215,30 @@ def agreement(study: Path, out: Path) -> None:
     write_agreement(out, table, digest([digests, raw]))
 
 
+def synthesise(study: Path, number: int, laws: list[Path], out: Path) -> None:
+    """Write the rows of one drawn indentation of the study's simulated training set, and say what became of it."""
+    from gelforge.dataset.simulated import synthesise
+
+    described = load_study(study)
+    if described.synthesis is None:
+        raise ConfigError(f"{study}: the study has no synthesis; describe a simulated training set there")
+    if not 0 <= number < described.synthesis.indentations:
+        raise ConfigError(
+            f"{study}: indentation {number} does not exist; synthesis.indentations is {described.synthesis.indentations}"
+        )
+    print(synthesise(described, laws_and_doubts(study_laws(described, laws))[0], number, out))
+
+
 def train(study: Path, model: Path, loss: Path) -> None:
     """Train the study's network, or go on from its checkpoint."""
     from gelforge.dataset.manifest import check_shards
     from gelforge.learning.training import train
 
     described = load_study(study)
-    check_shards(shard_paths(described), described.results_folder / "dataset" / "manifest.json")
-    train(described, shard_paths(described), model, loss)
+    sets = learning_sets(described)
+    if set(sets.learnt) & set(sets.tested):
+        check_shards(shard_paths(described), described.results_folder / "dataset" / "manifest.json")
+    train(described, sets.learnt, model, loss)
 
 
 def evaluate(study: Path, model: Path, out: Path) -> None:
@@ -232,9 +248,9 @@ def evaluate(study: Path, model: Path, out: Path) -> None:
     from gelforge.learning.training import shards_digest
 
     described = load_study(study)
-    shards = shard_paths(described)
-    check_trained_on(model, shards_digest(shards))
-    rows = predict_test_rows(model, shards, described, out)
+    sets = learning_sets(described)
+    check_trained_on(model, shards_digest(sets.learnt))
+    rows = predict_test_rows(model, sets, described, out)
     print(f"{rows} rows of held-out cells")
 
 
@@ -311,6 +327,22 @@ def shard_paths(study: Study) -> list[Path]:
 
     count = -(-len(plan_cells(study)) // study.dataset.cells_per_shard)
     return [study.results_folder / "dataset" / f"shard-{i:05d}.h5" for i in range(count)]
+
+
+def synthetic_paths(study: Study) -> list[Path]:
+    """Return the files of the study's simulated training set, one per drawn indentation."""
+    count = study.synthesis.indentations if study.synthesis else 0
+    return [study.results_folder / "synthetic" / f"{number:05d}.h5" for number in range(count)]
+
+
+def learning_sets(study: Study):
+    """Return the shards that the study's network learns from and those that test it."""
+    from gelforge.learning.predictions import LearningSets
+
+    recorded, simulated = shard_paths(study), synthetic_paths(study)
+    if study.synthesis and study.synthesis.train_on == "simulated":
+        return LearningSets(simulated, recorded, None)
+    return LearningSets([*simulated, *recorded], recorded)
 
 
 def session_of(study: Study, name: str):

@@ -25,6 +25,7 @@ from gelforge.config.plan import Grid, Plan
 from gelforge.config.sensor import Bins, Flange, Indenter, IndenterPart, Layer, Sensor, Shape
 from gelforge.config.session import Camera, DepthZero, ForceSensor, Session, StageToSensor
 from gelforge.config.study import SOFT_SHARE, Study
+from gelforge.config.synthesis import Synthesis
 from gelforge.config.variants import Variant
 from gelforge.config.virtual_lab import (
     VirtualForce,
@@ -73,6 +74,7 @@ __all__ = [
     "Solver",
     "StageToSensor",
     "Study",
+    "Synthesis",
     "Variant",
     "VirtualForce",
     "VirtualImaging",

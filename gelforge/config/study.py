@@ -14,6 +14,7 @@ from gelforge.config.mechanics import Mechanics
 from gelforge.config.mismatch import Mismatch
 from gelforge.config.plan import Plan
 from gelforge.config.sensor import Indenter, Sensor
+from gelforge.config.synthesis import Synthesis
 from gelforge.config.variants import Variant
 
 SOFT_SHARE = 0.6  # of the soft layers' height, beyond which a press would pierce them
@@ -39,6 +40,10 @@ class Study(Section):
     mismatch: Mismatch = Field(Mismatch(), description="how recordings are judged against the simulation")
     variants: dict[Name, Variant] = Field(
         {}, description="presses under other assumptions, shown in the report beside the study's own"
+    )
+    synthesis: Synthesis | None = Field(
+        None,
+        description="a training set from simulated sensors: drawn indentations and images; null: none (synthetic)",
     )
     virtual_lab: Path | None = Field(
         None, description="YAML of a virtual lab that makes the sessions (synthetic)"
@@ -97,6 +102,8 @@ class Study(Section):
             )
         if self.virtual_lab and (kind != "block" or elements == "tetrahedra"):
             raise ValueError("the virtual lab draws particles in hexahedra of a block; leave virtual_lab out")
+        if self.synthesis and (kind != "block" or elements == "tetrahedra"):
+            raise ValueError("synthesis draws particles in hexahedra of a block; leave synthesis out")
         if self.plan.approach == "normal" and self.mechanics.contact_normals == "initial":
             raise ValueError("contact_normals: initial is for a vertical approach; use current")
 
@@ -131,7 +138,7 @@ class Study(Section):
     @property
     def dataset_settings(self) -> dict[str, Any]:
         """The settings that decide the dataset's content; how it is learned from and shown is not among them."""
-        return self.model_dump(mode="json", exclude={"learning", "mismatch", "variants"})
+        return self.model_dump(mode="json", exclude={"learning", "mismatch", "variants", "synthesis"})
 
     def session_folder(self, session: str) -> Path:
         return self.data_folder / "recordings" / session

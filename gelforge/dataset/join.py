@@ -92,7 +92,8 @@ def join_shard(
             path = cell_files[name]
             cell = _checked_cell(path, planned[name], bins, (cell_digests or {}).get(name))
             attributes["cells"][name] = _cell_attributes(path, cell, planned[name], split[name]) | {
-                "orbit": orbit[name]
+                "orbit": orbit[name],
+                "indenter": study.indenter.words,
             }
             if not cell.converged:
                 attributes["failed_cells"][name] = str(cell.attributes["reason"])
@@ -204,6 +205,7 @@ def _label_rows(planned: PlannedCell, cell: Cell, split: str) -> dict[str, np.nd
         "total_force_fem_sigma_N": sigma(cell, "total"),
         "position_mm": np.tile([planned.x_mm, planned.y_mm], (count, 1)),
         "depth_mm": np.array(planned.depths_mm),
+        "phase": np.array(planned.phases or ["load"] * count, object),
         "cell": np.full(count, planned.name, object),
         "split": np.full(count, split, object),
         "untouched": np.zeros(count, bool),
@@ -325,8 +327,7 @@ def _session_rows(
             if isinstance(label, str):
                 about.setdefault("failed_presses", {})[press] = label
             else:
-                depth = planned.depths_mm[step]
-                blocks.append(_press_rows(file, path, session, press, rows, planned, depth, label, split))
+                blocks.append(_press_rows(file, path, session, press, rows, planned, step, label, split))
     return blocks
 
 
@@ -343,7 +344,7 @@ def _step(path: str | Path, press: str, rows: PressRows, planned: PlannedCell) -
 
 
 def _press_rows(
-    file, path, session, press, rows: PressRows, planned, depth, label: Label, split
+    file, path, session, press, rows: PressRows, planned: PlannedCell, step: int, label: Label, split
 ) -> dict[str, np.ndarray]:
     """Return one press's rows: its label, or zero where the ball had not touched."""
     untouched = np.array(rows.untouched)
@@ -364,7 +365,8 @@ def _press_rows(
         "total_force_ft_N": _rows_of(file["force_N"], rows.row),
         "flow_lost": _rows_of(file["flow_lost"], rows.row),
         "position_mm": np.tile([planned.x_mm, planned.y_mm], (count, 1)),
-        "depth_mm": touched * depth,
+        "depth_mm": touched * planned.depths_mm[step],
+        "phase": np.where(touched, planned.phases[step] if planned.phases else "load", "zero").astype(object),
         "cell": np.full(count, planned.name, object),
         "press": np.full(count, press, object),
         "image_index": np.array(rows.image_index, np.int32),

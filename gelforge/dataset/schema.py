@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-FORMAT = "gelforge-shard-1"
+FORMAT = "gelforge-shard-2"
 
 
 class DatasetError(ValueError):
@@ -71,6 +71,13 @@ COLUMNS = {
     ),
     "position_mm": Column(("2",), "f8", "mm", "planned position x, y in the sensor frame", False),
     "depth_mm": Column((), "f8", "mm", "planned depth; 0 for untouched rows", False),
+    "phase": Column(
+        (),
+        "text",
+        "1",
+        "zero before touch, else load, shear, tilt, dwell or unload: the step of the path",
+        False,
+    ),
     "cell": Column((), "text", "1", "cell of the plan: one position with all its depths", False),
     "press": Column((), "text", "1", "press of the session", True),
     "image_index": Column((), "i4", "1", "number of the image within its press, from 0", True),

@@ -122,7 +122,7 @@ WALL_SHARES = {  # of the sensor's smaller width: how far the indenter is from t
 
 
 def errors_by_table(predictions: Predictions) -> pd.DataFrame:
-    """Return the network's errors by depth, by distance from the wall, by session: where it fails.
+    """Return the network's errors by depth, place, session, phase and indenter: where it fails.
 
     by, class, rows, the figures of RowErrors, the share of the images that are flagged as unlike the training images.
     """
@@ -162,8 +162,13 @@ def _classes(predictions: Predictions) -> Iterator[tuple[str, str, np.ndarray]]:
             f"{name} ({low * widths.min():.3g}{far or ' and more'} mm)",
             touched & (share >= low) & (share < high),
         )
-    for session in np.unique(predictions.session):
-        yield "session", str(session), touched & (predictions.session == session)
+    for by, names in (
+        ("session", predictions.session),
+        ("phase", predictions.phase),
+        ("indenter", predictions.indenter),
+    ):
+        for name in np.unique(names[touched]):
+            yield by, str(name), touched & (names == name)
 
 
 CONTACT_N = 0.02  # a touch that is to be seen

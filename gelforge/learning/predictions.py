@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import h5py
@@ -11,7 +12,7 @@ import torch
 
 from gelforge.config import Study
 from gelforge.dataset.schema import COLUMNS, DatasetError
-from gelforge.dataset.shard import ShardDataset
+from gelforge.dataset.shard import ShardDataset, shard_attributes
 from gelforge.files import file_sha256
 from gelforge.hdf5 import opened, writing
 from gelforge.learning.baselines import Baseline, fit_baselines
@@ -22,22 +23,38 @@ FORMAT = "gelforge-predictions-3"
 BLOCK = 256  # rows in memory at a time
 KEPT = (
     *("cell", "session", "press", "image_index", "position_mm", "depth_mm", "total_force_ft_N"),
-    *("untouched", "total_force_fem_sigma_N"),
+    *("untouched", "phase", "total_force_fem_sigma_N"),
 )
 
 
+@dataclass(frozen=True)
+class LearningSets:
+    """The shards that a network learns from and those that test it."""
+
+    learnt: Sequence[str | Path]  # their rows of the split train
+    tested: Sequence[str | Path]
+    split: str | None = "test"  # None: all rows of tested, where nothing was learnt from them
+
+    @classmethod
+    def of(cls, shards: Sequence[str | Path]) -> LearningSets:
+        """Return the two sides of one dataset's split."""
+        return cls(shards, shards)
+
+
 def predict_test_rows(
-    model_path: str | Path, shards: Sequence[str | Path], study: Study, out: str | Path, threads: int = 2
+    model_path: str | Path, sets: LearningSets, study: Study, out: str | Path, threads: int = 2
 ) -> int:
-    """Write the predictions of every row of the test split, the network's and the baselines', and return how many rows.
+    """Write the predictions of every row that tests, the network's and the baselines', and return how many rows.
 
     The baselines are fitted here, on the rows that the network was trained on.
     """
     torch.set_num_threads(threads)
     model = load_model(model_path)
-    rows, learnt = ShardDataset(shards, "test"), ShardDataset(shards, "train")
+    rows, learnt = ShardDataset(sets.tested, sets.split), ShardDataset(sets.learnt, "train")
     if not len(rows):
-        raise DatasetError(f"{shards[0]}: no test row in {len(shards)} shards; give the study more cells")
+        raise DatasetError(
+            f"{sets.tested[0]}: no test row in {len(sets.tested)} shards; give the study more cells"
+        )
     bins, nx = model.scaling.output_mean.shape[0], model.settings["bins"]["nx"]
     grid = nx, bins // nx, np.array(model.settings["sensor_width_mm"])
     with writing(out) as file:
@@ -46,7 +63,7 @@ def predict_test_rows(
         file.attrs["bins_nx"], file.attrs["bins_ny"], file.attrs["sensor_width_mm"] = grid
         for name, values in (
             ("training_mean_N", training_mean(learnt)),
-            ("label_range_N", label_ranges(shards)),
+            ("label_range_N", label_ranges(sets.tested)),
         ):
             _create(file, name, values.shape, "f8", "N")[...] = values
         _write_rows(file, rows, model, bins)
@@ -66,12 +83,15 @@ def _write_rows(file: h5py.File, rows: ShardDataset, model: Model, bins: int) ->
         column = COLUMNS[name]
         kind = h5py.string_dtype() if column.kind == "text" else column.kind
         _create(file, name, (len(rows), *column.sizes(0, bins)), kind, column.unit, column.description)
+    _create(file, "indenter", (len(rows),), h5py.string_dtype(), "1")
+    cells = {name: about for path in rows.paths for name, about in shard_attributes(path)["cells"].items()}
     start = 0
     for block in rows.batches((FEATURE, LABEL, *KEPT), BLOCK):
         place = slice(start, start + len(block["cell"]))
         predicted = model.predict(block[FEATURE])
         file["predicted_N"][place], file["true_N"][place] = predicted, block[LABEL]
         file["unlike"][place] = model.unlike(block[FEATURE])
+        file["indenter"][place] = [_indenter(cells[name]) for name in block["cell"]]
         if model.intervals:
             file["bin_half_N"][place] = model.intervals.of_bins(predicted)
             file["bin_half_true_N"][place] = model.intervals.of_true_bins(predicted)
@@ -80,6 +100,11 @@ def _write_rows(file: h5py.File, rows: ShardDataset, model: Model, bins: int) ->
         for name in KEPT:
             file[name][place] = block[name]
         start = place.stop
+
+
+def _indenter(about: dict) -> str:
+    """Return what pressed a cell: the kind of shape where many were drawn, else the indenter."""
+    return about.get("kind") or about.get("indenter") or ""
 
 
 def _baselines(study: Study, rows: ShardDataset, model: Model, grid: tuple) -> Iterator[Baseline]:
@@ -109,6 +134,7 @@ _DESCRIPTIONS = {
     "bin_half_true_N": "the same of the true force: with the label's own uncertainty (N, B, 3)",
     "total_half_N": "half width of the 90 % interval of the label's total (N, 3)",
     "total_half_true_N": "the same of the true total force: with the label's own uncertainty (N, 3)",
+    "indenter": "the indenter in words, or the kind of a drawn one (N)",
     "unlike": "how unlike the training images the row's is, beyond 1 flagged; NaN: not known (N)",
     "training_mean_N": "mean label over the touched training rows (B, 3)",
     "label_range_N": "range of all labels: per bin and in total; least and greatest; axis (2, 2, 3)",
@@ -150,6 +176,7 @@ class Predictions:
             self.untouched, self.ft = file["untouched"][()], file["total_force_ft_N"][()]
             self.position_mm, self.depth_mm = file["position_mm"][()], file["depth_mm"][()]
             self.session, self.unlike = file["session"].asstr()[()], file["unlike"][()]
+            self.phase, self.indenter = (file[name].asstr()[()] for name in ("phase", "indenter"))
             self.has_intervals = "bin_half_N" in file
             self.baselines = sorted(file["baselines"])
             self.training_mean, self.label_range = file["training_mean_N"][()], file["label_range_N"][()]

@@ -21,7 +21,7 @@ int flock(int fd, int operation) { (void)fd; (void)operation; errno = ENOLCK; re
 def shard(tmp_path):
     path = tmp_path / "shard-00000.h5"
     with writing(path) as file:
-        file.attrs["format"], file.attrs["rows"], file.attrs["labels_only"] = "gelforge-shard-1", 1, True
+        file.attrs["format"], file.attrs["rows"], file.attrs["labels_only"] = "gelforge-shard-2", 1, True
         file.attrs["cells"], file.attrs["failed_cells"], file.attrs["sessions"] = '{"a": {}}', "{}", "{}"
         file.attrs["synthetic"], file.attrs["study"] = False, "small"
         file["cell"], file["depth_mm"] = np.array([b"a"], object), np.array([1.0])

@@ -73,7 +73,8 @@ def write_shards(
     paths = []
     for number, chunk in enumerate(np.array_split(np.unique(rows["cell"]), shards)):
         paths.append(folder / f"shard-{number:05d}.h5")
-        attributes = {"synthetic": True, "study": study.study, "cells": {}, "sessions": {}}
+        cells = {f"c{c:03d}": {"indenter": "ball of radius 5 mm"} for c in chunk}
+        attributes = {"synthetic": True, "study": study.study, "cells": cells, "sessions": {}}
         bins = rows["label"].shape[1]
         with writing_shard(paths[-1], attributes, False, rows["feature"].shape[1], bins) as writer:
             for c in chunk:
@@ -90,6 +91,7 @@ def write_shards(
                         "total_force_ft_N": ft_scale * total,
                         "position_mm": rows["position"][own],
                         "depth_mm": rows["depth"][own],
+                        "phase": np.where(untouched[own], "zero", "load").astype(object),
                         "cell": np.full(count, name, object),
                         "press": rows["press"][own].astype(object),
                         "image_index": rows["image_index"][own],

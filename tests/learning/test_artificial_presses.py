@@ -6,7 +6,7 @@ from artificial_presses import presses
 from artificial_shards import study_of, write_shards
 
 from gelforge.learning.evaluation import baselines_table
-from gelforge.learning.predictions import Predictions, predict_test_rows
+from gelforge.learning.predictions import LearningSets, Predictions, predict_test_rows
 from gelforge.learning.training import Run, train
 
 PAPER = {"network": "paper", "hidden": [120, 100, 80], "learning_rate": 1e-3, "epochs": 50, "batch_size": 50}
@@ -19,7 +19,9 @@ def test_held_out_positions_are_predicted_better_than_by_the_mean(tmp_path, sett
     study = study_of(**settings)
     shards = write_shards(tmp_path, presses(13, 22 / 12, images=1, depths=np.array([1.0, 1.5, 2.0])), study)
     train(study, shards, tmp_path / "model.pt", tmp_path / "loss.csv", Run(threads=1, progress=False))
-    predict_test_rows(tmp_path / "model.pt", shards, study, tmp_path / "predictions.h5", threads=1)
+    predict_test_rows(
+        tmp_path / "model.pt", LearningSets.of(shards), study, tmp_path / "predictions.h5", threads=1
+    )
     predictions = Predictions(tmp_path / "predictions.h5")
     table = baselines_table(predictions).set_index("predictor")
     network, mean = table.loc["network"], table.loc["training mean"]

@@ -14,7 +14,7 @@ from gelforge.learning.evaluation import (
     reliability_table,
     rmse_table,
 )
-from gelforge.learning.predictions import Predictions, label_ranges, predict_test_rows
+from gelforge.learning.predictions import LearningSets, Predictions, label_ranges, predict_test_rows
 from gelforge.learning.reliability import centre_of_pressure
 from gelforge.learning.training import Run, train
 
@@ -34,7 +34,9 @@ def evaluated(tmp_path_factory):
     folder, study = tmp_path_factory.mktemp("evaluated"), study_of(regions=4, bins=5, **SMALL)
     shards = write_shards(folder / "dataset", small_rows(), study)
     train(study, shards, folder / "model.pt", folder / "loss.csv", Run(threads=1, progress=False))
-    predict_test_rows(folder / "model.pt", shards, study, folder / "predictions.h5", threads=1)
+    predict_test_rows(
+        folder / "model.pt", LearningSets.of(shards), study, folder / "predictions.h5", threads=1
+    )
     return shards, folder / "predictions.h5"
 
 

@@ -20,7 +20,7 @@ def shard(tmp_path):
     force[0, 7] = [0.01, 0.0, -0.2]
     text = h5py.string_dtype()
     with writing(path) as file:
-        file.attrs["format"] = "gelforge-shard-1"
+        file.attrs["format"] = "gelforge-shard-2"
         file["force_distribution_N"] = force
         file["position_mm"] = [[7.0, 3.0], [7.0, 3.0]]
         file["depth_mm"] = [1.0, 0.0]

@@ -54,6 +54,10 @@ def variant_seconds(wildcards, *_):
     return costs().variant(wildcards.variant, CELLS[wildcards.cell])
 
 
+def synthetic_seconds(*_):
+    return costs().drawn_indentation()
+
+
 def true_seconds(wildcards, *_):
     return costs().true_cell(CELLS[wildcards.cell])
 

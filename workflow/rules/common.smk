@@ -66,6 +66,7 @@ wildcard_constraints:
     session="[A-Za-z0-9_-]+",
     variant="[A-Za-z0-9_-]+",
     shard=r"\d{5}",
+    number=r"\d{5}",
 
 
 def block(*names, study=STUDY):
@@ -132,6 +133,10 @@ OWN_CELLS = {
     for session, study in SESSION_STUDIES.items()
     if study is not STUDY and session not in IN_ORDER
 }
+SYNTHETIC = (  # one file of training rows per drawn indentation
+    [f"{RESULTS}/synthetic/{i:05d}.h5" for i in range(STUDY.synthesis.indentations)] if STUDY.synthesis else []
+)
+ONLY_SIMULATED = bool(STUDY.synthesis) and STUDY.synthesis.train_on == "simulated"
 SHARDS = [f"{i:05d}" for i in range(math.ceil(len(CELLS) / STUDY.dataset.cells_per_shard))]
 
 
@@ -183,6 +188,12 @@ def mirrored_cell(wildcards):
 def mirrored_session_cell(wildcards):
     source = CELLS[wildcards.cell].source
     return f"{RESULTS}/sessions/{wildcards.session}/cells/{source}.h5" if source else []
+
+
+def drawn_settings(_):
+    """Return the digest of what decides a drawn indentation; how many are drawn is not among it."""
+    drawn = STUDY.synthesis.model_dump(mode="json", exclude={"indentations", "train_on"})
+    return digest([drawn, block("sensor", "mechanics", "features")])
 
 
 def planned(wildcards):

@@ -1,11 +1,41 @@
 """Training, prediction of the held-out cells, and the article's tables from what was saved."""
 
 
+if SYNTHETIC:
+
+    rule synthesise:
+        """Press a simulated sensor as drawn, and keep features and labels of the images that it would show."""
+        input:
+            laws=law_files(),
+        output:
+            ensure(f"{RESULTS}/synthetic/{{number}}.h5", non_empty=True),
+        log:
+            f"{LOGS}/synthetic/{{number}}.log",
+        benchmark:
+            f"{BENCHMARKS}/synthetic/{{number}}.tsv"
+        group:
+            "fem"
+        threads: 1
+        resources:
+            cpu_ms=counts(synthetic_seconds),
+            runtime=asks(synthetic_seconds),
+            mem_mb=1500,
+        params:
+            drawn=drawn_settings,
+            source=source_digest(
+                *("mechanics", "meshing", "indentation", "recording", "virtual_lab", "dataset/shard.py", "dataset/simulated.py")
+            ),
+        shell:
+            "{ONE_THREAD:q} {GELFORGE:q} synthesise --study {STUDY_FILE:q} --number {wildcards.number:q}"
+            " --laws {input.laws:q} --out {output:q} &> {log:q}"
+
+
 rule train:
     """Train the network; an interrupted training goes on from its last checkpoint."""
     input:
-        manifest=f"{RESULTS}/dataset/manifest.json",
-        shards=expand(f"{RESULTS}/dataset/shard-{{shard}}.h5", shard=SHARDS),
+        manifest=[] if ONLY_SIMULATED else f"{RESULTS}/dataset/manifest.json",
+        shards=[] if ONLY_SIMULATED else expand(f"{RESULTS}/dataset/shard-{{shard}}.h5", shard=SHARDS),
+        simulated=SYNTHETIC,
     output:
         model=ensure(f"{RESULTS}/model/model.pt", non_empty=True),
         loss=ensure(f"{RESULTS}/model/loss.csv", non_empty=True),
@@ -19,6 +49,7 @@ rule train:
         mem_mb=4000,
     params:
         learning=block("seed", "learning", "sensor"),
+        simulated=ONLY_SIMULATED,
         source=source_digest(
             *(f"learning/{name}.py" for name in ("data", "networks", "scaling", "training", "turns")),
             *("learning/model_file.py", "learning/reliability.py", "learning/familiarity.py", "config/learning.py"),
@@ -33,6 +64,7 @@ rule evaluate:
     input:
         model=f"{RESULTS}/model/model.pt",
         shards=expand(f"{RESULTS}/dataset/shard-{{shard}}.h5", shard=SHARDS),
+        simulated=SYNTHETIC,
     output:
         ensure(f"{RESULTS}/model/predictions.h5", non_empty=True),
     log:

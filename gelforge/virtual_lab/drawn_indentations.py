@@ -1,0 +1,140 @@
+"""Random indentations of a simulated sensor: another indenter, place and path each, by seed and number."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from gelforge.config import ConfigError, Indenter, Study, Synthesis
+from gelforge.indentation.plan import PlannedCell, check_inside
+
+TRIES = 200  # until one fits the sensor
+SHEAR_STEP_MM, TILT_STEP_DEG = 0.2, 1.0  # friction is followed step by step
+PAIR_RADIUS_MM = (2.0, 3.0)
+EDGE_WIDTH_MM, SHAFT_MM, ROUNDING_MM = 2.0, 12.0, 0.5
+
+
+@dataclass(frozen=True)
+class DrawnIndentation:
+    """An indentation to be solved: its path, and the study with its indenter and mesh."""
+
+    number: int
+    kind: str  # ball, punch, edge, pair or mesh
+    planned: PlannedCell
+    study: Study
+
+
+def draw_indentation(study: Study, number: int) -> DrawnIndentation:
+    """Return the indentation of a number; the same for the same study, seed and number.
+
+    Draws that the sensor cannot take (too deep, beside it) are drawn again. Raises ConfigError where none fits.
+    """
+    synthesis = study.synthesis
+    rng = np.random.default_rng([synthesis.seed, number])
+    last = None
+    for _ in range(TRIES):
+        kind, indenter = _indenter(rng, synthesis)
+        planned = _path(rng, study, f"s{number:05d}", turns=kind in ("punch", "edge", "mesh"))
+        drawn = _with(study, indenter)
+        try:
+            check_inside({planned.name: planned}, drawn)
+        except ConfigError as error:
+            last = error
+            continue
+        return DrawnIndentation(number, kind, planned, drawn)
+    raise ConfigError(
+        f"synthesis: indentation {number}: none of {TRIES} draws fits the sensor ({last}); make depth_mm, margin_mm or the "
+        "shapes smaller"
+    )
+
+
+def _with(study: Study, indenter: Indenter) -> Study:
+    changed = {
+        "error_bars": False,
+        "store_displacement": True,
+        "sensitivities": [],
+        "mesh": study.synthesis.mesh,
+    }
+    mechanics = study.mechanics.model_copy(update=changed)
+    plan = study.plan.model_copy(update={"symmetry": "none"})
+    return study.model_copy(update={"indenter": indenter, "mechanics": mechanics, "plan": plan})
+
+
+def _indenter(rng: np.random.Generator, synthesis: Synthesis) -> tuple[str, Indenter]:
+    shapes = synthesis.shapes
+    kinds = ("ball", "punch", "edge", "pair", "mesh")
+    weights = np.array([getattr(shapes, kind) for kind in kinds])
+    kind = str(rng.choice(kinds, p=weights / weights.sum()))
+    angle = float(rng.uniform(0, 180))
+    if kind == "ball":
+        return kind, Indenter(kind="sphere", radius_mm=_within(rng, shapes.ball_radius_mm))
+    if kind == "punch":
+        radius = _within(rng, shapes.punch_radius_mm)
+        return kind, Indenter(
+            kind="cylinder", radius_mm=radius, length_mm=SHAFT_MM, edge_radius_mm=ROUNDING_MM
+        )
+    if kind == "edge":
+        size = [_within(rng, shapes.edge_length_mm), EDGE_WIDTH_MM, SHAFT_MM]
+        turned = [0.0, 0.0, angle]
+        return kind, Indenter(kind="box", size_mm=size, edge_radius_mm=ROUNDING_MM, orientation_deg=turned)
+    if kind == "pair":
+        half = _within(rng, shapes.pair_gap_mm) / 2
+        along = half * math.cos(math.radians(angle)), half * math.sin(math.radians(angle))
+        parts = [
+            {
+                "kind": "sphere",
+                "radius_mm": _within(rng, PAIR_RADIUS_MM),
+                "offset_mm": [s * along[0], s * along[1], 0.0],
+            }
+            for s in (-1, 1)
+        ]
+        return kind, Indenter(kind="several", parts=parts)
+    file = shapes.files[int(rng.integers(len(shapes.files)))]
+    return kind, Indenter(kind="mesh", file=file, orientation_deg=[0.0, 0.0, 2 * angle])
+
+
+def _path(rng: np.random.Generator, study: Study, name: str, turns: bool) -> PlannedCell:
+    """Return a path: down in even steps, then sideways or tilted, then up, as drawn. turns: whether a tilt says anything."""
+    synthesis, sensor = study.synthesis, study.sensor
+    margin = synthesis.margin_mm
+    x, y = (round(float(rng.uniform(margin, w - margin)), 4) for w in (sensor.width_x_mm, sensor.width_y_mm))
+    deepest, count = _within(rng, synthesis.depth_mm), synthesis.steps
+    steps = [("load", deepest * (k + 1) / count, (0.0, 0.0), (0.0, 0.0)) for k in range(count)]
+    if rng.random() < synthesis.sheared:
+        away = _direction(rng, _within(rng, synthesis.shear_mm))
+        steps += [("shear", deepest, part, (0.0, 0.0)) for part in _parts(away, SHEAR_STEP_MM)]
+    elif turns and rng.random() < synthesis.tilted:
+        tilt = _direction(rng, _within(rng, synthesis.tilt_deg))
+        steps += [("tilt", deepest, (0.0, 0.0), part) for part in _parts(tilt, TILT_STEP_DEG)]
+    if rng.random() < synthesis.unloaded:
+        _, _, shear, tilt = steps[-1]
+        steps += [("unload", deepest * share, shear, tilt) for share in (0.75, 0.5, 0.25)]
+    phases, depths, shears, tilts = zip(*steps)
+    moved, tilted = any(map(any, shears)), any(map(any, tilts))
+    if set(phases) == {"load"}:
+        return PlannedCell(name, x, y, depths)
+    return PlannedCell(
+        name,
+        x,
+        y,
+        depths,
+        phases=phases,
+        shears_mm=shears if moved else (),
+        tilts_deg=tilts if tilted else (),
+    )
+
+
+def _parts(end: tuple[float, float], step: float) -> list[tuple[float, float]]:
+    count = max(1, math.ceil(math.hypot(*end) / step - 1e-9))
+    return [(end[0] * k / count, end[1] * k / count) for k in range(1, count + 1)]
+
+
+def _direction(rng: np.random.Generator, length: float) -> tuple[float, float]:
+    angle = float(rng.uniform(0, 2 * math.pi))
+    return round(length * math.cos(angle), 6), round(length * math.sin(angle), 6)
+
+
+def _within(rng: np.random.Generator, least_and_greatest) -> float:
+    return round(float(rng.uniform(*least_and_greatest)), 4)

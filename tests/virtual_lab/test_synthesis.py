@@ -1,0 +1,113 @@
+"""A simulated training set: draws within their limits, rows that agree with their indentation, the same bytes again."""
+
+import numpy as np
+import pytest
+from artificial_truth import small_study
+
+from gelforge.config import ConfigError, study_from
+from gelforge.dataset.shard import ShardDataset, shard_attributes
+from gelforge.mechanics.laws import Ogden
+from gelforge.virtual_lab.drawn_indentations import draw_indentation
+from gelforge.dataset.simulated import synthesise
+
+LAWS = {"soft": Ogden((0.01,), (2.0,))}
+CAMERA = {
+    "width_px": 200,
+    "height_px": 200,
+    "focal_px": 272.0,
+    "centre_px": [99.5, 99.5],
+    "position_mm": [16.0, 16.0, -46.0],
+}
+
+
+def study_of(**synthesis):
+    settings = {
+        "camera": CAMERA,
+        "mesh": {"near_mm": 1.2, "near_radius_mm": 3.0, "far_mm": 3.2},
+        "particles": {"diameter_mm": 0.6},
+        "steps": 2,
+    }
+    described = small_study().model_dump(mode="json")
+    return study_from(described | {"synthesis": settings | synthesis})
+
+
+STUDY = study_of()
+
+
+def test_draws_are_within_their_limits_and_of_every_kind():
+    drawn = [draw_indentation(STUDY, number) for number in range(60)]
+    assert {one.kind for one in drawn} == {"ball", "punch", "edge", "pair"}
+    paths = [one.planned for one in drawn]
+    deepest = np.array([path.deepest_mm for path in paths])
+    assert 0.3 <= deepest.min() < 0.6
+    assert 1.7 < deepest.max() <= 2.0
+    moved = [np.linalg.norm(path.shears_mm[-1]) for path in paths if path.shears_mm]
+    assert (
+        0.35 < len(moved) / len(paths) < 0.65
+    )  # asked for half of them; three deviations of 120 draws are 0.14
+    assert 0.2 - 1e-5 <= min(moved) < max(moved) <= 1.2 + 1e-5
+    for path in paths:
+        steps = np.diff(np.array(path.shears_mm or [(0, 0)]), axis=0)
+        assert (np.linalg.norm(steps, axis=1) < 0.2 + 1e-6).all()
+    assert any("unload" in path.phases for path in paths)
+    assert any(path.tilts_deg for path in paths)
+
+
+def test_a_draw_depends_on_seed_and_number_only():
+    again = draw_indentation(study_of(indentations=7), 5)
+    assert again.planned == draw_indentation(STUDY, 5).planned
+    assert again.planned != draw_indentation(study_of(seed=1), 5).planned
+    assert again.planned != draw_indentation(STUDY, 6).planned
+
+
+def test_what_fits_nowhere_is_refused():
+    with pytest.raises(ConfigError, match="none of 200 draws fits"):
+        draw_indentation(study_of(depth_mm=[5.5, 5.9]), 0)
+
+
+@pytest.fixture(scope="module")
+def sheared(tmp_path_factory):
+    """Return the number of a sheared draw and its file."""
+    study = study_of(
+        sheared=1.0, unloaded=0.0, shear_mm=[0.6, 0.8], depth_mm=[1.0, 1.5], shapes={"edge": 0, "pair": 0}
+    )
+    out = tmp_path_factory.mktemp("simulated") / "0.h5"
+    synthesise(study, LAWS, 0, out)
+    return study, out
+
+
+def test_rows_are_labels_and_features_of_every_step_and_series(sheared):
+    study, out = sheared
+    drawn = draw_indentation(study, 0)
+    rows = ShardDataset([out], "train")
+    steps = len(drawn.planned.depths_mm)
+    assert len(rows) == study.synthesis.patterns * (steps + 1)
+    block = rows.read(
+        np.arange(len(rows)), ["feature", "force_distribution_N", "total_force_fem_N", "phase", "untouched"]
+    )
+    total = block["force_distribution_N"].sum(axis=1, dtype=float)
+    np.testing.assert_allclose(total, block["total_force_fem_N"], atol=1e-6)  # labels are float32
+    assert (total[block["untouched"]] == 0).all()
+    flow = block["feature"][:, :400].mean(axis=1)
+    assert flow[~block["untouched"]].min() > 2 * flow[block["untouched"]].max()
+    assert list(block["phase"][: steps + 1]) == ["zero", *drawn.planned.phases]
+    last, direction = total[steps], np.array(drawn.planned.shears_mm[-1])
+    assert last[:2] @ direction / np.linalg.norm(direction) > 0.02  # the gel is dragged along
+    assert last[2] < -0.05
+
+
+def test_series_show_other_particles_of_the_same_labels(sheared):
+    rows = ShardDataset([sheared[1]])
+    block = rows.read(np.arange(len(rows)), ["feature", "force_distribution_N"])
+    half = len(rows) // 2
+    np.testing.assert_array_equal(block["force_distribution_N"][:half], block["force_distribution_N"][half:])
+    assert not np.allclose(block["feature"][1:half], block["feature"][half + 1 :])
+    close = np.corrcoef(block["feature"][half - 1, :400], block["feature"][-1, :400])[0, 1]
+    assert close > 0.9
+
+
+def test_the_same_again_to_the_byte_and_said_to_be_synthetic(sheared, tmp_path):
+    study, out = sheared
+    synthesise(study, LAWS, 0, tmp_path / "0.h5")
+    assert (tmp_path / "0.h5").read_bytes() == out.read_bytes()
+    assert shard_attributes(out)["synthetic"]
