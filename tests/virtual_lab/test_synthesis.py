@@ -6,9 +6,9 @@ from artificial_truth import small_study
 
 from gelforge.config import ConfigError, study_from
 from gelforge.dataset.shard import ShardDataset, shard_attributes
+from gelforge.dataset.simulated import synthesise
 from gelforge.mechanics.laws import Ogden
 from gelforge.virtual_lab.drawn_indentations import draw_indentation
-from gelforge.dataset.simulated import synthesise
 
 LAWS = {"soft": Ogden((0.01,), (2.0,))}
 CAMERA = {

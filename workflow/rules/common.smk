@@ -134,7 +134,9 @@ OWN_CELLS = {
     if study is not STUDY and session not in IN_ORDER
 }
 SYNTHETIC = (  # one file of training rows per drawn indentation
-    [f"{RESULTS}/synthetic/{i:05d}.h5" for i in range(STUDY.synthesis.indentations)] if STUDY.synthesis else []
+    [f"{RESULTS}/synthetic/{i:05d}.h5" for i in range(STUDY.synthesis.indentations)]
+    if STUDY.synthesis
+    else []
 )
 ONLY_SIMULATED = bool(STUDY.synthesis) and STUDY.synthesis.train_on == "simulated"
 SHARDS = [f"{i:05d}" for i in range(math.ceil(len(CELLS) / STUDY.dataset.cells_per_shard))]

@@ -1,6 +1,5 @@
 """Training, prediction of the held-out cells, and the article's tables from what was saved."""
 
-
 if SYNTHETIC:
 
     rule synthesise:
@@ -23,7 +22,15 @@ if SYNTHETIC:
         params:
             drawn=drawn_settings,
             source=source_digest(
-                *("mechanics", "meshing", "indentation", "recording", "virtual_lab", "dataset/shard.py", "dataset/simulated.py")
+                *(
+                    "mechanics",
+                    "meshing",
+                    "indentation",
+                    "recording",
+                    "virtual_lab",
+                    "dataset/shard.py",
+                    "dataset/simulated.py",
+                )
             ),
         shell:
             "{ONE_THREAD:q} {GELFORGE:q} synthesise --study {STUDY_FILE:q} --number {wildcards.number:q}"
@@ -52,7 +59,12 @@ rule train:
         simulated=ONLY_SIMULATED,
         source=source_digest(
             *(f"learning/{name}.py" for name in ("data", "networks", "scaling", "training", "turns")),
-            *("learning/model_file.py", "learning/reliability.py", "learning/familiarity.py", "config/learning.py"),
+            *(
+                "learning/model_file.py",
+                "learning/reliability.py",
+                "learning/familiarity.py",
+                "config/learning.py",
+            ),
             *("dataset/splits.py", "indentation/symmetry.py"),
         ),
     shell:
