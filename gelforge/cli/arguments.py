@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 
 GROUPS = """\
-a study            init, check, show, explain, report, tables
+a study            init, check, show, explain, report, tables, adapt
 by hand            press, characterise, verify, mismatch, mismatch-materials
 live               predict
 what the workflow runs
@@ -329,6 +329,19 @@ def _workflow(commands) -> None:
     )
     train.add_argument("--model", type=Path, required=True, help="model.pt to write")
     train.add_argument("--loss", type=Path, required=True, help="loss.csv to write")
+
+    adapt = _study_command(
+        commands,
+        "adapt",
+        "factory.adapt",
+        "gains of a model for another sensor, from a few presses with measured forces",
+    )
+    adapt.add_argument("--model", type=Path, required=True, help="model.pt as trained")
+    adapt.add_argument(
+        "--presses", type=int, default=20, help="recorded presses to fit, drawn from those that train"
+    )
+    adapt.add_argument("--seed", type=int, default=0, help="seed of the draw")
+    adapt.add_argument("--out", type=Path, required=True, help="model.pt to write")
 
     evaluate = _study_command(commands, "evaluate", "factory.evaluate", "predict the held-out cells")
     evaluate.add_argument("--model", type=Path, required=True)

@@ -254,6 +254,28 @@ def evaluate(study: Path, model: Path, out: Path) -> None:
     print(f"{rows} rows of held-out cells")
 
 
+def adapt(study: Path, model: Path, presses: int, seed: int, out: Path) -> None:
+    """Fit a model's gains to a few recorded presses of another sensor; print its errors on test rows before and after."""
+    from gelforge.dataset.shard import ShardDataset
+    from gelforge.learning.adaptation import adapt, drawn_presses, errors_table, measured_presses
+    from gelforge.learning.model_file import load_model, save_model
+
+    shards = shard_paths(load_study(study))
+    before = load_model(model)
+    drawn = drawn_presses(measured_presses(ShardDataset(shards, "train")), presses, seed)
+    after, found = adapt(before, drawn)
+    save_model(out, after)
+    gains = ", ".join(f"{axis} {value:.3f}" for axis, value in zip("xyz", found.gain))
+    print(f"{presses} presses: {found.form}, gains {gains}; intervals of totals times {found.widened:.2f}")
+    for form, error in found.left_out_N.items():
+        print(f"  {form}: {1e3 * error:.1f} mN on presses left out")
+    tested = measured_presses(ShardDataset(shards, "test"))
+    print(f"\nTotal force against the force sensor on {len(tested.press)} rows of held-out sites:\n")
+    table = errors_table({"as trained": before, "adapted": after}, tested)
+    print(table.to_markdown(index=False, floatfmt=".4f"))
+    print(f"\nwritten to {out}")
+
+
 def tables(study: Path) -> None:
     """Write the article's tables from laws, agreement and predictions; the labels' ranges where nothing is predicted."""
     from gelforge.characterisation.material_table import material_table

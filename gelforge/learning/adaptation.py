@@ -1,0 +1,162 @@
+"""A trained model on another sensor of its kind: gains from a few presses whose total force was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from gelforge.dataset.shard import ShardDataset
+from gelforge.learning.data import FEATURE
+from gelforge.learning.model_file import Model
+from gelforge.learning.reliability import COVER, Intervals
+from gelforge.learning.scaling import ModelError
+
+LEAST_PRESSES = 5
+GAIN_LIMITS = (0.2, 5.0)  # beyond them the sensor is not of the model's kind
+LEAST_GAIN = 0.95  # of the error left out that a further gain must come below
+# which axes share a gain, from none to one for the horizontal and one for the vertical force
+FORMS = {"none": (), "one gain": ((0, 1, 2),), "horizontal and vertical gain": ((0, 1), (2,))}
+
+
+@dataclass(frozen=True)
+class Presses:
+    """Rows of some presses: what the images showed and what the force sensor read."""
+
+    feature: np.ndarray  # (n, F)
+    measured: np.ndarray  # (n, 3) [N]
+    press: np.ndarray  # (n,) text
+
+    def of(self, chosen: np.ndarray) -> Presses:
+        return Presses(self.feature[chosen], self.measured[chosen], self.press[chosen])
+
+
+@dataclass(frozen=True)
+class Adaptation:
+    """How a model was adapted: which gains, chosen among which by the error on presses left out."""
+
+    form: str
+    gain: np.ndarray  # (3,)
+    left_out_N: dict[str, float]  # rms error of the total force on presses left out, by form
+    widened: float  # times the intervals of totals
+
+
+def measured_presses(rows: ShardDataset) -> Presses:
+    """Return the touched rows whose total force was measured. Raises ModelError where there is none."""
+    parts = []
+    for block in rows.batches((FEATURE, "total_force_ft_N", "untouched", "press", "session")):
+        known = ~block["untouched"] & np.isfinite(block["total_force_ft_N"]).all(axis=1)
+        names = np.array([f"{s}/{p}" for s, p in zip(block["session"], block["press"])], object)
+        parts.append((block[FEATURE][known], block["total_force_ft_N"][known], names[known]))
+    if not sum(len(part[2]) for part in parts):
+        raise ModelError("no press with a measured force; adaptation needs a force/torque sensor's readings")
+    return Presses(*(np.concatenate(values) for values in zip(*parts)))
+
+
+def drawn_presses(presses: Presses, count: int, seed: int) -> Presses:
+    """Return the rows of a number of presses drawn at random. Raises ModelError for fewer than there are or need be."""
+    names = np.unique(presses.press.astype(str))
+    if not LEAST_PRESSES <= count <= len(names):
+        raise ModelError(
+            f"{count} presses asked for, {len(names)} are there with images and measured forces; give between "
+            f"{LEAST_PRESSES} and that"
+        )
+    drawn = np.random.default_rng(seed).choice(names, count, replace=False)
+    return presses.of(np.isin(presses.press.astype(str), drawn))
+
+
+def adapt(model: Model, presses: Presses) -> tuple[Model, Adaptation]:
+    """Return the model with gains that make its totals those measured, and how they were chosen.
+
+    Gains are least squares through zero. Of no gain, one, and two, the simplest is taken that no other betters clearly on
+    presses left out one at a time. Thresholds follow the gain; intervals follow it too, and those of totals are widened or
+    narrowed to hold nine in ten of the errors at hand. Raises ModelError for gains of no sensor of the model's kind.
+    """
+    said = model.predict(presses.feature).sum(axis=1)  # (n, 3)
+    error = {form: _left_out(said, presses, axes) for form, axes in FORMS.items()}
+    form = next(iter(FORMS))
+    for other in FORMS:
+        form = other if error[other] < LEAST_GAIN * error[form] else form
+    gain = _gains(said, presses.measured, FORMS[form])
+    if not (gain.min() >= GAIN_LIMITS[0] and gain.max() <= GAIN_LIMITS[1]):
+        raise ModelError(
+            f"gains of {np.round(gain, 3).tolist()} (x, y, z), limits {GAIN_LIMITS}: the sensor is not of the model's kind, "
+            "or its readings have other axes or signs"
+        )
+    changed = _with_gain(model, gain.astype(np.float32))
+    widened = _widening(changed, presses)
+    if changed.intervals:
+        changed = replace(changed, intervals=_scaled(changed.intervals, np.ones(3), widened))
+    settings = changed.settings | {"adapted": {"gain": gain.tolist(), "presses": len(set(presses.press))}}
+    return replace(changed, settings=settings), Adaptation(form, gain, error, widened)
+
+
+def _gains(said: np.ndarray, measured: np.ndarray, axes: tuple[tuple[int, ...], ...]) -> np.ndarray:
+    """Return the gain of each axis (3,): least squares through zero over the axes that share one, 1 where none is found."""
+    gain = np.ones(3)
+    for shared in axes:
+        there, wanted = said[:, shared].ravel(), measured[:, shared].ravel()
+        if there @ there > 0:
+            gain[list(shared)] = there @ wanted / (there @ there)
+    return gain
+
+
+def _left_out(said: np.ndarray, presses: Presses, axes: tuple) -> float:
+    """Return the rms length [N] of the total's error on presses left out one at a time."""
+    errors = []
+    for name in np.unique(presses.press.astype(str)):
+        out = presses.press == name
+        errors.append(said[out] * _gains(said[~out], presses.measured[~out], axes) - presses.measured[out])
+    return float(np.sqrt((np.concatenate(errors) ** 2).sum(axis=1).mean()))
+
+
+def _with_gain(model: Model, gain: np.ndarray) -> Model:
+    scaling = model.scaling
+    scaling = replace(
+        scaling, output_scale=scaling.output_scale * gain, output_mean=scaling.output_mean * gain
+    )
+    # thresholds are of lengths that the vertical force decides
+    zero = replace(
+        model.zero, contact_N=float(model.zero.contact_N * gain[2]), bin_N=float(model.zero.bin_N * gain[2])
+    )
+    intervals = _scaled(model.intervals, gain, 1.0) if model.intervals else None
+    return replace(model, scaling=scaling, zero=zero, intervals=intervals)
+
+
+def _scaled(intervals: Intervals, gain: np.ndarray, widened: float) -> Intervals:
+    """Return intervals for forces times gain (3,), those of totals wider by a factor."""
+    return replace(
+        intervals,
+        bin_edges_N=intervals.bin_edges_N * gain[2],
+        bin_half_N=intervals.bin_half_N * gain,
+        total_edges_N=intervals.total_edges_N * gain[2],
+        total_half_N=intervals.total_half_N * gain * widened,
+    )
+
+
+def _widening(model: Model, presses: Presses) -> float:
+    """Return the factor that makes the intervals of totals hold nine in ten of the axes' errors of presses at hand."""
+    if model.intervals is None:
+        return 1.0
+    force = model.predict(presses.feature)
+    error = np.abs(force.sum(axis=1) - presses.measured)
+    ratio = np.sort((error / np.maximum(model.intervals.of_totals(force), 1e-9)).ravel())
+    return float(ratio[min(int(np.ceil((len(ratio) + 1) * COVER)), len(ratio)) - 1])
+
+
+def errors_table(models: dict[str, Model], presses: Presses) -> pd.DataFrame:
+    """Return the rms error of the total force [N] of models by name on presses, and how many lie in their 90 % intervals."""
+    rows = []
+    for name, model in models.items():
+        force = model.predict(presses.feature)
+        error = force.sum(axis=1) - presses.measured
+        rms = np.sqrt((error**2).mean(axis=0))
+        held = [np.nan] * 3
+        if model.intervals:
+            held = (np.abs(error) <= model.intervals.of_totals(force)).mean(axis=0)
+        rows.append((name, *rms, *held))
+    axes: Sequence[str] = "xyz"
+    columns = ["model", *(f"total_{a}_rms_N" for a in axes), *(f"{a}_in_90_percent" for a in axes)]
+    return pd.DataFrame(rows, columns=columns)
