@@ -1,0 +1,215 @@
+"""A network trained in simulation alone, on recordings and on another virtual sensor, before and after a few presses.
+
+usage: python benchmarks/transfer.py [results/simulated] [--recorded results/demo] [--others 40] [--seeds 1 2 3]
+       (one thread; after `snakemake --configfile config/simulated.yaml`; the other sensor is solved once,
+       ten CPU seconds an indentation, and kept in results/transfer)
+
+All data is SYNTHETIC. The other sensor has a gel 12 % stiffer, another mesh, particles, camera and light than the training
+set, and is pressed by unseen shapes too: a wedge from a file, and edges with --unseen-edges, which
+leaves edges out of the training rows. Prints Markdown tables, medians over seeds: errors of bins and totals before and after
+20 presses of that sensor with its total force measured.
+"""
+
+from __future__ import annotations
+
+import os
+
+for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+    os.environ[name] = "1"
+
+import argparse  # noqa: E402
+import tempfile  # noqa: E402
+from pathlib import Path  # noqa: E402
+
+import numpy as np  # noqa: E402
+import pandas as pd  # noqa: E402
+
+from gelforge.characterisation.law_file import read_law  # noqa: E402
+from gelforge.config import Study, load_study  # noqa: E402
+from gelforge.dataset.shard import ShardDataset, shard_attributes  # noqa: E402
+from gelforge.dataset.simulated import synthesise  # noqa: E402
+from gelforge.learning.adaptation import Presses, adapt, measured_presses  # noqa: E402
+from gelforge.learning.data import FEATURE, LABEL  # noqa: E402
+from gelforge.learning.model_file import Model, load_model  # noqa: E402
+from gelforge.learning.reliability import centre_of_pressure  # noqa: E402
+from gelforge.learning.training import Run, train  # noqa: E402
+from gelforge.mechanics.laws import Ogden  # noqa: E402
+
+STIFFER = 1.12
+NOISE_N = np.array(
+    [0.008, 0.008, 0.015]
+)  # of the other sensor's force readings, as in the demo's virtual lab
+PRESSES = 20
+WEDGE = Path("config/indenters/wedge.stl")
+
+
+def other_study(study: Study, count: int) -> Study:
+    """Return the study of the other sensor's indentations: other draws, shapes, mesh, camera and light."""
+    drawn = study.synthesis
+    shapes = drawn.shapes.model_copy(update={"mesh": 3.0, "edge": 3.0, "files": [WEDGE]})
+    views = drawn.views.model_copy(update={"focal_share": 0.01, "centre_px": 2.0, "rotation_deg": 0.5})
+    mesh = drawn.mesh.model_copy(update={"near_mm": 0.36, "far_mm": 1.3})
+    changed = {
+        "seed": drawn.seed + 1000,
+        "indentations": count,
+        "shapes": shapes,
+        "views": views,
+        "mesh": mesh,
+    }
+    return study.model_copy(update={"synthesis": drawn.model_copy(update=changed | {"patterns": 1})})
+
+
+def laws_of(results: Path, study: Study) -> dict:
+    return {name: read_law(results / "materials" / name / "law.json").law for name in study.materials}
+
+
+def stiffer(laws: dict, study: Study) -> dict:
+    """Return the laws with the gel's (the layer with particles) stiffer."""
+    gel = next(layer.material for layer in study.sensor.layers if layer.particle_volume_fraction > 0)
+    law = laws[gel]
+    return laws | {gel: Ogden(tuple(STIFFER * mu for mu in law.mu), law.alpha)}
+
+
+def other_rows(study: Study, laws: dict, folder: Path) -> list[Path]:
+    """Return the shards of the other sensor, solved or kept."""
+    paths = []
+    for number in range(study.synthesis.indentations):
+        paths.append(folder / f"{number:05d}.h5")
+        if not paths[-1].is_file():
+            folder.mkdir(parents=True, exist_ok=True)
+            print(synthesise(study, laws, number, paths[-1]), flush=True)
+    return paths
+
+
+def without(paths: list[Path], kind: str) -> list[Path]:
+    """Return the shards whose indentation is of another kind."""
+    return [p for p in paths if all(a["kind"] != kind for a in shard_attributes(p)["cells"].values())]
+
+
+class Rows:
+    """Rows that test, in memory, with what they are told apart by."""
+
+    def __init__(self, paths: list[Path], split: str | None = None):
+        rows = ShardDataset(paths, split)
+        names = (FEATURE, LABEL, "phase", "cell", "press", "session", "untouched", "depth_mm")
+        block = rows.read(np.arange(len(rows)), names)
+        kinds = {n: a.get("kind", "") for p in paths for n, a in shard_attributes(p)["cells"].items()}
+        self.feature, self.label = block[FEATURE], block[LABEL].astype(float)
+        self.kind = np.array([kinds[name] for name in block["cell"]])
+        self.phase, self.cell, self.untouched = block["phase"], block["cell"], block["untouched"]
+
+    def errors(self, model: Model, chosen: np.ndarray, grid: tuple) -> dict[str, float]:
+        """Return errors [mN, mm] over some rows, and shares inside the intervals."""
+        said, true = model.predict(self.feature[chosen]), self.label[chosen]
+        carries, error = true != 0, said - true
+        total, touched = error.sum(axis=1), ~self.untouched[chosen]
+        rms = [1e3 * np.sqrt((error[..., i][carries[..., i]] ** 2).mean()) for i in range(3)]
+        away = np.hypot(*(centre_of_pressure(said, *grid) - centre_of_pressure(true, *grid)).T)[touched]
+        row = {f"RMSES {axis} [mN]": value for axis, value in zip("xyz", rms)}
+        row["total Fz [mN]"] = 1e3 * np.sqrt((total[:, 2] ** 2).mean())
+        row["total Fxy [mN]"] = 1e3 * np.sqrt((total[:, :2] ** 2).sum(axis=1).mean())
+        row["CoP median [mm]"] = float(np.nanmedian(np.nan_to_num(away, nan=np.inf)))
+        if model.intervals:
+            inside = np.abs(total) <= model.intervals.of_totals(said)
+            bins = np.abs(error) <= model.intervals.of_bins(said)
+            row["totals in 90 % [%]"] = 100 * inside[touched].mean()
+            row["bins in 90 % [%]"] = 100 * bins[carries.any(axis=-1)].mean()
+        return row
+
+    def presses(self, chosen: np.ndarray, rng: np.random.Generator) -> Presses:
+        """Return the rows as presses of a force sensor: true totals with its noise."""
+        total = self.label[chosen].sum(axis=1)
+        return Presses(
+            self.feature[chosen], total + NOISE_N * rng.standard_normal(total.shape), self.cell[chosen]
+        )
+
+
+def trained(study: Study, shards: list[Path], seed: int) -> Model:
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder)
+        changed = study.model_copy(update={"seed": seed})
+        train(changed, shards, out / "model.pt", out / "loss.csv", Run(progress=False))
+        return load_model(out / "model.pt")
+
+
+def on_recordings(model: Model, tested: Rows, readings: Presses, seed: int, grid: tuple) -> dict[str, float]:
+    """Return a model's errors on recorded rows against labels, and of totals against readings before and after presses."""
+    row = tested.errors(model, np.ones(len(tested.cell), bool), grid)
+    names = np.random.default_rng(seed).permutation(np.unique(readings.press.astype(str)))
+    few, rest = (np.isin(readings.press.astype(str), part) for part in (names[:PRESSES], names[PRESSES:]))
+    after = adapt(model, readings.of(few))[0]
+    for when, one in (("before", model), ("after", after)):
+        error = one.predict(readings.feature[rest]).sum(axis=1) - readings.measured[rest]
+        row[f"against readings {when}, total Fz [mN]"] = 1e3 * np.sqrt((error[:, 2] ** 2).mean())
+    return row
+
+
+def on_other(model: Model, other: Rows, seed: int, grid: tuple) -> dict[str, dict[str, float]]:
+    """Return a model's errors on the other sensor by class of rows: before and after presses of other indentations."""
+    rng = np.random.default_rng(seed)
+    cells = rng.permutation(np.unique(other.cell[~other.untouched]))
+    first = cells[:PRESSES]  # one row of each: deepest load step
+    few = np.array([np.flatnonzero((other.cell == c) & (other.phase == "load"))[-1] for c in first])
+    rest = ~np.isin(other.cell, first)
+    after = adapt(model, other.presses(few, rng))[0]
+    classes = {
+        "all": rest,
+        "a wedge from a file": rest & (other.kind == "mesh"),
+        "edges": rest & (other.kind == "edge"),
+        "balls": rest & (other.kind == "ball"),
+        "sheared steps": rest & (other.phase == "shear"),
+    }
+    found = {}
+    for name, chosen in classes.items():
+        if chosen.any():
+            found[f"{name}, before"] = other.errors(model, chosen, grid)
+            found[f"{name}, after"] = other.errors(after, chosen, grid)
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("results", nargs="?", type=Path, default=Path("results/simulated"))
+    parser.add_argument("--recorded", type=Path, default=Path("results/demo"))
+    parser.add_argument("--others", type=int, default=40)
+    parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2, 3])
+    parser.add_argument("--unseen-edges", action="store_true", help="no edge among the training rows")
+    arguments = parser.parse_args()
+    study, recorded = (load_study(path / "study.yaml") for path in (arguments.results, arguments.recorded))
+    simulated = sorted((arguments.results / "synthetic").glob("*.h5"))
+    simulated = without(simulated, "edge") if arguments.unseen_edges else simulated
+    shards = sorted((arguments.recorded / "dataset").glob("shard-*.h5"))
+    laws = laws_of(arguments.results, study)
+    others = other_study(study, arguments.others)
+    other = Rows(other_rows(others, stiffer(laws, study), Path("results/transfer")))
+    tested = Rows(shards, "test")
+    readings = measured_presses(ShardDataset(shards, "test"))
+    bins = study.sensor.bins
+    grid = bins.nx, bins.ny, np.array([study.sensor.width_x_mm, study.sensor.width_y_mm])
+    on_rows: dict[str, list] = {"trained on recordings": [], "trained in simulation": []}
+    on_sensor: dict[str, list] = {name: [] for name in on_rows}
+    for seed in arguments.seeds:
+        for name, described, learnt in (
+            ("trained on recordings", recorded, shards),
+            ("trained in simulation", study, simulated),
+        ):
+            model = trained(described, learnt, seed)
+            on_rows[name].append(on_recordings(model, tested, readings, seed, grid))
+            on_sensor[name].append(on_other(model, other, seed, grid))
+            print(f"{name}, seed {seed}: {on_rows[name][-1]}", flush=True)
+    print(f"\n{len(simulated)} simulated indentations; recorded test rows of {arguments.recorded}:\n")
+    print(
+        pd.DataFrame({n: pd.DataFrame(rows).median() for n, rows in on_rows.items()}).to_markdown(
+            floatfmt=".3g"
+        )
+    )
+    for name, runs in on_sensor.items():
+        table = {c: pd.DataFrame([run[c] for run in runs]).median() for c in runs[0]}
+        print(f"\n{name}, on another sensor, before and after {PRESSES} presses:\n")
+        print(pd.DataFrame(table).T.to_markdown(floatfmt=".3g"))
+
+
+if __name__ == "__main__":
+    main()
