@@ -30,6 +30,7 @@ def live(
     browser: bool,
 ) -> None:
     """Serve forces of a source until it ends or Ctrl-C; the page's address is printed."""
+    import gc
     import webbrowser
 
     from gelforge.learning.predictor import Predictor
@@ -49,6 +50,8 @@ def live(
         print("SYNTHETIC: this model was trained on images that a virtual lab made")
     if zero is None:
         print("the first frame is taken as the reference: nothing must touch the sensor now")
+    gc.collect()
+    gc.freeze()  # else Python looks through all that was imported every ten seconds, and forces stop for one
     with Server(host, port, told) as server:
         print(
             f"page {server.url}   stream {server.url.replace('http', 'ws', 1)}stream   stop: Ctrl-C",
