@@ -21,7 +21,7 @@ LAYERS = [
     {"recording", "virtual_lab"},
     {"dataset"},
     {"learning"},
-    {"mismatch"},
+    {"mismatch", "live"},
     {"report"},
     {"cli", "__main__"},
 ]
@@ -31,6 +31,8 @@ SIDEWAYS = {("virtual_lab", "recording")}
 CONFINED = {
     "cv2": {"characterisation", "recording", "virtual_lab"},
     "torch": {"learning"},
+    "onnxruntime": {"learning"},
+    "websockets": {"live"},
     "yaml": {"config"},
     "matplotlib": {"report"},
     "snakemake": set(),

@@ -9,7 +9,7 @@ from pathlib import Path
 GROUPS = """\
 a study            init, check, show, explain, report, tables, adapt
 by hand            press, characterise, verify, mismatch, mismatch-materials
-live               predict
+live               export, predict, live
 what the workflow runs
                    fit-law, plan, simulate, simulate-session, readings, features, join, manifest, agreement, train,
                    evaluate
@@ -52,6 +52,7 @@ def parser() -> argparse.ArgumentParser:
     commands = top.add_subparsers(metavar="COMMAND", required=True)
     _studies(commands)
     _by_hand(commands)
+    _live(commands)
     _workflow(commands)
     _virtual(commands)
     return top
@@ -154,26 +155,6 @@ def _by_hand(commands) -> None:
         "--study", type=Path, metavar="YAML", help="a study's sensor and settings; else the paper's sensor"
     )
 
-    predict = _command(
-        commands, "predict", "bench.predict", "force distribution of images, frame by frame, timed"
-    )
-    predict.add_argument("source", help="folder of images, video file, or camera number")
-    predict.add_argument("--model", type=Path, required=True, help="model.pt of a study")
-    predict.add_argument(
-        "--reference", type=Path, help="zero-force image; the source's first frame if not given"
-    )
-    predict.add_argument(
-        "--crop",
-        type=int,
-        nargs=4,
-        metavar=("LEFT", "TOP", "WIDTH", "HEIGHT"),
-        help="part of each image to use [px]",
-    )
-    predict.add_argument(
-        "--out", type=Path, help="CSV to write: total force and every bin, one row per frame"
-    )
-    predict.add_argument("--frames", type=int, help="stop after this many frames")
-
     characterise = _command(
         commands,
         "characterise",
@@ -254,6 +235,56 @@ def _by_hand(commands) -> None:
     published.add_argument("--workers", type=int, default=1, help="presses that are solved side by side")
 
     _command(commands, "warm-up", "bench.warm_up", "compile the kernels and keep them for later runs")
+
+
+def _live(commands) -> None:
+    export = _command(
+        commands, "export", "live.export", "a trained model as an ONNX file, compared with PyTorch's"
+    )
+    export.add_argument("--model", type=Path, required=True, help="model.pt of a study")
+    export.add_argument("--out", type=Path, required=True, help=".onnx file to write")
+
+    predict = _command(
+        commands, "predict", "bench.predict", "force distribution of images [N], frame by frame, timed"
+    )
+    _source(predict)
+    predict.add_argument(
+        "--out", type=Path, help="CSV to write: total force and every bin [N], one row per frame"
+    )
+    predict.add_argument("--frames", type=int, help="stop after this many frames")
+
+    live = _command(
+        commands,
+        "live",
+        "live.live",
+        "forces of a camera as they come: a page in the browser, and JSON over a WebSocket for robots",
+    )
+    _source(live)
+    live.add_argument(
+        "--host",
+        default="127.0.0.1",
+        help="address to serve on; others than this machine's own let the network read and command it",
+    )
+    live.add_argument("--port", type=int, default=8765, help="port to serve on; 0: any free one")
+    live.add_argument("--record", type=Path, metavar="FOLDER", help="record from the start, into this folder")
+    live.add_argument("--fps", type=float, default=30.0, help="frames per second of a folder or a video")
+    live.add_argument("--loop", action="store_true", help="play a folder or a video again and again")
+    live.add_argument("--open", dest="browser", action="store_true", help="open the page in the browser")
+
+
+def _source(command: argparse.ArgumentParser) -> None:
+    command.add_argument("source", help="folder of images, video file, or camera number")
+    command.add_argument("--model", type=Path, required=True, help="model.onnx, or model.pt of a study")
+    command.add_argument(
+        "--reference", type=Path, help="zero-force image; the source's first frame if not given"
+    )
+    command.add_argument(
+        "--crop",
+        type=int,
+        nargs=4,
+        metavar=("LEFT", "TOP", "WIDTH", "HEIGHT"),
+        help="part of each image to use [px]",
+    )
 
 
 def _workflow(commands) -> None:

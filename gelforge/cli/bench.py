@@ -1,8 +1,9 @@
-"""Commands for one's own hands: one press, the live predictor, and the kernels compiled beforehand."""
+"""Commands for one's own hands: one press, predictions of images, and the kernels compiled beforehand."""
 
 from __future__ import annotations
 
 import csv
+import math
 from contextlib import chdir, contextmanager
 from pathlib import Path
 
@@ -177,6 +178,9 @@ def known_laws(study: Study, files: list[Path]) -> dict:
     return laws
 
 
+WARM_UP = 10  # frames whose times are not counted
+
+
 def predict(
     source: str,
     model: Path,
@@ -195,7 +199,7 @@ def predict(
     from gelforge.recording.frames import frames as frames_of
 
     zero = read_grey(reference) if reference else None
-    timing = Timing()
+    timing = Timing(WARM_UP)
     predictions = islice(predict_frames(Predictor(model), frames_of(source), zero, crop), frames)
     with distribution_table(out) as write:
         for prediction in track(predictions, description=str(source), transient=True):
@@ -209,7 +213,7 @@ def distribution_table(path: Path | None):
     """Yield a function that writes a prediction as a row: name, time, total force, then every bin's force [N].
 
     Rows are written as they come, so that a live run that is interrupted keeps what it has seen; without a path the
-    total force is printed instead.
+    total force is printed instead. A time that is not known is left empty.
     """
     if path is None:
         yield lambda p: print(
@@ -224,26 +228,28 @@ def distribution_table(path: Path | None):
                 bins = [f"f{axis}_{k}_N" for k in range(len(p.force_N)) for axis in "xyz"]
                 rows.writerow(["frame", "time_s", "fx_N", "fy_N", "fz_N", *bins])
             values = [*p.force_N.sum(axis=0), *p.force_N.ravel()]
-            rows.writerow([p.name, f"{p.time_s:.6f}", *(f"{value:.6g}" for value in values)])
+            seconds = f"{p.time_s:.6f}" if math.isfinite(p.time_s) else ""
+            rows.writerow([p.name, seconds, *(f"{value:.6g}" for value in values)])
 
         yield write
 
 
 def print_timing(timing) -> None:
-    """Print p50 and p99 of every step [ms] and the frames per second that they allow."""
+    """Print p50, p95 and p99 of every step [ms] and the frames per second that they allow."""
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(title="time per frame")
-    for name in ("step", "frames", "p50 [ms]", "p99 [ms]", "frames/s at p50", "frames/s at p99"):
+    counted = max(timing.seen - timing.warm_up, 0)
+    told = f"{counted} frames, after the first {timing.warm_up}, which are not counted"
+    if not counted:
+        print(f"no times: {timing.seen} frames, and the first {timing.warm_up} are not counted")
+        return
+    table = Table(title=f"time per frame ({told})")
+    for name in ("step", "p50, ms", "p95, ms", "p99, ms", "frames/s at p50", "frames/s at p99"):
         table.add_column(name, justify="right")
     for row in timing.table().itertuples(index=False):
-        table.add_row(
-            row[0],
-            str(row[1]),
-            *(f"{value:.2f}" for value in row[2:4]),
-            *(f"{value:.0f}" for value in row[4:]),
-        )
+        times = (f"{value:.2f}" for value in (row.p50_ms, row.p95_ms, row.p99_ms))
+        table.add_row(row.step, *times, f"{row.fps_at_p50:.0f}", f"{row.fps_at_p99:.0f}")
     Console().print(table)
 
 

@@ -69,8 +69,8 @@ class _OnGrids(nn.Module):
 
     def forward(self, inputs: torch.Tensor) -> torch.Tensor:
         regions = self.grids.regions
-        maps = self.on_grids(inputs.reshape(len(inputs), 2, regions, regions))  # (n, 3, ny, nx)
-        return maps.permute(0, 2, 3, 1).reshape(len(inputs), -1)
+        maps = self.on_grids(inputs.reshape(-1, 2, regions, regions))  # (n, 3, ny, nx)
+        return maps.permute(0, 2, 3, 1).flatten(1)
 
     def to_bins(self, maps: torch.Tensor) -> torch.Tensor:
         """Return maps on the grid of bins, where they are on another."""

@@ -9,10 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import torch
 
 from gelforge.config import Features
-from gelforge.learning.model_file import load_model
+from gelforge.learning.onnx_export import open_for_prediction
 from gelforge.recording.features import FlowFeatures, flow_features
 from gelforge.recording.flow import ImageError, crop
 from gelforge.recording.frames import Frame
@@ -21,11 +20,13 @@ STEPS = ("read", "flow", "features", "network")
 
 
 class Predictor:
-    """A trained model that turns features into force distributions."""
+    """A trained model in ONNX Runtime that turns features into force distributions.
 
-    def __init__(self, model_file: str | Path, threads: int = 2):
-        torch.set_num_threads(threads)
-        self.model = load_model(model_file)
+    model_file: model.onnx, or model.pt, which takes some seconds more to open.
+    """
+
+    def __init__(self, model_file: str | Path, threads: int = 1):
+        self.model = open_for_prediction(model_file, threads)
 
     @property
     def features(self) -> Features:
@@ -73,22 +74,30 @@ class Prediction:
 
 @dataclass
 class Timing:
-    """Seconds of every frame and step so far."""
+    """Seconds of every frame and step, without the first frames, which pay for what is set up once."""
 
+    warm_up: int = 0  # frames that are not counted
     seconds: dict[str, list[float]] = field(default_factory=lambda: {step: [] for step in STEPS})
+    seen: int = 0  # frames, with those not counted
 
     def add(self, prediction: Prediction) -> None:
-        for step in STEPS:
-            self.seconds[step].append(prediction.seconds[step])
+        self.seen += 1
+        if self.seen > self.warm_up:
+            for step in STEPS:
+                self.seconds[step].append(prediction.seconds[step])
 
     def table(self) -> pd.DataFrame:
-        """Return p50 and p99 [ms] of each step and of the whole, and the frames per second that p50 and p99 allow."""
-        rows = []
+        """Return p50, p95, p99 [ms] of each step and of the whole, and the frames per second that p50 and p99 allow.
+
+        Without a row where no frame is counted.
+        """
+        columns = ["step", "frames", "p50_ms", "p95_ms", "p99_ms", "fps_at_p50", "fps_at_p99"]
         whole = np.sum([self.seconds[step] for step in STEPS], axis=0)
-        for name, values in (*self.seconds.items(), ("whole", whole)):
-            p50, p99 = np.percentile(values, [50, 99]) if len(values) else (np.nan, np.nan)
-            rows.append((name, len(values), 1e3 * p50, 1e3 * p99, 1 / p50, 1 / p99))
-        return pd.DataFrame(rows, columns=["step", "frames", "p50_ms", "p99_ms", "fps_at_p50", "fps_at_p99"])
+        rows = []
+        for name, values in (*self.seconds.items(), ("whole", whole)) if len(whole) else ():
+            p50, p95, p99 = np.percentile(values, [50, 95, 99])
+            rows.append((name, len(values), 1e3 * p50, 1e3 * p95, 1e3 * p99, 1 / p50, 1 / p99))
+        return pd.DataFrame(rows, columns=columns)
 
 
 def predict_frames(

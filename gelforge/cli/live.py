@@ -1,0 +1,65 @@
+"""Commands for a trained model at work: export it, and forces of a camera as they come."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+def export(model: Path, out: Path) -> None:
+    """Write a model as an ONNX file, and say how near PyTorch it is."""
+    from gelforge.learning.onnx_export import LIMIT, OPSET, export_onnx
+    from gelforge.learning.scaling import ModelError
+
+    if out.suffix.lower() != ".onnx":
+        raise ModelError(f"--out {out}: a name that ends in .onnx is expected")
+    difference = export_onnx(model, out)
+    print(f"written to {out}: ONNX, opset {OPSET}, features [px, rad] to forces of the bins [N]")
+    print(f"differs from PyTorch by {difference:.1e} of a force's size at most, limit {LIMIT:g}")
+
+
+def live(
+    source: str,
+    model: Path,
+    reference: Path | None,
+    crop: list[int] | None,
+    host: str,
+    port: int,
+    record: Path | None,
+    fps: float,
+    loop: bool,
+    browser: bool,
+) -> None:
+    """Serve forces of a source until it ends or Ctrl-C; the page's address is printed."""
+    import gc
+    import webbrowser
+
+    from gelforge.learning.predictor import Predictor
+    from gelforge.live.capture import played
+    from gelforge.live.compute import LiveForce
+    from gelforge.live.messages import about
+    from gelforge.live.run import run_live
+    from gelforge.live.server import Server
+    from gelforge.recording.flow import read_grey
+
+    zero = read_grey(reference) if reference else None
+    open_source = played(source, fps, loop)
+    predictor = Predictor(model)
+    force = LiveForce(predictor, zero, crop)
+    told = about(predictor.model.settings, predictor.model.model_sha256, source)
+    if told["synthetic"]:
+        print("SYNTHETIC: this model was trained on images that a virtual lab made")
+    if zero is None:
+        print("the first frame is taken as the reference: nothing must touch the sensor now")
+    gc.collect()
+    gc.freeze()  # else Python looks through all that was imported every ten seconds, and forces stop for one
+    with Server(host, port, told) as server:
+        print(
+            f"page {server.url}   stream {server.url.replace('http', 'ws', 1)}stream   stop: Ctrl-C",
+            flush=True,
+        )
+        if browser:
+            webbrowser.open(server.url)
+        try:
+            run_live(open_source, force, server, record, lambda text: print(text, flush=True))
+        except KeyboardInterrupt:
+            print("stopped")

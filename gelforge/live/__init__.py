@@ -1,0 +1,1 @@
+"""Forces of a camera as they come: capture, computation, server and page, recording."""

@@ -1,0 +1,150 @@
+"""From one frame to forces, their intervals and the centre of pressure; and whether the camera is still as it was."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gelforge.learning.predictor import Predictor
+from gelforge.learning.reliability import centre_of_pressure
+from gelforge.live.capture import Shot
+from gelforge.recording.features import FlowFeatures, flow_features
+from gelforge.recording.flow import crop
+from gelforge.recording.frames import Frame
+
+STEPS = ("crop", "flow", "features", "network", "intervals", "camera check")
+# Presses of the demo change its mean grey level by 0.5 and its sharpness by 2 % at most. A blur of one pixel takes 36 % of
+# the sharpness away, an exposure of a fifth more or less shifts the mean by a fifth.
+GREY_SHARE, GREY_LEAST = 0.1, 5.0  # of the reference's mean grey level; grey levels
+SHARP_SHARE = 0.25  # of the reference's sharpness
+SPARSE = 4  # every so many pixels are looked at
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What one frame says; force_N is None where it says nothing, and problem tells why."""
+
+    number: int
+    t_capture: float  # s since 1970
+    force_N: np.ndarray | None = None  # (B, 3)
+    half_N: np.ndarray | None = None  # (B, 3) half widths of 90 % intervals
+    total_N: np.ndarray | None = None  # (3,)
+    total_half_N: np.ndarray | None = None  # (3,)
+    cop_mm: np.ndarray | None = None  # (2,)
+    problem: str = ""
+    warnings: tuple[str, ...] = ()
+    seconds: dict[str, float] = field(default_factory=dict)  # by STEPS
+    zero: int = 0  # how often the reference was taken anew
+
+    @property
+    def touched(self) -> bool:
+        return self.force_N is not None and bool(self.force_N.any())
+
+
+@dataclass(frozen=True)
+class Look:
+    """What tells that light, exposure or focus have changed."""
+
+    grey: float  # mean [grey levels]
+    sharp: float  # mean step between neighbouring pixels over the mean [-]
+
+    @classmethod
+    def of(cls, image: np.ndarray) -> Look:
+        """Return the look of an image (H, W), from every fourth row and column."""
+        rows = image[::SPARSE]
+        left, right = rows[:, :-1:SPARSE].astype(np.int16), rows[:, 1::SPARSE].astype(np.int16)
+        grey = float(left.mean())
+        return cls(grey, float(np.abs(right - left).mean()) / max(grey, 1.0))
+
+    def warnings(self, image: np.ndarray) -> tuple[str, ...]:
+        """Return in words how an image differs from this look, the reference's; empty where it does not."""
+        now, found = Look.of(image), []
+        limit = max(GREY_SHARE * self.grey, GREY_LEAST)
+        if abs(now.grey - self.grey) > limit:
+            found.append(
+                f"mean grey level {now.grey:.0f}, of the reference {self.grey:.0f}, limit +-{limit:.0f}: light or exposure "
+                "has changed; fix it, then zero again"
+            )
+        ratio = now.sharp / max(self.sharp, 1e-6)
+        if abs(ratio - 1) > SHARP_SHARE:
+            found.append(
+                f"sharpness {ratio:.2f} of the reference's, limit 1 +- {SHARP_SHARE:g}: focus has changed or the lens is "
+                "dirty; fix it, then zero again"
+            )
+        return tuple(found)
+
+
+class LiveForce:
+    """Turns frames into readings against a reference frame; not shared between threads."""
+
+    def __init__(self, predictor: Predictor, reference: np.ndarray | None, crop_px: list[int] | None):
+        self.predictor, self.crop_px = predictor, crop_px
+        self.settings, self.features = predictor.model.settings, predictor.features
+        bins = self.settings["bins"]
+        self.grid = bins["nx"], bins["ny"], np.array(self.settings["sensor_width_mm"])
+        self.zero, self.extract, self.look = -1, None, None
+        if reference is not None:
+            self.take_reference(Frame("reference", 0.0, reference))
+
+    def take_reference(self, frame: Frame) -> None:
+        """Take a frame as the one of zero force. Raises ImageError for one that the model cannot use."""
+        image = self.image_of(frame)
+        extract = FlowFeatures(image, self.features)
+        feature = flow_features(extract.flow(image), self.features.regions, self.features.moved_px)
+        self.predictor(feature)  # so that no frame pays for what is set up once; says too what cannot be used
+        self.extract, self.look = extract, Look.of(image)
+        self.zero += 1
+
+    def image_of(self, frame: Frame) -> np.ndarray:
+        """Return the part (H, W) uint8 of a frame that the model reads."""
+        return crop(frame.image, self.predictor.crop_for(frame, self.crop_px))
+
+    def __call__(self, shot: Shot) -> Reading:
+        """Return the reading of a frame; one that cannot be used gives a reading with its problem.
+
+        The first frame becomes the reference where there is none.
+        """
+        try:
+            if self.extract is None:
+                self.take_reference(shot.frame)
+            return self._measured(shot)
+        except ValueError as error:
+            if not type(error).__module__.startswith("gelforge."):
+                raise
+            return Reading(shot.number, shot.t_capture, problem=str(error), zero=max(self.zero, 0))
+
+    def _measured(self, shot: Shot) -> Reading:
+        marks = [time.perf_counter()]
+
+        def mark(value):
+            marks.append(time.perf_counter())
+            return value
+
+        model = self.predictor.model
+        image = mark(self.image_of(shot.frame))
+        flow = mark(self.extract.flow(image))
+        feature = mark(flow_features(flow, self.features.regions, self.features.moved_px))
+        force = mark(self.predictor(feature))
+        batch = force[None]
+        bars = (
+            (model.intervals.of_bins(batch)[0], model.intervals.of_totals(batch)[0])
+            if model.intervals
+            else (None, None)
+        )
+        place = centre_of_pressure(batch, *self.grid)[0] if force[:, 2].any() else np.array([np.nan, np.nan])
+        mark(place)
+        warnings = mark(self.look.warnings(image))
+        return Reading(
+            shot.number,
+            shot.t_capture,
+            force,
+            bars[0],
+            force.sum(axis=0),
+            bars[1],
+            place if np.isfinite(place).all() else None,
+            warnings=warnings,
+            seconds=dict(zip(STEPS, np.diff(marks).tolist())),
+            zero=self.zero,
+        )

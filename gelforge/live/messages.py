@@ -1,0 +1,102 @@
+"""What goes over the WebSocket, as JSON in which every number is finite (docs/live.md)."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import deque
+
+import numpy as np
+
+from gelforge.live.compute import Reading
+
+VERSION = 1
+COVER = 0.9  # of the intervals
+KEPT = 500  # latencies of which percentiles are told
+WINDOW_S = 2.0  # over which frames per second are counted
+
+
+class Rates:
+    """Latency and frames per second of the frames just passed."""
+
+    def __init__(self) -> None:
+        self.latencies: deque[float] = deque(maxlen=KEPT)  # s from capture to force
+        self.done: deque[float] = deque(maxlen=4096)  # times at which they were ready [s]
+        self._told: dict = {}
+        self._told_at = -np.inf
+
+    def add(self, t_capture: float) -> None:
+        now = time.time()
+        self.latencies.append(max(now - t_capture, 0.0))
+        self.done.append(now)
+
+    def table(self) -> dict:
+        """Return latency_p50_ms, latency_p99_ms and fps; worked out anew four times a second."""
+        now = time.time()
+        if now - self._told_at > 0.25 and self.latencies:
+            p50, p99 = np.percentile(self.latencies, [50, 99])
+            recent = [t for t in self.done if t > now - WINDOW_S]
+            span = recent[-1] - recent[0] if recent else 0.0
+            self._told = {
+                "latency_p50_ms": round(1e3 * p50, 2),
+                "latency_p99_ms": round(1e3 * p99, 2),
+                "fps": round((len(recent) - 1) / span, 1) if span else 0.0,
+            }
+            self._told_at = now
+        return self._told
+
+
+def about(settings: dict, model_sha256: str, source: str) -> dict:
+    """Return the first message of a connection."""
+    bins = settings["bins"]
+    return {
+        "type": "about",
+        "version": VERSION,
+        "source": source,
+        "study": settings.get("study", ""),
+        "synthetic": bool(settings.get("synthetic")),
+        "model_sha256": model_sha256,
+        "bins": [bins["nx"], bins["ny"]],
+        "sensor_width_mm": settings["sensor_width_mm"],
+        "interval": COVER,
+        "units": {
+            "force": "N, on the sensor, z up: a press is negative",
+            "cop": "mm",
+            "time": "s since 1970",
+        },
+    }
+
+
+def of_reading(reading: Reading, state: dict, field: bool) -> dict:
+    """Return the message of a reading, but for t_sent and latency_ms; state: rates, dropped frames, recording."""
+    told = {
+        "type": "force",
+        "n": reading.number,
+        "t_capture": round(reading.t_capture, 6),
+        "state": "no force" if reading.force_N is None else "touched" if reading.touched else "untouched",
+        "force_N": _numbers(reading.total_N),
+        "half_N": _numbers(reading.total_half_N),
+        "cop_mm": _numbers(reading.cop_mm, 3),
+        "zero": reading.zero,
+        "warnings": list(reading.warnings),
+        "problem": reading.problem,
+        **state,
+    }
+    if field:
+        told["field_N"] = _numbers(reading.force_N)
+        told["field_half_N"] = _numbers(reading.half_N)
+    return told
+
+
+def text_of(message: dict) -> str:
+    """Return a message as JSON, sent now. Raises ValueError for a number that is not finite."""
+    if "t_capture" in message:
+        now = time.time()
+        latency = round(1e3 * max(now - message["t_capture"], 0.0), 3)
+        message = {**message, "t_sent": round(now, 6), "latency_ms": latency}
+    return json.dumps(message, allow_nan=False, separators=(",", ":"))
+
+
+def _numbers(values: np.ndarray | None, decimals: int = 6) -> list | None:
+    """Return numbers rounded to micronewtons (or micrometres), which no network tells apart."""
+    return None if values is None else np.round(np.asarray(values, float), decimals).tolist()

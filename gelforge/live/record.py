@@ -1,0 +1,110 @@
+"""Readings in an HDF5 file, written by a thread of its own so that a slow disk does not slow the forces."""
+
+from __future__ import annotations
+
+import json
+import queue
+import threading
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from gelforge.files import no_room
+from gelforge.live.compute import Reading
+
+FORMAT = "gelforge-live-1"
+WAITING = 2000  # readings; more than a disk keeps up with are left out and counted
+FLUSH_S = 1.0
+# name: (shape of a row, type, description)
+COLUMNS = {
+    "number": ((), "i8", "number of the frame, from 0 [1]"),
+    "t_capture": ((), "f8", "when the frame was there [s since 1970]"),
+    "zero": ((), "i4", "how often the reference was taken anew before [1]"),
+    "warned": ((), "?", "light or focus differed from the reference's [1]"),
+    "total_force_N": ((3,), "f8", "force on the sensor [N]"),
+    "total_half_N": ((3,), "f8", "half width of its 90 % interval [N]; NaN: the model has none"),
+    "cop_mm": ((2,), "f8", "centre of pressure [mm]; NaN: untouched"),
+    "force_distribution_N": (("bins", 3), "f4", "force of each bin [N], k = nx iy + ix"),
+}
+
+
+class Recorder:
+    """Writes readings into <folder>/live-<time>.h5 until it is closed; what is there stays if the process ends."""
+
+    def __init__(self, folder: str | Path, about: dict):
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        stamp = time.strftime("%Y%m%d-%H%M%S")
+        self.path = next(
+            path
+            for number in range(10_000)
+            if not (path := folder / f"live-{stamp}{f'-{number}' if number else ''}.h5").exists()
+        )
+        self.problem, self.left_out = "", 0
+        self._queue: queue.Queue[Reading | None] = queue.Queue(WAITING)
+        bins = about["bins"][0] * about["bins"][1]
+        self._file = h5py.File(self.path, "x")
+        self._file.attrs.update(
+            {"format": FORMAT, "about": json.dumps(about), "synthetic": about["synthetic"]}
+        )
+        for name, (shape, kind, text) in COLUMNS.items():
+            shape = tuple(bins if part == "bins" else part for part in shape)
+            data = self._file.create_dataset(
+                name, (0, *shape), kind, maxshape=(None, *shape), chunks=(64, *shape)
+            )
+            data.attrs["description"] = text
+        self._thread = threading.Thread(target=self._write, name="record", daemon=True)
+        self._thread.start()
+
+    def add(self, reading: Reading) -> None:
+        """Queue a reading; one without a force is not recorded."""
+        if reading.force_N is None or self.problem:
+            return
+        try:
+            self._queue.put_nowait(reading)
+        except queue.Full:
+            self.left_out += 1
+
+    def close(self) -> None:
+        """Write what waits, and close the file."""
+        if self._thread.is_alive():
+            self._queue.put(None)
+        self._thread.join()
+
+    def _write(self) -> None:
+        flushed, going = time.monotonic(), True
+        try:
+            while going:
+                batch = [self._queue.get()]
+                while not self._queue.empty() and len(batch) < 64:
+                    batch.append(self._queue.get())
+                going = None not in batch
+                self._append([reading for reading in batch if reading is not None])
+                if time.monotonic() - flushed > FLUSH_S:
+                    self._file.flush()
+                    flushed = time.monotonic()
+            self._file.attrs["left_out"] = self.left_out
+            self._file.close()
+        except (OSError, RuntimeError) as error:  # HDF5 raises both
+            self.problem = f"{self.path}: recording stopped, {no_room(error) or error}"
+
+    def _append(self, readings: list[Reading]) -> None:
+        if not readings:
+            return
+        missing = {"half": np.full(3, np.nan), "cop": np.full(2, np.nan)}
+        rows = {
+            "number": [r.number for r in readings],
+            "t_capture": [r.t_capture for r in readings],
+            "zero": [r.zero for r in readings],
+            "warned": [bool(r.warnings) for r in readings],
+            "total_force_N": [r.total_N for r in readings],
+            "total_half_N": [missing["half"] if r.total_half_N is None else r.total_half_N for r in readings],
+            "cop_mm": [missing["cop"] if r.cop_mm is None else r.cop_mm for r in readings],
+            "force_distribution_N": [r.force_N for r in readings],
+        }
+        for name, values in rows.items():
+            data = self._file[name]
+            data.resize(len(data) + len(values), axis=0)
+            data[-len(values) :] = np.array(values)

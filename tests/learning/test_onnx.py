@@ -1,0 +1,172 @@
+"""Models in ONNX Runtime: the same forces, zeros and intervals as PyTorch's, and files that say what they are."""
+
+import json
+from functools import cache
+
+import numpy as np
+import onnx
+import pytest
+import torch
+from torch import nn
+
+from gelforge.config import Learning
+from gelforge.learning.model_file import Model, save_model
+from gelforge.learning.networks import Grids, make_network
+from gelforge.learning.onnx_export import check_equal, export_onnx, trial_features
+from gelforge.learning.onnx_model import KEY, load_onnx, model_of
+from gelforge.learning.reliability import Intervals, Zero
+from gelforge.learning.scaling import ModelError, Scaling
+
+# name: settings of the network, grids, how flow is fed
+NETWORKS = {
+    "unet": ({"channels": 4}, Grids(10, 5, 5), "vector", "mirror_y"),
+    "cnn": ({"network": "cnn", "channels": 4}, Grids(9, 5, 4), "vector", "rotate_90"),
+    "paper": ({"network": "paper", "hidden": [12, 9]}, Grids(4, 5, 5), "polar", "identity"),
+}
+INTERVALS = Intervals(np.array([0.01, 0.3]), np.arange(9.0).reshape(3, 3), np.array([1.5]), np.ones((2, 3)))
+
+
+def model_named(name: str) -> Model:
+    given, grids, form, turn = NETWORKS[name]
+    learning, rng = Learning(**given), np.random.default_rng(3)
+    bins = grids.bins_x * grids.bins_y
+    scaling = Scaling(
+        form,
+        turn,
+        rng.normal(0, 0.1, 2 * grids.regions**2).astype("f4"),
+        np.float32([0.8, 0.5]),
+        rng.normal(0, 0.01, (bins, 3)).astype("f4"),
+        np.float32([0.1, 0.2, 0.7]),
+    )
+    settings = {
+        "learning": learning.usual.model_dump(mode="json"),
+        "bins": {"nx": grids.bins_x, "ny": grids.bins_y},
+        "features": {"regions": grids.regions},
+        "sensor_width_mm": [32.0, 32.0],
+        "synthetic": True,
+        "views": {},
+    }
+    return Model(make_network(learning, grids, 1), scaling, settings, Zero(0.05, 0.1), INTERVALS)
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    """A function that gives a model of PyTorch by name, and its ONNX file; each is made once, which takes seconds."""
+
+    @cache
+    def make(name: str):
+        folder, model = tmp_path_factory.mktemp(name), model_named(name)
+        save_model(folder / "model.pt", model)
+        export_onnx(folder / "model.pt", folder / "model.onnx")
+        return model, folder / "model.onnx"
+
+    return make
+
+
+@pytest.fixture(params=NETWORKS)
+def pair(request, exported):
+    return exported(request.param)
+
+
+@pytest.fixture
+def written(exported):
+    return exported("paper")[1]
+
+
+def test_forces_zeros_and_intervals_are_pytorchs(pair):
+    """Single precision apart: 1e-5 of the labels' standard deviation, ten times the rounding of a sum of 1000 terms."""
+    model, path = pair
+    loaded = load_onnx(path)
+    for feature in trial_features(model.scaling):  # 6, 1 and 5 rows
+        expected, found = model.predict(feature), loaded.predict(feature)
+        np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5 * model.scaling.output_scale.max())
+        np.testing.assert_array_equal(found == 0, expected == 0)
+        for of in ("of_bins", "of_totals"):
+            np.testing.assert_array_equal(
+                getattr(loaded.intervals, of)(found), getattr(model.intervals, of)(expected)
+            )
+    assert loaded.settings == model.settings
+
+
+def test_the_file_says_what_it_is(pair):
+    _, path = pair
+    proto = onnx.load(path)
+    onnx.checker.check_model(proto)
+    told = json.loads({p.key: p.value for p in proto.metadata_props}[KEY])
+    assert len(told["model_sha256"]) == 64
+    assert told["settings"]["sensor_width_mm"] == [32.0, 32.0]
+    assert told["settings"]["synthetic"] is True
+    assert "[N]" in told["units"]["force_N"]
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_features_that_are_not_finite_are_refused(pair, bad):
+    model, path = pair
+    feature = np.zeros(len(model.scaling.input_mean), np.float32)
+    feature[2] = bad
+    with pytest.raises(ModelError, match="1 features are not"):
+        load_onnx(path).predict(feature)
+
+
+def test_forces_that_differ_are_found(exported):
+    model, path = exported("paper")
+    other = nn.Sequential(model.network, _Tilted())
+    with pytest.raises(ModelError, match="differ from PyTorch's by .* limit 0.0001"):
+        check_equal(Model(other, model.scaling, model.settings), load_onnx(path), "model.pt")
+
+
+class _Tilted(nn.Module):
+    def forward(self, outputs: torch.Tensor) -> torch.Tensor:
+        return outputs * 1.001
+
+
+# ------------------------------------------------------------------------------------------------ files
+def foreign(content: bytes) -> bytes:
+    proto = onnx.load_from_string(content)
+    del proto.metadata_props[:]
+    return proto.SerializeToString()
+
+
+def of_another_version(content: bytes) -> bytes:
+    return content.replace(b'"format": "gelforge-onnx-1"', b'"format": "gelforge-onnx-7"')
+
+
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        (lambda b: b[: len(b) // 2], "damaged or edited"),
+        (lambda b: b[:3000] + bytes([b[3000] ^ 1]) + b[3001:], "damaged or edited"),
+        (lambda b: b"", "cut short, or no model that gelforge has exported"),
+        (lambda b: b"no model at all", "cut short, or no model that gelforge has exported"),
+    ],
+    ids=["half", "one bit", "empty", "text"],
+)
+def test_damaged_files_give_one_line(written, tmp_path, damage, words):
+    path = tmp_path / "model.onnx"
+    path.write_bytes(damage(written.read_bytes()))
+    with pytest.raises(ModelError, match=words) as found:
+        load_onnx(path)
+    assert "\n" not in str(found.value)
+    assert "gelforge export" in str(found.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (foreign, "not one that gelforge has exported"),
+        (of_another_version, "of format 'gelforge-onnx-7'"),
+        (lambda b: b[:2000], "cannot read it"),
+        (lambda b: b.replace(b'"regions": 4', b'"regions": 5'), "not 50 features"),
+        (lambda b: b.replace(b'"zero"', b'"zone"'), "metadata"),
+    ],
+    ids=["foreign", "version", "cut", "regions", "no thresholds"],
+)
+def test_contents_that_are_not_ours_give_one_line(written, change, words):
+    with pytest.raises(ModelError, match=words) as found:
+        model_of(change(written.read_bytes()), "model.onnx")
+    assert "\n" not in str(found.value)
+
+
+def test_missing_files_give_one_line(tmp_path):
+    with pytest.raises(ModelError, match="no such file"):
+        load_onnx(tmp_path / "none.onnx")
