@@ -33,16 +33,24 @@ class Familiar:
 
     def unlike(self, inputs: np.ndarray) -> np.ndarray:
         """Return how unlike the training images those of inputs (n, F) are (n,): beyond 1 they are flagged."""
-        size, rest, squared = self._statistics(inputs)
-        limit = self.rest_limit[np.searchsorted(self.edges, size, side="right")]
-        return np.maximum(rest / limit, np.sqrt(squared / self.squared_limit))
+        return unlike(self.statistics(inputs), self.edges, self.rest_limit, self.squared_limit)
 
-    def _statistics(self, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the inputs' length, that of their rest, and T^2, each (n,)."""
+    def statistics(self, inputs: np.ndarray) -> np.ndarray:
+        """Return the inputs' length, that of their rest, and T^2 (n, 3)."""
         away = inputs - self.mean
         along = away @ self.components.T  # (n, K)
         rest = np.sqrt(np.maximum((away**2).sum(axis=1) - (along**2).sum(axis=1), 0.0))
-        return np.linalg.norm(inputs, axis=1), rest, ((along / self.deviation) ** 2).sum(axis=1)
+        size, squared = np.linalg.norm(inputs, axis=1), ((along / self.deviation) ** 2).sum(axis=1)
+        return np.stack([size, rest, squared], axis=1)
+
+
+def unlike(
+    statistics: np.ndarray, edges: np.ndarray, rest_limit: np.ndarray, squared_limit: float
+) -> np.ndarray:
+    """Return how unlike the training images those of statistics (n, 3) are (n,); the rest is as in Familiar."""
+    size, rest, squared = statistics.T
+    limit = rest_limit[np.searchsorted(edges, size, side="right")]
+    return np.maximum(rest / limit, np.sqrt(squared / squared_limit))
 
 
 def find_familiar(training: np.ndarray, validation: np.ndarray) -> Familiar | None:
@@ -55,7 +63,7 @@ def find_familiar(training: np.ndarray, validation: np.ndarray) -> Familiar | No
     parts = found.mean_, found.components_[kept], np.sqrt(found.explained_variance_[kept])
     mean, components, deviation = (np.asarray(values, np.float32) for values in parts)
     open_ = Familiar(mean, components, deviation, np.empty(0), np.ones(1), 1.0)
-    size, rest, squared = open_._statistics(validation)
+    size, rest, squared = open_.statistics(validation).T
     classes = int(np.clip(len(size) // LEAST_IN_CLASS, 1, CLASSES))
     edges = np.unique(np.quantile(size, np.arange(1, classes) / classes))
     which = np.searchsorted(edges, size, side="right")

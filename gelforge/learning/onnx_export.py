@@ -17,8 +17,18 @@ from torch import nn
 from gelforge import __version__
 from gelforge.files import UNSEALED, atomic, file_sha256
 from gelforge.indentation.symmetry import D4
+from gelforge.learning.familiarity import Familiar
 from gelforge.learning.model_file import LARGEST_OUTPUT, Model, load_model
-from gelforge.learning.onnx_model import FORMAT, INPUT, KEY, OUTPUT, OnnxModel, load_onnx, model_of
+from gelforge.learning.onnx_model import (
+    FORMAT,
+    INPUT,
+    KEY,
+    OUTPUT,
+    STATISTICS,
+    OnnxModel,
+    load_onnx,
+    model_of,
+)
 from gelforge.learning.scaling import ModelError, Scaling
 from gelforge.learning.turns import order
 
@@ -35,20 +45,23 @@ UNITS = {
 class FeaturesToNewtons(nn.Module):
     """The network with its scaling: features (n, F) to forces of the bins (n, B, 3) [N], as `Scaling` and `Model` do it."""
 
-    def __init__(self, network: nn.Module, scaling: Scaling):
+    def __init__(self, network: nn.Module, scaling: Scaling, familiar: Familiar | None):
         super().__init__()
         self.network, self.form, self.turn = network, scaling.form, scaling.turn
         half = len(scaling.input_mean) // 2
         n = round(half**0.5)
         keep = {"input_mean": scaling.input_mean, "output_mean": scaling.output_mean}
         keep |= {"input_scale": np.repeat(scaling.input_scale, half), "output_scale": scaling.output_scale}
+        self.familiar = familiar is not None
+        if familiar:
+            keep |= {name: getattr(familiar, name) for name in ("mean", "components", "deviation")}
         for name, values in keep.items():
             self.register_buffer(name, torch.from_numpy(np.asarray(values, np.float32)))
         if self.turn != "identity":
             self.register_buffer("places", torch.from_numpy(order(self.turn, n, n)))
             self.register_buffer("plane", torch.tensor(D4[self.turn], dtype=torch.float32))
 
-    def forward(self, features: torch.Tensor) -> torch.Tensor:
+    def forward(self, features: torch.Tensor) -> tuple[torch.Tensor, ...]:
         flow = features
         if self.form != "polar":
             magnitude, direction = features.unflatten(1, (2, -1)).unbind(1)
@@ -56,8 +69,17 @@ class FeaturesToNewtons(nn.Module):
             if self.turn != "identity":
                 flow = torch.matmul(self.plane, flow[:, :, self.places])
             flow = flow.flatten(1)
-        outputs = self.network((flow - self.input_mean) / self.input_scale)
-        return outputs.unflatten(1, (-1, 3)) * self.output_scale + self.output_mean
+        inputs = (flow - self.input_mean) / self.input_scale
+        force = self.network(inputs).unflatten(1, (-1, 3)) * self.output_scale + self.output_mean
+        return (force, self._statistics(inputs)) if self.familiar else (force,)
+
+    def _statistics(self, inputs: torch.Tensor) -> torch.Tensor:
+        """Return what `Familiar.statistics` does (n, 3)."""
+        away = inputs - self.mean
+        along = away @ self.components.T
+        rest = torch.sqrt(torch.clamp((away**2).sum(dim=1) - (along**2).sum(dim=1), min=0.0))
+        size, squared = torch.sqrt((inputs**2).sum(dim=1)), ((along / self.deviation) ** 2).sum(dim=1)
+        return torch.stack([size, rest, squared], dim=1)
 
 
 def export_onnx(model_path: str | Path, out: str | Path) -> float:
@@ -85,7 +107,7 @@ def open_for_prediction(path: str | Path, threads: int = 1) -> OnnxModel:
 
 def onnx_bytes(model: Model, sha256: str) -> bytes:
     """Return a model as the bytes of an ONNX file, which keeps a place for its own checksum; any number of rows n."""
-    whole = FeaturesToNewtons(model.network, model.scaling).eval()
+    whole = FeaturesToNewtons(model.network, model.scaling, model.familiar).eval()
     example = torch.zeros(2, len(model.scaling.input_mean))
     logs = logging.getLogger("torch.onnx")
     level = logs.level
@@ -99,7 +121,7 @@ def onnx_bytes(model: Model, sha256: str) -> bytes:
                 dynamo=True,
                 opset_version=OPSET,
                 input_names=[INPUT],
-                output_names=[OUTPUT],
+                output_names=[OUTPUT, STATISTICS] if model.familiar else [OUTPUT],
                 dynamic_shapes=({0: torch.export.Dim("n")},),
                 verbose=False,
             )
@@ -124,7 +146,18 @@ def metadata(model: Model, sha256: str) -> dict:
         "units": UNITS,
         "zero": asdict(model.zero),
         "intervals": plain,
+        "familiar": _limits(model.familiar),
         "largest_N": (LARGEST_OUTPUT * model.scaling.output_scale.astype(float)).tolist(),
+    }
+
+
+def _limits(familiar: Familiar | None) -> dict | None:
+    if familiar is None:
+        return None
+    return {
+        "edges": familiar.edges.tolist(),
+        "rest_limit": familiar.rest_limit.tolist(),
+        "squared_limit": familiar.squared_limit,
     }
 
 
@@ -136,6 +169,9 @@ def check_equal(model: Model, converted: OnnxModel, where: str) -> float:
         size = np.maximum(np.abs(expected).max(axis=(1, 2)), model.scaling.output_scale.max())
         share = float((np.abs(found - expected).max(axis=(1, 2)) / size).max())
         worst = max(worst, share if np.isfinite(share) else np.inf)
+        if model.familiar:
+            known, now = model.unlike(feature), converted.answer(feature)[1]
+            worst = max(worst, float((np.abs(now - known) / np.maximum(known, 1.0)).max()))
     if worst > LIMIT:
         raise ModelError(
             f"{where}: in ONNX its forces differ from PyTorch's by {worst:.2g} of their size, limit {LIMIT:g}; nothing is "

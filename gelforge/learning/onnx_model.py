@@ -14,12 +14,13 @@ import numpy as np
 import onnxruntime
 
 from gelforge.files import check_seal
+from gelforge.learning.familiarity import unlike
 from gelforge.learning.reliability import Intervals, Zero
 from gelforge.learning.scaling import ModelError
 
-FORMAT = "gelforge-onnx-1"
+FORMAT = "gelforge-onnx-2"
 KEY = "gelforge"  # of the metadata
-INPUT, OUTPUT = "features", "force_N"
+INPUT, OUTPUT, STATISTICS = "features", "force_N", "familiarity"
 REMEDY = "export the model again (gelforge export --model model.pt --out model.onnx)"
 
 
@@ -31,6 +32,7 @@ class OnnxModel:
     settings: dict  # as Model.settings
     zero: Zero
     intervals: Intervals | None
+    familiar: dict | None  # limits of `familiarity.unlike`
     largest_N: np.ndarray  # (3,) forces that no training gives
     model_sha256: str  # of the model.pt that it comes from
     where: str = field(default="the model")  # named in messages
@@ -40,15 +42,26 @@ class OnnxModel:
 
         Raises ModelError for features or forces that are not finite, or forces that no training gives.
         """
-        return self.zero.applied(self.predict_raw(feature))
+        return self.answer(feature)[0]
 
     def predict_raw(self, feature: np.ndarray) -> np.ndarray:
         """Return the same as the network says it, small forces where nothing touches included."""
+        return self._run(feature)[0]
+
+    def answer(self, feature: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return what predict does, and how unlike the training images those of features are (n,); NaN: not known."""
+        force, *statistics = self._run(feature)
+        force = self.zero.applied(force)
+        if not self.familiar:
+            return force, np.full(len(force), np.nan)
+        return force, unlike(statistics[0].astype(float), **self.familiar)
+
+    def _run(self, feature: np.ndarray) -> list[np.ndarray]:
         feature = np.atleast_2d(np.asarray(feature, np.float32))
         if not np.isfinite(feature).all():
             bad = int((~np.isfinite(feature)).sum())
             raise ModelError(f"the predicted force is not finite, {bad} features are not; check the images")
-        force = self.session.run([OUTPUT], {INPUT: feature})[0]
+        force, *statistics = self.session.run(None, {INPUT: feature})
         if not np.isfinite(force).all():
             raise ModelError(f"the predicted force is not finite though all features are; {REMEDY}")
         if (np.abs(force) > self.largest_N).any():
@@ -56,7 +69,7 @@ class OnnxModel:
                 f"a predicted force is {np.abs(force).max():.3g} N, limit {self.largest_N.max():.3g} N; check the images, "
                 "and the model's file"
             )
-        return force
+        return [force, *statistics]
 
 
 def load_onnx(path: str | Path, threads: int = 1) -> OnnxModel:
@@ -109,7 +122,10 @@ def _from_metadata(session, told: dict, where: str) -> OnnxModel:
         raise ModelError(
             f"{where}: takes {[(i.name, i.shape) for i in taken]}, not {count} features; {REMEDY}"
         )
-    if [o.name for o in given] != [OUTPUT] or given[0].shape[1:] != shape:
+    limits = told["familiar"]
+    if [o.name for o in given] != ([OUTPUT, STATISTICS] if limits else [OUTPUT]) or given[0].shape[
+        1:
+    ] != shape:
         raise ModelError(f"{where}: gives {[(o.name, o.shape) for o in given]}, not forces {shape}; {REMEDY}")
     intervals = told["intervals"]
     return OnnxModel(
@@ -117,6 +133,7 @@ def _from_metadata(session, told: dict, where: str) -> OnnxModel:
         settings,
         Zero(**told["zero"]),
         Intervals(**{name: np.array(values) for name, values in intervals.items()}) if intervals else None,
+        {name: np.array(values) for name, values in limits.items()} if limits else None,
         np.array(told["largest_N"]),
         told["model_sha256"],
         where,

@@ -61,6 +61,11 @@ class Predictor:
         """Return the force distribution (B, 3) [N] on the sensor of one image's features (F,)."""
         return self.model.predict(feature)[0]
 
+    def answer(self, feature: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return the same, and how unlike the training images this one is: beyond 1 it is flagged; NaN: not known."""
+        force, unlike = self.model.answer(feature)
+        return force[0], float(unlike[0])
+
 
 @dataclass(frozen=True)
 class Prediction:

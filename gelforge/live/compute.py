@@ -29,7 +29,7 @@ class Reading:
     number: int
     t_capture: float  # s since 1970
     force_N: np.ndarray | None = None  # (B, 3)
-    half_N: np.ndarray | None = None  # (B, 3) half widths of 90 % intervals
+    half_N: np.ndarray | None = None  # (B, 3) half widths of 90 % intervals of the true force
     total_N: np.ndarray | None = None  # (3,)
     total_half_N: np.ndarray | None = None  # (3,)
     cop_mm: np.ndarray | None = None  # (2,)
@@ -126,16 +126,19 @@ class LiveForce:
         image = mark(self.image_of(shot.frame))
         flow = mark(self.extract.flow(image))
         feature = mark(flow_features(flow, self.features.regions, self.features.moved_px))
-        force = mark(self.predictor(feature))
+        force, unlike = mark(self.predictor.answer(feature))
         batch = force[None]
         bars = (
-            (model.intervals.of_bins(batch)[0], model.intervals.of_totals(batch)[0])
+            (model.intervals.of_true_bins(batch)[0], model.intervals.of_true_totals(batch)[0])
             if model.intervals
             else (None, None)
         )
         place = centre_of_pressure(batch, *self.grid)[0] if force[:, 2].any() else np.array([np.nan, np.nan])
         mark(place)
         warnings = mark(self.look.warnings(image))
+        if unlike > 1:
+            told = f"the image is unlike those that the model learnt from ({unlike:.1f} times the limit): distrust its force"
+            warnings = (*warnings, told)
         return Reading(
             shot.number,
             shot.t_capture,

@@ -55,10 +55,15 @@ class MeanModel:
         force[:, 6, 2] = -0.1 * np.maximum(feature[:, :16].mean(axis=1) - 0.2, 0)
         return force
 
+    def answer(self, feature: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The image is unlike where its mean magnitude is beyond 5 px."""
+        return self.predict(feature), np.atleast_2d(feature)[:, :16].mean(axis=1) / 5
+
 
 def force_of(reference: np.ndarray | None = STILL) -> LiveForce:
     predictor = Predictor.__new__(Predictor)
-    bars = Intervals(np.array([0.01]), np.array([[0.0] * 3, [0.003] * 3]), np.empty(0), np.full((1, 3), 0.02))
+    of_bins = np.array([0.01]), np.array([[0.0] * 3, [0.003] * 3]), np.zeros((2, 3))
+    bars = Intervals(*of_bins, np.empty(0), np.full((1, 3), 0.02), np.zeros((1, 3)))
     predictor.model = MeanModel(SETTINGS, bars)
     return LiveForce(predictor, reference, None)
 

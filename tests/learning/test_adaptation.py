@@ -21,7 +21,7 @@ def trained(tmp_path_factory):
         study_of(regions=4, bins=5, validation_fraction=0.2, **SMALL),
     )
     shards = write_shards(folder / "dataset", small_rows(), study)
-    train(study, shards, folder / "model.pt", folder / "loss.csv", Run(progress=False))
+    train(study, shards, folder / "model.pt", folder / "loss.csv", Run(threads=1, progress=False))
     return load_model(folder / "model.pt"), measured_presses(ShardDataset(shards, "train"))
 
 

@@ -10,6 +10,7 @@ import torch
 from torch import nn
 
 from gelforge.config import Learning
+from gelforge.learning.familiarity import find_familiar
 from gelforge.learning.model_file import Model, save_model
 from gelforge.learning.networks import Grids, make_network
 from gelforge.learning.onnx_export import check_equal, export_onnx, trial_features
@@ -23,7 +24,8 @@ NETWORKS = {
     "cnn": ({"network": "cnn", "channels": 4}, Grids(9, 5, 4), "vector", "rotate_90"),
     "paper": ({"network": "paper", "hidden": [12, 9]}, Grids(4, 5, 5), "polar", "identity"),
 }
-INTERVALS = Intervals(np.array([0.01, 0.3]), np.arange(9.0).reshape(3, 3), np.array([1.5]), np.ones((2, 3)))
+OF_BINS = np.array([0.01, 0.3]), np.arange(9.0).reshape(3, 3), np.full((3, 3), 0.1)
+INTERVALS = Intervals(*OF_BINS, np.array([1.5]), np.ones((2, 3)), np.zeros((2, 3)))
 
 
 def model_named(name: str) -> Model:
@@ -46,7 +48,9 @@ def model_named(name: str) -> Model:
         "synthetic": True,
         "views": {},
     }
-    return Model(make_network(learning, grids, 1), scaling, settings, Zero(0.05, 0.1), INTERVALS)
+    count = 2 * grids.regions**2
+    familiar = find_familiar(*(rng.normal(0, [[1]] * 40, (40, count)).astype("f4") for _ in range(2)))
+    return Model(make_network(learning, grids, 1), scaling, settings, Zero(0.05, 0.1), INTERVALS, familiar)
 
 
 @pytest.fixture(scope="module")
@@ -77,6 +81,8 @@ def test_forces_zeros_and_intervals_are_pytorchs(pair):
     """Single precision apart: 1e-5 of the labels' standard deviation, ten times the rounding of a sum of 1000 terms."""
     model, path = pair
     loaded = load_onnx(path)
+    trial = trial_features(model.scaling)[-1]
+    np.testing.assert_allclose(loaded.answer(trial)[1], model.unlike(trial), rtol=1e-4)
     for feature in trial_features(model.scaling):  # 6, 1 and 5 rows
         expected, found = model.predict(feature), loaded.predict(feature)
         np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5 * model.scaling.output_scale.max())
@@ -128,7 +134,7 @@ def foreign(content: bytes) -> bytes:
 
 
 def of_another_version(content: bytes) -> bytes:
-    return content.replace(b'"format": "gelforge-onnx-1"', b'"format": "gelforge-onnx-7"')
+    return content.replace(b'"format": "gelforge-onnx-2"', b'"format": "gelforge-onnx-7"')
 
 
 @pytest.mark.parametrize(
