@@ -17,6 +17,7 @@ from gelforge.learning.scaling import ModelError
 LEAST_PRESSES = 5
 GAIN_LIMITS = (0.2, 5.0)  # beyond them the sensor is not of the model's kind
 LEAST_GAIN = 0.95  # of the error left out that a further gain must come below
+SURE = 0.1  # standard deviation of a gain that is taken; small horizontal forces tell none
 # which axes share a gain, from none to one for the horizontal and one for the vertical force
 FORMS = {"none": (), "one gain": ((0, 1, 2),), "horizontal and vertical gain": ((0, 1), (2,))}
 
@@ -70,19 +71,22 @@ def drawn_presses(presses: Presses, count: int, seed: int) -> Presses:
 def adapt(model: Model, presses: Presses) -> tuple[Model, Adaptation]:
     """Return the model with gains that make its totals those measured, and how they were chosen.
 
-    Gains are least squares through zero. Of no gain, one, and two, the simplest is taken that no other betters clearly on
-    presses left out one at a time. Thresholds follow the gain; intervals follow it too, and those of totals are widened or
-    narrowed to hold nine in ten of the errors at hand. Raises ModelError for gains of no sensor of the model's kind.
+    Gains are least squares through zero. Of no gain, one, and two, the simplest is taken that no other, whose gains
+    are sure, betters clearly on presses left out one at a time. Thresholds follow the gain; intervals follow it too, and
+    those of totals are widened or narrowed to hold nine in ten of the errors at hand. Raises ModelError for a vertical gain of
+    no sensor of the model's kind.
     """
     said = model.predict(presses.feature).sum(axis=1)  # (n, 3)
     error = {form: _left_out(said, presses, axes) for form, axes in FORMS.items()}
     form = next(iter(FORMS))
-    for other in FORMS:
-        form = other if error[other] < LEAST_GAIN * error[form] else form
+    for other, axes in FORMS.items():
+        usable = all(_is_usable(said, presses, shared) for shared in axes)
+        form = other if usable and error[other] < LEAST_GAIN * error[form] else form
     gain = _gains(said, presses.measured, FORMS[form])
-    if not (gain.min() >= GAIN_LIMITS[0] and gain.max() <= GAIN_LIMITS[1]):
+    vertical = _gains(said, presses.measured, ((2,),))[2]
+    if not GAIN_LIMITS[0] <= vertical <= GAIN_LIMITS[1]:
         raise ModelError(
-            f"gains of {np.round(gain, 3).tolist()} (x, y, z), limits {GAIN_LIMITS}: the sensor is not of the model's kind, "
+            f"a vertical gain of {vertical:.3g}, limits {GAIN_LIMITS}: the sensor is not of the model's kind, "
             "or its readings have other axes or signs"
         )
     changed = _with_gain(model, gain.astype(np.float32))
@@ -101,6 +105,24 @@ def _gains(said: np.ndarray, measured: np.ndarray, axes: tuple[tuple[int, ...], 
         if there @ there > 0:
             gain[list(shared)] = there @ wanted / (there @ there)
     return gain
+
+
+def _is_usable(said: np.ndarray, presses: Presses, shared: tuple[int, ...]) -> bool:
+    """Return whether presses tell the gain that axes share: horizontal forces of straight presses are too small to."""
+    gain = _gains(said, presses.measured, (shared,))[shared[0]]
+    return GAIN_LIMITS[0] <= gain <= GAIN_LIMITS[1] and _deviation(said, presses, shared) < SURE
+
+
+def _deviation(said: np.ndarray, presses: Presses, shared: tuple[int, ...]) -> float:
+    """Return the standard deviation of a gain that axes share; rows of one press err alike and count as one."""
+    there, wanted = said[:, shared], presses.measured[:, shared]
+    size = float((there**2).sum())
+    if not size:
+        return np.inf
+    left = wanted - there * float((there * wanted).sum() / size)
+    _, press = np.unique(presses.press.astype(str), return_inverse=True)
+    of_press = np.bincount(press, (there * left).sum(axis=1))
+    return float(np.sqrt((of_press**2).sum()) / size)
 
 
 def _left_out(said: np.ndarray, presses: Presses, axes: tuple) -> float:
