@@ -73,8 +73,8 @@ def adapt(model: Model, presses: Presses) -> tuple[Model, Adaptation]:
 
     Gains are least squares through zero. Of no gain, one, and two, the simplest is taken that no other, whose gains
     are sure, betters clearly on presses left out one at a time. Thresholds follow the gain; intervals follow it too, and
-    those of totals are widened or narrowed to hold nine in ten of the errors at hand. Raises ModelError for a vertical gain of
-    no sensor of the model's kind.
+    those of totals are widened or narrowed to hold nine in ten of the errors at hand. Raises ModelError for a vertical gain
+    of no sensor of the model's kind.
     """
     said = model.predict(presses.feature).sum(axis=1)  # (n, 3)
     error = {form: _left_out(said, presses, axes) for form, axes in FORMS.items()}
