@@ -4,6 +4,7 @@ This is the only package that names configuration keys and the only one that rea
 converted here. An unknown or out-of-range key is refused with its full path, the value found and the limit.
 """
 
+from gelforge.config.camera import Camera, Distortion, Port, Remap
 from gelforge.config.circumstances import session_study
 from gelforge.config.common import NAME, ConfigError, Fraction, Name, NonNegative, OldKey, Positive, Section
 from gelforge.config.effects import Effects
@@ -23,7 +24,7 @@ from gelforge.config.materials import LAW_NAMES, Fitting, LawParameters, Materia
 from gelforge.config.mechanics import Contact, Mechanics, Mesh, Solver
 from gelforge.config.plan import Grid, Plan
 from gelforge.config.sensor import Bins, Flange, Indenter, IndenterPart, Layer, Sensor, Shape
-from gelforge.config.session import Camera, DepthZero, ForceSensor, Session, StageToSensor
+from gelforge.config.session import DepthZero, ForceSensor, Session, StageToSensor
 from gelforge.config.study import SOFT_SHARE, Study
 from gelforge.config.variants import Variant
 from gelforge.config.virtual_lab import (
@@ -43,6 +44,7 @@ __all__ = [
     "Contact",
     "Dataset",
     "DepthZero",
+    "Distortion",
     "Effects",
     "Features",
     "Fitting",
@@ -65,7 +67,9 @@ __all__ = [
     "OgdenParameters",
     "OldKey",
     "Plan",
+    "Port",
     "Positive",
+    "Remap",
     "Section",
     "Sensor",
     "Shape",
