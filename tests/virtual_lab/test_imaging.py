@@ -110,6 +110,13 @@ def test_defocus_blurs_what_is_off_the_plane_in_focus_and_loses_no_light():
     assert_allclose(image[halves[0]], sharp[halves[0]], atol=1e-3)
     assert_allclose(image[halves[1]].sum(), sharp[halves[1]].sum(), rtol=1e-3)
 
+    # before a bright ground the ball in focus hides what is behind it
+    bright = {"background_grey": 150.0, "particle_grey": 40.0}
+    covered, wanted = (
+        draw(CAMERA, one.model_copy(update=bright), both, 0.6)[halves[0]] for one in (imaging, PLAIN)
+    )
+    assert_allclose(covered, wanted, atol=1e-3)
+
     def spread(picture):
         u = np.arange(200)
         weight = picture[halves[1]].sum(axis=0) / picture[halves[1]].sum()
