@@ -170,6 +170,17 @@ def _by_hand(commands) -> None:
         help="part of each image to use [px]",
     )
     predict.add_argument(
+        "--camera",
+        type=Path,
+        metavar="YAML",
+        help="calibration and pose of the camera (or a session.yaml): frames are remapped to the model's view",
+    )
+    predict.add_argument(
+        "--plane-z-mm",
+        type=float,
+        help="mean height of the particles, for a model whose sessions had no `remap` [mm, sensor frame]",
+    )
+    predict.add_argument(
         "--out", type=Path, help="CSV to write: total force and every bin, one row per frame"
     )
     predict.add_argument("--frames", type=int, help="stop after this many frames")

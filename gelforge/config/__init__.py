@@ -9,6 +9,7 @@ from gelforge.config.circumstances import session_study
 from gelforge.config.common import NAME, ConfigError, Fraction, Name, NonNegative, OldKey, Positive, Section
 from gelforge.config.effects import Effects
 from gelforge.config.files import (
+    load_camera,
     load_section,
     load_session,
     load_study,
@@ -84,6 +85,7 @@ __all__ = [
     "VirtualParticles",
     "VirtualSample",
     "VirtualSession",
+    "load_camera",
     "load_section",
     "load_session",
     "load_study",
