@@ -305,6 +305,20 @@ def _cameras(commands) -> None:
     calibrate.add_argument("--out", type=Path, required=True, help="YAML to write")
     calibrate.add_argument("--report", type=Path, help="PNG: corners, residuals, an image without distortion")
 
+    pose = _command(
+        commands,
+        "camera-pose",
+        "cameras.camera_pose",
+        "a camera's position and its turn about z from four presses or more at known places",
+    )
+    pose.add_argument("session", type=Path, help="a session's folder with images")
+    pose.add_argument(
+        "--camera", type=Path, metavar="YAML", help="its calibration; that of session.yaml if not given"
+    )
+    pose.add_argument("--plane-z-mm", type=float, help="mean height of the particles [mm, sensor frame]")
+    pose.add_argument("--study", type=Path, metavar="YAML", help="or the study whose layers carry them")
+    pose.add_argument("--out", type=Path, help="YAML to write: the camera with its pose")
+
 
 def _workflow(commands) -> None:
     law = _study_command(
