@@ -46,8 +46,8 @@ def photographs(tmp_path_factory):
     """A folder of drawn boards, one image without a board and one that cannot be read."""
     folder = tmp_path_factory.mktemp("boards")
     take = BoardCamera(PINHOLE, BOARD)
-    for number, (tilt, middle) in enumerate(poses_of(PINHOLE, 10)):
-        picture = take(tilt, 0.9 * middle, np.random.default_rng(number))
+    for number, (tilt, middle) in enumerate(poses_of(PINHOLE, 8, 25.0)):
+        picture = take(tilt, middle * [0.85, 0.75, 0.95], np.random.default_rng(number))
         cv2.imwrite(str(folder / f"{number:02d}.png"), picture)
     cv2.imwrite(str(folder / "grey.png"), np.full((240, 320), 128, np.uint8))
     (folder / "broken.png").write_bytes(b"no image")

@@ -7,7 +7,8 @@ from numpy.testing import assert_allclose
 from session_folder import HEADER
 
 from gelforge.cli import main
-from gelforge.config import Camera, VirtualImaging, load_camera, study_from, write_yaml
+from gelforge.cli.studies import print_scale
+from gelforge.config import Camera, Session, VirtualImaging, load_camera, study_from, write_yaml
 from gelforge.recording.camera import CameraError, project
 from gelforge.recording.camera_pose import fit_pose, particle_plane_mm
 from gelforge.recording.expansion import centre_of_expansion
@@ -91,7 +92,7 @@ def test_a_press_that_is_not_where_it_should_be_is_left_out():
     assert_allclose(pose.camera.position_mm, TRUE.position_mm, atol=0.3)
 
 
-def test_the_plane_of_the_particles_is_the_middle_of_their_layers():
+def test_the_plane_of_the_particles_is_the_middle_of_their_layers_and_has_the_scale(capsys):
     layers = [
         {"name": "gel", "thickness_mm": 4.5, "material": "soft", "particle_volume_fraction": 0.02},
         {"name": "skin", "thickness_mm": 1.5, "material": "soft"},
@@ -100,6 +101,10 @@ def test_the_plane_of_the_particles_is_the_middle_of_their_layers():
     plan = {"grid": {"spacing_mm": 8, "margin_mm": 8}, "depths_mm": [0.5]}
     study = {"study": "small", "materials": soft, "sensor": {"layers": layers}, "plan": plan}
     assert particle_plane_mm(study_from(study).sensor) == pytest.approx(-3.75)
+    camera = TRUE.model_copy(update={"distortion": None})
+    print_scale(study_from(study), "day", Session(session="day", camera=camera))
+    # 42.25 mm over 400 px
+    assert "0.1056 mm/px in the image's middle, on the plane z = -3.75 mm" in capsys.readouterr().out
     bare = study_from(study | {"sensor": {"layers": [layers[1]]}})
     with pytest.raises(CameraError, match="give --plane-z-mm"):
         particle_plane_mm(bare.sensor)
