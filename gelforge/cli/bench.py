@@ -9,7 +9,7 @@ from pathlib import Path
 
 import gelforge
 from gelforge.cli.factory import law_path, laws_and_doubts
-from gelforge.config import ConfigError, Indenter, Study, load_section, load_study
+from gelforge.config import ConfigError, Indenter, Study, load_camera, load_section, load_study
 
 
 def press(
@@ -186,6 +186,8 @@ def predict(
     model: Path,
     reference: Path | None,
     crop: list[int] | None,
+    camera: Path | None,
+    plane_z_mm: float | None,
     out: Path | None,
     frames: int | None,
 ) -> None:
@@ -200,7 +202,9 @@ def predict(
 
     zero = read_grey(reference) if reference else None
     timing = Timing(WARM_UP)
-    predictions = islice(predict_frames(Predictor(model), frames_of(source), zero, crop), frames)
+    seen_by = load_camera(camera) if camera else None
+    predictions = predict_frames(Predictor(model), frames_of(source), zero, crop, seen_by, plane_z_mm)
+    predictions = islice(predictions, frames)
     with distribution_table(out) as write:
         for prediction in track(predictions, description=str(source), transient=True):
             timing.add(prediction)

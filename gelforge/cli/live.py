@@ -22,6 +22,8 @@ def live(
     model: Path,
     reference: Path | None,
     crop: list[int] | None,
+    camera: Path | None,
+    plane_z_mm: float | None,
     host: str,
     port: int,
     record: Path | None,
@@ -33,6 +35,7 @@ def live(
     import gc
     import webbrowser
 
+    from gelforge.config import load_camera
     from gelforge.learning.predictor import Predictor
     from gelforge.live.capture import played
     from gelforge.live.compute import LiveForce
@@ -44,7 +47,7 @@ def live(
     zero = read_grey(reference) if reference else None
     open_source = played(source, fps, loop)
     predictor = Predictor(model)
-    force = LiveForce(predictor, zero, crop)
+    force = LiveForce(predictor, zero, crop, load_camera(camera) if camera else None, plane_z_mm)
     told = about(predictor.model.settings, predictor.model.model_sha256, source)
     if told["synthetic"]:
         print("SYNTHETIC: this model was trained on images that a virtual lab made")

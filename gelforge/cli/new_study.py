@@ -109,7 +109,7 @@ base_parameters: from_fit
 camera: # null for a force-only session
   width_px: 640
   height_px: 480
-  focal_px: 430.0 # or mm_per_px, where intrinsics are unknown
+  focal_px: 430.0 # `gelforge calibrate-camera` finds it with the lens (distortion); or mm_per_px, where it is unknown
   centre_px: [319.5, 239.5]
   position_mm: [16.0, 16.0, -41.0] # the pinhole, in the sensor frame
   mirrored: true # true: u grows with x as seen from above

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 from gelforge.cli.bench import known_laws
+from gelforge.cli.cameras import scale_line
 from gelforge.cli.cost import estimate
 from gelforge.cli.factory import law_path, print_findings, virtual_lab_of
 from gelforge.cli.new_study import new_study_files
@@ -109,6 +110,21 @@ def check_data(study: Study, cells: dict, missing: list[str]) -> None:
             f"session    {name}: {readings['press'].nunique()} presses, {(readings['image'] != '').sum()} images"
         )
         print_findings(recording)
+        if recording.session.camera:
+            print_scale(study, name, recording.session)
+
+
+def print_scale(study: Study, name: str, session: Session) -> None:
+    """Print the scale of the images whose flow is searched, on the plane of the particles or else of the top surface."""
+    from gelforge.recording.camera import CameraError
+    from gelforge.recording.camera_pose import particle_plane_mm
+    from gelforge.recording.remap import seen_by
+
+    try:
+        plane, of = particle_plane_mm(study.sensor), "the particles' mean"
+    except CameraError:
+        plane, of = 0.0, "the undeformed top"
+    print(scale_line("scale", seen_by(session), plane) + f" ({of}), session {name}")
 
 
 def pictured_session(study: Study, path: Path) -> Session | None:

@@ -4,10 +4,12 @@ This is the only package that names configuration keys and the only one that rea
 converted here. An unknown or out-of-range key is refused with its full path, the value found and the limit.
 """
 
+from gelforge.config.camera import Camera, Distortion, Port, Remap
 from gelforge.config.circumstances import session_study
 from gelforge.config.common import NAME, ConfigError, Fraction, Name, NonNegative, OldKey, Positive, Section
 from gelforge.config.effects import Effects
 from gelforge.config.files import (
+    load_camera,
     load_section,
     load_session,
     load_study,
@@ -23,7 +25,7 @@ from gelforge.config.materials import LAW_NAMES, Fitting, LawParameters, Materia
 from gelforge.config.mechanics import Contact, Mechanics, Mesh, Solver
 from gelforge.config.plan import Grid, Plan
 from gelforge.config.sensor import Bins, Flange, Indenter, IndenterPart, Layer, Sensor, Shape
-from gelforge.config.session import Camera, DepthZero, ForceSensor, Session, StageToSensor
+from gelforge.config.session import DepthZero, ForceSensor, Session, StageToSensor
 from gelforge.config.study import SOFT_SHARE, Study
 from gelforge.config.synthesis import Synthesis
 from gelforge.config.variants import Variant
@@ -44,6 +46,7 @@ __all__ = [
     "Contact",
     "Dataset",
     "DepthZero",
+    "Distortion",
     "Effects",
     "Features",
     "Fitting",
@@ -66,7 +69,9 @@ __all__ = [
     "OgdenParameters",
     "OldKey",
     "Plan",
+    "Port",
     "Positive",
+    "Remap",
     "Section",
     "Sensor",
     "Shape",
@@ -82,6 +87,7 @@ __all__ = [
     "VirtualParticles",
     "VirtualSample",
     "VirtualSession",
+    "load_camera",
     "load_section",
     "load_session",
     "load_study",

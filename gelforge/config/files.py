@@ -12,6 +12,7 @@ from typing import Any, Union, get_args, get_origin
 import yaml
 from pydantic import ValidationError
 
+from gelforge.config.camera import Camera
 from gelforge.config.common import ConfigError, OldKey, Section
 from gelforge.config.session import Session, old_scatter
 from gelforge.config.study import Study
@@ -153,6 +154,23 @@ def load_session(path: str | Path) -> Session:
     if old:
         warnings.warn(f"{path}: {old}", OldKey, stacklevel=1)  # one place: told once, whoever loads it
     return session
+
+
+def load_camera(path: str | Path, **completed: Any) -> Camera:
+    """Return the camera of a YAML file: its keys, or those under `camera`, as in session.yaml.
+
+    completed: keys that the file may lack, such as a pose; what the file says holds.
+    """
+    content = _read_yaml(Path(path))
+    nested = isinstance(content.get("camera"), dict)
+    keys = content["camera"] if nested else content
+    source = f"{path}: camera" if nested else str(path)
+    if "position_mm" not in keys and "position_mm" not in completed:
+        raise ConfigError(
+            f"{source}: no position_mm: a calibration finds no pose; add position_mm, rotation_deg and mirrored by hand, or "
+            "by `gelforge camera-pose`"
+        )
+    return _validated(Camera, completed | keys, source)
 
 
 def load_virtual_lab(path: str | Path) -> VirtualLab:

@@ -6,8 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, model_serializer, model_validator
 
+from gelforge.config.camera import Camera, Remap, without_null
 from gelforge.config.common import Name, NonNegative, Positive, Section
 
 
@@ -133,43 +134,6 @@ def old_scatter(keys: Mapping[str, Any]) -> str | None:
     )
 
 
-class Camera(Section):
-    """A camera under the gel that looks up; pixel (0, 0) is the centre of the image's top left pixel.
-
-    Seen from below with y up, x runs to the left: u = centre - focal x / z. A mirrored image runs with x as from above.
-    Either a pinhole (focal_px, position_mm is the pinhole) or a flat scale (mm_per_px, position_mm is seen at centre_px).
-    """
-
-    width_px: int = Field(gt=0, description="image width [px]")
-    height_px: int = Field(gt=0, description="image height [px]")
-    focal_px: Positive | None = Field(None, description="focal length of a pinhole camera [px]")
-    mm_per_px: Positive | None = Field(None, description="flat scale, where intrinsics are unknown [mm/px]")
-    centre_px: list[float] = Field(min_length=2, max_length=2, description="principal point u, v [px]")
-    position_mm: list[float] = Field(
-        min_length=3,
-        max_length=3,
-        description="pinhole, or the point seen at centre_px, in the sensor frame [mm]",
-    )
-    rotation_deg: list[float] = Field(
-        [0.0, 0.0, 0.0],
-        min_length=3,
-        max_length=3,
-        description="turns of the camera about the sensor's x, then y, then z axis, from looking straight up [deg]",
-    )
-    mirrored: bool = Field(
-        True,
-        description="true: u grows with x as seen from above (the image was flipped); false: as the camera sees it",
-    )
-
-    @model_validator(mode="after")
-    def _one_scale(self):
-        if (self.focal_px is None) == (self.mm_per_px is None):
-            raise ValueError(
-                "give either focal_px (a pinhole) or mm_per_px (a flat scale), not both or neither"
-            )
-        return self
-
-
 class Session(Section):
     """One recording session: session.yaml."""
 
@@ -193,6 +157,10 @@ class Session(Section):
     crop_px: list[int] | None = Field(
         None, min_length=4, max_length=4, description="left, top, width, height used of each image [px]"
     )
+    remap: Remap | None = Field(
+        None,
+        description="reference view to which every image is remapped; null: images are used as recorded",
+    )
 
     confirmed: list[str] = Field(
         [],
@@ -211,3 +179,19 @@ class Session(Section):
                     f"crop_px {self.crop_px} reaches beyond the image of {camera.width_px} x {camera.height_px} px"
                 )
         return self
+
+    @model_validator(mode="after")
+    def _one_view(self):
+        if self.remap and self.crop_px:
+            raise ValueError(
+                f"crop_px {self.crop_px} beside remap: remap.view says itself which part is seen; remove crop_px, and give "
+                "remap.view the size and centre_px of that part"
+            )
+        if self.remap and self.camera is None:
+            raise ValueError("remap needs the camera that took the images; describe it under camera")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _as_written(self, write) -> dict[str, Any]:
+        """Return the keys; a later one only where it is given, so that digests of older sessions stay."""
+        return without_null(write(self), ("remap",))

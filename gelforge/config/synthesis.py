@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
+from gelforge.config.camera import Camera
 from gelforge.config.common import NonNegative, Section
 from gelforge.config.mechanics import Mesh
-from gelforge.config.session import Camera
 from gelforge.config.virtual_lab import VirtualImaging, VirtualParticles
 
 

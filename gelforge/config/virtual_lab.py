@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, model_serializer, model_validator
 
-from gelforge.config.common import Name, NonNegative, Positive, Section
+from gelforge.config.camera import Camera
+from gelforge.config.common import Fraction, Name, NonNegative, Positive, Section
 from gelforge.config.materials import OgdenParameters
 from gelforge.config.mechanics import Mechanics, Mesh
-from gelforge.config.session import Camera, StageToSensor
+from gelforge.config.session import StageToSensor
 
 
 class VirtualParticles(Section):
@@ -31,6 +32,28 @@ class VirtualImaging(Section):
         210.0, ge=0, le=255, description="grey level of the nearest particle's middle [-]"
     )
     images_per_press: int = Field(5, ge=1, description="images at the commanded depth [-]")
+    vignetting: Fraction = Field(
+        0.0,
+        description="share of the light lost in the image's corners, growing with the square of the radius [-]",
+    )
+    uneven_light: float = Field(
+        0.0, ge=-1, le=1, description="light at the right border less that at the left, over the mean [-]"
+    )
+    defocus_px_per_mm: NonNegative = Field(
+        0.0, description="further blur, standard deviation, per mm of height from the plane in focus [px/mm]"
+    )
+    focus_z_mm: float | None = Field(
+        None, description="plane in focus, sensor frame; null: the mean height of the particles [mm]"
+    )
+    exposure_drift: float = Field(
+        0.0, gt=-1, le=1, description="brightness of the last press over that of the first, less 1 [-]"
+    )
+
+    @model_serializer(mode="wrap")
+    def _as_written(self, write) -> dict[str, Any]:
+        """Return the keys; later ones only where they are not 0, so that digests of older labs stay."""
+        later = ("vignetting", "uneven_light", "defocus_px_per_mm", "focus_z_mm", "exposure_drift")
+        return {key: value for key, value in write(self).items() if value or key not in later}
 
 
 class VirtualForce(Section):

@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from gelforge.config import Features
+from gelforge.config import Camera, Features
 from gelforge.learning.onnx_export import open_for_prediction
 from gelforge.recording.features import FlowFeatures, flow_features
 from gelforge.recording.flow import ImageError, crop
 from gelforge.recording.frames import Frame
+from gelforge.recording.remap import Picture, remap_to
 
 STEPS = ("read", "flow", "features", "network")
 
@@ -56,6 +57,19 @@ class Predictor:
             f"{frame.name}: image of {found}, but the model learnt from images of {', '.join(known)}; record with the same "
             "camera settings, or give --crop LEFT TOP WIDTH HEIGHT of that size"
         )
+
+    def picture_for(
+        self, frame: Frame, crop_px: list[int] | None, camera: Camera | None, plane_z_mm: float | None
+    ) -> Picture:
+        """Return what makes frames like this one those that the model learnt from: remapped to their view, or cropped.
+
+        Raises ImageError, naming the difference, where they cannot be made so.
+        """
+        views = self.model.settings.get("views") or {}
+        if remapper := remap_to(views, camera, plane_z_mm, crop_px):
+            return remapper
+        part = self.crop_for(frame, crop_px)
+        return lambda image: crop(image, part)
 
     def __call__(self, feature: np.ndarray) -> np.ndarray:
         """Return the force distribution (B, 3) [N] on the sensor of one image's features (F,)."""
@@ -110,12 +124,14 @@ def predict_frames(
     frames: Iterable[Frame],
     reference: np.ndarray | None = None,
     crop_px: list[int] | None = None,
+    camera: Camera | None = None,
+    plane_z_mm: float | None = None,
 ) -> Iterator[Prediction]:
     """Yield the prediction of each frame, against a zero-force frame or else the first one.
 
     Every frame is read, reduced and predicted anew. The first frame pays for what is set up once (search buffers,
     first call of the network). Raises ImageError for a frame of another size than the reference or than the images that
-    the model learnt from.
+    the model learnt from. With a camera, frames are remapped to the model's view where it differs (see `remap_to`).
     """
     settings = predictor.features
     extract, source, first = None, iter(frames), True
@@ -125,10 +141,10 @@ def predict_frames(
         if frame is None:
             return
         if first:
-            crop_px, first = predictor.crop_for(frame, crop_px), False
-        image = crop(frame.image, crop_px)
+            picture, first = predictor.picture_for(frame, crop_px, camera, plane_z_mm), False
+        image = picture(frame.image)
         if extract is None:
-            extract = FlowFeatures(image if reference is None else crop(reference, crop_px), settings)
+            extract = FlowFeatures(image if reference is None else picture(reference), settings)
         marks = [start, time.perf_counter()]
         flow = extract.flow(image)
         marks.append(time.perf_counter())

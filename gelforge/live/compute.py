@@ -7,12 +7,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gelforge.config import Camera
 from gelforge.learning.predictor import Predictor
 from gelforge.learning.reliability import centre_of_pressure
 from gelforge.live.capture import Shot
 from gelforge.recording.features import FlowFeatures, flow_features
 from gelforge.recording.flow import crop
 from gelforge.recording.frames import Frame
+from gelforge.recording.remap import remap_to
 
 STEPS = ("crop", "flow", "features", "network", "intervals", "camera check")
 # Presses of the demo change its mean grey level by 0.5 and its sharpness by 2 % at most. A blur of one pixel takes 36 % of
@@ -79,9 +81,17 @@ class Look:
 class LiveForce:
     """Turns frames into readings against a reference frame; not shared between threads."""
 
-    def __init__(self, predictor: Predictor, reference: np.ndarray | None, crop_px: list[int] | None):
+    def __init__(
+        self,
+        predictor: Predictor,
+        reference: np.ndarray | None,
+        crop_px: list[int] | None,
+        camera: Camera | None = None,
+        plane_z_mm: float | None = None,
+    ):
         self.predictor, self.crop_px = predictor, crop_px
         self.settings, self.features = predictor.model.settings, predictor.features
+        self.remapped = remap_to(self.settings.get("views") or {}, camera, plane_z_mm, crop_px)
         bins = self.settings["bins"]
         self.grid = bins["nx"], bins["ny"], np.array(self.settings["sensor_width_mm"])
         self.zero, self.extract, self.look = -1, None, None
@@ -98,7 +108,9 @@ class LiveForce:
         self.zero += 1
 
     def image_of(self, frame: Frame) -> np.ndarray:
-        """Return the part (H, W) uint8 of a frame that the model reads."""
+        """Return the part (H, W) uint8 of a frame that the model reads, or the frame as the model's camera would see it."""
+        if self.remapped:
+            return self.remapped(frame.image)
         return crop(frame.image, self.predictor.crop_for(frame, self.crop_px))
 
     def __call__(self, shot: Shot) -> Reading:

@@ -20,7 +20,7 @@ import pandas as pd
 from gelforge.config import Features, Session
 from gelforge.files import digest
 from gelforge.hdf5 import writing
-from gelforge.recording.flow import Flow, ImageError, read_grey
+from gelforge.recording.flow import Flow, ImageError
 from gelforge.recording.image_measures import Measurer, Measures, add_measures
 from gelforge.recording.images import image_path, reference_path
 from gelforge.recording.plausibility.findings import Findings, collect
@@ -28,6 +28,7 @@ from gelforge.recording.plausibility.image_series import series_of
 from gelforge.recording.plausibility.images import IMAGE_TESTS, flow_lost_of
 from gelforge.recording.plausibility.session import refuse
 from gelforge.recording.readings import Recording, raw_digest, sample_rows
+from gelforge.recording.remap import picture_of, read_as, seen_by, view_of
 
 FORMAT = "gelforge-features-1"
 BATCH = 64  # images in memory at a time
@@ -178,8 +179,8 @@ def judge_all(recording: Recording, table: pd.DataFrame) -> Findings:
     A sample was judged when the session was read. Raises RecordingError where an error is found.
     """
     session = recording.session
-    reference = read_grey(reference_path(recording.folder), session.crop_px)
-    series = series_of(table, reference, session.camera)
+    reference = read_as(picture_of(session), reference_path(recording.folder))
+    series = series_of(table, reference, seen_by(session))
     found = [finding for test in IMAGE_TESTS.values() for finding in test(series)]
     judged = collect(session.session, [*found, *flow_lost_of(series.shown)], session.confirmed)
     refuse(recording.folder, judged)
@@ -214,8 +215,8 @@ def _features_in_batches(
 
     Whether the flow fits the image is measured of the first image of an indentation before touch and at depth.
     """
-    crop_px = recording.session.crop_px
-    reference = read_grey(reference_path(recording.folder), crop_px)
+    picture = picture_of(recording.session)
+    reference = read_as(picture, reference_path(recording.folder))
     local = threading.local()
 
     def features(name: str, first: bool) -> tuple[np.ndarray, Measures]:
@@ -223,7 +224,7 @@ def _features_in_batches(
             local.extract = FlowFeatures(reference, settings)
             local.measure = Measurer(local.extract.flow)
         path = image_path(recording.folder, name)
-        image = read_grey(path, crop_px)
+        image = read_as(picture, path)
         try:
             flow = local.extract.flow(image)
         except ImageError as error:
@@ -251,16 +252,6 @@ def _write_attributes(
     excluded.update(left_out.loc[left_out["phase"] != "zero", "press"])
     file.attrs["excluded_images"] = json.dumps(dict(excluded))
     file.attrs["findings"] = json.dumps(judged.lines("excluded", "note"))
-
-
-def view_of(session: Session) -> dict:
-    """Return what a session's images are: size as taken [px], the part that is used, and the camera."""
-    camera = session.camera
-    return {
-        "image_px": [camera.width_px, camera.height_px] if camera else None,
-        "crop_px": session.crop_px,
-        "camera": camera.model_dump(mode="json") if camera else None,
-    }
 
 
 def _write_rows(file: h5py.File, rows: pd.DataFrame) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,14 +14,11 @@ from gelforge.report.style import new_figure, styled
 SHOWN_ARROWS = 20  # along each side at most; more arrows than this merge into a carpet
 
 
-def read_picture(path: str | Path, crop_px: list[int] | None = None) -> np.ndarray:
-    """Return an image (H, W) or (H, W, 3) for display, cut to left, top, width, height."""
+def read_picture(path: str | Path, used: Callable[[np.ndarray], np.ndarray] | None = None) -> np.ndarray:
+    """Return an image (H, W) or (H, W, 3) for display; used: makes of it what its features saw, cropped or remapped."""
     picture = imread(path)
     picture = picture[..., :3] if picture.ndim == 3 else picture
-    if crop_px:
-        left, top, width, height = crop_px
-        picture = picture[top : top + height, left : left + width]
-    return picture
+    return used(picture) if used else picture
 
 
 def region_flow(

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.indentation.cell_file import read_timings
+from gelforge.recording.remap import picture_of
 from gelforge.report.chapters import Chapter, Facts, count
 from gelforge.report.flow_figure import flow_figure, read_picture
 from gelforge.report.flow_floor import tell_flow_floor
@@ -213,7 +214,7 @@ def _one_image(results: StudyResults) -> Chapter:
         chapter.show(
             f"{label} of session {name}, ball at ({x:g}, {y:g}) mm and {columns['depth_mm'][row]:g} mm deep:"
             " the arrows point away from the ball where particles are pushed outwards.",
-            flow_figure(read_picture(path, session.crop_px), results.feature_row(name, row)),
+            flow_figure(read_picture(path, picture_of(session)), results.feature_row(name, row)),
         )
         return chapter
     chapter.miss("No image of a press was found.")

@@ -1,4 +1,4 @@
-"""The virtual camera: particles drawn as shaded balls, far ones first, then the optics' blur and the sensor's noise."""
+"""The virtual camera: particles drawn as shaded balls, far ones first, then blur, light and the sensor's noise."""
 
 from __future__ import annotations
 
@@ -7,28 +7,68 @@ import numba
 import numpy as np
 
 from gelforge.config import Camera, VirtualImaging
-from gelforge.recording.camera import project
+from gelforge.recording.camera import project, px_per_mm
 
 AMBIENT = 0.45  # share of light that reaches a ball's rim; the lamps stand around the lens, so its middle is brightest
 FADE = 0.35  # share of brightness lost from the nearest to the farthest particle
 
 
+SLABS = 8  # of equal height in which particles are blurred alike where the optics have a plane in focus
+
+
 def draw(camera: Camera, imaging: VirtualImaging, centres: np.ndarray, diameter_mm: float) -> np.ndarray:
     """Return the noise-free image (H, W) float32 in grey levels of balls at centres (P, 3) [mm] in the sensor frame.
 
-    A ball appears as a disc of radius f d / (2 Z) whose border is smoothed over one pixel (coverage by distance), shaded
-    as a matt ball lit from the camera; nearer discs cover farther ones.
+    A ball appears as a disc of radius f d / (2 Z), or as lens and port enlarge it there, whose border is smoothed over one
+    pixel (coverage by distance), shaded as a matt ball lit from the camera; nearer discs cover farther ones.
     """
     pixels, distance = project(camera, centres)
     far_first = np.argsort(-distance, kind="stable")
-    radius = camera.focal_px * diameter_mm / (2 * distance)
+    if camera.distortion is None and camera.port is None and camera.focal_y_px is None:
+        radius = camera.focal_px * diameter_mm / (2 * distance)
+    else:
+        radius = px_per_mm(camera, centres) * diameter_mm / 2
     nearness = (distance.max() - distance) / max(np.ptp(distance), 1e-9)
     contrast = imaging.particle_grey - imaging.background_grey
     brightness = imaging.background_grey + contrast * (1 - FADE + FADE * nearness)
     image = np.full((camera.height_px, camera.width_px), imaging.background_grey, dtype=np.float32)
-    _paint(image, pixels[far_first], radius[far_first], brightness[far_first])
-    if imaging.blur_px > 0:
-        image = cv2.GaussianBlur(image, (0, 0), imaging.blur_px)
+    discs = pixels[far_first], radius[far_first], brightness[far_first]
+    if imaging.defocus_px_per_mm > 0:
+        image = _out_of_focus(image, discs, centres[far_first, 2], imaging)
+    else:
+        _paint(image, *discs)
+        if imaging.blur_px > 0:
+            image = cv2.GaussianBlur(image, (0, 0), imaging.blur_px)
+    if imaging.vignetting or imaging.uneven_light:
+        image *= light(image.shape, imaging)
+    return image
+
+
+def light(shape: tuple[int, int], imaging: VirtualImaging) -> np.ndarray:
+    """Return the light (H, W) float32 over that in the image's middle: lost to the corners, tilted from left to right."""
+    v, u = np.meshgrid(*(np.linspace(-1, 1, n) for n in shape), indexing="ij")
+    lost = 1 - imaging.vignetting * (u**2 + v**2) / 2
+    return (lost * (1 + imaging.uneven_light * u / 2)).astype(np.float32)
+
+
+def _out_of_focus(image: np.ndarray, discs, z: np.ndarray, imaging: VirtualImaging) -> np.ndarray:
+    """Return the image with discs laid over it slab by slab in the order given, each blurred by its height from the focus.
+
+    discs: pixels (P, 2), radius (P,), brightness (P,); z (P,) [mm]: their heights. A slab is laid over what is behind it by
+    its blurred cover, so that it does not darken its surroundings.
+    """
+    focus = imaging.focus_z_mm if imaging.focus_z_mm is not None else float(z.mean())
+    slab = np.minimum(((z - z.min()) / max(np.ptp(z), 1e-9) * SLABS).astype(int), SLABS - 1)
+    for number in range(SLABS - 1, -1, -1):  # the highest is the farthest
+        some = slab == number
+        if not some.any():
+            continue
+        off = imaging.defocus_px_per_mm * (float(z[some].mean()) - focus)
+        blur = max(float(np.hypot(imaging.blur_px, off)), 1e-3)
+        colour, cover = np.zeros_like(image), np.zeros_like(image)
+        _paint(colour, *(part[some] for part in discs))
+        _cover(cover, *(part[some] for part in discs[:2]))
+        image = image * (1 - cv2.GaussianBlur(cover, (0, 0), blur)) + cv2.GaussianBlur(colour, (0, 0), blur)
     return image
 
 
@@ -50,7 +90,25 @@ def _paint(image, pixels, radius, brightness):
                     image[row, column] += cover * (shade - image[row, column])
 
 
-def expose(image: np.ndarray, imaging: VirtualImaging, rng: np.random.Generator) -> np.ndarray:
-    """Return an 8-bit image (H, W) of a noise-free one, with new sensor noise."""
-    noisy = image + imaging.noise_grey * rng.standard_normal(image.shape, dtype=np.float32)
+@numba.njit(cache=True, nogil=True)
+def _cover(image, pixels, radius):
+    """Paint the cover of discs, 0 to 1, as `_paint` lays them on."""
+    height, width = image.shape
+    for p in range(len(radius)):
+        u, v, r = pixels[p, 0], pixels[p, 1], radius[p]
+        top, bottom = max(0, int(np.ceil(v - r - 0.5))), min(height - 1, int(np.floor(v + r + 0.5)))
+        left, right = max(0, int(np.ceil(u - r - 0.5))), min(width - 1, int(np.floor(u + r + 0.5)))
+        for row in range(top, bottom + 1):
+            for column in range(left, right + 1):
+                cover = min(1.0, r + 0.5 - np.sqrt((row - v) ** 2 + (column - u) ** 2))
+                if cover > 0:
+                    image[row, column] += cover * (1 - image[row, column])
+
+
+def expose(
+    image: np.ndarray, imaging: VirtualImaging, rng: np.random.Generator, exposure: float = 1.0
+) -> np.ndarray:
+    """Return an 8-bit image (H, W) of a noise-free one at an exposure over the usual one, with new sensor noise."""
+    bright = image if exposure == 1.0 else image * np.float32(exposure)
+    noisy = bright + imaging.noise_grey * rng.standard_normal(image.shape, dtype=np.float32)
     return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)

@@ -6,7 +6,7 @@ import os
 import shutil
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -81,6 +81,12 @@ class Bench:
     particles: np.ndarray  # (P, 3) undeformed centres [mm]
     untouched: np.ndarray  # (H, W) noise-free image at zero force
     offset_N: np.ndarray  # (3,) untared zero in the force sensor's axes
+    last: int = 0  # number of the session's last press
+
+    def exposure(self, press: Press) -> float:
+        """Return the exposure at a press over that of the first; it drifts by the same from press to press."""
+        drift = self.lab.imaging.exposure_drift
+        return 1.0 + drift * press.order / self.last if drift and self.last else 1.0
 
 
 def session_cells(lab: VirtualLab, cells: Mapping[str, PlannedCell]) -> dict[str, list[str]]:
@@ -111,10 +117,10 @@ def make_session(
     out_folder = Path(out_folder)
     _refuse_real(out_folder)
     cv2.setNumThreads(1)  # the worker threads draw side by side instead
-    bench = _bench(lab, lab_session, study)
     presses = random_presses(
         lab_session, [cells[name] for name in session_cells(lab, cells)[lab_session.session]]
     )
+    bench = replace(_bench(lab, lab_session, study), last=len(presses) - 1)
     by_cell: dict[str, list[Press]] = {}
     for press in presses:
         by_cell.setdefault(press.cell.name, []).append(press)
@@ -245,7 +251,7 @@ def _record_press(bench: Bench, truth: Motion, images: Path, press: Press) -> pd
     for phase, image in zip(rows["phase"], rows["image"]):
         if image:
             seen = bench.untouched if phase == "zero" else touched
-            _write_image(images / image, expose(seen, lab.imaging, rng))
+            _write_image(images / image, expose(seen, lab.imaging, rng, bench.exposure(press)))
     rows[FORCE] = read_force(on_sensor, bench, rng)
     return rows[[*COLUMNS, *FORCE, "image"]]
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from artificial_shards import small_rows, study_of, write_shards
 
+from gelforge.config import Camera
 from gelforge.learning.predictor import STEPS, Predictor, Timing, predict_frames
 from gelforge.learning.scaling import ModelError
 from gelforge.learning.training import Run, train
@@ -130,6 +131,29 @@ def test_frames_like_those_learnt_from_pass(seen, size, asked):
 def test_frames_of_another_size_than_those_learnt_from_are_refused(seen, size, asked, words):
     with pytest.raises(ImageError, match=words):
         list(predict_frames(seen, [Frame("a.png", 0.0, pattern(0, size))], crop_px=asked))
+
+
+def test_frames_of_another_camera_are_remapped_to_the_models_view(predictor):
+    keys = {"width_px": 160, "height_px": 120, "focal_px": 200.0, "position_mm": [16, 16, -46]}
+    view, other = (
+        Camera(**keys, centre_px=[u, 59.5]) for u in (79.5, 81.5)
+    )  # 2 px to the right: whole pixels
+    known = {
+        "image_px": [160, 120],
+        "crop_px": None,
+        "camera": view.model_dump(mode="json"),
+        "plane_z_mm": -3.0,
+    }
+    seen = Predictor.__new__(Predictor)
+    seen.model = replace(predictor.model, settings=predictor.model.settings | {"views": {"day1": known}})
+    found = list(predict_frames(seen, frames(2, 3.5), camera=other))
+    as_seen = [
+        Frame(f.name, f.time_s, np.pad(f.image[:, 2:], ((0, 0), (0, 2)), "edge")) for f in frames(2, 3.5)
+    ]
+    for one, wanted in zip(found, predict_frames(predictor, as_seen), strict=True):
+        np.testing.assert_array_equal(one.force_N, wanted.force_N)
+    with pytest.raises(ImageError, match="give --camera"):
+        list(predict_frames(seen, frames(2)))
 
 
 def test_no_prediction_is_returned_that_is_not_finite(predictor):

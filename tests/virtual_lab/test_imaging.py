@@ -72,3 +72,60 @@ def test_flow_finds_a_sub_pixel_shift_of_drawn_particles(shift_mm):
     # v grows downwards and y upwards; the search itself is off by up to 0.042 px, periodic in the shift (measured)
     assert_allclose(flow.mean(axis=(0, 1)), [exact, exact], atol=0.05)
     assert regions.std(axis=(0, 1)).max() < 0.04  # measured 0.03, with noise of 2 grey levels
+
+
+def test_a_lens_moves_and_enlarges_a_ball():
+    lens = {"coefficients": [-0.5, 0.0, 0.0, 0.0]}
+    centre = np.array([[27.0, 16.0, -2.0]])
+    camera = Camera(**(CAMERA.model_dump() | {"distortion": lens}))
+    image = draw(camera, PLAIN, centre, 0.6)
+    v, u = np.mgrid[:400, :400]
+    pixel = project(camera, centre)[0][0]
+    assert project(CAMERA, centre)[0][0, 0] - pixel[0] > 4
+    assert_allclose([(image * u).sum() / image.sum(), (image * v).sum() / image.sum()], pixel, atol=0.05)
+    # at r = 1 / 4: 1 - r^2 / 2 sideways, 1 - 3 r^2 / 2 along the radius
+    plain = draw(CAMERA, PLAIN, centre, 0.6)
+    shrunk = (1 - 0.25**2 / 2) * (1 - 3 * 0.25**2 / 2)
+    assert_allclose(image.sum() / plain.sum(), shrunk, rtol=0.02)
+
+
+def test_light_falls_to_the_corners_and_tilts():
+    imaging = PLAIN.model_copy(update={"background_grey": 100.0, "vignetting": 0.4, "uneven_light": 0.2})
+    image = draw(CAMERA, imaging, np.array([[-40.0, 16.0, -3.0]]), 0.6)
+    middle, left, right = image[199:201, 199:201].mean(), image[200, 0], image[200, 399]
+    assert_allclose(middle, 100, rtol=1e-4)
+    assert_allclose(
+        (right - left) / middle, 0.2 * 0.8, rtol=1e-3
+    )  # half the loss of the corners at the borders
+    assert_allclose((image[0, 0] + image[0, 399]) / 2, 60, rtol=1e-3)
+
+
+def test_defocus_blurs_what_is_off_the_plane_in_focus_and_loses_no_light():
+    near, far = np.array([[12.0, 16.0, -5.5]]), np.array([[20.0, 16.0, -0.5]])
+    both = np.concatenate([near, far])
+    sharp = draw(CAMERA, PLAIN, both, 0.6)
+    imaging = PLAIN.model_copy(update={"defocus_px_per_mm": 0.6, "focus_z_mm": -5.5})
+    image = draw(CAMERA, imaging, both, 0.6)
+    halves = [(slice(None), slice(0, 200)), (slice(None), slice(200, 400))]  # the near ball, the far one
+    assert_allclose(image[halves[0]], sharp[halves[0]], atol=1e-3)
+    assert_allclose(image[halves[1]].sum(), sharp[halves[1]].sum(), rtol=1e-3)
+
+    # before a bright ground the ball in focus hides what is behind it
+    bright = {"background_grey": 150.0, "particle_grey": 40.0}
+    covered, wanted = (
+        draw(CAMERA, one.model_copy(update=bright), both, 0.6)[halves[0]] for one in (imaging, PLAIN)
+    )
+    assert_allclose(covered, wanted, atol=1e-3)
+
+    def spread(picture):
+        u = np.arange(200)
+        weight = picture[halves[1]].sum(axis=0) / picture[halves[1]].sum()
+        return (weight * u**2).sum() - (weight * u).sum() ** 2
+
+    assert_allclose(spread(image) - spread(sharp), (0.6 * 5) ** 2, rtol=0.02)  # variances add
+
+
+def test_exposure_scales_the_light_and_not_the_noise():
+    flat = np.full((400, 400), 100, np.float32)
+    dim = expose(flat, VirtualImaging(), np.random.default_rng(0), 0.8)
+    assert_allclose([dim.mean(), dim.std()], [80, np.sqrt(4 + 1 / 12)], rtol=0.01)

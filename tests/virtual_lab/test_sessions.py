@@ -17,7 +17,13 @@ from gelforge.indentation.symmetry import transform_vectors
 from gelforge.recording.flow import read_grey
 from gelforge.recording.readings import at_commanded_depth, read_recording, stage_to_sensor
 from gelforge.virtual_lab.particles import VirtualLabError
-from gelforge.virtual_lab.session import make_session, sensor_to_stage, session_cells
+from gelforge.virtual_lab.session import (
+    Bench,
+    make_session,
+    random_presses,
+    sensor_to_stage,
+    session_cells,
+)
 
 STUDY = small_study()
 CELLS = plan_cells(STUDY)
@@ -201,3 +207,20 @@ def test_stage_positions_turn_back_to_the_sensor():
     for session in LAB.sessions:
         back = stage_to_sensor(sensor_to_stage(xy, session.stage_to_sensor), session.stage_to_sensor)
         assert_allclose(back, xy, atol=1e-12)
+
+
+def test_exposure_drifts_from_the_first_press_to_the_last():
+    imaging = LAB.imaging.model_copy(update={"exposure_drift": -0.1})
+    presses = random_presses(LAB.sessions[0], list(CELLS.values()))
+    lab = LAB.model_copy(update={"imaging": imaging})
+    bench = Bench(lab, LAB.sessions[0], None, None, None, last=len(presses) - 1)
+    assert [bench.exposure(presses[k]) for k in (0, -1)] == [1.0, 0.9]
+    assert Bench(LAB, LAB.sessions[0], None, None, None, last=3).exposure(presses[2]) == 1.0
+
+
+def test_an_old_lab_is_written_as_it_was():
+    """The digest of a truth cell is of what is written."""
+    later = {"vignetting", "uneven_light", "defocus_px_per_mm", "focus_z_mm", "exposure_drift"}
+    assert not later & set(LAB.model_dump()["imaging"])
+    changed = LAB.imaging.model_copy(update={"vignetting": 0.1})
+    assert changed.model_dump()["vignetting"] == 0.1

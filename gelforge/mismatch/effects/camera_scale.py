@@ -12,7 +12,10 @@ def to_camera(study: Study, camera: Camera, amounts: Sequence[float]) -> Camera:
     """Return the camera with everything seen larger."""
     (a,) = amounts
     if camera.focal_px is not None:
-        return Camera(**(camera.model_dump() | {"focal_px": camera.focal_px * (1 + a)}))
+        grown = {"focal_px": camera.focal_px * (1 + a)}
+        if camera.focal_y_px is not None:
+            grown["focal_y_px"] = camera.focal_y_px * (1 + a)
+        return Camera(**(camera.model_dump() | grown))
     return Camera(**(camera.model_dump() | {"mm_per_px": camera.mm_per_px / (1 + a)}))
 
 

@@ -12,10 +12,10 @@ def to_camera(study: Study, camera: Camera, amounts: Sequence[float]) -> Camera:
     """Return the camera in air that sees what this one sees through the base's lower face, index n = 1 + amount above it.
 
     A point at height h over the face, Z below it the pinhole: u = f X / (Z + h / n) = (n f) X / (n Z + h), near the axis.
-    Parallel rays, as of a flat scale, are not bent.
+    Parallel rays, as of a flat scale, are not bent; a camera whose port is described has the bending in it already.
     """
     (a,) = amounts
-    if camera.focal_px is None:
+    if camera.focal_px is None or camera.port is not None:
         return camera
     x, y, z = camera.position_mm
     below = -study.sensor.height_mm - z
@@ -25,6 +25,8 @@ def to_camera(study: Study, camera: Camera, amounts: Sequence[float]) -> Camera:
             " refraction is known for a camera below it"
         )
     seen = {"focal_px": camera.focal_px * (1 + a), "position_mm": [x, y, z - a * below]}
+    if camera.focal_y_px is not None:
+        seen["focal_y_px"] = camera.focal_y_px * (1 + a)
     return Camera(**(camera.model_dump() | seen))
 
 

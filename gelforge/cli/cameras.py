@@ -1,0 +1,155 @@
+"""Commands about cameras: calibrate one with a board, find its pose from presses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+def calibrate_camera(
+    folder: Path,
+    board: tuple[int, int],
+    square_mm: float,
+    charuco: bool,
+    marker_mm: float | None,
+    dictionary: str,
+    model: str,
+    largest_rms_px: float,
+    out: Path,
+    report: Path | None,
+) -> None:
+    """Calibrate a camera, print how well, write its keys for session.yaml and a picture of what they lean on."""
+    from gelforge.files import write_text
+    from gelforge.recording.boards import Board, CalibrationError, find_boards
+    from gelforge.recording.calibration import calibrate
+
+    if charuco != (marker_mm is not None):
+        raise CalibrationError(
+            "--charuco and --marker-mm belong together: the side of the markers in a ChArUco board [mm]"
+        )
+    described = Board(*board, square_mm, marker_mm, dictionary)
+    found = calibrate(find_boards(folder, described), described, model, largest_rms_px)
+    for line in calibration_lines(found):
+        print(line)
+    write_text(out, camera_text(found))
+    print(f"written to {out}")
+    if report:
+        from gelforge.recording.calibration import without_distortion
+        from gelforge.recording.flow import read_grey
+        from gelforge.report.calibration_figure import calibration_figure
+
+        example = read_grey(folder / found.views.seen[0].name)
+        calibration_figure(found, example, without_distortion(found, example)).savefig(report, dpi=110)
+        print(f"picture    {report}")
+
+
+def calibration_lines(found) -> list[str]:
+    """Return what a calibration found, as lines: images, errors, intrinsics with their standard deviations."""
+    views, worst = found.views, int(found.view_rms_px.argmax())
+    lines = [f"board      {found.board.words}; model {found.model}"]
+    lines.append(f"images     {len(views.seen)} of {len(views.seen) + len(views.left_out)} used")
+    lines += [f"left out   {name}: {reason}" for name, reason in views.left_out.items()]
+    if views.mirrored is not None:
+        lines.append("mirrored   " + ("yes: markers are seen mirrored" if views.mirrored else "no"))
+    lines.append(
+        f"error      {found.rms_px:.3f} px rms; worst image {views.seen[worst].name}: {found.view_rms_px[worst]:.3f} px"
+    )
+    lines.append(
+        f"covered    {found.covered:.0%} of the image; boards up to {found.tilts_deg().max():.0f} deg from their mean"
+    )
+    from gelforge.config.camera import LENS
+
+    names = ["focal u", "focal v", "centre u", "centre v", *LENS[found.model]]
+    values = [found.K[0, 0], found.K[1, 1], found.K[0, 2], found.K[1, 2], *found.coefficients]
+    for name, value, sd in zip(names, values, found.intrinsics_sd):
+        lines.append(f"{name:10} {value:.6g} +- {sd:.2g}{' px' if ' ' in name else ''}")
+    lines.append(
+        f"scale      {1e3 * 10 / found.K[0, 0]:.3g} um/px at 10 mm from the pinhole, in proportion to the distance; "
+        "`gelforge camera-pose` and `gelforge check` print it at the plane of the particles"
+    )
+    return lines
+
+
+def camera_text(found) -> str:
+    """Return the calibration as YAML: the keys of session.yaml's camera, and what is to be added."""
+    keys, views = found.keys, found.views
+    lens = keys["distortion"]
+    mirrored = (
+        "true # or false: a checkerboard does not tell"
+        if views.mirrored is None
+        else str(views.mirrored).lower()
+    )
+    return f"""\
+# {found.board.words}; {len(views.seen)} images, {found.rms_px:.3f} px rms, focal length +- {found.intrinsics_sd[0]:.2g} px.
+# Paste into session.yaml. It holds for images as recorded at this size, mirrored or not, in this focus.
+camera:
+  width_px: {keys["width_px"]}
+  height_px: {keys["height_px"]}
+  focal_px: {keys["focal_px"]}
+  focal_y_px: {keys["focal_y_px"]}
+  centre_px: {keys["centre_px"]}
+  distortion: {{model: {lens["model"]}, coefficients: {lens["coefficients"]}}}
+  # The pose, from a drawing or by `gelforge camera-pose`, which writes it:
+  # position_mm: [16.0, 16.0, -46.0] # the pinhole, in the sensor frame
+  # rotation_deg: [0.0, 0.0, 0.0] # turns about x, then y, then z, from looking straight up
+  # mirrored: {mirrored}
+  # port: {{z_mm: -6.0, index: 1.41}} # where air ends and the gel begins, unless the camera is cast in
+"""
+
+
+def camera_pose(
+    session: Path, camera: Path | None, plane_z_mm: float | None, study: Path | None, out: Path | None
+) -> None:
+    """Find the camera's position and turn from a session's presses, print how well, write the completed camera."""
+    from gelforge.config import ConfigError, load_camera, load_study, write_yaml
+    from gelforge.recording.camera_pose import fit_pose, particle_plane_mm, press_centres
+    from gelforge.recording.readings import read_recording
+
+    recording = read_recording(session)
+    unposed = {"position_mm": [0.0, 0.0, -1000.0]}  # far below any port; found anew
+    known = load_camera(camera, **unposed) if camera else recording.session.camera
+    if known is None:
+        raise ConfigError(f"{session / 'session.yaml'}: no camera; describe it there or give --camera")
+    if plane_z_mm is None and study is None:
+        raise ConfigError(
+            "the height of the particles is not known; give --study with their layer, or --plane-z-mm"
+        )
+    plane = particle_plane_mm(load_study(study).sensor) if plane_z_mm is None else plane_z_mm
+    names, places, centres = press_centres(recording, known)
+    pose = fit_pose(known, names, places, centres, plane)
+    for line in pose_lines(pose, plane):
+        print(line)
+    if out:
+        write_yaml(out, {"camera": pose.camera.model_dump(mode="json")})
+        print(f"written to {out}")
+
+
+def pose_lines(pose, plane_z_mm: float) -> list[str]:
+    """Return a pose with its standard deviations as lines: what was fitted, what was held, and what that means."""
+    from gelforge.recording.camera_pose import UNITS, UNKNOWNS
+
+    camera = pose.camera
+    values = [*camera.position_mm, camera.rotation_deg[2]]
+    lines = [f"presses    {len(pose.places_mm)}, {pose.rms_px:.2f} px rms from where the camera has them"]
+    lines += [f"left out   {name}: {reason}" for name, reason in pose.left_out.items()]
+    for name, value, sd, unit in zip(UNKNOWNS, values, pose.sd, UNITS):
+        lines.append(f"{name:12} {value:.3f} +- {sd:.3f} {unit}")
+    lines.append(
+        f"held       turns about x and y ({camera.rotation_deg[0]:g}, {camera.rotation_deg[1]:g} deg), lens, port: a tilt "
+        f"of 1 deg moves the position by {pose.per_tilt_mm:.2f} mm and the residual by {pose.per_tilt_px:.2f} px only"
+    )
+    lines.append(
+        f"plane      z = {plane_z_mm:g} mm: only the distance from it shows, and that to some 5 % (docs/cameras.md); "
+        "standard deviations are of the scatter alone"
+    )
+    lines.append(scale_line("scale", camera, plane_z_mm))
+    return lines
+
+
+def scale_line(label: str, camera, plane_z_mm: float) -> str:
+    """Return the scale of a camera's image in its middle, and of which plane it is."""
+    from gelforge.recording.camera import mm_per_px_at
+
+    return (
+        f"{label:10} {mm_per_px_at(camera, plane_z_mm):.4g} mm/px in the image's middle, on the plane z = {plane_z_mm:g} mm "
+        "of the sensor frame"
+    )
