@@ -133,6 +133,9 @@ def old_scatter(keys: Mapping[str, Any]) -> str | None:
     )
 
 
+LARGEST_IMAGE_PX = 20_000  # along a side: a camera of 150 megapixels has 14 204
+
+
 class Camera(Section):
     """A camera under the gel that looks up; pixel (0, 0) is the centre of the image's top left pixel.
 
@@ -140,8 +143,8 @@ class Camera(Section):
     Either a pinhole (focal_px, position_mm is the pinhole) or a flat scale (mm_per_px, position_mm is seen at centre_px).
     """
 
-    width_px: int = Field(gt=0, description="image width [px]")
-    height_px: int = Field(gt=0, description="image height [px]")
+    width_px: int = Field(gt=0, le=LARGEST_IMAGE_PX, description="image width [px]")
+    height_px: int = Field(gt=0, le=LARGEST_IMAGE_PX, description="image height [px]")
     focal_px: Positive | None = Field(None, description="focal length of a pinhole camera [px]")
     mm_per_px: Positive | None = Field(None, description="flat scale, where intrinsics are unknown [mm/px]")
     centre_px: list[float] = Field(min_length=2, max_length=2, description="principal point u, v [px]")
