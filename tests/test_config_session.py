@@ -94,3 +94,11 @@ def test_the_session_of_a_new_study_names_both(tmp_path):
     keys = yaml.safe_load(text)
     assert {"press_scatter_mm", "session_scatter_mm"} <= set(keys["depth_zero"])
     assert "repeatability_N" in keys["force"]
+
+
+def test_an_image_larger_than_any_camera_takes_is_refused(tmp_path):
+    camera = "camera: {{width_px: {}, height_px: 96, focal_px: 80, centre_px: [64, 48], position_mm: [16, 16, -25]}}"
+    assert load_session(written(tmp_path, camera.format(14204))).camera.width_px == 14204
+    with pytest.raises(ConfigError, match=r"camera\.width_px.*128000.*20000") as refused:
+        load_session(written(tmp_path, camera.format(128000)))
+    assert "\n" not in str(refused.value)

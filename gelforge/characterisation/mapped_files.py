@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,6 +28,7 @@ from gelforge.characterisation.mapped_columns import (
 )
 from gelforge.characterisation.mapped_contacts import check_modulus, force_pair, indentation_test
 from gelforge.characterisation.odd_rows import check_rows
+from gelforge.config.common import ConfigError
 from gelforge.config.mapping import (
     Column,
     Corrections,
@@ -49,7 +51,9 @@ def read_mapped_folder(folder: str | Path, mapping: Mapping) -> list[Read]:
     Their `source` is the path below the folder.
     """
     folder = Path(folder)
-    paths = sorted(path for path in folder.rglob("*") if not path.is_dir() and not path.name.startswith("."))
+    everything = sorted(path for path in folder.rglob("*") if not path.name.startswith("."))
+    paths = [path for path in everything if not path.is_dir()]
+    _check_folders(folder, mapping, [path for path in everything if path.is_dir()], paths)
     entries = [(path, path.relative_to(folder).as_posix()) for path in paths]
     entries = [(path, name, mapping.entry_for(name)) for path, name in entries]
     tests = [
@@ -61,6 +65,21 @@ def read_mapped_folder(folder: str | Path, mapping: Mapping) -> list[Read]:
     if not tests:
         raise TableError(f"{folder}: no file of a mechanical test; the mapping is for {mapping.describes}")
     return tests
+
+
+def _check_folders(folder: Path, mapping: Mapping, folders: Sequence[Path], files: Sequence[Path]) -> None:
+    """Refuse an empty folder that has the name of a file of a test, ending included: a copy that went wrong."""
+    for path in folders:
+        if not path.suffix or any(path in file.parents for file in files):
+            continue
+        try:
+            entry = mapping.entry_for(path.relative_to(folder).as_posix())
+        except ConfigError:  # no name of a test: what a folder may have
+            continue
+        if entry and any(pattern.endswith(path.suffix) for pattern in entry.files):
+            raise TableError(
+                f"{path}: an empty folder where a file of a test is expected; put the file there, or remove it"
+            )
 
 
 def read_mapped(path: str | Path, entry: TestMapping) -> list[Read]:

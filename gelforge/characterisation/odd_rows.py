@@ -23,6 +23,10 @@ START_STRAIN = 0.1  # of the largest strain: rows nearer to rest than this
 START_STRESS = (
     0.5  # of the largest stress: an elastomer bears a fifth of it there, a column that was swapped any
 )
+REST_STRESS = 0.2  # of the largest stress, the least that matters of what rest itself seems to bear
+REST_SHARE = (
+    0.7  # of the stress near rest, by a straight line to rest: any power of the strain above 0.2 has less
+)
 
 
 def check_rows(
@@ -56,6 +60,20 @@ def check_rows(
             f" strain; {START_STRESS:.0%} at most are expected: check the columns, subtract the force at rest"
             f" (`zero_force`), {remedy}"
         )
+    unstrained = _stress_at_rest(strain[near], stress[near])
+    if unstrained > max(REST_STRESS * stress.max(), REST_SHARE * np.median(stress[near])):
+        raise TableError(
+            f"{path}: the rows before a tenth of the strain lead to {unstrained / stress.max():.0%} of the largest stress at"
+            f" {test.abscissa} {test.at_rest:g}; {REST_STRESS:.0%} at most are expected: check the columns, subtract the"
+            f" force at rest (`zero_force`), {remedy}"
+        )
+
+
+def _stress_at_rest(strain: np.ndarray, stress: np.ndarray) -> float:
+    """Return where a straight line through rows (n,) meets no strain; 0 where they are too few or at one strain."""
+    if len(strain) < 3 or np.ptp(strain) == 0:
+        return 0.0
+    return float(np.polyfit(strain, stress, 1)[1])
 
 
 def single_row(stretch: np.ndarray, stress: np.ndarray) -> int | None:

@@ -11,6 +11,9 @@ from gelforge.config.common import NonNegative, Positive, Section
 LENS = {"pinhole": ("k1", "k2", "p1", "p2", "k3"), "fisheye": ("k1", "k2", "k3", "k4")}
 
 
+LARGEST_IMAGE_PX = 20_000  # along a side: a camera of 150 megapixels has 14 204
+
+
 class Distortion(Section):
     """A lens as OpenCV describes it, in the pixels of the images as recorded, mirrored or not."""
 
@@ -48,8 +51,8 @@ class Camera(Section):
     Focal lengths, centre_px and distortion belong to the images as recorded: what a calibration with such images finds.
     """
 
-    width_px: int = Field(gt=0, description="image width [px]")
-    height_px: int = Field(gt=0, description="image height [px]")
+    width_px: int = Field(gt=0, le=LARGEST_IMAGE_PX, description="image width [px]")
+    height_px: int = Field(gt=0, le=LARGEST_IMAGE_PX, description="image height [px]")
     focal_px: Positive | None = Field(
         None,
         description="focal length of a pinhole camera, along u; along v too unless focal_y_px differs [px]",

@@ -313,3 +313,16 @@ def test_what_is_odd_about_a_press_is_in_the_notes(read, tmp_path):
     result = characterise_source(material, Fitting(), tmp_path / "out", law_needed=False)
     notes = (tmp_path / "out" / "notes.txt").read_text()
     assert "soft: the contact point is not in the file" in notes and "no time column" in result.summary
+
+
+def test_an_empty_folder_in_the_place_of_a_test_is_refused(read, tmp_path):
+    read(PLAIN)
+    mapping = load_mapping(tmp_path / "mapping.yaml").model_copy(update={"ignore": ["*.yaml"]})
+    (tmp_path / "of_may.2026").mkdir()  # no name of a test
+    (tmp_path / "b.csv").mkdir()
+    with pytest.raises(
+        TableError, match=r"b\.csv: an empty folder where a file of a test is expected; put the file"
+    ):
+        read_mapped_folder(tmp_path, mapping)
+    (tmp_path / "a.csv").rename(tmp_path / "b.csv" / "a.csv")  # as some programs unpack: the file is inside
+    assert [test.source for test in read_mapped_folder(tmp_path, mapping)] == ["b.csv/a.csv"]

@@ -58,6 +58,25 @@ def test_a_start_under_load_is_refused_unless_the_force_is_zeroed():
     checked(soft)
 
 
+def test_rest_that_bears_stress_is_refused_and_a_stiff_start_is_not():
+    """Of an inflation whose time stands as pressure, 32 % of the largest stress are there before a tenth of the strain."""
+    lam = np.linspace(1.0, 1.8, 60)[1:]
+    time = MaterialTest(
+        "equibiaxial", "a", lam, lam * lam, segments=(Segment("load", 0, 59, 1),), source="a.csv"
+    )
+    with pytest.raises(
+        TableError, match=r"lead to 3\d% of the largest stress at stretch 1; 20% at most .*or keep it"
+    ):
+        checked(time)
+    checked(time, zeroed=True)
+    stiff = (
+        G * (lam - 1) ** 0.25
+    )  # a filled rubber, softer as it is pulled: 47 % before a tenth of the strain
+    checked(MaterialTest("uniaxial", "a", lam, stiff, segments=(Segment("load", 0, 59, 1),), source="a.csv"))
+    untared = MaterialTest(**{**vars(curve(noise=0.001)), "nominal_stress": G * (LAM - LAM**-2 + 0.15)})
+    checked(untared)  # a load cell's zero of 9 %: a matter of `zero_force`, not of the columns
+
+
 def test_copies_are_refused_and_like_samples_are_not():
     one, two = curve(), curve(seed=1)
     check_copies("gel", [one, two])

@@ -80,6 +80,10 @@ HONEST = {
     "sideways force": {"lateral": 0.8},
     "fast stage": {"speed": 5.0, "log_s": 0.005},
     "slow stage": {"speed": 0.2, "log_s": 0.01},
+    "many readings of a gel that sticks, peaks and recovers": {
+        **{"relaxes": 0.8, "relaxes_s": 0.1, "pull_off_N": 0.1, "lateral": 0.8, "unload_share": 0.4},
+        **{"unload_rows": (0.9, 0.7, 0.5, 0.3, 0.1), "dwells": (0.2, 0.4, 0.8, 1.6)},
+    },
     "no reading on the way up": {"unload_rows": ()},
 }
 
@@ -254,7 +258,42 @@ def touches_early(table, rng):
     return table
 
 
+def lost_digits(phase, name="fz_N", which=-1):
+    """Return an edit: one reading of p004 is a thousandth of what it was before the force's zero is subtracted."""
+
+    def edit(table, rng):
+        table = table.copy()
+        row = table.index[(table["press"] == "p004") & (table["phase"] == phase)][which]
+        table.loc[row, name] /= 1000
+        return table
+
+    return edit
+
+
 EXCLUDED = {
+    "lost digits on the way up": (
+        {"offset_N": (0.02, -0.01, 0.3), "acts_on": "sensor", "fault": {"table": lost_digits("unload")}},
+        {"p004"},
+        r"p004 .*force is -0\.3\d* N \(fz\) in phase unload at 0\.\d+ mm, outside the .* and 0 N before and after it",
+    ),
+    "lost digits in the wait": (
+        {
+            "offset_N": (0.02, -0.01, 0.3),
+            "acts_on": "sensor",
+            "fault": {"table": lost_digits("dwell", which=1)},
+        },
+        {"p004"},
+        r"force is -0\.3\d* N \(fz\) in phase dwell",
+    ),
+    "lost digits sideways, below heavy tails, alone in the session": (
+        {
+            "offset_N": (0.02, -0.027, 0.3),
+            "stiffness": 0.05,
+            "fault": {"table": lost_digits("dwell", "fy_N", 1)},
+        },
+        {"p004"},
+        r"force is -?0\.02\d* N \(fy\) in phase dwell",
+    ),
     "gap": (
         {"log_s": 0.005, "fault": {"log": lambda log, rng: without(log, 1.5, 6)}},
         {"p000"},

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.recording.plausibility.findings import Finding, mostly
-from gelforge.recording.plausibility.indentations import force_over_depth
+from gelforge.recording.plausibility.indentations import force_over_depth, isolated_floors
 from gelforge.recording.plausibility.streams import FORCE
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ AXES = np.array(["fx", "fy", "fz"])
 TARED_FLOORS = 5.0  # a mean of zero rows this far from zero is no noise
 TARED_SHARE = 0.01  # of the session's largest force: less does not decide how large a force is
 TARED_INDENTATIONS = 0.1  # of a session: fewer are single failures
-STEP_FLOORS = 15.0  # heavy tails reach 8 standard deviations once in 10000 readings, not 15
 STEP_SHARE = 0.2  # of the force at depth: what touches earlier is adhesion or the scatter of depth zero
 CLEAR_MM = (
     0.1  # above the surface by more than this, or four standard deviations of depth zero, nothing touches
@@ -85,7 +84,8 @@ def steps_before_touch(data: SessionData) -> list[Finding]:
     spread = by_press.max() - by_press.min()
     largest = data.indentations["push_N"].reindex(spread.index)
     largest = largest.fillna(0.0).to_numpy()[:, None]
-    limit = np.maximum(STEP_FLOORS * data.floor_N, STEP_SHARE * largest)
+    floors = isolated_floors(spread.to_numpy() / data.floor_N)
+    limit = np.maximum(floors * data.floor_N, STEP_SHARE * largest)
     found = []
     for k in np.flatnonzero((spread.to_numpy() > limit).any(axis=1)):
         press, axis = str(spread.index[k]), int((spread.to_numpy()[k] / limit[k]).argmax())

@@ -17,6 +17,7 @@ EXPONENTS = (
     0.8,
     2.5,
 )  # of force over depth: a flat punch has 1, a ball on a thick gel 1.5, on a thin one 2 and more
+STEP_FLOORS, LEAST_FLOORS, ISOLATED = 15.0, 8.0, 3.0  # see isolated_floors
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,17 @@ def floor_N(readings: pd.DataFrame, resolution_N, repeatability_N) -> np.ndarray
     stated = 0.0 if repeatability_N is None else np.asarray(repeatability_N, float)
     scatter = np.maximum(scatter_N(readings, FORCE), stated)
     return np.hypot(np.asarray(resolution_N, float), scatter)
+
+
+def isolated_floors(sizes: np.ndarray) -> np.ndarray:
+    """Return by axis (3,) how many floors what stands alone must exceed, from how far all of a session (n, 3) lie off.
+
+    Heavy tails reach 8 standard deviations once in 10000 readings, not 15. What lies ISOLATED times farther off than
+    anything else in the session is none of its tails: of tails that fall with the fifth power one in 240.
+    """
+    if len(sizes) < 2:
+        return np.full(3, STEP_FLOORS)
+    return np.clip(ISOLATED * np.sort(sizes, axis=0)[-2], LEAST_FLOORS, STEP_FLOORS)
 
 
 def force_over_depth(indentations: pd.DataFrame, least_N: float) -> ForceOverDepth | None:

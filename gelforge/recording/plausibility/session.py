@@ -13,7 +13,7 @@ import pandas as pd
 from gelforge.config import Session
 from gelforge.indentation.plan import PlannedCell
 from gelforge.recording.checks import RecordingError
-from gelforge.recording.plausibility import forces, positions, timing
+from gelforge.recording.plausibility import forces, positions, spikes, timing
 from gelforge.recording.plausibility.findings import Finding, Findings, collect
 from gelforge.recording.plausibility.image_series import ImageSeries, image_series
 from gelforge.recording.plausibility.images import IMAGE_TESTS
@@ -67,6 +67,7 @@ TESTS: dict[str, Test] = {
     "force_repeats": forces.force_repeats,
     "force_answers": forces.force_answers,
     "force_grows": forces.force_grows,
+    "force_spikes": spikes.force_spikes,
     **{name: lambda data, test=test: test(data.images) for name, test in IMAGE_TESTS.items()},
     "planned_count": positions.planned_count,
 }
