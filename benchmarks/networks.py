@@ -57,9 +57,16 @@ def judged(study: Study, shards: list[Path], folder: Path) -> dict[str, float]:
     return row | {"training CPU [s]": seconds}
 
 
-def training_mean(shards: list[Path], folder: Path) -> pd.Series:
-    """Return the errors of the mean label, of the last predictions."""
-    return baselines_table(Predictions(folder / "predictions.h5")).set_index("predictor").loc["training mean"]
+def baselines(folder: Path) -> pd.DataFrame:
+    """Return the baselines' figures (figure, predictor), of the predictions in a folder."""
+    table = baselines_table(Predictions(folder / "predictions.h5")).set_index("predictor")
+    found = table.drop(index=["network", "zero"])
+    rows = {f"RMSES {axis} [mN]": 1e3 * found[f"RMSES_{axis}_N"] for axis in "xyz"}
+    rows["total Fz [mN]"] = 1e3 * found["total_Fz_rms_N"]
+    rows["CoP median [mm]"] = found["centre_of_pressure_median_mm"]
+    rows["CoP p95 [mm]"] = found["centre_of_pressure_p95_mm"]
+    rows["untouched Fz [mN]"] = 1e3 * found["untouched_Fz_rms_N"]
+    return pd.DataFrame(rows).T
 
 
 def main() -> None:
@@ -72,7 +79,7 @@ def main() -> None:
     arguments = parser.parse_args()
     study = load_study(arguments.results / "study.yaml")
     shards = sorted((arguments.results / "dataset").glob("shard-*.h5"))
-    table = {}
+    table, beside = {}, []
     for name in arguments.networks:
         rows = []
         for seed in arguments.seeds:
@@ -82,16 +89,15 @@ def main() -> None:
             changed = study.model_copy(update={"learning": learning, "seed": seed})
             with tempfile.TemporaryDirectory() as folder:
                 rows.append(judged(changed, shards, Path(folder)))
-                mean = training_mean(shards, Path(folder))
+                beside.append(baselines(Path(folder)))
             print(
                 f"{name}, seed {seed}: {', '.join(f'{k} {v:.3g}' for k, v in rows[-1].items())}", flush=True
             )
         table[name] = pd.DataFrame(rows).median()
     print()
     print(pd.DataFrame(table).to_markdown(floatfmt=".3g"))
-    print(
-        f"\ntraining mean: RMSES z {1e3 * mean['RMSES_z_N']:.3g} mN, CoP {mean['centre_of_pressure_median_mm']:.3g} mm"
-    )
+    print("\nbaselines, medians over the same runs:\n")
+    print(pd.concat(beside).groupby(level=0, sort=False).median().to_markdown(floatfmt=".3g"))
 
 
 if __name__ == "__main__":
