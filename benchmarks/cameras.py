@@ -144,6 +144,13 @@ def flow_of(pictures: list[np.ndarray], rng: np.random.Generator) -> np.ndarray:
     return flow.reshape(16, 22, 16, 22, 2).mean(axis=(1, 3))
 
 
+def centroid(flow: np.ndarray) -> np.ndarray:
+    """Return the centroid (2,) [px] of a flow's squared length, what the fit starts near."""
+    weight = (flow.astype(float) ** 2).sum(axis=-1)
+    v, u = np.mgrid[: flow.shape[0], : flow.shape[1]]
+    return np.array([(weight * u).sum(), (weight * v).sum()]) / weight.sum()
+
+
 def from_presses() -> None:
     X, imaging, rng = particles(), VirtualImaging(), np.random.default_rng(0)
     nine = np.array([[x, y] for x in (8, 16, 24) for y in (9, 16, 23.0)])
@@ -161,7 +168,11 @@ def from_presses() -> None:
         up = image_axes(camera)[:, 2]
         e = np.array(camera.centre_px) + camera.focal_px * up[:2] / up[2]
         pictures = (expose(draw(camera, imaging, moved(X, p, 1.0), 0.3), imaging, rng) for p in nine)
-        centres = np.array([centre_of_expansion(search(picture), e) for picture in pictures])
+        flows = [search(picture) for picture in pictures]
+        centres = np.array([centre_of_expansion(flow, e) for flow in flows])
+        true = project(camera, np.column_stack([nine, np.full(len(nine), Z)]))[0]
+        centroids = np.array([centroid(flow) for flow in flows])
+        print(f"{name}: centres {rms(centres - true):.1f} px rms off, centroids {rms(centroids - true):.1f}")
         unposed = {"position_mm": [0, 0, -1000], "rotation_deg": [*camera.rotation_deg[:2], 0.0]}
         for places in (list(range(9)), [0, 2, 6, 8]):
             pose = fit_pose(
@@ -171,7 +182,8 @@ def from_presses() -> None:
             print(
                 f"pose, {name}, {len(places)} presses: {np.hypot(*off[:2]):.3f} mm aside, {off[2]:+.2f} mm high, "
                 f"{pose.camera.rotation_deg[2] - camera.rotation_deg[2]:+.2f} deg; told {pose.sd[0]:.3f}, {pose.sd[2]:.2f} "
-                f"mm, {pose.sd[3]:.2f} deg; {pose.rms_px:.2f} px rms; a tilt of 1 deg: {pose.per_tilt_mm:.2f} mm"
+                f"mm, {pose.sd[3]:.2f} deg; {pose.rms_px:.2f} px rms; a tilt of 1 deg: "
+                f"{pose.per_tilt_mm:.2f} mm, {pose.per_tilt_px:.2f} px"
             )
 
 
