@@ -91,7 +91,10 @@ def missing_files(study: Study) -> list[str]:
 def check_data(study: Study, cells: dict, missing: list[str]) -> None:
     """Read every material and session that is complete; the first thing that is wrong is raised by its reader."""
     from gelforge.characterisation.material_source import source_of
+    from gelforge.recording.camera import CameraError
+    from gelforge.recording.flow import ImageError
     from gelforge.recording.readings import read_recording
+    from gelforge.recording.remap import picture_of
 
     for name, material in study.materials.items():
         if material.tests and not any(path.startswith(material.tests.as_posix() + "/") for path in missing):
@@ -111,7 +114,13 @@ def check_data(study: Study, cells: dict, missing: list[str]) -> None:
         )
         print_findings(recording)
         if recording.session.camera:
-            print_scale(study, name, recording.session)
+            try:
+                picture_of(
+                    recording.session
+                )  # refuses a remap that shows too little, before anything is solved
+                print_scale(study, name, recording.session)
+            except (ImageError, CameraError) as error:
+                raise ConfigError(f"{folder / 'session.yaml'}: {error}") from None
 
 
 def print_scale(study: Study, name: str, session: Session) -> None:

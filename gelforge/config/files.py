@@ -163,6 +163,8 @@ def load_camera(path: str | Path, **completed: Any) -> Camera:
     """
     content = _read_yaml(Path(path))
     nested = isinstance(content.get("camera"), dict)
+    if not nested and ("camera" in content or "session" in content):
+        raise ConfigError(f"{path}: the session describes no camera; give the YAML of a calibration")
     keys = content["camera"] if nested else content
     source = f"{path}: camera" if nested else str(path)
     if "position_mm" not in keys and "position_mm" not in completed:

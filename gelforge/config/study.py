@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_serializer, model_validator
 
+from gelforge.config.camera import without_null
 from gelforge.config.common import Name, Section
 from gelforge.config.learning import Dataset, Features, Learning
 from gelforge.config.materials import Material
@@ -106,6 +107,11 @@ class Study(Section):
             raise ValueError("synthesis draws particles in hexahedra of a block; leave synthesis out")
         if self.plan.approach == "normal" and self.mechanics.contact_normals == "initial":
             raise ValueError("contact_normals: initial is for a vertical approach; use current")
+
+    @model_serializer(mode="wrap")
+    def _as_written(self, write) -> dict[str, Any]:
+        """Return the keys; a later one only where it holds something, so that digests of older studies stay."""
+        return without_null(write(self), ("synthesis",))
 
     @property
     def has_symmetry_of_square(self) -> bool:

@@ -16,7 +16,7 @@ from gelforge.indentation.cell_file import Cell
 from gelforge.indentation.companion import simulate_label
 from gelforge.recording.features import FlowFeatures
 from gelforge.virtual_lab.drawn_indentations import DrawnIndentation, draw_indentation
-from gelforge.virtual_lab.imaging import draw, expose
+from gelforge.virtual_lab.imaging import draw, expose, focused
 from gelforge.virtual_lab.particles import interpolation, place_particles
 
 SESSION = "simulated"
@@ -105,6 +105,7 @@ def _features(study: Study, drawn: DrawnIndentation, cell: Cell, series: int) ->
     )
     weights = interpolation(cell.arrays["gel_node_mm"], cell.arrays["gel_hex"], particles)
     camera, imaging = _view(study, rng)
+    imaging = focused(imaging, particles)
     diameter = synthesis.particles.diameter_mm
 
     def seen(moved: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from gelforge.config.camera import LARGEST_IMAGE_PX
 from gelforge.recording.flow import ImageError, read_grey
 from gelforge.recording.frames import SUFFIXES
 
@@ -30,7 +31,7 @@ class Board:
     dictionary: str = "DICT_4X4_50"
 
     def __post_init__(self) -> None:
-        if min(self.columns, self.rows) < 3 or self.square_mm <= 0:
+        if min(self.columns, self.rows) < 3 or not 0 < self.square_mm < np.inf:
             raise CalibrationError(
                 f"board {self.columns}x{self.rows} of {self.square_mm:g} mm; give at least 3x3 and a length above 0"
             )
@@ -38,7 +39,9 @@ class Board:
             raise CalibrationError(
                 f"markers of {self.marker_mm:g} mm in squares of {self.square_mm:g} mm; a marker is smaller than its square"
             )
-        if self.marker_mm is not None and not hasattr(cv2.aruco, self.dictionary):
+        if self.marker_mm is not None and not (
+            self.dictionary.startswith("DICT_") and hasattr(cv2.aruco, self.dictionary)
+        ):
             raise CalibrationError(
                 f"no dictionary {self.dictionary}; OpenCV has e.g. DICT_4X4_50, DICT_5X5_100"
             )
@@ -100,6 +103,10 @@ def find_boards(folder: str | Path, board: Board) -> Views:
             views.left_out[path.name] = broken
             continue
         size = (image.shape[1], image.shape[0])
+        if max(size) > LARGEST_IMAGE_PX:
+            raise CalibrationError(
+                f"{path}: {size[0]} x {size[1]} px, limit {LARGEST_IMAGE_PX} px along a side; is it a camera's image?"
+            )
         views = views or Views(size)
         if views.size == (0, 0):
             views.size, first = size, path.name
@@ -154,4 +161,7 @@ def _corners(image: np.ndarray, board: Board) -> tuple[str | tuple[np.ndarray, n
     pixels = np.asarray(pixels, np.float64).reshape(-1, 2)
     if flipped:
         pixels = pixels * [-1, 1] + [image.shape[1] - 1, 0]
-    return (points[np.asarray(numbers).ravel()], pixels), flipped
+    seen = points[np.asarray(numbers).ravel()]
+    if np.linalg.svd(seen - seen.mean(axis=0), compute_uv=False)[1] < board.square_mm / 2:
+        return f"the {len(seen)} corners of the ChArUco board that are seen lie on a line", flipped
+    return (seen, pixels), flipped

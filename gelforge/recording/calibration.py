@@ -126,8 +126,12 @@ def _check(found: Calibration, rms_px: float) -> None:
             "tilt the board by 20 to 40 degrees in all directions"
         )
     width, height = found.views.size
-    u, v = np.linspace(0, width - 1, 21), np.linspace(0, height - 1, 21)
-    border = [(a, b) for a in u for b in (0, height - 1)] + [(a, b) for a in (0, width - 1) for b in v]
+    (left, right), (top, bottom) = (
+        (-0.5, width - 0.5),
+        (-0.5, height - 0.5),
+    )  # borders of the outermost pixels
+    u, v = np.linspace(left, right, 21), np.linspace(top, bottom, 21)
+    border = [(a, b) for a in u for b in (top, bottom)] + [(a, b) for a in (left, right) for b in v]
     try:
         unproject(found.camera, border, 1.0)
     except CameraError as error:

@@ -67,7 +67,14 @@ def unproject(camera: Camera, pixels: ArrayLike, z_mm: float) -> np.ndarray:
             seen = undistort(camera.distortion, seen)
         ray = seen @ axes[:2] + axes[2]
     if camera.port is None:
-        return start + ((z_mm - start[..., 2]) / ray[..., 2])[..., None] * ray
+        with np.errstate(divide="ignore", invalid="ignore"):
+            reach = (z_mm - start[..., 2]) / ray[..., 2]
+        if camera.mm_per_px is None and not (np.isfinite(reach) & (reach > 0)).all():
+            raise CameraError(
+                f"the plane z = {z_mm:g} mm lies behind the camera at {camera.position_mm} mm, or along what it sees "
+                f"(rotation_deg {camera.rotation_deg}); z is 0 at the top surface and negative below: correct its pose"
+            )
+        return start + reach[..., None] * ray
     if ray[..., 2].min(initial=1.0) <= 0:
         raise CameraError(
             f"a pixel looks down or along the port (rotation_deg {camera.rotation_deg}); correct the camera's pose"

@@ -68,7 +68,13 @@ def press_centres(recording: Recording, camera: Camera) -> tuple[list[str], np.n
         rows = rows.iloc[np.linspace(0, len(rows) - 1, MOST_PRESSES).round().astype(int)]
     if rows.empty:
         return [], np.empty((0, 2)), np.empty((0, 2))
-    search = Flow(read_grey(reference_path(recording.folder)), PRESET)
+    reference = read_grey(reference_path(recording.folder))
+    if reference.shape != (camera.height_px, camera.width_px):
+        raise CameraError(
+            f"{reference_path(recording.folder)}: {reference.shape[1]} x {reference.shape[0]} px, but the camera has "
+            f"{camera.width_px} x {camera.height_px} px; calibrate with images of the session's size"
+        )
+    search = Flow(reference, PRESET)
     axes = image_axes(camera)
     e = None
     if camera.focal_px is not None:

@@ -12,7 +12,7 @@ from gelforge.config import Camera, Sensor, Session, Study
 from gelforge.indentation.indenter_shapes import shape_of
 from gelforge.indentation.plan import PlannedCell
 from gelforge.mechanics.indenters import DOWN
-from gelforge.recording.camera import unproject
+from gelforge.recording.camera import CameraError, unproject
 from gelforge.report.silhouette import draw_indenter
 from gelforge.report.style import (
     INK,
@@ -39,11 +39,19 @@ def camera_footprint(camera: Camera, crop_px: list[int] | None = None, z_mm: flo
     return unproject(camera, corners, z_mm)[:, :2]
 
 
+def _sees_a_frame(camera: Camera | None, crop: list[int] | None) -> bool:
+    """Return whether the image's corners show the surface: a wide lens may show no ray there, and no frame is drawn."""
+    try:
+        return camera is not None and bool(len(camera_footprint(camera, crop)))
+    except CameraError:
+        return False
+
+
 @styled
 def sensor_figure(study: Study, cells: dict[str, PlannedCell], session: Session | None = None) -> Figure:
     """Return the sensor from above (positions, bins, camera view, frame) beside its section with the ball."""
-    camera = session.camera if session else None
     crop = session.crop_px if session else None
+    camera = session.camera if session and _sees_a_frame(session.camera, crop) else None
     figure, axes = new_figure(10.4, 5.7, nrows=1, ncols=2, width_ratios=[1, 1])
     _draw_above(axes[0, 0], study, cells, camera, crop)
     _draw_side(axes[0, 1], study, cells, camera, crop)

@@ -44,6 +44,13 @@ def draw(camera: Camera, imaging: VirtualImaging, centres: np.ndarray, diameter_
     return image
 
 
+def focused(imaging: VirtualImaging, particles: np.ndarray) -> VirtualImaging:
+    """Return the settings with the lens set to the mean height of the undeformed particles (P, 3), unless it is given."""
+    if imaging.focus_z_mm is not None or not imaging.defocus_px_per_mm:
+        return imaging
+    return imaging.model_copy(update={"focus_z_mm": float(particles[:, 2].mean())})
+
+
 def light(shape: tuple[int, int], imaging: VirtualImaging) -> np.ndarray:
     """Return the light (H, W) float32 over that in the image's middle: lost to the corners, tilted from left to right."""
     v, u = np.meshgrid(*(np.linspace(-1, 1, n) for n in shape), indexing="ij")

@@ -30,7 +30,7 @@ from gelforge.indentation.cell_file import read_cell
 from gelforge.indentation.plan import PlannedCell
 from gelforge.recording.images import reference_path
 from gelforge.recording.readings import FORCE
-from gelforge.virtual_lab.imaging import draw, expose
+from gelforge.virtual_lab.imaging import draw, expose, focused
 from gelforge.virtual_lab.particles import Motion, VirtualLabError, place_particles, serial_seed, true_motion
 
 TRUTH = ["depth_mm", "total_force_N", "gel_node_mm", "gel_hex", "gel_displacement_mm"]
@@ -228,6 +228,7 @@ def read_force(on_sensor: np.ndarray, bench: Bench, rng: np.random.Generator) ->
 
 def _bench(lab: VirtualLab, lab_session: VirtualSession, study: Study) -> Bench:
     particles = place_particles(lab.particles, study.sensor, lab.serial)
+    lab = lab.model_copy(update={"imaging": focused(lab.imaging, particles)})
     untouched = draw(lab.camera, lab.imaging, particles, lab.particles.diameter_mm)
     offset = np.random.default_rng([lab_session.seed, 1]).normal(0, lab.force.offset_N)
     return Bench(lab, lab_session, particles, untouched, offset)

@@ -185,3 +185,12 @@ def test_an_old_description_is_written_as_it_was():
     assert set(Camera(**PINHOLE).model_dump()) == {
         *PINHOLE, "mm_per_px", "rotation_deg", "mirrored"
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("wrong", [{"position_mm": [16.0, 16.0, 46.0]}, {"rotation_deg": [180.0, 0.0, 0.0]}])
+def test_a_plane_behind_the_camera_is_refused(wrong):
+    """Through the pinhole the picture would be turned about, and nothing would tell."""
+    seen = {"width_px": 200, "height_px": 200, "focal_px": 400.0, "centre_px": [99.5, 99.5]}
+    camera = Camera.model_validate(seen | {"position_mm": [16.0, 16.0, -46.0]} | wrong)
+    with pytest.raises(CameraError, match="behind the camera"):
+        unproject(camera, [[0.0, 0.0], [199.0, 199.0]], -2.0)

@@ -129,3 +129,9 @@ def test_exposure_scales_the_light_and_not_the_noise():
     flat = np.full((400, 400), 100, np.float32)
     dim = expose(flat, VirtualImaging(), np.random.default_rng(0), 0.8)
     assert_allclose([dim.mean(), dim.std()], [80, np.sqrt(4 + 1 / 12)], rtol=0.01)
+
+
+def test_a_lens_focused_on_the_top_stays_so_when_written():
+    imaging = VirtualImaging(focus_z_mm=0.0, defocus_px_per_mm=0.3)
+    assert VirtualImaging(**imaging.model_dump(mode="json")) == imaging
+    assert "focus_z_mm" not in VirtualImaging().model_dump(mode="json")

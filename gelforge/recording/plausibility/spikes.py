@@ -75,7 +75,7 @@ def _beyond(rows: pd.DataFrame, floor_N: np.ndarray) -> tuple[np.ndarray, np.nda
 
     into, out = np.diff(depth)[:-1], np.diff(depth)[1:]
     peak = (into > POSITION_MATCH_MM) & (out <= POSITION_MATCH_MM)
-    dip = (into < -POSITION_MATCH_MM) & (out > POSITION_MATCH_MM)
+    dip = (into < -POSITION_MATCH_MM) & (out >= -POSITION_MATCH_MM)
     asked = np.isin(phase, ["load", "dwell", "unload"]) & ~peak & ~dip
     return np.where(asked[:, None], beyond, 0.0), share
 
