@@ -50,4 +50,5 @@ rule all:
         session_label_files(CELLS),
         f"{RESULTS}/dataset/manifest.json",
         *table_files(),
+        f"{RESULTS}/model/model.pt" if ONLY_SIMULATED else [],
         f"{RESULTS}/report.html",

@@ -28,7 +28,7 @@ from gelforge.characterisation.law_file import read_law  # noqa: E402
 from gelforge.config import Study, load_study  # noqa: E402
 from gelforge.dataset.shard import ShardDataset, shard_attributes  # noqa: E402
 from gelforge.dataset.simulated import synthesise  # noqa: E402
-from gelforge.learning.adaptation import Presses, adapt, measured_presses  # noqa: E402
+from gelforge.learning.adaptation import Presses, adapt, measured_presses, press_names  # noqa: E402
 from gelforge.learning.data import FEATURE, LABEL  # noqa: E402
 from gelforge.learning.model_file import Model, load_model  # noqa: E402
 from gelforge.learning.reliability import centre_of_pressure  # noqa: E402
@@ -185,7 +185,8 @@ def main() -> None:
     others = other_study(study, arguments.others)
     other = Rows(other_rows(others, stiffer(laws, study), Path("results/transfer")))
     tested = Rows(shards, "test")
-    readings = measured_presses(ShardDataset(shards, "test"))
+    rows = ShardDataset(shards, "test")
+    readings = measured_presses(rows, press_names(rows))
     bins = study.sensor.bins
     grid = bins.nx, bins.ny, np.array([study.sensor.width_x_mm, study.sensor.width_y_mm])
     on_rows: dict[str, list] = {"trained on recordings": [], "trained in simulation": []}

@@ -257,22 +257,33 @@ def evaluate(study: Path, model: Path, out: Path) -> None:
 def adapt(study: Path, model: Path, presses: int, seed: int, out: Path) -> None:
     """Fit a model's gains to a few recorded presses of another sensor; print its errors on test rows before and after."""
     from gelforge.dataset.shard import ShardDataset
-    from gelforge.learning.adaptation import adapt, drawn_presses, errors_table, measured_presses
+    from gelforge.learning import adaptation
     from gelforge.learning.model_file import load_model, save_model
+    from gelforge.learning.predictions import views_of
 
-    shards = shard_paths(load_study(study))
+    described = load_study(study)
+    shards = shard_paths(described)
     before = load_model(model)
-    drawn = drawn_presses(measured_presses(ShardDataset(shards, "train")), presses, seed)
-    after, found = adapt(before, drawn)
+    adaptation.check_same_images(before, described.features.regions, views_of(shards))
+    learnt, tested = (ShardDataset(shards, split) for split in ("train", "test"))
+    names = adaptation.press_names(learnt)
+    drawn = adaptation.measured_presses(learnt, names, adaptation.drawn_presses(names, presses, seed))
+    after, found = adaptation.adapt(before, drawn)
     save_model(out, after)
     gains = ", ".join(f"{axis} {value:.3f}" for axis, value in zip("xyz", found.gain))
-    print(f"{presses} presses: {found.form}, gains {gains}; intervals of totals times {found.widened:.2f}")
+    print(
+        f"{presses} presses: {found.form}, gains {gains}; intervals of totals times "
+        f"{', '.join(f'{value:.2f}' for value in found.widened)}"
+    )
     for form, error in found.left_out_N.items():
         print(f"  {form}: {1e3 * error:.1f} mN on presses left out")
-    tested = measured_presses(ShardDataset(shards, "test"))
-    print(f"\nTotal force against the force sensor on {len(tested.press)} rows of held-out sites:\n")
-    table = errors_table({"as trained": before, "adapted": after}, tested)
-    print(table.to_markdown(index=False, floatfmt=".4f"))
+    held_out = adaptation.measured_presses(tested, adaptation.press_names(tested))
+    if len(held_out.press):
+        print(f"\nTotal force against the force sensor on {len(held_out.press)} rows of held-out sites:\n")
+        table = adaptation.errors_table({"as trained": before, "adapted": after}, held_out)
+        print(table.to_markdown(index=False, floatfmt=".4f"))
+    else:
+        print("\nno held-out row with a measured force: errors before and after are not known")
     print(f"\nwritten to {out}")
 
 

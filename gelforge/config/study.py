@@ -105,6 +105,8 @@ class Study(Section):
             raise ValueError("the virtual lab draws particles in hexahedra of a block; leave virtual_lab out")
         if self.synthesis and (kind != "block" or elements == "tetrahedra"):
             raise ValueError("synthesis draws particles in hexahedra of a block; leave synthesis out")
+        if self.synthesis and self.synthesis.train_on == "both" and not self.sessions:
+            raise ValueError("synthesis.train_on: both, but there is no session; use simulated")
         if self.plan.approach == "normal" and self.mechanics.contact_normals == "initial":
             raise ValueError("contact_normals: initial is for a vertical approach; use current")
 
@@ -116,8 +118,13 @@ class Study(Section):
     @property
     def has_symmetry_of_square(self) -> bool:
         """Whether the pressed body looks the same from all sides of a square: every press has mirror images."""
+        return self.sensor_has_symmetry_of_square and self.indenter.is_upright_and_round
+
+    @property
+    def sensor_has_symmetry_of_square(self) -> bool:
+        """Whether the sensor looks the same from all sides of a square, whatever presses it."""
         square = self.sensor.width_x_mm == self.sensor.width_y_mm and self.sensor.shape.kind != "surfaces"
-        return square and self.indenter.is_upright_and_round and self.mechanics.effects.has_symmetry_of_square
+        return square and self.mechanics.effects.has_symmetry_of_square
 
     @property
     def mirrors_cells(self) -> bool:

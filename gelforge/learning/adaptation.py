@@ -15,6 +15,7 @@ from gelforge.learning.reliability import COVER, Intervals
 from gelforge.learning.scaling import ModelError
 
 LEAST_PRESSES = 5
+BLOCK = 256  # rows in memory at a time
 GAIN_LIMITS = (0.2, 5.0)  # beyond them the sensor is not of the model's kind
 LEAST_GAIN = 0.95  # of the error left out that a further gain must come below
 SURE = 0.1  # standard deviation of a gain that is taken; small horizontal forces tell none
@@ -41,31 +42,69 @@ class Adaptation:
     form: str
     gain: np.ndarray  # (3,)
     left_out_N: dict[str, float]  # rms error of the total force on presses left out, by form
-    widened: float  # times the intervals of totals
+    widened: np.ndarray  # (3,) times the intervals of totals
 
 
-def measured_presses(rows: ShardDataset) -> Presses:
-    """Return the touched rows whose total force was measured. Raises ModelError where there is none."""
-    parts = []
-    for block in rows.batches((FEATURE, "total_force_ft_N", "untouched", "press", "session")):
+def press_names(rows: ShardDataset) -> np.ndarray:
+    """Return for each row the press (N,) whose force was measured, "" for an untouched or unmeasured one."""
+    names = [np.empty(0, object)]
+    for block in rows.batches(("total_force_ft_N", "untouched", "press", "session"), 8192):
         known = ~block["untouched"] & np.isfinite(block["total_force_ft_N"]).all(axis=1)
-        names = np.array([f"{s}/{p}" for s, p in zip(block["session"], block["press"])], object)
-        parts.append((block[FEATURE][known], block["total_force_ft_N"][known], names[known]))
-    if not sum(len(part[2]) for part in parts):
-        raise ModelError("no press with a measured force; adaptation needs a force/torque sensor's readings")
-    return Presses(*(np.concatenate(values) for values in zip(*parts)))
+        told = [f"{s}/{p}" if k else "" for s, p, k in zip(block["session"], block["press"], known)]
+        names.append(np.array(told, object))
+    return np.concatenate(names)
 
 
-def drawn_presses(presses: Presses, count: int, seed: int) -> Presses:
-    """Return the rows of a number of presses drawn at random. Raises ModelError for fewer than there are or need be."""
-    names = np.unique(presses.press.astype(str))
-    if not LEAST_PRESSES <= count <= len(names):
+def measured_presses(rows: ShardDataset, names: np.ndarray, chosen: set[str] | None = None) -> Presses:
+    """Return the rows of presses (names as press_names) whose force was measured, all or the chosen."""
+    index = np.flatnonzero([name != "" and (chosen is None or name in chosen) for name in names])
+    if not len(index):
+        return Presses(np.empty((0, 0)), np.empty((0, 3)), np.empty(0, object))
+    block = rows.read(index, (FEATURE, "total_force_ft_N"))
+    return Presses(block[FEATURE], block["total_force_ft_N"], names[index])
+
+
+def drawn_presses(names: np.ndarray, count: int, seed: int) -> set[str]:
+    """Return the names of a number of presses drawn at random. Raises ModelError for fewer than there are or need be."""
+    known = np.unique(names[names != ""].astype(str))
+    if not LEAST_PRESSES <= count <= len(known):
         raise ModelError(
-            f"{count} presses asked for, {len(names)} are there with images and measured forces; give between "
+            f"{count} presses asked for, {len(known)} are there with images and measured forces; give between "
             f"{LEAST_PRESSES} and that"
         )
-    drawn = np.random.default_rng(seed).choice(names, count, replace=False)
-    return presses.of(np.isin(presses.press.astype(str), drawn))
+    return set(np.random.default_rng(seed).choice(known, count, replace=False).tolist())
+
+
+def check_same_images(model: Model, regions: int, views: dict[str, dict]) -> None:
+    """Raise ModelError unless recorded images are of the model's kind; views: by session, as `view_of`."""
+    own = model.settings["features"]["regions"]
+    if regions != own:
+        raise ModelError(
+            f"features of {regions} regions a side, but the model reads {own}; set features.regions: {own}"
+        )
+    learnt = [view for view in (model.settings.get("views") or {}).values() if view]
+    for session, view in views.items():
+        if view and learnt and not any(_alike(view, other) for other in learnt):
+            raise ModelError(
+                f"session {session}: images of {_told(view)}, but the model learnt from {_told(learnt[0])}; bring them to "
+                "one view (`remap` in session.yaml), or describe the recordings' camera in synthesis.camera"
+            )
+
+
+def _alike(view: dict, other: dict) -> bool:
+    one, two = (v["camera"] or {} for v in (view, other))
+    mirrored = one.get("mirrored") == two.get("mirrored") or not one or not two
+    return _used(view) == _used(other) and mirrored
+
+
+def _used(view: dict) -> list[int] | None:
+    return view["crop_px"][2:] if view["crop_px"] else view["image_px"]
+
+
+def _told(view: dict) -> str:
+    camera = view["camera"] or {}
+    flipped = {True: ", mirrored", False: ", not mirrored"}.get(camera.get("mirrored"), "")
+    return f"{' x '.join(map(str, _used(view) or ['?']))} px{flipped}"
 
 
 def adapt(model: Model, presses: Presses) -> tuple[Model, Adaptation]:
@@ -76,7 +115,7 @@ def adapt(model: Model, presses: Presses) -> tuple[Model, Adaptation]:
     those of totals are widened or narrowed to hold nine in ten of the errors at hand. Raises ModelError for a vertical gain
     of no sensor of the model's kind.
     """
-    said = model.predict(presses.feature).sum(axis=1)  # (n, 3)
+    said = predicted(model, presses.feature).sum(axis=1)  # (n, 3)
     error = {form: _left_out(said, presses, axes) for form, axes in FORMS.items()}
     form = next(iter(FORMS))
     for other, axes in FORMS.items():
@@ -143,36 +182,45 @@ def _with_gain(model: Model, gain: np.ndarray) -> Model:
     zero = replace(
         model.zero, contact_N=float(model.zero.contact_N * gain[2]), bin_N=float(model.zero.bin_N * gain[2])
     )
-    intervals = _scaled(model.intervals, gain, 1.0) if model.intervals else None
+    intervals = _scaled(model.intervals, gain, np.ones(3)) if model.intervals else None
     return replace(model, scaling=scaling, zero=zero, intervals=intervals)
 
 
-def _scaled(intervals: Intervals, gain: np.ndarray, widened: float) -> Intervals:
-    """Return intervals for forces times gain (3,), those of totals wider by a factor."""
+def _scaled(intervals: Intervals, gain: np.ndarray, widened: np.ndarray) -> Intervals:
+    """Return intervals for forces times gain (3,), those of totals wider by factors (3,)."""
     return replace(
         intervals,
         bin_edges_N=intervals.bin_edges_N * gain[2],
         bin_half_N=intervals.bin_half_N * gain,
+        bin_sigma_N=intervals.bin_sigma_N * gain,
         total_edges_N=intervals.total_edges_N * gain[2],
         total_half_N=intervals.total_half_N * gain * widened,
+        total_sigma_N=intervals.total_sigma_N * gain,
     )
 
 
-def _widening(model: Model, presses: Presses) -> float:
-    """Return the factor that makes the intervals of totals hold nine in ten of the axes' errors of presses at hand."""
+def _widening(model: Model, presses: Presses) -> np.ndarray:
+    """Return the factors (3,) that make the intervals of totals hold nine in ten of each axis' errors at hand."""
     if model.intervals is None:
-        return 1.0
-    force = model.predict(presses.feature)
+        return np.ones(3)
+    force = predicted(model, presses.feature)
     error = np.abs(force.sum(axis=1) - presses.measured)
-    ratio = np.sort((error / np.maximum(model.intervals.of_totals(force), 1e-9)).ravel())
-    return float(ratio[min(int(np.ceil((len(ratio) + 1) * COVER)), len(ratio)) - 1])
+    ratio = np.sort(error / np.maximum(model.intervals.of_totals(force), 1e-9), axis=0)
+    return np.maximum(ratio[min(int(np.ceil((len(ratio) + 1) * COVER)), len(ratio)) - 1], 1e-3)
+
+
+def predicted(model: Model, feature: np.ndarray) -> np.ndarray:
+    """Return distributions (n, B, 3) [N] of features (n, F), a block at a time."""
+    return np.concatenate(
+        [model.predict(part) for part in np.array_split(feature, -(-len(feature) // BLOCK))]
+    )
 
 
 def errors_table(models: dict[str, Model], presses: Presses) -> pd.DataFrame:
     """Return the rms error of the total force [N] of models by name on presses, and how many lie in their 90 % intervals."""
     rows = []
     for name, model in models.items():
-        force = model.predict(presses.feature)
+        force = predicted(model, presses.feature)
         error = force.sum(axis=1) - presses.measured
         rms = np.sqrt((error**2).mean(axis=0))
         held = [np.nan] * 3

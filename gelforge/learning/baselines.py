@@ -70,8 +70,11 @@ def fit_baselines(
     watched, wanted, untouched = _read(rows, _at_most(validation, MOST_WATCHED, seed), scaling)
     for name, choices in _choices(inputs.shape[1]).items():
         fitted = [_fitted(choice, inputs, targets) for choice in choices]
+        if not len(wanted):  # nothing to choose by
+            yield Baseline(name, fitted[0], scaling, Zero())
+            continue
         said = [estimator.predict(watched) for estimator in fitted]
-        best = int(np.argmin([np.mean((found - wanted) ** 2) for found in said])) if len(wanted) else 0
+        best = int(np.argmin([np.mean((found - wanted) ** 2) for found in said]))
         zero = find_zero(scaling.newtons(said[best]), scaling.newtons(wanted), untouched, grid)
         yield Baseline(name, fitted[best], scaling, zero)
 

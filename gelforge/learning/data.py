@@ -186,6 +186,8 @@ class Batches:
 
     def in_order(self) -> Iterator[tuple[torch.Tensor, torch.Tensor]]:
         """Yield all rows once, unshuffled."""
+        if not len(self.index):
+            return
         if len(self.index) <= self.buffer_rows:
             self._whole = self._whole or self._read(self.index)
             yield from zip(*(part.split(self.size) for part in self._whole))

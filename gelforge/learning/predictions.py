@@ -15,6 +15,7 @@ from gelforge.dataset.schema import COLUMNS, DatasetError
 from gelforge.dataset.shard import ShardDataset, shard_attributes
 from gelforge.files import file_sha256
 from gelforge.hdf5 import opened, writing
+from gelforge.learning.adaptation import check_same_images
 from gelforge.learning.baselines import Baseline, fit_baselines
 from gelforge.learning.data import FEATURE, LABEL, measure_scaling, training_and_validation
 from gelforge.learning.model_file import Model, load_model
@@ -55,6 +56,7 @@ def predict_test_rows(
         raise DatasetError(
             f"{sets.tested[0]}: no test row in {len(sets.tested)} shards; give the study more cells"
         )
+    check_same_images(model, study.features.regions, views_of(sets.tested))
     bins, nx = model.scaling.output_mean.shape[0], model.settings["bins"]["nx"]
     grid = nx, bins // nx, np.array(model.settings["sensor_width_mm"])
     with writing(out) as file:
@@ -70,6 +72,12 @@ def predict_test_rows(
         for baseline in _baselines(study, learnt, model, grid):
             _write_baseline(file, rows, baseline, bins)
     return len(rows)
+
+
+def views_of(shards: Sequence[str | Path]) -> dict[str, dict]:
+    """Return by session what a dataset's images are, as `view_of`."""
+    sessions = {n: about for path in shards for n, about in shard_attributes(path)["sessions"].items()}
+    return {name: about.get("view") or {} for name, about in sorted(sessions.items())}
 
 
 def _write_rows(file: h5py.File, rows: ShardDataset, model: Model, bins: int) -> None:

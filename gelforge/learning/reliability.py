@@ -137,11 +137,18 @@ def _by_class(
     classes = int(np.clip(len(size) // LEAST_IN_CLASS, 1, CLASSES))
     edges = np.unique(np.quantile(size, np.arange(1, classes) / classes))
     which = _class(edges, force)
-    error, variance = np.abs(force - true), np.nan_to_num(sigma) ** 2
+    error, variance = np.abs(force - true), sigma**2
     members = [which == k for k in range(len(edges) + 1)]
     half = [_conformal(error[own]) if own.any() else np.zeros(3) for own in members]
-    rms = [np.sqrt(variance[own].mean(axis=0)) if own.any() else np.zeros(3) for own in members]
+    rms = [_root_mean(variance[own]) for own in members]
     return edges, np.array(half), np.array(rms)
+
+
+def _root_mean(variance: np.ndarray) -> np.ndarray:
+    """Return the root of the mean (3,) of variances (m, 3) that are known, 0 where none is."""
+    known = np.isfinite(variance)
+    total = np.where(known, variance, 0.0).sum(axis=0)
+    return np.sqrt(total / np.maximum(known.sum(axis=0), 1))
 
 
 def _conformal(error: np.ndarray) -> np.ndarray:

@@ -159,7 +159,8 @@ def _plan(study: Study, rows: ShardDataset, training: np.ndarray) -> tuple[Plan,
         return Plan(learning, grids, ("identity",)), scaling
     turn, along_axis = lie_of_images(rows, training, np.array(width))
     scaling = measure_scaling(rows, training, learning.form, turn, centred=False)
-    holds = along_axis and study.has_symmetry_of_square and bins.nx == bins.ny
+    symmetric = study.sensor_has_symmetry_of_square if study.synthesis else study.has_symmetry_of_square
+    holds = along_axis and symmetric and bins.nx == bins.ny
     has_images = study.mirrors_cells and not study.synthesis  # the plan holds the mirror images of its sites
     turned = learning.symmetry == "d4" or (learning.symmetry == "auto" and holds and not has_images)
     turns = names_of(bins.nx == bins.ny and width[0] == width[1]) if turned else ("identity",)

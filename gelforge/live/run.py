@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from gelforge.live.capture import Capture, LiveError, Shot
+from gelforge.live.capture import Capture, Shot
 from gelforge.live.compute import LiveForce, Reading
 from gelforge.live.messages import Rates, of_reading
 from gelforge.live.record import Recorder
 from gelforge.live.server import Server
-from gelforge.recording.flow import ImageError
 from gelforge.recording.frames import Frame
 
 SILENT_S = 2.0  # without a frame, after which clients are told
@@ -64,7 +64,9 @@ class Run:
             self.take_zero = False
             try:
                 self.force.take_reference(shot.frame)
-            except (ImageError, LiveError) as error:
+            except ValueError as error:
+                if not type(error).__module__.startswith("gelforge."):
+                    raise
                 self.trouble = f"not taken as reference: {error}"
         return self.force(shot)
 
@@ -91,7 +93,7 @@ def run_live(
 
     Raises ImageError where the camera stops, after clients were told. Frames that cannot be used are told and passed over.
     """
-    run, rates, said = Run(server, force, folder or Path(RECORDINGS), say), Rates(), ""
+    run, rates, said = Run(server, force, folder or Path(RECORDINGS), say), Rates(), set()
     with Capture(open_source) as capture:
         if folder:
             run.start_recording()
@@ -110,11 +112,19 @@ def run_live(
                 server.publish(of_reading(reading, run.state(capture, rates), server.wants_field))
                 if run.recorder:
                     run.recorder.add(reading)
-                for text in {reading.problem, run.trouble, *reading.warnings} - {"", *said}:
-                    say(text)
-                said = (reading.problem, run.trouble, *reading.warnings)
+                texts = {
+                    _kind(text): text for text in (reading.problem, run.trouble, *reading.warnings) if text
+                }
+                for kind in texts.keys() - said:
+                    say(texts[kind])
+                said = set(texts)
         finally:
             run.stop_recording()
             server.end(str(capture.error or "the source has ended"))
     if capture.error:
         raise capture.error
+
+
+def _kind(text: str) -> str:
+    """Return a text without its numbers: what changes from frame to frame is not told again."""
+    return re.sub(r"[0-9.]+", "", text)

@@ -44,10 +44,14 @@ def why_refused(host: str | None, origin: str | None) -> str:
     Host must be localhost, an address or this machine's name: another name that leads here is a foreign page's trick (DNS
     rebinding). Origin, which browsers send, must be the server itself; robots send none.
     """
-    name = urlsplit(f"//{host}").hostname if host else None
+    try:
+        name = urlsplit(f"//{host}").hostname if host else None
+        page = urlsplit(origin).netloc.lower() if origin is not None else None
+    except ValueError:
+        return f"host {host!r} or origin {origin!r} is no address"
     if name is None or not (name in ("localhost", socket.gethostname().lower()) or _is_address(name)):
         return f"host {host!r} is not this machine's name or address; open the page by its address"
-    if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
+    if page is not None and page != host.lower():
         return f"a page of {origin!r} may not read this stream; open the server's own page"
     return ""
 

@@ -96,12 +96,17 @@ def _say_how_good(chapter: Chapter, results: StudyResults) -> None:
     if any(table is None for table in tables):
         return
     baselines, by, reliability = tables
-    chapter.say(network_words(baselines, by, reliability, results.loss))
+    chapter.say(network_words(baselines, by, reliability, results.loss, _only_simulated(results)))
     chapter.show(
         "Error of the vertical force of pressed bins on held-out sites (RMSES): the network beside its baselines, and by"
         " depth, distance from the nearest wall and session.",
         errors_figure(baselines, by),
     )
+
+
+def _only_simulated(results: StudyResults) -> bool:
+    synthesis = results.study.synthesis
+    return synthesis is not None and synthesis.train_on == "simulated"
 
 
 def _show_map(chapter: Chapter, results: StudyResults, row: int, place: str) -> None:

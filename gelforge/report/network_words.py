@@ -11,30 +11,37 @@ OVERFIT = 2.0  # validation loss over training loss
 HELD = (0.85, 0.95)  # shares inside 90 % intervals that a few validation orbits allow
 
 ERROR = "RMSES_z_N"
+AFTER_SIMULATION = (
+    "It has learnt from simulated sensors alone: fit its gains to a few recorded presses (gelforge adapt), and learn from "
+    "recordings too (synthesis.train_on: both) where that is not enough."
+)
 
 
 def network_words(
-    baselines: pd.DataFrame, by: pd.DataFrame, reliability: pd.DataFrame, loss: pd.DataFrame | None
+    baselines: pd.DataFrame,
+    by: pd.DataFrame,
+    reliability: pd.DataFrame,
+    loss: pd.DataFrame | None,
+    only_simulated: bool = False,
 ) -> str:
-    """Return the verdict on the network in a paragraph: against baselines, by class, of intervals, and the remedy."""
-    parts = [_against_baselines(baselines), _where(by), _intervals(reliability), _remedy(by, loss)]
-    return " ".join(part for part in parts if part)
+    """Return the verdict on the network in a paragraph: against baselines, by class, of intervals, and the remedy.
 
-
-def _against_baselines(table: pd.DataFrame) -> str:
-    error = table.set_index("predictor")[ERROR]
-    own, others = float(error["network"]), error.drop(["network", "zero"])
-    best = str(others.idxmin())
-    ratio = own / float(others.min())
-    found = (
-        f"Vertical force of a pressed bin: {_mN(own)} rms error, {ratio:.2g} times that of the best baseline"
-    )
-    if not np.isfinite(ratio):
+    only_simulated: nothing was learnt from recordings, so that the loss says nothing of them.
+    """
+    error = baselines.set_index("predictor")[ERROR]
+    own, others = float(error["network"]), error.drop(["network", "zero"]).dropna()
+    if not np.isfinite(own) or not len(others):
         return "No test row is pressed: nothing can be said of the network."
+    ratio = own / float(others.min())
     verdict = (
         "good" if ratio < CLEARLY else "no better than a baseline" if ratio < 1 / CLEARLY else "of no use"
     )
-    return f"The network is {verdict}. {found} ({best}, {_mN(others.min())})."
+    found = (
+        f"The network is {verdict}. Vertical force of a pressed bin: {_mN(own)} rms error, {ratio:.2g} times that of the "
+        f"best baseline ({others.idxmin()}, {_mN(others.min())})."
+    )
+    remedy = AFTER_SIMULATION if only_simulated else _remedy(by, loss, verdict == "good")
+    return " ".join(part for part in (found, _where(by), _intervals(reliability), remedy) if part)
 
 
 def _where(by: pd.DataFrame) -> str:
@@ -80,20 +87,23 @@ def _intervals(reliability: pd.DataFrame) -> str:
     return "Its 90 % intervals hold what they say."
 
 
-def _remedy(by: pd.DataFrame, loss: pd.DataFrame | None) -> str:
-    """Return what more data would help most."""
+def _remedy(by: pd.DataFrame, loss: pd.DataFrame | None, is_good: bool) -> str:
+    """Return what more data would help most, "" where nothing tells."""
     place, session = _outstanding(by, "place"), _outstanding(by, "session")
     if session is not None:
         return f"More sessions would help most: session {session['class']} is unlike the others."
     if place is not None:
         return f"More sites {place['class']} would help most."
-    if loss is not None and np.isfinite(loss.validation).any():
-        best = loss.loc[loss.validation.idxmin()]
-        if best.validation > OVERFIT * best.training:
-            return (
-                f"More sites would help: at its best epoch the error on sites it has not seen is "
-                f"{best.validation / best.training:.1f} times that on its own."
-            )
+    if loss is None or not np.isfinite(loss.validation).any():
+        return ""
+    best = loss.loc[loss.validation.idxmin()]
+    if best.validation > OVERFIT * best.training:
+        return (
+            "More sites would help: at its best epoch the loss on sites it has not seen is "
+            f"{best.validation / best.training:.1f} times that on its own."
+        )
+    if not is_good:
+        return ""
     return "Sites it has not seen are as good as its own: more sites of the same kind would help little."
 
 

@@ -1,12 +1,23 @@
 """A model on a sensor with another gain: a few presses with measured forces mend it, and no more than they can tell."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from artificial_shards import small_rows, study_of, write_shards
 
 from gelforge.dataset.shard import ShardDataset
-from gelforge.learning.adaptation import adapt, drawn_presses, errors_table, measured_presses
+from gelforge.learning.adaptation import (
+    Presses,
+    adapt,
+    check_same_images,
+    drawn_presses,
+    errors_table,
+    measured_presses,
+    press_names,
+)
 from gelforge.learning.model_file import load_model, save_model
+from gelforge.learning.reliability import Intervals
 from gelforge.learning.scaling import ModelError
 from gelforge.learning.training import Run, train
 
@@ -22,14 +33,20 @@ def trained(tmp_path_factory):
     )
     shards = write_shards(folder / "dataset", small_rows(), study)
     train(study, shards, folder / "model.pt", folder / "loss.csv", Run(threads=1, progress=False))
-    return load_model(folder / "model.pt"), measured_presses(ShardDataset(shards, "train"))
+    rows = ShardDataset(shards, "train")
+    return load_model(folder / "model.pt"), measured_presses(rows, press_names(rows))
 
 
 def with_readings(model, presses, gain, noise=0.0):
     """Return presses whose readings are the model's own totals times a gain, with noise in shares of their spread."""
     total = model.predict(presses.feature).sum(axis=1) * gain
     noisy = total + noise * total.std() * np.random.default_rng(0).standard_normal(total.shape)
-    return type(presses)(presses.feature, noisy, presses.press)
+    return Presses(presses.feature, noisy, presses.press)
+
+
+def some_of(presses, count):
+    chosen = drawn_presses(presses.press, count, 0)
+    return presses.of(np.isin(presses.press.astype(str), list(chosen)))
 
 
 @pytest.mark.parametrize(
@@ -43,7 +60,7 @@ def with_readings(model, presses, gain, noise=0.0):
 def test_gains_are_found_and_the_simplest_form_taken(trained, gain, form):
     model, presses = trained
     read = with_readings(model, presses, np.array(gain), 0.01)
-    changed, found = adapt(model, drawn_presses(read, 15, 0))
+    changed, found = adapt(model, some_of(read, 15))
     assert found.form == form
     np.testing.assert_allclose(found.gain, gain, rtol=0.02)
     was, now = (one.predict(presses.feature).sum(axis=1)[:, 2] for one in (model, changed))
@@ -69,4 +86,29 @@ def test_readings_of_another_sign_are_refused(trained):
 
 def test_more_presses_than_there_are_are_refused(trained):
     with pytest.raises(ModelError, match="asked for"):
-        drawn_presses(trained[1], 10_000, 0)
+        drawn_presses(trained[1].press, 10_000, 0)
+
+
+def test_intervals_of_each_axis_hold_nine_in_ten_of_its_errors(trained):
+    """One factor for all axes would let small horizontal errors hide large vertical ones."""
+    model, presses = trained
+    one_class = np.empty(0), np.full((1, 3), 0.02), np.zeros((1, 3))
+    model = replace(model, intervals=Intervals(*one_class, *one_class))
+    size = np.array([[0.02, 0.02, 0.5]])
+    noisy = model.predict(presses.feature).sum(axis=1)
+    noisy = noisy + size * np.random.default_rng(1).standard_normal(noisy.shape)
+    changed, _ = adapt(model, Presses(presses.feature, noisy, presses.press))
+    force = changed.predict(presses.feature)
+    held = (np.abs(force.sum(axis=1) - noisy) <= changed.intervals.of_totals(force)).mean(axis=0)
+    assert held == pytest.approx([0.9] * 3, abs=0.05)
+
+
+def test_images_of_another_kind_are_refused(trained):
+    model, _ = trained
+    with pytest.raises(ModelError, match="features.regions: 4"):
+        check_same_images(model, 6, {})
+    view = {"image_px": [400, 400], "crop_px": None, "camera": None}
+    model = replace(model, settings=model.settings | {"views": {"one": view}})
+    check_same_images(model, 4, {"other": view})
+    with pytest.raises(ModelError, match="640 x 480 px, but the model learnt from 400 x 400"):
+        check_same_images(model, 4, {"other": view | {"image_px": [640, 480]}})

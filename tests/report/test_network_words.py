@@ -46,3 +46,19 @@ def test_the_network_in_a_paragraph(given, loss, words):
     said = network_words(*tables(**given), loss)
     for word in words:
         assert word in said, said
+
+
+def test_without_a_pressed_row_nothing_is_said():
+    baselines, by, reliability = tables()
+    baselines["RMSES_z_N"] = float("nan")
+    assert "nothing can be said" in network_words(baselines, by, reliability, LOSS)
+
+
+def test_a_loss_of_simulated_sites_says_nothing_of_recordings():
+    said = network_words(*tables(), OVERFITTED, only_simulated=True)
+    assert "gelforge adapt" in said
+    assert "More sites" not in said
+
+
+def test_a_poor_network_is_not_told_that_its_sites_are_as_good_as_others():
+    assert "help little" not in network_words(*tables(own=0.05), LOSS)

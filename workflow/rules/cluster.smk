@@ -15,6 +15,7 @@ FIT_S, PICTURES_S = 20, 300  # a material; one whose tests are pictures
 FEATURES_S_PER_MPX, DRAWING_S_PER_MPX = 0.5, 0.5
 # Of shards, an epoch: 8 to 30 rows a megabyte, 6 operations a weight and row, 4 million weights, 1e10 operations a second; a U-Net is as slow.
 TRAINING_S_PER_MB = 0.05
+EVALUATION_S_PER_MB = 2.0  # of the shards: baselines are fitted and asked too
 VERIFY_S, PAPER_S = 90, 1200
 SHORT_S = 20  # a job that reads, sums and writes
 
@@ -93,6 +94,10 @@ def drawing_seconds(wildcards, input, threads):
 
 def training_seconds(wildcards, input, threads):
     return SHORT_S + TRAINING_S_PER_MB * STUDY.learning.usual.epochs * input.size_mb
+
+
+def evaluation_seconds(wildcards, input, threads):
+    return SHORT_S + EVALUATION_S_PER_MB * input.size_mb
 
 
 def short_seconds(*_):

@@ -195,7 +195,7 @@ def mirrored_session_cell(wildcards):
 def drawn_settings(_):
     """Return the digest of what decides a drawn indentation; how many are drawn is not among it."""
     drawn = STUDY.synthesis.model_dump(mode="json", exclude={"indentations", "train_on"})
-    return digest([drawn, block("sensor", "mechanics", "features")])
+    return digest([drawn, STUDY.plan.approach, block("sensor", "mechanics", "features")])
 
 
 def planned(wildcards):

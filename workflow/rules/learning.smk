@@ -6,6 +6,7 @@ if SYNTHETIC:
         """Press a simulated sensor as drawn, and keep features and labels of the images that it would show."""
         input:
             laws=law_files(),
+            surfaces=[str(file) for file in STUDY.synthesis.shapes.files],
         output:
             ensure(f"{RESULTS}/synthetic/{{number}}.h5", non_empty=True),
         log:
@@ -29,6 +30,7 @@ if SYNTHETIC:
                     "recording",
                     "virtual_lab",
                     "dataset/shard.py",
+                    "dataset/schema.py",
                     "dataset/simulated.py",
                 )
             ),
@@ -85,7 +87,7 @@ rule evaluate:
         f"{BENCHMARKS}/evaluate.tsv"
     threads: 2
     resources:
-        runtime=asks(short_seconds),
+        runtime=asks(evaluation_seconds),
         mem_mb=2000,
     params:
         source=source_digest(
