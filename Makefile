@@ -24,11 +24,11 @@ demo: $(READY)
 	@echo "Open results/demo/report.html"
 
 test: $(READY)
-	$(ONE_THREAD) $(BIN)/python -m pytest --numprocesses $(CORES) --dist loadfile
+	$(ONE_THREAD) $(BIN)/python -m pytest --numprocesses $(CORES) --dist loadfile --no-loadscope-reorder
 
 # The slow ones too, as before a release: an hour on two cores.
 test-thorough: $(READY)
-	$(ONE_THREAD) $(BIN)/python -m pytest --numprocesses $(CORES) --dist loadfile --thorough
+	$(ONE_THREAD) $(BIN)/python -m pytest --numprocesses $(CORES) --dist loadfile --no-loadscope-reorder --thorough
 
 # What a cell costs and where its time goes, beside FElupe and CalculiX where they are installed: half an hour, one thread.
 speed: $(READY)

@@ -311,6 +311,7 @@ def test_a_press_without_contact_is_not_judged(tmp_path):
     assert "microindentation" not in found and "no contact point" in not_judged["microindentation"]
 
 
+@pytest.mark.thorough
 def test_samples_that_went_further_than_others_are_named(folder, tmp_path):
     lam = np.linspace(1, 4, 90)
     write(folder, "far.csv", stretch_1=lam, nominal_stress_kPa=1e3 * virgin(lam))
@@ -321,6 +322,7 @@ def test_samples_that_went_further_than_others_are_named(folder, tmp_path):
     assert any("fitted between stretch 1 and 1.8, where all 10 samples" in note for note in notes)
 
 
+@pytest.mark.thorough
 def test_a_ramp_is_fitted_where_there_is_nothing_else_and_ends_before_it_relaxes(tmp_path):
     result = characterise_source(
         MaterialSource("gel", (held("a"), held("b"))), Fitting(laws=["neo_hooke"]), tmp_path

@@ -65,7 +65,7 @@ def change(name, amount):
     return [there[array] - none[array] for array in ARRAYS]
 
 
-@pytest.mark.thorough(but_first=4)
+@pytest.mark.thorough(but_first=2)
 @pytest.mark.parametrize("name", DERIVABLE)
 def test_a_derivative_predicts_what_a_little_of_the_effect_does(stored, name):
     """The issue: 1e-2 of a plausible width moves every total force by what the derivative predicts within 5 %."""

@@ -48,7 +48,7 @@ def force(made, u, memory, time):
     return response.f_mixed, made.remember(u)
 
 
-@pytest.mark.thorough(but_first=2)
+@pytest.mark.thorough(but_first=1)
 @pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES)
 @pytest.mark.parametrize("softening", [None, Softening(0.4, 2e-4, 0.1)], ids=["hard", "soft"])
 def test_tangent_is_that_of_the_forces(mesh, softening):

@@ -31,7 +31,7 @@ def test_lateral_axes_that_are_others_are_named_and_no_physics_is(axes):
     assert f"force frame (axes {axes})" in sentence_of(problem, found)
 
 
-@pytest.mark.thorough(but_first=1)
+@pytest.mark.thorough
 @pytest.mark.parametrize("unit", ["kgf", "lbf"])
 def test_another_unit_comes_first(unit):
     _, found = judged(read_with("force_unit", {"unit": unit}))

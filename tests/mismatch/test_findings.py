@@ -90,7 +90,7 @@ def verdict(problem, judgement):
     return verdict_of(problem, judgement, "artificial", True, None, PROVENANCE)
 
 
-@pytest.mark.thorough(but_first=1)
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("p", "state", "words"),
     [

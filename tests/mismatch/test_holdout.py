@@ -166,6 +166,7 @@ def test_an_answer_is_refuted_where_it_gains_far_less_than_a_true_one(total, err
     assert Gain(total, error, 3).refutes == refuted
 
 
+@pytest.mark.thorough
 def test_a_change_that_errs_may_gain_less(world):
     """Truths with an error of their own: the gain scatters by noise and by that error, added in squares."""
     labels, covariance, candidates = world

@@ -70,7 +70,7 @@ def test_two_effects_are_bothtold_of():
     assert len(found.answer.fit.parts) >= 2 and {"tilt", "viscoelastic"} <= told
 
 
-@pytest.mark.thorough(but_first=1)
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["tilt", "cross_talk"])
 def test_without_the_effect_in_the_catalogue_it_is_open(name):
     """Each of these leaves a lateral pattern that nothing else in the artificial catalogue has."""

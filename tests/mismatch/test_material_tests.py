@@ -105,6 +105,7 @@ def named_in(verdict):
     return [group.members[0] for group in verdict.answer]
 
 
+@pytest.mark.thorough(but_first=1)
 @pytest.mark.parametrize("seed", range(3))
 def test_nothing_missing_is_null_with_the_amounts_that_would_have_been_seen(seed):
     verdict = judged(samples_of(np.random.default_rng(seed)))
@@ -113,7 +114,7 @@ def test_nothing_missing_is_null_with_the_amounts_that_would_have_been_seen(seed
     assert limits["viscoelastic"].seen and limits["mullins"].seen
 
 
-@pytest.mark.thorough(but_first=1)
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(2))
 def test_rate_dependence_of_another_form_is_named_and_predicts_what_was_set_aside(seed):
     verdict = judged(samples_of(np.random.default_rng(seed), power_law, hold_s=200.0))
@@ -191,6 +192,7 @@ def test_a_fit_lies_in_the_middle_of_readings_whose_errors_are_shared():
     assert abs(found.amounts[0]) < 0.011
 
 
+@pytest.mark.thorough
 def test_ageing_within_the_scatter_of_samples_is_not_named():
     rng = np.random.default_rng(2)
     one = replace(made("a", 0.05, rng, only_elastic), age_days=1.0)
@@ -198,6 +200,7 @@ def test_ageing_within_the_scatter_of_samples_is_not_named():
     assert judged([one, two]).state in ("null", "insufficient")
 
 
+@pytest.mark.thorough
 def test_what_is_outside_the_catalogue_is_open_and_its_place_is_found():
     """A bump of the stress in the middle of the strain, in the slower tests only: no effect here makes one."""
     rng = np.random.default_rng(3)

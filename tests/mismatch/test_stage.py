@@ -56,6 +56,7 @@ def test_a_recording_of_the_base_itself_is_null(kept, tmp_path):
     assert not (tmp_path / "out" / "config.patch.yaml").exists()
 
 
+@pytest.mark.thorough
 def test_a_stiffer_gel_is_in_the_group_with_its_amount(stiffer):
     _, verdict, _ = stiffer
     assert verdict.state in ("named", "group")

@@ -76,7 +76,7 @@ def test_a_missing_recording_is_named_before_any_job(checkout):
     assert not (checkout.folder / "results").exists()
 
 
-@pytest.mark.thorough(but_first=1)
+@pytest.mark.thorough
 @pytest.mark.parametrize("images", ["left_out", "predicted"])
 def test_a_verdict_waits_for_the_images_that_it_looks_at(checkout, images):
     study = ("--config", f"mismatch={{images: {images}}}", *TEST)
@@ -124,6 +124,7 @@ def test_only_a_session_of_another_age_has_cells_of_its_own(checkout):
     assert not {"session_cell", "session_presses"} & set(jobs)
 
 
+@pytest.mark.thorough
 def test_a_sensor_that_softens_is_followed_session_by_session(checkout):
     plan = {"grid": {"spacing_mm": 6.0, "margin_mm": 10.0}, "depths_mm": [0.4, 0.8]}
     jobs = checkout.jobs(
