@@ -205,10 +205,17 @@ def predict(
     seen_by = load_camera(camera) if camera else None
     predictions = predict_frames(Predictor(model), frames_of(source), zero, crop, seen_by, plane_z_mm)
     predictions = islice(predictions, frames)
+    flagged = []
     with distribution_table(out) as write:
         for prediction in track(predictions, description=str(source), transient=True):
             timing.add(prediction)
             write(prediction)
+            flagged.append(prediction.unlike > 1)
+    if any(flagged):
+        print(
+            f"{sum(flagged)} of {len(flagged)} frames are unlike those that the model learnt from: distrust their forces "
+            "(another camera, gel or contact? docs/learning.md)"
+        )
     print_timing(timing)
 
 
@@ -217,7 +224,7 @@ def distribution_table(path: Path | None):
     """Yield a function that writes a prediction as a row: name, time, total force, then every bin's force [N].
 
     Rows are written as they come, so that a live run that is interrupted keeps what it has seen; without a path the
-    total force is printed instead. A time that is not known is left empty.
+    total force is printed instead. A time or a measure of unlikeness that is not known is left empty.
     """
     if path is None:
         yield lambda p: print(
@@ -230,10 +237,11 @@ def distribution_table(path: Path | None):
         def write(p) -> None:
             if file.tell() == 0:
                 bins = [f"f{axis}_{k}_N" for k in range(len(p.force_N)) for axis in "xyz"]
-                rows.writerow(["frame", "time_s", "fx_N", "fy_N", "fz_N", *bins])
+                rows.writerow(["frame", "time_s", "unlike", "fx_N", "fy_N", "fz_N", *bins])
             values = [*p.force_N.sum(axis=0), *p.force_N.ravel()]
             seconds = f"{p.time_s:.6f}" if math.isfinite(p.time_s) else ""
-            rows.writerow([p.name, seconds, *(f"{value:.6g}" for value in values)])
+            unlike = f"{p.unlike:.3g}" if math.isfinite(p.unlike) else ""
+            rows.writerow([p.name, seconds, unlike, *(f"{value:.6g}" for value in values)])
 
         yield write
 

@@ -89,6 +89,7 @@ class Prediction:
     time_s: float
     force_N: np.ndarray  # (B, 3)
     seconds: dict[str, float]  # by STEPS
+    unlike: float = float("nan")  # beyond 1 the image is unlike those that the model learnt from
 
 
 @dataclass
@@ -150,6 +151,7 @@ def predict_frames(
         marks.append(time.perf_counter())
         feature = flow_features(flow, settings.regions, settings.moved_px)
         marks.append(time.perf_counter())
-        force = predictor(feature)
+        force, unlike = predictor.answer(feature)
         marks.append(time.perf_counter())
-        yield Prediction(frame.name, frame.time_s, force, dict(zip(STEPS, np.diff(marks).tolist())))
+        seconds = dict(zip(STEPS, np.diff(marks).tolist()))
+        yield Prediction(frame.name, frame.time_s, force, seconds, unlike)
