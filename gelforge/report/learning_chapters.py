@@ -130,7 +130,8 @@ TABLES = {
     "errors_by": "Errors of the network by depth, by distance from the nearest wall and by session (of touched rows), and"
     " the share of images flagged as unlike the training images.",
     "reliability": "How far to trust the network on held-out cells. A share far from 0.9 in the 90 % intervals says that the"
-    " validation cells are unlike these.",
+    " validation cells are unlike these. Measured totals are readings, whose own noise and what the labels lack of the real"
+    " gel are not in the interval.",
     "rmse_gt": "Measured against simulated total force over presses (difference: F/T − FEM), beside the paper's.",
     "force_ranges": "Range of the labels, beside the paper's.",
 }

@@ -37,6 +37,8 @@ OVERFITTED = LOSS.assign(validation=[1.0, 0.5])
         ({"wall": 0.02}, LOSS, ["errs most near a wall", "More sites near a wall"]),
         ({"sessions": (0.004, 0.009)}, LOSS, ["session day2 is unlike"]),
         ({"inside": 0.7}, LOSS, ["bins 70 %", "distrust"]),
+        ({"inside": 0.953}, LOSS, ["hold what they say"]),
+        ({"inside": 0.99}, LOSS, ["they are wide"]),
         ({"inside": float("nan")}, LOSS, ["no intervals"]),
         ({}, OVERFITTED, ["More sites would help", "5.0 times"]),
         ({}, None, ["is good"]),
