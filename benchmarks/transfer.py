@@ -87,7 +87,7 @@ def without(paths: list[Path], kind: str) -> list[Path]:
 
 
 class Rows:
-    """Rows that test, in memory, with what they are told apart by."""
+    """Rows that test, in memory, with their classes."""
 
     def __init__(self, paths: list[Path], split: str | None = None):
         rows = ShardDataset(paths, split)

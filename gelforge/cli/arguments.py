@@ -411,7 +411,7 @@ def _workflow(commands) -> None:
     agreement.add_argument("--out", type=Path, required=True)
 
     synthesise = _study_command(
-        commands, "synthesise", "factory.synthesise", "SYNTHETIC training rows of one drawn indentation"
+        commands, "synthesise", "learning.synthesise", "SYNTHETIC training rows of one drawn indentation"
     )
     synthesise.add_argument("--number", type=int, required=True, help="number of the indentation, from 0")
     synthesise.add_argument(
@@ -420,7 +420,7 @@ def _workflow(commands) -> None:
     synthesise.add_argument("--out", type=Path, required=True)
 
     train = _study_command(
-        commands, "train", "factory.train", "train the network; goes on from its last checkpoint"
+        commands, "train", "learning.train", "train the network; goes on from its last checkpoint"
     )
     train.add_argument("--model", type=Path, required=True, help="model.pt to write")
     train.add_argument("--loss", type=Path, required=True, help="loss.csv to write")
@@ -428,7 +428,7 @@ def _workflow(commands) -> None:
     adapt = _study_command(
         commands,
         "adapt",
-        "factory.adapt",
+        "learning.adapt",
         "gains of a model for another sensor, from a few presses with measured forces",
     )
     adapt.add_argument("--model", type=Path, required=True, help="model.pt as trained")
@@ -438,7 +438,7 @@ def _workflow(commands) -> None:
     adapt.add_argument("--seed", type=int, default=0, help="seed of the draw")
     adapt.add_argument("--out", type=Path, required=True, help="model.pt to write")
 
-    evaluate = _study_command(commands, "evaluate", "factory.evaluate", "predict the held-out cells")
+    evaluate = _study_command(commands, "evaluate", "learning.evaluate", "predict the held-out cells")
     evaluate.add_argument("--model", type=Path, required=True)
     evaluate.add_argument("--out", type=Path, required=True)
 

@@ -215,78 +215,6 @@ def agreement(study: Path, out: Path) -> None:
     write_agreement(out, table, digest([digests, raw]))
 
 
-def synthesise(study: Path, number: int, laws: list[Path], out: Path) -> None:
-    """Write the rows of one drawn indentation of the study's simulated training set, and say what became of it."""
-    from gelforge.dataset.simulated import synthesise
-
-    described = load_study(study)
-    if described.synthesis is None:
-        raise ConfigError(f"{study}: the study has no synthesis; describe a simulated training set there")
-    if not 0 <= number < described.synthesis.indentations:
-        raise ConfigError(
-            f"{study}: indentation {number} does not exist; synthesis.indentations is {described.synthesis.indentations}"
-        )
-    print(synthesise(described, laws_and_doubts(study_laws(described, laws))[0], number, out))
-
-
-def train(study: Path, model: Path, loss: Path) -> None:
-    """Train the study's network, or go on from its checkpoint."""
-    from gelforge.dataset.manifest import check_shards
-    from gelforge.learning.training import train
-
-    described = load_study(study)
-    sets = learning_sets(described)
-    if set(sets.learnt) & set(sets.tested):
-        check_shards(shard_paths(described), described.results_folder / "dataset" / "manifest.json")
-    train(described, sets.learnt, model, loss)
-
-
-def evaluate(study: Path, model: Path, out: Path) -> None:
-    """Write the predictions of every row of the held-out cells."""
-    from gelforge.learning.model_file import check_trained_on
-    from gelforge.learning.predictions import predict_test_rows
-    from gelforge.learning.training import shards_digest
-
-    described = load_study(study)
-    sets = learning_sets(described)
-    check_trained_on(model, shards_digest(sets.learnt))
-    rows = predict_test_rows(model, sets, described, out)
-    print(f"{rows} rows of held-out cells")
-
-
-def adapt(study: Path, model: Path, presses: int, seed: int, out: Path) -> None:
-    """Fit a model's gains to a few recorded presses of another sensor; print its errors on test rows before and after."""
-    from gelforge.dataset.shard import ShardDataset
-    from gelforge.learning import adaptation
-    from gelforge.learning.model_file import load_model, save_model
-    from gelforge.learning.predictions import views_of
-
-    described = load_study(study)
-    shards = shard_paths(described)
-    before = load_model(model)
-    adaptation.check_same_images(before, described.features.regions, views_of(shards))
-    learnt, tested = (ShardDataset(shards, split) for split in ("train", "test"))
-    names = adaptation.press_names(learnt)
-    drawn = adaptation.measured_presses(learnt, names, adaptation.drawn_presses(names, presses, seed))
-    after, found = adaptation.adapt(before, drawn)
-    save_model(out, after)
-    gains = ", ".join(f"{axis} {value:.3f}" for axis, value in zip("xyz", found.gain))
-    print(
-        f"{presses} presses: {found.form}, gains {gains}; intervals of totals times "
-        f"{', '.join(f'{value:.2f}' for value in found.widened)}"
-    )
-    for form, error in found.left_out_N.items():
-        print(f"  {form}: {1e3 * error:.1f} mN on presses left out")
-    held_out = adaptation.measured_presses(tested, adaptation.press_names(tested))
-    if len(held_out.press):
-        print(f"\nTotal force against the force sensor on {len(held_out.press)} rows of held-out sites:\n")
-        table = adaptation.errors_table({"as trained": before, "adapted": after}, held_out)
-        print(table.to_markdown(index=False, floatfmt=".4f"))
-    else:
-        print("\nno held-out row with a measured force: errors before and after are not known")
-    print(f"\nwritten to {out}")
-
-
 def tables(study: Path) -> None:
     """Write the article's tables from laws, agreement and predictions; the labels' ranges where nothing is predicted."""
     from gelforge.characterisation.material_table import material_table
@@ -360,22 +288,6 @@ def shard_paths(study: Study) -> list[Path]:
 
     count = -(-len(plan_cells(study)) // study.dataset.cells_per_shard)
     return [study.results_folder / "dataset" / f"shard-{i:05d}.h5" for i in range(count)]
-
-
-def synthetic_paths(study: Study) -> list[Path]:
-    """Return the files of the study's simulated training set, one per drawn indentation."""
-    count = study.synthesis.indentations if study.synthesis else 0
-    return [study.results_folder / "synthetic" / f"{number:05d}.h5" for number in range(count)]
-
-
-def learning_sets(study: Study):
-    """Return the shards that the study's network learns from and those that test it."""
-    from gelforge.learning.predictions import LearningSets
-
-    recorded, simulated = shard_paths(study), synthetic_paths(study)
-    if study.synthesis and study.synthesis.train_on == "simulated":
-        return LearningSets(simulated, recorded, None)
-    return LearningSets([*simulated, *recorded], recorded)
 
 
 def session_of(study: Study, name: str):

@@ -33,7 +33,7 @@ class Distortion(Section):
 
 
 class Port(Section):
-    """What light passes on its way up: air, perhaps a clear pane, then the gel; flat faces across the sensor's z."""
+    """What light from below passes in turn: air, perhaps a clear pane, then the gel; flat faces across the sensor's z."""
 
     z_mm: float = Field(description="face on which air ends, in the sensor frame [mm]")
     index: float = Field(

@@ -79,7 +79,7 @@ class Synthesis(Section):
     shear_mm: Range = Field([0.2, 1.2], description="how far, any direction [mm]")
     tilted: Share = Field(0.15, description="share of those not sheared that is tilted at depth [-]")
     tilt_deg: Range = Field([1.0, 4.0], description="how far, about any axis in the plane [deg]")
-    unloaded: Share = Field(0.3, description="share that is followed on its way up [-]")
+    unloaded: Share = Field(0.3, description="share that is unloaded step by step [-]")
     margin_mm: NonNegative = Field(3.0, description="least distance of a position from the sides [mm]")
     mesh: Mesh = Field(
         Mesh(near_mm=0.42, far_mm=1.5),

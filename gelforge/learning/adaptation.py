@@ -75,38 +75,6 @@ def drawn_presses(names: np.ndarray, count: int, seed: int) -> set[str]:
     return set(np.random.default_rng(seed).choice(known, count, replace=False).tolist())
 
 
-def check_same_images(model: Model, regions: int, views: dict[str, dict]) -> None:
-    """Raise ModelError unless recorded images are of the model's kind; views: by session, as `view_of`."""
-    own = model.settings["features"]["regions"]
-    if regions != own:
-        raise ModelError(
-            f"features of {regions} regions a side, but the model reads {own}; set features.regions: {own}"
-        )
-    learnt = [view for view in (model.settings.get("views") or {}).values() if view]
-    for session, view in views.items():
-        if view and learnt and not any(_alike(view, other) for other in learnt):
-            raise ModelError(
-                f"session {session}: images of {_told(view)}, but the model learnt from {_told(learnt[0])}; bring them to "
-                "one view (`remap` in session.yaml), or describe the recordings' camera in synthesis.camera"
-            )
-
-
-def _alike(view: dict, other: dict) -> bool:
-    one, two = (v["camera"] or {} for v in (view, other))
-    mirrored = one.get("mirrored") == two.get("mirrored") or not one or not two
-    return _used(view) == _used(other) and mirrored
-
-
-def _used(view: dict) -> list[int] | None:
-    return view["crop_px"][2:] if view["crop_px"] else view["image_px"]
-
-
-def _told(view: dict) -> str:
-    camera = view["camera"] or {}
-    flipped = {True: ", mirrored", False: ", not mirrored"}.get(camera.get("mirrored"), "")
-    return f"{' x '.join(map(str, _used(view) or ['?']))} px{flipped}"
-
-
 def adapt(model: Model, presses: Presses) -> tuple[Model, Adaptation]:
     """Return the model with gains that make its totals those measured, and how they were chosen.
 

@@ -144,7 +144,7 @@ def errors_by_table(predictions: Predictions) -> pd.DataFrame:
 
 
 def _classes(predictions: Predictions) -> Iterator[tuple[str, str, np.ndarray]]:
-    """Yield what rows are told apart by, the class and which rows (N,) it has."""
+    """Yield kind and name of each class of rows, and which rows (N,) it has."""
     touched, depth = ~predictions.untouched, np.round(predictions.depth_mm, 3)
     yield "contact", "untouched", ~touched
     if not touched.any():

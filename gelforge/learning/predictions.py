@@ -15,10 +15,10 @@ from gelforge.dataset.schema import COLUMNS, DatasetError
 from gelforge.dataset.shard import ShardDataset, shard_attributes
 from gelforge.files import file_sha256
 from gelforge.hdf5 import opened, writing
-from gelforge.learning.adaptation import check_same_images
 from gelforge.learning.baselines import Baseline, fit_baselines
 from gelforge.learning.data import FEATURE, LABEL, measure_scaling, training_and_validation
 from gelforge.learning.model_file import Model, load_model
+from gelforge.learning.views import check_same_images, views_of
 
 FORMAT = "gelforge-predictions-3"
 BLOCK = 256  # rows in memory at a time
@@ -72,12 +72,6 @@ def predict_test_rows(
         for baseline in _baselines(study, learnt, model, grid):
             _write_baseline(file, rows, baseline, bins)
     return len(rows)
-
-
-def views_of(shards: Sequence[str | Path]) -> dict[str, dict]:
-    """Return by session what a dataset's images are, as `view_of`."""
-    sessions = {n: about for path in shards for n, about in shard_attributes(path)["sessions"].items()}
-    return {name: about.get("view") or {} for name, about in sorted(sessions.items())}
 
 
 def _write_rows(file: h5py.File, rows: ShardDataset, model: Model, bins: int) -> None:

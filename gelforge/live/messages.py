@@ -12,7 +12,7 @@ from gelforge.live.compute import Reading
 
 VERSION = 1
 COVER = 0.9  # of the intervals
-KEPT = 500  # latencies of which percentiles are told
+KEPT = 500  # latencies of which percentiles are reported
 WINDOW_S = 2.0  # over which frames per second are counted
 
 

@@ -15,13 +15,13 @@ from gelforge.live.record import Recorder
 from gelforge.live.server import Server
 from gelforge.recording.frames import Frame
 
-SILENT_S = 2.0  # without a frame, after which clients are told
+SILENT_S = 2.0  # without a frame, after which clients are warned
 RECORDINGS = "live-recordings"  # folder for the page's record button, where --record names none
 
 
 @dataclass
 class Run:
-    """What a run does beside computing: commands of clients, recording, and what is told of both."""
+    """What a run does beside computing: commands of clients, recording, and what is reported of both."""
 
     server: Server
     force: LiveForce
@@ -91,7 +91,7 @@ def run_live(
 ) -> None:
     """Compute and publish until the source ends.
 
-    Raises ImageError where the camera stops, after clients were told. Frames that cannot be used are told and passed over.
+    Raises ImageError where the camera stops, after clients were warned. Unusable frames are reported and passed over.
     """
     run, rates, said = Run(server, force, folder or Path(RECORDINGS), say), Rates(), set()
     with Capture(open_source) as capture:

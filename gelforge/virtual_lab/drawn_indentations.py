@@ -29,7 +29,7 @@ class DrawnIndentation:
 def draw_indentation(study: Study, number: int) -> DrawnIndentation:
     """Return the indentation of a number; the same for the same study, seed and number.
 
-    Draws that the sensor cannot take (too deep, beside it) are drawn again. Raises ConfigError where none fits.
+    Draws that the sensor cannot take (too deep, off its edge) are drawn again. Raises ConfigError where none fits.
     """
     synthesis = study.synthesis
     rng = np.random.default_rng([synthesis.seed, number])

@@ -36,7 +36,7 @@ def draw(camera: Camera, imaging: VirtualImaging, centres: np.ndarray, diameter_
     if imaging.defocus_px_per_mm > 0:
         image = _out_of_focus(image, discs, centres[far_first, 2], imaging)
     else:
-        _paint(image, *discs)
+        _paint(image, *discs, AMBIENT)
         if imaging.blur_px > 0:
             image = cv2.GaussianBlur(image, (0, 0), imaging.blur_px)
     if imaging.vignetting or imaging.uneven_light:
@@ -73,15 +73,16 @@ def _out_of_focus(image: np.ndarray, discs, z: np.ndarray, imaging: VirtualImagi
         off = imaging.defocus_px_per_mm * (float(z[some].mean()) - focus)
         blur = max(float(np.hypot(imaging.blur_px, off)), 1e-3)
         colour, cover = np.zeros_like(image), np.zeros_like(image)
-        _paint(colour, *(part[some] for part in discs))
-        _cover(cover, *(part[some] for part in discs[:2]))
+        pixels, radius, brightness = (part[some] for part in discs)
+        _paint(colour, pixels, radius, brightness, AMBIENT)
+        _paint(cover, pixels, radius, np.ones_like(brightness), 1.0)
         image = image * (1 - cv2.GaussianBlur(cover, (0, 0), blur)) + cv2.GaussianBlur(colour, (0, 0), blur)
     return image
 
 
 @numba.njit(cache=True, nogil=True)
-def _paint(image, pixels, radius, brightness):
-    """Paint discs on an image in the given order."""
+def _paint(image, pixels, radius, brightness, ambient):
+    """Paint discs on an image in the given order; ambient: share of their middles' light that their rims have."""
     height, width = image.shape
     for p in range(len(radius)):
         u, v, r = pixels[p, 0], pixels[p, 1], radius[p]
@@ -93,23 +94,8 @@ def _paint(image, pixels, radius, brightness):
                 cover = min(1.0, r + 0.5 - np.sqrt(square))
                 if cover > 0:
                     cosine = np.sqrt(max(0.0, 1 - square / (r * r)))
-                    shade = brightness[p] * (AMBIENT + (1 - AMBIENT) * cosine)
+                    shade = brightness[p] * (ambient + (1 - ambient) * cosine)
                     image[row, column] += cover * (shade - image[row, column])
-
-
-@numba.njit(cache=True, nogil=True)
-def _cover(image, pixels, radius):
-    """Paint the cover of discs, 0 to 1, as `_paint` lays them on."""
-    height, width = image.shape
-    for p in range(len(radius)):
-        u, v, r = pixels[p, 0], pixels[p, 1], radius[p]
-        top, bottom = max(0, int(np.ceil(v - r - 0.5))), min(height - 1, int(np.floor(v + r + 0.5)))
-        left, right = max(0, int(np.ceil(u - r - 0.5))), min(width - 1, int(np.floor(u + r + 0.5)))
-        for row in range(top, bottom + 1):
-            for column in range(left, right + 1):
-                cover = min(1.0, r + 0.5 - np.sqrt((row - v) ** 2 + (column - u) ** 2))
-                if cover > 0:
-                    image[row, column] += cover * (1 - image[row, column])
 
 
 def expose(

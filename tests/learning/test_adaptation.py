@@ -10,7 +10,6 @@ from gelforge.dataset.shard import ShardDataset
 from gelforge.learning.adaptation import (
     Presses,
     adapt,
-    check_same_images,
     drawn_presses,
     errors_table,
     measured_presses,
@@ -20,6 +19,7 @@ from gelforge.learning.model_file import load_model, save_model
 from gelforge.learning.reliability import Intervals
 from gelforge.learning.scaling import ModelError
 from gelforge.learning.training import Run, train
+from gelforge.learning.views import check_same_images
 
 SMALL = {"network": "paper", "hidden": [24, 16, 12], "batch_size": 8, "epochs": 30, "learning_rate": 1e-3}
 

@@ -1,5 +1,7 @@
 """Predictions and tables: every number against a naive loop, and only from the saved predictions."""
 
+from dataclasses import replace
+
 import h5py
 import numpy as np
 import pytest
@@ -14,8 +16,9 @@ from gelforge.learning.evaluation import (
     reliability_table,
     rmse_table,
 )
+from gelforge.learning.model_file import load_model, save_model
 from gelforge.learning.predictions import LearningSets, Predictions, label_ranges, predict_test_rows
-from gelforge.learning.reliability import centre_of_pressure
+from gelforge.learning.reliability import Intervals, centre_of_pressure
 from gelforge.learning.training import Run, train
 
 SMALL = {
@@ -159,6 +162,39 @@ def test_reliability(evaluated):
         assert table["totals, y: share inside the 90 % interval"] == pytest.approx(inside, rel=1e-9)
     else:
         assert not [name for name in table.index if "interval" in name]
+
+
+def test_coverage_of_a_model_with_intervals(evaluated, tmp_path):
+    """The small model has too few validation rows for intervals of its own: it is given some."""
+    shards, _ = evaluated
+    half = np.empty(0), np.full((1, 3), 0.05), np.full((1, 3), 0.02)
+    model = replace(load_model(shards[0].parents[1] / "model.pt"), intervals=Intervals(*half, *half))
+    save_model(tmp_path / "model.pt", model)
+    out, study = tmp_path / "predictions.h5", study_of(regions=4, bins=5, **SMALL)
+    predict_test_rows(tmp_path / "model.pt", LearningSets.of(shards), study, out, threads=1)
+    predictions, (predicted, true) = Predictions(out), maps(out)
+    table = reliability_table(predictions).set_index("quantity")["value"]
+    touched, carries = ~predictions.untouched, (true != 0).any(axis=-1)
+    inside = (np.abs(predicted - true)[carries][:, 2] <= 0.05).mean()
+    assert table["bins, z: share inside the 90 % interval"] == pytest.approx(inside, abs=1e-9)
+    off = np.abs(predicted.sum(axis=1) - true.sum(axis=1))[touched, 1]
+    assert table["totals, y: share inside the 90 % interval"] == pytest.approx((off <= 0.05).mean(), abs=1e-9)
+    off = np.abs(predicted.sum(axis=1) - predictions.ft)[touched, 0]
+    wider = np.hypot(0.05, 1.645 * 0.02)
+    assert table["measured totals, x: share inside the 90 % interval"] == pytest.approx(
+        (off <= wider).mean(), abs=1e-9
+    )
+    assert 0 < inside < 1
+
+
+def test_a_training_without_validation_rows_can_be_evaluated(tmp_path):
+    """Two orbits: one tests, one trains, none is left to watch the loss or to choose a baseline by."""
+    study = study_of(regions=4, bins=5, **SMALL | {"epochs": 2})
+    shards = write_shards(tmp_path / "dataset", small_rows(cells=2), study)
+    train(study, shards, tmp_path / "model.pt", tmp_path / "loss.csv", Run(threads=1, progress=False))
+    out = tmp_path / "predictions.h5"
+    predict_test_rows(tmp_path / "model.pt", LearningSets.of(shards), study, out, threads=1)
+    assert np.isfinite(baselines_table(Predictions(out))["RMSES_N"]).all()
 
 
 def test_centre_of_pressure_of_one_bin_and_of_two():

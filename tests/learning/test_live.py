@@ -298,3 +298,8 @@ def test_the_page_shows_forces_in_a_browser(tmp_path):
         browser.until("document.getElementById('state').textContent", "untouched")
         browser.screenshot(tmp_path / "page.png")
         assert browser.errors == []
+
+
+@pytest.mark.parametrize(("host", "origin"), [("[::1", None), ("127.0.0.1:8765", "http://[")])
+def test_addresses_that_are_none_are_refused_without_a_traceback(host, origin):
+    assert "no address" in why_refused(host, origin)

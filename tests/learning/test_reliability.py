@@ -99,3 +99,15 @@ def test_labels_without_error_bars_widen_nothing():
 def test_too_few_rows_give_no_interval():
     predicted, true, _ = rows(20, 1)
     assert find_intervals(predicted, labels_of(true)) is None
+
+
+def test_labels_without_error_bars_do_not_dilute_those_with():
+    """Where simulated rows, which have none, stand beside recorded ones."""
+    predicted, true, _ = rows(300, 1)
+    labels = labels_of(true, 0.1)
+    labels.bin_sigma[30:] = np.nan
+    labels.total_sigma[30:] = np.nan
+    intervals = find_intervals(predicted, labels)
+    known = intervals.bin_sigma_N[intervals.bin_sigma_N > 0]
+    np.testing.assert_allclose(known, 0.1, rtol=1e-12)
+    assert len(known)

@@ -199,7 +199,7 @@ def test_recordings_that_cannot_be_judged_are_refused_with_a_remedy(stiffer, tmp
 
 
 def test_a_reading_far_off_is_left_out(stiffer, tmp_path):
-    """By the tests of a session, before anything is judged; what they cannot see is set aside by its residual."""
+    """By the tests of a session, before anything is judged; what they cannot see is held out by its residual."""
 
     def spoil(table):
         row = table.index[table["phase"] == "dwell"][7]

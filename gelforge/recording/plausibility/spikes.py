@@ -27,9 +27,9 @@ def force_spikes(data: SessionData) -> list[Finding]:
     """Return the single readings whose force lies outside that of the readings before and after, far beyond noise.
 
     Between two depths of one way the force lies between theirs, and in a wait it falls. Asked are readings of `load`,
-    `dwell` and `unload`; on the way up the last one before it counts too, since a gel recovers. Not asked: a reading where
-    the way turns or a wait begins, where force may peak and relax; a small force on the way up, where a gel sticks; a fall
-    on the way down before anything pushes, where it snaps to the indenter; a sideways force that friction explains where it
+    `dwell` and `unload`; while unloading the last one before it counts too, since a gel recovers. Not asked: a reading where
+    the way turns or a wait begins, where force may peak and relax; a small force while unloading, where a gel sticks; a fall
+    while loading, before anything pushes, where it snaps to the indenter; a sideways force that friction explains where it
     sticks. After the last reading nothing touches. Of an indentation the worst reading is returned.
     """
     names = ["press", "phase", "time_s", "depth_mm", *FORCE]
