@@ -167,7 +167,7 @@ def test_reliability(evaluated):
 def test_coverage_of_a_model_with_intervals(evaluated, tmp_path):
     """The small model has too few validation rows for intervals of its own: it is given some."""
     shards, _ = evaluated
-    half = np.empty(0), np.full((1, 3), 0.05), np.full((1, 3), 0.02)
+    half = np.empty(0), np.full((1, 3), 0.05), np.full((1, 3), 0.2)
     model = replace(load_model(shards[0].parents[1] / "model.pt"), intervals=Intervals(*half, *half))
     save_model(tmp_path / "model.pt", model)
     out, study = tmp_path / "predictions.h5", study_of(regions=4, bins=5, **SMALL)
@@ -180,11 +180,12 @@ def test_coverage_of_a_model_with_intervals(evaluated, tmp_path):
     off = np.abs(predicted.sum(axis=1) - true.sum(axis=1))[touched, 1]
     assert table["totals, y: share inside the 90 % interval"] == pytest.approx((off <= 0.05).mean(), abs=1e-9)
     off = np.abs(predicted.sum(axis=1) - predictions.ft)[touched, 0]
-    wider = np.hypot(0.05, 1.645 * 0.02)
+    wider = np.hypot(0.05, 1.645 * 0.2)
     assert table["measured totals, x: share inside the 90 % interval"] == pytest.approx(
         (off <= wider).mean(), abs=1e-9
     )
     assert 0 < inside < 1
+    assert (off <= 0.05).sum() < (off <= wider).sum()  # else the two kinds of interval could be exchanged
 
 
 def test_a_training_without_validation_rows_can_be_evaluated(tmp_path):
