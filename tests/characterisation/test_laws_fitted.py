@@ -269,6 +269,7 @@ def test_independent_points_of_white_and_of_smooth_residuals():
 
 
 # ------------------------------------------------------------------------------------------- uncertainty
+@pytest.mark.thorough
 def test_intervals_of_predicted_stress_cover_the_truth():
     """60 replicates, two stresses; benchmarks/characterisation.py prints more, and the bootstrap's."""
     inside, lam = [], np.array([1.5, 3.0])

@@ -85,6 +85,7 @@ def test_demo_stress_is_within_two_per_cent_of_the_truth(demo, name, test):
     assert law.r2_nominal[test] > 0.999  # 0.5 % reading noise leaves 1 - R2 of some 1e-5
 
 
+@pytest.mark.thorough
 def test_the_interval_of_youngs_modulus_covers_the_truth_as_often_as_it_says():
     law = TRUTH["ecoflex_gel"]
     inside, errors, sigmas = 0, [], []

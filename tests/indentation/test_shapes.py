@@ -109,6 +109,7 @@ def test_along_the_normal_the_force_is_along_the_normal(presses):
         assert np.linalg.norm(east) == pytest.approx(np.linalg.norm(top), rel=0.03)
 
 
+@pytest.mark.thorough
 def test_from_above_a_flank_is_pressed_less(presses):
     """A vertical move by d comes nearer along the normal by d cos(angle) only; Hertz's force follows its power 1.5."""
     along, down = (presses[name].arrays["total_force_N"][-1] for name in ("east", "from above"))

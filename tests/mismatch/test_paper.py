@@ -75,6 +75,7 @@ def test_the_linear_curve_s_mismatch_grows_with_depth(paper):
     assert "growing with depth" in first and deepest == read_table()["depth_mm"].max()
 
 
+@pytest.mark.thorough
 def test_the_linear_curve_lacks_finite_strain_at_every_noise(paper):
     """Though a thinner layer, a gain or a spring is free to follow the readings."""
     verdict = paper.verdicts["linear"]

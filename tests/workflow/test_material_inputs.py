@@ -39,6 +39,7 @@ def made(checkout):
     return json.loads((checkout.folder / LAW).read_text())
 
 
+@pytest.mark.thorough
 def test_mapping_laws_and_choice_rerun_the_fit(checkout):
     folder, mapping = checkout.folder / "data/mine", checkout.folder / "config/mine.yaml"
     folder.mkdir()
