@@ -26,6 +26,7 @@ Share = Annotated[float, Field(ge=0, le=1)]
 class DrawnShapes(Section):
     """Indenters that are drawn, each as often as its weight says beside the others'."""
 
+    own: NonNegative = Field(4.0, description="weight of the study's own indenter [-]")
     ball: NonNegative = Field(4.0, description="weight of balls [-]")
     punch: NonNegative = Field(2.0, description="weight of flat, round punches [-]")
     edge: NonNegative = Field(1.0, description="weight of straight edges, turned about z [-]")
@@ -45,8 +46,8 @@ class DrawnShapes(Section):
     def _something(self):
         if self.mesh and not self.files:
             raise ValueError("mesh has a weight, but files names no surface; name some or set mesh: 0")
-        if not any((self.ball, self.punch, self.edge, self.pair, self.mesh)):
-            raise ValueError("no shape has a weight; give one to ball, punch, edge, pair or mesh")
+        if not any((self.own, self.ball, self.punch, self.edge, self.pair, self.mesh)):
+            raise ValueError("no shape has a weight; give one to own, ball, punch, edge, pair or mesh")
         return self
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gelforge.config import ConfigError, Indenter, Study, Synthesis
+from gelforge.config import ConfigError, Indenter, Study
 from gelforge.indentation.plan import PlannedCell, check_inside
 
 TRIES = 200  # until one fits the sensor
@@ -21,7 +21,7 @@ class DrawnIndentation:
     """An indentation to be solved: its path, and the study with its indenter and mesh."""
 
     number: int
-    kind: str  # ball, punch, edge, pair or mesh
+    kind: str  # own, ball, punch, edge, pair or mesh
     planned: PlannedCell
     study: Study
 
@@ -35,8 +35,9 @@ def draw_indentation(study: Study, number: int) -> DrawnIndentation:
     rng = np.random.default_rng([synthesis.seed, number])
     last = None
     for _ in range(TRIES):
-        kind, indenter = _indenter(rng, synthesis)
-        planned = _path(rng, study, f"s{number:05d}", turns=kind in ("punch", "edge", "mesh"))
+        kind, indenter = _indenter(rng, study)
+        turns = indenter.kind not in ("sphere", "several")  # a tilted ball is the same ball
+        planned = _path(rng, study, f"s{number:05d}", turns)
         drawn = _with(study, indenter)
         try:
             check_inside({planned.name: planned}, drawn)
@@ -62,12 +63,14 @@ def _with(study: Study, indenter: Indenter) -> Study:
     return study.model_copy(update={"indenter": indenter, "mechanics": mechanics, "plan": plan})
 
 
-def _indenter(rng: np.random.Generator, synthesis: Synthesis) -> tuple[str, Indenter]:
-    shapes = synthesis.shapes
-    kinds = ("ball", "punch", "edge", "pair", "mesh")
+def _indenter(rng: np.random.Generator, study: Study) -> tuple[str, Indenter]:
+    shapes = study.synthesis.shapes
+    kinds = ("own", "ball", "punch", "edge", "pair", "mesh")
     weights = np.array([getattr(shapes, kind) for kind in kinds])
     kind = str(rng.choice(kinds, p=weights / weights.sum()))
     angle = float(rng.uniform(0, 180))
+    if kind == "own":
+        return kind, study.indenter
     if kind == "ball":
         return kind, Indenter(kind="sphere", radius_mm=_within(rng, shapes.ball_radius_mm))
     if kind == "punch":

@@ -36,7 +36,8 @@ STUDY = study_of()
 
 def test_draws_are_within_their_limits_and_of_every_kind():
     drawn = [draw_indentation(STUDY, number) for number in range(60)]
-    assert {one.kind for one in drawn} == {"ball", "punch", "edge", "pair"}
+    assert {one.kind for one in drawn} == {"own", "ball", "punch", "edge", "pair"}
+    assert all(one.study.indenter == STUDY.indenter for one in drawn if one.kind == "own")
     paths = [one.planned for one in drawn]
     deepest = np.array([path.deepest_mm for path in paths])
     assert 0.3 <= deepest.min() < 0.6
