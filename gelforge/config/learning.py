@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, model_serializer, model_validator
 
 from gelforge.config.common import NonNegative, Positive, Section
 
@@ -20,6 +20,19 @@ class Features(Section):
     moved_px: NonNegative = Field(
         0.05, description="pixels that moved less do not vote on the direction [px]"
     )
+    image_scale: float = Field(
+        1.0,
+        gt=0,
+        le=1,
+        description="images are reduced to this share of their width and height before the search; flow stays in pixels "
+        "of the image before [-]",
+    )
+
+    @model_serializer(mode="wrap")
+    def _as_written(self, write) -> dict[str, Any]:
+        """Return the keys; image_scale only where images are reduced, so that digests of older features stay."""
+        keys = write(self)
+        return keys if self.image_scale < 1 else {k: v for k, v in keys.items() if k != "image_scale"}
 
 
 class Dataset(Section):

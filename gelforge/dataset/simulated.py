@@ -15,6 +15,8 @@ from gelforge.dataset.shard import writing_shard
 from gelforge.indentation.cell_file import Cell
 from gelforge.indentation.companion import simulate_label
 from gelforge.recording.features import FlowFeatures
+from gelforge.recording.flow import reduced
+from gelforge.recording.remap import scale_of_view
 from gelforge.virtual_lab.drawn_indentations import DrawnIndentation, draw_indentation
 from gelforge.virtual_lab.imaging import draw, expose, focused
 from gelforge.virtual_lab.particles import interpolation, place_particles
@@ -48,6 +50,7 @@ def _attributes(study: Study, drawn: DrawnIndentation, cell: Cell) -> dict:
         "image_px": [synthesis.camera.width_px, synthesis.camera.height_px],
         "crop_px": None,
         "camera": synthesis.camera.model_dump(mode="json"),
+        **scale_of_view(study.features.image_scale),
     }
     about = {
         "orbit": name,
@@ -109,7 +112,8 @@ def _features(study: Study, drawn: DrawnIndentation, cell: Cell, series: int) ->
     diameter = synthesis.particles.diameter_mm
 
     def seen(moved: np.ndarray) -> np.ndarray:
-        return expose(draw(camera, imaging, particles + moved, diameter), imaging, rng)
+        image = expose(draw(camera, imaging, particles + moved, diameter), imaging, rng)
+        return reduced(image, study.features.image_scale)
 
     extract = FlowFeatures(seen(np.zeros(3)), study.features)
     yield extract(seen(np.zeros(3)))

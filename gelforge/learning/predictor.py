@@ -12,8 +12,8 @@ import pandas as pd
 
 from gelforge.config import Camera, Features
 from gelforge.learning.onnx_export import open_for_prediction
-from gelforge.recording.features import FlowFeatures, flow_features
-from gelforge.recording.flow import ImageError, crop
+from gelforge.recording.features import FlowFeatures
+from gelforge.recording.flow import ImageError, crop, reduced
 from gelforge.recording.frames import Frame
 from gelforge.recording.remap import Picture, remap_to
 
@@ -61,15 +61,16 @@ class Predictor:
     def picture_for(
         self, frame: Frame, crop_px: list[int] | None, camera: Camera | None, plane_z_mm: float | None
     ) -> Picture:
-        """Return what makes frames like this one those that the model learnt from: remapped to their view, or cropped.
+        """Return what makes frames like this one those that the model learnt from: remapped to their view, or cropped, and
+        reduced where those were.
 
         Raises ImageError, naming the difference, where they cannot be made so.
         """
-        views = self.model.settings.get("views") or {}
-        if remapper := remap_to(views, camera, plane_z_mm, crop_px):
+        views, scale = self.model.settings.get("views") or {}, self.features.image_scale
+        if remapper := remap_to(views, camera, plane_z_mm, crop_px, scale):
             return remapper
         part = self.crop_for(frame, crop_px)
-        return lambda image: crop(image, part)
+        return lambda image: reduced(crop(image, part), scale)
 
     def __call__(self, feature: np.ndarray) -> np.ndarray:
         """Return the force distribution (B, 3) [N] on the sensor of one image's features (F,)."""
@@ -149,7 +150,7 @@ def predict_frames(
         marks = [start, time.perf_counter()]
         flow = extract.flow(image)
         marks.append(time.perf_counter())
-        feature = flow_features(flow, settings.regions, settings.moved_px)
+        feature = extract.of_flow(flow)
         marks.append(time.perf_counter())
         force, unlike = predictor.answer(feature)
         marks.append(time.perf_counter())

@@ -31,6 +31,7 @@ from gelforge.learning.networks import Grids, make_network
 from gelforge.learning.reliability import Labels, Zero, find_intervals, find_zero
 from gelforge.learning.scaling import ModelError, Scaling
 from gelforge.learning.turns import Turner, names_of
+from gelforge.learning.views import check_scale
 
 USUAL_THREADS = {"paper": 2}
 CHECKPOINT_FORMAT = "gelforge-checkpoint-2"
@@ -280,13 +281,15 @@ def _settings(study: Study, shards: Sequence[str | Path]) -> dict:
     dump = study.model_dump(mode="json", include={"study", "seed", "features", "dataset"})
     attributes = [shard_attributes(path) for path in shards]
     sessions = {name: about for one in attributes for name, about in one["sessions"].items()}
+    views = {name: about["view"] for name, about in sorted(sessions.items()) if about.get("view")}
+    check_scale(study.features.image_scale, views)
     return {
         **dump,
         "learning": study.learning.usual.model_dump(mode="json"),
         "bins": study.sensor.bins.model_dump(mode="json"),
         "sensor_width_mm": [study.sensor.width_x_mm, study.sensor.width_y_mm],
         "synthetic": any(one["synthetic"] for one in attributes),
-        "views": {name: about["view"] for name, about in sorted(sessions.items()) if about.get("view")},
+        "views": views,
         "shards_digest": shards_digest(shards),
     }
 

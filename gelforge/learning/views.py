@@ -28,14 +28,29 @@ def check_same_images(model: Model, regions: int, views: dict[str, dict]) -> Non
         if view and learnt and not any(_alike(view, other) for other in learnt):
             raise ModelError(
                 f"session {session}: images of {_told(view)}, but the model learnt from {_told(learnt[0])}; bring them to "
-                "one view (`remap` in session.yaml), or describe the recordings' camera in synthesis.camera"
+                "one view (`remap` in session.yaml) and one features.image_scale, or describe the recordings' camera in "
+                "synthesis.camera"
+            )
+
+
+def check_scale(scale: float, views: dict[str, dict]) -> None:
+    """Raise ModelError unless the images of a dataset (views by session) were reduced as features.image_scale says."""
+    for session, view in views.items():
+        if view and _scale(view) != scale:
+            raise ModelError(
+                f"session {session}: its features are of images reduced by {_scale(view):g}, but features.image_scale is "
+                f"{scale:g}; extract the features again and join them, or set features.image_scale: {_scale(view):g}"
             )
 
 
 def _alike(view: dict, other: dict) -> bool:
     one, two = (v["camera"] or {} for v in (view, other))
     mirrored = one.get("mirrored") == two.get("mirrored") or not one or not two
-    return _used(view) == _used(other) and mirrored
+    return _used(view) == _used(other) and mirrored and _scale(view) == _scale(other)
+
+
+def _scale(view: dict) -> float:
+    return view.get("image_scale", 1.0)
 
 
 def _used(view: dict) -> list[int] | None:
@@ -45,4 +60,5 @@ def _used(view: dict) -> list[int] | None:
 def _told(view: dict) -> str:
     camera = view["camera"] or {}
     flipped = {True: ", mirrored", False: ", not mirrored"}.get(camera.get("mirrored"), "")
-    return f"{' x '.join(map(str, _used(view) or ['?']))} px{flipped}"
+    smaller = f", reduced by features.image_scale {_scale(view):g}" if _scale(view) < 1 else ""
+    return f"{' x '.join(map(str, _used(view) or ['?']))} px{flipped}{smaller}"

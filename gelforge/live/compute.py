@@ -11,8 +11,8 @@ from gelforge.config import Camera
 from gelforge.learning.predictor import Predictor
 from gelforge.learning.reliability import centre_of_pressure
 from gelforge.live.capture import Shot
-from gelforge.recording.features import FlowFeatures, flow_features
-from gelforge.recording.flow import crop
+from gelforge.recording.features import FlowFeatures
+from gelforge.recording.flow import crop, reduced
 from gelforge.recording.frames import Frame
 from gelforge.recording.remap import remap_to
 
@@ -91,7 +91,8 @@ class LiveForce:
     ):
         self.predictor, self.crop_px = predictor, crop_px
         self.settings, self.features = predictor.model.settings, predictor.features
-        self.remapped = remap_to(self.settings.get("views") or {}, camera, plane_z_mm, crop_px)
+        self.scale = self.features.image_scale
+        self.remapped = remap_to(self.settings.get("views") or {}, camera, plane_z_mm, crop_px, self.scale)
         bins = self.settings["bins"]
         self.grid = bins["nx"], bins["ny"], np.array(self.settings["sensor_width_mm"])
         self.zero, self.extract, self.look = -1, None, None
@@ -102,16 +103,20 @@ class LiveForce:
         """Take a frame as the one of zero force. Raises ImageError for one that the model cannot use."""
         image = self.image_of(frame)
         extract = FlowFeatures(image, self.features)
-        feature = flow_features(extract.flow(image), self.features.regions, self.features.moved_px)
-        self.predictor(feature)  # so that no frame pays for what is set up once; says too what cannot be used
+        self.predictor(
+            extract(image)
+        )  # so that no frame pays for what is set up once; says too what cannot be used
         self.extract, self.look = extract, Look.of(image)
         self.zero += 1
 
     def image_of(self, frame: Frame) -> np.ndarray:
-        """Return the part (H, W) uint8 of a frame that the model reads, or the frame as the model's camera would see it."""
+        """Return the part (H, W) uint8 of a frame that the model reads, or the frame as the model's camera would see it.
+
+        Reduced where the images that the model learnt from were.
+        """
         if self.remapped:
             return self.remapped(frame.image)
-        return crop(frame.image, self.predictor.crop_for(frame, self.crop_px))
+        return reduced(crop(frame.image, self.predictor.crop_for(frame, self.crop_px)), self.scale)
 
     def __call__(self, shot: Shot) -> Reading:
         """Return the reading of a frame; one that cannot be used gives a reading with its problem.
@@ -137,7 +142,7 @@ class LiveForce:
         model = self.predictor.model
         image = mark(self.image_of(shot.frame))
         flow = mark(self.extract.flow(image))
-        feature = mark(flow_features(flow, self.features.regions, self.features.moved_px))
+        feature = mark(self.extract.of_flow(flow))
         force, unlike = mark(self.predictor.answer(feature))
         batch = force[None]
         bars = (

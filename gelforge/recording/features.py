@@ -61,19 +61,21 @@ DATASETS = {
 }
 
 
-def flow_features(flow: np.ndarray, regions: int, moved_px: float) -> np.ndarray:
+def flow_features(flow: np.ndarray, regions: int, moved_px: float, scale: float = 1.0) -> np.ndarray:
     """Return m mean magnitudes [px], then m directions [rad in (-pi, pi]] of a flow (H, W, 2), float32.
+
+    The flow is in pixels of images reduced to a scale; magnitudes and moved_px are in pixels of the image before.
 
     The image has regions x regions = m equal parts; a pixel on a border counts in both by its area. The direction of
     a region is atan2 of the mean sine and the mean cosine over its pixels that moved more than moved_px (u right,
     v down), 0 where none did.
     """
     rows, columns = _pixel_shares(flow.shape[0], regions), _pixel_shares(flow.shape[1], regions)
-    sums = _region_sums(flow, regions, np.float32(moved_px), *rows, *columns)  # (r, r, 3)
-    area = flow.shape[0] * flow.shape[1] / regions**2  # px of a region
+    sums = _region_sums(flow, regions, np.float32(moved_px * scale), *rows, *columns)  # (r, r, 3)
+    area = flow.shape[0] * flow.shape[1] / regions**2  # px of a region, of the flow's own
     direction = np.arctan2(sums[..., 2], sums[..., 1]).astype(np.float32)
     direction[direction == -np.float32(np.pi)] = np.pi  # one name for the direction to the left
-    return np.concatenate([(sums[..., 0] / area).astype(np.float32).ravel(), direction.ravel()])
+    return np.concatenate([(sums[..., 0] / (area * scale)).astype(np.float32).ravel(), direction.ravel()])
 
 
 @lru_cache(maxsize=8)
@@ -121,7 +123,7 @@ def _region_sums(flow, regions, moved_px, row_first, row_share, column_first, co
 class FlowFeatures:
     """The features of images against one reference frame: the path that sessions and the live predictor share.
 
-    Not shared between threads, as `Flow`.
+    Reference and images come reduced to settings.image_scale (`picture_of`). Not shared between threads, as `Flow`.
     """
 
     def __init__(self, reference: np.ndarray, settings: Features):
@@ -135,7 +137,12 @@ class FlowFeatures:
 
     def __call__(self, image: np.ndarray) -> np.ndarray:
         """Return the features (2 m) float32 of an image (H, W) uint8."""
-        return flow_features(self.flow(image), self.settings.regions, self.settings.moved_px)
+        return self.of_flow(self.flow(image))
+
+    def of_flow(self, flow: np.ndarray) -> np.ndarray:
+        """Return the features (2 m) float32 of an image's flow (H, W, 2)."""
+        settings = self.settings
+        return flow_features(flow, settings.regions, settings.moved_px, settings.image_scale)
 
 
 def session_features(recording: Recording, settings: Features, out: str | Path, workers: int = 1) -> int:
@@ -165,7 +172,7 @@ def session_features(recording: Recording, settings: Features, out: str | Path, 
             measures += found
         table = add_measures(rows.assign(run=0), measures)
         table["flow_lost"] = table.groupby(["press", "phase"], sort=False)["flow_lost"].ffill()
-        judged = judge_all(recording, table)
+        judged = judge_all(recording, table, settings.image_scale)
         left_out = table.index.isin(judged.excluded_rows("image"))
         _keep(feature, np.flatnonzero(~left_out))
         _write_attributes(file, recording, settings, table[left_out], judged)
@@ -173,13 +180,14 @@ def session_features(recording: Recording, settings: Features, out: str | Path, 
     return int((~left_out).sum())
 
 
-def judge_all(recording: Recording, table: pd.DataFrame) -> Findings:
+def judge_all(recording: Recording, table: pd.DataFrame, scale: float) -> Findings:
     """Return what the image tests find in all images of a session, and which indentations the flow cannot follow.
 
-    A sample was judged when the session was read. Raises RecordingError where an error is found.
+    A sample was judged when the session was read. scale: features.image_scale, by which the images were reduced. Raises
+    RecordingError where an error is found.
     """
     session = recording.session
-    reference = read_as(picture_of(session), reference_path(recording.folder))
+    reference = read_as(picture_of(session, scale), reference_path(recording.folder))
     series = series_of(table, reference, seen_by(session))
     found = [finding for test in IMAGE_TESTS.values() for finding in test(series)]
     judged = collect(session.session, [*found, *flow_lost_of(series.shown)], session.confirmed)
@@ -215,22 +223,21 @@ def _features_in_batches(
 
     Whether the flow fits the image is measured of the first image of an indentation before touch and at depth.
     """
-    picture = picture_of(recording.session)
+    picture = picture_of(recording.session, settings.image_scale)
     reference = read_as(picture, reference_path(recording.folder))
     local = threading.local()
 
     def features(name: str, first: bool) -> tuple[np.ndarray, Measures]:
         if not hasattr(local, "extract"):
             local.extract = FlowFeatures(reference, settings)
-            local.measure = Measurer(local.extract.flow)
+            local.measure = Measurer(local.extract.flow, settings.image_scale)
         path = image_path(recording.folder, name)
         image = read_as(picture, path)
         try:
             flow = local.extract.flow(image)
         except ImageError as error:
             raise ImageError(f"{path}: {error}") from None
-        vector = flow_features(flow, settings.regions, settings.moved_px)
-        return vector, local.measure(image, flow, with_lost=first)
+        return local.extract.of_flow(flow), local.measure(image, flow, with_lost=first)
 
     names, firsts = iter(rows["image"]), iter(~rows.duplicated(["press", "phase"]))
     with ThreadPoolExecutor(workers) as pool:
@@ -247,7 +254,7 @@ def _write_attributes(
     file.attrs["session"] = session.session
     file.attrs["synthetic"] = session.synthetic
     file.attrs["digest"] = features_digest(recording.folder, session, settings)
-    file.attrs["view"] = json.dumps(view_of(session), sort_keys=True)
+    file.attrs["view"] = json.dumps(view_of(session, settings.image_scale), sort_keys=True)
     excluded = Counter(recording.excluded_images)
     excluded.update(left_out.loc[left_out["phase"] != "zero", "press"])
     file.attrs["excluded_images"] = json.dumps(dict(excluded))

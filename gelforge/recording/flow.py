@@ -57,6 +57,19 @@ def crop(image: np.ndarray, crop_px: list[int] | None) -> np.ndarray:
     return np.ascontiguousarray(image[top : top + height, left : left + width])
 
 
+def reduced(image: np.ndarray, scale: float) -> np.ndarray:
+    """Return an image (H, W) reduced to (scale H, scale W), rounded.
+
+    Pixel i shows the place (i + 0.5) / scale - 0.5 [px] along both axes, whatever the rounding, so that lengths are those
+    of the image times scale. It is read between pixels, as `Remapper` does, which takes in every pixel down to half the
+    size and a fifth of the time of means over areas; below that it is such a mean.
+    """
+    if scale == 1:
+        return image
+    how = cv2.INTER_LINEAR if scale >= 0.5 else cv2.INTER_AREA
+    return cv2.resize(image, None, fx=scale, fy=scale, interpolation=how)
+
+
 class Flow:
     """Dense Inverse Search (Kroeger et al. 2016, doi:10.1007/978-3-319-46493-0_29) against one reference frame.
 
@@ -67,7 +80,7 @@ class Flow:
         if min(reference.shape) < SMALLEST_PX:
             raise ImageError(
                 f"image of {reference.shape[1]} x {reference.shape[0]} px is smaller than {SMALLEST_PX} px; "
-                "the flow needs a larger image or crop_px"
+                "the flow needs a larger image, crop_px or features.image_scale"
             )
         self.reference = reference
         self.search = cv2.DISOpticalFlow_create(PRESETS[preset])

@@ -36,7 +36,7 @@ class Measures:
     grey: float  # mean [grey levels]
     gain: float  # mean over that of the reference frame
     texture: float  # textured pixels over those of the reference frame
-    flow_px: float  # root mean square of the flow's length over all pixels
+    flow_px: float  # root mean square of the flow's length over all pixels, in pixels of the image before it was reduced
     flow_lost: (
         float  # share of the textured pixels whose flow does not fit the image; NaN where not asked for
     )
@@ -47,10 +47,10 @@ NAMES = list(Measures.__dataclass_fields__)
 
 
 class Measurer:
-    """Measures images against one reference frame. Not shared between threads, as `Flow`."""
+    """Measures images against one reference frame, reduced to a scale as it is. Not shared between threads, as `Flow`."""
 
-    def __init__(self, search: Flow):
-        self.search = search
+    def __init__(self, search: Flow, scale: float = 1.0):
+        self.search, self.scale = search, scale
         self.mean, self.spread = float(search.reference.mean()), float(search.reference.std())
         self.textured = max(int(search.texture.mask.sum()), 1)
 
@@ -61,7 +61,7 @@ class Measurer:
             grey=grey,
             gain=grey / max(self.mean, 1e-9),
             texture=self._texture(image),
-            flow_px=float(np.sqrt(np.mean(np.square(flow, dtype=np.float64).sum(axis=-1)))),
+            flow_px=float(np.sqrt(np.mean(np.square(flow, dtype=np.float64).sum(axis=-1)))) / self.scale,
             flow_lost=flow_lost(self.search, image, flow) if with_lost else float("nan"),
             pixels=pixel_digest(image),
         )

@@ -16,7 +16,7 @@ import numpy as np
 
 from gelforge.config import Camera, Session
 from gelforge.recording.camera import CameraError, project, unproject
-from gelforge.recording.flow import ImageError, crop, read_grey
+from gelforge.recording.flow import ImageError, crop, read_grey, reduced
 
 LEAST_SEEN = (
     0.9  # share of the view that the camera must see; what it does not is made of the border's pixels
@@ -25,26 +25,36 @@ SAME_PX = 0.02  # images closer than this are used as they are: half of what the
 Picture = Callable[[np.ndarray], np.ndarray]
 
 
-def places_in(camera: Camera, view: Camera, plane_z_mm: float) -> np.ndarray:
-    """Return where in the camera's image (H, W, 2) [px] each pixel of the view lies, by way of the plane z = plane_z_mm."""
-    pixels = np.stack(np.meshgrid(np.arange(view.width_px), np.arange(view.height_px)), axis=-1)
-    return project(camera, unproject(view, pixels, plane_z_mm))[0]
+def places_in(
+    camera: Camera, view: Camera, plane_z_mm: float, crop_px: list[int] | None = None, scale: float = 1.0
+) -> np.ndarray:
+    """Return where in the camera's image (H, W, 2) [px] each pixel of the view lies, by way of the plane z = plane_z_mm.
+
+    crop_px: of this part of the view only; scale: of its pixels after `reduced`.
+    """
+    left, top, width, height = crop_px or (0, 0, view.width_px, view.height_px)
+    u, v = (np.arange(round(scale * size)) for size in (width, height))
+    middles = np.meshgrid(left + (u + 0.5) / scale - 0.5, top + (v + 0.5) / scale - 0.5)
+    return project(camera, unproject(view, np.stack(middles, axis=-1), plane_z_mm))[0]
 
 
 class Remapper:
     """Images of a camera as a view shows them; the map is made once.
 
-    crop_px: the part of the view that is wanted. Raises ImageError where the camera sees too little of the view, or an
+    crop_px: the part of the view that is wanted; scale: it is reduced to this share of its size, in the same step.
+    Raises ImageError where the camera sees too little of the view, or an
     image is not of the camera's size.
     """
 
     def __init__(
-        self, camera: Camera, view: Camera, plane_z_mm: float, crop_px: list[int] | None = None
+        self,
+        camera: Camera,
+        view: Camera,
+        plane_z_mm: float,
+        crop_px: list[int] | None = None,
+        scale: float = 1.0,
     ) -> None:
-        places = places_in(camera, view, plane_z_mm)
-        if crop_px is not None:
-            left, top, width, height = crop_px
-            places = places[top : top + height, left : left + width]
+        places = places_in(camera, view, plane_z_mm, crop_px, scale)
         size = np.array([camera.width_px, camera.height_px])
         self.seen = float(np.mean(np.all((places > -0.5) & (places < size - 0.5), axis=-1)))
         if self.seen < LEAST_SEEN:
@@ -65,11 +75,14 @@ class Remapper:
         return cv2.remap(image, *self.maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
 
-def picture_of(session: Session) -> Picture:
-    """Return what makes of a session's image as recorded the one whose flow is searched: remapped, cropped, or as it is."""
+def picture_of(session: Session, scale: float = 1.0) -> Picture:
+    """Return what makes of a session's image as recorded the one whose flow is searched.
+
+    Remapped, cropped, or as it is; reduced where features.image_scale is below 1.
+    """
     if session.remap:
-        return Remapper(session.camera, session.remap.view, session.remap.plane_z_mm)
-    return lambda image: crop(image, session.crop_px)
+        return Remapper(session.camera, session.remap.view, session.remap.plane_z_mm, scale=scale)
+    return lambda image: reduced(crop(image, session.crop_px), scale)
 
 
 def read_as(picture: Picture, path: str | Path) -> np.ndarray:
@@ -86,10 +99,11 @@ def seen_by(session: Session) -> Camera | None:
     return session.remap.view if session.remap else session.camera
 
 
-def view_of(session: Session) -> dict:
+def view_of(session: Session, scale: float = 1.0) -> dict:
     """Return what the images are whose flow is searched: size [px], the part that is used, and the camera.
 
-    Of a remapped session the reference view, with the plane on which it is exact.
+    Of a remapped session the reference view, with the plane on which it is exact. Size and part are those before images are
+    reduced; `image_scale` is there where they are.
     """
     camera = seen_by(session)
     view = {
@@ -97,15 +111,26 @@ def view_of(session: Session) -> dict:
         "crop_px": session.crop_px,
         "camera": camera.model_dump(mode="json") if camera else None,
     }
-    return view | ({"plane_z_mm": session.remap.plane_z_mm} if session.remap else {})
+    plane = {"plane_z_mm": session.remap.plane_z_mm} if session.remap else {}
+    return view | plane | scale_of_view(scale)
+
+
+def scale_of_view(scale: float) -> dict:
+    """Return the key of a view that says to which share of their size its images are reduced; none where they are not."""
+    return {"image_scale": scale} if scale < 1 else {}
 
 
 def remap_to(
-    views: Mapping[str, dict], camera: Camera | None, plane_z_mm: float | None, crop_px: list[int] | None
+    views: Mapping[str, dict],
+    camera: Camera | None,
+    plane_z_mm: float | None,
+    crop_px: list[int] | None,
+    scale: float = 1.0,
 ) -> Remapper | None:
     """Return what makes a camera's images those that a model learnt from (views as `view_of`, by session); None: they are.
 
-    Raises ImageError where the camera is not known and must be, or differs from the model's with no way to remap.
+    scale: what is remapped is reduced to this share of its size, too. Raises ImageError where the camera is not known and
+    must be, or differs from the model's with no way to remap.
     """
     remapped = {name: view for name, view in views.items() if view.get("plane_z_mm") is not None}
     if camera is None:
@@ -144,7 +169,7 @@ def remap_to(
     if same_size and np.abs(places_in(camera, view, z) - pixels).max() < SAME_PX:
         return None
     try:
-        return Remapper(camera, view, z, views[name]["crop_px"])
+        return Remapper(camera, view, z, views[name]["crop_px"], scale)
     except (ImageError, CameraError) as error:
         raise ImageError(f"{differs}; {error}") from None
 

@@ -60,11 +60,12 @@ class MeanModel:
         return self.predict(feature), np.atleast_2d(feature)[:, :16].mean(axis=1) / 5
 
 
-def force_of(reference: np.ndarray | None = STILL) -> LiveForce:
+def force_of(reference: np.ndarray | None = STILL, scale: float = 1.0) -> LiveForce:
     predictor = Predictor.__new__(Predictor)
     of_bins = np.array([0.01]), np.array([[0.0] * 3, [0.003] * 3]), np.zeros((2, 3))
     bars = Intervals(*of_bins, np.empty(0), np.full((1, 3), 0.02), np.zeros((1, 3)))
-    predictor.model = MeanModel(SETTINGS, bars)
+    features = SETTINGS["features"] | {"image_scale": scale}
+    predictor.model = MeanModel(SETTINGS | {"features": features}, bars)
     return LiveForce(predictor, reference, None)
 
 

@@ -19,7 +19,7 @@ from gelforge.learning.model_file import load_model, save_model
 from gelforge.learning.reliability import Intervals
 from gelforge.learning.scaling import ModelError
 from gelforge.learning.training import Run, train
-from gelforge.learning.views import check_same_images
+from gelforge.learning.views import check_same_images, check_scale
 
 SMALL = {"network": "paper", "hidden": [24, 16, 12], "batch_size": 8, "epochs": 30, "learning_rate": 1e-3}
 
@@ -112,3 +112,17 @@ def test_images_of_another_kind_are_refused(trained):
     check_same_images(model, 4, {"other": view})
     with pytest.raises(ModelError, match="640 x 480 px, but the model learnt from 400 x 400"):
         check_same_images(model, 4, {"other": view | {"image_px": [640, 480]}})
+    with pytest.raises(
+        ModelError, match="400 x 400 px, reduced by features.image_scale 0.8, but .* from 400 x 400 px;"
+    ):
+        check_same_images(model, 4, {"other": view | {"image_scale": 0.8}})
+
+
+def test_features_of_images_of_another_scale_than_the_studys_are_not_learnt_from():
+    check_scale(1.0, {"one": {"image_px": [400, 400]}, "old": {}})
+    check_scale(0.8, {"one": {"image_px": [400, 400], "image_scale": 0.8}})
+    with pytest.raises(
+        ModelError,
+        match="one: .* reduced by 0.8, but features.image_scale is 1; .* features.image_scale: 0.8",
+    ):
+        check_scale(1.0, {"one": {"image_px": [400, 400], "image_scale": 0.8}})

@@ -89,6 +89,14 @@ def test_a_reading_holds_totals_intervals_and_centre():
     assert not reading.warnings
 
 
+def test_frames_are_reduced_as_the_images_that_the_model_learnt_from():
+    whole, small = force_of()(shot(MOVED)), force_of(scale=0.8)
+    assert small.extract.flow.reference.shape == (96, 128)
+    # 1.8 px above the model's threshold at either scale; in pixels of the reduced image it would be 1.4
+    assert small(shot(MOVED)).force_N[6, 2] == pytest.approx(whole.force_N[6, 2], rel=0.08)
+    assert "160 x 120" in small(shot(np.zeros((96, 128), np.uint8))).problem  # frames come as large as ever
+
+
 def test_an_untouched_frame_has_no_centre_and_exact_zeros():
     reading = force_of()(shot(STILL))
     assert not reading.touched

@@ -11,7 +11,7 @@ from gelforge.learning.predictor import STEPS, Predictor, Timing, predict_frames
 from gelforge.learning.scaling import ModelError
 from gelforge.learning.training import Run, train
 from gelforge.recording.features import FlowFeatures
-from gelforge.recording.flow import ImageError
+from gelforge.recording.flow import ImageError, reduced
 from gelforge.recording.frames import Frame
 
 SMALL = {"network": "paper", "hidden": [24, 16, 12], "batch_size": 8, "epochs": 3, "validation_fraction": 0.2}
@@ -71,6 +71,21 @@ def counted(init, calls):
         self.flow = lambda image: calls.append(1) or flow(image)
 
     return counting
+
+
+def test_frames_are_reduced_as_the_images_that_the_model_learnt_from(predictor):
+    settings = predictor.model.settings
+    reducing = Predictor.__new__(Predictor)
+    reducing.model = replace(
+        predictor.model, settings=settings | {"features": settings["features"] | {"image_scale": 0.8}}
+    )
+    small = reduced(pattern(0), 0.8)
+    for frame, prediction in zip(
+        frames(0, 2), predict_frames(reducing, frames(0, 2), pattern(0)), strict=True
+    ):
+        feature = FlowFeatures(small, reducing.features)(reduced(frame.image, 0.8))
+        np.testing.assert_array_equal(prediction.force_N, predictor.model.predict(feature)[0])
+    assert feature[:16].mean() == pytest.approx(2, rel=0.05)  # px of the frame
 
 
 def test_every_step_is_timed(predictor):

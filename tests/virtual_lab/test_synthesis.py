@@ -107,6 +107,20 @@ def test_series_show_other_particles_of_the_same_labels(sheared):
     assert close > 0.9
 
 
+def test_images_are_reduced_as_the_features_ask(sheared, tmp_path):
+    study, out = sheared
+    features = study.features.model_copy(update={"image_scale": 0.7})
+    synthesise(study.model_copy(update={"features": features}), LAWS, 0, tmp_path / "0.h5")
+    assert shard_attributes(tmp_path / "0.h5")["sessions"]["simulated"]["view"]["image_scale"] == 0.7
+    small, whole = (ShardDataset([path]) for path in (tmp_path / "0.h5", out))
+    flow = [
+        rows.read(np.arange(len(rows)), ["feature"])["feature"][:, :400].mean(axis=1)
+        for rows in (small, whole)
+    ]
+    deep = flow[1] > 0.5 * flow[1].max()
+    np.testing.assert_allclose(flow[0][deep], flow[1][deep], rtol=0.15)  # 0.7 would be 30 % off
+
+
 def test_the_same_again_to_the_byte_and_said_to_be_synthetic(sheared, tmp_path):
     study, out = sheared
     synthesise(study, LAWS, 0, tmp_path / "0.h5")
