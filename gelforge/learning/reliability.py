@@ -91,13 +91,13 @@ class Intervals:
 
     def of_true_bins(self, force: np.ndarray) -> np.ndarray:
         """Return the same as of_bins for the true force: with the labels' own uncertainty."""
-        sigma = self.bin_sigma_N[_class(self.bin_edges_N, force)]
-        return np.hypot(self.of_bins(force), WIDTH * sigma)
+        half = np.hypot(self.bin_half_N, WIDTH * self.bin_sigma_N)  # (C, 3)
+        return half[_class(self.bin_edges_N, force)]
 
     def of_true_totals(self, force: np.ndarray) -> np.ndarray:
         """Return the same as of_totals for the true force: with the labels' own uncertainty."""
-        sigma = self.total_sigma_N[_class(self.total_edges_N, force.sum(axis=1))]
-        return np.hypot(self.of_totals(force), WIDTH * sigma)
+        half = np.hypot(self.total_half_N, WIDTH * self.total_sigma_N)  # (C, 3)
+        return half[_class(self.total_edges_N, force.sum(axis=1))]
 
 
 def _class(edges: np.ndarray, force: np.ndarray) -> np.ndarray:

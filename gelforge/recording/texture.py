@@ -64,7 +64,7 @@ class Texture:
         self._reduced = max(1, round(away / 2))
         self._width = max(float(away), 1.0) / self._reduced
         share = self._convolved(self.mask.astype(np.float32))
-        self._inverse = (1 / (share + FAR_SHARE))[..., None]
+        self._inverse = np.repeat((1 / (share + FAR_SHARE))[..., None], 2, axis=2)
         self._bytes = self.mask.astype(np.uint8)
         self._weight = np.repeat(self.mask[..., None], 2, axis=2).astype(np.float32)
 
@@ -72,7 +72,7 @@ class Texture:
         """Return a flow (H, W, 2) float32 with that of the surrounding texture where there is none; textured pixels stay."""
         if self.everywhere or self.nowhere:
             return flow
-        around = self._convolved(cv2.multiply(flow, self._weight)) * self._inverse
+        around = cv2.multiply(self._convolved(cv2.multiply(flow, self._weight)), self._inverse)
         filled = cv2.resize(around, flow.shape[1::-1], interpolation=cv2.INTER_LINEAR)
         cv2.copyTo(flow, self._bytes, filled)
         return filled
