@@ -1,12 +1,18 @@
-"""How long one frame takes on the live path, step by step and by image size, on one core.
+"""How long one frame takes on the live path, step by step, on one core.
 
-usage: python benchmarks/live_latency.py [--frames 500] [--rounds 5] [--sizes 640x480 400x400 320x320 240x240] [--model FILE]
+usage: python benchmarks/live_latency.py [--sizes 640x480] [--crop 400x400] [--scales 1 0.8 0.6 0.5] [--frames 500]
+       [--rounds 5] [--session FOLDER] [--model FILE] [--steps]
 
-Prints a Markdown table [ms]: medians over rounds, in turn, of p50 of each step, of p50 and p99 of the whole, and of its CPU
-time, which other work on the machine inflates less than the clock's. The frames are drawn speckle that moves by some pixels,
-in colour as a camera gives them. The network is an untrained U-Net of the usual settings (40 x 40 regions, 20 x 20 bins) in
-ONNX Runtime, as fast as a trained one, unless a model is given, which takes frames of its own size only. Reading from the
-camera is not in the table: a thread does it meanwhile.
+Prints a Markdown table [ms], a row per size of frames and features.image_scale: p50 of each step, p50, p95 and p99 of the
+whole, and of its CPU time, which other work on the machine inflates less than the clock's. Each row is of the round with the
+least p50 of the whole, the one that other work disturbed least; rounds are taken in turn. --steps adds a table of p50, p95
+and p99 of each step. --crop takes the middle of frames, as crop_px does: 400x400 px of which the demo's errors are known.
+
+The frames are drawn speckle that moves by some pixels, in colour as a camera gives them; with --session they are of a
+recorded session, in the middle of an empty frame (speckle has texture everywhere, so that no flow is filled in). The network
+is an untrained U-Net of the usual settings (40 x 40 regions, 20 x 20 bins) in ONNX Runtime, as fast as a trained one, unless
+a model is given, which takes images of its own size only, at its own scale. Reading from the camera is not in the table: a
+thread does it meanwhile (decoding a JPEG of 640 x 480 px: 1 ms).
 """
 
 from __future__ import annotations
@@ -33,17 +39,18 @@ from gelforge.learning.predictor import Predictor  # noqa: E402
 from gelforge.learning.reliability import Intervals, Zero  # noqa: E402
 from gelforge.learning.scaling import Scaling  # noqa: E402
 from gelforge.live.capture import Shot  # noqa: E402
-from gelforge.live.compute import STEPS, LiveForce  # noqa: E402
+from gelforge.live.compute import LiveForce  # noqa: E402
 from gelforge.live.messages import of_reading, text_of  # noqa: E402
-from gelforge.recording.flow import grey  # noqa: E402
+from gelforge.recording.flow import grey, read_grey  # noqa: E402
 from gelforge.recording.frames import Frame  # noqa: E402
 
 WARM_UP = 20  # frames that are not counted
+IMAGES, IMAGES_STEP = 30, 7  # of a session: so many, one of every so many
 REGIONS, BINS = 40, 20
 
 
-def untrained() -> OnnxModel:
-    """Return a U-Net of the usual size with seeded weights, as the live path runs it."""
+def untrained(scale: float) -> OnnxModel:
+    """Return a U-Net of the usual size with seeded weights, as the live path runs it on images reduced to a scale."""
     learning = Learning()
     network = make_network(learning, Grids(REGIONS, BINS, BINS), seed=0)
     zeros = np.zeros((BINS**2, 3), np.float32)
@@ -51,7 +58,7 @@ def untrained() -> OnnxModel:
     scaling = Scaling("vector", "mirror_y", np.zeros(2 * REGIONS**2, np.float32), scales[0], zeros, scales[1])
     settings = {
         "bins": {"nx": BINS, "ny": BINS},
-        "features": {"regions": REGIONS, "flow_preset": "fine", "moved_px": 0.05},
+        "features": {"regions": REGIONS, "flow_preset": "fine", "moved_px": 0.05, "image_scale": scale},
         "sensor_width_mm": [32.0, 32.0],
     }
     intervals = Intervals(np.linspace(0.01, 0.1, 7), np.ones((8, 3)), np.linspace(0.1, 1, 5), np.ones((6, 3)))
@@ -70,16 +77,27 @@ def speckle(width: int, height: int, shift: float) -> np.ndarray:
     )
 
 
-def timed(model: OnnxModel, size: tuple[int, int], frames: int) -> dict[str, float]:
-    """Return p50 of each step, and p50 and p99 of the whole and of its CPU time [ms]."""
+def recorded(session: Path, width: int, height: int) -> list[np.ndarray]:
+    """Return the reference and some images of a session in the middle of empty frames (height, width, 3) uint8."""
+    paths = [session / "reference.png", *sorted((session / "images").iterdir())[::IMAGES_STEP][:IMAGES]]
+    frames = []
+    for image in map(read_grey, paths):
+        frame = np.zeros((height, width), np.uint8)
+        top, left = (height - image.shape[0]) // 2, (width - image.shape[1]) // 2
+        frame[top : top + image.shape[0], left : left + image.shape[1]] = image
+        frames.append(cv2.cvtColor(frame, cv2.COLOR_GRAY2BGR))
+    return frames
+
+
+def timed(model: OnnxModel, images: list[np.ndarray], crop_px: list[int] | None, frames: int) -> pd.DataFrame:
+    """Return the time [ms] of each step and of the whole, and its CPU time, a row per frame; the first is the reference."""
     predictor = Predictor.__new__(Predictor)
     predictor.model = model
-    images = [speckle(*size, shift) for shift in np.linspace(0, 4, 8)]
-    force = LiveForce(predictor, grey(images[0]), None)
+    force = LiveForce(predictor, grey(images[0]), crop_px)
     rows = []
     for number in range(WARM_UP + frames):
         start, busy = time.perf_counter(), time.thread_time()
-        shot = Shot(number, time.time(), Frame("speckle", 0.0, grey(images[number % len(images)])))
+        shot = Shot(number, time.time(), Frame("frame", 0.0, grey(images[number % len(images)])))
         turned = time.perf_counter()
         reading = force(shot)
         computed = time.perf_counter()
@@ -96,32 +114,74 @@ def timed(model: OnnxModel, size: tuple[int, int], frames: int) -> dict[str, flo
                 "CPU": time.thread_time() - busy,
             }
         )
-    table = 1e3 * pd.DataFrame(rows[WARM_UP:])
-    high = {f"{name} p99": table[name].quantile(0.99) for name in ("whole", "CPU")}
-    return {**table.median(), **high}
+    return 1e3 * pd.DataFrame(rows[WARM_UP:])
+
+
+def summary(table: pd.DataFrame) -> pd.Series:
+    """Return p50 of each column, p95 and p99 of the whole and of its CPU time."""
+    high = {f"{name} p{p}": table[name].quantile(p / 100) for name in ("whole", "CPU") for p in (95, 99)}
+    return pd.Series({**table.median(), **high})[
+        [*table.columns[:-1], "whole p95", "whole p99", "CPU", "CPU p95", "CPU p99"]
+    ]
+
+
+def size_of(text: str) -> tuple[int, int]:
+    width, height = text.split("x")
+    return int(width), int(height)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
+    parser.add_argument("--sizes", nargs="+", type=size_of, default=[(640, 480)], help="of frames")
+    parser.add_argument(
+        "--crop", type=size_of, help="the middle of frames that is used; all of them if not given"
+    )
+    parser.add_argument(
+        "--scales", nargs="+", type=float, default=[1.0, 0.8, 0.6, 0.5], help="features.image_scale"
+    )
     parser.add_argument("--frames", type=int, default=500)
     parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--sizes", nargs="+", default=["640x480", "400x400", "320x320", "240x240"])
+    parser.add_argument(
+        "--session", type=Path, help="a recorded session of grey images; drawn speckle if not given"
+    )
     parser.add_argument("--model", type=Path, help="model.pt or model.onnx; an untrained one if not given")
+    parser.add_argument("--steps", action="store_true", help="print p50, p95 and p99 of each step too")
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
-    model = open_for_prediction(arguments.model) if arguments.model else untrained()
-    sizes = [tuple(int(part) for part in size.split("x")) for size in arguments.sizes]
+    if arguments.model:
+        models = {"its own": open_for_prediction(arguments.model)}
+    else:
+        models = {f"{scale:g}": untrained(scale) for scale in arguments.scales}
     print(f"load before: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
-    found: dict[tuple, list] = {size: [] for size in sizes}
+    best: dict[str, pd.DataFrame] = {}
     for _ in range(arguments.rounds):
-        for size in sizes:
-            found[size].append(timed(model, size, arguments.frames))
-    print(f"load after: {os.getloadavg()[0]:.1f}; {arguments.rounds} rounds of {arguments.frames} frames\n")
-    columns = ["grey", *STEPS, "message", "whole", "whole p99", "CPU", "CPU p99"]
-    table = {f"{w} x {h}": pd.DataFrame(rows).median()[columns] for (w, h), rows in found.items()}
-    print(pd.DataFrame(table).T.to_markdown(floatfmt=".2f"))
+        for width, height in arguments.sizes:
+            if arguments.session:
+                images = recorded(arguments.session, width, height)
+            else:
+                images = [speckle(width, height, shift) for shift in np.linspace(0, 4, 8)]
+            crop_px = None
+            if arguments.crop:
+                crop_px = [
+                    (width - arguments.crop[0]) // 2,
+                    (height - arguments.crop[1]) // 2,
+                    *arguments.crop,
+                ]
+            for scale, model in models.items():
+                found = timed(model, images, crop_px, arguments.frames)
+                name = f"{width} x {height}, scale {scale}"
+                if name not in best or found["whole"].median() < best[name]["whole"].median():
+                    best[name] = found
+    print(
+        f"load after: {os.getloadavg()[0]:.1f}; the best of {arguments.rounds} rounds of {arguments.frames} frames\n"
+    )
+    print(pd.DataFrame({name: summary(table) for name, table in best.items()}).T.to_markdown(floatfmt=".2f"))
+    for name, table in best.items() if arguments.steps else ():
+        print(f"\n{name}\n")
+        quantiles = table.quantile([0.5, 0.95, 0.99]).rename({0.5: "p50", 0.95: "p95", 0.99: "p99"})
+        print(quantiles.to_markdown(floatfmt=".2f"))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,124 @@
+"""What a smaller image costs the network and saves in time: features.image_scale on a finished study's recordings.
+
+usage: python benchmarks/image_size.py [results/demo] [--scales 1 0.8 0.6 0.5] [--seeds 1] [--work results/image_size]
+       (one thread; the demo: two to four minutes for the features of a scale, two for a training; --work keeps features)
+
+The features of every session are made anew at each scale; rows, labels and split are those of the study's shards. Prints a
+Markdown table: medians over seeds of the errors on the test rows, and CPU milliseconds of one image's features.
+"""
+
+from __future__ import annotations
+
+import os
+
+for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+    os.environ[name] = "1"
+
+import argparse  # noqa: E402
+import json  # noqa: E402
+import tempfile  # noqa: E402
+import time  # noqa: E402
+from pathlib import Path  # noqa: E402
+
+import cv2  # noqa: E402
+import h5py  # noqa: E402
+import numpy as np  # noqa: E402
+import pandas as pd  # noqa: E402
+from networks import judged  # noqa: E402
+
+from gelforge.cli.factory import image_sessions, recording_of  # noqa: E402
+from gelforge.config import Features, Learning, Study, load_study  # noqa: E402
+from gelforge.dataset.schema import columns  # noqa: E402
+from gelforge.dataset.shard import ShardDataset, shard_attributes, writing_shard  # noqa: E402
+from gelforge.recording.features import FlowFeatures, session_features  # noqa: E402
+from gelforge.recording.flow import read_grey  # noqa: E402
+from gelforge.recording.images import image_path, reference_path  # noqa: E402
+from gelforge.recording.remap import picture_of, read_as  # noqa: E402
+
+TIMED = 200  # images
+
+
+def made_features(study: Study, folder: Path) -> dict[str, Path]:
+    """Return the file of features of each session, made unless it is there."""
+    folder.mkdir(parents=True, exist_ok=True)
+    files = {name: folder / f"{name}.h5" for name in image_sessions(study)}
+    for name, path in files.items():
+        if not path.exists():
+            session_features(recording_of(study, name), study.features, path)
+    return files
+
+
+def with_features(shard: Path, files: dict[str, Path], out: Path) -> None:
+    """Write a shard again with the features of files (by session): each row has those of its image."""
+    about, rows = shard_attributes(shard), ShardDataset([shard])
+    block = rows.read(np.arange(len(rows)), list(columns(labels_only=False)))
+    for session, path in files.items():
+        mine = np.flatnonzero(block["session"] == session)
+        with h5py.File(path) as file:
+            row_of = {name: row for row, name in enumerate(file["image"].asstr()[:])}
+            block["feature"][mine] = file["feature"][:][[row_of[name] for name in block["image"][mine]]]
+            about["sessions"][session]["view"] = json.loads(file.attrs["view"])
+    sizes = block["feature"].shape[1], block["force_distribution_N"].shape[1]
+    with writing_shard(out, about, False, *sizes) as writer:
+        writer.append(block)
+
+
+def cost(study: Study, session: str) -> float:
+    """Return the median CPU time [ms] in which an image becomes features: reduced, searched, averaged."""
+    recording = recording_of(study, session)
+    picture = picture_of(recording.session, study.features.image_scale)
+    extract = FlowFeatures(read_as(picture, reference_path(recording.folder)), study.features)
+    names = [name for name in recording.readings["image"] if name][:TIMED]
+    seconds = []
+    for image in [read_grey(image_path(recording.folder, name)) for name in names]:
+        start = time.thread_time()
+        extract(picture(image))
+        seconds.append(time.thread_time() - start)
+    return 1e3 * float(np.median(seconds))
+
+
+def row_at(study: Study, shards: list[Path], seeds: list[int], folder: Path) -> dict[str, float]:
+    """Return a table's row at the study's features.image_scale: size, medians over seeds of the errors, and time."""
+    files = made_features(study, folder)
+    ours = [folder / shard.name for shard in shards]
+    for shard, path in zip(shards, ours):
+        if not path.exists():
+            with_features(shard, files, path)
+    session = next(iter(files))
+    errors = []
+    for seed in seeds:
+        with tempfile.TemporaryDirectory() as run:
+            errors.append(judged(study.model_copy(update={"seed": seed}), ours, Path(run)))
+        print(
+            f"{folder.name}, seed {seed}: {', '.join(f'{k} {v:.3g}' for k, v in errors[-1].items())}",
+            flush=True,
+        )
+    return {**pd.DataFrame(errors).median(), "image to features, CPU [ms]": cost(study, session)}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("results", nargs="?", type=Path, default=Path("results/demo"))
+    parser.add_argument("--scales", nargs="+", type=float, default=[1.0, 0.8, 0.6, 0.5])
+    parser.add_argument("--seeds", nargs="+", type=int, default=[1])
+    parser.add_argument(
+        "--work", type=Path, default=Path("results/image_size"), help="folder of features and shards"
+    )
+    arguments = parser.parse_args()
+    cv2.setNumThreads(1)
+    study = load_study(arguments.results / "study.yaml")
+    shards = sorted((arguments.results / "dataset").glob("shard-*.h5"))
+    learning = Learning(validation_fraction=study.learning.validation_fraction)
+    table = {}
+    for scale in arguments.scales:
+        features = Features(**study.features.model_dump() | {"image_scale": scale})
+        changed = study.model_copy(update={"learning": learning, "features": features})
+        table[f"{scale:g}"] = row_at(changed, shards, arguments.seeds, arguments.work / f"scale-{scale:g}")
+    print()
+    print(pd.DataFrame(table).to_markdown(floatfmt=".3g"))
+
+
+if __name__ == "__main__":
+    main()
