@@ -24,6 +24,7 @@ for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
 
 import argparse  # noqa: E402
 import time  # noqa: E402
+from itertools import islice  # noqa: E402
 from pathlib import Path  # noqa: E402
 
 import cv2  # noqa: E402
@@ -31,6 +32,7 @@ import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
 from gelforge.config import Learning  # noqa: E402
+from gelforge.learning.familiarity import find_familiar  # noqa: E402
 from gelforge.learning.model_file import Model  # noqa: E402
 from gelforge.learning.networks import Grids, make_network  # noqa: E402
 from gelforge.learning.onnx_export import onnx_bytes, open_for_prediction  # noqa: E402
@@ -42,7 +44,7 @@ from gelforge.live.capture import Shot  # noqa: E402
 from gelforge.live.compute import LiveForce  # noqa: E402
 from gelforge.live.messages import of_reading, text_of  # noqa: E402
 from gelforge.recording.flow import grey, read_grey  # noqa: E402
-from gelforge.recording.frames import Frame  # noqa: E402
+from gelforge.recording.frames import Frame, frames  # noqa: E402
 
 WARM_UP = 20  # frames that are not counted
 IMAGES, IMAGES_STEP = 30, 7  # of a session: so many, one of every so many
@@ -61,8 +63,13 @@ def untrained(scale: float) -> OnnxModel:
         "features": {"regions": REGIONS, "flow_preset": "fine", "moved_px": 0.05, "image_scale": scale},
         "sensor_width_mm": [32.0, 32.0],
     }
-    intervals = Intervals(np.linspace(0.01, 0.1, 7), np.ones((8, 3)), np.linspace(0.1, 1, 5), np.ones((6, 3)))
-    return model_of(onnx_bytes(Model(network, scaling, settings, Zero(), intervals), ""), "untrained")
+    of_bins = np.linspace(0.01, 0.1, 7), np.ones((8, 3)), np.ones((8, 3))
+    of_totals = np.linspace(0.1, 1, 5), np.ones((6, 3)), np.ones((6, 3))
+    rng = np.random.default_rng(0)
+    inputs = rng.normal(0, rng.uniform(0, 1, (200, 1)), (200, 2 * REGIONS**2)).astype(np.float32)
+    familiar = find_familiar(inputs, inputs[:100])  # is worked out for each frame, too
+    model = Model(network, scaling, settings, Zero(), Intervals(*of_bins, *of_totals), familiar)
+    return model_of(onnx_bytes(model, ""), "untrained")
 
 
 def speckle(width: int, height: int, shift: float) -> np.ndarray:
@@ -79,23 +86,23 @@ def speckle(width: int, height: int, shift: float) -> np.ndarray:
 
 def recorded(session: Path, width: int, height: int) -> list[np.ndarray]:
     """Return the reference and some images of a session in the middle of empty frames (height, width, 3) uint8."""
-    paths = [session / "reference.png", *sorted((session / "images").iterdir())[::IMAGES_STEP][:IMAGES]]
-    frames = []
-    for image in map(read_grey, paths):
+    chosen = islice(frames(session / "images"), 0, IMAGES * IMAGES_STEP, IMAGES_STEP)
+    found = []
+    for image in (read_grey(session / "reference.png"), *(shown.image for shown in chosen)):
         frame = np.zeros((height, width), np.uint8)
         top, left = (height - image.shape[0]) // 2, (width - image.shape[1]) // 2
         frame[top : top + image.shape[0], left : left + image.shape[1]] = image
-        frames.append(cv2.cvtColor(frame, cv2.COLOR_GRAY2BGR))
-    return frames
+        found.append(cv2.cvtColor(frame, cv2.COLOR_GRAY2BGR))
+    return found
 
 
-def timed(model: OnnxModel, images: list[np.ndarray], crop_px: list[int] | None, frames: int) -> pd.DataFrame:
+def timed(model: OnnxModel, images: list[np.ndarray], crop_px: list[int] | None, count: int) -> pd.DataFrame:
     """Return the time [ms] of each step and of the whole, and its CPU time, a row per frame; the first is the reference."""
     predictor = Predictor.__new__(Predictor)
     predictor.model = model
     force = LiveForce(predictor, grey(images[0]), crop_px)
     rows = []
-    for number in range(WARM_UP + frames):
+    for number in range(WARM_UP + count):
         start, busy = time.perf_counter(), time.thread_time()
         shot = Shot(number, time.time(), Frame("frame", 0.0, grey(images[number % len(images)])))
         turned = time.perf_counter()
