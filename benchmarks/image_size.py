@@ -1,10 +1,11 @@
-"""What a smaller image costs the network and saves in time: features.image_scale on a finished study's recordings.
+"""What a smaller image costs the network and saves in time: features.image_scale and flow_preset on a finished study.
 
-usage: python benchmarks/image_size.py [results/demo] [--scales 1 0.8 0.6 0.5] [--seeds 1] [--work results/image_size]
-       (one thread; the demo: two to four minutes for the features of a scale, two for a training; --work keeps features)
+usage: python benchmarks/image_size.py [results/demo] [--cases 1:fine 0.8:fine 0.5:full] [--seeds 1] [--work FOLDER]
+       (one thread; the demo: two to four minutes for the features of a case, two for a training; --work keeps features)
 
-The features of every session are made anew at each scale; rows, labels and split are those of the study's shards. Prints a
-Markdown table: medians over seeds of the errors on the test rows, and CPU milliseconds of one image's features.
+The features of every session are made anew for each case, image_scale:flow_preset; rows, labels and split are those of the
+study's shards. Prints a Markdown table: medians over seeds of the errors on the test rows, and CPU milliseconds in which one
+image becomes features.
 """
 
 from __future__ import annotations
@@ -78,7 +79,7 @@ def cost(study: Study, session: str) -> float:
 
 
 def row_at(study: Study, shards: list[Path], seeds: list[int], folder: Path) -> dict[str, float]:
-    """Return a table's row at the study's features.image_scale: size, medians over seeds of the errors, and time."""
+    """Return a table's row of the study's features: medians over seeds of the errors, and time."""
     files = made_features(study, folder)
     ours = [folder / shard.name for shard in shards]
     for shard, path in zip(shards, ours):
@@ -101,7 +102,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("results", nargs="?", type=Path, default=Path("results/demo"))
-    parser.add_argument("--scales", nargs="+", type=float, default=[1.0, 0.8, 0.6, 0.5])
+    parser.add_argument("--cases", nargs="+", default=["1:fine", "0.8:fine", "0.6:fine", "0.5:full"])
     parser.add_argument("--seeds", nargs="+", type=int, default=[1])
     parser.add_argument(
         "--work", type=Path, default=Path("results/image_size"), help="folder of features and shards"
@@ -112,10 +113,13 @@ def main() -> None:
     shards = sorted((arguments.results / "dataset").glob("shard-*.h5"))
     learning = Learning(validation_fraction=study.learning.validation_fraction)
     table = {}
-    for scale in arguments.scales:
-        features = Features(**study.features.model_dump() | {"image_scale": scale})
+    for case in arguments.cases:
+        scale, preset = case.split(":")
+        asked = {"image_scale": float(scale), "flow_preset": preset}
+        features = Features(**study.features.model_dump() | asked)
         changed = study.model_copy(update={"learning": learning, "features": features})
-        table[f"{scale:g}"] = row_at(changed, shards, arguments.seeds, arguments.work / f"scale-{scale:g}")
+        folder = arguments.work / case.replace(":", "-")
+        table[case] = row_at(changed, shards, arguments.seeds, folder)
     print()
     print(pd.DataFrame(table).to_markdown(floatfmt=".3g"))
 

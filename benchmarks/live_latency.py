@@ -1,12 +1,12 @@
 """How long one frame takes on the live path, step by step, on one core.
 
-usage: python benchmarks/live_latency.py [--sizes 640x480] [--crop 400x400] [--scales 1 0.8 0.6 0.5] [--frames 500]
-       [--rounds 5] [--session FOLDER] [--model FILE] [--steps]
+usage: python benchmarks/live_latency.py [--sizes 640x480] [--crop 400x400] [--cases 1:fine 0.8:fine 0.5:full]
+       [--frames 500] [--rounds 5] [--session FOLDER] [--model FILE] [--steps]
 
-Prints a Markdown table [ms], a row per size of frames and features.image_scale: p50 of each step, p50, p95 and p99 of the
-whole, and of its CPU time, which other work on the machine inflates less than the clock's. Each row is of the round with the
-least p50 of the whole, the one that other work disturbed least; rounds are taken in turn. --steps adds a table of p50, p95
-and p99 of each step. --crop takes the middle of frames, as crop_px does: 400x400 px of which the demo's errors are known.
+Prints a Markdown table [ms], a row per size of frames and case image_scale:flow_preset: p50 of each step, p50, p95 and p99
+of the whole, and of its CPU time, which other work on the machine inflates less than the clock's. Each row is of the round
+with the least p50 of the whole, the one that other work disturbed least; rounds are taken in turn. --steps adds a table of
+p50, p95 and p99 of each step. --crop takes the middle of frames, as crop_px does: of 400x400 px the demo's errors are known.
 
 The frames are drawn speckle that moves by some pixels, in colour as a camera gives them; with --session they are of a
 recorded session, in the middle of an empty frame (speckle has texture everywhere, so that no flow is filled in). The network
@@ -51,7 +51,7 @@ IMAGES, IMAGES_STEP = 30, 7  # of a session: so many, one of every so many
 REGIONS, BINS = 40, 20
 
 
-def untrained(scale: float) -> OnnxModel:
+def untrained(scale: float, preset: str) -> OnnxModel:
     """Return a U-Net of the usual size with seeded weights, as the live path runs it on images reduced to a scale."""
     learning = Learning()
     network = make_network(learning, Grids(REGIONS, BINS, BINS), seed=0)
@@ -60,7 +60,7 @@ def untrained(scale: float) -> OnnxModel:
     scaling = Scaling("vector", "mirror_y", np.zeros(2 * REGIONS**2, np.float32), scales[0], zeros, scales[1])
     settings = {
         "bins": {"nx": BINS, "ny": BINS},
-        "features": {"regions": REGIONS, "flow_preset": "fine", "moved_px": 0.05, "image_scale": scale},
+        "features": {"regions": REGIONS, "flow_preset": preset, "moved_px": 0.05, "image_scale": scale},
         "sensor_width_mm": [32.0, 32.0],
     }
     of_bins = np.linspace(0.01, 0.1, 7), np.ones((8, 3)), np.ones((8, 3))
@@ -145,9 +145,7 @@ def main() -> None:
     parser.add_argument(
         "--crop", type=size_of, help="the middle of frames that is used; all of them if not given"
     )
-    parser.add_argument(
-        "--scales", nargs="+", type=float, default=[1.0, 0.8, 0.6, 0.5], help="features.image_scale"
-    )
+    parser.add_argument("--cases", nargs="+", default=["1:fine", "0.8:fine", "0.6:fine", "0.5:full"])
     parser.add_argument("--frames", type=int, default=500)
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument(
@@ -160,7 +158,8 @@ def main() -> None:
     if arguments.model:
         models = {"its own": open_for_prediction(arguments.model)}
     else:
-        models = {f"{scale:g}": untrained(scale) for scale in arguments.scales}
+        asked = {case: case.split(":") for case in arguments.cases}
+        models = {case: untrained(float(scale), preset) for case, (scale, preset) in asked.items()}
     print(f"load before: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
     best: dict[str, pd.DataFrame] = {}
     for _ in range(arguments.rounds):
@@ -176,9 +175,9 @@ def main() -> None:
                     (height - arguments.crop[1]) // 2,
                     *arguments.crop,
                 ]
-            for scale, model in models.items():
+            for case, model in models.items():
                 found = timed(model, images, crop_px, arguments.frames)
-                name = f"{width} x {height}, scale {scale}"
+                name = f"{width} x {height}, {case}"
                 if name not in best or found["whole"].median() < best[name]["whole"].median():
                     best[name] = found
     print(

@@ -13,9 +13,10 @@ class Features(Section):
     """Optical-flow features of an image."""
 
     regions: int = Field(40, ge=1, le=200, description="image regions along each side; m = regions^2 [-]")
-    flow_preset: Literal["ultrafast", "fast", "fine", "medium"] = Field(
+    flow_preset: Literal["ultrafast", "fast", "fine", "full", "medium"] = Field(
         "fine",
-        description="preset of Dense Inverse Search; fine: fast, but at half resolution without smoothing",
+        description="preset of Dense Inverse Search; fine: fast, but at half resolution without smoothing; full: fine at "
+        "full resolution, which for images reduced to half is the flow of fine in less time",
     )
     moved_px: NonNegative = Field(
         0.05, description="pixels that moved less do not vote on the direction [px]"

@@ -120,7 +120,7 @@ def test_images_too_small_are_refused(size, regions, message):
         FlowFeatures(np.zeros(size, np.uint8), Features(regions=regions))
 
 
-@pytest.mark.parametrize("preset", ["ultrafast", "fast", "fine", "medium"])
+@pytest.mark.parametrize("preset", ["ultrafast", "fast", "fine", "full", "medium"])
 def test_flow_does_not_depend_on_the_images_before(preset):
     rng = np.random.default_rng(0)
     images = [cv2.GaussianBlur(rng.integers(0, 255, (96, 96)).astype(np.uint8), (0, 0), 2) for _ in range(3)]

@@ -127,6 +127,22 @@ def test_images_as_large_as_recorded_keep_the_digests_of_before():
     }
 
 
+def test_full_on_half_the_image_finds_what_fine_finds_on_the_whole():
+    """`fine` searches an image of half the size too, and spreads its flow over the whole one afterwards."""
+    v, u = np.indices((400, 480)).astype(np.float32)
+    bump = 6 * np.exp(-((u - 240) ** 2 + (v - 200) ** 2) / 80**2)
+    image = speckle(size=(400, 480))
+    moved = cv2.remap(image, u - bump, v + 0.5 * bump, cv2.INTER_CUBIC)
+    found = []
+    for scale, preset in ((1.0, "fine"), (0.5, "full"), (0.5, "fine")):
+        extract = FlowFeatures(reduced(image, scale), Features(flow_preset=preset, image_scale=scale))
+        found.append(extract(reduced(moved, scale))[:1600].reshape(40, 40)[1:-1, 1:-1])
+    # apart by how flow is spread and averaged; `fine` on half of the image is another search, on a quarter
+    off = [np.abs(one - found[0]).mean() for one in found[1:]]
+    assert off[0] < 0.01 * found[0].max()
+    assert off[1] > 3 * off[0]
+
+
 def test_an_image_too_small_when_reduced_is_refused():
     with pytest.raises(
         ImageError, match="image of 120 x 90 px is smaller than 96 px; .* features.image_scale"
