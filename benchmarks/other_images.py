@@ -135,6 +135,19 @@ def images(
     return np.array(found)
 
 
+def test_presses(
+    study: Study, results: Path, data: Path
+) -> tuple[list[tuple[PlannedCell, Cell]], np.ndarray]:
+    """Return the cells of the test split with their truth, and the labels (n, B, 3) [N] of their depths."""
+    planned = plan_cells(study)
+    split, _ = planned_split(planned, study.sensor, study.dataset.test_fraction, study.seed)
+    tested = [cell for name, cell in planned.items() if split[name] == "test"]
+    truth = data / "virtual_truth" / "cells"
+    cells = [(c, read_cell(truth / f"{c.source or c.name}.h5", TRUTH)) for c in tested]
+    labels = [read_cell(results / "cells" / f"{c.name}.h5").arrays["bin_force_N"] for c in tested]
+    return cells, np.concatenate(labels).astype(float)
+
+
 def errors(model: Model, features: np.ndarray, label: np.ndarray, grid: tuple) -> dict[str, float]:
     said, unlike = model.predict(features), model.unlike(features)
     error, carries = said - label, label != 0
@@ -166,15 +179,7 @@ def main() -> None:
     study = load_study(arguments.results / "study.yaml")
     lab = load_virtual_lab(study.virtual_lab)
     model = load_model(arguments.results / "model" / "model.pt")
-    planned = plan_cells(study)
-    split, _ = planned_split(planned, study.sensor, study.dataset.test_fraction, study.seed)
-    tested = [cell for name, cell in planned.items() if split[name] == "test"]
-    truth = arguments.data / "virtual_truth" / "cells"
-    cells = [(c, read_cell(truth / f"{c.source or c.name}.h5", TRUTH)) for c in tested]
-    labels = {
-        c.name: read_cell(arguments.results / "cells" / f"{c.name}.h5").arrays["bin_force_N"] for c in tested
-    }
-    label = np.concatenate([labels[c.name] for c in tested]).astype(float)
+    cells, label = test_presses(study, arguments.results, arguments.data)
     bins = study.sensor.bins
     grid = bins.nx, bins.ny, np.array([study.sensor.width_x_mm, study.sensor.width_y_mm])
 
@@ -183,7 +188,7 @@ def main() -> None:
         return dict(pd.DataFrame(runs).median())
 
     table = {name: row(study, lab, cells, kind, label) for name, kind in kinds(lab.camera).items()}
-    own = [c for c in tested if c.source is None or c.source == c.name][:GEL_SITES]
+    own = [c for c, _ in cells if c.source is None or c.source == c.name][:GEL_SITES]
     for number, (name, (about, bench)) in enumerate(gels(lab, study).items()):
         arguments.gels.mkdir(parents=True, exist_ok=True)
         pressed = [(c, kept(arguments.gels / f"{number}_{c.name}.h5", about, bench, c)) for c in own]
@@ -192,7 +197,7 @@ def main() -> None:
         )
         table[name] = row(about, bench, pressed, Kind(lab.camera), loaded)
     print(
-        f"\n{len(label)} images of {len(tested)} test sites (gels: {len(own)} sites), medians over {SEEDS} patterns:\n"
+        f"\n{len(label)} images of {len(cells)} test sites (gels: {len(own)} sites), medians over {SEEDS} patterns:\n"
     )
     print(pd.DataFrame(table).T.to_markdown(floatfmt=".3g"))
 
