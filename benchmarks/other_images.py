@@ -29,6 +29,7 @@ from gelforge.indentation.plan import PlannedCell, plan_cells  # noqa: E402
 from gelforge.learning.model_file import Model, load_model  # noqa: E402
 from gelforge.learning.reliability import centre_of_pressure  # noqa: E402
 from gelforge.recording.features import FlowFeatures  # noqa: E402
+from gelforge.recording.flow import reduced  # noqa: E402
 from gelforge.recording.remap import Remapper  # noqa: E402
 from gelforge.virtual_lab.imaging import draw, expose, focused  # noqa: E402
 from gelforge.virtual_lab.particles import place_particles, true_motion  # noqa: E402
@@ -124,7 +125,7 @@ def images(
 
     def seen(centres: np.ndarray, picture: Picture) -> np.ndarray:
         drawn = picture(draw(kind.camera, imaging, centres, diameter))
-        return kind.picture(expose(drawn, imaging, rng))
+        return reduced(kind.picture(expose(drawn, imaging, rng)), study.features.image_scale)
 
     extract = FlowFeatures(seen(particles, as_is), study.features)
     found = []
