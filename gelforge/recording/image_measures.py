@@ -62,7 +62,7 @@ class Measurer:
             gain=grey / max(self.mean, 1e-9),
             texture=self._texture(image),
             flow_px=float(np.sqrt(np.mean(np.square(flow, dtype=np.float64).sum(axis=-1)))) / self.scale,
-            flow_lost=flow_lost(self.search, image, flow) if with_lost else float("nan"),
+            flow_lost=flow_lost(self.search, image, flow, self.scale) if with_lost else float("nan"),
             pixels=pixel_digest(image),
         )
 
@@ -78,19 +78,19 @@ def pixel_digest(image: np.ndarray) -> str:
     return hashlib.blake2b(image.tobytes(), digest_size=16).hexdigest()
 
 
-def flow_lost(search: Flow, image: np.ndarray, flow: np.ndarray) -> float:
+def flow_lost(search: Flow, image: np.ndarray, flow: np.ndarray, scale: float = 1.0) -> float:
     """Return the share of the reference's textured pixels whose flow (H, W, 2) does not fit the image.
 
     It does not fit where the flow from the image back to the reference misses the start, or where the image, moved back,
     does not look like the reference around the pixel. What jumps to a like neighbour passes the second test where it lands,
-    and fails the first.
+    and fails the first. scale: to which the images were reduced; APART_PX is in pixels before, WINDOW_PX in those searched.
     """
     mask = search.texture.mask
     if not mask.any():
         return 0.0
     back = search.backward(image)
     missed = np.linalg.norm(flow + _moved_back(back, flow), axis=-1)
-    apart = missed > np.maximum(APART_PX, APART_SHARE * np.linalg.norm(flow, axis=-1))
+    apart = missed > np.maximum(APART_PX * scale, APART_SHARE * np.linalg.norm(flow, axis=-1))
     unlike = correlation(search.reference, _moved_back(image, flow)) < LEAST_CORRELATION
     return float((apart | unlike)[mask].mean())
 
