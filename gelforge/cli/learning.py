@@ -88,12 +88,15 @@ def known_truth(study: Study, path: Path):
     from gelforge.learning.true_motion import Truth
     from gelforge.recording.camera import mm_per_px_at
     from gelforge.virtual_lab.particles import gel_boxes
+    from gelforge.virtual_lab.session import session_cells
     from gelforge.virtual_lab.true_presses import true_presses
 
     if study.virtual_lab is None:
         return None
     lab, cells, folder = virtual_lab_of(study, path), plan_cells(study), truth_folder(study)
-    needed = {folder / f"{cell.source or cell.name}.h5" for cell in cells.values()}
+    shared_out = session_cells(lab, cells)
+    pressed = [cells[name] for session in study.sessions for name in shared_out.get(session, [])]
+    needed = {folder / f"{cell.source or cell.name}.h5" for cell in pressed}
     missing = sorted(file.name for file in needed if not file.is_file())
     if missing:
         print(
