@@ -6,10 +6,13 @@ label, t the true force. Then p - t = (p - q) + (q - y) + (y - t): optics, learn
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 
-from gelforge.learning.predictions import Predictions
+if TYPE_CHECKING:  # the report reads the names of parts from here; it needs no torch
+    from gelforge.learning.predictions import Predictions
 
 COLUMNS = tuple(f"{what}_{axis}_N" for what in ("bins", "total") for axis in "xyz")
 OPTICS, LEARNING, MECHANICS = PARTS = ("optics", "learning", "mechanics")
