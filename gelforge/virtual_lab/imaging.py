@@ -22,26 +22,32 @@ def draw(camera: Camera, imaging: VirtualImaging, centres: np.ndarray, diameter_
     A ball appears as a disc of radius f d / (2 Z), or as lens and port enlarge it there, whose border is smoothed over one
     pixel (coverage by distance), shaded as a matt ball lit from the camera; nearer discs cover farther ones.
     """
-    pixels, distance = project(camera, centres)
+    pixels, distance, radius = discs(camera, centres, diameter_mm)
     far_first = np.argsort(-distance, kind="stable")
-    if camera.distortion is None and camera.port is None and camera.focal_y_px is None:
-        radius = camera.focal_px * diameter_mm / (2 * distance)
-    else:
-        radius = px_per_mm(camera, centres) * diameter_mm / 2
     nearness = (distance.max() - distance) / max(np.ptp(distance), 1e-9)
     contrast = imaging.particle_grey - imaging.background_grey
     brightness = imaging.background_grey + contrast * (1 - FADE + FADE * nearness)
     image = np.full((camera.height_px, camera.width_px), imaging.background_grey, dtype=np.float32)
-    discs = pixels[far_first], radius[far_first], brightness[far_first]
+    ordered = pixels[far_first], radius[far_first], brightness[far_first]
     if imaging.defocus_px_per_mm > 0:
-        image = _out_of_focus(image, discs, centres[far_first, 2], imaging)
+        image = _out_of_focus(image, ordered, centres[far_first, 2], imaging)
     else:
-        _paint(image, *discs, AMBIENT)
+        _paint(image, *ordered, AMBIENT)
         if imaging.blur_px > 0:
             image = cv2.GaussianBlur(image, (0, 0), imaging.blur_px)
     if imaging.vignetting or imaging.uneven_light:
         image *= light(image.shape, imaging)
     return image
+
+
+def discs(
+    camera: Camera, centres: np.ndarray, diameter_mm: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return middle (P, 2) [px], distance (P,) [mm] and radius (P,) [px] of the discs that balls at centres (P, 3) show."""
+    pixels, distance = project(camera, centres)
+    if camera.distortion is None and camera.port is None and camera.focal_y_px is None:
+        return pixels, distance, camera.focal_px * diameter_mm / (2 * distance)
+    return pixels, distance, px_per_mm(camera, centres) * diameter_mm / 2
 
 
 def focused(imaging: VirtualImaging, particles: np.ndarray) -> VirtualImaging:
@@ -58,11 +64,11 @@ def light(shape: tuple[int, int], imaging: VirtualImaging) -> np.ndarray:
     return (lost * (1 + imaging.uneven_light * u / 2)).astype(np.float32)
 
 
-def _out_of_focus(image: np.ndarray, discs, z: np.ndarray, imaging: VirtualImaging) -> np.ndarray:
+def _out_of_focus(image: np.ndarray, ordered, z: np.ndarray, imaging: VirtualImaging) -> np.ndarray:
     """Return the image with discs laid over it slab by slab in the order given, each blurred by its height from the focus.
 
-    discs: pixels (P, 2), radius (P,), brightness (P,); z (P,) [mm]: their heights. A slab is laid over what is behind it by
-    its blurred cover, so that it does not darken its surroundings.
+    ordered: pixels (P, 2), radius (P,), brightness (P,); z (P,) [mm]: their heights. A slab is laid over what is behind it
+    by its blurred cover, so that it does not darken its surroundings.
     """
     focus = imaging.focus_z_mm if imaging.focus_z_mm is not None else float(z.mean())
     slab = np.minimum(((z - z.min()) / max(np.ptp(z), 1e-9) * SLABS).astype(int), SLABS - 1)
@@ -73,7 +79,7 @@ def _out_of_focus(image: np.ndarray, discs, z: np.ndarray, imaging: VirtualImagi
         off = imaging.defocus_px_per_mm * (float(z[some].mean()) - focus)
         blur = max(float(np.hypot(imaging.blur_px, off)), 1e-3)
         colour, cover = np.zeros_like(image), np.zeros_like(image)
-        pixels, radius, brightness = (part[some] for part in discs)
+        pixels, radius, brightness = (part[some] for part in ordered)
         _paint(colour, pixels, radius, brightness, AMBIENT)
         _paint(cover, pixels, radius, np.ones_like(brightness), 1.0)
         image = image * (1 - cv2.GaussianBlur(cover, (0, 0), blur)) + cv2.GaussianBlur(colour, (0, 0), blur)

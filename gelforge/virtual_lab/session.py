@@ -26,7 +26,7 @@ from gelforge.config import (
     write_yaml,
 )
 from gelforge.files import remove_orphans, temporary_beside, write_text
-from gelforge.indentation.cell_file import read_cell
+from gelforge.indentation.cell_file import Cell, read_cell
 from gelforge.indentation.plan import PlannedCell
 from gelforge.recording.images import reference_path
 from gelforge.recording.readings import FORCE
@@ -238,14 +238,23 @@ def _record_cell(
     bench: Bench, study: Study, truth_folder: Path, images: Path, presses: list[Press]
 ) -> list[pd.DataFrame]:
     """Write the images of one cell's presses and return their rows."""
-    truth = _truth(truth_folder, presses[0].cell, bench.particles, study)
+    planned = presses[0].cell
+    cell = read_truth(truth_folder, planned)
+    truth = true_motion(cell, planned, bench.particles, study.sensor.width_x_mm)
     return [_record_press(bench, truth, images, press) for press in presses]
+
+
+def drawn_touchdown(
+    lab: VirtualLab, lab_session: VirtualSession, press: Press
+) -> tuple[float, np.random.Generator]:
+    """Return by how much [mm] a press goes deeper than its commanded depth, and where its further noise is drawn from."""
+    rng = np.random.default_rng([lab_session.seed, 2, press.order])
+    return rng.normal(0, lab.force.touchdown_mm), rng
 
 
 def _record_press(bench: Bench, truth: Motion, images: Path, press: Press) -> pd.DataFrame:
     lab = bench.lab
-    rng = np.random.default_rng([bench.session.seed, 2, press.order])
-    touchdown = rng.normal(0, lab.force.touchdown_mm)
+    touchdown, rng = drawn_touchdown(lab, bench.session, press)
     rows, on_sensor = press_rows(press, truth, touchdown, bench)
     moved = bench.particles + truth.displacement(max(press.depth_mm + touchdown, 0.0))
     touched = draw(lab.camera, lab.imaging, moved, lab.particles.diameter_mm)
@@ -257,21 +266,21 @@ def _record_press(bench: Bench, truth: Motion, images: Path, press: Press) -> pd
     return rows[[*COLUMNS, *FORCE, "image"]]
 
 
-def _truth(folder: Path, planned: PlannedCell, particles: np.ndarray, study: Study) -> Motion:
-    """Return the true motion at a planned cell, from its own truth cell or its mirror image's."""
+def read_truth(folder: Path, planned: PlannedCell, arrays: list[str] = TRUTH) -> Cell:
+    """Return the truth cell of a planned cell, or of the one that it mirrors; it must have converged and be deep enough."""
     path = folder / f"{planned.source or planned.name}.h5"
-    cell = read_cell(path, TRUTH)
+    cell = read_cell(path, arrays)
     if not cell.converged:
         raise VirtualLabError(
             f"{path}: the truth cell failed ({cell.attributes['reason']}); change the virtual lab's mesh"
         )
-    truth = true_motion(cell, planned, particles, study.sensor.width_x_mm)
-    if truth.deepest_mm < planned.depths_mm[-1] - 1e-9:
+    deepest = float(cell.arrays["depth_mm"].max())
+    if deepest < planned.depths_mm[-1] - 1e-9:
         raise VirtualLabError(
-            f"{path}: the truth ends at {truth.deepest_mm} mm, but cell {planned.name} is pressed to "
+            f"{path}: the truth ends at {deepest} mm, but cell {planned.name} is pressed to "
             f"{planned.depths_mm[-1]} mm; solve the truth cell again"
         )
-    return truth
+    return cell
 
 
 def _write_image(path: Path, image: np.ndarray) -> None:

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from artificial_truth import DEPTHS, UNLOAD, force_at, small_study, truth_cell
+from artificial_truth import DEPTHS, UNLOAD, force_at, small_lab, small_study, truth_cell
 from numpy.testing import assert_allclose
 
 from gelforge.cli.factory import virtual_lab_of
-from gelforge.config import ConfigError, VirtualLab, load_session
+from gelforge.config import ConfigError, load_session
 from gelforge.indentation.cell_file import write_cell
 from gelforge.indentation.plan import plan_cells
 from gelforge.indentation.symmetry import transform_vectors
@@ -27,41 +27,7 @@ from gelforge.virtual_lab.session import (
 
 STUDY = small_study()
 CELLS = plan_cells(STUDY)
-LAB = VirtualLab.model_validate(
-    {
-        "serial": "virtual-x",
-        "materials": {"soft": {"mu_kPa": [10.0], "alpha": [2.0]}},
-        "stiffness_scale": {"gel": 1.123},
-        "unload_depths_mm": UNLOAD,
-        "particles": {"diameter_mm": 0.6},
-        "camera": {
-            "width_px": 200,
-            "height_px": 160,
-            "focal_px": 200.0,
-            "centre_px": [99.5, 79.5],
-            "position_mm": [16.0, 16.0, -46.0],
-        },
-        "imaging": {"images_per_press": 2},
-        "sessions": [
-            {
-                "session": "one",
-                "date": "2024-01-01",
-                "share": 0.6,
-                "seed": 1,
-                "axes": [[0, -1, 0], [1, 0, 0], [0, 0, 1]],
-                "stage_to_sensor": {"origin_mm": [16.0, 16.0], "rotation_deg": 90.0},
-            },
-            {
-                "session": "two",
-                "date": "2024-01-02",
-                "share": 0.4,
-                "seed": 2,
-                "acts_on": "sensor",
-                "stage_to_sensor": {"origin_mm": [0.0, 32.0], "handedness": "left"},
-            },
-        ],
-    }
-)
+LAB = small_lab()
 
 
 @pytest.fixture(scope="module")
