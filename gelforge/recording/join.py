@@ -118,13 +118,14 @@ def steps_of_path(cell: PlannedCell, rows: pd.DataFrame) -> np.ndarray:
     """Return the step (n,) of a cell's path at which each reading of one press was taken, -1 where at none.
 
     rows: phase, x_mm, y_mm (sensor frame), depth_mm in the order taken. A reading belongs to the first step, not before that
-    of an earlier reading, whose depth and sideways displacement are its own within 0.01 mm. Steps that tilt are no
+    of an earlier reading, whose depth and sideways displacement are its own within 0.01 mm. Steps that turn are no
     reading's: a recording does not tell them.
     """
     count = len(cell.depths_mm)
     shears = np.array(cell.shears_mm or np.zeros((count, 2)))
     pose = np.column_stack([cell.depths_mm, shears + [cell.x_mm, cell.y_mm]])  # (D, 3)
     upright = ~np.array(cell.tilts_deg or np.zeros((count, 2))).any(axis=1)
+    upright &= ~np.array(cell.twists_deg or np.zeros(count)).astype(bool)
     phases = np.array(cell.phases or ("load",) * count)
     read = rows[["depth_mm", "x_mm", "y_mm"]].to_numpy()
     found, first = np.full(len(rows), -1), 0

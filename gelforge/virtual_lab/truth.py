@@ -46,12 +46,12 @@ COURSE = ("load", "shear", "unload")  # of a press that a recording can tell
 
 
 def check_recordable(planned: PlannedCell) -> None:
-    """Raise VirtualLabError for a path that no indentations.csv can tell: it has no tilts, and one order of phases."""
+    """Raise VirtualLabError for a path that no indentations.csv can tell: it turns nothing, and has one order of phases."""
     moves = [phase for phase in planned.phases if phase != "dwell"]
     others = sorted(set(moves) - set(COURSE))
     down = [depth for depth, phase in zip(planned.depths_mm, planned.phases) if phase == "load"]
-    if others or any(map(any, planned.tilts_deg)):
-        why = f"has phases {others or ['tilt']}; recordings tell depth and position only"
+    if others or any(map(any, planned.tilts_deg)) or any(planned.twists_deg):
+        why = f"has phases {others or ['tilt or twist']}; recordings tell depth and position only"
     elif moves != sorted(moves, key=COURSE.index):
         why = f"has phases in the order {', '.join(dict.fromkeys(moves))}; a recorded press runs load, shear, unload"
     elif planned.phases and (not down or any(b <= a for a, b in zip(down, down[1:]))):
