@@ -31,7 +31,7 @@ from gelforge.indentation.cell_file import read_cell
 from gelforge.indentation.plan import PlannedCell
 from gelforge.recording.images import reference_path
 from gelforge.recording.readings import FORCE
-from gelforge.virtual_lab.imaging import draw, expose, focused
+from gelforge.virtual_lab.imaging import expose, focused, picture
 from gelforge.virtual_lab.particles import (
     Motion,
     PathMotion,
@@ -91,7 +91,7 @@ class Bench:
     lab: VirtualLab
     session: VirtualSession
     particles: np.ndarray  # (P, 3) undeformed centres [mm]
-    untouched: np.ndarray  # (H, W) noise-free image at zero force
+    untouched: np.ndarray  # (H, W[, 3]) noise-free image at zero force
     offset_N: np.ndarray  # (3,) untared zero in the force sensor's axes
     last: int = 0  # number of the session's last press
 
@@ -294,7 +294,7 @@ def read_force(on_sensor: np.ndarray, bench: Bench, rng: np.random.Generator) ->
 def _bench(lab: VirtualLab, lab_session: VirtualSession, study: Study) -> Bench:
     particles = place_particles(lab.particles, study.sensor, lab.serial)
     lab = lab.model_copy(update={"imaging": focused(lab.imaging, particles)})
-    untouched = draw(lab.camera, lab.imaging, particles, lab.particles.diameter_mm)
+    untouched = picture(lab.camera, lab.imaging, particles, lab.particles.diameter_mm)
     offset = np.random.default_rng([lab_session.seed, 1]).normal(0, lab.force.offset_N)
     return Bench(lab, lab_session, particles, untouched, offset)
 
@@ -313,7 +313,7 @@ def _record_press(bench: Bench, truth: Motion | PathMotion, images: Path, press:
     touchdown = rng.normal(0, lab.force.touchdown_mm)
 
     def drawn(displacement: np.ndarray) -> np.ndarray:
-        return draw(lab.camera, lab.imaging, bench.particles + displacement, lab.particles.diameter_mm)
+        return picture(lab.camera, lab.imaging, bench.particles + displacement, lab.particles.diameter_mm)
 
     if isinstance(truth, PathMotion):
         rows, on_sensor = path_rows(press, truth, touchdown, bench)

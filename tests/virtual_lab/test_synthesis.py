@@ -160,6 +160,24 @@ def test_series_show_other_particles_of_the_same_labels(sheared):
     assert close > 0.9
 
 
+def test_a_camera_in_colour_gives_the_features_of_its_grey(tmp_path):
+    colours = {"background_rgb": [60.0, 20.0, 10.0], "particle_rgb": [30.0, 220.0, 90.0], "noise_grey": 2.0}
+    weights = np.array([0.299, 0.587, 0.114])
+    same = {
+        "background_grey": weights @ colours["background_rgb"],
+        "particle_grey": weights @ colours["particle_rgb"],
+        "noise_grey": 2.0 * np.linalg.norm(weights),
+    }
+    found = []
+    for number, imaging in enumerate((colours, same, {})):
+        study = study_of(imaging=imaging, sheared=0.0, tilted=0.0, unloaded=0.0, patterns=1)
+        synthesise(study, LAWS, 0, tmp_path / f"{number}.h5")
+        rows = ShardDataset([tmp_path / f"{number}.h5"])
+        found.append(rows.read(np.arange(len(rows)), ["feature"])["feature"])
+    np.testing.assert_array_equal(found[0], found[1])
+    assert not np.array_equal(found[0], found[2])
+
+
 def test_the_same_again_to_the_byte_and_said_to_be_synthetic(sheared, tmp_path):
     study, out = sheared
     synthesise(study, LAWS, 0, tmp_path / "0.h5")
