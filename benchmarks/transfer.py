@@ -2,7 +2,7 @@
 
 usage: python benchmarks/transfer.py [results/simulated] [--recorded results/demo] [--others 40] [--seeds 1 2 3]
        (one thread; after `snakemake --configfile config/simulated.yaml`; the other sensor is solved once,
-       ten CPU seconds an indentation, and kept in results/transfer)
+       ten CPU seconds an indentation, and kept in results/simulated/other_sensor)
 
 All data is SYNTHETIC. The other sensor has a gel 12 % stiffer, another mesh, particles, camera and light than the training
 set, and is pressed by unseen shapes too: a wedge from a file, and edges with --unseen-edges, which
@@ -40,6 +40,7 @@ NOISE_N = np.array(
     [0.008, 0.008, 0.015]
 )  # of the other sensor's force readings, as in the demo's virtual lab
 PRESSES = 20
+OTHERS = 40  # indentations of the other sensor
 WEDGE = Path("config/indenters/wedge.stl")
 
 
@@ -47,7 +48,7 @@ def other_study(study: Study, count: int) -> Study:
     """Return the study of the other sensor's indentations: other draws, shapes, mesh, camera and light."""
     drawn = study.synthesis
     shapes = drawn.shapes.model_copy(update={"mesh": 3.0, "edge": 3.0, "files": [WEDGE]})
-    views = drawn.views.model_copy(update={"focal_share": 0.01, "centre_px": 2.0, "rotation_deg": 0.5})
+    views = drawn.views.model_copy(update={"brightness_share": 0.3})
     mesh = drawn.mesh.model_copy(update={"near_mm": 0.36, "far_mm": 1.3})
     changed = {
         "seed": drawn.seed + 1000,
@@ -79,6 +80,13 @@ def other_rows(study: Study, laws: dict, folder: Path) -> list[Path]:
             folder.mkdir(parents=True, exist_ok=True)
             print(synthesise(study, laws, number, paths[-1]), flush=True)
     return paths
+
+
+def solved_others(results: Path, count: int = OTHERS) -> list[Path]:
+    """Return the shards of the other sensor of a finished study of simulated sensors, solved or kept beside it."""
+    study = load_study(results / "study.yaml")
+    laws = stiffer(laws_of(results, study), study)
+    return other_rows(other_study(study, count), laws, results / "other_sensor")
 
 
 def without(paths: list[Path], kind: str) -> list[Path]:
@@ -173,7 +181,7 @@ def main() -> None:
     )
     parser.add_argument("results", nargs="?", type=Path, default=Path("results/simulated"))
     parser.add_argument("--recorded", type=Path, default=Path("results/demo"))
-    parser.add_argument("--others", type=int, default=40)
+    parser.add_argument("--others", type=int, default=OTHERS)
     parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2, 3])
     parser.add_argument("--unseen-edges", action="store_true", help="no edge among the training rows")
     arguments = parser.parse_args()
@@ -181,9 +189,7 @@ def main() -> None:
     simulated = sorted((arguments.results / "synthetic").glob("*.h5"))
     simulated = without(simulated, "edge") if arguments.unseen_edges else simulated
     shards = sorted((arguments.recorded / "dataset").glob("shard-*.h5"))
-    laws = laws_of(arguments.results, study)
-    others = other_study(study, arguments.others)
-    other = Rows(other_rows(others, stiffer(laws, study), Path("results/transfer")))
+    other = Rows(solved_others(arguments.results, arguments.others))
     tested = Rows(shards, "test")
     rows = ShardDataset(shards, "test")
     readings = measured_presses(rows, press_names(rows))

@@ -2,6 +2,7 @@
 
 import json
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -178,6 +179,7 @@ def test_a_variant_changes_what_it_names_and_nothing_else():
         variant_study(study, "w")
 
 
+@cache
 def study_keys() -> set[str]:
     return set(schema()["properties"])
 

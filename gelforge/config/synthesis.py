@@ -52,11 +52,15 @@ class DrawnShapes(Section):
 
 
 class DrawnViews(Section):
-    """Standard deviations of what differs from one image series to the next; each has its own particles."""
+    """Standard deviations of what differs from one image series to the next; each has its own particles.
 
-    focal_share: NonNegative = Field(0.005, description="focal length, share of it [-]")
-    centre_px: NonNegative = Field(1.0, description="principal point, each of u and v [px]")
-    rotation_deg: NonNegative = Field(0.25, description="turns of the camera about each axis [deg]")
+    Those of the camera are what a calibration and a remap leave. A network cannot tell a camera that looks 1 px aside from a
+    press aside, so larger ones blur what it says of places.
+    """
+
+    focal_share: NonNegative = Field(0.002, description="focal length, share of it [-]")
+    centre_px: NonNegative = Field(0.5, description="principal point, each of u and v [px]")
+    rotation_deg: NonNegative = Field(0.05, description="turns of the camera about each axis [deg]")
     brightness_share: NonNegative = Field(
         0.1, description="grey levels of particles and background, share [-]"
     )

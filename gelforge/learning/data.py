@@ -55,13 +55,19 @@ def positions_of(rows: ShardDataset) -> dict[str, np.ndarray]:
     return dict(sorted(places.items()))
 
 
+def orbits_of(shards: Sequence[str | Path]) -> dict[str, str]:
+    """Return the orbit of each cell of shards: the first of the cells that are its mirror images."""
+    cells = {name: about for path in shards for name, about in shard_attributes(path)["cells"].items()}
+    return {name: about.get("orbit", name) for name, about in cells.items()}
+
+
 def training_and_validation(
     rows: ShardDataset, shards: Sequence[str | Path], study: Study
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the numbers of the rows that train and of those that only watch the loss, by orbit."""
     places = positions_of(rows)
-    known = {name: about for path in shards for name, about in shard_attributes(path)["cells"].items()}
-    orbit = {name: known.get(name, {}).get("orbit", name) for name in places}
+    known = orbits_of(shards)
+    orbit = {name: known.get(name, name) for name in places}
     from_wall = distances_from_wall(places, study.sensor)
     split = split_orbits(orbit, from_wall, study.learning.validation_fraction, study.seed + 1)
     sides = ({cell for cell, name in split.items() if name == side} for side in ("train", "test"))

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from sklearn.decomposition import PCA
 
 COMPONENTS = 48
 CLASSES = 6  # of the flow's size, each with a limit of its own
 LEAST_IN_CLASS = 40
-QUANTILE = 0.995  # of the validation rows that are to be within the limits
-MARGIN = 1.3  # sessions differ more than the few at hand do
-LEAST_ROWS = 30
+QUANTILE = 0.995  # of held-out rows that are to be within the limits
+LEAST_ROWS = 60
+FOLDS = 5
 
 
 @dataclass(frozen=True)
 class Familiar:
-    """The flow fields that training images span, and how far validation images lie from them.
+    """The flow fields that images of a training set span, and how far those that are held out lie from them.
 
     Inputs (n, F) of a network are split into the part along the training rows' principal components and the rest. Q is the
     rest's length; its limit depends on the length of the inputs, as noise and unlearnt detail grow with the flow. T^2 is the
@@ -53,23 +52,43 @@ def unlike(
     return np.maximum(rest / limit, np.sqrt(squared / squared_limit))
 
 
-def find_familiar(training: np.ndarray, validation: np.ndarray) -> Familiar | None:
-    """Return what training inputs (n, F) span, with limits of validation inputs (m, F); None where either are few."""
-    if min(len(training), len(validation)) < LEAST_ROWS:
+def find_familiar(inputs: np.ndarray, groups: np.ndarray) -> Familiar | None:
+    """Return what inputs (n, F) span, with limits for images of groups (n,) that it was not learnt from.
+
+    Limits are what fold by fold the components of the other groups leave of a fold's: a group is all that goes together, as
+    the images of an orbit do. None where rows or groups are few.
+    """
+    names = np.unique(groups)
+    if len(inputs) < LEAST_ROWS or len(names) < FOLDS:
         return None
-    count = min(COMPONENTS, len(training) // 3, training.shape[1])
-    found = PCA(count, svd_solver="randomized", random_state=0).fit(training)
+    fold = np.random.default_rng(0).permutation(len(names))[np.searchsorted(names, groups)] % FOLDS
+    statistics = np.empty((len(inputs), 3))
+    for k in range(FOLDS):
+        statistics[fold == k] = _spanned(inputs[fold != k]).statistics(inputs[fold == k])
+    return _limited(_spanned(inputs), statistics)
+
+
+def _spanned(inputs: np.ndarray) -> Familiar:
+    """Return the principal components of inputs (n, F), with limits of one."""
+    from sklearn.decomposition import PCA  # takes seconds, and predict and live never fit
+
+    count = min(COMPONENTS, len(inputs) // 3, inputs.shape[1])
+    found = PCA(count, svd_solver="randomized", random_state=0).fit(inputs)
     kept = found.explained_variance_ > 1e-9 * found.explained_variance_[0]
     parts = found.mean_, found.components_[kept], np.sqrt(found.explained_variance_[kept])
-    mean, components, deviation = (np.asarray(values, np.float32) for values in parts)
-    open_ = Familiar(mean, components, deviation, np.empty(0), np.ones(1), 1.0)
-    size, rest, squared = open_.statistics(validation).T
+    return Familiar(*(np.asarray(values, np.float32) for values in parts), np.empty(0), np.ones(1), 1.0)
+
+
+def _limited(spanned: Familiar, statistics: np.ndarray) -> Familiar:
+    """Return components with the limits that hold all but 1 - QUANTILE of statistics (n, 3), by class of size."""
+    size, rest, squared = statistics.T
     classes = int(np.clip(len(size) // LEAST_IN_CLASS, 1, CLASSES))
     edges = np.unique(np.quantile(size, np.arange(1, classes) / classes))
     which = np.searchsorted(edges, size, side="right")
     limits = [rest[which == k] if (which == k).any() else rest for k in range(len(edges) + 1)]
-    return Familiar(
-        *(mean, components, deviation, edges),
-        np.array([MARGIN * np.quantile(own, QUANTILE) for own in limits]),
-        float(MARGIN**2 * np.quantile(squared, QUANTILE)),
+    return replace(
+        spanned,
+        edges=edges,
+        rest_limit=np.array([np.quantile(own, QUANTILE) for own in limits]),
+        squared_limit=float(np.quantile(squared, QUANTILE)),
     )

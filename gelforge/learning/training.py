@@ -23,6 +23,7 @@ from gelforge.learning.data import (
     images_of_presses,
     lie_of_images,
     measure_scaling,
+    orbits_of,
     training_and_validation,
 )
 from gelforge.learning.familiarity import find_familiar
@@ -141,7 +142,8 @@ def train(
         rows.close()
         return False
     network.load_state_dict(best)
-    model = _with_reliability(Model(network, scaling, settings), rows, training, validation)
+    model = Model(network, scaling, settings)
+    model = _with_reliability(model, rows, training, validation, orbits_of(shards))
     rows.close()
     columns = ["epoch", "training", "validation"]
     write_product_table(loss_path, pd.DataFrame(losses, columns=columns), "%.9g")
@@ -230,10 +232,10 @@ def _out_of_patience(losses: list[tuple], patience: int | None) -> bool:
 
 
 def _with_reliability(
-    model: Model, rows: ShardDataset, training: np.ndarray, validation: np.ndarray
+    model: Model, rows: ShardDataset, training: np.ndarray, validation: np.ndarray, orbit: dict[str, str]
 ) -> Model:
     """Return a model with its thresholds and intervals, found on validation rows, and what images are like its own."""
-    watched = _drawn(rows, validation, (FEATURE, LABEL, "untouched", *SIGMAS))
+    watched = _drawn(rows, validation, (FEATURE, LABEL, "untouched", "cell", *SIGMAS))
     if watched is None:
         return model
     force = np.concatenate(
@@ -248,8 +250,9 @@ def _with_reliability(
         grid = bins["nx"], bins["ny"], np.array(model.settings["sensor_width_mm"])
         zero = find_zero(force, watched[LABEL].astype(float), watched["untouched"], grid)
     labels = Labels(*(watched[name].astype(float) for name in (LABEL, *SIGMAS)))
-    learnt = _drawn(rows, training, (FEATURE,))
-    familiar = find_familiar(*(model.scaling.inputs(part[FEATURE]) for part in (learnt, watched)))
+    known = [_drawn(rows, training, (FEATURE, "cell")), watched]
+    inputs = np.concatenate([model.scaling.inputs(part[FEATURE]) for part in known])
+    familiar = find_familiar(inputs, np.array([orbit[name] for part in known for name in part["cell"]]))
     intervals = find_intervals(zero.applied(force), labels)
     return replace(model, zero=zero, intervals=intervals, familiar=familiar)
 

@@ -298,6 +298,7 @@ def peak_of_join(tmp_path, spacing):
     return rows, peak
 
 
+@pytest.mark.thorough
 def test_memory_does_not_grow_with_the_rows(tmp_path):
     """Features alone would be 3.2 kB a row; what may grow are names and row numbers of the shard's own presses."""
     few, small = peak_of_join(tmp_path / "few", 11.0)

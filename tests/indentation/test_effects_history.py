@@ -116,6 +116,7 @@ def test_beyond_what_it_has_seen_it_is_as_new():
     assert deeper[0] == pytest.approx(untouched[0], rel=0.01)
 
 
+@pytest.mark.thorough
 def test_two_presses_3_mm_apart_depend_on_their_order():
     """The later one is softer than alone; by symmetry of the sensor both orders soften the later one alike."""
     study = softening()

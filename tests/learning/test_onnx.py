@@ -49,7 +49,7 @@ def model_named(name: str) -> Model:
         "views": {},
     }
     count = 2 * grids.regions**2
-    familiar = find_familiar(*(rng.normal(0, [[1]] * 40, (40, count)).astype("f4") for _ in range(2)))
+    familiar = find_familiar(rng.normal(0, 1, (80, count)).astype("f4"), np.arange(80))
     return Model(make_network(learning, grids, 1), scaling, settings, Zero(0.05, 0.1), INTERVALS, familiar)
 
 

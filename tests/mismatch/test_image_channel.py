@@ -141,6 +141,7 @@ def test_the_camera_leads_with_forces_clean(joint):
     assert np.sqrt(scale.covariance[0, 0]) < SCALE / 10
 
 
+@pytest.mark.thorough
 def test_the_stage_tells_of_the_images(recorded, tmp_path):
     """One verdict of both channels: tables in newtons hold the forces alone, the camera is named or in the group."""
     solver, session = recorded

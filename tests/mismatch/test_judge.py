@@ -301,6 +301,7 @@ def test_a_change_goes_through_what_was_solved():
     assert problem.seated(part, 1e-9 * amounts, solved) is problem
 
 
+@pytest.mark.thorough
 def test_the_readings_set_aside_decide_between_effects_that_are_told_apart_by_little():
     """The evidence of refitted effects is that of the training readings and of all others; solved within reach alone."""
     problem, found, _ = named()

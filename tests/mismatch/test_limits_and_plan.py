@@ -173,6 +173,7 @@ def judged(home):
     return home / "out"
 
 
+@pytest.mark.thorough
 def test_plan_prints_and_writes_what_to_record_next(home, judged, capsys):
     """A stiffer gel is a gain under displacement control: only dead weights part them, at 20 s for each of 12."""
     capsys.readouterr()

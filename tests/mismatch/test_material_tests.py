@@ -289,6 +289,7 @@ def test_the_foam_relaxes_and_there_is_evidence_for_ageing_of_its_law():
     assert amounts["change_of_relaxation"] > 0
 
 
+@pytest.mark.thorough
 @shared_data.needs_shared
 @pytest.mark.xfail(
     strict=True,

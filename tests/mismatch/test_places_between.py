@@ -239,6 +239,7 @@ def counted(problem):
     return replace(problem, forces_with=forces_with), calls
 
 
+@pytest.mark.thorough
 def test_a_fit_that_promises_too_little_is_broken_off():
     """A hard ball makes nothing of a bubble: its place is not looked for where the bubble's own fit is known."""
     base = artificial.context(62)

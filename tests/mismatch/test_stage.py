@@ -48,6 +48,7 @@ def stiffer(kept, tmp_path_factory):
     return session, verdict, folder / "out"
 
 
+@pytest.mark.thorough
 def test_a_recording_of_the_base_itself_is_null(kept, tmp_path):
     session = record(tmp_path / "plain", small(), specimens.STUDY_LAWS, seed=1)
     verdict = judge_recording(solver(kept), [session], tmp_path / "out", "plain")

@@ -133,6 +133,7 @@ def test_evidence_for_something_unknown_is_a_test_of_its_own():
     assert found.state == "open"
 
 
+@pytest.mark.thorough
 def test_an_answer_beside_which_something_unknown_is_likelier_than_not_is_open():
     problem, found, state = named()
     own = frozenset(part.name for part in found.answer.winner.parts)

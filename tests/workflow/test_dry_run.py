@@ -20,14 +20,14 @@ def test_paper_makes_every_cell_a_job(checkout):
 
 def test_demo_is_the_default_and_not_mixed_into_other_studies(checkout):
     jobs = checkout.jobs()
-    assert jobs["simulate"] == 13 * 13 + 4 + 4
+    assert jobs["simulate"] == 13 * 13 + 4 + 4 + 40
     assert jobs["virtual_session"] == 2
     assert jobs["variant"] == 2 * 2  # two variants at centre and corner
     assert jobs["train"] == jobs["tables"] == jobs["report"] == 1
 
 
 def test_symmetric_cells_are_solved_once_for_the_virtual_sensor(checkout):
-    assert checkout.jobs()["virtual_cell"] == 28 + 1 + 1  # an octant of 13 x 13 positions, a corner, a side
+    assert checkout.jobs()["virtual_cell"] == 28 + 1 + 1 + 6  # an octant of 13 x 13 positions, a corner, a side, six between
 
 
 def test_test_study_lists_every_rule(checkout):

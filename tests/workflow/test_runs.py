@@ -55,6 +55,7 @@ def test_synthetic_recordings_say_so(finished):
     assert "synthetic" in (finished.folder / RESULTS / "dataset/README.md").read_text().lower()
 
 
+@pytest.mark.thorough
 def test_deleted_tables_need_no_cell_and_no_training(again):
     for path in (again.folder / RESULTS / "tables").iterdir():
         path.unlink()
