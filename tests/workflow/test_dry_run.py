@@ -27,7 +27,9 @@ def test_demo_is_the_default_and_not_mixed_into_other_studies(checkout):
 
 
 def test_symmetric_cells_are_solved_once_for_the_virtual_sensor(checkout):
-    assert checkout.jobs()["virtual_cell"] == 28 + 1 + 1 + 6  # an octant of 13 x 13 positions, a corner, a side, six between
+    assert (
+        checkout.jobs()["virtual_cell"] == 28 + 1 + 1 + 6
+    )  # an octant of 13 x 13 positions, a corner, a side, six between
 
 
 def test_test_study_lists_every_rule(checkout):
