@@ -13,7 +13,40 @@ AMBIENT = 0.45  # share of light that reaches a ball's rim; the lamps stand arou
 FADE = 0.35  # share of brightness lost from the nearest to the farthest particle
 
 
+GREY_OF_RGB = np.array(
+    [0.299, 0.587, 0.114]
+)  # the reader's: OpenCV's grey of red, green and blue (ITU-R BT.601)
 SLABS = 8  # of equal height in which particles are blurred alike where the optics have a plane in focus
+
+
+def picture(camera: Camera, imaging: VirtualImaging, centres: np.ndarray, diameter_mm: float) -> np.ndarray:
+    """Return what the camera shows, noise-free as `draw`: (H, W) in grey, or (H, W, 3) in blue, green, red."""
+    if imaging.particle_rgb is None:
+        return draw(camera, imaging, centres, diameter_mm)
+    colours = list(zip(imaging.background_rgb, imaging.particle_rgb))[::-1]
+    return np.dstack(
+        [draw(camera, _with_levels(imaging, *levels), centres, diameter_mm) for levels in colours]
+    )
+
+
+def as_read(imaging: VirtualImaging) -> VirtualImaging:
+    """Return the settings of the grey images into which the reader turns those of a camera in colour; its own if grey.
+
+    A picture is linear in the levels of ground and particles, so its grey is that of their grey levels. Noise is that of
+    each channel, independent, in the weighted sum. Holds where no channel is saturated.
+    """
+    if imaging.particle_rgb is None:
+        return imaging
+    grey = _with_levels(
+        imaging, *(float(GREY_OF_RGB @ rgb) for rgb in (imaging.background_rgb, imaging.particle_rgb))
+    )
+    noise = imaging.noise_grey * float(np.linalg.norm(GREY_OF_RGB))
+    return grey.model_copy(update={"noise_grey": noise})
+
+
+def _with_levels(imaging: VirtualImaging, background: float, particle: float) -> VirtualImaging:
+    levels = {"background_grey": background, "particle_grey": particle}
+    return imaging.model_copy(update=levels | {"background_rgb": None, "particle_rgb": None})
 
 
 def draw(camera: Camera, imaging: VirtualImaging, centres: np.ndarray, diameter_mm: float) -> np.ndarray:
@@ -107,7 +140,7 @@ def _paint(image, pixels, radius, brightness, ambient):
 def expose(
     image: np.ndarray, imaging: VirtualImaging, rng: np.random.Generator, exposure: float = 1.0
 ) -> np.ndarray:
-    """Return an 8-bit image (H, W) of a noise-free one at an exposure over the usual one, with new sensor noise."""
+    """Return an 8-bit image (H, W[, 3]) of a noise-free one at an exposure over the usual one, with new sensor noise."""
     bright = image if exposure == 1.0 else image * np.float32(exposure)
     noisy = bright + imaging.noise_grey * rng.standard_normal(image.shape, dtype=np.float32)
     return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)

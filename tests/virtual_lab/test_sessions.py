@@ -3,6 +3,7 @@
 import filecmp
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import yaml
@@ -190,3 +191,17 @@ def test_an_old_lab_is_written_as_it_was():
     assert not later & set(LAB.model_dump()["imaging"])
     changed = LAB.imaging.model_copy(update={"vignetting": 0.1})
     assert changed.model_dump()["vignetting"] == 0.1
+
+
+def test_a_session_in_colour_is_read_as_a_grey_one(truth, made, tmp_path):
+    colours = {"background_rgb": [40.0, 20.0, 10.0], "particle_rgb": [90.0, 220.0, 60.0]}
+    lab = LAB.model_copy(update={"imaging": LAB.imaging.model_copy(update=colours)})
+    make_session(lab, LAB.sessions[1], STUDY, CELLS, truth, tmp_path / "two")
+    image = cv2.imread(str(tmp_path / "two" / "reference.png"), cv2.IMREAD_UNCHANGED)
+    assert image.shape == (160, 200, 3)
+    readings = read_recording(tmp_path / "two", CELLS, STUDY.sensor).readings
+    other = read_recording(made / "two", CELLS, STUDY.sensor).readings
+    assert list(readings["image"]) == list(other["image"])
+    first, second = (read_grey(tmp_path / "two" / "images" / f"p00000_{i}.png").astype(float) for i in (0, 1))
+    # the noise of two images in three channels of 2 levels: 2 x 0.6685, with the rounding of grey levels
+    assert_allclose((first - second).std(), np.sqrt(2 * ((2 * 0.6685) ** 2 + 1 / 12)), rtol=0.03)

@@ -202,7 +202,8 @@ def drawn_settings(_):
 
 def planned(wildcards):
     cell = CELLS[wildcards.cell]
-    path = [list(cell.phases), list(cell.shears_mm), list(cell.tilts_deg)] if cell.follows_a_path else []
+    moves = [cell.phases, cell.shears_mm, cell.tilts_deg, *([cell.twists_deg] if cell.twists_deg else [])]
+    path = map(list, moves) if cell.follows_a_path else []
     return [cell.x_mm, cell.y_mm, list(cell.depths_mm), cell.source or "", cell.symmetry or "", *path]
 
 
