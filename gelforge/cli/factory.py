@@ -125,9 +125,10 @@ def virtual_session(study: Path, session: str, workers: int) -> None:
     by_name = {entry.session: entry for entry in lab.sessions}
     if session not in by_name:
         raise ConfigError(f"{described.virtual_lab}: no session {session!r}; it has {sorted(by_name)}")
-    truth = described.data_folder / "virtual_truth" / "cells"
     folder = described.session_folder(session)
-    make_session(lab, by_name[session], described, plan_cells(described), truth, folder, workers)
+    make_session(
+        lab, by_name[session], described, plan_cells(described), truth_folder(described), folder, workers
+    )
 
 
 def readings(study: Path, session: str, out: Path) -> None:
@@ -221,6 +222,7 @@ def tables(study: Path) -> None:
     from gelforge.dataset.agreement import read_agreement, rmse_gt_table
     from gelforge.files import digest, write_table
     from gelforge.learning import evaluation
+    from gelforge.learning.error_budget import error_budget_table
     from gelforge.learning.predictions import Predictions, label_ranges
 
     described = load_study(study)
@@ -239,6 +241,14 @@ def tables(study: Path) -> None:
         write_table(folder, "baselines", evaluation.baselines_table(predictions))
         write_table(folder, "errors_by", evaluation.errors_by_table(predictions))
         write_table(folder, "reliability", evaluation.reliability_table(predictions))
+        budget = error_budget_table(predictions)
+        if budget is not None:
+            write_table(folder, "error_budget", budget)
+        else:  # none of earlier predictions is left beside these
+            for suffix in ("csv", "md"):
+                (folder / f"error_budget.{suffix}").unlink(missing_ok=True)
+            if described.virtual_lab is not None:
+                print(f"no error budget: {predictions.path} holds no truth; evaluate the model again")
         ranges = predictions.label_range
     else:
         ranges = label_ranges(shard_paths(described))
@@ -272,6 +282,11 @@ def print_outcome(cell: str, result, how: str) -> None:
 
 def cell_path(study: Study, name: str) -> Path:
     return study.results_folder / "cells" / f"{name}.h5"
+
+
+def truth_folder(study: Study) -> Path:
+    """Return where the cells of the study's virtual sensor lie."""
+    return study.data_folder / "virtual_truth" / "cells"
 
 
 def law_path(study: Study, material: str) -> Path:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gelforge.cli.factory import laws_and_doubts, shard_paths, study_laws
+from gelforge.cli.factory import laws_and_doubts, shard_paths, study_laws, truth_folder, virtual_lab_of
 from gelforge.config import ConfigError, Study, load_study
 
 
@@ -43,7 +43,7 @@ def evaluate(study: Path, model: Path, out: Path) -> None:
     described = load_study(study)
     sets = learning_sets(described)
     check_trained_on(model, shards_digest(sets.learnt))
-    rows = predict_test_rows(model, sets, described, out)
+    rows = predict_test_rows(model, sets, described, out, truth=known_truth(described, study))
     print(f"{rows} rows of held-out cells")
 
 
@@ -78,6 +78,39 @@ def adapt(study: Path, model: Path, presses: int, seed: int, out: Path) -> None:
     else:
         print("\nno held-out row with a measured force: errors before and after are not known")
     print(f"\nwritten to {out}")
+
+
+def known_truth(study: Study, path: Path):
+    """Return the truth of the study's recordings where a virtual lab made them and its files are there, or say why not."""
+    from functools import partial
+
+    from gelforge.indentation.plan import plan_cells
+    from gelforge.learning.true_motion import Truth
+    from gelforge.recording.camera import mm_per_px_at
+    from gelforge.virtual_lab.particles import gel_boxes
+    from gelforge.virtual_lab.session import session_cells
+    from gelforge.virtual_lab.true_presses import true_presses
+
+    if study.virtual_lab is None:
+        return None
+    lab, cells, folder = virtual_lab_of(study, path), plan_cells(study), truth_folder(study)
+    shared_out = session_cells(lab, cells)
+    pressed = [cells[name] for session in study.sessions for name in shared_out.get(session, [])]
+    moving = next((cell.name for cell in pressed if cell.follows_a_path), None)
+    if moving is not None:
+        print(f"no error budget: it is made of straight presses, and cell {moving} follows a path")
+        return None
+    needed = {folder / f"{cell.source or cell.name}.h5" for cell in pressed}
+    missing = sorted(file.name for file in needed if not file.is_file())
+    if missing:
+        print(
+            f"no error budget: {folder} lacks {len(missing)} of {len(needed)} cells, the first {missing[0]} "
+            "(gelforge virtual-cell makes one)"
+        )
+        return None
+    heights = [(low[2] + high[2]) / 2 for low, high in gel_boxes(study.sensor)]
+    middle_mm = float(sum(heights) / len(heights))
+    return Truth(partial(true_presses, study, lab, cells, folder), mm_per_px_at(lab.camera, middle_mm))
 
 
 def synthetic_paths(study: Study) -> list[Path]:

@@ -28,6 +28,15 @@ def init(study: str) -> None:
     print(f"edit them, add your data, then: gelforge check {study}")
 
 
+def check_lab(study: Study, path: Path, cells: dict) -> None:
+    """Refuse a virtual lab that is wrong, or a path that it could not record."""
+    from gelforge.virtual_lab.truth import check_recordable
+
+    virtual_lab_of(study, path)
+    for planned in cells.values():
+        check_recordable(planned)
+
+
 def check(study: str, picture: Path | None) -> None:
     """Validate a study and what it reads, draw it, and print cells, minutes and disk; name what is missing."""
     from gelforge.characterisation.stiffness import stiffness_words
@@ -40,7 +49,7 @@ def check(study: str, picture: Path | None) -> None:
     described = load_study(path)
     cells = plan_cells(described)
     if described.virtual_lab:
-        virtual_lab_of(described, path)
+        check_lab(described, path, cells)
     missing = missing_files(described)
     check_data(described, cells, missing)
     laws = known_laws(described, [])

@@ -24,7 +24,7 @@ class Plan(Section):
     depths_mm: list[Positive] | None = Field(None, description="increasing depths of every position [mm]")
     file: Path | None = Field(
         None,
-        description="CSV with cell, x_mm, y_mm, depth_mm, for a path also phase, shear_x_mm, shear_y_mm and tilts",
+        description="CSV with cell, x_mm, y_mm, depth_mm, for a path also phase, shear_x_mm, shear_y_mm, tilts and twist",
     )
     mm_per_unit: Positive | None = Field(
         None,

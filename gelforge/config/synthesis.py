@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field, model_serializer, model_validator
 
 from gelforge.config.camera import Camera
 from gelforge.config.common import NonNegative, Section
@@ -84,6 +84,10 @@ class Synthesis(Section):
     shear_mm: Range = Field([0.2, 1.2], description="how far, any direction [mm]")
     tilted: Share = Field(0.15, description="share of those not sheared that is tilted at depth [-]")
     tilt_deg: Range = Field([1.0, 4.0], description="how far, about any axis in the plane [deg]")
+    twisted: Share = Field(
+        0.0, description="share of those neither sheared nor tilted that is twisted at depth [-]"
+    )
+    twist_deg: Range = Field([3.0, 15.0], description="how far, about z, either way [deg]")
     unloaded: Share = Field(0.3, description="share that is unloaded step by step [-]")
     margin_mm: NonNegative = Field(3.0, description="least distance of a position from the sides [mm]")
     mesh: Mesh = Field(
@@ -97,6 +101,12 @@ class Synthesis(Section):
     camera: Camera = Field(description="camera, a pinhole; that of the recordings, or its reference view")
     imaging: VirtualImaging = Field(VirtualImaging(), description="how the camera draws")
     views: DrawnViews = Field(DrawnViews(), description="how image series differ")
+
+    @model_serializer(mode="wrap")
+    def _as_written(self, write) -> dict[str, Any]:
+        """Return the keys; later ones only where they are not as usual, so that digests of older sets stay."""
+        usual = {key: type(self).model_fields[key].default for key in ("twisted", "twist_deg")}
+        return {key: value for key, value in write(self).items() if key not in usual or value != usual[key]}
 
     @model_validator(mode="after")
     def _pinhole(self):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_serializer, model_validator
 
@@ -18,6 +18,9 @@ class VirtualParticles(Section):
 
     diameter_mm: float = Field(0.3, ge=0.15, le=0.6, description="particle diameter [mm]")
     volume_fraction: float = Field(0.0196, gt=0, le=0.1, description="share of the gel's volume [-]")
+
+
+Colour = Annotated[list[Annotated[float, Field(ge=0, le=255)]], Field(min_length=3, max_length=3)]
 
 
 class VirtualImaging(Section):
@@ -49,10 +52,29 @@ class VirtualImaging(Section):
         0.0, gt=-1, le=1, description="brightness of the last press over that of the first, less 1 [-]"
     )
 
+    background_rgb: Colour | None = Field(
+        None,
+        description="red, green and blue of the skin as the camera shows it, in place of background_grey; images are then "
+        "in colour, null: grey [-]",
+    )
+    particle_rgb: Colour | None = Field(
+        None, description="of the nearest particle's middle, in place of particle_grey [-]"
+    )
+
+    @model_validator(mode="after")
+    def _both_colours(self):
+        if (self.background_rgb is None) != (self.particle_rgb is None):
+            missing = "background_rgb" if self.background_rgb is None else "particle_rgb"
+            raise ValueError(
+                f"{missing} is missing: a camera in colour shows both; give it, or remove the other"
+            )
+        return self
+
     @model_serializer(mode="wrap")
     def _as_written(self, write) -> dict[str, Any]:
         """Return the keys; later ones only where they are not as usual, so that digests of older labs stay."""
         later = ("vignetting", "uneven_light", "defocus_px_per_mm", "focus_z_mm", "exposure_drift")
+        later += ("background_rgb", "particle_rgb")
         usual = {key: type(self).model_fields[key].default for key in later}
         return {key: value for key, value in write(self).items() if key not in later or value != usual[key]}
 

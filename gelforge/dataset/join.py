@@ -40,6 +40,7 @@ class PressRows:
 
     cell: str
     depth_mm: float
+    step: list[int] = field(default_factory=list)  # of the cell's path, -1 of none
     row: list[int] = field(default_factory=list)
     image_index: list[int] = field(default_factory=list)
     untouched: list[bool] = field(default_factory=list)
@@ -245,31 +246,38 @@ def _session_attributes(path: str | Path) -> dict:
         }
 
 
-def _scan(path: str | Path) -> Iterator[tuple[int, str, str, str, str, int, float]]:
-    """Yield row, press, cell, phase, image, image_index and depth of a feature file, a block of rows at a time."""
+def _scan(path: str | Path) -> Iterator[tuple[int, str, str, str, str, int, float, np.ndarray, int]]:
+    """Yield row, press, cell, phase, image, image_index, depth, position (2,) and step of a feature file."""
     with open_features(path) as file:
         for start in range(0, len(file["press"]), SCAN_ROWS):
             block = slice(start, start + SCAN_ROWS)
             texts = [file[name].asstr()[block] for name in ("press", "cell", "phase", "image")]
-            numbers = [file[name][block] for name in ("image_index", "depth_mm")]
-            for i, values in enumerate(zip(*texts, *numbers)):
+            numbers = [file[name][block] for name in ("image_index", "depth_mm", "position_mm")]
+            steps = file["step"][block] if "step" in file else np.full(len(numbers[0]), -1)
+            for i, values in enumerate(zip(*texts, *numbers, steps)):
                 yield start + i, *values
 
 
 def _presses(path: str | Path, planned: Mapping[str, PlannedCell], chunk: set[str]) -> dict[str, PressRows]:
     """Return the presses of a chunk's cells, every image of theirs in its place.
 
-    The number of images of a touching press is what most presses of the session have.
+    The number of images of a touching press is what most presses of the session have; a path has as many as its steps.
     """
     presses: dict[str, PressRows] = {}
-    touching: Counter[str] = Counter()  # images per press, of the whole session
-    for row, press, cell, phase, image, index, depth in _scan(path):
+    touching: Counter[str] = Counter()  # images per straight press, of the whole session
+    following: set[str] = set()  # presses that follow a path
+    for row, press, cell, phase, image, index, depth, xy, step in _scan(path):
         if cell not in planned:
             raise DatasetError(
                 f"{path}: press {press}, image {image}: its cell {cell!r} is not in the plan; "
                 "join the recording to the plan again"
             )
-        touching[press] += phase != "zero"
+        if planned[cell].follows_a_path:
+            following.add(press)
+            if phase != "zero":
+                _check_pose(path, press, image, planned[cell], step, np.array([depth, *xy]))
+        else:
+            touching[press] += phase != "zero"
         if cell not in chunk:
             continue
         rows = presses.setdefault(press, PressRows(cell, 0.0))
@@ -278,15 +286,32 @@ def _presses(path: str | Path, planned: Mapping[str, PlannedCell], chunk: set[st
                 f"{path}: press {press} has images of cells {rows.cell!r} and {cell!r}; name presses apart"
             )
         rows.row.append(row)
+        rows.step.append(int(step))
         rows.image_index.append(int(index))
         rows.untouched.append(phase == "zero")
         rows.depth_mm = max(rows.depth_mm, float(depth))
     for press, count in _excluded_images(path).items():
-        touching[press] += count
+        if press not in following:
+            touching[press] += count
     usual = Counter(touching.values()).most_common(1)[0][0] if touching else 0
     for press, rows in presses.items():
-        _check_images(path, press, rows, touching[press], usual)
+        _check_images(path, press, rows, usual if press in following else touching[press], usual)
     return presses
+
+
+def _check_pose(
+    path: str | Path, press: str, image: str, planned: PlannedCell, step: int, pose: np.ndarray
+) -> None:
+    """Raise DatasetError unless an image (depth, x, y) was taken at the step of its cell's path that the features state."""
+    where = f"{path}: press {press}, image {image}: depth {pose[0]:g} mm at ({pose[1]:.4f}, {pose[2]:.4f}) mm"
+    if 0 <= step < len(planned.depths_mm):
+        shear = planned.shears_mm[step] if planned.shears_mm else (0.0, 0.0)
+        there = np.array([planned.depths_mm[step], planned.x_mm + shear[0], planned.y_mm + shear[1]])
+        if np.abs(there - pose).max() <= POSITION_MATCH_MM:
+            return
+    raise DatasetError(
+        f"{where} is not at step {step} of the path of cell {planned.name}; extract the features again (snakemake -R {path})"
+    )
 
 
 def _excluded_images(path: str | Path) -> dict[str, int]:
@@ -304,8 +329,8 @@ def _check_images(path: str | Path, press: str, rows: PressRows, count: int, usu
             "or remove the press from indentations.csv"
         )
     order = np.argsort(rows.image_index)
-    rows.row, rows.image_index, rows.untouched = (
-        [values[i] for i in order] for values in (rows.row, rows.image_index, rows.untouched)
+    rows.row, rows.image_index, rows.untouched, rows.step = (
+        [values[i] for i in order] for values in (rows.row, rows.image_index, rows.untouched, rows.step)
     )
 
 
@@ -322,17 +347,21 @@ def _session_rows(
     blocks = []
     with open_features(path) as file:
         for press, rows in pressed.items():
-            step = _step(path, press, rows, planned)
-            label = labels(press, step)
-            if isinstance(label, str):
-                about.setdefault("failed_presses", {})[press] = label
+            steps = _steps(path, press, rows, planned)
+            known = {step: labels(press, step) for step in sorted(set(steps))}
+            reason = next((label for label in known.values() if isinstance(label, str)), "")
+            if reason:
+                about.setdefault("failed_presses", {})[press] = reason
             else:
-                blocks.append(_press_rows(file, path, session, press, rows, planned, step, label, split))
+                of_row = [known[step] for step in steps]
+                blocks.append(_press_rows(file, path, session, press, rows, planned, steps, of_row, split))
     return blocks
 
 
-def _step(path: str | Path, press: str, rows: PressRows, planned: PlannedCell) -> int:
-    """Return which of its cell's depths a press goes to."""
+def _steps(path: str | Path, press: str, rows: PressRows, planned: PlannedCell) -> list[int]:
+    """Return for each image of a press at which of its cell's depths, or steps of its path, it was taken."""
+    if planned.follows_a_path:
+        return [max(step, 0) for step in rows.step]  # untouched rows have no step, and no use for one
     step = int(np.argmin(np.abs(np.array(planned.depths_mm) - rows.depth_mm)))
     gap = abs(planned.depths_mm[step] - rows.depth_mm)
     if gap > POSITION_MATCH_MM and not all(rows.untouched):
@@ -340,13 +369,21 @@ def _step(path: str | Path, press: str, rows: PressRows, planned: PlannedCell) -
             f"{path}: press {press}: depth {rows.depth_mm} mm is {gap:.3g} mm from the nearest depth of cell {planned.name} "
             f"({planned.depths_mm[step]} mm), limit {POSITION_MATCH_MM} mm; add the depth to the plan"
         )
-    return step
+    return [step] * len(rows.row)
 
 
 def _press_rows(
-    file, path, session, press, rows: PressRows, planned: PlannedCell, step: int, label: Label, split
+    file,
+    path,
+    session,
+    press,
+    rows: PressRows,
+    planned: PlannedCell,
+    steps: list[int],
+    labels: list[Label],
+    split,
 ) -> dict[str, np.ndarray]:
-    """Return one press's rows: its label, or zero where the ball had not touched."""
+    """Return one press's rows: the label of each at its step, or zero where the ball had not touched."""
     untouched = np.array(rows.untouched)
     feature, image = _rows_of(file["feature"], rows.row), _rows_of(file["image"].asstr(), rows.row)
     bad = ~np.isfinite(feature).all(axis=1)
@@ -356,17 +393,24 @@ def _press_rows(
         )
     touched = ~untouched
     count = len(rows.row)
+
+    def labelled(name: str) -> np.ndarray:
+        values = np.stack([getattr(label, name) for label in labels])
+        return np.where(touched.reshape(-1, *[1] * (values.ndim - 1)), values, 0.0)
+
     return {
         "feature": feature,
-        "force_distribution_N": np.where(touched[:, None, None], label.bins, 0.0),
-        "force_sigma_N": np.where(touched[:, None, None], label.bin_sigma, 0.0),
-        "total_force_fem_N": np.where(touched[:, None], label.total, 0.0),
-        "total_force_fem_sigma_N": np.where(touched[:, None], label.total_sigma, 0.0),
+        "force_distribution_N": labelled("bins"),
+        "force_sigma_N": labelled("bin_sigma"),
+        "total_force_fem_N": labelled("total"),
+        "total_force_fem_sigma_N": labelled("total_sigma"),
         "total_force_ft_N": _rows_of(file["force_N"], rows.row),
         "flow_lost": _rows_of(file["flow_lost"], rows.row),
         "position_mm": np.tile([planned.x_mm, planned.y_mm], (count, 1)),
-        "depth_mm": touched * planned.depths_mm[step],
-        "phase": np.where(touched, planned.phases[step] if planned.phases else "load", "zero").astype(object),
+        "depth_mm": touched * np.array(planned.depths_mm)[steps],
+        "phase": np.where(
+            touched, np.array(planned.phases or ["load"] * len(planned.depths_mm))[steps], "zero"
+        ).astype(object),
         "cell": np.full(count, planned.name, object),
         "press": np.full(count, press, object),
         "image_index": np.array(rows.image_index, np.int32),

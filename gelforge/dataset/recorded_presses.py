@@ -16,6 +16,7 @@ from gelforge.indentation.inputs import inputs_digest
 from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell
 from gelforge.indentation.trajectory import Trajectory
 from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.recording.checks import RecordingError
 from gelforge.recording.join import cells_of_presses, press_table
 from gelforge.recording.path_through import path_through
 from gelforge.recording.readings import stage_to_sensor
@@ -43,6 +44,12 @@ def recorded_presses(
     its depth; else it goes down without time.
     """
     history = study.mechanics.effects.history
+    sideways = readings.loc[readings["phase"] == "shear", "press"]
+    if len(sideways):
+        raise RecordingError(
+            f"press {sideways.iloc[0]} moves sideways; on a sensor that softens (mechanics.effects.history.mullins) presses"
+            " are followed straight down only: remove such presses from the session, or the effect from the study"
+        )
     rows_of = readings.groupby("press").indices
     presses = []
     for press in press_table(readings).sort_values("order", kind="stable").itertuples():

@@ -18,7 +18,7 @@ from gelforge.recording.features import FlowFeatures
 from gelforge.recording.flow import reduced
 from gelforge.recording.remap import scale_of_view
 from gelforge.virtual_lab.drawn_indentations import DrawnIndentation, draw_indentation
-from gelforge.virtual_lab.imaging import draw, expose, focused
+from gelforge.virtual_lab.imaging import as_read, draw, expose, focused
 from gelforge.virtual_lab.particles import interpolation, place_particles
 
 SESSION = "simulated"
@@ -124,7 +124,7 @@ def _features(study: Study, drawn: DrawnIndentation, cell: Cell, series: int) ->
 def _view(study: Study, rng: np.random.Generator) -> tuple[Camera, VirtualImaging]:
     """Return camera and imaging of one image series, drawn about the study's."""
     synthesis, views = study.synthesis, study.synthesis.views
-    camera, imaging = synthesis.camera, synthesis.imaging
+    camera, imaging = synthesis.camera, as_read(synthesis.imaging)
     away = {
         "focal_px": camera.focal_px * (1 + views.focal_share * rng.standard_normal()),
         "centre_px": list(np.add(camera.centre_px, views.centre_px * rng.standard_normal(2))),

@@ -20,6 +20,7 @@ DATASETS = {
     "depth_mm": ("mm", "commanded depths (D)"),
     "shear_mm": ("mm", "displacement of the indenter along x and y from the cell's position (D, 2)"),
     "tilt_deg": ("deg", "turns of the indenter about the sensor's x and y axes since the first touch (D, 2)"),
+    "twist_deg": ("deg", "turn of the indenter about the sensor's z axis; absent where none turns (D)"),
     "indenter_mm": ("mm", "the indenter's centre (D, 3)"),
     "total_force_N": ("N", "contact force on the sensor (D, 3)"),
     "reaction_N": (
@@ -73,7 +74,9 @@ DATASETS = {
 ERROR_BARS = {name for name in DATASETS if "_sigma_" in name}
 # kept only with mechanics.store_displacement, error_bars, sensitivities
 SENSITIVITIES = {name for name in DATASETS if name.startswith("sensitivity_")}
-OPTIONAL = {"gel_node_mm", "gel_hex", "gel_tet", "gel_displacement_mm"} | ERROR_BARS | SENSITIVITIES
+OPTIONAL = (
+    {"gel_node_mm", "gel_hex", "gel_tet", "gel_displacement_mm", "twist_deg"} | ERROR_BARS | SENSITIVITIES
+)
 SECTION = {
     name for name in DATASETS if name.startswith("section_")
 }  # a mirrored cell's is that of its source

@@ -23,9 +23,9 @@ from gelforge.indentation.trajectory import Trajectory
 if TYPE_CHECKING:  # pandas takes 0.3 s to import: only those who make or read tables pay for it
     import pandas as pd
 
-PHASES = ("load", "shear", "tilt", "dwell", "unload")
+PHASES = ("load", "shear", "tilt", "twist", "dwell", "unload")
 SHEAR_STEP_MM = 0.1  # of a press by hand: friction is followed step by step
-PATH_NUMBERS = ("shear_x_mm", "shear_y_mm", "tilt_x_deg", "tilt_y_deg")
+PATH_NUMBERS = ("shear_x_mm", "shear_y_mm", "tilt_x_deg", "tilt_y_deg", "twist_deg")
 POSITION_MATCH_MM = 0.01  # recorded presses join the plan within this distance
 
 
@@ -33,8 +33,8 @@ POSITION_MATCH_MM = 0.01  # recorded presses join the plan within this distance
 class PlannedCell:
     """One position [mm] in the sensor's frame with its depths [mm]: increasing, or a path of several phases.
 
-    A path may also shear and tilt the indenter: then every depth has its displacement along x and y from the position
-    and its turns about the sensor's x and y axes.
+    A path may also shear, tilt and twist the indenter: then every depth has its displacement along x and y from the position
+    and its turns about the sensor's x, y and z axes.
     """
 
     name: str
@@ -46,6 +46,7 @@ class PlannedCell:
     phases: tuple[str, ...] = ()  # one of PHASES per depth; none: all "load"
     shears_mm: tuple[tuple[float, float], ...] = ()
     tilts_deg: tuple[tuple[float, float], ...] = ()
+    twists_deg: tuple[float, ...] = ()
 
     @property
     def deepest_mm(self) -> float:
@@ -123,13 +124,11 @@ def plan_table(cells: dict[str, PlannedCell]) -> pd.DataFrame:
 
 
 def _steps(cell: PlannedCell) -> list[tuple]:
-    """Return phase, shears and tilts of each depth of a cell."""
+    """Return phase, shears, tilts and twist of each depth of a cell."""
     count = len(cell.depths_mm)
     phases, none = cell.phases or ("load",) * count, ((0.0, 0.0),) * count
-    return [
-        (phase, *shear, *tilt)
-        for phase, shear, tilt in zip(phases, cell.shears_mm or none, cell.tilts_deg or none)
-    ]
+    moves = zip(phases, cell.shears_mm or none, cell.tilts_deg or none, cell.twists_deg or (0.0,) * count)
+    return [(phase, *shear, *tilt, twist) for phase, shear, tilt, twist in moves]
 
 
 def _axis(width: float, spacing: float, margin: float) -> np.ndarray:
@@ -169,7 +168,7 @@ def _from_file(path: Path, mm_per_unit: float) -> dict[str, PlannedCell]:
     names, phases = columns["cell"], columns["phase"]
     places = np.column_stack([columns[name] for name in ("x_mm", "y_mm", "depth_mm")])
     moves = np.nan_to_num(np.column_stack([columns[name] for name in PATH_NUMBERS]))
-    places, moves[:, :2] = places * mm_per_unit, moves[:, :2] * mm_per_unit  # tilts are angles
+    places, moves[:, :2] = places * mm_per_unit, moves[:, :2] * mm_per_unit  # the others are angles
     rows_of: dict[str, list[int]] = {}
     for row, name in enumerate(names):
         rows_of.setdefault(name, []).append(row)
@@ -205,7 +204,7 @@ def _path(file: Path, place: tuple, depths: np.ndarray, turns: np.ndarray, phase
         raise ConfigError(
             f"{file}: cell {place[0]}: its path begins at depth {depths[0]:g} mm; begin with a positive depth"
         )
-    before = np.vstack([np.zeros(5), np.column_stack([depths, turns])[:-1]])
+    before = np.vstack([np.zeros(6), np.column_stack([depths, turns])[:-1]])
     moves = np.column_stack([depths, turns]) - before
     for row, move in enumerate(moves):
         phases[row] = phases[row] or _phase(move)
@@ -219,7 +218,8 @@ def _path(file: Path, place: tuple, depths: np.ndarray, turns: np.ndarray, phase
         tuple(map(float, depths)),
         phases=tuple(phases),
         shears_mm=tuple(shears) if turns[:, :2].any() else (),
-        tilts_deg=tuple(tilts) if turns[:, 2:].any() else (),
+        tilts_deg=tuple(tilts) if turns[:, 2:4].any() else (),
+        twists_deg=tuple(map(float, turns[:, 4])) if turns[:, 4].any() else (),
     )
 
 
@@ -243,10 +243,10 @@ def press_path(
 
 
 def _phase(move: np.ndarray) -> str:
-    """Return what a step (depth, shear x, y, tilt x, y) is called."""
+    """Return what a step (depth, shear x, y, tilt x, y, twist) is called."""
     if move[0]:
         return "load" if move[0] > 0 else "unload"
-    return "shear" if move[1:3].any() else "tilt" if move[3:].any() else "dwell"
+    return "shear" if move[1:3].any() else "tilt" if move[3:5].any() else "twist" if move[5] else "dwell"
 
 
 def check_inside(cells: dict[str, PlannedCell], study: Study) -> None:

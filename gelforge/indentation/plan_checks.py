@@ -40,7 +40,7 @@ def check_places(cells: Mapping[str, PlannedCell], within_mm: float) -> None:
 
 
 def _way(cell: PlannedCell) -> tuple:
-    return cell.depths_mm, cell.phases, cell.shears_mm, cell.tilts_deg
+    return cell.depths_mm, cell.phases, cell.shears_mm, cell.tilts_deg, cell.twists_deg
 
 
 def check_unit(cells: Mapping[str, PlannedCell], study: Study) -> None:

@@ -44,7 +44,7 @@ from gelforge.indentation.trajectory import Trajectory
 from gelforge.mechanics.balances import force_balance, moment_balance
 from gelforge.mechanics.body import Body, SmallStrainBody
 from gelforge.mechanics.equilibrium import NotConverged, Press, Settings, State
-from gelforge.mechanics.indenters import DOWN
+from gelforge.mechanics.indenters import DOWN, rotation_of
 from gelforge.mechanics.indenters import Indenter as Shape
 from gelforge.mechanics.laws import PrincipalLaw
 from gelforge.mechanics.memory import RememberingBody
@@ -274,6 +274,8 @@ def _simulated(
         "tilt_deg": trajectory.tilts[:done],
         "indenter_mm": np.array([state.centre[:3] for state in states]).reshape(done, 3),
     }
+    if trajectory.twists_deg:
+        arrays["twist_deg"] = trajectory.twists[:done]
     arrays |= force_arrays(mesh, states, sensor, mechanics)
     arrays |= section_arrays(mesh, states, trajectory.y_mm)
     if mechanics.store_displacement:
@@ -344,8 +346,18 @@ def _balanced(model: Model, press: Press, start: State) -> tuple[Model, State, s
 def touched_discs(shape: Shape, trajectory: Trajectory) -> np.ndarray:
     """Return discs (n, 3) = (x, y, radius) [mm] of the top surface that a trajectory touches, over-estimated a little."""
     footprint = shape.footprint(max(trajectory.depths_mm))
-    moves = np.unique(trajectory.shears + [trajectory.x_mm, trajectory.y_mm], axis=0)
-    return np.concatenate([footprint + [*move, 0.0] for move in moves])
+    places = trajectory.shears + [trajectory.x_mm, trajectory.y_mm]
+    poses = np.unique(np.column_stack([places, trajectory.twists]), axis=0)
+    discs = [_twisted(footprint, twist) + [x, y, 0.0] for x, y, twist in poses]
+    return np.concatenate(discs)
+
+
+def _twisted(discs: np.ndarray, twist_deg: float) -> np.ndarray:
+    """Return discs (n, 3) = (x, y, radius) turned about the z axis."""
+    if not twist_deg:
+        return discs
+    turn = rotation_of(np.radians([0.0, 0.0, twist_deg]))[:2, :2]
+    return np.column_stack([discs[:, :2] @ turn.T, discs[:, 2]])
 
 
 def _direction(mesh: Mesh, trajectory: Trajectory, place: tuple[float, float]) -> np.ndarray:

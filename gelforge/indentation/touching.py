@@ -41,7 +41,7 @@ def check_reaches(study: Study, shape: Shape, cells: dict[str, PlannedCell]) -> 
                 f"sensor, {away:.3g} mm from the position ({cell.x_mm:g}, {cell.y_mm:g}) mm; correct its origin_mm or "
                 "offset_mm, or the plan"
             )
-        if not block or cell.tilts_deg or touches_a_slope(effects):
+        if not block or cell.tilts_deg or cell.twists_deg or touches_a_slope(effects):
             continue
         for number, (part, height, discs) in enumerate(parts[deepest], start=1):
             reached = height < deepest

@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # a plan follows its paths too, to check them
 
 @dataclass(frozen=True)
 class Trajectory:
-    """The poses that one indenter visits in turn at one position: depths [mm] with their phases, shears and tilts."""
+    """The poses that one indenter visits in turn at one position: depths [mm] with their phases, shears and turns."""
 
     x_mm: float
     y_mm: float
@@ -25,6 +25,7 @@ class Trajectory:
     tilts_deg: tuple[tuple[float, float], ...] = ()  # about x and y, through the indenter's centre
     approach: str = "vertical"  # or "normal": along the undeformed surface's normal at the position
     times_s: tuple[float, ...] = ()  # when each pose is reached, from the first touch on; none: no matter
+    twists_deg: tuple[float, ...] = ()  # about z, through the indenter's centre
 
     @classmethod
     def of(cls, planned: PlannedCell, approach: str = "vertical") -> Trajectory:
@@ -37,6 +38,7 @@ class Trajectory:
             planned.shears_mm,
             planned.tilts_deg,
             approach,
+            twists_deg=planned.twists_deg,
         )
 
     def changed(self, **fields) -> Trajectory:
@@ -46,7 +48,9 @@ class Trajectory:
     @property
     def is_path(self) -> bool:
         """Whether it does more than press: then it is one press, also where history makes every depth a press of its own."""
-        return any(phase != "load" for phase in self.phases) or bool(self.shears_mm or self.tilts_deg)
+        return any(phase != "load" for phase in self.phases) or bool(
+            self.shears_mm or self.tilts_deg or self.twists_deg
+        )
 
     @property
     def shears(self) -> np.ndarray:
@@ -57,6 +61,11 @@ class Trajectory:
     def tilts(self) -> np.ndarray:
         """Return tilts (D, 2) [deg]."""
         return np.array(self.tilts_deg or np.zeros((len(self.depths_mm), 2)))
+
+    @property
+    def twists(self) -> np.ndarray:
+        """Return twists (D,) [deg]."""
+        return np.array(self.twists_deg or np.zeros(len(self.depths_mm)))
 
     def centres(
         self, start: np.ndarray, along: np.ndarray = DOWN, lead: float = 0.0, frame: np.ndarray | None = None
@@ -69,6 +78,5 @@ class Trajectory:
         shears = np.pad(self.shears, ((0, 0), (0, 1)))
         shears = shears if frame is None else shears @ frame.T
         centres = start + shears + np.outer(np.array(self.depths_mm) + lead, along)
-        if not self.tilts.any():
-            return centres
-        return np.column_stack([centres, np.radians(self.tilts), np.zeros(len(centres))])
+        turns = np.column_stack([self.tilts, self.twists])
+        return np.column_stack([centres, np.radians(turns)]) if turns.any() else centres

@@ -76,12 +76,14 @@ def training_and_validation(
 
 
 def images_of_presses(rows: ShardDataset, index: np.ndarray) -> np.ndarray:
-    """Return for each of the rows numbered by index (n,) the number of its group: the images of a press at one depth."""
+    """Return for each of the rows numbered by index (n,) the number of its group: the images of a press in one state."""
     groups: dict[tuple, int] = {}
     found = []
     for start in range(0, len(index), 8192):
-        block = rows.read(index[start : start + 8192], ("session", "press", "depth_mm"))
-        keys = zip(block["session"], block["press"], block["depth_mm"].tolist())
+        block = rows.read(index[start : start + 8192], ("session", "press", "depth_mm", "total_force_fem_N"))
+        # at one depth of a path that moves sideways every state has another force
+        forces = map(tuple, block["total_force_fem_N"].tolist())
+        keys = zip(block["session"], block["press"], block["depth_mm"].tolist(), forces)
         found.append([groups.setdefault(key, len(groups)) for key in keys])
     return np.concatenate([np.empty(0, int), *map(np.array, found)]).astype(int)
 

@@ -18,6 +18,7 @@ from gelforge.hdf5 import opened, writing
 from gelforge.learning.baselines import Baseline, fit_baselines
 from gelforge.learning.data import FEATURE, LABEL, measure_scaling, training_and_validation
 from gelforge.learning.model_file import Model, load_model
+from gelforge.learning.true_motion import Truth, write_truth
 from gelforge.learning.views import check_same_images, views_of
 
 FORMAT = "gelforge-predictions-3"
@@ -43,11 +44,17 @@ class LearningSets:
 
 
 def predict_test_rows(
-    model_path: str | Path, sets: LearningSets, study: Study, out: str | Path, threads: int = 2
+    model_path: str | Path,
+    sets: LearningSets,
+    study: Study,
+    out: str | Path,
+    threads: int = 2,
+    truth: Truth | None = None,
 ) -> int:
     """Write the predictions of every row that tests, the network's and the baselines', and return how many rows.
 
-    The baselines are fitted here, on the rows that the network was trained on.
+    The baselines are fitted here, on the rows that the network was trained on. truth: of the recordings, where a virtual lab
+    made them.
     """
     torch.set_num_threads(threads)
     model = load_model(model_path)
@@ -71,6 +78,9 @@ def predict_test_rows(
         _write_rows(file, rows, model, bins)
         for baseline in _baselines(study, learnt, model, grid):
             _write_baseline(file, rows, baseline, bins)
+        if truth:
+            own = [path for path in sets.learnt if path in sets.tested]
+            write_truth(file, model, rows, ShardDataset(own, "train"), truth)
     return len(rows)
 
 
@@ -180,6 +190,8 @@ class Predictions:
             self.session, self.unlike = file["session"].asstr()[()], file["unlike"][()]
             self.phase, self.indenter = (file[name].asstr()[()] for name in ("phase", "indenter"))
             self.has_intervals = "bin_half_N" in file
+            self.has_truth = "truth" in file
+            self.mm_per_px = float(file["truth"].attrs["mm_per_px"]) if self.has_truth else np.nan
             self.baselines = sorted(file["baselines"])
             self.training_mean, self.label_range = file["training_mean_N"][()], file["label_range_N"][()]
 

@@ -35,7 +35,7 @@ def image_of(study: Study, path: Path) -> tuple[Path, str]:
     Where the study does not look the same from all sides that is the path itself.
     """
     path = replace(path, name="") if isinstance(path, PlannedCell) else path
-    if not study.has_symmetry_of_square or path.shears_mm or path.tilts_deg:
+    if not study.has_symmetry_of_square or path.shears_mm or path.tilts_deg or path.twists_deg:
         return path, "identity"
     width, here = study.sensor.width_x_mm, np.array([path.x_mm, path.y_mm])
     places = {name: tuple(np.round(transform_points(name, here, width), PLACE_DIGITS) + 0.0) for name in D4}

@@ -16,6 +16,7 @@ from gelforge.mismatch.observations import ARRAYS, COLUMNS, Observations, last_m
 from gelforge.mismatch.outliers import without_outliers
 from gelforge.mismatch.touchdown import depth_scatter, with_touchdown
 from gelforge.mismatch.zeros import zeros_together
+from gelforge.recording.checks import before_shear
 from gelforge.recording.readings import AXES, FORCE, Recording, axes_of_stage, read_recording
 
 SPEED_MM_PER_S = 1.0  # assumed where a press has one moving row only
@@ -59,7 +60,8 @@ def _of_session(recording: Recording, speed_mm_per_s: float, touchdown_mm: float
     """Return the readings of one session; its sites are numbered with those of the others."""
     session = recording.session
     excluded = [f"{session.session}: {line}" for line in recording.findings.lines("excluded")]
-    recording = replace(recording, readings=recording.readings.dropna(subset=FORCE).reset_index(drop=True))
+    straight = recording.readings[before_shear(recording.readings)]  # the base is pressed straight down
+    recording = replace(recording, readings=straight.dropna(subset=FORCE).reset_index(drop=True))
     together = zeros_together(recording)
     noise, rounding, (repeats, tails), unknown = reading_noise(recording, together and together.repeats)
     unknown += excluded

@@ -11,7 +11,7 @@ from gelforge.config import ForceSensor, Sensor
 from gelforge.indentation.plan import POSITION_MATCH_MM
 
 # A press runs through its phases in this order; approach and touch may alternate, and so may load and dwell.
-PHASES = {"zero": 0, "approach": 1, "touch": 1, "load": 2, "dwell": 2, "unload": 3}
+PHASES = {"zero": 0, "approach": 1, "touch": 1, "load": 2, "dwell": 2, "shear": 3, "unload": 4}
 DEPTH_MM = (0.02, 30.0)  # deepest press of a session: below it is metres, above it micrometres
 FORCE_N = 100.0  # no soft gel bears more at these depths; above it is millinewtons
 # Resolutions, with the scatter of readings, by which a force has to grow where depth does, to be stuck if it does not
@@ -85,7 +85,7 @@ def _check_phases(path: Path, table: pd.DataFrame) -> None:
         raise RecordingError(
             f"{path}, row {line}: phase {table.at[line, 'phase']} after "
             f"{table['phase'].iloc[backward.argmax()]} in press "
-            f"{table.at[line, 'press']}; a press runs zero, approach or touch, load or dwell, unload"
+            f"{table.at[line, 'press']}; a press runs zero, approach or touch, load or dwell, shear, unload"
         )
     held = table["phase"].isin(["load", "dwell"]).groupby(table["press"], sort=False).any()
     if not held.all():
@@ -97,7 +97,7 @@ def _check_phases(path: Path, table: pd.DataFrame) -> None:
 
 
 def _check_depths(path: Path, table: pd.DataFrame) -> None:
-    held = table["phase"].isin(["load", "dwell"])
+    held = table["phase"].isin(["load", "dwell", "shear"])
     check_finite(path, table[held], ["depth_mm"])
     shallow = held & (table["depth_mm"] <= 0)
     if shallow.any():
@@ -122,6 +122,11 @@ def _check_depths(path: Path, table: pd.DataFrame) -> None:
             "expected, "
             f"is it in {unit}?"
         )
+
+
+def before_shear(readings: pd.DataFrame) -> np.ndarray:
+    """Return (N,) bool: the readings of a press before it moves sideways; all of a press that does not."""
+    return ~(readings["phase"] == "shear").groupby(readings["press"]).cummax().to_numpy()
 
 
 def check_repeated_rows(path: Path, table: pd.DataFrame) -> None:
@@ -155,14 +160,19 @@ def check_clock(path: Path, table: pd.DataFrame) -> None:
 
 
 def check_positions(path: Path, readings: pd.DataFrame, sensor: Sensor | None) -> None:
-    """Raise RecordingError for a press that moves sideways or lies outside the sensor (positions in its frame)."""
+    """Raise RecordingError for a press that moves sideways before its `shear` rows, or lies outside the sensor.
+
+    readings: positions in the sensor's frame.
+    """
     xy = readings[["x_mm", "y_mm"]]
     drift = (xy - xy.groupby(readings["press"]).transform("first")).abs().max(axis=1)
+    drift = drift.where(before_shear(readings), 0.0)
     if drift.max() > POSITION_MATCH_MM:
         line = drift.idxmax()
         raise RecordingError(
             f"{path}, row {line}: press {readings.at[line, 'press']} moves {drift[line]:.4g} mm sideways; "
-            f"commanded positions stay within {POSITION_MATCH_MM} mm, give each position its own press"
+            f"commanded positions stay within {POSITION_MATCH_MM} mm before phase `shear`: give each position its own press,"
+            " or call the rows of a sideways motion `shear`"
         )
     if sensor is None:
         return

@@ -20,6 +20,7 @@ import pandas as pd
 from gelforge.config import Features, Session
 from gelforge.files import digest
 from gelforge.hdf5 import writing
+from gelforge.recording.checks import before_shear
 from gelforge.recording.flow import Flow, ImageError
 from gelforge.recording.image_measures import Measurer, Measures, add_measures
 from gelforge.recording.images import image_path, reference_path
@@ -32,6 +33,7 @@ from gelforge.recording.remap import picture_of, read_as, seen_by, view_of
 
 FORMAT = "gelforge-features-1"
 BATCH = 64  # images in memory at a time
+OF_ANY_IMAGE = {"image_readable", "image_content", "image_exposure"}  # tests that compare no motions
 
 # name: (unit, description), N images
 DATASETS = {
@@ -39,9 +41,13 @@ DATASETS = {
     "press": ("1", "press (N)"),
     "cell": ("1", "cell of the plan (N)"),
     "order": ("1", "order of the press within the session (N)"),
-    "phase": ("1", "zero, load or dwell (N)"),
+    "phase": ("1", "zero, load or dwell, of a path also shear and unload (N)"),
     "image": ("1", "file name of the image (N)"),
     "image_index": ("1", "number of the image within its press, from 0 (N)"),
+    "step": (
+        "1",
+        "step of its cell's path that the indentation follows, -1: of none; absent without paths (N)",
+    ),
     "position_mm": ("mm", "commanded position in the sensor frame (N, 2)"),
     "depth_mm": ("mm", "commanded depth, 0 for untouched rows (N)"),
     "force_N": (
@@ -154,7 +160,7 @@ def session_features(recording: Recording, settings: Features, out: str | Path, 
     """
     if workers > 1:
         cv2.setNumThreads(1)  # one image per thread is faster than several threads on one image
-    rows = sample_rows(recording.readings)
+    rows = sample_rows(recording)
     rows = rows[rows["image"] != ""]
     if rows.empty:
         raise ImageError(
@@ -183,14 +189,15 @@ def session_features(recording: Recording, settings: Features, out: str | Path, 
 def judge_all(recording: Recording, table: pd.DataFrame, scale: float) -> Findings:
     """Return what the image tests find in all images of a session, and which indentations the flow cannot follow.
 
-    A sample was judged when the session was read. scale: features.image_scale, by which the images were reduced. Raises
-    RecordingError where an error is found.
+    A sample was judged when the session was read. Tests of the motion see loading alone. scale: features.image_scale, by
+    which the images were reduced. Raises RecordingError where an error is found.
     """
     session = recording.session
     reference = read_as(picture_of(session, scale), reference_path(recording.folder))
-    series = series_of(table, reference, seen_by(session))
-    found = [finding for test in IMAGE_TESTS.values() for finding in test(series)]
-    judged = collect(session.session, [*found, *flow_lost_of(series.shown)], session.confirmed)
+    loading = table[before_shear(table) & (table["phase"] != "unload")]
+    whole, series = (series_of(rows, reference, seen_by(session)) for rows in (table, loading))
+    found = [f for name, test in IMAGE_TESTS.items() for f in test(whole if name in OF_ANY_IMAGE else series)]
+    judged = collect(session.session, [*found, *flow_lost_of(whole.shown)], session.confirmed)
     refuse(recording.folder, judged)
     return judged
 
@@ -221,7 +228,8 @@ def _features_in_batches(
 ) -> Iterator[list[tuple[np.ndarray, Measures]]]:
     """Yield features (2 m) and measures of a recording's images in their order, up to BATCH at a time.
 
-    Whether the flow fits the image is measured of the first image of an indentation before touch and at depth.
+    Whether the flow fits the image is measured of the first image of an indentation before touch, at depth and at each step
+    of a path.
     """
     picture = picture_of(recording.session, settings.image_scale)
     reference = read_as(picture, reference_path(recording.folder))
@@ -239,7 +247,7 @@ def _features_in_batches(
             raise ImageError(f"{path}: {error}") from None
         return local.extract.of_flow(flow), local.measure(image, flow, with_lost=first)
 
-    names, firsts = iter(rows["image"]), iter(~rows.duplicated(["press", "phase"]))
+    names, firsts = iter(rows["image"]), iter(~rows.duplicated(["press", "phase", "step"]))
     with ThreadPoolExecutor(workers) as pool:
         while batch := list(islice(names, BATCH)):
             yield list(pool.map(features, batch, islice(firsts, len(batch))))
@@ -266,6 +274,8 @@ def _write_rows(file: h5py.File, rows: pd.DataFrame) -> None:
     text = h5py.string_dtype()
     for name in ("session", "press", "cell", "phase", "image"):
         file.create_dataset(name, data=rows[name].to_numpy(object), dtype=text)
+    if (rows["step"] >= 0).any():
+        file["step"] = rows["step"].to_numpy(np.int64)
     file["order"] = rows["order"].to_numpy(np.int64)
     file["image_index"] = rows.groupby("press", sort=False).cumcount().to_numpy(np.int64)
     file["position_mm"] = rows[["x_mm", "y_mm"]].to_numpy(float)

@@ -17,7 +17,7 @@ from gelforge.indentation.plan import PlannedCell
 from gelforge.recording import checks
 from gelforge.recording.checks import RecordingError
 from gelforge.recording.images import check_images
-from gelforge.recording.join import cells_of_presses
+from gelforge.recording.join import cells_of_presses, path_steps
 from gelforge.recording.plausibility.findings import Finding, Findings
 from gelforge.recording.plausibility.indentations import at_commanded_depth, scatter_N
 from gelforge.recording.plausibility.session import SessionData, apply_findings, examine, refuse
@@ -45,6 +45,7 @@ class Recording:
     folder: Path
     findings: Findings = field(default_factory=Findings)
     excluded_images: Mapping[str, int] = field(default_factory=dict)  # at depth, by indentation
+    cells: Mapping[str, PlannedCell] = field(default_factory=dict)  # the plan that presses were joined to
 
 
 def read_recording(
@@ -97,7 +98,8 @@ def read_recording(
     kept = apply_findings(readings, findings, FORCE)
     lost = at_commanded_depth(readings) & (readings["image"] != "") & (kept["image"] == "")
     excluded_images = readings.loc[lost, "press"].value_counts().to_dict()
-    return Recording(session, kept[COLUMNS].reset_index(drop=True), folder, findings, excluded_images)
+    kept = kept[COLUMNS].reset_index(drop=True)
+    return Recording(session, kept, folder, findings, excluded_images, cells or {})
 
 
 def stage_to_sensor(xy: np.ndarray, stage: StageToSensor) -> np.ndarray:
@@ -135,9 +137,17 @@ def zero_force(path: Path, readings: pd.DataFrame) -> np.ndarray:
     return zero.loc[readings["press"]].to_numpy()
 
 
-def sample_rows(readings: pd.DataFrame) -> pd.DataFrame:
-    """Return the readings that may become samples: zero rows, and load and dwell rows at the commanded depth."""
-    return readings[(readings["phase"] == "zero").to_numpy() | at_commanded_depth(readings)]
+def sample_rows(recording: Recording) -> pd.DataFrame:
+    """Return the readings that may become samples, with the column `step`: -1, or the step of the path that is followed.
+
+    Zero rows, load and dwell rows at the commanded depth, and of indentations that follow a path of the plan all rows at its
+    steps.
+    """
+    readings, cells = recording.readings, recording.cells
+    step = path_steps(readings, cells)
+    follows = readings["cell"].isin([name for name, cell in cells.items() if cell.follows_a_path])
+    at_depth = np.where(follows, step >= 0, at_commanded_depth(readings))
+    return readings.assign(step=step)[(readings["phase"] == "zero").to_numpy() | at_depth]
 
 
 def raw_digest(folder: str | Path) -> str:

@@ -129,7 +129,8 @@ def section_figure(arrays: dict, row: int, names: list[str], position_mm, indent
     # Below the drawing: above it the indenter may stand anywhere.
     side.legend(handles=entries, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=len(entries))
     x, _, z = arrays["indenter_mm"][row]
-    top_mm = draw_indenter(side, indenter, x, z, arrays["tilt_deg"][row])
+    turned = np.append(arrays["tilt_deg"][row], arrays["twist_deg"][row] if "twist_deg" in arrays else 0.0)
+    top_mm = draw_indenter(side, indenter, x, z, turned)
     side.set_xlim(nodes[:, 0].min() - 0.7, nodes[:, 0].max() + 0.7)
     side.set_ylim(nodes[:, 2].min() - 0.4, top_mm + 0.5)
     side.set_title(f"cut at y = {nodes[:, 1].mean():.2f} mm, indenter {depth:g} mm deep, true scale")

@@ -15,11 +15,12 @@ from gelforge.report.style import INK
 
 
 def silhouettes(shape: Shape, tilt_deg=(0.0, 0.0)) -> list[np.ndarray]:
-    """Return the outline (m, 2) = (x, z) [mm] about the centre of each of its shapes seen along y, tilted about x and y.
+    """Return the outline (m, 2) = (x, z) [mm] about the centre of each of its shapes seen along y.
 
+    tilt_deg: turns about x and y, and about z if given.
     Shapes are drawn as wide as they are at any y; dents of a closed surface are filled.
     """
-    turn = rotation_of(np.radians([*tilt_deg, 0.0]))
+    turn = rotation_of(np.radians([*tilt_deg, 0.0][:3]))
     placed = zip(shape.shapes, shape.offsets) if isinstance(shape, Several) else [(shape, np.zeros(3))]
     seen = [((part.outline + offset) @ turn.T)[:, [0, 2]] for part, offset in placed]
     return [points[ConvexHull(points).vertices] for points in seen]

@@ -11,7 +11,7 @@ from gelforge.config import ConfigError, Indenter, Study
 from gelforge.indentation.plan import PlannedCell, check_inside
 
 TRIES = 200  # until one fits the sensor
-SHEAR_STEP_MM, TILT_STEP_DEG = 0.2, 1.0  # friction is followed step by step
+SHEAR_STEP_MM, TILT_STEP_DEG, TWIST_STEP_DEG = 0.2, 1.0, 2.0  # friction is followed step by step
 PAIR_RADIUS_MM = (2.0, 3.0)
 EDGE_WIDTH_MM, SHAFT_MM, ROUNDING_MM = 2.0, 12.0, 0.5
 
@@ -99,22 +99,29 @@ def _indenter(rng: np.random.Generator, study: Study) -> tuple[str, Indenter]:
 
 
 def _path(rng: np.random.Generator, study: Study, name: str, turns: bool) -> PlannedCell:
-    """Return a path: down in even steps, then sideways or tilted, then up, as drawn. turns: whether a tilt says anything."""
+    """Return a path: down in even steps, then sideways, tilted or twisted, then up, as drawn.
+
+    turns: whether a tilt says anything.
+    """
     synthesis, sensor = study.synthesis, study.sensor
     margin = synthesis.margin_mm
     x, y = (round(float(rng.uniform(margin, w - margin)), 4) for w in (sensor.width_x_mm, sensor.width_y_mm))
     deepest, count = _within(rng, synthesis.depth_mm), synthesis.steps
-    steps = [("load", deepest * (k + 1) / count, (0.0, 0.0), (0.0, 0.0)) for k in range(count)]
+    none = (0.0, 0.0)
+    steps = [("load", deepest * (k + 1) / count, none, none, 0.0) for k in range(count)]
     if rng.random() < synthesis.sheared:
         away = _direction(rng, _within(rng, synthesis.shear_mm))
-        steps += [("shear", deepest, part, (0.0, 0.0)) for part in _parts(away, SHEAR_STEP_MM)]
+        steps += [("shear", deepest, part, none, 0.0) for part in _parts(away, SHEAR_STEP_MM)]
     elif turns and rng.random() < synthesis.tilted:
         tilt = _direction(rng, _within(rng, synthesis.tilt_deg))
-        steps += [("tilt", deepest, (0.0, 0.0), part) for part in _parts(tilt, TILT_STEP_DEG)]
+        steps += [("tilt", deepest, none, part, 0.0) for part in _parts(tilt, TILT_STEP_DEG)]
+    elif synthesis.twisted and rng.random() < synthesis.twisted:  # nothing is drawn where none is asked for
+        twist = float(rng.choice([-1.0, 1.0])) * _within(rng, synthesis.twist_deg)
+        steps += [("twist", deepest, none, none, part) for part, _ in _parts((twist, 0.0), TWIST_STEP_DEG)]
     if rng.random() < synthesis.unloaded:
-        _, _, shear, tilt = steps[-1]
-        steps += [("unload", deepest * share, shear, tilt) for share in (0.75, 0.5, 0.25)]
-    phases, depths, shears, tilts = zip(*steps)
+        *_, shear, tilt, twist = steps[-1]
+        steps += [("unload", deepest * share, shear, tilt, twist) for share in (0.75, 0.5, 0.25)]
+    phases, depths, shears, tilts, twists = zip(*steps)
     moved, tilted = any(map(any, shears)), any(map(any, tilts))
     if set(phases) == {"load"}:
         return PlannedCell(name, x, y, depths)
@@ -126,6 +133,7 @@ def _path(rng: np.random.Generator, study: Study, name: str, turns: bool) -> Pla
         phases=phases,
         shears_mm=shears if moved else (),
         tilts_deg=tilts if tilted else (),
+        twists_deg=twists if any(twists) else (),
     )
 
 

@@ -13,7 +13,40 @@ AMBIENT = 0.45  # share of light that reaches a ball's rim; the lamps stand arou
 FADE = 0.35  # share of brightness lost from the nearest to the farthest particle
 
 
+GREY_OF_RGB = np.array(
+    [0.299, 0.587, 0.114]
+)  # the reader's: OpenCV's grey of red, green and blue (ITU-R BT.601)
 SLABS = 8  # of equal height in which particles are blurred alike where the optics have a plane in focus
+
+
+def picture(camera: Camera, imaging: VirtualImaging, centres: np.ndarray, diameter_mm: float) -> np.ndarray:
+    """Return what the camera shows, noise-free as `draw`: (H, W) in grey, or (H, W, 3) in blue, green, red."""
+    if imaging.particle_rgb is None:
+        return draw(camera, imaging, centres, diameter_mm)
+    colours = list(zip(imaging.background_rgb, imaging.particle_rgb))[::-1]
+    return np.dstack(
+        [draw(camera, _with_levels(imaging, *levels), centres, diameter_mm) for levels in colours]
+    )
+
+
+def as_read(imaging: VirtualImaging) -> VirtualImaging:
+    """Return the settings of the grey images into which the reader turns those of a camera in colour; its own if grey.
+
+    A picture is linear in the levels of ground and particles, so its grey is that of their grey levels. Noise is that of
+    each channel, independent, in the weighted sum. Holds where no channel is saturated.
+    """
+    if imaging.particle_rgb is None:
+        return imaging
+    grey = _with_levels(
+        imaging, *(float(GREY_OF_RGB @ rgb) for rgb in (imaging.background_rgb, imaging.particle_rgb))
+    )
+    noise = imaging.noise_grey * float(np.linalg.norm(GREY_OF_RGB))
+    return grey.model_copy(update={"noise_grey": noise})
+
+
+def _with_levels(imaging: VirtualImaging, background: float, particle: float) -> VirtualImaging:
+    levels = {"background_grey": background, "particle_grey": particle}
+    return imaging.model_copy(update=levels | {"background_rgb": None, "particle_rgb": None})
 
 
 def draw(camera: Camera, imaging: VirtualImaging, centres: np.ndarray, diameter_mm: float) -> np.ndarray:
@@ -22,26 +55,32 @@ def draw(camera: Camera, imaging: VirtualImaging, centres: np.ndarray, diameter_
     A ball appears as a disc of radius f d / (2 Z), or as lens and port enlarge it there, whose border is smoothed over one
     pixel (coverage by distance), shaded as a matt ball lit from the camera; nearer discs cover farther ones.
     """
-    pixels, distance = project(camera, centres)
+    pixels, distance, radius = discs(camera, centres, diameter_mm)
     far_first = np.argsort(-distance, kind="stable")
-    if camera.distortion is None and camera.port is None and camera.focal_y_px is None:
-        radius = camera.focal_px * diameter_mm / (2 * distance)
-    else:
-        radius = px_per_mm(camera, centres) * diameter_mm / 2
     nearness = (distance.max() - distance) / max(np.ptp(distance), 1e-9)
     contrast = imaging.particle_grey - imaging.background_grey
     brightness = imaging.background_grey + contrast * (1 - FADE + FADE * nearness)
     image = np.full((camera.height_px, camera.width_px), imaging.background_grey, dtype=np.float32)
-    discs = pixels[far_first], radius[far_first], brightness[far_first]
+    ordered = pixels[far_first], radius[far_first], brightness[far_first]
     if imaging.defocus_px_per_mm > 0:
-        image = _out_of_focus(image, discs, centres[far_first, 2], imaging)
+        image = _out_of_focus(image, ordered, centres[far_first, 2], imaging)
     else:
-        _paint(image, *discs, AMBIENT)
+        _paint(image, *ordered, AMBIENT)
         if imaging.blur_px > 0:
             image = cv2.GaussianBlur(image, (0, 0), imaging.blur_px)
     if imaging.vignetting or imaging.uneven_light:
         image *= light(image.shape, imaging)
     return image
+
+
+def discs(
+    camera: Camera, centres: np.ndarray, diameter_mm: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return middle (P, 2) [px], distance (P,) [mm] and radius (P,) [px] of the discs that balls at centres (P, 3) show."""
+    pixels, distance = project(camera, centres)
+    if camera.distortion is None and camera.port is None and camera.focal_y_px is None:
+        return pixels, distance, camera.focal_px * diameter_mm / (2 * distance)
+    return pixels, distance, px_per_mm(camera, centres) * diameter_mm / 2
 
 
 def focused(imaging: VirtualImaging, particles: np.ndarray) -> VirtualImaging:
@@ -58,11 +97,11 @@ def light(shape: tuple[int, int], imaging: VirtualImaging) -> np.ndarray:
     return (lost * (1 + imaging.uneven_light * u / 2)).astype(np.float32)
 
 
-def _out_of_focus(image: np.ndarray, discs, z: np.ndarray, imaging: VirtualImaging) -> np.ndarray:
+def _out_of_focus(image: np.ndarray, ordered, z: np.ndarray, imaging: VirtualImaging) -> np.ndarray:
     """Return the image with discs laid over it slab by slab in the order given, each blurred by its height from the focus.
 
-    discs: pixels (P, 2), radius (P,), brightness (P,); z (P,) [mm]: their heights. A slab is laid over what is behind it by
-    its blurred cover, so that it does not darken its surroundings.
+    ordered: pixels (P, 2), radius (P,), brightness (P,); z (P,) [mm]: their heights. A slab is laid over what is behind it
+    by its blurred cover, so that it does not darken its surroundings.
     """
     focus = imaging.focus_z_mm if imaging.focus_z_mm is not None else float(z.mean())
     slab = np.minimum(((z - z.min()) / max(np.ptp(z), 1e-9) * SLABS).astype(int), SLABS - 1)
@@ -73,7 +112,7 @@ def _out_of_focus(image: np.ndarray, discs, z: np.ndarray, imaging: VirtualImagi
         off = imaging.defocus_px_per_mm * (float(z[some].mean()) - focus)
         blur = max(float(np.hypot(imaging.blur_px, off)), 1e-3)
         colour, cover = np.zeros_like(image), np.zeros_like(image)
-        pixels, radius, brightness = (part[some] for part in discs)
+        pixels, radius, brightness = (part[some] for part in ordered)
         _paint(colour, pixels, radius, brightness, AMBIENT)
         _paint(cover, pixels, radius, np.ones_like(brightness), 1.0)
         image = image * (1 - cv2.GaussianBlur(cover, (0, 0), blur)) + cv2.GaussianBlur(colour, (0, 0), blur)
@@ -101,7 +140,7 @@ def _paint(image, pixels, radius, brightness, ambient):
 def expose(
     image: np.ndarray, imaging: VirtualImaging, rng: np.random.Generator, exposure: float = 1.0
 ) -> np.ndarray:
-    """Return an 8-bit image (H, W) of a noise-free one at an exposure over the usual one, with new sensor noise."""
+    """Return an 8-bit image (H, W[, 3]) of a noise-free one at an exposure over the usual one, with new sensor noise."""
     bright = image if exposure == 1.0 else image * np.float32(exposure)
     noisy = bright + imaging.noise_grey * rng.standard_normal(image.shape, dtype=np.float32)
     return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)

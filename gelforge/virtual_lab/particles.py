@@ -136,6 +136,39 @@ class Motion:
     deepest_mm: float
 
 
+@dataclass(frozen=True)
+class PathMotion:
+    """What a truth cell says of a path: displacements (S, P, 3) [mm] and forces (S, 3) [N] at its steps."""
+
+    displacement: np.ndarray
+    force: np.ndarray
+    depth_mm: np.ndarray  # (S,)
+    push: Callable[[float], np.ndarray]  # force towards the gel [N] while loading, by depth
+
+    def deeper(self, step: int, by_mm: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return displacement (P, 3) and force (3,) at a step that is deeper than commanded by a little.
+
+        All displacements grow as the depth does and all forces as the push of the loading does: where the indenter slides
+        that is Coulomb's law, where it sticks a first approximation.
+        """
+        depth = self.depth_mm[step]
+        if depth <= 0 or self.push(depth) <= 0:
+            return self.displacement[step], self.force[step]
+        deeper = max(depth + by_mm, 0.0)
+        grown = max(float(self.push(deeper)), 0.0) / float(self.push(depth))
+        return self.displacement[step] * deeper / depth, self.force[step] * grown
+
+
+def path_motion(cell: Cell, particles: np.ndarray) -> PathMotion:
+    """Return how a press that follows a path moves the particles (P, 3), from its truth cell; a path is never mirrored."""
+    depth, force = cell.arrays["depth_mm"], cell.arrays["total_force_N"]
+    load = np.array([str(phase) for phase in cell.attributes["phases"]]) == "load"
+    weights = interpolation(cell.arrays["gel_node_mm"], cell.arrays["gel_hex"], particles)
+    moved = np.stack([weights @ one.astype(float) for one in cell.arrays["gel_displacement_mm"]])
+    push = PchipInterpolator(np.append(0.0, depth[load]), np.append(0.0, -force[load, 2]))
+    return PathMotion(moved, force, depth, push)
+
+
 def true_motion(cell: Cell, planned: PlannedCell, particles: np.ndarray, width_mm: float) -> Motion:
     """Return how a press at a planned cell moves the particles (P, 3), from the truth cell of it or of its source.
 

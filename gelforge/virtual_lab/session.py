@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import repeat
 from pathlib import Path
 
 import cv2
@@ -26,12 +27,21 @@ from gelforge.config import (
     write_yaml,
 )
 from gelforge.files import remove_orphans, temporary_beside, write_text
-from gelforge.indentation.cell_file import read_cell
+from gelforge.indentation.cell_file import Cell, read_cell
 from gelforge.indentation.plan import PlannedCell
 from gelforge.recording.images import reference_path
 from gelforge.recording.readings import FORCE
-from gelforge.virtual_lab.imaging import draw, expose, focused
-from gelforge.virtual_lab.particles import Motion, VirtualLabError, place_particles, serial_seed, true_motion
+from gelforge.virtual_lab.imaging import expose, focused, picture
+from gelforge.virtual_lab.particles import (
+    Motion,
+    PathMotion,
+    VirtualLabError,
+    path_motion,
+    place_particles,
+    serial_seed,
+    true_motion,
+)
+from gelforge.virtual_lab.truth import check_recordable
 
 TRUTH = ["depth_mm", "total_force_N", "gel_node_mm", "gel_hex", "gel_displacement_mm"]
 COLUMNS = [
@@ -46,7 +56,8 @@ COLUMNS = [
     "speed_mm_per_s",
     "dwell_s",
 ]
-# The course of a press: zero is read above the surface, then the stage goes down, waits, takes images and goes up.
+# The course of a press: zero is read above the surface, then the stage goes down, waits, takes images and goes up. On a path
+# it waits at every step and takes one image there.
 CLEAR_MM, SPEED_MM_PER_S = 1.0, 1.0
 ZERO_S, LOAD_S, SETTLE_S, FRAME_S, PRESS_S = (0.0, 0.1, 0.2), 4.0, 0.5, 0.1, 12.0
 # Noise has no repeats to be found: Huffman codes alone are smaller and twice as fast as any level of the full search.
@@ -61,11 +72,12 @@ session.
 
 @dataclass(frozen=True)
 class Press:
-    """One press of a session."""
+    """One press of a session: to a depth, or along the path of its cell."""
 
     order: int
     cell: PlannedCell
-    depth_mm: float
+    depth_mm: float  # of a path the deepest
+    start_s: float = 0.0
 
     @property
     def name(self) -> str:
@@ -79,7 +91,7 @@ class Bench:
     lab: VirtualLab
     session: VirtualSession
     particles: np.ndarray  # (P, 3) undeformed centres [mm]
-    untouched: np.ndarray  # (H, W) noise-free image at zero force
+    untouched: np.ndarray  # (H, W[, 3]) noise-free image at zero force
     offset_N: np.ndarray  # (3,) untared zero in the force sensor's axes
     last: int = 0  # number of the session's last press
 
@@ -116,6 +128,8 @@ def make_session(
     """
     out_folder = Path(out_folder)
     _refuse_real(out_folder)
+    for planned in cells.values():
+        check_recordable(planned)
     cv2.setNumThreads(1)  # the worker threads draw side by side instead
     presses = random_presses(
         lab_session, [cells[name] for name in session_cells(lab, cells)[lab_session.session]]
@@ -144,10 +158,30 @@ def make_session(
 
 
 def random_presses(lab_session: VirtualSession, cells: list[PlannedCell]) -> list[Press]:
-    """Return the presses of all cells and depths in a random order, so that drift and position do not run together."""
-    every = [(cell, depth) for cell in cells for depth in cell.depths_mm]
+    """Return the presses of all cells and depths in a random order, so that drift and position do not run together.
+
+    A path is one press.
+    """
+    every = [(c, depth) for c in cells for depth in ((c.deepest_mm,) if c.follows_a_path else c.depths_mm)]
     order = np.random.default_rng([lab_session.seed, 0]).permutation(len(every))
-    return [Press(number, *every[index]) for number, index in enumerate(order)]
+    lasts = [
+        max(PRESS_S, path_times(every[index][0])[-1] + CLEAR_MM / SPEED_MM_PER_S + SETTLE_S)
+        for index in order
+    ]
+    starts = np.concatenate([[0.0], np.cumsum(lasts)])
+    return [Press(number, *every[index], float(starts[number])) for number, index in enumerate(order)]
+
+
+def path_times(cell: PlannedCell) -> np.ndarray:
+    """Return when each step of a cell's path is read (S,) [s], from the start of the press: after a wait at the step.
+
+    [0] for a cell without a path.
+    """
+    if not cell.follows_a_path:
+        return np.zeros(1)
+    pose = np.column_stack([cell.depths_mm, cell.shears_mm or np.zeros((len(cell.depths_mm), 2))])
+    way = np.append(0.0, np.linalg.norm(np.diff(pose, axis=0), axis=1))
+    return LOAD_S + np.cumsum(way / SPEED_MM_PER_S + SETTLE_S)
 
 
 def session_description(lab: VirtualLab, lab_session: VirtualSession, study: Study) -> Session:
@@ -205,14 +239,45 @@ def press_rows(
         truth.unload_force(max(depth + touchdown_mm, 0.0)) if phase == "unload" else force[phase]
         for phase, depth in zip(rows["phase"], rows["depth_mm"])
     ]
-    stage = sensor_to_stage([press.cell.x_mm, press.cell.y_mm], bench.session.stage_to_sensor)
+    return _described(rows, press, bench), np.array(on_sensor)
+
+
+def path_rows(
+    press: Press, truth: PathMotion, touchdown_mm: float, bench: Bench
+) -> tuple[pd.DataFrame, np.ndarray]:
+    """Return the rows of a press along its cell's path without forces, and the true force (R, 3) [N] on the sensor at each.
+
+    One reading with its image at each step, after the stage has come to rest there; a planned wait has the phase of the
+    motion before it.
+    """
+    cell, steps = press.cell, range(len(press.cell.depths_mm))
+    phases = list(cell.phases)
+    for step in steps:
+        if phases[step] == "dwell" and step and phases[step - 1] in ("shear", "unload"):
+            phases[step] = phases[step - 1]
+    zero = [
+        ("zero", t, -CLEAR_MM, np.nan, f"{press.name}_zero.png" if t == 0 else "", 0.0, 0.0) for t in ZERO_S
+    ]
+    shears = cell.shears_mm or ((0.0, 0.0),) * len(steps)
+    times, names = path_times(cell), [f"{press.name}_step{step:02d}.png" for step in steps]
+    course = [(phases[k], times[k], cell.depths_mm[k], SETTLE_S, names[k], *shears[k]) for k in steps]
+    columns = ["phase", "time_s", "depth_mm", "dwell_s", "image", "shear_x_mm", "shear_y_mm"]
+    rows = pd.DataFrame(zero + course, columns=columns)
+    on_sensor = [np.zeros(3)] * len(zero) + [truth.deeper(step, touchdown_mm)[1] for step in steps]
+    return _described(rows, press, bench), np.array(on_sensor)
+
+
+def _described(rows: pd.DataFrame, press: Press, bench: Bench) -> pd.DataFrame:
+    """Return rows of a press with its name, and positions and times as its stage and clock tell them."""
+    away = rows[["shear_x_mm", "shear_y_mm"]].to_numpy() if "shear_x_mm" in rows else np.zeros((len(rows), 2))
+    stage = sensor_to_stage(away + [press.cell.x_mm, press.cell.y_mm], bench.session.stage_to_sensor)
     rows = rows.assign(
         press=press.name, cell=press.cell.name, order=press.order, speed_mm_per_s=SPEED_MM_PER_S
     )
-    rows["x_mm"], rows["y_mm"] = np.round(stage, 4) + 0.0
-    rows["time_s"] = (rows["time_s"] + PRESS_S * press.order).round(3)
+    rows["x_mm"], rows["y_mm"] = np.round(stage, 4).T + 0.0
+    rows["time_s"] = (rows["time_s"] + press.start_s).round(3)
     rows["dwell_s"] = rows["dwell_s"].round(3)
-    return rows, np.array(on_sensor)
+    return rows
 
 
 def read_force(on_sensor: np.ndarray, bench: Bench, rng: np.random.Generator) -> np.ndarray:
@@ -229,7 +294,7 @@ def read_force(on_sensor: np.ndarray, bench: Bench, rng: np.random.Generator) ->
 def _bench(lab: VirtualLab, lab_session: VirtualSession, study: Study) -> Bench:
     particles = place_particles(lab.particles, study.sensor, lab.serial)
     lab = lab.model_copy(update={"imaging": focused(lab.imaging, particles)})
-    untouched = draw(lab.camera, lab.imaging, particles, lab.particles.diameter_mm)
+    untouched = picture(lab.camera, lab.imaging, particles, lab.particles.diameter_mm)
     offset = np.random.default_rng([lab_session.seed, 1]).normal(0, lab.force.offset_N)
     return Bench(lab, lab_session, particles, untouched, offset)
 
@@ -238,40 +303,67 @@ def _record_cell(
     bench: Bench, study: Study, truth_folder: Path, images: Path, presses: list[Press]
 ) -> list[pd.DataFrame]:
     """Write the images of one cell's presses and return their rows."""
-    truth = _truth(truth_folder, presses[0].cell, bench.particles, study)
+    planned = presses[0].cell
+    cell = read_truth(truth_folder, planned)
+    if planned.follows_a_path:
+        truth = path_motion(cell, bench.particles)
+    else:
+        truth = true_motion(cell, planned, bench.particles, study.sensor.width_x_mm)
     return [_record_press(bench, truth, images, press) for press in presses]
 
 
-def _record_press(bench: Bench, truth: Motion, images: Path, press: Press) -> pd.DataFrame:
+def drawn_touchdown(
+    lab: VirtualLab, lab_session: VirtualSession, press: Press
+) -> tuple[float, np.random.Generator]:
+    """Return by how much [mm] a press goes deeper than its commanded depth, and where its further noise is drawn from."""
+    rng = np.random.default_rng([lab_session.seed, 2, press.order])
+    return rng.normal(0, lab.force.touchdown_mm), rng
+
+
+def _record_press(bench: Bench, truth: Motion | PathMotion, images: Path, press: Press) -> pd.DataFrame:
     lab = bench.lab
-    rng = np.random.default_rng([bench.session.seed, 2, press.order])
-    touchdown = rng.normal(0, lab.force.touchdown_mm)
-    rows, on_sensor = press_rows(press, truth, touchdown, bench)
-    moved = bench.particles + truth.displacement(max(press.depth_mm + touchdown, 0.0))
-    touched = draw(lab.camera, lab.imaging, moved, lab.particles.diameter_mm)
+    touchdown, rng = drawn_touchdown(lab, bench.session, press)
+
+    def drawn(displacement: np.ndarray) -> np.ndarray:
+        return picture(lab.camera, lab.imaging, bench.particles + displacement, lab.particles.diameter_mm)
+
+    if isinstance(truth, PathMotion):
+        rows, on_sensor = path_rows(press, truth, touchdown, bench)
+        touched = (drawn(truth.deeper(step, touchdown)[0]) for step in range(len(truth.depth_mm)))
+    else:
+        rows, on_sensor = press_rows(press, truth, touchdown, bench)
+        touched = repeat(drawn(truth.displacement(max(press.depth_mm + touchdown, 0.0))))
     for phase, image in zip(rows["phase"], rows["image"]):
         if image:
-            seen = bench.untouched if phase == "zero" else touched
+            seen = bench.untouched if phase == "zero" else next(touched)
             _write_image(images / image, expose(seen, lab.imaging, rng, bench.exposure(press)))
     rows[FORCE] = read_force(on_sensor, bench, rng)
     return rows[[*COLUMNS, *FORCE, "image"]]
 
 
-def _truth(folder: Path, planned: PlannedCell, particles: np.ndarray, study: Study) -> Motion:
-    """Return the true motion at a planned cell, from its own truth cell or its mirror image's."""
+def read_truth(folder: Path, planned: PlannedCell, arrays: list[str] = TRUTH) -> Cell:
+    """Return the truth cell of a planned cell, or of the one that it mirrors; it must have converged and be deep enough."""
     path = folder / f"{planned.source or planned.name}.h5"
-    cell = read_cell(path, TRUTH)
+    cell = read_cell(path, arrays)
     if not cell.converged:
         raise VirtualLabError(
             f"{path}: the truth cell failed ({cell.attributes['reason']}); change the virtual lab's mesh"
         )
-    truth = true_motion(cell, planned, particles, study.sensor.width_x_mm)
-    if truth.deepest_mm < planned.depths_mm[-1] - 1e-9:
+    if planned.follows_a_path:
+        depths = cell.arrays["depth_mm"]
+        if len(depths) != len(planned.depths_mm) or np.abs(depths - planned.depths_mm).max() > 1e-9:
+            raise VirtualLabError(
+                f"{path}: the truth has depths {depths.tolist()} mm, the path of cell {planned.name} "
+                f"{list(planned.depths_mm)}; solve the truth cell again"
+            )
+        return cell
+    deepest = float(cell.arrays["depth_mm"].max())
+    if deepest < planned.depths_mm[-1] - 1e-9:
         raise VirtualLabError(
-            f"{path}: the truth ends at {truth.deepest_mm} mm, but cell {planned.name} is pressed to "
+            f"{path}: the truth ends at {deepest} mm, but cell {planned.name} is pressed to "
             f"{planned.depths_mm[-1]} mm; solve the truth cell again"
         )
-    return truth
+    return cell
 
 
 def _write_image(path: Path, image: np.ndarray) -> None:

@@ -8,6 +8,7 @@ from gelforge.indentation.cell_file import Cell
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.simulate import Trajectory, simulate_trajectory
 from gelforge.mechanics.laws import Ogden
+from gelforge.virtual_lab.particles import VirtualLabError
 
 KPA = 1e-3  # MPa
 
@@ -23,18 +24,43 @@ def true_laws(study: Study, lab: VirtualLab) -> dict[str, Ogden]:
 
 
 def simulate_truth_cell(study: Study, lab: VirtualLab, planned: PlannedCell) -> Cell:
-    """Return the cell of the virtual sensor, gel displacement included; after the plan's depths it is unloaded."""
-    deepest = planned.depths_mm[-1]
-    unload = tuple(depth for depth in sorted(lab.unload_depths_mm, reverse=True) if depth < deepest)
-    trajectory = Trajectory(
-        planned.x_mm,
-        planned.y_mm,
-        planned.depths_mm + unload,
-        ("load",) * len(planned.depths_mm) + ("unload",) * len(unload),
-    )
+    """Return the cell of the virtual sensor, gel displacement included.
+
+    After the plan's depths it is unloaded; a path is followed as planned.
+    """
+    check_recordable(planned)
+    trajectory = Trajectory.of(planned) if planned.follows_a_path else _down_and_up(lab, planned)
     mechanics = lab.mechanics.model_copy(update={"store_displacement": True})
     cell = simulate_trajectory(study.sensor, study.indenter, mechanics, true_laws(study, lab), trajectory)
     return Cell(cell.arrays, cell.attributes | {"cell": planned.name, "synthetic": True})
+
+
+def _down_and_up(lab: VirtualLab, planned: PlannedCell) -> Trajectory:
+    deepest = planned.depths_mm[-1]
+    unload = tuple(depth for depth in sorted(lab.unload_depths_mm, reverse=True) if depth < deepest)
+    phases = ("load",) * len(planned.depths_mm) + ("unload",) * len(unload)
+    return Trajectory(planned.x_mm, planned.y_mm, planned.depths_mm + unload, phases)
+
+
+COURSE = ("load", "shear", "unload")  # of a press that a recording can tell
+
+
+def check_recordable(planned: PlannedCell) -> None:
+    """Raise VirtualLabError for a path that no indentations.csv can tell: it turns nothing, and has one order of phases."""
+    moves = [phase for phase in planned.phases if phase != "dwell"]
+    others = sorted(set(moves) - set(COURSE))
+    down = [depth for depth, phase in zip(planned.depths_mm, planned.phases) if phase == "load"]
+    if others or any(map(any, planned.tilts_deg)) or any(planned.twists_deg):
+        why = f"has phases {others or ['tilt or twist']}; recordings tell depth and position only"
+    elif moves != sorted(moves, key=COURSE.index):
+        why = f"has phases in the order {', '.join(dict.fromkeys(moves))}; a recorded press runs load, shear, unload"
+    elif planned.phases and (not down or any(b <= a for a, b in zip(down, down[1:]))):
+        why = f"is loaded to {down} mm in turn; these must increase"
+    else:
+        return
+    raise VirtualLabError(
+        f"cell {planned.name}: its path {why}: the virtual lab cannot record it; change the path or leave it out of the plan"
+    )
 
 
 def truth_digest(study: Study, lab: VirtualLab, planned: PlannedCell) -> str:
@@ -44,7 +70,14 @@ def truth_digest(study: Study, lab: VirtualLab, planned: PlannedCell) -> str:
             "sensor": study.sensor.model_dump(mode="json"),
             "indenter": study.indenter.model_dump(mode="json"),
             "lab": lab.model_dump(mode="json"),
-            "cell": [planned.name, planned.x_mm, planned.y_mm, planned.depths_mm],
+            "cell": [
+                planned.name,
+                planned.x_mm,
+                planned.y_mm,
+                planned.depths_mm,
+                planned.phases,
+                planned.shears_mm,
+            ],
             "sources": source_digest("mechanics", "meshing", "indentation", "virtual_lab/truth.py"),
         }
     )

@@ -182,7 +182,7 @@ def test_rows_with_phases_or_moves_are_a_path_in_the_order_of_the_file(tmp_path)
 @pytest.mark.parametrize(
     ("rows", "words"),
     [
-        ("a,8,8,0.4,press,0\n", "phase 'press' is not one of load, shear, tilt, dwell, unload"),
+        ("a,8,8,0.4,press,0\n", "phase 'press' is not one of load, shear, tilt, twist, dwell, unload"),
         ("a,8,8,0.0,load,0\n", "its path begins at depth 0 mm; begin with a positive depth"),
         ("a,8,8,0.4,load,0\na,8,8,0.4,shear,9\n", r"position \(17, 8\) mm lies outside the sensor"),
     ],

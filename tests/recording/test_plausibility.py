@@ -493,4 +493,4 @@ def test_field_cases_give_their_right_answer(name):
 def test_untouched_samples_stay(tmp_path):
     kind = Kind(fault={"table": from_press(12, 99, 0.0)})
     recording = read_recording(generate(tmp_path / "s", kind))
-    assert set(sample_rows(recording.readings)["press"]) == {f"p{k:03d}" for k in range(15)}
+    assert set(sample_rows(recording)["press"]) == {f"p{k:03d}" for k in range(15)}

@@ -129,9 +129,9 @@ def test_samples_are_zero_rows_and_held_rows_at_the_commanded_depth(tmp_path):
     lines = press_lines("a", 0, 10, 12, 0.5, False)
     x, y, z = np.array(OFFSET) + [0.06, -0.12, -0.3]
     lines[2] = f"a,,0,2,load,10,12,0.3,1,0,{x},{y},{z},"  # a load row on the way down
-    readings = read_recording(write_session(tmp_path / "day", lines=[HEADER, *lines])).readings
-    assert list(at_commanded_depth(readings)) == [False, False, False, True, True, False]
-    assert list(sample_rows(readings)["phase"]) == ["zero", "zero", "dwell", "dwell"]
+    recording = read_recording(write_session(tmp_path / "day", lines=[HEADER, *lines]))
+    assert list(at_commanded_depth(recording.readings)) == [False, False, False, True, True, False]
+    assert list(sample_rows(recording)["phase"]) == ["zero", "zero", "dwell", "dwell"]
 
 
 @pytest.mark.parametrize(

@@ -345,6 +345,20 @@ def write_model(study: Study, folder: Path, seed: int = 5) -> None:
         file["training_mean_N"] = true.mean(axis=0)
 
 
+def error_budget(optics: float = 0.004, learning: float = 0.003, mechanics: float = 0.012) -> pd.DataFrame:
+    """Return parts of an error [N] of bins, those of totals ten times as large but for learning's, twenty times."""
+    label, truth = np.hypot(optics, learning), np.linalg.norm([optics, learning, mechanics])
+    sizes = {"optics": optics, "learning": learning, "mechanics": mechanics}
+    sizes |= {"against the label": label, "against the truth": truth, "contact point": 0.001}
+    columns = [f"{what}_{axis}_N" for what in ("bins", "total") for axis in "xyz"]
+    factors = {name: 20 if name == "learning" else 10 for name in sizes}
+    rows = [(name, *[size] * 3, *[factors[name] * size] * 3) for name, size in sizes.items()]
+    table = pd.DataFrame(rows, columns=["part", *columns])
+    for name, value in (("flow_px", 1.5), ("flow_off_px", 0.28), ("flow_off_mm", 0.022)):
+        table[name] = np.where(table["part"] == "optics", value, np.nan)
+    return table
+
+
 def write_error_tables(folder: Path) -> None:
     """Write the tables of the evaluation."""
     errors = {"RMSE": 0.002, "RMSES": 0.012, "RMSET_FEM": 0.03, "RMSET_FT": 0.04}
@@ -377,6 +391,7 @@ def write_error_tables(folder: Path) -> None:
         columns=["quantity", "value", "unit"],
     )
     made = {
+        "error_budget": error_budget(),
         "rmse": rmse,
         "rmse_gt": gt,
         "force_ranges": ranges,

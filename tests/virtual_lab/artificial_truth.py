@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gelforge.config import study_from
+from gelforge.config import VirtualLab, study_from
 from gelforge.indentation.cell_file import Cell
 
 DEPTHS, UNLOAD = [0.5, 1.0], [0.6]
@@ -36,6 +36,45 @@ def small_study(positions=3, spacing=6.0):
     )
 
 
+def small_lab():
+    """Return a virtual lab of two sessions, whose stages and force sensors stand differently."""
+    return VirtualLab.model_validate(
+        {
+            "serial": "virtual-x",
+            "materials": {"soft": {"mu_kPa": [10.0], "alpha": [2.0]}},
+            "stiffness_scale": {"gel": 1.123},
+            "unload_depths_mm": UNLOAD,
+            "particles": {"diameter_mm": 0.6},
+            "camera": {
+                "width_px": 200,
+                "height_px": 160,
+                "focal_px": 200.0,
+                "centre_px": [99.5, 79.5],
+                "position_mm": [16.0, 16.0, -46.0],
+            },
+            "imaging": {"images_per_press": 2},
+            "sessions": [
+                {
+                    "session": "one",
+                    "date": "2024-01-01",
+                    "share": 0.6,
+                    "seed": 1,
+                    "axes": [[0, -1, 0], [1, 0, 0], [0, 0, 1]],
+                    "stage_to_sensor": {"origin_mm": [16.0, 16.0], "rotation_deg": 90.0},
+                },
+                {
+                    "session": "two",
+                    "date": "2024-01-02",
+                    "share": 0.4,
+                    "seed": 2,
+                    "acts_on": "sensor",
+                    "stage_to_sensor": {"origin_mm": [0.0, 32.0], "handedness": "left"},
+                },
+            ],
+        }
+    )
+
+
 def displacement_per_mm(X, x, y):
     """Return the displacement (N, 3) [mm] of points X (N, 3) per mm of depth at (x, y): outwards and down, 0 at the base."""
     r = X[:, :2] - [x, y]
@@ -48,6 +87,14 @@ def force_at(depth, x, y):
     return np.stack(
         [0.05 * depth * np.sign(x - 16), 0.03 * depth * np.sign(y - 16), -0.25 * depth**1.5], axis=1
     )
+
+
+def bins_at(depth, x, y, bins=20):
+    """Return the force per bin (D, B, 3) [N]: three quarters in the bin under (x, y), the rest in the next along x."""
+    k = int(y / 32 * bins) * bins + int(x / 32 * bins)
+    force = np.zeros((len(depth), bins * bins, 3))
+    force[:, k], force[:, k + 1] = 0.75 * force_at(depth, x, y), 0.25 * force_at(depth, x, y)
+    return force
 
 
 def gel_mesh(elements=(24, 24, 6)):
@@ -70,6 +117,7 @@ def truth_cell(name, x, y, **attributes):
     arrays = {
         "depth_mm": depth,
         "total_force_N": force_at(depth, x, y),
+        "bin_force_N": bins_at(depth, x, y),
         "gel_node_mm": nodes,
         "gel_hex": hexahedra,
         "gel_displacement_mm": moved.astype(np.float32),

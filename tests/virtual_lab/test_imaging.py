@@ -1,14 +1,16 @@
 """The virtual camera draws balls where the pinhole sees them, and the flow finds how they moved."""
 
+import cv2
 import numpy as np
 import pytest
 from artificial_truth import small_study
 from numpy.testing import assert_allclose, assert_array_equal
+from pydantic import ValidationError
 
 from gelforge.config import Camera, Features, VirtualImaging, VirtualParticles
 from gelforge.recording.camera import project
-from gelforge.recording.flow import Flow
-from gelforge.virtual_lab.imaging import draw, expose
+from gelforge.recording.flow import Flow, grey, read_grey
+from gelforge.virtual_lab.imaging import as_read, draw, expose, picture
 from gelforge.virtual_lab.particles import place_particles
 
 CAMERA = Camera(
@@ -135,3 +137,47 @@ def test_a_lens_focused_on_the_top_stays_so_when_written():
     imaging = VirtualImaging(focus_z_mm=0.0, defocus_px_per_mm=0.3)
     assert VirtualImaging(**imaging.model_dump(mode="json")) == imaging
     assert "focus_z_mm" not in VirtualImaging().model_dump(mode="json")
+
+
+COLOURED = {"background_rgb": [60.0, 20.0, 10.0], "particle_rgb": [30.0, 220.0, 90.0]}
+SEEN = np.random.default_rng(3).uniform([2, 2, -5.5], [30, 30, -2.0], (300, 3))
+
+
+@pytest.mark.parametrize(
+    "more", [{}, {"vignetting": 0.4, "uneven_light": 0.1, "blur_px": 0.8, "defocus_px_per_mm": 0.5}]
+)
+def test_the_grey_of_a_picture_in_colour_is_that_which_synthesis_draws(more, tmp_path):
+    """A file, a frame of a video, and the settings of the grey image agree to rounding of channels and of grey."""
+    imaging = PLAIN.model_copy(update=COLOURED | more)
+    seen = picture(CAMERA, imaging, SEEN, 0.6)
+    assert seen.shape == (400, 400, 3)
+    recorded = expose(seen, imaging, np.random.default_rng(0))
+    assert np.abs(np.ptp(recorded, axis=2).astype(int)).max() > 100  # it is not grey
+    cv2.imwrite(str(tmp_path / "seen.png"), recorded)
+    drawn = draw(CAMERA, as_read(imaging), SEEN, 0.6)
+    assert_allclose(grey(recorded), drawn, atol=1.01)
+    assert_allclose(read_grey(tmp_path / "seen.png") + 0.5, drawn, atol=1.01)  # libpng cuts decimals off
+    if not more:  # red and blue exchanged would be seen: the ground is red
+        assert_allclose(drawn[0, 0], 0.299 * 60 + 0.587 * 20 + 0.114 * 10, rtol=1e-5)
+
+
+def test_noise_of_three_channels_averages_out_in_grey():
+    imaging = VirtualImaging(**COLOURED, noise_grey=4.0)
+    flat = np.full((400, 400, 3), 100, np.float32)
+    read = grey(expose(flat, imaging, np.random.default_rng(0)))
+    # 4 levels on three channels: 4 sqrt(.299^2 + .587^2 + .114^2); rounding to grey levels adds 1 / 12 to the variance
+    assert_allclose(read.std(), np.sqrt(as_read(imaging).noise_grey ** 2 + 1 / 12), rtol=0.02)
+    assert_allclose(as_read(imaging).noise_grey, 4 * 0.6685, rtol=1e-3)
+
+
+def test_colours_come_together_and_grey_cameras_stay_as_written():
+    with pytest.raises(ValidationError, match="background_rgb is missing"):
+        VirtualImaging(particle_rgb=[1.0, 2.0, 3.0])
+    with pytest.raises(ValidationError, match="less than or equal to 255"):
+        VirtualImaging(background_rgb=[1.0, 2.0, 300.0], particle_rgb=[1.0, 2.0, 3.0])
+    assert not {"background_rgb", "particle_rgb"} & set(VirtualImaging().model_dump(mode="json"))
+    assert as_read(PLAIN) is PLAIN
+    assert (
+        VirtualImaging(**VirtualImaging(**COLOURED).model_dump(mode="json")).particle_rgb
+        == COLOURED["particle_rgb"]
+    )

@@ -3,14 +3,15 @@
 import filecmp
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import yaml
-from artificial_truth import DEPTHS, UNLOAD, force_at, small_study, truth_cell
+from artificial_truth import DEPTHS, UNLOAD, force_at, small_lab, small_study, truth_cell
 from numpy.testing import assert_allclose
 
 from gelforge.cli.factory import virtual_lab_of
-from gelforge.config import ConfigError, VirtualLab, load_session
+from gelforge.config import ConfigError, load_session
 from gelforge.indentation.cell_file import write_cell
 from gelforge.indentation.plan import plan_cells
 from gelforge.indentation.symmetry import transform_vectors
@@ -27,41 +28,7 @@ from gelforge.virtual_lab.session import (
 
 STUDY = small_study()
 CELLS = plan_cells(STUDY)
-LAB = VirtualLab.model_validate(
-    {
-        "serial": "virtual-x",
-        "materials": {"soft": {"mu_kPa": [10.0], "alpha": [2.0]}},
-        "stiffness_scale": {"gel": 1.123},
-        "unload_depths_mm": UNLOAD,
-        "particles": {"diameter_mm": 0.6},
-        "camera": {
-            "width_px": 200,
-            "height_px": 160,
-            "focal_px": 200.0,
-            "centre_px": [99.5, 79.5],
-            "position_mm": [16.0, 16.0, -46.0],
-        },
-        "imaging": {"images_per_press": 2},
-        "sessions": [
-            {
-                "session": "one",
-                "date": "2024-01-01",
-                "share": 0.6,
-                "seed": 1,
-                "axes": [[0, -1, 0], [1, 0, 0], [0, 0, 1]],
-                "stage_to_sensor": {"origin_mm": [16.0, 16.0], "rotation_deg": 90.0},
-            },
-            {
-                "session": "two",
-                "date": "2024-01-02",
-                "share": 0.4,
-                "seed": 2,
-                "acts_on": "sensor",
-                "stage_to_sensor": {"origin_mm": [0.0, 32.0], "handedness": "left"},
-            },
-        ],
-    }
-)
+LAB = small_lab()
 
 
 @pytest.fixture(scope="module")
@@ -224,3 +191,17 @@ def test_an_old_lab_is_written_as_it_was():
     assert not later & set(LAB.model_dump()["imaging"])
     changed = LAB.imaging.model_copy(update={"vignetting": 0.1})
     assert changed.model_dump()["vignetting"] == 0.1
+
+
+def test_a_session_in_colour_is_read_as_a_grey_one(truth, made, tmp_path):
+    colours = {"background_rgb": [40.0, 20.0, 10.0], "particle_rgb": [90.0, 220.0, 60.0]}
+    lab = LAB.model_copy(update={"imaging": LAB.imaging.model_copy(update=colours)})
+    make_session(lab, LAB.sessions[1], STUDY, CELLS, truth, tmp_path / "two")
+    image = cv2.imread(str(tmp_path / "two" / "reference.png"), cv2.IMREAD_UNCHANGED)
+    assert image.shape == (160, 200, 3)
+    readings = read_recording(tmp_path / "two", CELLS, STUDY.sensor).readings
+    other = read_recording(made / "two", CELLS, STUDY.sensor).readings
+    assert list(readings["image"]) == list(other["image"])
+    first, second = (read_grey(tmp_path / "two" / "images" / f"p00000_{i}.png").astype(float) for i in (0, 1))
+    # the noise of two images in three channels of 2 levels: 2 x 0.6685, with the rounding of grey levels
+    assert_allclose((first - second).std(), np.sqrt(2 * ((2 * 0.6685) ** 2 + 1 / 12)), rtol=0.03)

@@ -7,6 +7,7 @@ from artificial_truth import small_study
 from gelforge.config import ConfigError, study_from
 from gelforge.dataset.shard import ShardDataset, shard_attributes
 from gelforge.dataset.simulated import synthesise
+from gelforge.indentation.binning import bin_centres
 from gelforge.mechanics.laws import Ogden
 from gelforge.virtual_lab.drawn_indentations import draw_indentation
 
@@ -59,6 +60,58 @@ def test_a_draw_depends_on_seed_and_number_only():
     assert again.planned == draw_indentation(STUDY, 5).planned
     assert again.planned != draw_indentation(study_of(seed=1), 5).planned
     assert again.planned != draw_indentation(STUDY, 6).planned
+
+
+@pytest.mark.parametrize(
+    ("number", "known"),
+    [
+        (0, ("ball", 3.4297, 24.145, 1.8517, 2, "load")),
+        (1, ("edge", 27.8694, 4.524, 0.7019, 9, "unload")),
+        (2, ("own", 18.6335, 6.7726, 0.496, 4, "shear")),
+        (7, ("own", 23.7784, 15.3892, 1.7297, 5, "unload")),
+        (8, ("punch", 5.0147, 15.4862, 1.2093, 2, "load")),
+    ],
+)
+def test_draws_of_older_sets_stay(number, known):
+    """As drawn before twists were there: where none is asked for, no random number is taken for them."""
+    drawn = draw_indentation(STUDY, number)
+    p = drawn.planned
+    assert (drawn.kind, p.x_mm, p.y_mm, p.deepest_mm, len(p.depths_mm), (p.phases or ("load",))[-1]) == known
+    assert not {"twisted", "twist_deg"} & set(STUDY.synthesis.model_dump(mode="json"))
+
+
+def test_twists_are_drawn_as_asked():
+    study = study_of(twisted=0.5, sheared=0.0, tilted=0.0, unloaded=0.0)
+    drawn = [draw_indentation(study, number).planned for number in range(60)]
+    twists = [path.twists_deg for path in drawn if path.twists_deg]
+    assert 0.3 < len(twists) / len(drawn) < 0.7  # three deviations of 60 draws are 0.19
+    ends = np.array([twist[-1] for twist in twists])
+    assert 3 <= np.abs(ends).min() < np.abs(ends).max() <= 15
+    assert 0.2 < (ends > 0).mean() < 0.8
+    assert max(np.abs(np.diff(twist)).max() for twist in twists) <= 2 + 1e-9
+    assert study.synthesis.model_dump(mode="json")["twisted"] == 0.5
+
+
+def test_a_twisted_draw_has_labels_with_a_torque(tmp_path):
+    study = study_of(
+        twisted=1.0,
+        sheared=0.0,
+        tilted=0.0,
+        unloaded=0.0,
+        twist_deg=[3.0, 4.0],
+        depth_mm=[1.0, 1.2],
+        patterns=1,
+    )
+    synthesise(study, LAWS, 0, tmp_path / "0.h5")
+    rows = ShardDataset([tmp_path / "0.h5"])
+    block = rows.read(np.arange(len(rows)), ["force_distribution_N", "phase", "position_mm"])
+    assert list(block["phase"]) == ["zero", "load", "load", "twist", "twist"]
+    bins, sensor = study.sensor.bins, study.sensor
+    r = bin_centres(sensor.width_x_mm, sensor.width_y_mm, bins.nx, bins.ny) - block["position_mm"][0]
+    f = block["force_distribution_N"]
+    torque = (r[:, 0] * f[..., 1] - r[:, 1] * f[..., 0]).sum(axis=1)
+    twist = draw_indentation(study, 0).planned.twists_deg[-1]
+    assert torque[-1] * np.sign(twist) > 3 * np.abs(torque[:3]).max()
 
 
 def test_what_fits_nowhere_is_refused():
@@ -119,6 +172,24 @@ def test_images_are_reduced_as_the_features_ask(sheared, tmp_path):
     ]
     deep = flow[1] > 0.5 * flow[1].max()
     np.testing.assert_allclose(flow[0][deep], flow[1][deep], rtol=0.15)  # 0.7 would be 30 % off
+
+
+def test_a_camera_in_colour_gives_the_features_of_its_grey(tmp_path):
+    colours = {"background_rgb": [60.0, 20.0, 10.0], "particle_rgb": [30.0, 220.0, 90.0], "noise_grey": 2.0}
+    weights = np.array([0.299, 0.587, 0.114])
+    same = {
+        "background_grey": weights @ colours["background_rgb"],
+        "particle_grey": weights @ colours["particle_rgb"],
+        "noise_grey": 2.0 * np.linalg.norm(weights),
+    }
+    found = []
+    for number, imaging in enumerate((colours, same, {})):
+        study = study_of(imaging=imaging, sheared=0.0, tilted=0.0, unloaded=0.0, patterns=1)
+        synthesise(study, LAWS, 0, tmp_path / f"{number}.h5")
+        rows = ShardDataset([tmp_path / f"{number}.h5"])
+        found.append(rows.read(np.arange(len(rows)), ["feature"])["feature"])
+    np.testing.assert_array_equal(found[0], found[1])
+    assert not np.array_equal(found[0], found[2])
 
 
 def test_the_same_again_to_the_byte_and_said_to_be_synthetic(sheared, tmp_path):

@@ -36,6 +36,7 @@ def _described():
 STUDY, CELLS, VARIANTS, LAB = _described()
 RESULTS = STUDY.results_folder.as_posix()
 DATA = STUDY.data_folder.as_posix()
+TRUTH = f"{DATA}/virtual_truth/cells"  # of a virtual lab's sensor
 LOGS = f"logs/{STUDY.study}"
 BENCHMARKS = f"{RESULTS}/benchmarks"
 # In shell commands every value is written {value:q}, a list word by word: what a configuration says is never shell text.
@@ -160,6 +161,7 @@ def table_files():
     names = ["material", "force_ranges"]
     names += ["rmse_gt"] if STUDY.sessions else []
     names += ["rmse", "baselines", "errors_by", "reliability"] if IMAGE_SESSIONS else []
+    names += ["error_budget"] if IMAGE_SESSIONS and LAB else []
     return [f"{RESULTS}/tables/{name}.{suffix}" for name in names for suffix in ("csv", "md")]
 
 
@@ -200,7 +202,8 @@ def drawn_settings(_):
 
 def planned(wildcards):
     cell = CELLS[wildcards.cell]
-    path = [list(cell.phases), list(cell.shears_mm), list(cell.tilts_deg)] if cell.follows_a_path else []
+    moves = [cell.phases, cell.shears_mm, cell.tilts_deg, *([cell.twists_deg] if cell.twists_deg else [])]
+    path = map(list, moves) if cell.follows_a_path else []
     return [cell.x_mm, cell.y_mm, list(cell.depths_mm), cell.source or "", cell.symmetry or "", *path]
 
 
@@ -245,12 +248,21 @@ def check_raw_data(jobs):
         raise WorkflowError(str(error)) from None
 
 
-def true_cells(wildcards):
+def _pressed_truth(session):
     """Return the truth of the cells that a session presses; a mirrored cell is seen through its source."""
     from gelforge.virtual_lab.session import session_cells
 
-    pressed = session_cells(LAB, CELLS)[wildcards.session]
+    pressed = session_cells(LAB, CELLS)[session]
     return [f"{TRUTH}/{cell}.h5" for cell in dict.fromkeys(CELLS[name].source or name for name in pressed)]
+
+
+def true_cells(wildcards):
+    return _pressed_truth(wildcards.session)
+
+
+def recorded_truth(_):
+    """Return the truth of the cells that the study's sessions press; nothing where no virtual lab makes them."""
+    return sorted({path for session in STUDY.sessions for path in _pressed_truth(session)}) if LAB else []
 
 
 def lab_block(*names):

@@ -74,11 +74,12 @@ rule train:
 
 
 rule evaluate:
-    """Predict every row of the held-out cells and keep the predictions."""
+    """Predict every row of the held-out cells and keep the predictions; beside them the truth, where a virtual lab knows it."""
     input:
         model=f"{RESULTS}/model/model.pt",
         shards=expand(f"{RESULTS}/dataset/shard-{{shard}}.h5", shard=SHARDS),
         simulated=SYNTHETIC,
+        truth=recorded_truth,
     output:
         ensure(f"{RESULTS}/model/predictions.h5", non_empty=True),
     log:
@@ -95,10 +96,11 @@ rule evaluate:
                 f"learning/{name}.py"
                 for name in (
                     *("baselines", "familiarity", "model_file", "networks", "predictions"),
-                    *("reliability", "scaling"),
+                    *("reliability", "scaling", "true_motion"),
                 )
             ),
         ),
+        lab=[digest(LAB.model_dump(mode="json")), source_digest("virtual_lab", "recording")] if LAB else [],
     shell:
         "{GELFORGE:q} evaluate --study {STUDY_FILE:q} --model {input.model:q} --out {output:q} &> {log:q}"
 
@@ -118,6 +120,7 @@ rule tables:
         source=source_digest(
             "characterisation/law_file.py",
             "dataset/agreement.py",
+            "learning/error_budget.py",
             "learning/evaluation.py",
             "learning/predictions.py",
             "learning/reliability.py",

@@ -2,8 +2,6 @@
 
 if LAB:
 
-    TRUTH = f"{DATA}/virtual_truth/cells"
-
     rule virtual_cell:
         """Press the virtual sensor at one position: true laws, a mesh of its own, loading and unloading."""
         input:
@@ -30,7 +28,7 @@ if LAB:
             "{ONE_THREAD:q} {GELFORGE:q} virtual-cell --study {STUDY_FILE:q} --cell {wildcards.cell:q} --out {output:q} &> {log:q}"
 
     rule virtual_session:
-        """Record one synthetic session from the truth; nothing else reads the truth."""
+        """Record one synthetic session from the truth, which only the error budget reads too."""
         input:
             lab=ancient(STUDY.virtual_lab.as_posix()),
             truth=true_cells,

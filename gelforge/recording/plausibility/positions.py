@@ -74,6 +74,8 @@ def missing_indentations(
     return [
         (name, depth)
         for name, cell in cells.items()
-        for depth in cell.depths_mm
+        for depth in (
+            (cell.deepest_mm,) if cell.follows_a_path else cell.depths_mm
+        )  # one indentation follows a path
         if min((abs(depth - d) for d in depths.get(name, [])), default=np.inf) > POSITION_MATCH_MM
     ]
