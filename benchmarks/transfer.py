@@ -1,6 +1,6 @@
 """A network trained in simulation alone, on recordings and on another virtual sensor, before and after a few presses.
 
-usage: python benchmarks/transfer.py [results/simulated] [--recorded results/demo] [--others 40] [--seeds 1 2 3]
+usage: python benchmarks/transfer.py [results/simulated] [--recorded results/demo] [--others 24] [--seeds 1 2 3]
        (one thread; after `snakemake --configfile config/simulated.yaml`; the other sensor is solved once,
        ten CPU seconds an indentation, and kept in results/simulated/other_sensor)
 
@@ -40,7 +40,7 @@ NOISE_N = np.array(
     [0.008, 0.008, 0.015]
 )  # of the other sensor's force readings, as in the demo's virtual lab
 PRESSES = 20
-OTHERS = 40  # indentations of the other sensor
+OTHERS = 24  # indentations of the other sensor
 WEDGE = Path("config/indenters/wedge.stl")
 
 
