@@ -30,6 +30,7 @@ from gelforge.dataset.shard import ShardDataset, shard_attributes  # noqa: E402
 from gelforge.dataset.simulated import synthesise  # noqa: E402
 from gelforge.learning.adaptation import Presses, adapt, measured_presses, press_names  # noqa: E402
 from gelforge.learning.data import FEATURE, LABEL  # noqa: E402
+from gelforge.learning.evaluation import CONTACT_N, LIGHT_N  # noqa: E402
 from gelforge.learning.model_file import Model, load_model  # noqa: E402
 from gelforge.learning.reliability import centre_of_pressure  # noqa: E402
 from gelforge.learning.training import Run, train  # noqa: E402
@@ -117,6 +118,10 @@ class Rows:
         row["total Fz [mN]"] = 1e3 * np.sqrt((total[:, 2] ** 2).mean())
         row["total Fxy [mN]"] = 1e3 * np.sqrt((total[:, :2] ** 2).sum(axis=1).mean())
         row["CoP median [mm]"] = float(np.nanmedian(np.nan_to_num(away, nan=np.inf)))
+        push = np.linalg.norm(true.sum(axis=1), axis=1)
+        felt, light = push >= CONTACT_N, touched & (push <= LIGHT_N)
+        row["seen of 20 mN and more [%]"] = 100 * said[felt].any(axis=(1, 2)).mean()
+        row["mean error up to 50 mN [mN]"] = 1e3 * total[light, 2].mean() if light.any() else np.nan
         if model.intervals:
             inside = np.abs(total) <= model.intervals.of_totals(said)
             bins = np.abs(error) <= model.intervals.of_bins(said)

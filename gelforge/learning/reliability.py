@@ -9,6 +9,7 @@ import numpy as np
 QUIET_SHARE = 0.999  # of the untouched validation rows that are to be exactly zero
 MARGIN = 1.5  # times the largest force there: other sessions are noisier than those at hand
 LADDER = np.array([0.5, 1, 2, 4, 8, 16])  # of the bins' threshold over the images'
+LEAST_WIDTH_N = 1e-9  # no errors at all are no division by zero
 LIGHT_SHARE = 0.3  # of the largest bin: a light touch keeps the bins that carry it
 COVER = 0.9
 WIDTH = 1.645  # standard deviations of a normal error on each side of 90 %
@@ -114,34 +115,49 @@ class Labels:
     total_sigma: np.ndarray  # (n, 3)
 
 
-def find_intervals(force: np.ndarray, labels: Labels) -> Intervals | None:
+def find_intervals(force: np.ndarray, labels: Labels, groups: np.ndarray) -> Intervals | None:
     """Return the intervals that hold the labels of validation rows about predicted distributions (n, B, 3) [N].
 
-    Of touched rows alone, and of bins that carry force: the many that carry none would make the intervals narrow.
+    Of touched rows alone, and of bins that carry force: the many that carry none would make the intervals narrow. Errors of a
+    group (n,), as the rows of an orbit, go together, and groups are few: the widths are those of all rows, times what makes
+    those of the other groups hold nine in ten of each group's.
     """
     touched = np.abs(labels.bins).max(axis=(1, 2)) > 0
     if touched.sum() < LEAST_ROWS:
         return None
-    force, true = force[touched], labels.bins[touched]
+    force, true, group = force[touched], labels.bins[touched], groups[touched]
     bins = np.abs(true).max(axis=-1) > 0
-    of_bins = _by_class(force[bins], true[bins], labels.bin_sigma[touched][bins])
-    of_totals = _by_class(force.sum(axis=1), true.sum(axis=1), labels.total_sigma[touched])
+    of_each_bin = np.broadcast_to(group[:, None], bins.shape)[bins]
+    of_bins = _by_class(force[bins], true[bins], labels.bin_sigma[touched][bins], of_each_bin)
+    of_totals = _by_class(force.sum(axis=1), true.sum(axis=1), labels.total_sigma[touched], group)
     return Intervals(*of_bins, *of_totals)
 
 
 def _by_class(
-    force: np.ndarray, true: np.ndarray, sigma: np.ndarray
+    force: np.ndarray, true: np.ndarray, sigma: np.ndarray, group: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return edges (C - 1,) of classes of |force| (m, 3) with as many rows in each, half widths and rms sigma (C, 3)."""
     size = np.linalg.norm(force, axis=-1)
     classes = int(np.clip(len(size) // LEAST_IN_CLASS, 1, CLASSES))
     edges = np.unique(np.quantile(size, np.arange(1, classes) / classes))
-    which = _class(edges, force)
-    error, variance = np.abs(force - true), sigma**2
-    members = [which == k for k in range(len(edges) + 1)]
-    half = [_conformal(error[own]) if own.any() else np.zeros(3) for own in members]
-    rms = [_root_mean(variance[own]) for own in members]
-    return edges, np.array(half), np.array(rms)
+    which, error = _class(edges, force), np.abs(force - true)
+    half = _half_widths(error, which, len(edges) + 1)
+    names = np.unique(group)
+    if len(names) > 1:
+        ratio = np.empty_like(error)  # of each error to the width that the other groups give
+        for name in names:
+            own = group == name
+            others = _half_widths(error[~own], which[~own], len(edges) + 1)
+            ratio[own] = error[own] / np.maximum(others[which[own]], LEAST_WIDTH_N)
+        half = half * _conformal(ratio)
+    rms = [_root_mean(sigma[which == k] ** 2) for k in range(len(edges) + 1)]
+    return edges, half, np.array(rms)
+
+
+def _half_widths(error: np.ndarray, which: np.ndarray, classes: int) -> np.ndarray:
+    """Return the half width (C, 3) of each class of errors (m, 3), that of all errors where a class has none."""
+    members = [which == k for k in range(classes)]
+    return np.array([_conformal(error[own] if own.any() else error) for own in members])
 
 
 def _root_mean(variance: np.ndarray) -> np.ndarray:

@@ -254,7 +254,8 @@ def _with_reliability(
     known = [_drawn(rows, training, (FEATURE, "cell")), watched]
     inputs = np.concatenate([model.scaling.inputs(part[FEATURE]) for part in known])
     familiar = find_familiar(inputs, np.array([orbit[name] for part in known for name in part["cell"]]))
-    intervals = find_intervals(zero.applied(force), labels)
+    groups = np.array([orbit[name] for name in watched["cell"]])
+    intervals = find_intervals(zero.applied(force), labels, groups)
     return replace(model, zero=zero, intervals=intervals, familiar=familiar)
 
 
