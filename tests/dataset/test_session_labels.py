@@ -179,6 +179,7 @@ def force(label):
     return -label.total[2]
 
 
+@pytest.mark.thorough
 def test_a_press_carries_what_those_before_it_left(pressed):
     """The same three presses; what differs is what has been before. As new beyond the depths seen, softer within."""
     study, files = pressed

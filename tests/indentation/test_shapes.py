@@ -117,6 +117,7 @@ def test_from_above_a_flank_is_pressed_less(presses):
     assert down @ normal / np.linalg.norm(along) == pytest.approx(-(normal[2] ** 1.5), rel=0.05)
 
 
+@pytest.mark.thorough
 def test_the_section_of_a_dome_is_its_outline(presses):
     nodes = presses["top"].arrays["section_node_mm"]
     away = np.linalg.norm(nodes - [10.0, 10.0, -10.0], axis=1)

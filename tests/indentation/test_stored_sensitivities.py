@@ -85,6 +85,7 @@ def test_bins_follow_their_derivatives_to_5_per_cent_of_the_largest(stored, name
     assert_allclose(amount * stored[0][name].bins, bins, atol=0.05 * np.abs(bins).max(), rtol=0)
 
 
+@pytest.mark.thorough(but_first=6)
 @pytest.mark.parametrize("name", DERIVABLE)
 def test_the_gel_moves_as_its_derivative_says(stored, name):
     """Within 2 % of the largest; displacements of 0.6 mm are kept as float32: a change has 1e-7 mm of rounding."""

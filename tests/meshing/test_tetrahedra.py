@@ -98,6 +98,7 @@ def test_base_and_touched_surface(meshed):
         )  # edges are cut by the envelope
 
 
+@pytest.mark.thorough
 def test_meshes_repeat_to_the_byte():
     solids, touched = SHAPES["block"]
     sizes = Sizes(near=1.0, near_radius=1.0, far=2.0)

@@ -61,6 +61,7 @@ def test_amount_interval_and_patch_are_the_final_ones():
     assert patch != patch_of(study, problem.effects, found.answer.fit)
 
 
+@pytest.mark.thorough
 def test_what_was_set_aside_stays_predicted():
     problem, found, _ = named()
     table, held = readings_table(problem, found), found.blocks.held_out

@@ -197,6 +197,7 @@ def test_plan_prints_and_writes_what_to_record_next(home, judged, capsys):
     assert others["expected_log_odds"].is_monotonic_decreasing  # of those that do not decide what tells most
 
 
+@pytest.mark.thorough
 def test_an_experiment_costs_its_presses(home, judged):
     """Way down at 1 mm/s, readings for 0.9 or 60 s, and 8 s to the next of eight presses."""
     assert command(home, "plan", "--out", judged) == 0

@@ -88,6 +88,7 @@ def test_the_linear_curve_lacks_finite_strain_at_every_noise(paper):
         assert case.state in ("named", "group") and FINITE & {name for one in case.answer for name in one}
 
 
+@pytest.mark.thorough
 def test_our_finite_cells_predict_depths_and_a_site_that_were_set_aside(paper):
     """Nothing is fitted: the error of 0.15 N falls below the stated resolution, of each block by half at least."""
     fit = paper.verdicts["linear"].fit

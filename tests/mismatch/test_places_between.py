@@ -270,6 +270,7 @@ def test_a_fit_that_may_win_is_not_broken_off():
     assert fit.amounts[0] == free.amounts[0]
 
 
+@pytest.mark.thorough
 def test_what_was_broken_off_is_fitted_where_the_best_cannot_be_solved():
     """At the training readings a bubble is solved, at all of them it is not: the hard ball is what is left."""
     base = artificial.context(62)

@@ -71,6 +71,7 @@ def test_a_stiffer_gel_is_in_the_group_with_its_amount(stiffer):
     assert verdict.fit.held_out.after.rmse_N[2] < 0.5 * verdict.fit.held_out.before.rmse_N[2]
 
 
+@pytest.mark.thorough
 def test_the_patched_study_s_presses_are_near_the_figure_after(stiffer):
     """Within a tenth of the change, by which one that is solved on the coarser mesh may err; without it:
     test_patched_study.py."""

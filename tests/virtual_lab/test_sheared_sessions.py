@@ -259,7 +259,7 @@ def test_images_of_a_sideways_motion_are_not_asked_to_be_alike(recorded):
         Measures(100.0, gain, gain, moved[phase], 0.0, image)
         for phase, image, gain in zip(rows["phase"], rows["image"], light)
     ]
-    found = judge_all(recording, add_measures(rows.assign(run=0), measures))
+    found = judge_all(recording, add_measures(rows.assign(run=0), measures), 1.0)
     assert [finding.test for finding in found.of("excluded")] == ["image_content"]
 
 
