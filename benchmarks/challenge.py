@@ -28,7 +28,7 @@ import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).parent))
-sys.path.insert(0, str(Path.cwd()))
+sys.path.append(str(Path.cwd()))  # where an entry's module is
 
 import other_images  # noqa: E402
 import transfer  # noqa: E402
