@@ -9,8 +9,8 @@ READY := .venv/.gelforge-ready
 
 setup: $(READY)
 
-# The stamp is written last: an interrupted set-up starts again, a finished one does nothing. Without compiling what is
-# installed, of which little is ever imported, it takes 84 instead of 151 s; Python compiles a module when it is first imported.
+# The stamp is written last: an interrupted set-up starts again, a finished one does nothing. Of what is installed little is
+# ever imported, so it is not compiled here: Python compiles a module when it is first imported.
 $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "gelforge needs Python 3.11 or newer, found " + sys.version.split()[0])'
 	@$(PYTHON) -m venv .venv || { echo "python3 -m venv failed; on Debian and Ubuntu: apt install python3-venv" >&2; exit 1; }

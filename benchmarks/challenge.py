@@ -32,13 +32,13 @@ sys.path.append(str(Path.cwd()))  # where an entry's module is
 
 import other_images  # noqa: E402
 import transfer  # noqa: E402
+from force_errors import force_errors  # noqa: E402
 
 from gelforge.config import Learning, Study, load_study, load_virtual_lab  # noqa: E402
 from gelforge.dataset.shard import ShardDataset  # noqa: E402
 from gelforge.learning.baselines import fit_baselines  # noqa: E402
 from gelforge.learning.data import FEATURE, LABEL, measure_scaling, training_and_validation  # noqa: E402
 from gelforge.learning.model_file import load_model  # noqa: E402
-from gelforge.learning.reliability import centre_of_pressure  # noqa: E402
 from gelforge.learning.training import Run, train  # noqa: E402
 
 Predict = Callable[[np.ndarray], np.ndarray]  # features (n, 2 m) -> forces of bins (n, B, 3) [N]
@@ -207,22 +207,6 @@ class World:
 TASKS = ("orbit", "sensor", "shape", "shear", "camera", "camera-remapped")
 
 
-def errors(said: np.ndarray, rows: Rows, grid: tuple) -> dict[str, float]:
-    """Return errors [mN, mm] of forces (n, B, 3) [N] on rows."""
-    error, carries, touched = said - rows.label, rows.label != 0, ~rows.untouched
-    total = error.sum(axis=1)
-    row = {
-        f"RMSES {axis} [mN]": 1e3 * np.sqrt((error[..., i][carries[..., i]] ** 2).mean())
-        for i, axis in enumerate("xyz")
-    }
-    row["total Fz [mN]"] = 1e3 * np.sqrt((total[:, 2] ** 2).mean())
-    row["total Fxy [mN]"] = 1e3 * np.sqrt((total[:, :2] ** 2).sum(axis=1).mean())
-    away = np.hypot(*(centre_of_pressure(said, *grid) - centre_of_pressure(rows.label, *grid)).T)[touched]
-    away = np.nan_to_num(away, nan=np.inf)
-    row |= {"CoP median [mm]": float(np.median(away)), "CoP p95 [mm]": float(np.quantile(away, 0.95))}
-    return row
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -248,7 +232,9 @@ def main() -> None:
                     tuple(task.shards),
                 )  # tasks that learn from the same files share what was learnt
                 predict = learnt[key] = learnt.get(key) or fit(task, seed)
-                row = errors(np.asarray(predict(task.test.feature)), task.test, task.grid)
+                row = force_errors(
+                    np.asarray(predict(task.test.feature)), task.test.label, task.test.untouched, task.grid
+                )
                 found.append({"task": task.name, "entry": name, "seed": seed, **row})
                 print(
                     f"{task.name}, {name}, seed {seed}: RMSES z {row['RMSES z [mN]']:.3g} mN",

@@ -21,13 +21,13 @@ from pathlib import Path  # noqa: E402
 import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
+from force_errors import force_errors  # noqa: E402
 
 from gelforge.config import Camera, Study, VirtualLab, load_study, load_virtual_lab  # noqa: E402
 from gelforge.dataset.splits import planned_split  # noqa: E402
 from gelforge.indentation.cell_file import Cell, read_cell, write_cell  # noqa: E402
 from gelforge.indentation.plan import PlannedCell, plan_cells  # noqa: E402
 from gelforge.learning.model_file import Model, load_model  # noqa: E402
-from gelforge.learning.reliability import centre_of_pressure  # noqa: E402
 from gelforge.recording.features import FlowFeatures  # noqa: E402
 from gelforge.recording.flow import reduced  # noqa: E402
 from gelforge.recording.remap import Remapper  # noqa: E402
@@ -152,15 +152,9 @@ def test_presses(
 
 
 def errors(model: Model, features: np.ndarray, label: np.ndarray, grid: tuple) -> dict[str, float]:
-    said, unlike = model.predict(features), model.unlike(features)
-    error, carries = said - label, label != 0
-    away = np.hypot(*(centre_of_pressure(said, *grid) - centre_of_pressure(label, *grid)).T)
-    return {
-        "RMSES z [mN]": 1e3 * np.sqrt((error[..., 2][carries[..., 2]] ** 2).mean()),
-        "total Fz [mN]": 1e3 * np.sqrt((error.sum(axis=1)[:, 2] ** 2).mean()),
-        "CoP median [mm]": float(np.nanmedian(np.nan_to_num(away, nan=np.inf))),
-        "flagged [%]": 100 * float((unlike > 1).mean()),
-    }
+    found = force_errors(model.predict(features), label, np.zeros(len(label), bool), grid)
+    shown = {name: found[name] for name in ("RMSES z [mN]", "total Fz [mN]", "CoP median [mm]")}
+    return shown | {"flagged [%]": 100 * float((model.unlike(features) > 1).mean())}
 
 
 def kept(path: Path, study: Study, lab: VirtualLab, planned: PlannedCell) -> Cell:

@@ -23,6 +23,7 @@ from pathlib import Path  # noqa: E402
 
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
+from force_errors import force_errors  # noqa: E402
 
 from gelforge.characterisation.law_file import read_law  # noqa: E402
 from gelforge.config import Study, load_study  # noqa: E402
@@ -32,7 +33,6 @@ from gelforge.learning.adaptation import Presses, adapt, measured_presses, press
 from gelforge.learning.data import FEATURE, LABEL  # noqa: E402
 from gelforge.learning.evaluation import CONTACT_N, LIGHT_N  # noqa: E402
 from gelforge.learning.model_file import Model, load_model  # noqa: E402
-from gelforge.learning.reliability import centre_of_pressure  # noqa: E402
 from gelforge.learning.training import Run, train  # noqa: E402
 from gelforge.mechanics.laws import Ogden  # noqa: E402
 
@@ -84,7 +84,7 @@ def other_rows(study: Study, laws: dict, folder: Path) -> list[Path]:
 
 
 def solved_others(results: Path, count: int = OTHERS) -> list[Path]:
-    """Return the shards of the other sensor of a finished study of simulated sensors, solved or kept beside it."""
+    """Return the shards of the other sensor of a finished study of simulated sensors, solved or kept in its folder."""
     study = load_study(results / "study.yaml")
     laws = stiffer(laws_of(results, study), study)
     return other_rows(other_study(study, count), laws, results / "other_sensor")
@@ -110,14 +110,8 @@ class Rows:
     def errors(self, model: Model, chosen: np.ndarray, grid: tuple) -> dict[str, float]:
         """Return errors [mN, mm] over some rows, and shares inside the intervals."""
         said, true = model.predict(self.feature[chosen]), self.label[chosen]
-        carries, error = true != 0, said - true
-        total, touched = error.sum(axis=1), ~self.untouched[chosen]
-        rms = [1e3 * np.sqrt((error[..., i][carries[..., i]] ** 2).mean()) for i in range(3)]
-        away = np.hypot(*(centre_of_pressure(said, *grid) - centre_of_pressure(true, *grid)).T)[touched]
-        row = {f"RMSES {axis} [mN]": value for axis, value in zip("xyz", rms)}
-        row["total Fz [mN]"] = 1e3 * np.sqrt((total[:, 2] ** 2).mean())
-        row["total Fxy [mN]"] = 1e3 * np.sqrt((total[:, :2] ** 2).sum(axis=1).mean())
-        row["CoP median [mm]"] = float(np.nanmedian(np.nan_to_num(away, nan=np.inf)))
+        touched, error = ~self.untouched[chosen], said - true
+        row, total = force_errors(said, true, ~touched, grid), error.sum(axis=1)
         push = np.linalg.norm(true.sum(axis=1), axis=1)
         felt, light = push >= CONTACT_N, touched & (push <= LIGHT_N)
         row["seen of 20 mN and more [%]"] = 100 * said[felt].any(axis=(1, 2)).mean()
@@ -126,7 +120,7 @@ class Rows:
             inside = np.abs(total) <= model.intervals.of_totals(said)
             bins = np.abs(error) <= model.intervals.of_bins(said)
             row["totals in 90 % [%]"] = 100 * inside[touched].mean()
-            row["bins in 90 % [%]"] = 100 * bins[carries.any(axis=-1)].mean()
+            row["bins in 90 % [%]"] = 100 * bins[(true != 0).any(axis=-1)].mean()
         return row
 
     def presses(self, chosen: np.ndarray, rng: np.random.Generator) -> Presses:

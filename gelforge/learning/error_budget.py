@@ -29,13 +29,13 @@ def error_budget_table(predictions: Predictions) -> pd.DataFrame | None:
     """
     if not predictions.has_truth:
         return None
-    names = ("bin_force_N", "touchdown_bin_N", "predicted_N", "flow_px", "flow_off_px")
+    names = ("bin_force_N", "contact_point_bin_N", "predicted_N", "flow_px", "flow_off_px")
     found: dict[str, list[np.ndarray]] = {}
-    for rows, predicted, label, true, touchdown, from_motion, *flow in predictions.columns(
+    for rows, predicted, label, true, contact, from_motion, *flow in predictions.columns(
         "predicted_N", "true_N", *(f"truth/{name}" for name in names)
     ):
         on = ~predictions.untouched[rows]
-        p, y, t, q, c = (part[on].astype(float) for part in (predicted, label, true, from_motion, touchdown))
+        p, y, t, q, c = (part[on].astype(float) for part in (predicted, label, true, from_motion, contact))
         for name, off in (
             (AGAINST_LABEL, p - y),
             (OPTICS, p - q),

@@ -118,9 +118,9 @@ class Labels:
 def find_intervals(force: np.ndarray, labels: Labels, groups: np.ndarray) -> Intervals | None:
     """Return the intervals that hold the labels of validation rows about predicted distributions (n, B, 3) [N].
 
-    Of touched rows alone, and of bins that carry force: the many that carry none would make the intervals narrow. Errors of a
-    group (n,), as the rows of an orbit, go together, and groups are few: the widths are those of all rows, times what makes
-    those of the other groups hold nine in ten of each group's.
+    Of touched rows alone, and of bins that carry force: the many that carry none would make the intervals narrow. Errors of
+    a group (n,), as the rows of an orbit, go together, and groups are few: the widths are those of all rows, times what
+    makes those of the other groups hold nine in ten of each group's.
     """
     touched = np.abs(labels.bins).max(axis=(1, 2)) > 0
     if touched.sum() < LEAST_ROWS:

@@ -23,7 +23,7 @@ REACH = 1  # regions on each side
 Recorded = tuple[str, str, str]  # session, press, cell
 DESCRIPTIONS = {
     "bin_force_N": ("N", "true force on the virtual sensor (N, B, 3)"),
-    "touchdown_bin_N": ("N", "how much of it the error of the contact point makes (N, B, 3)"),
+    "contact_point_bin_N": ("N", "how much of it the error of the contact point makes (N, B, 3)"),
     "predicted_N": ("N", "force predicted from the true motion as the flow shows it (N, B, 3)"),
     "flow_px": ("px", "true motion, rms over the regions (N)"),
     "flow_off_px": ("px", "flow of the image less true motion, rms over the regions (N)"),
@@ -119,7 +119,7 @@ def write_truth(
         press = np.array([number[recorded[i][:2]] for i in touched])
         off = components(rows.read(touched, [FEATURE])[FEATURE]) - components(exact[press])
         group["bin_force_N"][touched] = [true[names[p]].bin_force_N for p in press]
-        group["touchdown_bin_N"][touched] = [true[names[p]].touchdown_bin_N for p in press]
+        group["contact_point_bin_N"][touched] = [true[names[p]].contact_point_bin_N for p in press]
         group["predicted_N"][touched] = predicted[press]
         group["flow_px"][touched] = _rms(components(exact[press]))
         group["flow_off_px"][touched] = _rms(off)

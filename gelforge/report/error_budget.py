@@ -11,7 +11,7 @@ from gelforge.report.chapters import Chapter
 from gelforge.report.results_reader import StudyResults
 from gelforge.report.style import FAINT, MEASURED, PREDICTED, PUBLISHED, SIMULATED, new_figure, styled
 
-BARS = {  # part: what stands beside its bar, colour
+BARS = {  # part: words of its bar, colour
     OPTICS: ("optics\nflow against true motion", MEASURED),
     LEARNING: ("learning\nnetwork against labels, less optics", PREDICTED),
     MECHANICS: ("mechanics\nlabels against true force", SIMULATED),

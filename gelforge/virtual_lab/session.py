@@ -243,7 +243,7 @@ def press_rows(
 
 
 def path_rows(
-    press: Press, truth: PathMotion, touchdown_mm: float, bench: Bench
+    press: Press, truth: PathMotion, deeper_mm: float, bench: Bench
 ) -> tuple[pd.DataFrame, np.ndarray]:
     """Return the rows of a press along its cell's path without forces, and the true force (R, 3) [N] on the sensor at each.
 
@@ -263,7 +263,7 @@ def path_rows(
     course = [(phases[k], times[k], cell.depths_mm[k], SETTLE_S, names[k], *shears[k]) for k in steps]
     columns = ["phase", "time_s", "depth_mm", "dwell_s", "image", "shear_x_mm", "shear_y_mm"]
     rows = pd.DataFrame(zero + course, columns=columns)
-    on_sensor = [np.zeros(3)] * len(zero) + [truth.deeper(step, touchdown_mm)[1] for step in steps]
+    on_sensor = [np.zeros(3)] * len(zero) + [truth.deeper(step, deeper_mm)[1] for step in steps]
     return _described(rows, press, bench), np.array(on_sensor)
 
 
@@ -312,7 +312,7 @@ def _record_cell(
     return [_record_press(bench, truth, images, press) for press in presses]
 
 
-def drawn_touchdown(
+def drawn_contact_point(
     lab: VirtualLab, lab_session: VirtualSession, press: Press
 ) -> tuple[float, np.random.Generator]:
     """Return by how much [mm] a press goes deeper than its commanded depth, and where its further noise is drawn from."""
@@ -322,17 +322,17 @@ def drawn_touchdown(
 
 def _record_press(bench: Bench, truth: Motion | PathMotion, images: Path, press: Press) -> pd.DataFrame:
     lab = bench.lab
-    touchdown, rng = drawn_touchdown(lab, bench.session, press)
+    deeper_mm, rng = drawn_contact_point(lab, bench.session, press)
 
     def drawn(displacement: np.ndarray) -> np.ndarray:
         return picture(lab.camera, lab.imaging, bench.particles + displacement, lab.particles.diameter_mm)
 
     if isinstance(truth, PathMotion):
-        rows, on_sensor = path_rows(press, truth, touchdown, bench)
-        touched = (drawn(truth.deeper(step, touchdown)[0]) for step in range(len(truth.depth_mm)))
+        rows, on_sensor = path_rows(press, truth, deeper_mm, bench)
+        touched = (drawn(truth.deeper(step, deeper_mm)[0]) for step in range(len(truth.depth_mm)))
     else:
-        rows, on_sensor = press_rows(press, truth, touchdown, bench)
-        touched = repeat(drawn(truth.displacement(max(press.depth_mm + touchdown, 0.0))))
+        rows, on_sensor = press_rows(press, truth, deeper_mm, bench)
+        touched = repeat(drawn(truth.displacement(max(press.depth_mm + deeper_mm, 0.0))))
     for phase, image in zip(rows["phase"], rows["image"]):
         if image:
             seen = bench.untouched if phase == "zero" else next(touched)

@@ -22,7 +22,7 @@ from gelforge.virtual_lab.particles import VirtualLabError, place_particles, tru
 from gelforge.virtual_lab.session import (
     TRUTH,
     Press,
-    drawn_touchdown,
+    drawn_contact_point,
     random_presses,
     read_truth,
     session_cells,
@@ -35,7 +35,7 @@ class TruePress:
 
     feature: np.ndarray  # (2 m,) of a camera and a flow without error
     bin_force_N: np.ndarray  # (B, 3) on the sensor, at the depth that was reached
-    touchdown_bin_N: np.ndarray  # (B, 3) how much of it the error of the contact point makes
+    contact_point_bin_N: np.ndarray  # (B, 3) how much of it the error of the contact point makes
 
 
 def true_presses(
@@ -65,8 +65,8 @@ def true_presses(
         bins = true_bins(cell, cells[name], study.sensor.bins.nx)
         for session, press, _ in presses:
             lab_session, own = made[session, press]
-            touchdown_mm, _ = drawn_touchdown(lab, lab_session, own)
-            depth_mm = max(own.depth_mm + touchdown_mm, 0.0)
+            deeper_mm, _ = drawn_contact_point(lab, lab_session, own)
+            depth_mm = max(own.depth_mm + deeper_mm, 0.0)
             flow = view.flow(particles + motion.displacement(depth_mm))
             feature = flow_features(flow, study.features.regions, study.features.moved_px)
             force = bins(depth_mm)
@@ -86,7 +86,7 @@ def _made_presses(
 
 
 def true_bins(cell: Cell, planned: PlannedCell, bins: int) -> PchipInterpolator:
-    """Return the true force per bin: depth [mm] -> (B, 3) [N], on the way down; bins: along one side.
+    """Return the true force per bin: depth [mm] -> (B, 3) [N], while loading; bins: along one side.
 
     Piecewise cubic in depth without overshoot from zero at depth 0, as the motion of the particles.
     """

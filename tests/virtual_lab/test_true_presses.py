@@ -70,7 +70,7 @@ def recorded(tmp_path_factory):
 
 
 def test_the_true_force_is_what_an_exact_force_sensor_reads(recorded):
-    """At the depth that was reached, of mirrored cells too: 0.01 mm of touchdown are 4 mN."""
+    """At the depth that was reached, of mirrored cells too: 0.01 mm of the contact point are 4 mN."""
     readings, _, true = recorded
     for session, table in readings.items():
         held = table[at_commanded_depth(table) & (table["phase"] == "load")]
@@ -89,8 +89,8 @@ def test_the_contact_points_share_is_the_rest_to_the_commanded_depth(recorded):
         own = truth_cell("any", *_source_xy(planned)).arrays["bin_force_N"][DEPTHS.index(depth)]
         expected = transform_bins(planned.symmetry, own, 20) if planned.symmetry else own
         found = true["one", press]
-        assert_allclose(found.bin_force_N - found.touchdown_bin_N, expected, atol=1e-12)
-        sizes.append(np.abs(found.touchdown_bin_N[:, 2]).sum())
+        assert_allclose(found.bin_force_N - found.contact_point_bin_N, expected, atol=1e-12)
+        sizes.append(np.abs(found.contact_point_bin_N[:, 2]).sum())
     assert 1e-4 < np.mean(sizes) < 0.01  # 0.01 mm times 0.4 N/mm
 
 
