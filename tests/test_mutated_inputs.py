@@ -9,9 +9,9 @@ from benchmarks.fault_kinds.outcomes import WRONG
 
 
 @pytest.mark.thorough(but_first=1)
-@pytest.mark.parametrize("seed", [11, 12])
-def test_mutants_are_refused_in_a_line_or_change_nothing(seed):
-    faults = run_all(seed, 62)  # each kind twice
+@pytest.mark.parametrize(("seed", "count"), [(11, 31), (11, 62), (12, 62)])  # each kind once or twice
+def test_mutants_are_refused_in_a_line_or_change_nothing(seed, count):
+    faults = run_all(seed, count)
     wrong = [f"{f.outcome}: {f.kind}: {f.what}: {f.said[-300:]}" for f in faults if f.outcome in WRONG]
     assert not wrong, "\n".join(wrong)
-    assert Counter(f.outcome for f in faults)["refused"] > 40  # and not that nothing was looked at
+    assert Counter(f.outcome for f in faults)["refused"] > 0.65 * count  # and not that nothing was looked at

@@ -87,7 +87,8 @@ def run(asked: argparse.Namespace) -> int:
     kinds = [asked.only] if asked.only else list(KINDS)
     rng, rows = np.random.default_rng(asked.seed), []
     with tempfile.TemporaryDirectory(dir=study, prefix="faults-") as scratch:
-        whole = {one: undisturbed(one, study, Path(scratch) / "whole") for one in STAGES}
+        used = STAGES[: asked.count]
+        whole = {one: undisturbed(one, study, Path(scratch) / "whole") for one in used}
         try:
             for number in range(asked.count):
                 one, kind = STAGES[number % len(STAGES)], kinds[number // len(STAGES) % len(kinds)]

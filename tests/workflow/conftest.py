@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 from filelock import FileLock
 
 ROOT = Path(__file__).parents[2]
@@ -47,6 +48,17 @@ class Checkout:
         table = printed.partition("Job stats:")[2].partition("total")[0].splitlines()
         rows = (line.split() for line in table)
         return {row[0]: int(row[1]) for row in rows if len(row) == 2 and row[1].isdigit()}
+
+    def coarsen(self, name: str = "config/test.yaml") -> None:
+        """Make cells of a study and of the test study's virtual lab cheap: laws given, one depth, large elements."""
+        mesh = {"near_mm": 2.0, "near_radius_mm": 2.0, "far_mm": 4.0}
+        lab, path = self.folder / "config/virtual_lab/test.yaml", self.folder / name
+        truth, study = yaml.safe_load(lab.read_text()), yaml.safe_load(path.read_text())
+        truth["mechanics"]["mesh"] = study["mechanics"]["mesh"] = mesh
+        study["plan"]["depths_mm"] = [0.8]
+        study["materials"]["ecoflex_gel"] = {"parameters": truth["materials"]["ecoflex_gel"]}
+        lab.write_text(yaml.safe_dump(truth))
+        path.write_text(yaml.safe_dump(study))
 
     def files(self, pattern: str) -> dict[str, bytes]:
         """Return the bytes of files here, by path."""

@@ -57,6 +57,7 @@ def test_a_folder_named_like_a_command_is_one_word_of_every_command(hostile):
 
 @pytest.mark.workflow
 def test_it_runs_in_a_folder_with_a_space_and_a_quote(hostile):
+    hostile.coarsen("config/own.yaml")
     truth = f"{HOSTILE}/virtual_truth/cells/x1_y1.h5"
     hostile.snakemake("results/test/cells/x1_y1.h5", truth, "--cores", "2", *OWN)
     assert (hostile.folder / truth).is_file()
