@@ -15,6 +15,7 @@ SEED = 1
 SMALL = (5, 9, 10, 86, 17, 16)
 
 
+@pytest.mark.thorough(but_first=3)
 @pytest.mark.parametrize("number", SMALL)
 def test_a_random_press_is_sound(number):
     found = outcome(drawn(SEED, number))

@@ -89,6 +89,7 @@ def bins(indenter, modulus=1.0, length=1.0, **mechanics):
     return cell.arrays["bin_force_N"]
 
 
+@pytest.mark.thorough(but_first=3)
 @pytest.mark.parametrize("indenter", INDENTERS.values(), ids=INDENTERS.keys())
 def test_forces_follow_moduli_and_lengths(indenter):
     known = bins(indenter)

@@ -112,6 +112,7 @@ def test_one_cell_again_and_what_follows(again):
     assert not {"characterise", "features", "readings", "virtual_cell", "virtual_session"} & set(jobs)
 
 
+@pytest.mark.thorough  # test_resume deletes one and runs it
 def test_a_deleted_cell_is_made_again(again):
     (again.folder / RESULTS / "cells/x1_y1.h5").unlink()
     assert again.jobs(*TEST)["simulate"] == 1
