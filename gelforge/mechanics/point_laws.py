@@ -10,7 +10,7 @@ and returns the energy and how far the point is on its way to the law's limit of
 
 from __future__ import annotations
 
-from math import log
+from math import exp, log
 
 import numba as nb
 
@@ -69,6 +69,7 @@ def principal_stress(law, constants, lam, beta, gamma):
 @nb.njit(cache=True, inline="always")
 def _ogden(constants, lam, beta, gamma):
     energy = 0.0
+    log0, log1, log2 = log(lam[0]), log(lam[1]), log(lam[2])  # one logarithm serves all powers
     for i in range(3):
         beta[i] = 0.0
         for j in range(3):
@@ -78,9 +79,9 @@ def _ogden(constants, lam, beta, gamma):
         if m == 0.0:
             continue
         a = constants[2 * k + 1]
-        p0 = lam[0] ** a
-        p1 = lam[1] ** a
-        p2 = lam[2] ** a
+        p0 = exp(a * log0)
+        p1 = exp(a * log1)
+        p2 = exp(a * log2)
         mean = (p0 + p1 + p2) / 3.0
         energy += m / a * (3.0 * mean - 3.0)
         beta[0] += m * (p0 - mean)

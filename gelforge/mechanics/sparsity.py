@@ -16,9 +16,9 @@ class Pattern:
     equation: np.ndarray  # (N, 3) int32, number of each degree of freedom, -1 where fixed or hanging
     indptr: np.ndarray  # (n + 1,) int32
     indices: np.ndarray  # (nnz,) int32, sorted, the diagonal first in every row
-    element_slots: (
-        np.ndarray
-    )  # (E, pairs) int32 into the assembled values, upper element pairs row by row, -1 where fixed
+    # (E, pairs, 3) int32 of the pairs of an element's nodes, row by row: where the three rows of their block begin in the
+    # assembled values, on the diagonal at the diagonal. The block's row is the smaller node; -1 where one is fixed.
+    element_slots: np.ndarray
     condense: (
         sp.csr_matrix | None
     )  # (nnz, assembled): takes the values of hanging nodes to those they hang on
@@ -55,11 +55,11 @@ def build_pattern(elements: np.ndarray, fixed: np.ndarray, ties: sp.csr_matrix |
     )
     equation, indptr, indices = _upper(incidence, ~fixed)
     if ties is None:
-        slots = _element_slots(equation[elements].reshape(E, -1), indptr, indices)
+        slots = _element_slots(elements, equation, indptr, indices)
         return Pattern(equation, indptr, indices, slots, None)
     # The elements fill a pattern in which hanging nodes are free; one sparse product then condenses them out.
     hanging = np.diff(ties.indptr) > 1
-    slots = _element_slots(equation[elements].reshape(E, -1), indptr, indices)
+    slots = _element_slots(elements, equation, indptr, indices)
     tied, tied_indptr, tied_indices = _upper(incidence @ (ties != 0).astype(np.int32), ~fixed & ~hanging)
     row, column, weight = _condensation(
         indptr,
@@ -112,19 +112,19 @@ def _slot(indptr, indices, i, j):
 
 
 @nb.njit(cache=True)
-def _element_slots(dofs, indptr, indices):
-    E, n = dofs.shape
-    slots = np.full((E, n * (n + 1) // 2), -1, np.int32)
+def _element_slots(elements, equation, indptr, indices):
+    E, A = elements.shape
+    slots = np.full((E, A * (A + 1) // 2, 3), -1, np.int32)
     for e in range(E):
         k = 0
-        for a in range(n):
-            for b in range(a, n):
-                i = dofs[e, a]
-                j = dofs[e, b]
-                if i >= 0 and j >= 0:
-                    if i > j:
-                        i, j = j, i
-                    slots[e, k] = _slot(indptr, indices, i, j)
+        for a in range(A):
+            for c in range(a, A):
+                row = min(elements[e, a], elements[e, c])
+                column = max(elements[e, a], elements[e, c])
+                if equation[row, 0] >= 0 and equation[column, 0] >= 0:
+                    for i in range(3):
+                        first = i if row == column else 0
+                        slots[e, k, i] = _slot(indptr, indices, equation[row, i], equation[column, first])
                 k += 1
     return slots
 
