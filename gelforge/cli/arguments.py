@@ -136,6 +136,13 @@ def _by_hand(commands) -> None:
         help="then move sideways by this [mm] at the last depth",
     )
     press.add_argument(
+        "--twist",
+        type=float,
+        default=0.0,
+        metavar="DEG",
+        help="then turn the indenter about z by this [deg]; the table shows the torque",
+    )
+    press.add_argument(
         "--unload", action="store_true", help="then take the indenter away again, by the same depths"
     )
     press.add_argument(

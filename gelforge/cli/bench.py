@@ -7,6 +7,8 @@ import math
 from contextlib import chdir, contextmanager
 from pathlib import Path
 
+import numpy as np
+
 import gelforge
 from gelforge.cli.factory import law_path, laws_and_doubts
 from gelforge.config import ConfigError, Indenter, Study, load_camera, load_section, load_study
@@ -18,6 +20,7 @@ def press(
     depths: list[float],
     indenter: Path | None,
     shear: list[float] | None,
+    twist: float,
     unload: bool,
     sensitivities: str | None,
     out: Path | None,
@@ -35,7 +38,7 @@ def press(
         names = derivable_effects() if sensitivities == "all" else sensitivities.split(",")
         mechanics = described.mechanics.model_copy(update={"sensitivities": names})
         described = described.model_copy(update={"mechanics": mechanics})
-    planned = press_path("press", x, y, depths, shear, unload)
+    planned = press_path("press", x, y, depths, shear, unload, twist)
     check_inside({planned.name: planned}, described)
     known = material_laws_of(described, laws)
     for name in dict.fromkeys(layer.material for layer in described.sensor.layers):
@@ -84,28 +87,38 @@ def print_force_depth(study: Study, cell) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    a = cell.attributes
+    a, twisted = cell.attributes, "twist_deg" in cell.arrays
     table = Table(
         box=box.SIMPLE,
         padding=(0, 1, 0, 0),  # ten columns in 80 characters
         title=f"Force on the sensor, {study.indenter.words} at ({a['x_mm']:g}, {a['y_mm']:g}) mm",
         caption=f"{a['degrees_of_freedom']} degrees of freedom, {a['linear_solver']}, {a['seconds']:.1f} s; mm, N; "
-        "± standard deviations of Fz from the mesh and from the law",
+        "± standard deviations of Fz from the mesh and from the law"
+        + ("; Mz torque about the indenter's axis [N mm]" if twisted else ""),
     )
-    for name in ("phase", "depth", "Fx [N]", "Fy [N]", "Fz [N]", "± mesh", "± law", "touch", "slip", "steps"):
-        table.add_column(name, justify="right", no_wrap=True)
     state, arrays = cell.arrays["node_state"], cell.arrays
+    torque = torque_about_centre(arrays) if twisted else None
+    last = "steps" if torque is None else "Mz"  # in 80 characters
+    for name in ("phase", "depth", "Fx [N]", "Fy [N]", "Fz [N]", "± mesh", "± law", "touch", "slip", last):
+        table.add_column(name, justify="right", no_wrap=True)
     bars = [arrays.get(f"total_sigma_{part}_N") for part in ("mesh", "material")]
     for i, (depth, force) in enumerate(zip(cell.arrays["depth_mm"], cell.arrays["total_force_N"])):
-        counts = (state[i] > 0).sum(), (state[i] == 2).sum(), a["iterations"][i]
+        ends = a["iterations"][i] if torque is None else f"{torque[i]:+.3f}"
         table.add_row(
             a["phases"][i],
             f"{depth:.3g}",
             *(f"{value:+.4f}" for value in force),
             *("" if bar is None else f"{bar[i, 2]:.4f}" for bar in bars),
-            *(str(count) for count in counts),
+            *(str(count) for count in ((state[i] > 0).sum(), (state[i] == 2).sum(), ends)),
         )
     Console().print(table)
+
+
+def torque_about_centre(arrays: dict) -> np.ndarray:
+    """Return the torque (D,) [N mm] of a cell's forces on the top surface about z through the indenter's centre."""
+    force = arrays["node_normal_N"] + arrays["node_shear_N"]
+    arm = arrays["node_xy_mm"] + arrays["node_displacement_mm"][..., :2] - arrays["indenter_mm"][:, None, :2]
+    return (arm[..., 0] * force[..., 1] - arm[..., 1] * force[..., 0]).sum(axis=1)
 
 
 def derivable_effects() -> list[str]:

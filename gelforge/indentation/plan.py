@@ -24,7 +24,7 @@ if TYPE_CHECKING:  # pandas takes 0.3 s to import: only those who make or read t
     import pandas as pd
 
 PHASES = ("load", "shear", "tilt", "twist", "dwell", "unload")
-SHEAR_STEP_MM = 0.1  # of a press by hand: friction is followed step by step
+SHEAR_STEP_MM, TWIST_STEP_DEG = 0.1, 1.0  # of a press by hand: friction is followed step by step
 PATH_NUMBERS = ("shear_x_mm", "shear_y_mm", "tilt_x_deg", "tilt_y_deg", "twist_deg")
 POSITION_MATCH_MM = 0.01  # recorded presses join the plan within this distance
 
@@ -224,22 +224,45 @@ def _path(file: Path, place: tuple, depths: np.ndarray, turns: np.ndarray, phase
 
 
 def press_path(
-    name: str, x: float, y: float, depths: list[float], shear: list[float] | None, unload: bool
+    name: str,
+    x: float,
+    y: float,
+    depths: list[float],
+    shear: list[float] | None,
+    unload: bool,
+    twist: float = 0.0,
 ) -> PlannedCell:
-    """Return a cell that is pressed by increasing depths, then moved by shear (2,) [mm] and unloaded, if asked."""
-    if shear is None and not unload:
+    """Return a cell that is pressed by increasing depths, then, if asked, moved by shear (2,) [mm], twisted and unloaded.
+
+    twist [deg]: about z, through the indenter's centre.
+    """
+    if shear is None and not twist and not unload:
         return PlannedCell(name, x, y, tuple(depths))
     move = (0.0, 0.0) if shear is None else (float(shear[0]), float(shear[1]))
-    steps = [("load", depth, (0.0, 0.0)) for depth in depths]
+    steps = [("load", depth, (0.0, 0.0), 0.0) for depth in depths]
     if shear is not None:
-        parts = max(1, math.ceil(math.hypot(*move) / SHEAR_STEP_MM - 1e-9))
-        steps += [
-            ("shear", depths[-1], (move[0] * k / parts, move[1] * k / parts)) for k in range(1, parts + 1)
-        ]
+        shares = _shares(math.hypot(*move), SHEAR_STEP_MM)
+        steps += [("shear", depths[-1], (move[0] * part, move[1] * part), 0.0) for part in shares]
+    if twist:
+        steps += [("twist", depths[-1], move, twist * part) for part in _shares(abs(twist), TWIST_STEP_DEG)]
     if unload:
-        steps += [("unload", depth, move) for depth in [*reversed(depths[:-1]), 0.0]]
-    phases, path, shears = zip(*steps)
-    return PlannedCell(name, x, y, path, phases=phases, shears_mm=shears if any(move) else ())
+        steps += [("unload", depth, move, twist) for depth in [*reversed(depths[:-1]), 0.0]]
+    phases, path, shears, twists = zip(*steps)
+    return PlannedCell(
+        name,
+        x,
+        y,
+        path,
+        phases=phases,
+        shears_mm=shears if any(move) else (),
+        twists_deg=twists if twist else (),
+    )
+
+
+def _shares(length: float, step: float) -> list[float]:
+    """Return the shares, increasing to 1, at which a move of this length stops to be in steps of at most `step`."""
+    parts = max(1, math.ceil(length / step - 1e-9))
+    return [k / parts for k in range(1, parts + 1)]
 
 
 def _phase(move: np.ndarray) -> str:

@@ -8,6 +8,7 @@ import pytest
 import specimens
 from numpy.testing import assert_allclose
 
+from gelforge.cli.bench import torque_about_centre
 from gelforge.config import ConfigError
 from gelforge.indentation.plan import PlannedCell, plan_cells, press_path
 from gelforge.indentation.simulate import simulate_cell
@@ -140,6 +141,28 @@ def test_shear_sticks_then_slips_and_release_takes_all_away():
     assert not a["total_force_N"][-1].any()
     assert np.abs(a["reaction_N"][-1]).max() < 1e-7  # N: what the iteration leaves of a body without load
     assert np.abs(a["node_displacement_mm"][-1]).max() < 1e-5
+
+
+def test_a_twist_by_hand_turns_in_steps_of_a_degree_after_the_shear():
+    path = press_path("press", *CENTRE, [0.3], [0.15, 0.0], unload=True, twist=-2.5)
+    assert path.phases == ("load", "shear", "shear", "twist", "twist", "twist", "unload")
+    assert_allclose(path.twists_deg, [0, 0, 0, -2.5 / 3, -5 / 3, -2.5, -2.5])
+    assert path.shears_mm[-1] == (0.15, 0.0)
+
+
+def test_the_torque_of_a_twist_resists_it_and_is_that_of_friction_once_all_slips():
+    """A flat punch that slips all over: torque mu sum(N r), of each node's own pressure and distance."""
+    mu, punch = 0.2, {"kind": "cylinder", "radius_mm": 2.5, "edge_radius_mm": 0.3}
+    path = press_path("press", *CENTRE, [0.3], None, unload=False, twist=25.0)
+    a = sound(simulate_cell(specimens.study(mesh=MESH, friction=mu, indenter=punch), LAWS, path))
+    torque = torque_about_centre(a)
+    assert abs(torque[0]) < 1e-3 * torque[-1]
+    assert (np.diff(torque)[:5] > 0).all()  # the punch drags the gel round with it
+    state, touched = a["node_state"][-1], a["node_state"][-1] > OPEN
+    assert (state[touched] == SLIP).mean() > 0.9
+    arm = a["node_xy_mm"] + a["node_displacement_mm"][-1][:, :2] - a["indenter_mm"][-1][:2]
+    normal = np.linalg.norm(a["node_normal_N"][-1], axis=1)
+    assert torque[-1] == pytest.approx(mu * (normal * np.linalg.norm(arm, axis=1)).sum(), rel=0.05)
 
 
 def test_unloading_slips_back_and_lets_nodes_go():
