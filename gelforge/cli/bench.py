@@ -6,10 +6,14 @@ import csv
 import math
 from contextlib import chdir, contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import gelforge
 from gelforge.cli.factory import law_path, laws_and_doubts
 from gelforge.config import ConfigError, Indenter, Study, load_camera, load_section, load_study
+
+if TYPE_CHECKING:
+    from gelforge.indentation.cell_file import Cell
 
 
 def press(
@@ -285,16 +289,20 @@ def verify(out: Path | None) -> None:
 
 
 def warm_up() -> None:
-    """Compile every kernel by a tiny press; later runs load them from the cache."""
+    """Compile every kernel by tiny presses; later runs load them from the cache."""
+    for strain in ("finite", "small"):
+        cell = tiny_press(strain)
+        print(f"{strain} strain: {cell.attributes['linear_solver']}, {cell.attributes['seconds']:.1f} s")
+
+
+def tiny_press(strain: str) -> Cell:
+    """Return the solution of a press on a coarse mesh, which compiles or loads the kernels and the direct solver."""
     from gelforge.config import Mesh
     from gelforge.indentation.plan import PlannedCell
     from gelforge.indentation.simulate import simulate_cell
 
     study = paper_study()
     coarse = Mesh(near_mm=2.0, near_radius_mm=2.0, far_mm=4.0)
-    laws = laws_of(study, [])
-    for strain in ("finite", "small"):
-        mechanics = study.mechanics.model_copy(update={"mesh": coarse, "strain": strain})
-        tiny = study.model_copy(update={"mechanics": mechanics})
-        cell = simulate_cell(tiny, laws, PlannedCell("warm_up", 16.0, 16.0, (0.5,)))
-        print(f"{strain} strain: {cell.attributes['linear_solver']}, {cell.attributes['seconds']:.1f} s")
+    mechanics = study.mechanics.model_copy(update={"mesh": coarse, "strain": strain})
+    tiny = study.model_copy(update={"mechanics": mechanics})
+    return simulate_cell(tiny, laws_of(study, []), PlannedCell("warm_up", 16.0, 16.0, (0.5,)))
