@@ -34,8 +34,7 @@ onstart:
     check_paths(list(workflow.dag.needrun_jobs()))
     check_raw_data(list(workflow.dag.needrun_jobs()))
     solve_anew(list(workflow.dag.needrun_jobs()))
-    if workflow.local_exec and SOLVES & {job.rule.name for job in workflow.dag.needrun_jobs()}:
-        solve_in_forks()
+    begin_solving(list(workflow.dag.needrun_jobs()))
 
 
 onsuccess:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import gelforge
 from gelforge.cli.factory import law_path, laws_and_doubts
 from gelforge.config import ConfigError, Indenter, Study, load_camera, load_section, load_study
+from gelforge.progress import tracked
 
 if TYPE_CHECKING:
     from gelforge.indentation.cell_file import Cell
@@ -198,8 +199,6 @@ def predict(
     """Print the total force of each frame, write the distributions, and print how long each step took."""
     from itertools import islice
 
-    from rich.progress import track
-
     from gelforge.learning.predictor import Predictor, Timing, predict_frames
     from gelforge.recording.flow import read_grey
     from gelforge.recording.frames import frames as frames_of
@@ -211,7 +210,7 @@ def predict(
     predictions = islice(predictions, frames)
     flagged = []
     with distribution_table(out) as write:
-        for prediction in track(predictions, description=str(source), transient=True):
+        for prediction in tracked(predictions, f"frames of {source}", frames):
             timing.add(prediction)
             write(prediction)
             flagged.append(prediction.unlike > 1)
