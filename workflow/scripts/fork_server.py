@@ -18,6 +18,7 @@ import sys
 
 CODE = ("cli", "config", "mechanics", "meshing", "indentation", "characterisation", "virtual_lab", "files.py")
 NOBODY = "-"  # no address
+COLLECT_S = 1.0  # how often forks that have ended are collected
 OPEN = 128  # jobs that may wait while the server loads
 THREADS = {name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")}
 
@@ -97,18 +98,21 @@ def serve(address: str) -> None:
     listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     listening.bind(address)
     listening.listen(OPEN)
-    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for a fork
     waiting = selectors.DefaultSelector()
     waiting.register(listening, selectors.EVENT_READ)
     waiting.register(sys.stdin, selectors.EVENT_READ)
     loaded = ""
-    while not any(key.fileobj is sys.stdin for key, _ in waiting.select()):
+    while sys.stdin not in (asking := [key.fileobj for key, _ in waiting.select(COLLECT_S)]):
+        collect()
+        if not asking:
+            continue
         connection = listening.accept()[0]
         loaded = loaded or load()
         if not os.fork():
             listening.close()
             os._exit(run(connection, loaded))
         connection.close()
+    collect()
     os.unlink(address)
     os.rmdir(os.path.dirname(address))
     os._exit(0)  # nothing that was loaded needs to be taken down in order
@@ -116,7 +120,6 @@ def serve(address: str) -> None:
 
 def load() -> str:
     """Load what solves a site, compiled kernels and direct solver too, by a tiny press; return the digest of the code."""
-    signal.signal(signal.SIGCHLD, signal.SIG_DFL)  # for what the libraries ask the system while they load
     from gelforge.cli import keep_compiled_kernels, open_without_locks
 
     keep_compiled_kernels()
@@ -127,8 +130,16 @@ def load() -> str:
     from gelforge.cli.bench import tiny_press
 
     tiny_press("finite")
-    signal.signal(signal.SIGCHLD, signal.SIG_IGN)
     return digest
+
+
+def collect() -> None:
+    """Let the system forget forks that have ended, and count their CPU time as this process's children's."""
+    try:
+        while os.waitpid(-1, os.WNOHANG)[0]:
+            pass
+    except ChildProcessError:
+        pass
 
 
 def run(connection: socket.socket, loaded: str) -> int:
@@ -138,7 +149,6 @@ def run(connection: socket.socket, loaded: str) -> int:
     from gelforge.cli import main
     from gelforge.files import source_digest
 
-    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     head, outputs, _, _ = socket.recv_fds(connection, 4, 2)
     request = json.loads(_read(connection, int.from_bytes(head, "big")))
     if source_digest(*CODE) != loaded:
