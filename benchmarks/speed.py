@@ -174,11 +174,16 @@ def table_of(rows: list[Row], states: dict[str, Path]) -> pd.DataFrame:
 def line_of(found: dict[str, list[float | None]]) -> dict[str, str]:
     """Return the medians of a row in words, and their ratio where there are two."""
     middle = {name: None if None in values else median(values) for name, values in found.items()}
-    words = {name: "-" if value is None else f"{value:.3g}" for name, value in middle.items()}
+    words = {name: "-" if value is None else number(value) for name, value in middle.items()}
     if len(middle) == 2:
         before, now = middle.values()
         words["before / now"] = "-" if before is None or now is None or now <= 0 else f"{before / now:.1f}"
     return words
+
+
+def number(value: float) -> str:
+    """Return a number to three figures, in full from a hundred on."""
+    return f"{value:.0f}" if value >= 100 else f"{value:.3g}"
 
 
 def main() -> None:

@@ -3,6 +3,7 @@
 import io
 import os
 import sys
+from contextlib import suppress
 
 import pytest
 
@@ -108,12 +109,18 @@ def test_a_worker_is_silent(shown, capfd):
 
 
 def test_an_error_leaves_what_was_done(shown, capsys):
+    def fails():
+        for _ in tracked(range(4), "sites"):
+            raise ValueError("no")
+
     clock = Clock()
-    with pytest.raises(ValueError, match="no"), Progress("sites", 4, clock=clock) as told:
+    with suppress(ValueError), Progress("sites", 4, clock=clock) as told:
         clock.now += 6.0
         told.advance()
         raise ValueError("no")
     assert capsys.readouterr().err.splitlines()[-1] == "sites: 1 of 4; stopped after 6 s"
+    with pytest.raises(ValueError, match="no"):
+        fails()
     run(clock, 4, 6.0)
     assert "4 of 4" in capsys.readouterr().err, "the next one is shown again"
 
