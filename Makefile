@@ -32,7 +32,7 @@ test-thorough: $(READY)
 	$(ONE_THREAD) $(BIN)/python -m pytest --numprocesses $(CORES) --dist loadfile --no-loadscope-reorder --thorough
 
 # What a site, its sensitivities, studies and memory cost, beside a state before: make speed BEFORE=TAG; then other codes
-# where they are installed, and cost against unknowns and presses. An hour and a half on two quiet cores, half of it for BEFORE.
+# where they are installed, and cost against unknowns and presses.
 speed: $(READY)
 	$(BIN)/python benchmarks/speed.py $(if $(BEFORE),--before $(BEFORE))
 	$(BIN)/python benchmarks/where_time_goes.py

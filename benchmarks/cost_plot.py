@@ -5,7 +5,7 @@ Right: CPU seconds of a plan of random sites with 8 depths each, Snakemake's own
 The sensors are the article's and a block like a GelSight Mini's gel with friction 0.8 (benchmarks/sensors.py).
 
 usage: python benchmarks/cost_plot.py [--near 0.6 0.45 0.3 0.2] [--sites 1 2 4 8] [--out docs/figures/cost.png]
-       (a quarter of an hour on two quiet cores; plans are solved as the study's `plan.interpolation` says: none)
+       (plans are solved site by site: `plan.interpolation: none`)
 """
 
 from __future__ import annotations
