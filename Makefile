@@ -31,11 +31,13 @@ test: $(READY)
 test-thorough: $(READY)
 	$(ONE_THREAD) $(BIN)/python -m pytest --numprocesses $(CORES) --dist loadfile --no-loadscope-reorder --thorough
 
-# What a cell costs and where its time goes, beside FElupe and CalculiX where they are installed: half an hour, one thread.
+# What a site, its sensitivities, studies and memory cost, beside a state before: make speed BEFORE=TAG; then other codes
+# where they are installed, and cost against unknowns and presses.
 speed: $(READY)
-	$(BIN)/python benchmarks/cell_cost.py --near 0.6 0.45 0.3 0.2
+	$(BIN)/python benchmarks/speed.py $(if $(BEFORE),--before $(BEFORE))
 	$(BIN)/python benchmarks/where_time_goes.py
 	$(BIN)/python benchmarks/against_peers.py --size 0.45 --limit 600
+	$(BIN)/python benchmarks/cost_plot.py --out results/speed/cost.png
 
 format: $(READY)
 	$(BIN)/ruff format . && $(BIN)/ruff check --fix . && $(BIN)/snakefmt Snakefile workflow

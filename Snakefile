@@ -34,6 +34,7 @@ onstart:
     check_paths(list(workflow.dag.needrun_jobs()))
     check_raw_data(list(workflow.dag.needrun_jobs()))
     solve_anew(list(workflow.dag.needrun_jobs()))
+    begin_solving(list(workflow.dag.needrun_jobs()))
 
 
 onsuccess:

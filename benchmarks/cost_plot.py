@@ -1,58 +1,70 @@
-"""Cost against the number of unknowns and of cells, measured, on log-log axes: a PNG and the slopes.
+"""Cost against the number of unknowns and of presses, measured, on log-log axes, of two sensors: a PNG and the slopes.
 
-Left: CPU seconds and peak memory of one cell (centre of the paper's sensor, 8 depths, error bars included) on meshes of
-several sizes, each in a process of its own. Right: seconds of all jobs of a finished run up to its n-th cell, in the order
-in which they ended, as Snakemake measured them; a mirrored cell is a job too.
+Left: CPU seconds and peak memory of one site (8 depths, error bars included, near a corner) on meshes of several sizes.
+Right: CPU seconds of a plan of random sites with 8 depths each, Snakemake's own among them, over the number of presses.
+The sensors are the article's and a block like a GelSight Mini's gel with friction 0.8 (benchmarks/sensors.py).
 
-usage: python benchmarks/cost_plot.py [--near 0.6 0.45 0.3 0.2] [--study config/config.yaml] [--results results/demo]
-       [--out docs/figures/cost.png]      (one thread; about two minutes)
+usage: python benchmarks/cost_plot.py [--near 0.6 0.45 0.3 0.2] [--sites 1 2 4 8] [--out docs/figures/cost.png]
+       (plans are solved site by site: `plan.interpolation: none`)
 """
 
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
-from cell_cost import run
 from matplotlib.ticker import NullFormatter
-from paper_study import job
+from sensors import DEPTHS_MM, SENSORS, WIDTHS_MM
+from speed import MARGIN, write_study
+from two_states import cost_of, state_now
 
-from gelforge.config import load_study
-from gelforge.indentation.plan import plan_cells
+from gelforge.indentation.cell_file import read_cell, read_timings
+from gelforge.progress import show, tracked
 from gelforge.report.style import FAINT, MEASURED, SIMULATED, new_figure, styled
 
-CENTRE = (16.0, 16.0)
-MiB_PER_GB = 1e9 / 2**20
+LIMIT_S = 7200.0  # of a command
 
 
-def of_meshes(sizes: list[float]) -> pd.DataFrame:
-    """Return unknowns, CPU seconds and peak memory of the centre's cell at several element sizes [mm] under the ball."""
-    script = str(Path(__file__).with_name("cell_cost.py"))
-    rows = []
-    for near in sizes:
-        printed = run([sys.executable, script, "--one", *map(str, (*CENTRE, near))])
-        rows.append(json.loads(printed.splitlines()[-1]))
-    return pd.DataFrame(rows)[["near [mm]", "unknowns", "CPU [s]", "wall [s]", "peak [MiB]", "status"]]
+def of_mesh(state: Path, sensor: str, near: float) -> dict:
+    """Return what a site 5 mm from two walls costs on a mesh with this element size [mm] under the ball, far four times."""
+    mechanics = SENSORS[sensor].get("mechanics", {}) | {"mesh": {"near_mm": near, "far_mm": 4 * near}}
+    write_study(state, SENSORS[sensor] | {"mechanics": mechanics, "plan": one_site(sensor)})
+    x, y = (width - MARGIN for width in WIDTHS_MM[sensor])
+    depths = ",".join(map(str, DEPTHS_MM[sensor]))
+    where = ["--x", str(x), "--y", str(y), "--depths", depths, "--study", "speed.yaml", "--out", "press.h5"]
+    cost = cost_of(["gelforge", "press", *where], state, LIMIT_S)
+    if cost.status:
+        raise SystemExit(cost.printed)
+    return {
+        "sensor": sensor,
+        "near [mm]": near,
+        "unknowns": int(read_cell(state / "press.h5", []).attributes["degrees_of_freedom"]),
+        "CPU [s]": read_timings(state / "press.h5")["cpu_seconds"],
+        "peak [GB]": cost.memory_MB / 1e3,
+    }
 
 
-def of_cells(study: str, results: Path) -> tuple[pd.DataFrame, str]:
-    """Return number of cells and seconds of their jobs up to then, and what the run was."""
-    described = load_study(study)
-    planned = plan_cells(described)
-    files = {name: results / "benchmarks" / "cells" / f"{name}.tsv" for name in planned}
-    jobs = pd.DataFrame([job(file) for file in files.values() if file.is_file()])
-    if jobs.empty:
-        raise SystemExit(
-            f"{results}: no job of a cell was measured there; run its cells with Snakemake first"
-        )
-    jobs = jobs.sort_values("end", ignore_index=True)
-    solved = sum(cell.source is None for cell in planned.values())
-    words = f"study {described.study}: {len(jobs)} cells, {solved} of them solved, the others mirrored"
-    return pd.DataFrame({"cells": np.arange(len(jobs)) + 1, "seconds": jobs["job_s"].cumsum()}), words
+def one_site(sensor: str) -> dict:
+    """Return the plan of a study that is only pressed by hand."""
+    return {"grid": {"spacing_mm": 100.0, "margin_mm": MARGIN}, "depths_mm": DEPTHS_MM[sensor]}
+
+
+def of_plan(state: Path, sensor: str, sites: int) -> dict:
+    """Return what a plan of random sites costs, all its jobs and Snakemake's own share."""
+    rng = np.random.default_rng(sites)
+    places = rng.uniform(MARGIN, np.array(WIDTHS_MM[sensor]) - MARGIN, (sites, 2)).round(3)
+    depths = DEPTHS_MM[sensor]
+    rows = [(f"p{k:04d}", x, y, depth) for k, (x, y) in enumerate(places) for depth in depths]
+    pd.DataFrame(rows, columns=["cell", "x_mm", "y_mm", "depth_mm"]).to_csv(state / "plan.csv", index=False)
+    write_study(state, SENSORS[sensor] | {"plan": {"file": "plan.csv"}})
+    command = ["snakemake", "cells", "--cores", "2", "--configfile", "speed.yaml", "--forceall"]
+    cost = cost_of(command, state, LIMIT_S)
+    if cost.status:
+        raise SystemExit(cost.printed)
+    return {"sensor": sensor, "presses": sites * len(depths), "CPU [s]": cost.cpu_s, "wall [s]": cost.wall_s}
 
 
 def slope(x: pd.Series, y: pd.Series) -> float:
@@ -61,35 +73,27 @@ def slope(x: pd.Series, y: pd.Series) -> float:
 
 
 @styled
-def cost_figure(meshes: pd.DataFrame, cells: pd.DataFrame, words: str):
+def cost_figure(meshes: pd.DataFrame, plans: pd.DataFrame):
     """Return the two panels."""
     figure, axes = new_figure(8.6, 3.4, ncols=2)
     left, right = axes[0]
-    for column, colour, marker, label in (
-        ("CPU [s]", SIMULATED, "o", "CPU seconds"),
-        ("peak [GB]", MEASURED, "s", "peak memory [GB]"),
-    ):
-        exponent = slope(meshes["unknowns"], meshes[column])
-        left.loglog(
-            meshes["unknowns"],
-            meshes[column],
-            marker + "-",
-            color=colour,
-            label=f"{label}, slope {exponent:.2f}",
-        )
-    left.set_xticks(meshes["unknowns"], [f"{count:,}" for count in meshes["unknowns"]])
-    left.xaxis.set_minor_formatter(NullFormatter())
-    left.set_xlabel("unknowns of the cell")
-    left.set_title("One cell, 8 depths, error bars included")
-    first = cells["seconds"].iloc[0] * cells["cells"]
-    right.loglog(cells["cells"], first, "--", color=FAINT, label="each as dear as the first")
-    right.loglog(cells["cells"], cells["seconds"], "-", lw=2, color=SIMULATED, label="measured")
-    right.set_xlabel("cells")
-    right.set_ylabel("seconds of all jobs")
-    right.set_title(words.replace(": ", ":\n", 1), fontsize=9)
+    for (name, mesh), colour in zip(meshes.groupby("sensor", sort=False), (SIMULATED, MEASURED)):
+        for column, style, what in (("CPU [s]", "o-", "s"), ("peak [GB]", "s--", "GB")):
+            label = f"{name}, {what}, slope {slope(mesh['unknowns'], mesh[column]):.2f}"
+            left.loglog(mesh["unknowns"], mesh[column], style, color=colour, label=label)
+        plan = plans[plans["sensor"] == name]
+        label = f"{name}, slope {slope(plan['presses'], plan['CPU [s]']):.2f}"
+        right.loglog(plan["presses"], plan["CPU [s]"], "o-", color=colour, label=label)
+        first = plan["CPU [s]"].iloc[0] * plan["presses"] / plan["presses"].iloc[0]
+        right.loglog(plan["presses"], first, ":", color=FAINT)
+    left.set_xlabel("unknowns of the site")
+    left.set_title("One site, 8 depths, error bars: CPU seconds, peak memory", fontsize=9)
+    right.set_xlabel("presses of a random plan")
+    right.set_title("CPU seconds of the plan (dotted: each as dear as the first)", fontsize=9)
     for ax in (left, right):
+        ax.xaxis.set_minor_formatter(NullFormatter())
         ax.grid(True, which="both")
-        ax.legend(loc="upper left")
+        ax.legend(loc="upper left", fontsize=7)
     return figure
 
 
@@ -98,23 +102,29 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--near", type=float, nargs="+", default=[0.6, 0.45, 0.3, 0.2])
-    parser.add_argument("--study", default="config/config.yaml")
-    parser.add_argument(
-        "--results", type=Path, help="its results folder, if it is another than the study's own"
-    )
+    parser.add_argument("--sites", type=int, nargs="+", default=[1, 2, 4, 8])
     parser.add_argument("--out", type=Path, default=Path("docs/figures/cost.png"))
-    arguments = parser.parse_args()
-    cells, words = of_cells(arguments.study, arguments.results or load_study(arguments.study).results_folder)
-    meshes = of_meshes(arguments.near).sort_values("unknowns", ignore_index=True)
-    meshes["peak [GB]"] = meshes["peak [MiB]"] / MiB_PER_GB
+    options = parser.parse_args()
+    show()
+    with TemporaryDirectory(prefix="gelforge-cost-") as temporary:
+        state = state_now(Path(temporary))
+        cost_of(["gelforge", "warm-up"], state, LIMIT_S)
+        sizes = [(sensor, near) for sensor in SENSORS for near in options.near]
+        meshes = pd.DataFrame([of_mesh(state, *one) for one in tracked(sizes, "meshes")])
+        counts = [(sensor, sites) for sensor in SENSORS for sites in options.sites]
+        plans = pd.DataFrame([of_plan(state, *one) for one in tracked(counts, "plans")])
     print(meshes.round(3).to_markdown(index=False), "\n")
-    for column in ("CPU [s]", "peak [GB]"):
-        print(f"slope of {column} over unknowns: {slope(meshes['unknowns'], meshes[column]):.2f}")
-    later = cells[cells["cells"] >= 4]  # the first ones are each their own mesh and position
-    print(f"{words}; slope of job seconds over cells: {slope(later['cells'], later['seconds']):.2f}")
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    cost_figure(meshes, cells, words).savefig(arguments.out, dpi=110, metadata={"Software": None})
-    print(f"written to {arguments.out}")
+    print(plans.round(1).to_markdown(index=False), "\n")
+    for table, x, columns in (
+        (meshes, "unknowns", ("CPU [s]", "peak [GB]")),
+        (plans, "presses", ("CPU [s]", "wall [s]")),
+    ):
+        for name, part in table.groupby("sensor", sort=False):
+            slopes = ", ".join(f"{column} {slope(part[x], part[column]):.2f}" for column in columns)
+            print(f"slopes over {x}, sensor {name}: {slopes}")
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    cost_figure(meshes, plans).savefig(options.out, dpi=110, metadata={"Software": None})
+    print(f"written to {options.out}")
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import load_study
-from gelforge.indentation.cell_file import CellError, read_cell
+from gelforge.indentation.cell_file import CellError, read_cell, read_timings
 from gelforge.indentation.plan import PlannedCell, plan_cells
 
 ARRAYS = ["depth_mm", "total_force_N"]
@@ -41,12 +41,16 @@ def row(planned: PlannedCell, results: Path) -> tuple[dict, pd.DataFrame]:
     }
     benchmark = results / "benchmarks" / "cells" / f"{planned.name}.tsv"
     known |= job(benchmark) if benchmark.is_file() else {}
+    timings = read_timings(results / "cells" / f"{planned.name}.h5")
+    known |= {name: timings.get(name, np.nan) for name in ("seconds", "cpu_seconds")}
+    if "peak_memory_MB" in timings:
+        known["memory_MB"] = timings["peak_memory_MB"]  # Snakemake does not see that of a fork
     try:
         cell = read_cell(results / "cells" / f"{planned.name}.h5", ARRAYS, BARS)
     except CellError as error:
         return known | {"status": "missing", "reason": str(error)}, pd.DataFrame()
     a, force = cell.attributes, cell.arrays["total_force_N"]
-    known |= {name: a[name] for name in ("status", "reason", "cpu_seconds", "degrees_of_freedom")}
+    known |= {name: a[name] for name in ("status", "reason", "degrees_of_freedom")}
     known["iterations"], known["balance"] = (
         int(np.sum(a["iterations"])),
         np.max(a["force_balance"], initial=0.0),
@@ -82,6 +86,10 @@ def facts(cells: pd.DataFrame, cores: int) -> pd.DataFrame:
         ("CPU in solving", f"{cpu.sum() / 60:.1f} min"),
         ("CPU of a solved cell, median (largest)", _median(cpu, "{:.1f} s")),
         ("job of a solved cell, median (largest)", _median(of_jobs, "{:.1f} s")),
+        (
+            "the job beyond its solution, median (largest)",
+            _median(of_jobs - cells.loc[solved, "seconds"], "{:.2f} s"),
+        ),
         ("job of a mirrored cell, median (largest)", _median(cells.loc[~solved, "job_s"], "{:.1f} s")),
         ("memory of a process, median (largest)", _median(cells.loc[solved, "memory_MB"], "{:.0f} MB")),
     ]
@@ -142,7 +150,7 @@ def main() -> None:
 def _with_columns(cells: pd.DataFrame) -> pd.DataFrame:
     """Return the table with the columns of a run that measured and solved everything; empty where this one did not."""
     of_jobs = ["start", "end", "job_s", "memory_MB"]
-    of_cells = ["cpu_seconds", "degrees_of_freedom", "iterations", "balance"]
+    of_cells = ["seconds", "cpu_seconds", "degrees_of_freedom", "iterations", "balance"]
     return cells.reindex(
         columns=[*cells.columns, *(name for name in of_jobs + of_cells if name not in cells)]
     )

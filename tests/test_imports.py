@@ -16,7 +16,7 @@ PACKAGE = Path(gelforge.__file__).parent
 LAYERS = [
     {"mechanics"},
     {"meshing"},
-    {"config", "files", "hdf5", "csv_table", "units", "input_files"},
+    {"config", "files", "hdf5", "csv_table", "units", "input_files", "progress"},
     {"characterisation", "indentation", "verification"},
     {"recording", "virtual_lab"},
     {"dataset"},

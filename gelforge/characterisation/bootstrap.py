@@ -13,8 +13,10 @@ from scipy.stats import t as student
 from gelforge.characterisation.curves import MeanCurve
 from gelforge.characterisation.families import Family
 from gelforge.characterisation.fit import FitError, LawFit, Problem
+from gelforge.progress import tracked
 
 CHUNK = 125  # refits per task
+CHUNKS = f"bootstrap, {CHUNK} refits each"
 
 
 @dataclass(frozen=True)
@@ -63,10 +65,10 @@ def bootstrap(
     chunks = np.array_split(np.random.SeedSequence(seed).spawn(replicates), -(-replicates // CHUNK))
     refit = partial(_refits, curves, fit.family, fit.theta)
     if workers == 1:
-        theta = [refit(chunk) for chunk in chunks]
+        theta = [refit(chunk) for chunk in tracked(chunks, CHUNKS)]
     else:
         with ProcessPoolExecutor(workers) as pool:
-            theta = list(pool.map(refit, chunks))
+            theta = list(tracked(pool.map(refit, chunks), CHUNKS, len(chunks)))
     return Bootstrap(fit.family, np.concatenate(theta), sum(fit.samples.values()) - len(fit.samples))
 
 

@@ -14,6 +14,7 @@ from importlib import import_module
 from pathlib import Path
 
 from gelforge.cli.arguments import parser
+from gelforge.progress import show
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -24,6 +25,7 @@ def main(argv: list[str] | None = None) -> int:
     warnings.formatwarning = one_line
     open_without_locks()
     stop_in_order()
+    show()
     try:
         getattr(import_module(f"gelforge.cli.{module}"), function)(**arguments)
     except KeyboardInterrupt:

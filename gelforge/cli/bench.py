@@ -6,12 +6,17 @@ import csv
 import math
 from contextlib import chdir, contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 import gelforge
 from gelforge.cli.factory import law_path, laws_and_doubts
 from gelforge.config import ConfigError, Indenter, Study, load_camera, load_section, load_study
+from gelforge.progress import tracked
+
+if TYPE_CHECKING:
+    from gelforge.indentation.cell_file import Cell
 
 
 def press(
@@ -207,8 +212,6 @@ def predict(
     """Print the total force of each frame, write the distributions, and print how long each step took."""
     from itertools import islice
 
-    from rich.progress import track
-
     from gelforge.learning.predictor import Predictor, Timing, predict_frames
     from gelforge.recording.flow import read_grey
     from gelforge.recording.frames import frames as frames_of
@@ -220,7 +223,7 @@ def predict(
     predictions = islice(predictions, frames)
     flagged = []
     with distribution_table(out) as write:
-        for prediction in track(predictions, description=str(source), transient=True):
+        for prediction in tracked(predictions, f"frames of {source}", frames):
             timing.add(prediction)
             write(prediction)
             flagged.append(prediction.unlike > 1)
@@ -298,16 +301,20 @@ def verify(out: Path | None) -> None:
 
 
 def warm_up() -> None:
-    """Compile every kernel by a tiny press; later runs load them from the cache."""
+    """Compile every kernel by tiny presses; later runs load them from the cache."""
+    for strain in ("finite", "small"):
+        cell = tiny_press(strain)
+        print(f"{strain} strain: {cell.attributes['linear_solver']}, {cell.attributes['seconds']:.1f} s")
+
+
+def tiny_press(strain: str) -> Cell:
+    """Return the solution of a press on a coarse mesh, which compiles or loads the kernels and the direct solver."""
     from gelforge.config import Mesh
     from gelforge.indentation.plan import PlannedCell
     from gelforge.indentation.simulate import simulate_cell
 
     study = paper_study()
     coarse = Mesh(near_mm=2.0, near_radius_mm=2.0, far_mm=4.0)
-    laws = laws_of(study, [])
-    for strain in ("finite", "small"):
-        mechanics = study.mechanics.model_copy(update={"mesh": coarse, "strain": strain})
-        tiny = study.model_copy(update={"mechanics": mechanics})
-        cell = simulate_cell(tiny, laws, PlannedCell("warm_up", 16.0, 16.0, (0.5,)))
-        print(f"{strain} strain: {cell.attributes['linear_solver']}, {cell.attributes['seconds']:.1f} s")
+    mechanics = study.mechanics.model_copy(update={"mesh": coarse, "strain": strain})
+    tiny = study.model_copy(update={"mechanics": mechanics})
+    return simulate_cell(tiny, laws_of(study, []), PlannedCell("warm_up", 16.0, 16.0, (0.5,)))

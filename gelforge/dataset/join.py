@@ -28,6 +28,7 @@ from gelforge.files import digest, file_sha256
 from gelforge.hdf5 import opened
 from gelforge.indentation.cell_file import ERROR_BARS, Cell, read_cell
 from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell, plan_cells
+from gelforge.progress import tracked
 
 FEATURE_FORMAT = "gelforge-features-1"
 SCAN_ROWS = 4096  # rows of a feature file whose names are in memory at a time
@@ -89,7 +90,7 @@ def join_shard(
     attributes["synthetic"] = any(s["synthetic"] for s in attributes["sessions"].values())
 
     with writing_shard(out, attributes, labels_only, 2 * study.features.regions**2, bins) as writer:
-        for name in cells_of_chunk:
+        for name in tracked(cells_of_chunk, "sites joined"):
             path = cell_files[name]
             cell = _checked_cell(path, planned[name], bins, (cell_digests or {}).get(name))
             attributes["cells"][name] = _cell_attributes(path, cell, planned[name], split[name]) | {

@@ -32,6 +32,7 @@ from gelforge.indentation.simulate import simulate_in_order
 from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mechanics.laws import PrincipalLaw
 from gelforge.mechanics.peak_grid import Box, PeakGrid
+from gelforge.progress import tracked
 
 ROWS = ("force", "sigma_mesh", "sigma_material")  # of a label, each the total and then the bins (1 + B, 3)
 COPIED = 256  # presses that are in memory at a time when the file is written
@@ -70,15 +71,13 @@ def press_in_order(
     moved = {name: [law.description() for law in several] for name, several in uncertain.items()}
     bins = study.sensor.bins.nx * study.sensor.bins.ny
     labels, progress = _resumed(part, digest([identity, moved]), (len(presses), len(ROWS), 1 + bins, 3))
-    for number in range(progress.done, len(presses)):
+    for number in tracked(range(progress.done, len(presses)), f"presses of session {session}"):
         if progress.reason:
             break
         _press(study, laws, uncertain, presses[number], progress, labels[number])
         labels.flush()  # before the progress that counts it
         progress.labels = _sum_of(labels, progress.done)
         _keep(part, progress)
-        outcome = progress.reason or f"solved in {progress.seconds[-1]:.1f} s"
-        print(f"{presses[number].name} ({number + 1} of {len(presses)}): {outcome}", flush=True)
     _write(out, study, laws, session, identity, presses, progress, labels)
     del labels
     shutil.rmtree(part)

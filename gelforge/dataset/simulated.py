@@ -14,6 +14,7 @@ from gelforge.config import Camera, Study, VirtualImaging
 from gelforge.dataset.shard import writing_shard
 from gelforge.indentation.cell_file import Cell
 from gelforge.indentation.companion import simulate_label
+from gelforge.progress import tracked
 from gelforge.recording.features import FlowFeatures
 from gelforge.recording.flow import reduced
 from gelforge.recording.remap import scale_of_view
@@ -36,7 +37,7 @@ def synthesise(study: Study, laws: dict, number: int, out: str | Path) -> str:
     solved = len(cell.arrays["depth_mm"])
     attributes = _attributes(study, drawn, cell)
     with writing_shard(out, attributes, False, 2 * study.features.regions**2, bins) as writer:
-        for series in range(study.synthesis.patterns if solved else 0):
+        for series in tracked(range(study.synthesis.patterns if solved else 0), "image series drawn"):
             writer.append(_rows(study, drawn, cell, series))
         rows = writer.rows
     reason = "" if cell.converged else f", ended early: {cell.attributes['reason']}"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import resource
+import sys
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -132,13 +134,19 @@ def write_cell(path: str | Path, cell: Cell) -> None:
 
 
 def write_timings(path: str | Path, timings: Mapping) -> None:
-    """Write what a product cost, in seconds, into a file of its own beside it."""
+    """Write what a product cost, seconds and this process's memory, into a file of its own beside it."""
     plain = {key: np.asarray(value).tolist() for key, value in timings.items()}
-    write_json(timings_path(path), plain)
+    write_json(timings_path(path), plain | {"peak_memory_MB": round(peak_memory_MB(), 1)})
+
+
+def peak_memory_MB() -> float:
+    """Return the largest resident set of this process so far; Snakemake does not see it of a fork (fork_server.py)."""
+    largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return largest / (2**20 if sys.platform == "darwin" else 1024)  # macOS counts bytes, Linux kilobytes
 
 
 def read_timings(path: str | Path) -> dict:
-    """Return what a product cost, in seconds; empty where nobody knows."""
+    """Return what a product cost, seconds and memory; empty where nobody knows."""
     try:
         return json.loads(timings_path(path).read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -318,23 +318,25 @@ def _check_mirrored(related: dict[str, PlannedCell], sensor: Sensor) -> None:
 
 def _with_sources(cells: dict[str, PlannedCell], sensor: Sensor) -> dict[str, PlannedCell]:
     """Return the cells of a square sensor, each with the first of the plan that it is an image of, if there is one."""
-    width = sensor.width_x_mm
-    solved: dict[tuple, str] = {}
+    names = list(cells)
+    positions = np.array([(cell.x_mm, cell.y_mm) for cell in cells.values()]).reshape(-1, 2)
+    images = np.stack([transform_points(s, positions, sensor.width_x_mm) for s in D4])  # (8, cells, 2)
+    places = [list(map(tuple, row)) for row in np.round(images, 6).swapaxes(0, 1).tolist()]
+    solved: dict[tuple, int] = {}  # number of the cell solved at a place, to some depths
     related = {}
-    for cell in cells.values():
+    for number, cell in enumerate(cells.values()):
         if cell.follows_a_path:  # solved itself: its moves have directions of their own
             related[cell.name] = cell
             continue
-        position = np.array([cell.x_mm, cell.y_mm])
-        images = [tuple(np.round(transform_points(s, position, width), 6)) for s in D4]
-        source = next(
-            (solved[image, cell.depths_mm] for image in images if (image, cell.depths_mm) in solved), None
+        known = (
+            solved[place, cell.depths_mm] for place in places[number] if (place, cell.depths_mm) in solved
         )
+        source = next(known, None)
         if source is None:
-            solved[tuple(np.round(position, 6)), cell.depths_mm] = cell.name
+            solved[places[number][0], cell.depths_mm] = number  # D4 begins with the identity
             related[cell.name] = cell
             continue
-        origin = np.array([cells[source].x_mm, cells[source].y_mm])
-        symmetry = next(s for s in D4 if np.abs(transform_points(s, origin, width) - position).max() < 1e-6)
-        related[cell.name] = PlannedCell(cell.name, cell.x_mm, cell.y_mm, cell.depths_mm, source, symmetry)
+        fits = np.abs(images[:, source] - positions[number]).max(axis=-1) < 1e-6
+        symmetry = list(D4)[int(np.argmax(fits))]
+        related[cell.name] = replace(cell, source=names[source], symmetry=symmetry)
     return related

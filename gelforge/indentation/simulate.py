@@ -52,6 +52,7 @@ from gelforge.mechanics.meshes import Mesh
 from gelforge.mechanics.peak_grid import PeakGrid
 from gelforge.mechanics.sparsity import Pattern
 from gelforge.mechanics.yielding import follow_yielding
+from gelforge.progress import tracked
 
 
 def simulate_cell(
@@ -233,6 +234,7 @@ def _solved(
                 press, start, model.centres[poses], model.yielding, None if times is None else times[poses]
             )
             last = start
+            steps = tracked(steps, "steps of the indenter", len(model.centres[poses]))
             for number, last in enumerate(steps, start=poses.start):
                 if path is None or number in path.readings:
                     states.append(last)

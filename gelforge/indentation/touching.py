@@ -27,6 +27,7 @@ def check_reaches(study: Study, shape: Shape, cells: dict[str, PlannedCell]) -> 
     """
     sensor, effects = study.sensor, study.mechanics.effects
     width, block = np.array([sensor.width_x_mm, sensor.width_y_mm]), sensor.shape.kind == "block"
+    slope = touches_a_slope(effects)
     sections, parts = {}, {}
     for cell in cells.values():
         deepest = cell.deepest_mm + max(effects.kinematics.contact_zero_mm, 0.0)
@@ -41,7 +42,7 @@ def check_reaches(study: Study, shape: Shape, cells: dict[str, PlannedCell]) -> 
                 f"sensor, {away:.3g} mm from the position ({cell.x_mm:g}, {cell.y_mm:g}) mm; correct its origin_mm or "
                 "offset_mm, or the plan"
             )
-        if not block or cell.tilts_deg or cell.twists_deg or touches_a_slope(effects):
+        if not block or cell.tilts_deg or cell.twists_deg or slope:
             continue
         for number, (part, height, discs) in enumerate(parts[deepest], start=1):
             reached = height < deepest

@@ -18,6 +18,7 @@ from gelforge.dataset.shard import ShardDataset
 from gelforge.learning.data import FEATURE, LABEL, images_of_presses
 from gelforge.learning.reliability import Zero, find_zero
 from gelforge.learning.scaling import Scaling
+from gelforge.progress import tracked
 
 MOST_ROWS = 4000  # that a baseline learns from: a kernel matrix of them is 128 MB
 MOST_WATCHED = 2000  # validation rows that choose its settings
@@ -68,7 +69,7 @@ def fit_baselines(
     """
     inputs, targets, _ = _read(rows, _one_of_each_press(rows, training, seed), scaling)
     watched, wanted, untouched = _read(rows, _at_most(validation, MOST_WATCHED, seed), scaling)
-    for name, choices in _choices(inputs.shape[1]).items():
+    for name, choices in tracked(_choices(inputs.shape[1]).items(), "baselines fitted"):
         fitted = [_fitted(choice, inputs, targets) for choice in choices]
         if not len(wanted):  # nothing to choose by
             yield Baseline(name, fitted[0], scaling, Zero())

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import torch
-from tqdm import tqdm
 
 from gelforge.config import Learning, Study
 from gelforge.dataset.shard import ShardDataset, shard_attributes
@@ -33,6 +32,7 @@ from gelforge.learning.reliability import Labels, Zero, find_intervals, find_zer
 from gelforge.learning.scaling import ModelError, Scaling
 from gelforge.learning.turns import Turner, names_of
 from gelforge.learning.views import check_scale
+from gelforge.progress import Progress
 
 USUAL_THREADS = {"paper": 2}
 CHECKPOINT_FORMAT = "gelforge-checkpoint-2"
@@ -52,7 +52,6 @@ class Run:
     threads: int | None = None
     checkpoint_every: int = 20  # epochs
     buffer_rows: int = BUFFER_ROWS
-    progress: bool = True
     stop_after: int | None = None  # epochs in this run; the next run goes on from there
 
 
@@ -115,30 +114,24 @@ def train(
     watched = Batches(rows, validation, scaling, max(learning.batch_size, 256), study.seed, run.buffer_rows)
 
     last = min(learning.epochs, len(losses) + run.stop_after) if run.stop_after else learning.epochs
-    bar = tqdm(
-        range(len(losses), last),
-        initial=len(losses),
-        total=learning.epochs,
-        unit="epoch",
-        disable=not run.progress,
-    )
     finished = _out_of_patience(losses, learning.patience)
-    for epoch in bar if not finished else ():
-        training_loss = one_epoch(network, adam, batches, epoch, plan)
-        if not np.isfinite(training_loss):
-            raise ModelError(
-                f"the training loss of epoch {epoch + 1} is not finite; give a smaller learning.learning_rate "
-                f"(now {learning.learning_rate:g}), and check the features"
-            )
-        losses.append((epoch + 1, training_loss, mean_loss(network, watched)))
-        if _best_epoch(losses) == epoch + 1:
-            best = {name: values.clone() for name, values in network.state_dict().items()}
-        bar.set_postfix(training=f"{losses[-1][1]:.4f}", validation=f"{losses[-1][2]:.4f}")
-        finished = _out_of_patience(losses, learning.patience)
-        if (epoch + 1) % run.checkpoint_every == 0 or epoch + 1 == last or finished:
-            _save_checkpoint(checkpoint_path, settings, network, adam, losses, best)
-        if finished:
-            break
+    with Progress("epochs", last, len(losses)) as progress:
+        for epoch in range(len(losses), last) if not finished else ():
+            training_loss = one_epoch(network, adam, batches, epoch, plan)
+            if not np.isfinite(training_loss):
+                raise ModelError(
+                    f"the training loss of epoch {epoch + 1} is not finite; give a smaller learning.learning_rate "
+                    f"(now {learning.learning_rate:g}), and check the features"
+                )
+            losses.append((epoch + 1, training_loss, mean_loss(network, watched)))
+            if _best_epoch(losses) == epoch + 1:
+                best = {name: values.clone() for name, values in network.state_dict().items()}
+            progress.advance(note=f"loss {losses[-1][1]:.4f}, of validation {losses[-1][2]:.4f}")
+            finished = _out_of_patience(losses, learning.patience)
+            if (epoch + 1) % run.checkpoint_every == 0 or epoch + 1 == last or finished:
+                _save_checkpoint(checkpoint_path, settings, network, adam, losses, best)
+            if finished:
+                break
     if last < learning.epochs and not finished:
         rows.close()
         return False

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import meshio
 import numpy as np
 
 from gelforge.mechanics.closed_surface import ClosedSurface
@@ -219,6 +218,8 @@ def write_mesh(path: str | Path, mesh: Mesh) -> None:
         )
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     kind = {8: "hexahedron", 10: "tetra10"}[mesh.elements.shape[1]]
+    import meshio  # a fifth of a second, which who meshes blocks does without
+
     meshio.Mesh(
         mesh.X,
         [(kind, mesh.elements)],
@@ -232,6 +233,8 @@ def read_mesh(path: str | Path, regions: tuple[str, ...], base: float) -> Mesh:
 
     Raises MeshingError naming the file for other elements or regions.
     """
+    import meshio
+
     content = meshio.read(path)
     kinds = {block.type for block in content.cells}
     kind = next((k for k in ("tetra10", "tetra") if k in kinds), None)

@@ -27,6 +27,7 @@ from gelforge.indentation.simulate import simulate_cell, simulate_in_order, simu
 from gelforge.indentation.trajectory import Trajectory
 from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.progress import tracked
 
 
 class SolverFailed(ValueError):
@@ -56,6 +57,7 @@ class Unsolved:
         return f"{where} on the way up from {self.way_up_from_mm:g} mm on {self.mesh}: {self.reason}"
 
 
+PATHS = "paths of the indenter solved"
 OWN_MESH, COARSER_MESH = "the study's mesh", "the coarser mesh (mismatch.coarser)"
 
 
@@ -92,10 +94,10 @@ class Solver:
     def each(self, work: Callable, tasks: Sequence) -> list:
         """Return work(task) of every task, side by side."""
         if self.workers == 1 or len(tasks) < 2:
-            return [work(task) for task in tasks]
+            return [work(task) for task in tracked(tasks, PATHS)]
         context = multiprocessing.get_context("forkserver")
         with ProcessPoolExecutor(min(self.workers, len(tasks)), context) as pool:
-            return list(pool.map(work, tasks))
+            return list(tracked(pool.map(work, tasks), PATHS, len(tasks)))
 
 
 def fine(task: tuple[Solver, PlannedCell]) -> np.ndarray | Unsolved:

@@ -20,6 +20,7 @@ import pandas as pd
 from gelforge.config import Features, Session
 from gelforge.files import digest
 from gelforge.hdf5 import writing
+from gelforge.progress import Progress
 from gelforge.recording.checks import before_shear
 from gelforge.recording.flow import Flow, ImageError
 from gelforge.recording.image_measures import Measurer, Measures, add_measures
@@ -172,10 +173,12 @@ def session_features(recording: Recording, settings: Features, out: str | Path, 
         feature = file.create_dataset("feature", dtype="f4", **shape)
         _describe(feature, "feature")
         measures: list[Measures] = []
-        for batch in _features_in_batches(recording, settings, rows, workers):
-            vectors, found = zip(*batch)
-            feature[len(measures) : len(measures) + len(vectors)] = np.stack(vectors)
-            measures += found
+        with Progress(f"images of session {recording.session.session}", len(rows)) as progress:
+            for batch in _features_in_batches(recording, settings, rows, workers):
+                vectors, found = zip(*batch)
+                feature[len(measures) : len(measures) + len(vectors)] = np.stack(vectors)
+                measures += found
+                progress.advance(len(batch))
         table = add_measures(rows.assign(run=0), measures)
         table["flow_lost"] = table.groupby(["press", "phase"], sort=False)["flow_lost"].ffill()
         judged = judge_all(recording, table, settings.image_scale)

@@ -250,7 +250,8 @@ def failed_cells(results: StudyResults) -> Chapter:
 def time_per_stage(results: StudyResults) -> Chapter:
     """Return the time of each stage and of a cell."""
     chapter = Chapter("time", "Time per stage")
-    stages = stage_times(results.folder / "benchmarks", set(results.planned))
+    truth = results.study.data_folder / "virtual_truth" / "cells"
+    stages = stage_times(results.folder, set(results.planned), truth)
     if len(stages):
         chapter.show(
             "The longest bar is where the time goes; jobs of a stage can run side by side.",
@@ -263,7 +264,7 @@ def time_per_stage(results: StudyResults) -> Chapter:
                 "memory_MB": "largest memory [MB]",
             }
         )
-        chapter.tabulate("Wall seconds and memory as Snakemake measured them.", table)
+        chapter.tabulate("Wall seconds as Snakemake measured them; memory of a job's process.", table)
     else:
         chapter.miss(f"No benchmark files in {results.folder / 'benchmarks'}; Snakemake writes them.")
     solved = [results.cell_attributes[c.name] for c in results.converged() if c.source is None]

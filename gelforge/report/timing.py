@@ -4,28 +4,34 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from gelforge.indentation.cell_file import read_timings
 from gelforge.report.style import SIMULATED, new_figure, styled
 
-CELL_STAGE = "cells"
+CELL_STAGE, TRUTH_STAGE = "cells", "virtual_truth"
 
 
-def stage_times(benchmarks: str | Path, cells: set[str]) -> pd.DataFrame:
+def stage_times(results: str | Path, cells: set[str], truth: Path | None = None) -> pd.DataFrame:
     """Return one row per stage: stage, jobs, total_s, longest_s, memory_MB (largest resident set of a job).
 
-    A file benchmarks/<stage>/<job>.tsv belongs to <stage>; benchmarks/<job>.tsv is a stage of its own, or one of
-    the cells if it bears a cell's name.
+    A file benchmarks/<stage>/<job>.tsv of the results belongs to <stage>; benchmarks/<job>.tsv is a stage of its own, or
+    one of the cells if it bears a cell's name. truth: the folder of a virtual lab's cells. What a cell's own file says of
+    memory counts too: its job may be a fork, which Snakemake does not see.
     """
-    folder = Path(benchmarks)
+    folder = Path(results) / "benchmarks"
     rows = []
     for path in sorted(folder.rglob("*.tsv")) if folder.is_dir() else []:
         table = pd.read_csv(path, sep="\t", na_values=["-", "NA"])
-        parents = path.relative_to(folder).parent.parts
+        job = path.relative_to(folder)
+        parents = job.parent.parts
+        product = truth / job.name if truth and parents == (TRUTH_STAGE,) else Path(results) / job
         stage = parents[0] if parents else CELL_STAGE if path.stem in cells else path.stem
         memory = pd.to_numeric(table.get("max_rss", pd.Series(dtype=float)), errors="coerce").max()
-        rows.append((stage, float(table["s"].sum()), float(memory)))
+        own = read_timings(product).get("peak_memory_MB", np.nan)
+        rows.append((stage, float(table["s"].sum()), float(np.fmax(memory, own))))
     jobs = pd.DataFrame(rows, columns=["stage", "seconds", "memory_MB"])
     grouped = jobs.groupby("stage", as_index=False).agg(
         jobs=("seconds", "size"),

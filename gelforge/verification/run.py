@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
+from gelforge.progress import tracked
 from gelforge.verification import elements, friction, presses
 from gelforge.verification.check import Check
 
@@ -31,5 +32,5 @@ CHECKS: dict[str, Callable[[], list[Check]]] = {
 
 def run_checks() -> Iterator[Check]:
     """Yield every check as it is done; about a minute and a half on one core."""
-    for function in CHECKS.values():
+    for function in tracked(CHECKS.values(), "checks of the finite elements"):
         yield from function()

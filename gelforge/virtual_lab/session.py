@@ -29,6 +29,7 @@ from gelforge.config import (
 from gelforge.files import remove_orphans, temporary_beside, write_text
 from gelforge.indentation.cell_file import Cell, read_cell
 from gelforge.indentation.plan import PlannedCell
+from gelforge.progress import tracked
 from gelforge.recording.images import reference_path
 from gelforge.recording.readings import FORCE
 from gelforge.virtual_lab.imaging import expose, focused, picture
@@ -144,7 +145,8 @@ def make_session(
         (temporary / "images").mkdir(parents=True)
         record = partial(_record_cell, bench, study, Path(truth_folder), temporary / "images")
         with ThreadPoolExecutor(workers) as pool:
-            tables = [table for of_cell in pool.map(record, by_cell.values()) for table in of_cell]
+            recorded = tracked(pool.map(record, by_cell.values()), "sites recorded", len(by_cell))
+            tables = [table for of_cell in recorded for table in of_cell]
         rng = np.random.default_rng([lab_session.seed, 3])
         _write_image(reference_path(temporary), expose(bench.untouched, lab.imaging, rng))
         readings = pd.concat(tables).sort_values(["order", "time_s"], kind="stable")

@@ -32,7 +32,7 @@ def trained(tmp_path_factory):
         study_of(regions=4, bins=5, validation_fraction=0.2, **SMALL),
     )
     shards = write_shards(folder / "dataset", small_rows(), study)
-    train(study, shards, folder / "model.pt", folder / "loss.csv", Run(threads=1, progress=False))
+    train(study, shards, folder / "model.pt", folder / "loss.csv", Run(threads=1))
     rows = ShardDataset(shards, "train")
     return load_model(folder / "model.pt"), measured_presses(rows, press_names(rows))
 

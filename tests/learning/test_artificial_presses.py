@@ -19,7 +19,7 @@ def test_held_out_positions_are_predicted_better_than_by_the_mean(tmp_path, sett
     """The limits are loose: networks and steps are few. Seen: Fz 0.12, RMSES 0.76 of the mean's, 3 mm; unet: Fz 0.07."""
     study = study_of(**settings)
     shards = write_shards(tmp_path, presses(13, 22 / 12, images=1, depths=np.array([1.0, 1.5, 2.0])), study)
-    train(study, shards, tmp_path / "model.pt", tmp_path / "loss.csv", Run(threads=1, progress=False))
+    train(study, shards, tmp_path / "model.pt", tmp_path / "loss.csv", Run(threads=1))
     predict_test_rows(
         tmp_path / "model.pt", LearningSets.of(shards), study, tmp_path / "predictions.h5", threads=1
     )

@@ -108,7 +108,7 @@ def test_regions_that_never_move_are_left_as_they_are():
 def model(tmp_path_factory):
     folder, study = tmp_path_factory.mktemp("budget"), study_of(regions=4, bins=5, **SMALL)
     shards = write_shards(folder / "dataset", small_rows(), study)
-    train(study, shards, folder / "model.pt", folder / "loss.csv", Run(threads=1, progress=False))
+    train(study, shards, folder / "model.pt", folder / "loss.csv", Run(threads=1))
     return folder, study, shards
 
 

@@ -36,7 +36,7 @@ def evaluated(tmp_path_factory):
     """Return shards and predictions of a small model."""
     folder, study = tmp_path_factory.mktemp("evaluated"), study_of(regions=4, bins=5, **SMALL)
     shards = write_shards(folder / "dataset", small_rows(), study)
-    train(study, shards, folder / "model.pt", folder / "loss.csv", Run(threads=1, progress=False))
+    train(study, shards, folder / "model.pt", folder / "loss.csv", Run(threads=1))
     predict_test_rows(
         folder / "model.pt", LearningSets.of(shards), study, folder / "predictions.h5", threads=1
     )
@@ -192,7 +192,7 @@ def test_a_training_without_validation_rows_can_be_evaluated(tmp_path):
     """Two orbits: one tests, one trains, none is left to watch the loss or to choose a baseline by."""
     study = study_of(regions=4, bins=5, **SMALL | {"epochs": 2})
     shards = write_shards(tmp_path / "dataset", small_rows(cells=2), study)
-    train(study, shards, tmp_path / "model.pt", tmp_path / "loss.csv", Run(threads=1, progress=False))
+    train(study, shards, tmp_path / "model.pt", tmp_path / "loss.csv", Run(threads=1))
     out = tmp_path / "predictions.h5"
     predict_test_rows(tmp_path / "model.pt", LearningSets.of(shards), study, out, threads=1)
     assert np.isfinite(baselines_table(Predictions(out))["RMSES_N"]).all()

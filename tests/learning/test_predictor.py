@@ -21,7 +21,7 @@ SMALL = {"network": "paper", "hidden": [24, 16, 12], "batch_size": 8, "epochs": 
 def predictor(tmp_path_factory):
     folder, study = tmp_path_factory.mktemp("predictor"), study_of(regions=4, bins=5, **SMALL)
     shards = write_shards(folder / "dataset", small_rows(), study)
-    train(study, shards, folder / "model.pt", folder / "loss.csv", Run(threads=1, progress=False))
+    train(study, shards, folder / "model.pt", folder / "loss.csv", Run(threads=1))
     return Predictor(folder / "model.pt", threads=1)
 
 

@@ -23,7 +23,7 @@ from gelforge.learning.networks import paper_network
 from gelforge.learning.scaling import ModelError, Scaling
 from gelforge.learning.training import CHECKPOINT_FORMAT, Run, mean_loss, train
 
-QUIET = Run(threads=1, progress=False, checkpoint_every=3)
+QUIET = Run(threads=1, checkpoint_every=3)
 SMALL = {
     "network": "paper",
     "hidden": [24, 16, 12],

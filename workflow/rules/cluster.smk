@@ -4,8 +4,6 @@ from functools import cache
 
 from gelforge.cli.cost import Costs
 
-sys.path.append(str(Path(workflow.basedir) / "workflow/scripts"))
-
 from patient_slurm import make_patient, reaches_jobs
 
 START_S = 60  # a job of a cluster starts Snakemake twice, 10 to 30 s on a busy machine

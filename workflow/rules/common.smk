@@ -43,6 +43,27 @@ BENCHMARKS = f"{RESULTS}/benchmarks"
 GELFORGE = [sys.executable, "-m", "gelforge"]  # the environment's own interpreter: 18 ms a job
 ONE_THREAD = ["OMP_NUM_THREADS=1", "MKL_NUM_THREADS=1", "NUMBA_NUM_THREADS=1"]
 os.environ["GELFORGE_RUN"] = os.getcwd()  # marks the jobs of this folder, see workflow/scripts/unlock.py
+sys.path.append(str(Path(workflow.basedir) / "workflow/scripts"))
+
+import fork_server
+
+SOLVE = [
+    sys.executable,
+    "-I",
+    "-S",
+    fork_server.__file__,
+    fork_server.NOBODY,
+]  # as GELFORGE, see `solve_in_forks`
+
+
+def solve_in_forks():
+    """Let the jobs of this Snakemake that solve be forks of one process, instead of starting Python for each."""
+    global _fork_server  # it ends with this process
+    SOLVE[-1], _fork_server = fork_server.started()
+
+
+if not workflow.is_main_process:  # the one inside a cluster's job: `onstart` runs in the user's own only
+    solve_in_forks()
 
 
 def _study_file():

@@ -2,6 +2,9 @@
 
 import shutil
 
+from run_progress import Solved
+from snakemake.logging import logger
+
 from gelforge.dataset.presses_in_order import part_of
 from gelforge.indentation.kept_solutions import forget, tidy
 
@@ -43,6 +46,20 @@ def solve_anew(jobs):
             shutil.rmtree(first.parent / "solves", ignore_errors=True)
     if kept:
         print(f"forced: {kept} kept solutions removed, they are solved anew", file=sys.stderr)
+
+
+def begin_solving(jobs):
+    """Start what forks the jobs that solve, where they run on this machine, and count them as they finish."""
+    solving = {job.jobid for job in jobs if job.rule.name in SOLVES and not is_mirrored(job)}
+    if not solving:
+        return
+    if workflow.local_exec:
+        solve_in_forks()
+    logger.addHandler(Solved(solving))
+
+
+def is_mirrored(job):
+    return job.rule.name != "variant" and bool(CELLS[job.wildcards.cell].source)
 
 
 def solved_files():

@@ -49,7 +49,7 @@ rule simulate:
         model=block("sensor", "indenter", "mechanics"),
         source=source_digest("mechanics", "meshing", "indentation"),
     shell:
-        "{ONE_THREAD:q} {GELFORGE:q} simulate --study {STUDY_FILE:q} --cell {wildcards.cell:q}"
+        "{ONE_THREAD:q} {SOLVE:q} simulate --study {STUDY_FILE:q} --cell {wildcards.cell:q}"
         " --laws {input.laws:q} --mirrored {input.mirrored:q} --out {output:q} &> {log:q}"
 
 
@@ -77,7 +77,7 @@ rule variant:
         ),
         source=source_digest("mechanics", "indentation"),
     shell:
-        "{ONE_THREAD:q} {GELFORGE:q} simulate --study {STUDY_FILE:q} --variant {wildcards.variant:q} --cell {wildcards.cell:q}"
+        "{ONE_THREAD:q} {SOLVE:q} simulate --study {STUDY_FILE:q} --variant {wildcards.variant:q} --cell {wildcards.cell:q}"
         " --laws {input.laws:q} --out {output:q} &> {log:q}"
 
 
@@ -107,7 +107,7 @@ rule session_cell:
         ),
         source=source_digest("mechanics", "meshing", "indentation"),
     shell:
-        "{ONE_THREAD:q} {GELFORGE:q} simulate --study {STUDY_FILE:q} --session {wildcards.session:q} --cell {wildcards.cell:q}"
+        "{ONE_THREAD:q} {SOLVE:q} simulate --study {STUDY_FILE:q} --session {wildcards.session:q} --cell {wildcards.cell:q}"
         " --laws {input.laws:q} --mirrored {input.mirrored:q} --out {output:q} &> {log:q}"
 
 

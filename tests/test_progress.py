@@ -1,0 +1,146 @@
+"""What a command shows of its progress: lines of a log by time, one rewritten line of a terminal, nothing of workers."""
+
+import io
+import os
+import sys
+from contextlib import suppress
+
+import pytest
+
+from gelforge import progress
+from gelforge.progress import Progress, duration, tracked
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+class Clock:
+    """A clock that is moved by hand [s]."""
+
+    now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+@pytest.fixture
+def shown():
+    progress.show()
+    yield
+    progress._shown_by = 0
+
+
+def run(clock, count, step_s, **options):
+    with Progress("sites", count, clock=clock, **options) as told:
+        for _ in range(count - told.done):
+            clock.now += step_s
+            told.advance()
+
+
+def test_a_log_says_at_each_tenth_how_long_it_will_take(shown, capsys):
+    run(Clock(), 100, 3.0)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "sites: 2 of 100, about 4 min 50 s left"  # the first step after five seconds
+    assert lines[1] == "sites: 12 of 100, about 4 min 20 s left"
+    assert lines[-1] == "sites: 100 of 100; took 5 min"
+    assert len(lines) == 11
+
+
+def test_a_log_says_each_minute_where_a_tenth_takes_long(shown, capsys):
+    run(Clock(), 1000, 20.0)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[:2] == ["sites: 1 of 1000, about 5 h 33 min left", "sites: 4 of 1000, about 5 h 32 min left"]
+
+
+def test_what_is_done_in_five_seconds_leaves_no_line(shown, capsys):
+    run(Clock(), 4, 1.2)
+    assert capsys.readouterr().err == ""
+
+
+def test_what_was_done_before_counts_and_costs_nothing(shown, capsys):
+    run(Clock(), 100, 10.0, first=90)
+    assert capsys.readouterr().err.splitlines()[0] == "sites: 91 of 100, about 1 min 30 s left"
+
+
+def test_a_terminal_has_one_line_that_is_cleared(shown, monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    run(Clock(), 3, 1.0)
+    printed = sys.stderr.getvalue()
+    assert "\n" not in printed
+    assert printed.split("\r\033[2K")[1:] == [
+        "sites: 0 of 3",
+        "sites: 1 of 3, about 2 s left",
+        "sites: 2 of 3, about 1 s left",
+        "",
+    ]
+
+
+def test_only_the_outermost_is_shown(shown, capsys):
+    clock = Clock()
+    with Progress("outer", 2, clock=clock) as outer:
+        run(clock, 10, 3.0)
+        outer.advance()
+        run(clock, 10, 3.0)
+        outer.advance()
+    assert capsys.readouterr().err.splitlines() == [
+        "outer: 1 of 2, about 30 s left",
+        "outer: 2 of 2; took 1 min",
+    ]
+
+
+def test_unknown_ends_have_no_time_left(shown, capsys):
+    clock = Clock()
+    with Progress("frames", None, clock=clock) as told:
+        for _ in range(10):
+            clock.now += 30.0
+            told.advance()
+    assert capsys.readouterr().err.splitlines()[0] == "frames: 1"
+
+
+def test_a_worker_is_silent(shown, capfd):
+    child = os.fork()
+    if not child:
+        run(Clock(), 10, 100.0)
+        os._exit(0)
+    os.waitpid(child, 0)
+    assert capfd.readouterr().err == ""
+
+
+def test_an_error_leaves_what_was_done(shown, capsys):
+    def fails():
+        for _ in tracked(range(4), "sites"):
+            raise ValueError("no")
+
+    clock = Clock()
+    with suppress(ValueError), Progress("sites", 4, clock=clock) as told:
+        clock.now += 6.0
+        told.advance()
+        raise ValueError("no")
+    assert capsys.readouterr().err.splitlines()[-1] == "sites: 1 of 4; stopped after 6 s"
+    with pytest.raises(ValueError, match="no"):
+        fails()
+    run(clock, 4, 6.0)
+    assert "4 of 4" in capsys.readouterr().err, "the next one is shown again"
+
+
+def test_items_pass_unchanged():
+    assert list(tracked(iter("abc"), "letters")) == ["a", "b", "c"]
+    assert list(tracked([], "nothing")) == []
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [
+        (0.2, "0 s"),
+        (59.4, "59 s"),
+        (59.6, "1 min"),
+        (204, "3 min 20 s"),
+        (599, "10 min"),
+        (3570, "1 h"),
+        (8100, "2 h 15 min"),
+    ],
+)
+def test_durations_in_words(seconds, words):
+    assert duration(seconds) == words

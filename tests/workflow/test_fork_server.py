@@ -1,0 +1,112 @@
+"""Jobs that are forks of one process: what they print and return, and what happens where none answers."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from gelforge import __version__
+
+SCRIPT = Path(__file__).parents[2] / "workflow/scripts/fork_server.py"
+# A server that loads nothing, and whose command is a line of Python.
+SERVER = """
+import sys; sys.path.insert(0, {folder!r})
+import gelforge.cli, fork_server
+from gelforge.files import source_digest
+gelforge.cli.main = lambda arguments: exec(arguments[0])
+fork_server.load = lambda: {digest}
+fork_server.serve({address!r})
+"""
+
+
+@pytest.fixture
+def start(tmp_path):
+    """Return a function that starts a server and returns its address; digest: of the code that it has loaded, as Python."""
+    servers = []
+
+    def server(digest="source_digest(*fork_server.CODE)", fails=False):
+        (tmp_path / "socket").mkdir()
+        address = str(tmp_path / "socket/forks")
+        code = SERVER.format(folder=str(SCRIPT.parent), digest=digest, address=address)
+        process = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE)
+        servers.append((process, fails))
+        while not os.path.exists(address):
+            assert process.poll() is None
+        return address
+
+    yield server
+    for process, fails in servers:
+        process.stdin.close()
+        assert (process.wait() != 0) == fails
+        assert (tmp_path / "socket").exists() == fails
+
+
+def job(address, line, **options):
+    return subprocess.Popen(
+        [sys.executable, "-I", "-S", str(SCRIPT), address, line],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        **options,
+    )
+
+
+def test_a_fork_has_the_jobs_folder_environment_and_outputs(start, tmp_path):
+    line = "import os, sys; print(os.getcwd(), os.environ['HERE'], os.getppid()); print('bad', file=sys.stderr); sys.exit(3)"
+    address = start()
+    answers = []
+    for _ in range(2):
+        done = job(address, line, cwd=tmp_path, env=os.environ | {"HERE": "set"})
+        printed, errors = done.communicate()
+        assert (done.returncode, errors) == (3, "bad\n")
+        answers.append(printed.split())
+    assert answers[0] == answers[1], "one process forks for both"
+    assert answers[0][:2] == [str(tmp_path), "set"]
+
+
+def test_a_crash_is_a_failed_job_with_its_traceback(start):
+    done = job(start(), "raise ArithmeticError('no')")
+    assert "ArithmeticError: no" in done.communicate()[1]
+    assert done.returncode == 1
+
+
+def test_a_signal_reaches_the_fork(start):
+    done = job(start(), "import time; print('running', flush=True); time.sleep(1000)")
+    assert done.stdout.readline() == "running\n"
+    done.send_signal(signal.SIGTERM)
+    done.communicate()
+    assert done.returncode == 128 + signal.SIGTERM
+
+
+def test_a_fork_ends_with_its_job(start):
+    done = job(start(), "import os, time; print(os.getpid(), flush=True); time.sleep(1000)")
+    fork = int(done.stdout.readline())
+    done.kill()
+    done.wait()
+    while Path(f"/proc/{fork}").exists():
+        pass  # a hanging test would show it
+
+
+def test_a_killed_fork_is_reported(start):
+    done = job(start(), "import os; os.kill(os.getpid(), 9)")
+    assert "the process was killed" in done.communicate()[1]
+    assert done.returncode == 137
+
+
+def test_edited_sources_leave_the_job_its_own_process(start):
+    done = job(start("'of other sources'"), "--version")  # of the true command line
+    assert done.communicate() == (f"{__version__}\n", "")
+
+
+def test_a_server_that_cannot_load_leaves_the_job_its_own_process(start, capfd):
+    done = job(start("1 / 0", fails=True), "--version")
+    assert done.communicate() == (f"{__version__}\n", "")
+    assert "ZeroDivisionError" in capfd.readouterr().err
+
+
+def test_nobody_there():
+    done = job("-", "--version")
+    assert done.communicate() == (f"{__version__}\n", "")

@@ -1,0 +1,198 @@
+"""Run one gelforge command in a fork of a process that has loaded everything; without one, in a process of its own.
+
+    python -I -S workflow/scripts/fork_server.py SOCKET simulate --study ... --out ...
+
+A job that starts Python, imports and loads compiled kernels and MKL spends seconds before it solves anything. Each Snakemake
+that runs jobs itself therefore starts one fork server (`started`). It loads when the first job asks, and forks for each:
+the fork gets the job's arguments, working folder, environment, standard output and error. Where nobody answers, where
+loading failed, and where the sources have been edited since they were loaded, the job does the same in a process of its own.
+
+The job's side imports little, so that it starts in 20 ms.
+"""
+
+import json
+import os
+import signal
+import socket
+import sys
+
+CODE = ("cli", "config", "mechanics", "meshing", "indentation", "characterisation", "virtual_lab", "files.py")
+NOBODY = "-"  # no address
+COLLECT_S = 1.0  # how often forks that have ended are collected
+OPEN = 128  # jobs that may wait while the server loads
+THREADS = {name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")}
+
+
+# ------------------------------------------------------------------------------------------------- for Snakemake
+def started() -> tuple[str, object]:
+    """Return the address of a new server and its process, which ends when its standard input is closed.
+
+    The address is NOBODY where forks are no way: threads of macOS's libraries do not survive one.
+    """
+    import subprocess
+    import tempfile
+
+    if sys.platform != "linux":
+        return NOBODY, None
+    address = os.path.join(tempfile.mkdtemp(prefix="gelforge-"), "forks")
+    command = [sys.executable, __file__, "--serve", address]
+    process = subprocess.Popen(
+        command,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        env=os.environ | THREADS,
+        start_new_session=True,  # Ctrl-C goes to the jobs, which pass it on
+    )
+    return address, process
+
+
+# ------------------------------------------------------------------------------------------------------- the job
+def ask(address: str, arguments: list[str]) -> int:
+    """Return the exit status of a command, run by a fork; -1 where there is none that would run it."""
+    request = json.dumps({"arguments": arguments, "folder": os.getcwd(), "environment": dict(os.environ)})
+    try:
+        connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        connection.connect(address)
+        socket.send_fds(connection, [len(request.encode()).to_bytes(4, "big")], [1, 2])
+        connection.sendall(request.encode())
+        fork = int.from_bytes(_read(connection, 4), "big")
+    except OSError:
+        return -1
+    if not fork:
+        return -1
+    passed: list[int] = []
+
+    def pass_on(number, frame):
+        passed.append(number)
+        try:
+            os.kill(fork, number)
+        except ProcessLookupError:
+            pass
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, pass_on)
+    if status := _read(connection, 4):
+        return int.from_bytes(status, "big")
+    if passed:
+        return 128 + passed[0]
+    print("gelforge: the process was killed; if no memory was left, give the job more", file=sys.stderr)
+    return 137
+
+
+def _read(connection: socket.socket, count: int) -> bytes:
+    """Return so many bytes; none where the other end has closed before."""
+    found = b""
+    while len(found) < count:
+        part = connection.recv(count - len(found))
+        if not part:
+            return b""
+        found += part
+    return found
+
+
+# ------------------------------------------------------------------------------------------- the forking process
+def serve(address: str) -> None:
+    """Fork for each job that asks, until standard input is closed: the Snakemake that started this is no more."""
+    import selectors
+
+    listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    listening.bind(address)
+    listening.listen(OPEN)
+    waiting = selectors.DefaultSelector()
+    waiting.register(listening, selectors.EVENT_READ)
+    waiting.register(sys.stdin, selectors.EVENT_READ)
+    loaded = ""
+    while sys.stdin not in (asking := [key.fileobj for key, _ in waiting.select(COLLECT_S)]):
+        collect()
+        if not asking:
+            continue
+        connection = listening.accept()[0]
+        loaded = loaded or load()
+        if not os.fork():
+            listening.close()
+            os._exit(run(connection, loaded))
+        connection.close()
+    collect()
+    os.unlink(address)
+    os.rmdir(os.path.dirname(address))
+    os._exit(0)  # nothing that was loaded needs to be taken down in order
+
+
+def load() -> str:
+    """Load what solves a site, compiled kernels and direct solver too, by a tiny press; return the digest of the code."""
+    from gelforge.cli import keep_compiled_kernels, open_without_locks
+
+    keep_compiled_kernels()
+    open_without_locks()
+    from gelforge.files import source_digest
+
+    digest = source_digest(*CODE)  # before anything is imported: a later edit is seen
+    from gelforge.cli.bench import tiny_press
+
+    tiny_press("finite")
+    return digest
+
+
+def collect() -> None:
+    """Let the system forget forks that have ended, and count their CPU time as this process's children's."""
+    try:
+        while os.waitpid(-1, os.WNOHANG)[0]:
+            pass
+    except ChildProcessError:
+        pass
+
+
+def run(connection: socket.socket, loaded: str) -> int:
+    """Run one command in this fork, tell the job its exit status, and return it."""
+    import threading
+
+    from gelforge.cli import main
+    from gelforge.files import source_digest
+
+    head, outputs, _, _ = socket.recv_fds(connection, 4, 2)
+    request = json.loads(_read(connection, int.from_bytes(head, "big")))
+    if source_digest(*CODE) != loaded:
+        connection.sendall(bytes(4))
+        return 0
+    for number, output in zip((1, 2), outputs):
+        os.dup2(output, number)
+        os.close(output)
+    sys.stdout, sys.stderr = (open(number, "w", closefd=False, buffering=1) for number in (1, 2))
+    os.chdir(request["folder"])
+    os.environ.clear()
+    os.environ.update(request["environment"])
+    connection.sendall(os.getpid().to_bytes(4, "big"))
+    threading.Thread(target=_end_with, args=[connection], daemon=True).start()
+    try:
+        status = main(request["arguments"])
+    except SystemExit as error:
+        status = error.code if isinstance(error.code, int) else 1
+    except BaseException:
+        import traceback
+
+        traceback.print_exc()
+        status = 1
+    sys.stdout.flush()
+    sys.stderr.flush()
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # of `_end_with`, when the job has its answer
+    connection.sendall((status or 0).to_bytes(4, "big"))
+    return status or 0
+
+
+def _end_with(connection: socket.socket) -> None:
+    """End this fork when its job has ended without waiting for it."""
+    try:
+        connection.recv(1)
+    except OSError:
+        pass
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+if __name__ == "__main__":
+    if sys.argv[1] == "--serve":
+        serve(sys.argv[2])
+    else:
+        status = ask(sys.argv[1], sys.argv[2:])
+        if status < 0:
+            os.execv(sys.executable, [sys.executable, "-m", "gelforge", *sys.argv[2:]])
+        sys.exit(status)
