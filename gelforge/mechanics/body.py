@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -136,6 +137,14 @@ class Body:
             tangent[:] = self.pattern.condense @ self._assembled
         f_mixed, f_condensed = self.gathered(f_mixed), self.gathered(f_condensed)
         return Response(f_mixed, f_condensed, p_volume, coupling, energy, smallest_J, extension)
+
+    def part(self, elements: np.ndarray, mesh: Mesh) -> Body:
+        """Return some elements (n,) of the body by themselves, for responses without tangent; mesh: theirs alone."""
+        own = copy.copy(self)
+        own.mesh = mesh
+        for name in ("gradient", "weight", "stiffness", "element_bulk", "local_bulk", "element_volume"):
+            setattr(own, name, np.ascontiguousarray(getattr(self, name)[elements]))
+        return own
 
     def gathered(self, force: np.ndarray) -> np.ndarray:
         """Return nodal forces (N, 3) with those of hanging nodes handed to the nodes they hang between."""
