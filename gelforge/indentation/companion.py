@@ -137,7 +137,7 @@ def _plain_companion(study: Study, laws, planned, uncertain) -> tuple[Companion,
     press = Press(model.body, model.shape, model.settings, mechanics.solver.linear_solver)
     varied = []
     for moved in laws_moved(uncertain, by_layer, materials):
-        other = model_of(study.sensor, study.indenter, mechanics, moved, trajectory, model.body.pattern)
+        other = model_of(study.sensor, study.indenter, mechanics, moved, trajectory, model)
         varied.append(Varied(other.body, other.shape, other.settings, other.start, other.centres, AMOUNT))
     forces, slopes, reason = [], [], ""
     try:

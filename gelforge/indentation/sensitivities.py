@@ -131,8 +131,7 @@ def _model(
 ) -> Model:
     by_layer = {layer.name: laws[layer.material] for layer in study.sensor.layers}
     trajectory = Trajectory.of(planned, study.plan.approach)
-    pattern = base.body.pattern if base else None
-    return model_of(study.sensor, study.indenter, study.mechanics, by_layer, trajectory, pattern)
+    return model_of(study.sensor, study.indenter, study.mechanics, by_layer, trajectory, base)
 
 
 def _along_it(base: Model, varied: Model) -> bool:

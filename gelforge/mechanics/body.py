@@ -71,12 +71,18 @@ class Body:
         stiffness: np.ndarray | None = None,
         bulk_stiffness: np.ndarray | None = None,
         prestretch: Mapping[str, np.ndarray] | None = None,
+        like: Body | None = None,
     ):
+        """like: a body with the same elements, whose pattern, and gradients where nodes are the same, are shared."""
         self.mesh, self.laws = mesh, dict(laws)
-        self.gradient, self.weight = element_gradient(mesh.X, mesh.elements)
+        if like is not None and like.mesh.X is mesh.X and like.at_rest and not prestretch:
+            self.gradient, self.weight = like.gradient, like.weight
+        else:
+            self.gradient, self.weight = element_gradient(mesh.X, mesh.elements)
         self.rest = np.tile(np.eye(3), (len(mesh.regions), 1, 1))  # F at u = 0
         for name, F in (prestretch or {}).items():
             self._stretch_before(mesh.regions.index(name), np.asarray(F, dtype=float))
+        pattern = pattern or (like.pattern if like is not None else None)
         self.pattern = pattern or build_pattern(mesh.elements, mesh.fixed, mesh.ties)
         self._assemble = ASSEMBLE[mesh.elements.shape[1]]
         self._assembled = None if self.pattern.condense is None else np.empty(self.pattern.assembled)
