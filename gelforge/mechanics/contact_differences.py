@@ -109,6 +109,24 @@ def beside(
     return own
 
 
+def repeated(contact: SurfaceContact, held: Held, times: int) -> tuple[SurfaceContact, Held]:
+    """Return a contact and what is held of it several times, one after another, as if they were other nodes."""
+
+    def again(value):
+        return np.tile(value, (times, *(1,) * (value.ndim - 1))) if isinstance(value, np.ndarray) else value
+
+    own = copy.copy(contact)
+    own.X, own.area = again(contact.X), again(contact.area)
+    own.nodes = np.arange(times * len(contact.nodes))
+    per_node = ("u", "gap", "moved", "contact_state", "touched")
+    old = replace(held.old, **{name: again(getattr(held.old, name)) for name in per_node})
+    seen = Seen(*(again(value) for value in vars(held.seen).values()))
+    values = {
+        name: again(value) for name, value in vars(held).items() if name not in ("centre", "old", "seen")
+    }
+    return own, replace(held, **values, old=old, seen=seen)
+
+
 def moved_before(
     contact: SurfaceContact,
     held: Held,

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from gelforge.mechanics.contact_differences import (
     force_change,
     held_at,
     moved_before,
+    repeated,
     seen_at,
     stiffness_at,
 )
@@ -87,6 +89,19 @@ def follow_with_slopes(
         yield state, chain.slopes
 
 
+def _same(one: Any, other: Any) -> bool:
+    """Return whether two indenters, or what they are made of, are equal."""
+    if one is other or type(one) is not type(other):
+        return one is other
+    if isinstance(one, np.ndarray):
+        return np.array_equal(one, other)
+    if isinstance(one, tuple | list):
+        return len(one) == len(other) and all(map(_same, one, other))
+    if is_dataclass(one):
+        return all(_same(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
+    return one == other
+
+
 class _Chain:
     """Derivatives carried from step to step."""
 
@@ -99,7 +114,17 @@ class _Chain:
         self.base, self.varied = base, varied
         self.amounts = np.array([one.amount for one in varied]).reshape(-1, 1, 1)
         self.internal = ForceDifferences(base.body, [one.body for one in varied], self.amounts.ravel())
+        self.only_body = np.array(
+            [
+                _same(one.indenter, base.indenter)
+                and one.settings == base.settings
+                and (one.body is base.body or np.array_equal(one.body.mesh.X, base.body.mesh.X))
+                for one in varied
+            ],
+            dtype=bool,
+        )
         self.tangent: UnsymmetricTangent | None = None  # made when it is first needed
+        self.free = np.flatnonzero(base.free)
         self.values = np.empty(len(base.body.pattern.indices))
         P, N, S = len(varied), len(base.body.mesh.X), len(base.surface)
         self.slopes = Slopes(np.zeros((P, S, 3)), np.zeros((P, N, 3)))
@@ -133,7 +158,12 @@ class _Chain:
         """Return d contact force / d amount (P, n, 3) at the held nodes, which stay where they are at the step's end."""
         u = self.slopes.u[:, self.base.surface[held.nodes]]
         found = np.empty((len(self.varied), len(held.nodes), 3))
-        for k, one in enumerate(self.varied):
+        # Of what leaves indenter, path, settings and nodes alone only the history counts: all of it is looked at together.
+        together = np.flatnonzero(self.only_body & ~shifts.any(axis=1) & ~self.shift.any(axis=1))
+        if len(together) and len(held.nodes):
+            found[together] = self._by_history(contact, held, together)
+        for k in np.setdiff1d(np.arange(len(self.varied)), together):
+            one = self.varied[k]
             other = beside(contact, held, one.body.mesh, one.indenter, one.settings)
             old = moved_before(
                 other,
@@ -147,6 +177,20 @@ class _Chain:
             found[k] = force_change(held, held.seen.change_to(seen, one.amount))
         return found
 
+    def _by_history(self, contact: SurfaceContact, held: Held, which: np.ndarray) -> np.ndarray:
+        """Return d contact force / d amount (m, n, 3) of parameters (m,) that only the history brings to the contact."""
+        many, all_of_them = repeated(contact, held, len(which))
+        nodes, amounts = self.base.surface[held.nodes], self.amounts[which]
+        du = (amounts * self.slopes.u[which][:, nodes]).reshape(-1, 3)
+        dmoved = (amounts * self.moved[which][:, held.nodes]).reshape(-1, 3)
+        before = held.old
+        old = moved_before(
+            many, all_of_them, du, dmoved, _padded(before.centre, len(held.centre)), before.travel
+        )
+        seen = seen_at(many, old, held.centre, all_of_them.u, all_of_them.pressure, all_of_them.active)
+        change = force_change(all_of_them, all_of_them.seen.change_to(seen, 1.0))
+        return change.reshape(len(which), -1, 3) / amounts
+
     def _solved(self, after: State, nodes: np.ndarray, blocks: np.ndarray, load: np.ndarray) -> np.ndarray:
         """Return du / d amount (P, N, 3) under loads (P, N, 3) [N/unit], with contact blocks (n, 3, 3) of surface nodes."""
         base = self.base
@@ -156,10 +200,6 @@ class _Chain:
         everywhere = np.zeros((len(base.surface), 3, 3))
         everywhere[nodes] = blocks
         self.tangent.factor(self.values, everywhere)
-        du = np.zeros_like(load)
-        du[:, base.free] = self.tangent.solve(load[:, base.free])
-        if base.body.mesh.ties is None:
-            return du
-        P, N, _ = du.shape
-        spread = base.body.spread(du.transpose(1, 0, 2).reshape(N, -1))
-        return np.ascontiguousarray(spread.reshape(N, P, 3).transpose(1, 0, 2))
+        flat, du = load.reshape(len(load), -1), np.zeros((len(load), load[0].size))
+        du[:, self.free] = self.tangent.solve(np.take(flat, self.free, axis=1))
+        return np.stack([base.body.spread(one) for one in du.reshape(load.shape)])

@@ -169,6 +169,5 @@ def _gathered(body: Body, force: np.ndarray) -> np.ndarray:
     """Return forces (P, N, 3) with those of hanging nodes handed to the nodes they hang between."""
     if body.mesh.ties is None:
         return force
-    P, N, _ = force.shape
-    flat = force.transpose(1, 0, 2).reshape(N, -1)
-    return (body.mesh.ties.T @ flat).reshape(N, P, 3).transpose(1, 0, 2)
+    transposed = body.mesh.ties.T.tocsr()
+    return np.stack([transposed @ one for one in force])
