@@ -145,7 +145,7 @@ COARSE = specimens.Sizes(near=2.0, near_radius=2.5, growth=0.3, far=2.0)
 @pytest.mark.parametrize(
     "settings",
     [
-        {"film_thickness": 0.03},
+        {"film_thickness": 0.3, "film_pressure": 0.1},
         {"friction_exponent": 0.3},
         {"adhesion_work": 2e-4, "adhesion_approach": 2e-4, "adhesion_range": 0.2},
     ],
