@@ -17,9 +17,9 @@ from gelforge.indentation.simulate import model_of, simulate_cell
 from gelforge.indentation.stretch_range import Outside
 from gelforge.indentation.touching import untouched
 from gelforge.indentation.trajectory import Trajectory
-from gelforge.mechanics.equilibrium import NotConverged, Press, State
+from gelforge.mechanics.direct import Varied, follow_with_slopes
+from gelforge.mechanics.equilibrium import NotConverged, Press
 from gelforge.mechanics.laws import PrincipalLaw
-from gelforge.mechanics.sensitivity import Neighbour, follow_beside
 
 
 def simulate_label(
@@ -135,28 +135,21 @@ def _plain_companion(study: Study, laws, planned, uncertain) -> tuple[Companion,
     trajectory = Trajectory.of(planned, study.plan.approach)
     model = model_of(study.sensor, study.indenter, mechanics, by_layer, trajectory)
     press = Press(model.body, model.shape, model.settings, mechanics.solver.linear_solver)
-    neighbours = []
+    varied = []
     for moved in laws_moved(uncertain, by_layer, materials):
-        other = model_of(study.sensor, study.indenter, mechanics, moved, trajectory, model.body.pattern)
-        neighbours.append(
-            Neighbour(press, other.body, other.shape, other.settings, other.start, other.centres)
-        )
+        other = model_of(study.sensor, study.indenter, mechanics, moved, trajectory, model)
+        varied.append(Varied(other.body, other.shape, other.settings, other.start, other.centres, AMOUNT))
     forces, slopes, reason = [], [], ""
     try:
-        for state, beside in follow_beside(press, press.start_at(model.start), model.centres, neighbours):
-            own = _nodal(state)
-            forces.append(own)
-            slopes.append([(_nodal(near) - own) / AMOUNT for near in beside])
+        for state, along in follow_with_slopes(press, press.start_at(model.start), model.centres, varied):
+            forces.append(state.normal_force + state.friction_force)
+            slopes.append(along.force)
     except NotConverged as failure:
         reason = str(failure)
-    D, n, S = len(forces), len(neighbours), len(model.mesh.surface.nodes)
+    D, n, S = len(forces), len(varied), len(model.mesh.surface.nodes)
     nodal = np.array(forces).reshape(D, S, 3)
     along = np.moveaxis(np.array(slopes).reshape(D, n, S, 3), 1, 0)
     shares = bin_shares(model.mesh, study.sensor, mechanics.binning)
     binned = bin_forces(along.reshape(n * D, S, 3), shares).reshape(n, D, shares.shape[0], 3)
     companion = Companion(nodal.sum(axis=1), bin_forces(nodal, shares), along.sum(axis=2), binned)
     return companion, reason, model.body.pattern.size
-
-
-def _nodal(state: State) -> np.ndarray:
-    return state.normal_force + state.friction_force

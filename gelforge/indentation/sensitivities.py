@@ -1,7 +1,8 @@
 """How a cell's forces, and the gel's displacement, follow the effects that the finite elements know, at amount zero.
 
-Effects that leave mesh and path alone are neighbouring presses beside one base run (mechanics.sensitivity); for those that
-change the mesh or turn every press into a path of its own, two solutions are subtracted.
+Effects that leave mesh and path alone are differentiated along one base run, all together (mechanics.direct); for those
+that change the mesh or turn every press into a path of its own, and where the base remembers or yields, two solutions are
+subtracted.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ from gelforge.indentation.effects.catalogue import CATALOGUE
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.simulate import Model, model_of, simulate_cell
 from gelforge.indentation.trajectory import Trajectory
+from gelforge.mechanics.direct import Varied, follow_with_slopes
 from gelforge.mechanics.equilibrium import NotConverged, Press
 from gelforge.mechanics.laws import PrincipalLaw
-from gelforge.mechanics.sensitivity import DIFFERENCE_TOLERANCE, Neighbour, follow_beside
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Variation:
     study: Study
     laws: Mapping[str, PrincipalLaw]  # by material
     amount: float  # by which it differs, in the derivative's unit
-    alone: bool = False  # solved by itself, not beside the base: its mesh or its paths are others
+    alone: bool = False  # solved by itself, not along the base: its mesh or its paths are others
     without: Study | None = None  # what an `alone` one is compared with; None: the base
 
 
@@ -90,25 +91,24 @@ def derivatives(
     laws: Mapping[str, PrincipalLaw],
     planned: PlannedCell,
     variations: Mapping[str, Variation],
-    tolerance: float = DIFFERENCE_TOLERANCE,
 ) -> tuple[Cell, dict[str, Derivative]]:
     """Return a cell's forces, and its gel if the study stores it, with derivatives along variations, in their order.
 
-    tolerance: share of a neighbour's difference that may be left. Raises NotConverged.
+    Raises NotConverged.
     """
     study = unmirrored(study)
     base = _model(study, laws, planned)
-    beside, others = {}, []
+    along, others = {}, []
     for name, variation in variations.items():
         varied = None
         if not variation.alone:
             varied = _model(unmirrored(variation.study), variation.laws, planned, base)
-        if varied is None or not _beside_it(base, varied):
+        if varied is None or not _along_it(base, varied):
             others.append(name)
         else:
-            beside[name] = (varied, variation.amount)
-    if base.yielding is None:
-        cell, found = _beside(study, base, beside, tolerance)
+            along[name] = (varied, variation.amount)
+    if base.yielding is None and not base.body.remembers:
+        cell, found = _along(study, base, along)
     else:
         cell, found = _solved(study, laws, planned), {}
     for name in others:
@@ -131,51 +131,44 @@ def _model(
 ) -> Model:
     by_layer = {layer.name: laws[layer.material] for layer in study.sensor.layers}
     trajectory = Trajectory.of(planned, study.plan.approach)
-    pattern = base.body.pattern if base else None
-    return model_of(study.sensor, study.indenter, study.mechanics, by_layer, trajectory, pattern)
+    return model_of(study.sensor, study.indenter, study.mechanics, by_layer, trajectory, base)
 
 
-def _beside_it(base: Model, varied: Model) -> bool:
-    """Return whether a varied model can be followed beside the base: same elements, no balance to find first."""
+def _along_it(base: Model, varied: Model) -> bool:
+    """Return whether a varied model can be differentiated along the base: same elements, no balance, no memory."""
     yields = base.yielding is not None or varied.yielding is not None
-    return not yields and varied.body.at_rest and np.array_equal(base.mesh.elements, varied.mesh.elements)
+    same = type(base.body) is type(varied.body) and np.array_equal(base.mesh.elements, varied.mesh.elements)
+    return same and not yields and not base.body.remembers and varied.body.at_rest
 
 
-def _beside(
-    study: Study, base: Model, varied: dict[str, tuple[Model, float]], tolerance: float
+def _along(
+    study: Study, base: Model, varied: dict[str, tuple[Model, float]]
 ) -> tuple[Cell, dict[str, Derivative]]:
     press = Press(base.body, base.shape, base.settings, study.mechanics.solver.linear_solver)
-    near = [
-        Neighbour(press, model.body, model.shape, model.settings, model.start, model.centres, tolerance)
-        for model, _ in varied.values()
+    others = [
+        Varied(model.body, model.shape, model.settings, model.start, model.centres, amount)
+        for model, amount in varied.values()
     ]
     stored = study.mechanics.store_displacement
     gel = np.unique(gel_elements(base.mesh, study.sensor)) if stored else None
-    slopes: dict[str, list] = {name: [] for name in varied}
-    motions: dict[str, list] = {name: [] for name in varied}
-    reached, forces = [], []
-    for state, states in follow_beside(press, press.start_at(base.start), base.centres, near):
-        own = state.normal_force + state.friction_force
-        forces.append(own)
+    slopes, motions, reached, forces = [], [], [], []
+    seconds: list[float] = []
+    for state, along in follow_with_slopes(press, press.start_at(base.start), base.centres, others, seconds):
+        forces.append(state.normal_force + state.friction_force)
+        slopes.append(along.force)
         if stored:
             reached.append(state)
-        for (name, (_, amount)), beside in zip(varied.items(), states):
-            slopes[name].append((beside.normal_force + beside.friction_force - own) / amount)
-            if stored:
-                motions[name].append((beside.u[gel] - state.u[gel]) / amount)
+            motions.append(along.u[:, gel].astype(np.float32))
     shares = bin_shares(base.mesh, study.sensor, study.mechanics.binning)
     arrays = {"total_force_N": np.sum(forces, axis=1), "bin_force_N": bin_forces(np.array(forces), shares)}
     if stored:
         arrays |= gel_arrays(base.mesh, reached, study.sensor)
-    found = {
-        name: Derivative(
-            np.sum(slopes[name], axis=1),
-            bin_forces(np.array(slopes[name]), shares),
-            one.seconds,
-            np.array(motions[name], np.float32) if stored else None,
-        )
-        for name, one in zip(varied, near)
-    }
+    found = {}
+    for k, name in enumerate(varied):
+        own = np.array([step[k] for step in slopes])
+        motion = np.array([step[k] for step in motions]) if stored else None
+        each = sum(seconds) / len(varied)
+        found[name] = Derivative(own.sum(axis=1), bin_forces(own, shares), each, motion)
     return Cell(arrays, {}), found
 
 

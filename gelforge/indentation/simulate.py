@@ -50,7 +50,6 @@ from gelforge.mechanics.laws import PrincipalLaw
 from gelforge.mechanics.memory import RememberingBody
 from gelforge.mechanics.meshes import Mesh
 from gelforge.mechanics.peak_grid import PeakGrid
-from gelforge.mechanics.sparsity import Pattern
 from gelforge.mechanics.yielding import follow_yielding
 from gelforge.progress import tracked
 
@@ -90,7 +89,9 @@ class Model:
     centres: (
         np.ndarray
     )  # (D, 3) or (D, 6) poses, see Trajectory.centres; where the machine yields, the commanded ones
-    yielding: np.ndarray | None = None  # (3,) [mm/N] of machine and base plate, along the path
+    yielding: np.ndarray | None  # (3,) [mm/N] of machine and base plate, along the path
+    drawn: Mesh  # of the sensor as drawn
+    drawn_for: tuple  # all that decides it
 
 
 def model_of(
@@ -99,15 +100,19 @@ def model_of(
     mechanics: Mechanics,
     laws: dict[str, PrincipalLaw],
     trajectory: Trajectory,
-    pattern: Pattern | None = None,
+    base: Model | None = None,
 ) -> Model:
-    """Return the model of a trajectory; laws are named by layer. pattern: that of a mesh with the same elements."""
+    """Return the model of a trajectory; laws are named by layer. base: one that lends what is the same of both."""
     effects = mechanics.effects
     effects.check(sensor)
     described = shape_of(indenter)
-    drawn, mesh = meshes_of(sensor, described, mechanics, trajectory)
+    drawn_for = sensor, indenter, mechanics.mesh, effects.geometry.base, trajectory
+    if base is not None and base.drawn_for == drawn_for:
+        drawn, mesh = base.drawn, moved_mesh(base.drawn, sensor, effects)
+    else:
+        drawn, mesh = meshes_of(sensor, described, mechanics, trajectory)
     shape = real_indenter(described, effects)
-    body = _body(mesh, drawn, sensor, mechanics, laws, pattern)
+    body = _body(mesh, drawn, sensor, mechanics, laws, base.body if base else None)
     start, centres, shape = _path(mesh, shape, sensor, effects, trajectory)
     place = real_place(sensor, effects, trajectory.x_mm, trajectory.y_mm)
     tops = block_tops(sensor, effects, centres)
@@ -116,9 +121,11 @@ def model_of(
     reach = reach_of(shape, centres, tops, soft_base(sensor, effects))
     where = f"the press at ({trajectory.x_mm:g}, {trajectory.y_mm:g}) mm"
     check_reach(reach, max(trajectory.depths_mm), where)
-    if mechanics.strain == "finite":  # small strains use the laws at rest only
+    known = base is not None and base.body.laws == body.laws  # a base that was checked differs little
+    if mechanics.strain == "finite" and not known:  # small strains use the laws at rest only
         check_laws(body.laws, stretches_ahead(sensor, effects, laws, mesh.regions, reach.share))
-    return Model(mesh, body, shape, _settings(mechanics), start, centres, yielding(sensor, effects, *place))
+    yields = yielding(sensor, effects, *place)
+    return Model(mesh, body, shape, _settings(mechanics), start, centres, yields, drawn, drawn_for)
 
 
 def meshes_of(
@@ -143,7 +150,7 @@ def _body(
     sensor: Sensor,
     mechanics: Mechanics,
     laws: dict[str, PrincipalLaw],
-    pattern: Pattern | None,
+    like: Body | None,
 ) -> Body:
     """Return the body of a mesh; drawn is the mesh of the sensor as drawn, in which effects have their places."""
     by_region = region_laws(sensor, mechanics.effects, mesh.regions, laws)
@@ -152,7 +159,7 @@ def _body(
     if mechanics.strain == "small":
         return SmallStrainBody(mesh, by_region, bulk, stiffness, bulk_stiffness)
     keys = {
-        "pattern": pattern,
+        "like": like if like is not None and np.array_equal(like.mesh.elements, mesh.elements) else None,
         "stiffness": stiffness,
         "bulk_stiffness": bulk_stiffness,
         "prestretch": region_prestretch(sensor, mechanics.effects, mesh.regions),

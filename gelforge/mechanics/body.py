@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -70,12 +71,18 @@ class Body:
         stiffness: np.ndarray | None = None,
         bulk_stiffness: np.ndarray | None = None,
         prestretch: Mapping[str, np.ndarray] | None = None,
+        like: Body | None = None,
     ):
+        """like: a body with the same elements, whose pattern, and gradients where nodes are the same, are shared."""
         self.mesh, self.laws = mesh, dict(laws)
-        self.gradient, self.weight = element_gradient(mesh.X, mesh.elements)
+        if like is not None and like.mesh.X is mesh.X and like.at_rest and not prestretch:
+            self.gradient, self.weight = like.gradient, like.weight
+        else:
+            self.gradient, self.weight = element_gradient(mesh.X, mesh.elements)
         self.rest = np.tile(np.eye(3), (len(mesh.regions), 1, 1))  # F at u = 0
         for name, F in (prestretch or {}).items():
             self._stretch_before(mesh.regions.index(name), np.asarray(F, dtype=float))
+        pattern = pattern or (like.pattern if like is not None else None)
         self.pattern = pattern or build_pattern(mesh.elements, mesh.fixed, mesh.ties)
         self._assemble = ASSEMBLE[mesh.elements.shape[1]]
         self._assembled = None if self.pattern.condense is None else np.empty(self.pattern.assembled)
@@ -136,6 +143,14 @@ class Body:
             tangent[:] = self.pattern.condense @ self._assembled
         f_mixed, f_condensed = self.gathered(f_mixed), self.gathered(f_condensed)
         return Response(f_mixed, f_condensed, p_volume, coupling, energy, smallest_J, extension)
+
+    def part(self, elements: np.ndarray, mesh: Mesh) -> Body:
+        """Return some elements (n,) of the body by themselves, for responses without tangent; mesh: theirs alone."""
+        own = copy.copy(self)
+        own.mesh = mesh
+        for name in ("gradient", "weight", "stiffness", "element_bulk", "local_bulk", "element_volume"):
+            setattr(own, name, np.ascontiguousarray(getattr(self, name)[elements]))
+        return own
 
     def gathered(self, force: np.ndarray) -> np.ndarray:
         """Return nodal forces (N, 3) with those of hanging nodes handed to the nodes they hang between."""

@@ -54,6 +54,7 @@ class Pardiso:
 
     name = "pardiso"
     ANALYSE, FACTOR, SOLVE, RELEASE = 11, 22, 33, -1
+    KIND, PIVOT, NUMBER = 2, 8, np.float32  # positive definite; perturbed pivots are 10^-PIVOT
 
     def __init__(self, pattern: Pattern, threads: int = 1):
         mkl = _math_kernel_library()
@@ -65,15 +66,15 @@ class Pardiso:
         iparm = np.zeros(64, dtype=np.int32)
         iparm[0] = 1  # no defaults
         iparm[1] = 2  # METIS nested dissection
-        iparm[9] = 8  # pivot perturbation 1e-8
-        iparm[27] = 1  # single precision
+        iparm[9] = self.PIVOT
+        iparm[27] = self.NUMBER == np.float32
         iparm[34] = 1  # zero-based
         self._iparm = iparm
-        self._values = np.zeros(len(self._indices), dtype=np.float32)
+        self._values = np.zeros(len(self._indices), dtype=self.NUMBER)
         self._call(self.ANALYSE, self._zeros(), self._zeros())
 
     def _zeros(self) -> np.ndarray:
-        return np.zeros(self._n, dtype=np.float32)
+        return np.zeros(self._n, dtype=self.NUMBER)
 
     def _call(self, phase: int, rhs: np.ndarray, solution: np.ndarray) -> None:
         def integer(value):
@@ -84,12 +85,13 @@ class Pardiso:
 
         error = ctypes.c_int32(0)
         self._pardiso(
-            pointer(self._handle), integer(1), integer(1), integer(2), integer(phase), integer(self._n),
+            pointer(self._handle), integer(1), integer(1), integer(self.KIND), integer(phase), integer(self._n),
             pointer(self._values), pointer(self._indptr), pointer(self._indices), pointer(self._permutation),
-            integer(1), pointer(self._iparm), integer(0), pointer(rhs), pointer(solution), ctypes.byref(error),
+            integer(rhs.size // self._n), pointer(self._iparm), integer(0), pointer(rhs), pointer(solution),
+            ctypes.byref(error),
         )  # fmt: skip
         if error.value == -4:
-            raise NotPositiveDefinite("zero or negative pivot in PARDISO's Cholesky factorisation")
+            raise NotPositiveDefinite("zero or negative pivot in PARDISO's factorisation")
         if error.value:
             raise RuntimeError(f"PARDISO phase {phase} returned error {error.value}")
 

@@ -187,7 +187,7 @@ CATALOGUE: dict[str, Effect] = {
         ),
         Effect(
             "compressibility", "material", "mu/K more than mechanics.bulk_to_shear says", "1", 0.02,
-            "material.bulk_to_shear or poissons_ratio", _compressibility,
+            "material.bulk_to_shear or poissons_ratio", _compressibility, step=1e-3,
         ),
         Effect(
             "elastic_base", "material", "1/E of a slab of 17 mm below", "1/MPa", 1.0,

@@ -128,13 +128,13 @@ def _particle_factor(mesh: Mesh, sensor: Sensor, effects: Effects) -> np.ndarray
     return eshelby_factor(phi)
 
 
-def _samples(mesh: Mesh) -> np.ndarray:
-    """Return points (E, P, 3) [mm] evenly spread in every element."""
+def _samples(mesh: Mesh, elements: np.ndarray) -> np.ndarray:
+    """Return points (n, P, 3) [mm] evenly spread in elements (n,)."""
     kind = ELEMENTS[mesh.elements.shape[1]]
     line = (np.arange(PARTS) + 0.5) / PARTS
     grid = np.stack(np.meshgrid(line, line, line, indexing="ij"), axis=-1).reshape(-1, 3)
     natural = 2 * grid - 1 if len(kind.nodes) == 8 else grid[grid.sum(axis=1) < 1]
-    return np.einsum("pa,eai->epi", kind.shape(natural), mesh.X[mesh.elements])
+    return np.einsum("pa,eai->epi", kind.shape(natural), mesh.X[mesh.elements[elements]])
 
 
 def _overlap(mesh: Mesh, axis: int, low: float, high: float) -> np.ndarray:
@@ -155,10 +155,20 @@ def _wall_strip(mesh: Mesh, sensor: Sensor, effects: Effects) -> np.ndarray:
 
 def _ball_share(mesh: Mesh, inclusion: Inclusion) -> np.ndarray:
     """Return the share (E,) of each element inside the ball; its edge is as wide as the samples lie apart."""
-    points = _samples(mesh)
-    apart = np.ptp(mesh.X[mesh.elements], axis=1).max(axis=1)[:, None] / PARTS
-    inside = inclusion.radius_mm - np.linalg.norm(points - inclusion.centre_mm, axis=-1)
-    return np.clip(inside / apart + 0.5, 0, 1).mean(axis=1)
+    return _share_within(mesh, np.array(inclusion.centre_mm), inclusion.radius_mm)
+
+
+def _share_within(mesh: Mesh, centre: np.ndarray, radius: float) -> np.ndarray:
+    """Return the share (E,) of each element within a radius of a centre (2,) or (3,) [mm], in a plane or in space."""
+    axes, corners = len(centre), mesh.X[mesh.elements]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    apart = (high - low).max(axis=1) / PARTS
+    outside = np.maximum(np.maximum(low[:, :axes] - centre, centre - high[:, :axes]), 0)
+    near = np.flatnonzero(np.linalg.norm(outside, axis=1) < radius + apart)
+    inside = radius - np.linalg.norm(_samples(mesh, near)[..., :axes] - centre, axis=-1)
+    share = np.zeros(len(corners))
+    share[near] = np.clip(inside / apart[near, None] + 0.5, 0, 1).mean(axis=1)
+    return share
 
 
 def _box_share(mesh: Mesh, sensor: Sensor, patch: Patch) -> np.ndarray:
@@ -176,8 +186,5 @@ def _film_share(mesh: Mesh, sensor: Sensor, patch: Delamination) -> np.ndarray:
     bottom = sum(layer.thickness_mm for layer in sensor.layers[:number]) - sensor.height_mm
     top = bottom + sensor.layers[number].thickness_mm
     low, high = (top - patch.film_mm, top) if patch.face == "top" else (bottom, bottom + patch.film_mm)
-    points = _samples(mesh)
-    apart = np.ptp(mesh.X[mesh.elements], axis=1).max(axis=1)[:, None] / PARTS
-    away = np.linalg.norm(points[..., :2] - patch.centre_mm, axis=-1)
-    disc = np.clip((patch.radius_mm - away) / apart + 0.5, 0, 1).mean(axis=1)
+    disc = _share_within(mesh, np.array(patch.centre_mm), patch.radius_mm)
     return disc * _overlap(mesh, 2, low, high) * (mesh.region == number)
