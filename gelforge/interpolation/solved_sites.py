@@ -1,14 +1,14 @@
 """The solved sites and their mirror images: forces between them, and how far these may be wrong.
 
 Error bars of an interpolated force have the parts of solved ones, moved with the indenter, and one of their own: each
-solved site is predicted from the others, and the mean square of what its forces then differ by, over the nearest of them,
-is carried to the place between. A site that is left out lies a whole spacing from the others, a place between half of one:
-BIN_PART and TOTAL_PART were found by benchmarks/interpolation.py, which also shows the coverage on other sites.
+solved site is predicted without itself, and without its lines of the lattice, and the mean squares of what its forces then
+differ by are carried to the places around. A site that is left out lies a whole spacing from the others, a place between at
+most half of one: the parts below were found by benchmarks/interpolation.py on some positions, and are judged on others.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,15 +18,16 @@ from scipy.ndimage import gaussian_filter
 from gelforge.config import Indenter, Sensor
 from gelforge.indentation.cell_file import Cell
 from gelforge.indentation.indenter_shapes import shape_of
-from gelforge.indentation.lattice import Index, Lattice, name_of
+from gelforge.indentation.lattice import LAST, Index, Lattice, name_of
 from gelforge.indentation.symmetry import transform_bins, transform_vectors
 from gelforge.interpolation.nodal_forces import NodalForces, moved_map
 from gelforge.interpolation.weights import depth_weights, nearest, place_weights, positive_weights
 from gelforge.mechanics.indenters import Sphere
 
-BIN_PART, TOTAL_PART = 1.0, 1.0  # of the root mean square difference of sites that are left out
+SITE_PART, LINE_PART = 1.0, 0.35  # of the differences of sites that are left out alone, and with their lines
+# instead of LINE_PART in the outermost cells of the lattice, which sites enclose on one side only
+END_PART = {"bin": 0.6, "total": 1.2}
 DEPTH_PART = 0.25  # of the difference of a depth that is left out, between two depths
-SHARE = 0.001  # of the force itself: what the nodes' faces and the nearness of the neighbours leave out
 SMOOTHING = 0.6  # standard deviation of the mean square over bins along x and y and over depths
 NEIGHBOURS = 8  # sites whose error bars are carried to a place
 RELIES = 0.05  # weight from which a label is said to lean on a site
@@ -138,8 +139,8 @@ class SolvedSites:
         leans = [sites[k].name for k, w in zip(chosen, weights) if not sites[k].forces and abs(w) > RELIES]
         return leans[0] if leans else ""
 
-    def at(self, position: np.ndarray, depths: Sequence[float], without: Index | None = None) -> Between:
-        """Return the forces at a position (2,) [mm] and depths [mm]; without: as if a place were not solved.
+    def at(self, position: np.ndarray, depths: Sequence[float], without: Collection[Index] = ()) -> Between:
+        """Return the forces at a position (2,) [mm] and depths [mm]; without: as if these places were not solved.
 
         Raises ValueError for a place outside the solved ones, or a depth beyond theirs: nothing is extrapolated.
         """
@@ -148,7 +149,7 @@ class SolvedSites:
             raise ValueError(
                 f"({position[0]:g}, {position[1]:g}) mm lies outside the solved {low.tolist()} to {high.tolist()} mm"
             )
-        usable = [site for place, site in self.sites.items() if site.forces and place != without]
+        usable = [site for place, site in self.sites.items() if site.forces and place not in without]
         places = np.array([site.place for site in usable])
         chosen = nearest(places, position)
         weights = place_weights(places[chosen], position)
@@ -202,14 +203,23 @@ class SolvedSites:
     def _left_out(self, at: Index) -> dict[str, np.ndarray]:
         """Return mean squares (D, B, 3) and (D, 3) [N^2] of what a solved site's forces differ by if it is left out.
 
-        Nothing encloses a corner of the lattice: it is not predicted.
+        bin and total: left out alone; bin_line and total_line: with its lines along x and y, both added. Left out alone it
+        is predicted well by its neighbours on a line where forces change across the line only. What nothing encloses then is
+        not predicted.
         """
         cell, depths = self.cells[at], self.lattice.depths_mm
-        found = {}
-        if not self.lattice.corner(at):
-            found["bin"], found["total"] = self._squares(
-                cell, self.at(self.lattice.place(at), depths, at).force
-            )
+        left_out = {"": [{at}] if not self.lattice.corner(at) else []}
+        left_out["_line"] = [
+            {place for place in self.sites if place[axis] == at[axis]}
+            for axis in (0, 1)
+            if 0 < at[axis] < self.lattice.ends[axis]
+        ]
+        found: dict[str, np.ndarray] = {}
+        for kind, all_of in left_out.items():
+            for without in all_of:
+                squares = self._squares(cell, self.at(self.lattice.place(at), depths, without).force)
+                for quantity, square in zip(("bin", "total"), squares):
+                    found[quantity + kind] = found.get(quantity + kind, 0.0) + square
         if self.between_depths:
             found["bin_depth"], found["total_depth"] = self._squares(cell, self._without_depths(at))
         return found
@@ -239,6 +249,15 @@ class SolvedSites:
         )  # on an axis of symmetry one of them is zero by itself
         total = gaussian_filter(total, (SMOOTHING, 0), mode="nearest")
         return np.maximum(mean, 0.0).reshape(difference.shape), total
+
+    def _in_outermost_cell(self, position: np.ndarray) -> bool:
+        """Return whether a position (2,) is nearer to the region's end than the sites around it are to each other."""
+        number = 0
+        while number < LAST and all(at in self.sites for at in self.lattice.around(position, number)):
+            number += 1
+        ends = np.minimum(position - self.lattice.low, np.array(self.lattice.high) - position)
+        open_ends = ends[np.array(self.lattice.ends) > 0]
+        return bool((open_ends < self.lattice.spacing_mm / 2**number).any())
 
     def bars_at(self, position: np.ndarray, depths: Sequence[float]) -> dict[str, np.ndarray]:
         """Return error bars at a position (2,) and depths: bin_mesh (D, B, 3), total_mesh (D, 3) and so on [N].
@@ -276,11 +295,15 @@ class SolvedSites:
             return total.reshape(len(depths), -1, 3) if total.ndim == 4 else total
 
         bars = {at: site.bars for at, site in self.sites.items()}
-        for quantity, part in (("bin", BIN_PART), ("total", TOTAL_PART)):
+        outermost = self._in_outermost_cell(position)
+        for quantity in ("bin", "total"):
             for own in OWN:
                 if (bar := carried(f"{quantity}_{own}", bars)) is not None:
                     found[f"{quantity}_{own}"] = bar
-            square = part**2 * carried(quantity, self.squares)
+            square, line_part = 0.0, END_PART[quantity] if outermost else LINE_PART
+            for kind, part in (("", SITE_PART), ("_line", line_part)):
+                if (left_out := carried(quantity + kind, self.squares)) is not None:
+                    square = square + part**2 * left_out
             if (over_depth := carried(f"{quantity}_depth", self.squares)) is not None:
                 between = (4 * share * (1 - share)).reshape(
                     -1, *[1] * (over_depth.ndim - 1)

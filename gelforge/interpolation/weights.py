@@ -16,23 +16,24 @@ def nearest(places: np.ndarray, position: np.ndarray) -> np.ndarray:
 
 
 def place_weights(places: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Return the weights (n,) of values at places (n, 2) [mm] at a position (2,): cubic radial functions and a plane.
+    """Return the weights (n,) of values at places (n, 2) [mm] at a position (2,): quintic radial functions and a quadratic.
 
-    They sum to 1 and reproduce what grows linearly with the place.
+    They sum to 1 and reproduce what is quadratic in the place; along an axis with two places or one, what is linear or even.
     """
     scale = max(float(np.ptp(places, axis=0).max()), 1e-9)
     x, at = (places - position) / scale, np.zeros((1, 2))
-    spread = np.ptp(x, axis=0) > 1e-6  # places on a line have no slope across it
+    lines = [len(np.unique(np.round(along, 6))) for along in x.T]
+    powers = [(i, j) for i in range(3) for j in range(3 - i) if i < lines[0] and j < lines[1]]
 
-    def plane(points: np.ndarray) -> np.ndarray:
-        return np.column_stack([np.ones(len(points)), points[:, spread]])
+    def polynomial(points: np.ndarray) -> np.ndarray:
+        return np.column_stack([points[:, 0] ** i * points[:, 1] ** j for i, j in powers])
 
-    n, polynomial = len(x), plane(x)
-    m = polynomial.shape[1]
+    n, m = len(x), len(powers)
     matrix = np.zeros((n + m, n + m))
-    matrix[:n, :n] = cdist(x, x) ** 3
-    matrix[:n, n:], matrix[n:, :n] = polynomial, polynomial.T
-    right = np.concatenate([cdist(at, x)[0] ** 3, plane(at)[0]])
+    matrix[:n, :n] = -(cdist(x, x) ** 5)
+    matrix[:n, n:] = polynomial(x)
+    matrix[n:, :n] = matrix[:n, n:].T
+    right = np.concatenate([-(cdist(at, x)[0] ** 5), polynomial(at)[0]])
     return np.linalg.lstsq(matrix, right, rcond=None)[0][:n]
 
 
