@@ -9,7 +9,9 @@ from gelforge.indentation.cell_file import Cell
 from gelforge.indentation.lattice import Lattice
 from gelforge.interpolation.nodal_forces import NodalForces
 from gelforge.interpolation.solved_sites import SolvedSites
+from gelforge.mechanics.laws import Ogden
 
+LAWS = {"gel": Ogden((0.008,), (2.0,))}
 RADIUS, SIZE = 5.0, 0.25  # of the ball, and between nodes [mm]
 DEPTHS = (0.5, 0.8, 1.1, 1.4, 1.7, 2.0)
 LATTICE = Lattice((6.0, 6.0), (26.0, 26.0), (4, 4), DEPTHS, 32.0)

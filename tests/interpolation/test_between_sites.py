@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from closed_form import DEPTHS, LATTICE, STUDY, anew, pull, site, solved
+from closed_form import DEPTHS, LATTICE, LAWS, STUDY, anew, pull, site, solved
 
 from gelforge.config import Interpolation
 from gelforge.indentation.cell_file import read_cell, write_cell
@@ -17,10 +17,8 @@ from gelforge.interpolation.labels import Labels
 from gelforge.interpolation.nodal_forces import NodalForces
 from gelforge.interpolation.solved_sites import SolvedSites
 from gelforge.interpolation.weights import depth_weights, nearest, place_weights
-from gelforge.mechanics.laws import Ogden
 
 PLACES = [(9.3, 11.7), (14.2, 15.1), (16.0, 7.1), (24.9, 25.3), (6.4, 6.2)]
-LAWS = {"gel": Ogden((0.008,), (2.0,))}
 
 
 def labels(sites=None, own=None):
