@@ -24,11 +24,14 @@ from gelforge.interpolation.nodal_forces import NodalForces, moved_map
 from gelforge.interpolation.weights import depth_weights, nearest, place_weights, positive_weights
 from gelforge.mechanics.indenters import Sphere
 
-SITE_PART, LINE_PART = 1.0, 0.35  # of the differences of sites that are left out alone, and with their lines
-# instead of LINE_PART in the outermost cells of the lattice, which sites enclose on one side only
-END_PART = {"bin": 0.6, "total": 1.2}
-DEPTH_PART = 0.25  # of the difference of a depth that is left out, between two depths
+SITE_PART = 1.0  # of the difference of a site that is left out alone
+LINE_PART = {"bin": 0.35, "total": 0.4}  # of that of a site that is left out with its line
+# instead of LINE_PART in the outermost cells of the lattice, which sites enclose on one side only; x, y, z of totals
+END_PART = {"bin": 0.7, "total": np.array([1.2, 1.2, 1.7])}
+DEPTH_PART = 0.4  # of the difference of a depth that is left out, between two depths
 SMOOTHING = 0.6  # standard deviation of the mean square over bins along x and y and over depths
+ORDER = 2  # of the error in the distance of the sites around, where they are sparser than around the site left out
+SAME_MM = 1e-3
 NEIGHBOURS = 8  # sites whose error bars are carried to a place
 RELIES = 0.05  # weight from which a label is said to lean on a site
 OWN = ("mesh", "material")  # parts of a solved label's error bar
@@ -250,6 +253,11 @@ class SolvedSites:
         total = gaussian_filter(total, (SMOOTHING, 0), mode="nearest")
         return np.maximum(mean, 0.0).reshape(difference.shape), total
 
+    def _gap(self, position: np.ndarray) -> float:
+        """Return how far the sites around a position lie from it: the mean of the four nearest but itself [mm]."""
+        away = np.sort(np.linalg.norm(self._places - position, axis=1))
+        return float(away[away > SAME_MM][:4].mean())
+
     def _in_outermost_cell(self, position: np.ndarray) -> bool:
         """Return whether a position (2,) is nearer to the region's end than the sites around it are to each other."""
         number = 0
@@ -289,21 +297,24 @@ class SolvedSites:
             total = 0.0
             for number, weight in zip(chosen, positive_weights(places[chosen], position)):
                 values = mixed(by_place[known_at[number]][key])
+                if by_place is self.squares:
+                    values = values * max(1.0, here / self._gap(places[number])) ** (2 * ORDER)
                 moved = values.ndim == 4
                 by = position - places[number]
                 total = total + weight * (moved_map(values, by, self.sensor) if moved else values)
             return total.reshape(len(depths), -1, 3) if total.ndim == 4 else total
 
+        here = self._gap(position)
         bars = {at: site.bars for at, site in self.sites.items()}
         outermost = self._in_outermost_cell(position)
         for quantity in ("bin", "total"):
             for own in OWN:
                 if (bar := carried(f"{quantity}_{own}", bars)) is not None:
                     found[f"{quantity}_{own}"] = bar
-            square, line_part = 0.0, END_PART[quantity] if outermost else LINE_PART
+            square, line_part = 0.0, (END_PART if outermost else LINE_PART)[quantity]
             for kind, part in (("", SITE_PART), ("_line", line_part)):
                 if (left_out := carried(quantity + kind, self.squares)) is not None:
-                    square = square + part**2 * left_out
+                    square = square + np.square(part) * left_out
             if (over_depth := carried(f"{quantity}_depth", self.squares)) is not None:
                 between = (4 * share * (1 - share)).reshape(
                     -1, *[1] * (over_depth.ndim - 1)

@@ -47,7 +47,7 @@ def sites() -> SolvedSites:
 
 
 def test_nodes_at_their_own_place_give_the_bins_of_the_mesh():
-    """Shape functions of the mesh and hats of the nodes' areas: two hundredths of the largest bin at most on a mesh this coarse."""
+    """Shape functions of the mesh beside hats of the nodes' areas: two hundredths of the largest bin on a coarse mesh."""
     for cell in sites().cells.values():
         place = np.array([cell.attributes["x_mm"], cell.attributes["y_mm"]])
         moved = NodalForces.of(cell).binned(place, STUDY.sensor).reshape(2, -1, 6)
