@@ -18,6 +18,7 @@ LAYERS = [
     {"meshing"},
     {"config", "files", "hdf5", "csv_table", "units", "input_files", "progress"},
     {"characterisation", "indentation", "verification"},
+    {"interpolation"},
     {"recording", "virtual_lab"},
     {"dataset"},
     {"learning"},

@@ -12,8 +12,8 @@ by hand            press, characterise, verify, mismatch, mismatch-materials
 live               export, predict, live
 cameras            calibrate-camera, camera-pose
 what the workflow runs
-                   fit-law, plan, simulate, simulate-session, readings, features, join, manifest, agreement, train,
-                   evaluate
+                   fit-law, plan, simulate, level, derive, simulate-session, readings, features, join, manifest, agreement,
+                   train, evaluate
 synthetic data     synthesise, virtual-materials, virtual-cell, virtual-session
 """
 
@@ -376,12 +376,33 @@ def _workflow(commands) -> None:
     simulate.add_argument(
         "--mirrored", type=Path, nargs="*", default=[], metavar="H5", help="cell that this one mirrors"
     )
+    simulate.add_argument(
+        "--between",
+        action="store_true",
+        help="the cell is one of the sites between which labels are interpolated (plan.interpolation)",
+    )
     simulate.add_argument("--variant", help="solve the cell as this variant of the study has it")
     simulate.add_argument(
         "--session", help="solve the cell at the age and temperature that this session states"
     )
     simulate.add_argument("--out", type=Path, required=True)
     simulate.add_argument("--fresh", action="store_true", help=FRESH)
+
+    level = _study_command(
+        commands, "level", "between.level", "which sites are solved after a level (plan.interpolation)"
+    )
+    level.add_argument("--level", type=int, required=True, help="number of the level, from 0")
+    level.add_argument("--laws", type=Path, nargs="+", required=True, metavar="JSON")
+    level.add_argument("--out", type=Path, required=True)
+
+    derive = _study_command(
+        commands,
+        "derive",
+        "between.derive",
+        "a job's mirrored and interpolated cells, written beside the solved ones",
+    )
+    derive.add_argument("--number", type=int, required=True, help="number of the job, from 0")
+    derive.add_argument("--laws", type=Path, nargs="+", required=True, metavar="JSON")
 
     in_order = _study_command(
         commands,

@@ -21,6 +21,8 @@ DEPTHS = 8  # of every measured cell
 # takes 1.6 times that of a plain cell, and what is left behind 3.2 s on 0.44 million points of both grids.
 SOFTENING_STEP = 1.6
 GRID_POINT_S = 7e-6
+INTERPOLATED_S = 0.1  # a label between solved sites, with what decides which they are
+SECOND_LEVEL = 1  # where an interpolated plan usually ends: one halving of the first spacing
 START_S = 3.0  # of a process with its compiled kernels
 IMAGE_S = 0.01  # to draw an image and to reduce it
 # A verdict in cells of the study's mesh per position that is judged, measured on the article's sensor by
@@ -56,8 +58,10 @@ class Costs:
         return cell_seconds(self.measured, unknowns), len(lab.unload_depths_mm)
 
     def cell(self, cell) -> float:
-        """A planned cell, solved or mirrored."""
-        return self.mirrored if cell.source else self.solved * len(cell.depths_mm) / DEPTHS
+        """A planned cell, solved, mirrored or interpolated."""
+        if cell.solved:
+            return self.solved * len(cell.depths_mm) / DEPTHS
+        return self.mirrored if cell.source else INTERPOLATED_S
 
     def true_cell(self, cell) -> float:
         """A cell of the virtual sensor, which is loaded and unloaded."""
@@ -96,11 +100,16 @@ def estimate(study: Study, cells: dict) -> list[str]:
     from gelforge.indentation.plan import variant_cells
 
     costs = Costs(study, cells)
-    solved = [cell for cell in cells.values() if cell.source is None]
+    solved = [cell for cell in cells.values() if cell.solved]
+    mirrored = sum(cell.source is not None for cell in cells.values())
+    between = len(cells) - len(solved) - mirrored
     presses = sum(len(cell.depths_mm) for cell in cells.values())
     seconds = sum(map(costs.cell, cells.values()))
     if study.virtual_lab:
-        seconds += sum(map(costs.true_cell, solved))
+        seconds += sum(costs.true_cell(cell) for cell in cells.values() if cell.source is None)
+    if between:
+        some, words = interpolation_cost(costs)
+        seconds += some
     for name in study.variants:
         seconds += sum(costs.variant(name, cell) for cell in variant_cells(cells, study, name).values())
     if study.synthesis:
@@ -115,13 +124,26 @@ def estimate(study: Study, cells: dict) -> list[str]:
         f"verdict    about {duration(costs.mismatch() / 2)} on two cores, up to five times where no effect fits"
     ]
     return [
-        f"cells      {len(cells)} positions, {presses} presses; {len(solved)} solved, {len(cells) - len(solved)} mirrored",
+        f"cells      {len(cells)} positions, {presses} presses; {len(solved)} solved, {mirrored} mirrored"
+        + (f", {between} interpolated" if between else ""),
+        *([words] if between else []),
         *lines,
-        f"mesh       {unknowns} degrees of freedom at ({solved[0].x_mm:g}, {solved[0].y_mm:g}) mm",
+        f"mesh       {unknowns} degrees of freedom at ({costs.first.x_mm:g}, {costs.first.y_mm:g}) mm",
         f"time       about {duration(seconds / 2)} on two cores for the finite elements (estimate; images and training add)",
         *(judged if study.sessions else []),
         f"disk       at most {disk / 1e6:.1f} MB for the cells (before compression)",
     ]
+
+
+def interpolation_cost(costs: Costs) -> tuple[float, str]:
+    """Return the CPU seconds of the sites between which labels are interpolated, if two levels do, and a line about them."""
+    from gelforge.indentation.lattice import lattice_of
+
+    lattice = lattice_of(costs.study, costs.cells)
+    first, second = (len(lattice.representatives(lattice.level(n))) for n in (0, SECOND_LEVEL))
+    words = f"between    {first} sites {lattice.spacing_mm:.3g} mm apart are solved and as many more as the tolerance needs"
+    words += f" ({second} at half the spacing); {len(lattice.depths_mm)} depths each"
+    return second * costs.solved * len(lattice.depths_mm) / DEPTHS, words
 
 
 def session_costs(costs: Costs) -> tuple[float, list[str]]:

@@ -42,10 +42,12 @@ def simulate(
     session: str | None,
     out: Path,
     fresh: bool = False,
+    between: bool = False,
 ) -> None:
     """Write one cell, solved, mirrored or taken up; one that does not converge is written as failed, with its reason.
 
-    fresh: solve also what an earlier job has solved from the same inputs.
+    fresh: solve also what an earlier job has solved from the same inputs. between: the cell is one of the sites between
+    which labels are interpolated.
     """
     from gelforge.dataset.session_labels import check_digest
     from gelforge.indentation.cell_file import read_cell, write_cell
@@ -54,7 +56,13 @@ def simulate(
     from gelforge.indentation.mirror import mirror_cell
 
     described = load_study(study)
-    planned = planned_cell(described, cell)
+    planned = solved_between(described, cell) if between else planned_cell(described, cell)
+    if session:
+        planned = replace(planned, between="")  # pressed sites of a session are solved or mirrored
+    if planned.between:
+        raise ConfigError(
+            f"cell {cell} is interpolated between solved sites and not solved itself; it comes with `gelforge derive`"
+        )
     if variant:
         described, planned = variant_study(described, variant), replace(planned, source=None, symmetry=None)
     cells = described.results_folder / "cells"
@@ -65,7 +73,7 @@ def simulate(
     by_material = {name: law.law for name, law in read.items()}
     if planned.source:
         source = mirrored[0] if mirrored else cells / f"{planned.source}.h5"
-        solved, expected = read_cell(source), planned_cell(described, planned.source)
+        solved, expected = read_cell(source), replace(planned_cell(described, planned.source), between="")
         check_digest(source, expected.name, solved, inputs_digest(described, by_material, expected))
         result, how = mirror_cell(solved, described, by_material, planned), "mirrored"
         write_cell(out, result)
@@ -355,7 +363,8 @@ def own_labels(study: Study, cells: dict, laws: dict | None = None) -> dict:
             found[name] = OwnPresses(folder / "presses.h5", digest)
         elif own is not study:
             files = {cell: folder / "cells" / f"{cell}.h5" for cell in cells}
-            digests = {cell: inputs_digest(own, laws, cells[cell]) for cell in cells} if laws else {}
+            solved = {cell: replace(planned, between="") for cell, planned in cells.items()}
+            digests = {cell: inputs_digest(own, laws, solved[cell]) for cell in cells} if laws else {}
             found[name] = OwnCells(files, digests)
     return found
 
@@ -371,6 +380,14 @@ def virtual_lab_of(study: Study, path: Path):
             f" (plan.symmetry: {study.plan.symmetry}); use symmetry: none"
         )
     return lab
+
+
+def solved_between(study: Study, name: str):
+    """Return a site between which labels of the plan are interpolated."""
+    from gelforge.cli.between import between_site
+    from gelforge.indentation.plan import plan_cells
+
+    return between_site(study, plan_cells(study), name)
 
 
 def planned_cell(study: Study, name: str):

@@ -23,7 +23,7 @@ from gelforge.config.files import (
 from gelforge.config.learning import Dataset, Features, Learning
 from gelforge.config.materials import LAW_NAMES, Fitting, LawParameters, Material, OgdenParameters
 from gelforge.config.mechanics import Contact, Mechanics, Mesh, Solver
-from gelforge.config.plan import Grid, Plan
+from gelforge.config.plan import Grid, Interpolation, Plan
 from gelforge.config.sensor import Bins, Flange, Indenter, IndenterPart, Layer, Sensor, Shape
 from gelforge.config.session import DepthZero, ForceSensor, Session, StageToSensor
 from gelforge.config.study import SOFT_SHARE, Study
@@ -56,6 +56,7 @@ __all__ = [
     "Grid",
     "Indenter",
     "IndenterPart",
+    "Interpolation",
     "LAW_NAMES",
     "LawParameters",
     "Layer",

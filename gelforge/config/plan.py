@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_serializer, model_validator
 
+from gelforge.config.camera import without_null
 from gelforge.config.common import NonNegative, Positive, Section
 
 
@@ -15,6 +16,25 @@ class Grid(Section):
 
     spacing_mm: Positive = Field(description="distance between neighbours [mm]")
     margin_mm: NonNegative = Field(5.0, description="distance of the outermost positions from the edges [mm]")
+
+
+class Interpolation(Section):
+    """How far labels between solved sites may lie from what would be solved there; one of the two is given."""
+
+    tolerance: Positive | None = Field(
+        None, description="standard deviation of a label from it over the label's own error bar [-]"
+    )
+    tolerance_N: Positive | None = Field(
+        None, description="the same of a bin's force, root mean square over the bins that are loaded [N]"
+    )
+
+    @model_validator(mode="after")
+    def _one_tolerance(self):
+        if (self.tolerance is None) == (self.tolerance_N is None):
+            raise ValueError(
+                "give one of `tolerance` (a share of the label's own error bar, e.g. 0.5) and `tolerance_N`"
+            )
+        return self
 
 
 class Plan(Section):
@@ -40,6 +60,21 @@ class Plan(Section):
         "vertical",
         description="the indenter comes down, or along the normal of the undeformed surface at the position",
     )
+
+    interpolation: Interpolation | None = Field(
+        None,
+        description="solve as many sites as it takes and interpolate the labels of all others; none: every site is solved",
+    )
+
+    @field_validator("interpolation", mode="before")
+    @classmethod
+    def _none(cls, value):
+        return None if value == "none" else value
+
+    @model_serializer(mode="wrap")
+    def _as_written(self, write) -> dict[str, Any]:
+        """Return the keys; a later one only where it holds something, so that digests of older studies stay."""
+        return without_null(write(self), ("interpolation",))
 
     @model_validator(mode="after")
     def _one_source(self):

@@ -49,6 +49,7 @@ def card(study: Study, manifest: dict) -> str:
         f"k = {bins.nx} iy + ix. Frame: x, y along the edges with the origin at a corner of the top surface, z up; a "
         "pressing ball gives negative Fz. Units: mm, N. The label is a simulation's result, not a measurement; measured "
         "total forces stand beside it where there are recordings.",
+        _interpolated(manifest),
         "## Split",
         "By cell, so that no image of a press is on both sides. Where the plan has mirror images, a held-out cell's label "
         "may mirror a training cell's; its images do not.",
@@ -69,6 +70,16 @@ def card(study: Study, manifest: dict) -> str:
         "the owner of the recordings states it.",
     ]
     return "\n\n".join(part.strip() for part in parts if part) + "\n"
+
+
+def _interpolated(manifest: dict) -> str:
+    between = [cell for cell in manifest["cells"].values() if cell.get("interpolated_from")]
+    if not between:
+        return ""
+    return (
+        f"Labels of {len(between)} cells are interpolated between solved sites, which `manifest.json` names by cell "
+        "(`interpolated_from`); their error bars are larger by how far they may lie from what would be solved there."
+    )
 
 
 def _shape(shape: tuple[str, ...]) -> str:

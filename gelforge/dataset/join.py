@@ -155,7 +155,12 @@ def _check_label(path: str | Path, cell: Cell, planned: PlannedCell, bins: int) 
 
 
 def _cell_attributes(path: str | Path, cell: Cell, planned: PlannedCell, split: str) -> dict:
-    return {
+    between = {
+        name: [str(site) for site in np.atleast_1d(cell.attributes[name])]
+        for name in ("interpolated_from", "solved_as")
+        if name in cell.attributes
+    }
+    return between | {
         "file": Path(path).as_posix(),
         "sha256": file_sha256(path),
         "inputs_digest": str(cell.attributes["inputs_digest"]),

@@ -127,7 +127,8 @@ def sigma(cell: Cell, quantity: str) -> np.ndarray:
     parts = [cell.arrays.get(f"{quantity}_sigma_{part}_N") for part in ("mesh", "material")]
     if parts[0] is None:
         return np.full_like(cell.arrays[f"{quantity}_force_N"], np.nan)
-    return np.hypot(*parts)
+    between = cell.arrays.get(f"{quantity}_sigma_interpolation_N", 0.0)
+    return np.sqrt(parts[0] ** 2 + parts[1] ** 2 + between**2)
 
 
 def check_digest(path: str | Path, name: str, cell: Cell, expected: str | None) -> None:

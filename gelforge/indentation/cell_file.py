@@ -37,8 +37,13 @@ DATASETS = {
         "N",
         "standard deviation of bin_force_N from the covariance of the laws' parameters (D, B, 3)",
     ),
+    "bin_sigma_interpolation_N": (
+        "N",
+        "of a label between solved sites, standard deviation of bin_force_N from what is solved there (D, B, 3)",
+    ),
     "total_sigma_mesh_N": ("N", "standard deviation of total_force_N from discretisation (D, 3)"),
     "total_sigma_material_N": ("N", "standard deviation of total_force_N from the laws (D, 3)"),
+    "total_sigma_interpolation_N": ("N", "the same of total_force_N (D, 3)"),
     "sensitivity_total": ("N/unit", "d total_force_N / d amount of each of sensitivity_names (P, D, 3)"),
     "sensitivity_bin": ("N/unit", "d bin_force_N / d amount of each of sensitivity_names (P, D, B, 3)"),
     "sensitivity_gel_displacement": (
@@ -82,6 +87,7 @@ OPTIONAL = (
 SECTION = {
     name for name in DATASETS if name.startswith("section_")
 }  # a mirrored cell's is that of its source
+NODES = {name for name in DATASETS if name.startswith("node_")}  # an interpolated label has none
 # attributes that differ from run to run: they go into a file of their own, so that a cell's bytes repeat
 TIMINGS = ("seconds", "cpu_seconds", "error_bar_seconds", "sensitivity_seconds")
 UNKNOWN_IS_NAN = {
@@ -193,5 +199,10 @@ def read_cell(path: str | Path, arrays: list[str] | None = None, if_held: Collec
 
 def _held(attributes: dict, file: h5py.File) -> list[str]:
     """Return the names of the arrays that a cell must hold, and of the optional ones that it does hold."""
-    absent = OPTIONAL | (SECTION if attributes.get("source") else set())
+    between = "interpolated_from" in attributes or "solved_as" in attributes
+    absent = (
+        OPTIONAL | (SECTION if attributes.get("source") or between else set()) | (NODES if between else set())
+    )
+    if between and attributes["status"] == "failed":
+        absent = set(DATASETS) - {"depth_mm", "total_force_N", "bin_force_N"}
     return [name for name in DATASETS if name not in absent or name in file]

@@ -25,6 +25,7 @@ def inputs_digest(study: Study, laws: dict[str, PrincipalLaw], planned: PlannedC
             "mechanics": study.mechanics.model_dump(mode="json"),
             "laws": {name: laws[name].description() for name in materials},
             "cell": [planned.x_mm, planned.y_mm, planned.depths_mm, planned.source, planned.symmetry],
+            **({"between": planned.between} if planned.between else {}),
             "path": [planned.phases, planned.shears_mm, planned.tilts_deg, planned.twists_deg],
             "sources": source_digest("mechanics", "meshing", "indentation"),
         }

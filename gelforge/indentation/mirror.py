@@ -21,8 +21,9 @@ def mirror_cell(source: Cell, study: Study, laws: dict[str, PrincipalLaw], plann
     """
     wall_clock, cpu_clock = time.perf_counter(), time.process_time()
     name, width, n = planned.symmetry, study.sensor.width_x_mm, study.sensor.bins.nx
-    arrays = {"depth_mm": source.arrays["depth_mm"], "shear_mm": source.arrays["shear_mm"]}
-    arrays["tilt_deg"] = source.arrays["tilt_deg"]  # both zero: a cell that shears or tilts is solved itself
+    # Shear and tilt are zero: a cell that shears or tilts is solved itself.
+    plain = ("depth_mm", "shear_mm", "tilt_deg")
+    arrays = {key: source.arrays[key] for key in plain if key in source.arrays}
     for key in (
         "total_force_N",
         "reaction_N",
@@ -31,18 +32,17 @@ def mirror_cell(source: Cell, study: Study, laws: dict[str, PrincipalLaw], plann
         "node_shear_N",
         "node_displacement_mm",
     ):
+        if key not in source.arrays:  # an interpolated source has no nodes, a failed one perhaps nothing
+            continue
         arrays[key] = transform_vectors(name, source.arrays[key])
-    for key in ("bin_force_N", "bin_normal_N", "bin_shear_N"):
+    for key in [key for key in ("bin_force_N", "bin_normal_N", "bin_shear_N") if key in source.arrays]:
         arrays[key] = transform_bins(name, source.arrays[key], n)
     for key in sorted(ERROR_BARS & set(source.arrays)):
         moved = transform_bins(name, source.arrays[key], n) if key.startswith("bin") else None
         arrays[key] = np.abs(transform_vectors(name, source.arrays[key]) if moved is None else moved)
-    for key in ("node_xy_mm", "indenter_mm"):
+    for key in {"node_xy_mm", "indenter_mm"} & set(source.arrays):
         arrays[key] = transform_points(name, source.arrays[key], width)
-    arrays["node_area_mm2"], arrays["node_state"] = (
-        source.arrays["node_area_mm2"],
-        source.arrays["node_state"],
-    )
+    arrays |= {key: source.arrays[key] for key in ("node_area_mm2", "node_state") if key in source.arrays}
     identity = {
         "cell": planned.name,
         "x_mm": planned.x_mm,

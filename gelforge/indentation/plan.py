@@ -13,6 +13,7 @@ from gelforge.config import NAME, ConfigError, Sensor, Study, variant_study
 from gelforge.csv_table import read_columns
 from gelforge.indentation.effects.kinematics import touches_a_slope
 from gelforge.indentation.indenter_shapes import check_press, check_widest, real_indenter, shape_of
+from gelforge.indentation.lattice import check_interpolation, interpolable, lattice_digest, lattice_of
 from gelforge.indentation.plan_checks import check_count, check_mesh, check_places, check_steps, check_unit
 from gelforge.indentation.reach import check_reach, planned_reach
 from gelforge.indentation.sizes import check_indenter, check_sensor_size
@@ -47,6 +48,14 @@ class PlannedCell:
     shears_mm: tuple[tuple[float, float], ...] = ()
     tilts_deg: tuple[tuple[float, float], ...] = ()
     twists_deg: tuple[float, ...] = ()
+    between: str = (
+        ""  # digest of what decides the label of a site that is not solved, as lattice.lattice_digest
+    )
+
+    @property
+    def solved(self) -> bool:
+        """Whether the site is a finite-element solution of its own."""
+        return self.source is None and not self.between
 
     @property
     def deepest_mm(self) -> float:
@@ -64,12 +73,24 @@ def plan_cells(study: Study) -> dict[str, PlannedCell]:
     check_unit(cells, study)
     check_places(cells, POSITION_MATCH_MM)
     check_inside(cells, study)
-    if not study.mirrors_cells:
+    if study.mirrors_cells:
+        cells = _with_sources(cells, study.sensor)
+        if study.plan.symmetry == "d4":
+            _check_mirrored(cells, study.sensor)
+    return cells if study.plan.interpolation is None else _between_sites(cells, study)
+
+
+def _between_sites(cells: dict[str, PlannedCell], study: Study) -> dict[str, PlannedCell]:
+    """Return the cells with those marked whose label is interpolated between solved sites."""
+    check_interpolation(study)
+    lattice = lattice_of(study, cells)
+    if lattice is None:
         return cells
-    related = _with_sources(cells, study.sensor)
-    if study.plan.symmetry == "d4":
-        _check_mirrored(related, study.sensor)
-    return related
+    decides = lattice_digest(study, lattice)
+    return {
+        name: replace(cell, between=decides) if interpolable(study, cell) else cell
+        for name, cell in cells.items()
+    }
 
 
 CORNER_MM = 5.0  # the article's "corner": this far from two edges
@@ -102,7 +123,7 @@ def variant_cells(cells: dict[str, PlannedCell], study: Study, variant: str) -> 
         raise ConfigError(
             f"variants.{variant}: the plan has no cell at the centre or {CORNER_MM:g} mm from two edges; name `cells`"
         )
-    chosen = {name: replace(cells[name], source=None, symmetry=None) for name in names}
+    chosen = {name: replace(cells[name], source=None, symmetry=None, between="") for name in names}
     check_inside(chosen, variant_study(study, variant))
     return chosen
 
@@ -117,6 +138,8 @@ def plan_table(cells: dict[str, PlannedCell]) -> pd.DataFrame:
         for depth in c.depths_mm
     ]
     table = pd.DataFrame(rows, columns=["cell", "x_mm", "y_mm", "depth_mm", "source", "symmetry"])
+    if any(c.between for c in cells.values()):
+        table["interpolated"] = [bool(c.between) for c in cells.values() for _ in c.depths_mm]
     if any(c.follows_a_path for c in cells.values()):
         path = [step for c in cells.values() for step in _steps(c)]
         table = table.join(pd.DataFrame(path, columns=["phase", *PATH_NUMBERS]))

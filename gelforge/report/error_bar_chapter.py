@@ -24,7 +24,7 @@ def error_bars(results: StudyResults) -> Chapter:
     if not results.study.mechanics.error_bars:
         chapter.say("No error bars: the study has mechanics.error_bars: false.")
         return chapter
-    solved = [cell for cell in results.converged() if cell.source is None]
+    solved = [cell for cell in results.converged() if not cell.source]
     rows = pd.DataFrame([row for cell in solved for row in _vertical(results, cell)])
     if rows.empty:
         chapter.miss(

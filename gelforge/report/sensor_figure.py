@@ -75,10 +75,22 @@ def _draw_above(ax: Axes, study: Study, cells: dict[str, PlannedCell], camera: C
         ax.plot([edge, edge], [0, wy], color="#00000022", lw=0.5)
     for edge in np.linspace(0, wy, sensor.bins.ny + 1):
         ax.plot([0, wx], [edge, edge], color="#00000022", lw=0.5)
-    solved = np.array([(c.x_mm, c.y_mm) for c in cells.values() if c.source is None]).reshape(-1, 2)
-    mirrored = np.array([(c.x_mm, c.y_mm) for c in cells.values() if c.source is not None]).reshape(-1, 2)
+    solved = np.array([(c.x_mm, c.y_mm) for c in cells.values() if c.solved]).reshape(-1, 2)
+    mirrored = np.array([(c.x_mm, c.y_mm) for c in cells.values() if c.source]).reshape(-1, 2)
+    between = np.array([(c.x_mm, c.y_mm) for c in cells.values() if c.between and not c.source]).reshape(
+        -1, 2
+    )
     dot = float(np.clip(40 / np.sqrt(max(len(cells), 1)), 1.2, 5))
     ax.plot(*solved.T, "o", ms=dot, color=SIMULATED, mew=0, label=f"{len(solved)} positions to simulate")
+    if len(between):
+        ax.plot(
+            *between.T,
+            "o",
+            ms=dot,
+            color=PREDICTED,
+            mew=0,
+            label=f"{len(between)} interpolated between solved",
+        )
     if len(mirrored):
         ax.plot(*mirrored.T, "o", ms=dot, color="#8CC3E6", mew=0, label=f"{len(mirrored)} mirrored from them")
     if camera:

@@ -28,9 +28,11 @@ def glance(results: StudyResults) -> Chapter:
     depths = sorted({d for c in results.planned.values() for d in c.depths_mm})
     planned, good = results.planned.values(), results.converged()
     mirrored = sum(cell.source is not None for cell in planned)
+    between = sum(bool(cell.between) and cell.source is None for cell in planned)
     cells = count(len(planned), "position") + (
         f", of which {mirrored} mirrored from others" if mirrored else ""
     )
+    cells += f" and {between} interpolated between solved sites" if between else ""
     steps = f"{depths[0]:g} to {depths[-1]:g} mm, {count(len(depths), 'depth')}"
     facts = [
         ("Sensor", f"{sensor.width_x_mm:g} x {sensor.width_y_mm:g} x {sensor.height_mm:g} mm"),
@@ -163,7 +165,7 @@ def inside(results: StudyResults) -> Chapter:
     """Return the deformed section and the contact pressure of one press."""
     chapter = Chapter("inside", "Inside a press")
     good = sorted(
-        (c for c in results.converged() if c.source is None),
+        (c for c in results.converged() if c.solved),
         key=lambda c: np.hypot(*(np.array([c.x_mm, c.y_mm]) - results.centre_mm)),
     )
     if not good:
@@ -267,9 +269,9 @@ def time_per_stage(results: StudyResults) -> Chapter:
         chapter.tabulate("Wall seconds as Snakemake measured them; memory of a job's process.", table)
     else:
         chapter.miss(f"No benchmark files in {results.folder / 'benchmarks'}; Snakemake writes them.")
-    solved = [results.cell_attributes[c.name] for c in results.converged() if c.source is None]
+    solved = [results.cell_attributes[c.name] for c in results.converged() if c.solved]
     if solved:
-        names = [c.name for c in results.converged() if c.source is None]
+        names = [c.name for c in results.converged() if c.solved]
         timings = [read_timings(results.cell_path(name)) for name in names]
         seconds = [float(known["seconds"]) for known in timings if "seconds" in known]
         iterations = [int(np.sum(a["iterations"])) for a in solved]  # stored per depth

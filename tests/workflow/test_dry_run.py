@@ -11,16 +11,17 @@ TEST = ("--configfile", "config/test.yaml")
 
 
 @pytest.mark.thorough
-def test_paper_makes_every_cell_a_job(checkout):
+def test_paper_makes_every_solved_cell_a_job_and_mirrors_in_bulk(checkout):
     jobs = checkout.jobs("--configfile", "config/paper.yaml")
-    assert jobs["simulate"] == 1681
+    assert jobs["simulate"] == 231
+    assert 100 < sum(name.startswith("derive_") for name in jobs) <= 106  # of a shard
     assert jobs["join"] == 106  # 16 cells a shard
     assert not {"train", "evaluate", "features", "virtual_session", "agreement"} & set(jobs)  # labels only
 
 
 def test_demo_is_the_default_and_not_mixed_into_other_studies(checkout):
     jobs = checkout.jobs()
-    assert jobs["simulate"] == 13 * 13 + 4 + 4 + 40
+    assert jobs["simulate"] == 28 + 1 + 1 + 6  # of 217
     assert jobs["virtual_session"] == 2
     assert jobs["variant"] == 2 * 2  # two variants at centre and corner
     assert jobs["train"] == jobs["tables"] == jobs["report"] == 1
@@ -30,10 +31,37 @@ def test_demo_is_the_default_and_not_mixed_into_other_studies(checkout):
 
 def test_test_study_lists_every_rule(checkout):
     jobs = checkout.jobs(*TEST)
-    assert jobs["simulate"] == 9
+    assert jobs["simulate"] == 3
+    assert [name for name in jobs if name.startswith("derive_")] == ["derive_0", "derive_1", "derive_2"]
     assert jobs["variant"] == 1
     assert jobs["join"] == 3  # 4 + 4 + 1 cells
     assert not {"session_cell", "session_presses"} & set(jobs)
+
+
+def between_sites(checkout, **interpolation):
+    """Write a study of labels only, 21 x 21 positions with a label between solved sites; return its arguments."""
+    content = yaml.safe_load((checkout.folder / "config/test.yaml").read_text())
+    content |= {"study": "between", "sessions": [], "virtual_lab": None, "variants": {}}
+    content["materials"]["ecoflex_gel"] = {"parameters": {"mu_kPa": [8.0], "alpha": [2.0]}}
+    grid = {"spacing_mm": 1.1, "margin_mm": 5.0}
+    content["plan"] = {"grid": grid, "depths_mm": [0.5, 1.0], "interpolation": interpolation}
+    (checkout.folder / "config/between.yaml").write_text(yaml.safe_dump(content))
+    return ("--configfile", "config/between.yaml")
+
+
+def test_labels_between_sites_need_the_first_level_and_then_ask_again(checkout):
+    jobs = checkout.jobs(*between_sites(checkout, tolerance=0.5))
+    assert jobs["solve_site"] == 6 and jobs["level"] == 1
+    assert "simulate" not in jobs
+    assert {name for name in jobs if name.startswith("derive_")} == {"derive_0", "derive_1"}
+
+
+def test_one_tolerance_is_asked_for_before_any_job(checkout):
+    study = between_sites(checkout, tolerance=0.5, tolerance_N=0.001)
+    refused = checkout.snakemake("-n", *study, check=False)
+    assert (
+        refused.returncode == 1 and "plan.interpolation" in refused.stdout and "tolerance_N" in refused.stdout
+    )
 
 
 @pytest.mark.thorough(but_first=1)
@@ -111,7 +139,7 @@ def test_only_a_session_of_another_age_has_cells_of_its_own(checkout):
     assert checkout.jobs(*ageing)["session_cell"] == 3
     ageless = session_study(checkout, {"material": {"circumstances": {"ageing_per_day": {"gel": 0.0}}}})
     jobs = checkout.jobs(*ageless)
-    assert jobs["simulate"] == 9
+    assert jobs["simulate"] == 3
     assert not {"session_cell", "session_presses"} & set(jobs)
 
 

@@ -49,6 +49,10 @@ def cell_seconds(wildcards, *_):
     return costs().cell(CELLS[wildcards.cell])
 
 
+def site_seconds(wildcards, *_):
+    return costs().cell(site_of(wildcards))
+
+
 def variant_seconds(wildcards, *_):
     return costs().variant(wildcards.variant, CELLS[wildcards.cell])
 

@@ -1,5 +1,6 @@
 """What every rule shares: the validated study, the names of its files and the digests of what decides them."""
 
+import json
 import math
 import os
 import sys
@@ -17,6 +18,8 @@ from gelforge.config import (
     write_yaml,
 )
 from gelforge.files import atomic, digest, source_digest
+from gelforge.indentation.derived import derived_chunks
+from gelforge.indentation.lattice import lattice_of, solved_site
 from gelforge.indentation.plan import plan_cells, variant_cells
 
 
@@ -36,6 +39,10 @@ def _described():
 STUDY, CELLS, VARIANTS, LAB = _described()
 RESULTS = STUDY.results_folder.as_posix()
 DATA = STUDY.data_folder.as_posix()
+BETWEEN = [name for name, cell in CELLS.items() if cell.between]  # labels that are interpolated
+LATTICE = lattice_of(STUDY, CELLS) if BETWEEN else None
+SITES = f"{RESULTS}/solved_sites"  # between which they are interpolated
+DERIVED = derived_chunks(CELLS, STUDY.dataset.cells_per_shard)
 TRUTH = f"{DATA}/virtual_truth/cells"  # of a virtual lab's sensor
 LOGS = f"logs/{STUDY.study}"
 BENCHMARKS = f"{RESULTS}/benchmarks"
@@ -86,6 +93,8 @@ wildcard_constraints:
     cell="[A-Za-z0-9_-]+",
     material="[A-Za-z0-9_-]+",
     session="[A-Za-z0-9_-]+",
+    site="[A-Za-z0-9_-]+",
+    level=r"\d",
     variant="[A-Za-z0-9_-]+",
     shard=r"\d{5}",
     number=r"\d{5}",
@@ -204,10 +213,51 @@ def material_tests(wildcards):
     return sorted({path.as_posix() for path in files})
 
 
-def mirrored_cell(wildcards):
-    """Return the file of the cell that this one mirrors, if it mirrors one."""
-    source = CELLS[wildcards.cell].source
-    return cell_files([source]) if source else []
+def any_of(names):
+    """Return the pattern of a wildcard that is one of these names."""
+    return "|".join(names) or "(?!)"
+
+
+def derived_sources(names):
+    """Return what the labels of mirrored and interpolated sites are made from; after the last level is decided, all of it."""
+    sources = {CELLS[name].source for name in names if not CELLS[name].between}
+    if any(CELLS[name].between for name in names):
+        decided, path = last_level()
+        return [path, *site_files(decided["solved"] + decided["themselves"]), *cell_files(sorted(sources))]
+    return cell_files(sorted(sources))
+
+
+def site_files(names):
+    return [f"{SITES}/{name}.h5" for name in names]
+
+
+def sites_of_level(wildcards):
+    """Return the solved sites that a level's decision reads: its own and those of the levels before."""
+    from gelforge.interpolation.levels import first_level
+
+    level = int(wildcards.level)
+    if level == 0:
+        return site_files(first_level(LATTICE))
+    before = decision(level - 1)
+    return site_files(before["solved"] + before["more"])
+
+
+def decision(level):
+    """Return what a level decided; Snakemake waits for it, and asks again, where it is not known yet."""
+    return json.loads(Path(checkpoints.level.get(level=level).output[0]).read_text(encoding="utf-8"))
+
+
+def last_level():
+    """Return the decision after which no more sites are solved between which labels are interpolated, and its file."""
+    level = 0
+    while (found := decision(level))["more"]:
+        level += 1
+    return found, checkpoints.level.get(level=level).output[0]
+
+
+def site_of(wildcards):
+    """Return the site that is solved under a name: a place of the lattice, or one of the plan itself."""
+    return solved_site(LATTICE, wildcards.site) or CELLS[wildcards.site]
 
 
 def mirrored_session_cell(wildcards):
@@ -222,10 +272,27 @@ def drawn_settings(_):
 
 
 def planned(wildcards):
-    cell = CELLS[wildcards.cell]
+    return planned_cell(CELLS[wildcards.cell])
+
+
+def planned_cell(cell):
     moves = [cell.phases, cell.shears_mm, cell.tilts_deg, *([cell.twists_deg] if cell.twists_deg else [])]
     path = map(list, moves) if cell.follows_a_path else []
-    return [cell.x_mm, cell.y_mm, list(cell.depths_mm), cell.source or "", cell.symmetry or "", *path]
+    between = [cell.between] if cell.between else []
+    return [
+        cell.x_mm,
+        cell.y_mm,
+        list(cell.depths_mm),
+        cell.source or "",
+        cell.symmetry or "",
+        *path,
+        *between,
+    ]
+
+
+def planned_site(wildcards):
+    site = site_of(wildcards)
+    return [site.x_mm, site.y_mm, list(site.depths_mm)]
 
 
 def indenter_files():

@@ -8,7 +8,13 @@ from snakemake.logging import logger
 from gelforge.dataset.presses_in_order import part_of
 from gelforge.indentation.kept_solutions import forget, tidy
 
-SOLVES = {"simulate", "variant", "session_cell", "virtual_cell"}  # rules whose output is one solved cell
+SOLVES = {
+    "simulate",
+    "solve_site",
+    "variant",
+    "session_cell",
+    "virtual_cell",
+}  # rules whose output is one solved cell
 
 
 def forced(jobs):
@@ -59,7 +65,8 @@ def begin_solving(jobs):
 
 
 def is_mirrored(job):
-    return job.rule.name != "variant" and bool(CELLS[job.wildcards.cell].source)
+    cell = job.wildcards.get("cell") if job.rule.name != "variant" else None
+    return cell in CELLS and bool(CELLS[cell].source)
 
 
 def solved_files():
@@ -70,7 +77,8 @@ def solved_files():
         for cell in cells
     ]
     truth = [f"{TRUTH}/{cell}.h5" for cell in CELLS] if LAB else []
-    return [Path(name) for name in cell_files(CELLS) + variant_files() + own + truth]
+    sites = sorted(Path(SITES).glob("*.h5"))
+    return [Path(name) for name in cell_files(CELLS) + variant_files() + own + truth] + sites
 
 
 def tidy_up():

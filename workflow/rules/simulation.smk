@@ -1,4 +1,7 @@
-"""The plan and its cells: one position with all its depths is one job and one file."""
+"""The plan and its cells: one position with all its depths is one file, and one job where it is solved.
+
+Cells that mirror others, or lie between solved sites (plan.interpolation), are made in bulk.
+"""
 
 
 rule study:
@@ -29,7 +32,6 @@ rule simulate:
     """Press at one position, depth by depth; a cell that fails is a file that says so."""
     input:
         laws=law_files(),
-        mirrored=mirrored_cell,
         indenter=indenter_files(),
     output:
         ensure(f"{RESULTS}/cells/{{cell}}.h5", non_empty=True),
@@ -37,6 +39,8 @@ rule simulate:
         f"{LOGS}/cells/{{cell}}.log",
     benchmark:
         f"{BENCHMARKS}/cells/{{cell}}.tsv"
+    wildcard_constraints:
+        cell=any_of(name for name, cell in CELLS.items() if cell.solved),
     group:
         "fem"
     threads: 1
@@ -50,7 +54,81 @@ rule simulate:
         source=source_digest("mechanics", "meshing", "indentation"),
     shell:
         "{ONE_THREAD:q} {SOLVE:q} simulate --study {STUDY_FILE:q} --cell {wildcards.cell:q}"
-        " --laws {input.laws:q} --mirrored {input.mirrored:q} --out {output:q} &> {log:q}"
+        " --laws {input.laws:q} --out {output:q} &> {log:q}"
+
+
+if BETWEEN:
+
+    rule solve_site:
+        """Press at one of the places between which labels are interpolated; its forces are stored as a cell's."""
+        input:
+            laws=law_files(),
+            indenter=indenter_files(),
+        output:
+            ensure(f"{SITES}/{{site}}.h5", non_empty=True),
+        log:
+            f"{LOGS}/solved_sites/{{site}}.log",
+        benchmark:
+            f"{BENCHMARKS}/solved_sites/{{site}}.tsv"
+        group:
+            "fem"
+        threads: 1
+        resources:
+            cpu_ms=counts(site_seconds),
+            runtime=asks(site_seconds),
+            mem_mb=1500,
+        params:
+            planned=planned_site,
+            model=block("sensor", "indenter", "mechanics"),
+            source=source_digest("mechanics", "meshing", "indentation"),
+        shell:
+            "{ONE_THREAD:q} {SOLVE:q} simulate --study {STUDY_FILE:q} --cell {wildcards.site:q} --between"
+            " --laws {input.laws:q} --out {output:q} &> {log:q}"
+
+    checkpoint level:
+        """Decide which sites of the next level are solved, from what those of this one and before predict of each other.
+
+        The jobs of a level are known when the level before is decided; the last one's decision asks for none.
+        """
+        input:
+            laws=law_files(),
+            solved=sites_of_level,
+        output:
+            ensure(f"{RESULTS}/interpolation/level_{{level}}.json", non_empty=True),
+        log:
+            f"{LOGS}/interpolation/level_{{level}}.log",
+        localrule: True
+        params:
+            between=CELLS[BETWEEN[0]].between,
+        shell:
+            "{ONE_THREAD:q} {SOLVE:q} level --study {STUDY_FILE:q} --level {wildcards.level} --laws {input.laws:q}"
+            " --out {output:q} &> {log:q}"
+
+
+for number, names in DERIVED.items():
+
+    rule:
+        name:
+            f"derive_{number}"
+        # The cells of one job that mirror solved ones or lie between them (gelforge/indentation/derived.py).
+        input:
+            laws=law_files(),
+            sources=lambda wildcards, names=names: derived_sources(names),
+        output:
+            [ensure(path, non_empty=True) for path in cell_files(names)],
+        log:
+            f"{LOGS}/cells/derive_{number}.log",
+        benchmark:
+            f"{BENCHMARKS}/derived/{number}.tsv"
+        localrule: True
+        params:
+            number=number,
+            planned=[planned_cell(CELLS[name]) for name in names],
+            model=block("sensor", "indenter", "mechanics"),
+            source=source_digest("mechanics", "meshing", "indentation"),
+        shell:
+            "{ONE_THREAD:q} {SOLVE:q} derive --study {STUDY_FILE:q} --number {params.number} --laws {input.laws:q}"
+            " &> {log:q}"
 
 
 rule variant:

@@ -16,7 +16,17 @@ import signal
 import socket
 import sys
 
-CODE = ("cli", "config", "mechanics", "meshing", "indentation", "characterisation", "virtual_lab", "files.py")
+CODE = (
+    "cli",
+    "config",
+    "mechanics",
+    "meshing",
+    "indentation",
+    "interpolation",
+    "characterisation",
+    "virtual_lab",
+    "files.py",
+)
 NOBODY = "-"  # no address
 COLLECT_S = 1.0  # how often forks that have ended are collected
 OPEN = 128  # jobs that may wait while the server loads

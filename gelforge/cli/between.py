@@ -1,0 +1,147 @@
+"""Commands of labels that are made from others: which sites are solved for them, and mirrored and interpolated cells."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from functools import cache
+from pathlib import Path
+
+from gelforge.cli.factory import cell_path, print_outcome, study_laws
+from gelforge.config import ConfigError, Study, load_study
+
+
+def level(study: Path, level: int, laws: list[Path], out: Path) -> None:
+    """Write which sites are solved after a level, as JSON, and say how far the labels then are from the tolerance."""
+    from gelforge.files import write_product_json
+    from gelforge.indentation.lattice import lattice_of
+    from gelforge.indentation.plan import plan_cells
+    from gelforge.interpolation.levels import decide, first_level
+
+    described = load_study(study)
+    cells = plan_cells(described)
+    lattice = lattice_of(described, cells) if any(cell.between for cell in cells.values()) else None
+    if lattice is None:
+        raise ConfigError(f"{study}: no label of the plan is interpolated; give plan.interpolation")
+    names = first_level(lattice)
+    if level:
+        before = read_decision(out.with_name(f"level_{level - 1}.json"))
+        names = before["solved"] + before["more"]
+    solved = solved_sites(described, cells, names, study_laws(described, laws))
+    planned = [cell for cell in cells.values() if cell.between and cell.source is None]
+    decided = decide(solved, level, planned, described.plan.interpolation)
+    write_product_json(
+        out, asdict(decided) | {"tolerance": described.plan.interpolation.model_dump(mode="json")}
+    )
+    print(decided.words)
+
+
+def derive(study: Path, number: int, laws: list[Path]) -> None:
+    """Write the mirrored and interpolated cells of one job, each from the sites that it names."""
+    from gelforge.indentation.cell_file import write_cell
+    from gelforge.indentation.derived import derived_chunks
+    from gelforge.indentation.mirror import mirror_cell
+    from gelforge.indentation.plan import plan_cells
+
+    described = load_study(study)
+    cells = plan_cells(described)
+    chunks = derived_chunks(cells, described.dataset.cells_per_shard)
+    if number not in chunks:
+        raise ConfigError(
+            f"{study}: no job {number} makes mirrored or interpolated cells; there are {sorted(chunks)}"
+        )
+    read = study_laws(described, laws)
+    by_material = {name: law.law for name, law in read.items()}
+    labels = (
+        labels_of(described, cells, read) if any(cells[name].between for name in chunks[number]) else None
+    )
+
+    @cache
+    def made(name: str):
+        planned = cells[name]
+        if planned.source:
+            return mirror_cell(made(planned.source), described, by_material, planned)
+        return labels.cell(planned) if planned.between else checked_cell(described, cells[name], by_material)
+
+    for name in chunks[number]:
+        write_cell(cell_path(described, name), made(name))
+        print_outcome(name, made(name), words_of(made(name)))
+
+
+def words_of(cell) -> str:
+    """Return how a derived cell was made."""
+    if cell.attributes["source"]:
+        return f"mirrored from {cell.attributes['source']}"
+    if "solved_as" in cell.attributes:
+        return f"solved as {cell.attributes['solved_as']}"
+    return f"interpolated between {len(cell.attributes['interpolated_from'])} solved sites"
+
+
+def labels_of(study: Study, cells: dict, read: dict):
+    """Return what the interpolated labels of a study are made from, after the last level was decided."""
+    from gelforge.interpolation.labels import Labels
+
+    folder, number = study.results_folder / "interpolation", 0
+    while (decided := read_decision(folder / f"level_{number}.json"))["more"]:
+        number += 1
+    solved = solved_sites(study, cells, decided["solved"], read)
+    laws = {name: law.law for name, law in read.items()}
+    own = {name: solved_cell(study, cells, name, laws) for name in decided["themselves"]}
+    return Labels(study, laws, solved, own)
+
+
+def solved_sites(study: Study, cells: dict, names: list[str], read: dict):
+    """Return the named solved sites of a study's lattice, each checked against the present settings and laws."""
+    from gelforge.indentation.lattice import index_of, lattice_of
+    from gelforge.interpolation.solved_sites import SolvedSites
+
+    lattice = lattice_of(study, cells)
+    laws = {name: law.law for name, law in read.items()}
+    solved = {index_of(name): solved_cell(study, cells, name, laws) for name in names}
+    others = any(cell.between and cell.depths_mm != lattice.depths_mm for cell in cells.values())
+    return SolvedSites(lattice, study.sensor, study.indenter, solved, others)
+
+
+def solved_cell(study: Study, cells: dict, name: str, laws: dict):
+    """Return a solved site of the lattice, or one of the plan that is solved itself for the others' sake."""
+    return checked_cell(study, between_site(study, cells, name), laws, site_path(study, name))
+
+
+def between_site(study: Study, cells: dict, name: str):
+    """Return the site that is solved under a name: a place of the lattice, or one of the plan by itself."""
+    from dataclasses import replace
+
+    from gelforge.indentation.lattice import lattice_of, solved_site
+
+    lattice = lattice_of(study, cells) if study.plan.interpolation else None
+    site = solved_site(lattice, name) if lattice else None
+    if site is None and name not in cells:
+        raise ConfigError(
+            f"{name!r} is neither a site of the plan nor one between which its labels are interpolated"
+        )
+    return site or replace(cells[name], source=None, symmetry=None, between="")
+
+
+def checked_cell(study: Study, planned, laws: dict, path: Path | None = None):
+    """Return a solved cell after checking that it is the planned one under the present settings."""
+    from gelforge.dataset.session_labels import check_digest
+    from gelforge.indentation.cell_file import read_cell
+    from gelforge.indentation.inputs import inputs_digest
+
+    path = path or cell_path(study, planned.name)
+    cell = read_cell(path)
+    check_digest(path, planned.name, cell, inputs_digest(study, laws, planned))
+    return cell
+
+
+def site_path(study: Study, name: str) -> Path:
+    return study.results_folder / "solved_sites" / f"{name}.h5"
+
+
+def read_decision(path: Path) -> dict:
+    """Return what a level decided. Raises ConfigError for a file that is missing or not one."""
+    from gelforge.files import read_product_json
+
+    found = read_product_json(path, f"decide again (snakemake -R {path})", ConfigError)
+    if not {"solved", "more", "themselves"} <= set(found):
+        raise ConfigError(f"{path}: not a level's decision; decide again (snakemake -R {path})")
+    return found
