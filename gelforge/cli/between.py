@@ -29,10 +29,21 @@ def level(study: Path, level: int, laws: list[Path], out: Path) -> None:
     solved = solved_sites(described, cells, names, study_laws(described, laws))
     planned = [cell for cell in cells.values() if cell.between and cell.source is None]
     decided = decide(solved, level, planned, described.plan.interpolation)
+    forget_later(described, cells, level, out)
     write_product_json(
         out, asdict(decided) | {"tolerance": described.plan.interpolation.model_dump(mode="json")}
     )
     print(decided.words)
+
+
+def forget_later(study: Study, cells: dict, level: int, out: Path) -> None:
+    """Remove what an earlier decision of a level led to: decisions of later levels and interpolated cells.
+
+    Snakemake asks for no further level, nor for the cells, as long as cells of an earlier decision are there.
+    """
+    later = [path for path in out.parent.glob("level_*.json") if int(path.stem.rpartition("_")[2]) > level]
+    for path in [*later, *(cell_path(study, name) for name, cell in cells.items() if cell.between)]:
+        path.unlink(missing_ok=True)
 
 
 def derive(study: Path, number: int, laws: list[Path]) -> None:
