@@ -1,11 +1,11 @@
 """Coverage of labels between solved sites: do sites that were solved and never used lie inside two standard deviations?
 
 The article's sensor and region (5 mm from the walls). Whole levels are solved, or with --tolerance what plan.interpolation
-would solve for the article's 41 x 41 positions. Labels at held-out positions, drawn with a fixed seed, stand beside what
-is solved there: at the depths of the solved sites ("held"), or at depths of their own ("drawn"). The error bar judged is the
-interpolation's own part: how far a label lies from the solved one, whose other parts both share. The last two columns are
-of whole error bars. The first CALIBRATION positions gave the parts in solved_sites.py and are not judged. Solutions are
-kept in results/interpolation: remove it after a change of the solver.
+would solve for the article's 41 x 41 positions; then labels at held-out positions, drawn with a fixed seed, are compared with
+what is solved there: at the depths of the solved sites ("held"), or at depths of their own ("drawn"). The error bar that is
+judged is the interpolation's own part: how far a label lies from the solved one, whose other parts both share. The last two
+columns are of whole error bars. The first CALIBRATION positions gave the parts in solved_sites.py and are not judged.
+Solutions are kept in results/interpolation: remove it after a change of the solver.
 
 usage: python benchmarks/interpolation.py [--near 0.3] [--held 84] [--levels 0 1 2] [--tolerance 1] [--presses 2000]
        (one thread; some 15 CPU seconds a site at the default mesh, once; --near 0.5 takes a third)
