@@ -39,7 +39,7 @@ def test_a_cell_file_holds_everything(cell, tmp_path):
     ).split():
         assert name in back.attributes, name
     assert back.converged
-    assert {"seconds", "cpu_seconds"} == set(read_timings(tmp_path / "cell.h5"))
+    assert {"seconds", "cpu_seconds", "peak_memory_MB"} == set(read_timings(tmp_path / "cell.h5"))
     assert (back.attributes["cell"], back.attributes["reason"], back.attributes["source"]) == (
         "x0_y0",
         "",
@@ -157,7 +157,9 @@ def test_two_solves_give_the_same_bytes(tmp_path):
         cell = simulate_label(study, LAWS, uncertain, PLANNED)
         write_cell(tmp_path / f"{name}.h5", cell)
     assert (tmp_path / "one.h5").read_bytes() == (tmp_path / "other.h5").read_bytes()
-    assert {"seconds", "cpu_seconds", "error_bar_seconds"} == set(read_timings(tmp_path / "one.h5"))
+    assert {"seconds", "cpu_seconds", "error_bar_seconds", "peak_memory_MB"} == set(
+        read_timings(tmp_path / "one.h5")
+    )
     assert read_cell(tmp_path / "one.h5").attributes.keys().isdisjoint(read_timings(tmp_path / "one.h5"))
 
 

@@ -101,7 +101,7 @@ if BETWEEN:
         params:
             between=CELLS[BETWEEN[0]].between,
         shell:
-            "{ONE_THREAD:q} {SOLVE:q} level --study {STUDY_FILE:q} --level {wildcards.level} --laws {input.laws:q}"
+            "{ONE_THREAD:q} {SOLVE:q} level --study {STUDY_FILE:q} --level {wildcards.level:q} --laws {input.laws:q}"
             " --out {output:q} &> {log:q}"
 
 
@@ -127,7 +127,7 @@ for number, names in DERIVED.items():
             model=block("sensor", "indenter", "mechanics"),
             source=source_digest("mechanics", "meshing", "indentation"),
         shell:
-            "{ONE_THREAD:q} {SOLVE:q} derive --study {STUDY_FILE:q} --number {params.number} --laws {input.laws:q}"
+            "{ONE_THREAD:q} {SOLVE:q} derive --study {STUDY_FILE:q} --number {params.number:q} --laws {input.laws:q}"
             " &> {log:q}"
 
 
