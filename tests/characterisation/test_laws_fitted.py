@@ -141,6 +141,7 @@ def test_uniaxial_rubber_alone_warns_and_its_width_holds_what_was_measured():
     assert width.high / width.low > 1.5
 
 
+@pytest.mark.thorough
 def test_uniaxial_tests_alone_warn():
     comparison = compare_laws(mean_curves(exact(GEL, kinds=["uniaxial"], rows=25)), ["ogden1", "neo_hooke"])
     assert comparison.warnings[0] == "NOT IDENTIFIABLE from uniaxial alone; add the missing tests"

@@ -208,6 +208,7 @@ def test_measured_readings_are_not_called_synthetic(tmp_path):
     assert "SYNTHETIC" not in write_mismatch_page(folder).read_text(encoding="utf-8")
 
 
+@pytest.mark.thorough
 def test_same_folder_gives_the_same_bytes(folder):
     when = datetime(2026, 1, 1, tzinfo=UTC)
     pages = [write_mismatch_page(folder, when).read_bytes() for _ in range(2)]
