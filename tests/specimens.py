@@ -122,3 +122,15 @@ def study(plan=None, sensor=None, indenter=None, **mechanics):
 
 
 STUDY_LAWS = {"soft": GEL, "stiff": SKIN}
+
+
+BETWEEN = {  # a study of labels between solved sites: one layer without a wall
+    "study": "between",
+    "materials": {"gel": {"parameters": {"mu_kPa": [8.0], "alpha": [2.0]}}},
+    "sensor": {
+        "width_x_mm": 32.0,
+        "width_y_mm": 32.0,
+        "layers": [{"name": "gel", "thickness_mm": 6.0, "material": "gel"}],
+        "bins": {"nx": 20, "ny": 20},
+    },
+}

@@ -132,7 +132,7 @@ class Labels:
         return Cell(arrays, self._of_site(largest[0], depths) | attributes | identity)
 
     def _of_site(self, name: str, depths: tuple[float, ...]) -> dict:
-        """Return what is told of the solved site that a label leans on most, by depth that of the next deeper one."""
+        """Return what is known of the solved site that a label leans on most, by depth that of the next deeper one."""
         known = np.array(self.solved.lattice.depths_mm)
         cell = next(cell for cell in self.solved.cells.values() if cell.attributes["cell"] == name)
         deeper = np.minimum(np.searchsorted(known, np.array(depths) - 1e-9), len(known) - 1)

@@ -26,7 +26,7 @@ from gelforge.mechanics.contact_differences import (
     seen_at,
     stiffness_at,
 )
-from gelforge.mechanics.equilibrium import Press, Settings, State, _padded
+from gelforge.mechanics.equilibrium import Press, Settings, State, padded
 from gelforge.mechanics.force_differences import ForceDifferences
 from gelforge.mechanics.indenters import Indenter
 from gelforge.mechanics.surface_contact import SurfaceContact
@@ -70,8 +70,8 @@ def follow_with_slopes(
     """
     centres = np.asarray(centres, dtype=float)
     chain = _Chain(base, varied)
-    path = np.vstack([_padded(start.centre, centres.shape[1]), centres])
-    shifts = np.array([np.vstack([_padded(v.start, centres.shape[1]), v.centres]) - path for v in varied])
+    path = np.vstack([padded(start.centre, centres.shape[1]), centres])
+    shifts = np.array([np.vstack([padded(v.start, centres.shape[1]), v.centres]) - path for v in varied])
     shifts = shifts.reshape(len(varied), *path.shape)
     reached = 0  # the last place of the path that the base has reached
 
@@ -170,7 +170,7 @@ class _Chain:
                 held,
                 one.amount * u[k],
                 one.amount * self.moved[k, held.nodes],
-                _padded(before.centre, shifts.shape[1]) + self.shift[k],
+                padded(before.centre, shifts.shape[1]) + self.shift[k],
                 None if before.travel is None else before.travel + self.turn_of_path[k],
             )
             seen = seen_at(other, old, held.centre + shifts[k], held.u, held.pressure, held.active)
@@ -185,7 +185,7 @@ class _Chain:
         dmoved = (amounts * self.moved[which][:, held.nodes]).reshape(-1, 3)
         before = held.old
         old = moved_before(
-            many, all_of_them, du, dmoved, _padded(before.centre, len(held.centre)), before.travel
+            many, all_of_them, du, dmoved, padded(before.centre, len(held.centre)), before.travel
         )
         seen = seen_at(many, old, held.centre, all_of_them.u, all_of_them.pressure, all_of_them.active)
         change = force_change(all_of_them, all_of_them.seen.change_to(seen, 1.0))

@@ -91,8 +91,6 @@ class State:
     touched: np.ndarray | None = None  # (S,) bool, nodes that have been in contact; None: none has
     travel: np.ndarray | None = None  # the indenter's last step, as centre; None: there was none
     moved: np.ndarray | None = None  # (S, 3) of the surface nodes in that step [mm]
-    travel: np.ndarray | None = None  # the indenter's last step, as centre; None: there was none
-    moved: np.ndarray | None = None  # (S, 3) of the surface nodes in that step [mm]
     memory: Any = None  # of a body that remembers (mechanics.memory.Memory)
 
     @property
@@ -156,7 +154,7 @@ class Press:
         states before and after every step, halves included. times (n,) [s]: when it is there, for a body that remembers.
         Raises NotConverged, with the position reached, after max_halvings.
         """
-        previous, state = None, replace(start, centre=_padded(start.centre, np.shape(centres)[-1]))
+        previous, state = None, replace(start, centre=padded(start.centre, np.shape(centres)[-1]))
         for number, centre in enumerate(centres):
             iterations = factorisations = 0
             centre, end = np.asarray(centre, dtype=float), None if times is None else float(times[number])
@@ -400,7 +398,7 @@ class Press:
             residual=residual,
             smallest_J=response.smallest_J,
             touched=forces.touched,
-            travel=centre - _padded(old.centre, len(centre)),
+            travel=centre - padded(old.centre, len(centre)),
             moved=(at.u - old.u)[self.surface],
             memory=self.body.remember(at.u) if self.body.remembers else None,
         )
@@ -411,6 +409,6 @@ def unknowns(state: State) -> tuple[np.ndarray, ...]:
     return state.u, state.pressure, state.contact_pressure, state.friction_force
 
 
-def _padded(centre: np.ndarray, length: int) -> np.ndarray:
+def padded(centre: np.ndarray, length: int) -> np.ndarray:
     """Return a centre with zeros for the rotation vector where a path has one."""
     return np.concatenate([centre, np.zeros(length - len(centre))])

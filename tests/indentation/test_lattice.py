@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import specimens
 
 from gelforge.config import ConfigError, study_from
 from gelforge.config.variants import merged
@@ -12,15 +13,7 @@ from gelforge.indentation.lattice import LAST, index_of, interpolable, lattice_o
 from gelforge.indentation.plan import plan_cells
 from gelforge.indentation.symmetry import transform_points
 
-STUDY = {
-    "study": "between",
-    "materials": {"gel": {"parameters": {"mu_kPa": [8.0], "alpha": [2.0]}}},
-    "sensor": {
-        "width_x_mm": 32.0,
-        "width_y_mm": 32.0,
-        "layers": [{"name": "gel", "thickness_mm": 6.0, "material": "gel"}],
-        "bins": {"nx": 20, "ny": 20},
-    },
+STUDY = specimens.BETWEEN | {
     "plan": {
         "grid": {"spacing_mm": 1.1, "margin_mm": 5.0},
         "depths_mm": [0.5, 1.0],

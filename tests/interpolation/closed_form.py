@@ -3,6 +3,7 @@
 from functools import cache
 
 import numpy as np
+import specimens
 
 from gelforge.config import study_from
 from gelforge.indentation.cell_file import Cell
@@ -16,15 +17,8 @@ RADIUS, SIZE = 5.0, 0.25  # of the ball, and between nodes [mm]
 DEPTHS = (0.5, 0.8, 1.1, 1.4, 1.7, 2.0)
 LATTICE = Lattice((6.0, 6.0), (26.0, 26.0), (4, 4), DEPTHS, 32.0)
 STUDY = study_from(
-    {
-        "study": "between",
-        "materials": {"gel": {"parameters": {"mu_kPa": [8.0], "alpha": [2.0]}}},
-        "sensor": {
-            "width_x_mm": 32.0,
-            "width_y_mm": 32.0,
-            "layers": [{"name": "gel", "thickness_mm": 6.0, "material": "gel"}],
-            "bins": {"nx": 20, "ny": 20},
-        },
+    specimens.BETWEEN
+    | {
         "plan": {
             "grid": {"spacing_mm": 1.0, "margin_mm": 6.0},
             "depths_mm": list(DEPTHS),

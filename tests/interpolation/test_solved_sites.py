@@ -4,9 +4,11 @@ from functools import cache
 
 import numpy as np
 import pytest
+import specimens
 from closed_form import LAWS
 
 from gelforge.config import study_from
+from gelforge.config.variants import merged
 from gelforge.indentation.companion import simulate_label
 from gelforge.indentation.lattice import index_of, lattice_of, name_of, solved_site
 from gelforge.indentation.plan import PlannedCell, plan_cells
@@ -14,23 +16,18 @@ from gelforge.interpolation.nodal_forces import NodalForces
 from gelforge.interpolation.solved_sites import SolvedSites
 
 STUDY = study_from(
-    {
-        "study": "between",
-        "materials": {"gel": {"parameters": {"mu_kPa": [8.0], "alpha": [2.0]}}},
-        "sensor": {
-            "width_x_mm": 32.0,
-            "width_y_mm": 32.0,
-            "layers": [{"name": "gel", "thickness_mm": 6.0, "material": "gel"}],
-            "wall_mm": 0.0,
-            "bins": {"nx": 20, "ny": 20},
+    merged(
+        specimens.BETWEEN,
+        {
+            "sensor": {"wall_mm": 0.0},
+            "mechanics": {"mesh": {"near_mm": 0.8, "near_radius_mm": 3.0, "far_mm": 3.2}},
+            "plan": {
+                "grid": {"spacing_mm": 1.1, "margin_mm": 9.5},
+                "depths_mm": [0.6, 1.2],
+                "interpolation": {"tolerance": 1.0},
+            },
         },
-        "mechanics": {"mesh": {"near_mm": 0.8, "near_radius_mm": 3.0, "far_mm": 3.2}},
-        "plan": {
-            "grid": {"spacing_mm": 1.1, "margin_mm": 9.5},
-            "depths_mm": [0.6, 1.2],
-            "interpolation": {"tolerance": 1.0},
-        },
-    }
+    )
 )
 
 
