@@ -2,7 +2,7 @@
 
 The parameters are those that a verdict asks for at this site (effects of the catalogue with their places, boxes of the
 body map) and can be had along one run; with --all-boxes, every box of the body map, felt or not. Those that need solutions
-of their own (place of the press, elastic base, residual stretch, switches) are listed, and timed with --subtracted.
+of their own (elastic base, switches) are listed, and timed with --subtracted.
 
 usage: python benchmarks/sensitivity_cost.py [--x 27 --y 27] [--mesh own | coarser] [--all-boxes] [--neighbours 12]
        [--subtracted]

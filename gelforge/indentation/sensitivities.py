@@ -1,15 +1,15 @@
 """How a cell's forces, and the gel's displacement, follow the effects that the finite elements know, at amount zero.
 
-Effects that leave mesh and path alone are differentiated along one base run, all together (mechanics.direct); for those
-that change the mesh or turn every press into a path of its own, and where the base remembers or yields, two solutions are
-subtracted.
+Effects that leave the elements and the kind of path alone are differentiated along one base run, all together
+(mechanics.direct); a press at another place takes the touched part of the mesh along. For effects that bring another mesh or
+turn every press into a path of its own, and where the base remembers or yields, two solutions are subtracted.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,8 +22,12 @@ from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.simulate import Model, model_of, simulate_cell
 from gelforge.indentation.trajectory import Trajectory
 from gelforge.mechanics.direct import Varied, follow_with_slopes
-from gelforge.mechanics.equilibrium import NotConverged, Press
+from gelforge.mechanics.equilibrium import NotConverged, Press, State
 from gelforge.mechanics.laws import PrincipalLaw
+
+LITTLE_WAY = (
+    1e-3  # of what carries nodes per unit, by which they are moved to see how their bins share the forces
+)
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,9 @@ class Variation:
     amount: float  # by which it differs, in the derivative's unit
     alone: bool = False  # solved by itself, not along the base: its mesh or its paths are others
     without: Study | None = None  # what an `alone` one is compared with; None: the base
+    instead: Variation | None = (
+        None  # an `alone` one, in place of this where it has no derivative along the base
+    )
 
 
 @dataclass(frozen=True)
@@ -112,7 +119,7 @@ def derivatives(
     else:
         cell, found = _solved(study, laws, planned), {}
     for name in others:
-        found[name] = subtracted(cell, laws, planned, variations[name])
+        found[name] = subtracted(cell, laws, planned, variations[name].instead or variations[name])
     return cell, {name: found[name] for name in variations}
 
 
@@ -135,10 +142,14 @@ def _model(
 
 
 def _along_it(base: Model, varied: Model) -> bool:
-    """Return whether a varied model can be differentiated along the base: same elements, no balance, no memory."""
+    """Return whether a varied model can be differentiated along the base: same elements, no memory, nothing that yields.
+
+    Elsewhere, the mesh must have come along: an indenter that goes over its nodes changes the force from node to node.
+    """
     yields = base.yielding is not None or varied.yielding is not None
     same = type(base.body) is type(varied.body) and np.array_equal(base.mesh.elements, varied.mesh.elements)
-    return same and not yields and not base.body.remembers and varied.body.at_rest
+    there = np.array_equal(base.place, varied.place) or varied.drawn is not base.drawn
+    return same and there and not yields and not base.body.remembers and base.body.at_rest
 
 
 def _along(
@@ -151,6 +162,7 @@ def _along(
     ]
     stored = study.mechanics.store_displacement
     gel = np.unique(gel_elements(base.mesh, study.sensor)) if stored else None
+    carried = [_carried(base, model, amount) for model, amount in varied.values()]
     slopes, motions, reached, forces = [], [], [], []
     seconds: list[float] = []
     for state, along in follow_with_slopes(press, press.start_at(base.start), base.centres, others, seconds):
@@ -158,7 +170,7 @@ def _along(
         slopes.append(along.force)
         if stored:
             reached.append(state)
-            motions.append(along.u[:, gel].astype(np.float32))
+            motions.append([_at_its_place(base, state, *one)[gel] for one in zip(along.u, carried)])
     shares = bin_shares(base.mesh, study.sensor, study.mechanics.binning)
     arrays = {"total_force_N": np.sum(forces, axis=1), "bin_force_N": bin_forces(np.array(forces), shares)}
     if stored:
@@ -166,10 +178,32 @@ def _along(
     found = {}
     for k, name in enumerate(varied):
         own = np.array([step[k] for step in slopes])
-        motion = np.array([step[k] for step in motions]) if stored else None
-        each = sum(seconds) / len(varied)
-        found[name] = Derivative(own.sum(axis=1), bin_forces(own, shares), each, motion)
+        motion = np.array([step[k] for step in motions], np.float32) if stored else None
+        bins = bin_forces(own, shares)
+        if carried[k] is not None:  # the same forces on nodes that lie elsewhere among the bins
+            mesh = replace(base.mesh, X=base.mesh.X + LITTLE_WAY * carried[k])
+            there = bin_shares(mesh, study.sensor, study.mechanics.binning)
+            bins = bins + bin_forces(np.array(forces), (there - shares) / LITTLE_WAY)
+        found[name] = Derivative(own.sum(axis=1), bins, sum(seconds) / len(varied), motion)
     return Cell(arrays, {}), found
+
+
+def _carried(base: Model, varied: Model, amount: float) -> np.ndarray | None:
+    """Return how nodes (N, 3) [mm/unit] are carried to a press at another place; None where it is at the base's."""
+    return None if varied.drawn is base.drawn else (varied.drawn.X - base.drawn.X) / amount
+
+
+def _at_its_place(base: Model, state: State, slope: np.ndarray, carried: np.ndarray | None) -> np.ndarray:
+    """Return d displacement / d amount (N, 3) where nodes were, of that of nodes (N, 3) which are carried along."""
+    if carried is None:
+        return slope
+    elements, N = base.mesh.elements, len(base.mesh.X)
+    gradient = np.einsum("eai,eqaj->eij", state.u[elements], base.body.gradient) / base.body.gradient.shape[1]
+    at_nodes = np.stack(
+        [np.bincount(elements.ravel(), np.repeat(g, elements.shape[1]), N) for g in gradient.reshape(-1, 9).T]
+    )
+    at_nodes = (at_nodes / np.bincount(elements.ravel(), minlength=N)).T.reshape(N, 3, 3)
+    return slope - np.einsum("nij,nj->ni", at_nodes, carried)
 
 
 def subtracted(

@@ -14,7 +14,7 @@ from gelforge.config import ConfigError, Effects, Indenter, Mechanics, Sensor, S
 from gelforge.indentation.cell_arrays import force_arrays, gel_arrays, moment_shift, section_arrays
 from gelforge.indentation.cell_file import Cell
 from gelforge.indentation.effects.fields import element_stiffness
-from gelforge.indentation.effects.geometry import moved_mesh, region_prestretch
+from gelforge.indentation.effects.geometry import carried_mesh, moved_mesh, region_prestretch
 from gelforge.indentation.effects.history import (
     TimedPath,
     empty_grid,
@@ -92,6 +92,7 @@ class Model:
     yielding: np.ndarray | None  # (3,) [mm/N] of machine and base plate, along the path
     drawn: Mesh  # of the sensor as drawn
     drawn_for: tuple  # all that decides it
+    place: np.ndarray  # (2,) where the press really is [mm]
 
 
 def model_of(
@@ -102,19 +103,25 @@ def model_of(
     trajectory: Trajectory,
     base: Model | None = None,
 ) -> Model:
-    """Return the model of a trajectory; laws are named by layer. base: one that lends what is the same of both."""
+    """Return the model of a trajectory; laws are named by layer.
+
+    base: one that lends what is the same of both. A press that is elsewhere than the base's then takes the touched part of
+    a block's mesh along, where there is room to the walls.
+    """
     effects = mechanics.effects
     effects.check(sensor)
     described = shape_of(indenter)
     drawn_for = sensor, indenter, mechanics.mesh, effects.geometry.base, trajectory
+    place = np.array(real_place(sensor, effects, trajectory.x_mm, trajectory.y_mm))
     if base is not None and base.drawn_for == drawn_for:
-        drawn, mesh = base.drawn, moved_mesh(base.drawn, sensor, effects)
+        off_plan = [*(base.place - [trajectory.x_mm, trajectory.y_mm]), 0.0]
+        drawn = _taken_along(base, sensor, touched_discs(described, trajectory) + off_plan, place)
+        mesh = moved_mesh(drawn, sensor, effects)
     else:
         drawn, mesh = meshes_of(sensor, described, mechanics, trajectory)
     shape = real_indenter(described, effects)
     body = _body(mesh, drawn, sensor, mechanics, laws, base.body if base else None)
     start, centres, shape = _path(mesh, shape, sensor, effects, trajectory)
-    place = real_place(sensor, effects, trajectory.x_mm, trajectory.y_mm)
     tops = block_tops(sensor, effects, centres)
     if sensor.shape.kind != "block":
         tops = np.full(len(centres), surface_point(mesh, *place)[0][2])
@@ -125,7 +132,18 @@ def model_of(
     if mechanics.strain == "finite" and not known:  # small strains use the laws at rest only
         check_laws(body.laws, stretches_ahead(sensor, effects, laws, mesh.regions, reach.share))
     yields = yielding(sensor, effects, *place)
-    return Model(mesh, body, shape, _settings(mechanics), start, centres, yields, drawn, drawn_for)
+    return Model(mesh, body, shape, _settings(mechanics), start, centres, yields, drawn, drawn_for, place)
+
+
+def _taken_along(base: Model, sensor: Sensor, touched: np.ndarray, place: np.ndarray) -> Mesh:
+    """Return the drawn mesh of a base for a press at another place (2,) [mm]; its own where that cannot be had.
+
+    touched (n, 3): discs (x, y, radius) [mm] of the base.
+    """
+    by = place - base.place
+    if not by.any() or sensor.shape.kind != "block" or base.drawn.elements.shape[1] != 8:
+        return base.drawn
+    return carried_mesh(base.drawn, sensor, touched, by) or base.drawn
 
 
 def meshes_of(

@@ -28,9 +28,11 @@ from gelforge.mechanics.contact_differences import (
 )
 from gelforge.mechanics.equilibrium import Press, Settings, State, padded
 from gelforge.mechanics.force_differences import ForceDifferences
-from gelforge.mechanics.indenters import Indenter
+from gelforge.mechanics.indenters import DOWN, Indenter
 from gelforge.mechanics.surface_contact import SurfaceContact
 from gelforge.mechanics.unsymmetric import UnsymmetricTangent
+
+LITTLE = 1e-4  # of what a residual stretch moves per unit
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,7 @@ def follow_with_slopes(
         if seconds is not None:
             seconds.append(time.perf_counter() - clock)
 
-    chain.begin(shifts[:, 0])
+    shifts += chain.begin(start, shifts[:, 0])[:, None]
     for state in base.follow(start, centres, watch):
         reached += 1
         yield state, chain.slopes
@@ -130,9 +132,29 @@ class _Chain:
         self.slopes = Slopes(np.zeros((P, S, 3)), np.zeros((P, N, 3)))
         self.moved = np.zeros((P, S, 3))  # slope of the surface nodes' last motion
 
-    def begin(self, shifts: np.ndarray) -> None:
-        """Take shifts (P, 3) or (P, 6) of the indenter at the start, by which the varied starts differ from the base's."""
-        self.shift, self.turn_of_path = shifts, np.zeros_like(shifts)
+    def begin(self, start: State, shifts: np.ndarray) -> np.ndarray:
+        """Take shifts (P, 3) or (P, 6) of the indenter at the start, by which the varied starts differ from the base's.
+
+        Return by how much more they do (P, 1, 3 or 6): a residual stretch moves the surface before it is touched, and every
+        path begins where it then touches.
+        """
+        lifts = np.zeros_like(shifts)
+        if not self.varied:
+            return lifts
+        load = -self.internal.at(start.u, start.pressure)
+        balanced = [k for k in range(len(load)) if load[k].any()]
+        if balanced:
+            base = self.base
+            none = np.empty(0, int), np.empty((0, 3, 3))
+            self.slopes.u[balanced] = self._solved(start, *none, load[balanced])
+            for k in balanced:
+                ends = [
+                    base.contact.gap(start.u + sign * LITTLE * self.slopes.u[k], start.centre)[0].min()
+                    for sign in (1, -1)
+                ]
+                lifts[k, :3] = (ends[0] - ends[1]) / (2 * LITTLE) * self.amounts[k, 0] * DOWN
+        self.shift, self.turn_of_path = shifts + lifts, np.zeros_like(shifts)
+        return lifts
 
     def advance(self, before: State, after: State, shifts: np.ndarray) -> None:
         """Carry the derivatives over a step of the base, at whose end the varied indenters are moved by shifts."""

@@ -74,6 +74,7 @@ class ForceDifferences:
         if not (base.gradient[own] != part.gradient).any() or (base.law != body.law).any():
             return part, self.amounts[number]
         part.constants = base.constants + LESS * (body.constants - base.constants)
+        part.rest = base.rest + LESS * (body.rest - base.rest)
         for name in ("gradient", "weight"):
             here = getattr(base, name)[own]
             setattr(part, name, here + LESS * (getattr(part, name) - here))

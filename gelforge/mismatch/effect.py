@@ -100,7 +100,7 @@ class Effect:
     mesh_changes: bool = False  # its derivative is a difference of two solutions on its own mesh
     step: float = 1e-2  # of a plausible amount, at which its derivative is taken
     across: Callable[[Study], float] | None = (
-        None  # the amount, to either side, across which its derivative is a difference
+        None  # the amount, to either side, across which a difference is taken where there is no other derivative
     )
     unloading: bool = False  # seen on the way up only
     # The coarser mesh does not resolve it, and its formula says more: adhesion's rim is narrower than an element.

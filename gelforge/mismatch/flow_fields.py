@@ -95,7 +95,8 @@ def moved_along(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> Moved
 
 def _storing(variation: Variation) -> Variation:
     without = variation.without and storing(variation.without)
-    return replace(variation, study=storing(variation.study), without=without)
+    instead = variation.instead and _storing(variation.instead)
+    return replace(variation, study=storing(variation.study), without=without, instead=instead)
 
 
 def solved_with(

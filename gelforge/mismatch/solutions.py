@@ -188,7 +188,8 @@ def described(variation: Variation) -> list:
     """Return all that decides a derivative beside the run that it belongs to."""
     without = variation.without.model_dump(mode="json") if variation.without else None
     laws = {material: law.description() for material, law in variation.laws.items()}
-    return [variation.study.model_dump(mode="json"), laws, variation.amount, variation.alone, without]
+    own = [variation.study.model_dump(mode="json"), laws, variation.amount, variation.alone, without]
+    return [*own, described(variation.instead)] if variation.instead else own
 
 
 def each_derivative(

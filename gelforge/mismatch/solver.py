@@ -401,15 +401,19 @@ def asked_of(solver: Solver, effects: Iterable[Effect], context: Context) -> Ite
 def _variation(solver: Solver, coarse: Study, laws, effect: Effect, shape: Shape, which: int) -> Variation:
     """Return the coarser study a little beside itself along amount `which` of an effect. Raises ConfigError."""
     parameter, one = effect.parameters[which], np.eye(len(effect.parameters))[which]
-    if effect.across:
-        amount = effect.across(coarse)
-        there, back = (solver.seen(effect.to_study(coarse, shape, sign * amount * one)) for sign in (1, -1))
-        return Variation(there, laws, 2 * amount, alone=True, without=back)
     amount = 1.0 if effect.switch else effect.step * parameter.width * (parameter.sign or 1)
     varied = solver.seen(effect.to_study(coarse, shape, amount * one))
     still = effect.to_study(coarse, shape, 0 * one) if effect.mesh_changes else None
     alone = effect.mesh_changes or effect.switch or effect.history or effect.unloading
-    return Variation(varied, laws, amount, alone, still)
+    instead = _across(solver, coarse, laws, effect, shape, one) if effect.across else None
+    return Variation(varied, laws, amount, alone, still, instead)
+
+
+def _across(solver: Solver, coarse: Study, laws, effect: Effect, shape: Shape, one: np.ndarray) -> Variation:
+    """Return the difference of a move to either side of the base: wide enough that ripples from node to node cancel."""
+    amount = effect.across(coarse)
+    there, back = (solver.seen(effect.to_study(coarse, shape, sign * amount * one)) for sign in (1, -1))
+    return Variation(there, laws, 2 * amount, alone=True, without=back)
 
 
 def key_of(effect: Effect, shape: int | None, parameter: int) -> str:

@@ -24,8 +24,8 @@ TIGHT = {
 PLANNED = PlannedCell("place", 10.3, 9.2, (0.3, 0.6))
 RELEASED = press_path("place", 10.3, 9.2, [0.3, 0.6], None, unload=True)
 DERIVABLE = [name for name in CATALOGUE if derivable(name)]
-# Their mesh, path or beginning is another: two solutions are subtracted, nothing is followed beside a base.
-SUBTRACTED = ["elastic_base", "viscoelastic", "mullins", "prestretch", "frame_compliance", "base_bending"]
+# Their mesh or path is another: two solutions are subtracted, nothing is followed beside a base.
+SUBTRACTED = ["elastic_base", "viscoelastic", "mullins", "frame_compliance", "base_bending"]
 
 
 ARRAYS = ("total_force_N", "bin_force_N", "gel_displacement_mm")

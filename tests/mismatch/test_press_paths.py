@@ -168,14 +168,15 @@ def kept(tmp_path_factory):
 
 # ----------------------------------------------------------------------------------------------- derivatives that are asked
 @pytest.mark.parametrize("name", ["misregistration", "yaw", "grid_scale"])
-def test_moves_of_the_grid_are_differences_across_an_element_or_what_a_wall_allows(name, kept):
+def test_where_nodes_cannot_come_along_moves_of_the_grid_are_differences_across_an_element(name, kept):
     """As the ball moves over nodes its force has ripples: a slope at the base would be that of one ripple."""
     solver = Solver(specimens.study(), specimens.STUDY_LAWS, {}, kept)
     blank = replace(base_of(solver, observations(), []).context, derivatives={})
     effect, found = CATALOGUE[name], list(asked_of(solver, [CATALOGUE[name]], blank))
     assert len(found) == len(effect.parameters)
     for one in found:
-        variation = one.variation
+        variation = one.variation.instead
+        assert not one.variation.alone
         places = [
             real_place(s.sensor, s.mechanics.effects, 4.0, 4.0) for s in (variation.study, variation.without)
         ]

@@ -1,4 +1,4 @@
-"""Where the nodes of the mesh are when the layers are not as thick as drawn, and the residual stretch of its regions."""
+"""Where the nodes are: layers thicker or thinner than drawn, a contact that lies elsewhere; and residual stretch."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ from gelforge.indentation.effects.material import by_region
 from gelforge.indentation.effects.surfaces import layer_heights, surface_rises
 from gelforge.mechanics.meshes import Mesh
 
+LEAST_ROOM = (
+    3.0  # times a move, between the contact and a wall: elements there keep two thirds of their width
+)
 LEAST_THICKNESS = (
     0.2  # share of its nominal thickness that a layer keeps everywhere: thinner elements are not solved well
 )
@@ -35,6 +38,26 @@ def moved_mesh(mesh: Mesh, sensor: Sensor, effects: Effects) -> Mesh:
     node = np.arange(len(z))
     X = mesh.X.copy()
     X[:, 2] = z + (1 - up) * rise[node, layer] + up * rise[node, layer + 1]
+    return replace(mesh, X=X)
+
+
+def carried_mesh(mesh: Mesh, sensor: Sensor, touched: np.ndarray, by: np.ndarray) -> Mesh | None:
+    """Return the mesh of a block whose touched part is moved by (2,) [mm] while walls and all outside stay.
+
+    Between the discs touched (n, 3) = (x, y, radius) [mm] and the walls nodes follow in proportion, linearly in x and in y;
+    every node keeps its height. A press that is moved with its nodes sees no other pattern of elements. None where the
+    discs leave no room to the walls.
+    """
+    share = np.ones(len(mesh.X))
+    for axis, width in ((0, sensor.width_x_mm), (1, sensor.width_y_mm)):
+        low = float((touched[:, axis] - touched[:, 2]).min())
+        high = float((touched[:, axis] + touched[:, 2]).max())
+        inner = sensor.wall_mm, width - sensor.wall_mm
+        if min(low - inner[0], inner[1] - high) < LEAST_ROOM * abs(by[axis]):
+            return None
+        share *= np.interp(mesh.X[:, axis], (inner[0], low, high, inner[1]), (0.0, 1.0, 1.0, 0.0))
+    X = mesh.X.copy()
+    X[:, :2] += (share if mesh.ties is None else mesh.ties @ share)[:, None] * by
     return replace(mesh, X=X)
 
 
