@@ -8,7 +8,7 @@ import specimens
 from numpy.testing import assert_allclose
 
 from gelforge.indentation.effects.catalogue import with_keys
-from gelforge.indentation.effects.geometry import LEAST_ROOM, carried_mesh
+from gelforge.indentation.effects.geometry import carried_mesh
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.sensitivities import Variation, derivatives, unmirrored
 from gelforge.indentation.simulate import simulate_cell
@@ -113,19 +113,24 @@ def test_the_gel_moves_with_the_press():
     assert np.abs(slope).max() > 0.2 * np.abs(u).max()
 
 
-def test_walls_stay_and_contact_is_moved_as_a_whole():
-    sensor = specimens.study().sensor
-    mesh = layered_block(
-        specimens.BLOCK, 8.0, 8.0, specimens.Sizes(near=0.5, near_radius=2.5, growth=0.3, far=2.0)
-    )
-    by = np.array([0.3, -0.2])
-    moved = carried_mesh(mesh, sensor, np.array([[8.0, 8.0, 2.0]]), by).X - mesh.X
-    touched = (np.abs(mesh.X[:, :2] - 8.0) < 2.0).all(axis=1)
-    outside = ((mesh.X[:, :2] <= 1.0) | (mesh.X[:, :2] >= 15.0)).any(axis=1)
-    assert touched.sum() > 50 and outside.sum() > 50
-    assert_allclose(moved[touched & ~mesh.hanging], np.tile([*by, 0.0], ((touched & ~mesh.hanging).sum(), 1)))
-    assert not moved[outside].any() and not moved[:, 2].any()
+@pytest.mark.parametrize("x", [8.0, 3.0])
+def test_walls_stay_and_the_contact_is_moved_as_a_whole(x):
+    """Also where the contact lies over the wall, which only the top layer goes over."""
+    sensor, by = specimens.study().sensor, np.array([0.3, -0.2])
+    sizes = specimens.Sizes(near=0.5, near_radius=2.5, growth=0.3, far=2.0)
+    mesh = layered_block(specimens.BLOCK, x, 8.0, sizes)
+    moved = carried_mesh(mesh, sensor, np.array([[x, 8.0, 2.5]]), by).X - mesh.X
+    touched = (np.hypot(*(mesh.X[:, :2] - [x, 8.0]).T) < 2.0) & (mesh.X[:, 2] == 0) & ~mesh.hanging
+    out = ((mesh.X[:, :2] <= 1.0) | (mesh.X[:, :2] >= 15.0)).any(axis=1) & (mesh.X[:, 2] <= -1.0)
+    edge = ((mesh.X[:, :2] <= 0.0) | (mesh.X[:, :2] >= 16.0)).any(axis=1)
+    assert touched.sum() > 20 and out.sum() > 50
+    assert_allclose(moved[touched], np.tile([*by, 0.0], (touched.sum(), 1)))
+    assert not moved[out | edge].any() and not moved[:, 2].any()
     own = replace(mesh, X=mesh.X + moved)
     assert_allclose(own.ties @ own.X, own.X, atol=1e-12)  # hanging nodes still hang between the others
-    near_wall = np.array([[1.0 + 2.0 + 0.99 * LEAST_ROOM * 0.3, 8.0, 2.0]])
-    assert carried_mesh(mesh, sensor, near_wall, by) is None
+
+
+def test_a_contact_at_the_edge_takes_nothing_along():
+    mesh = layered_block(specimens.BLOCK, 2.0, 8.0, specimens.Sizes(near=1.0, far=2.0))
+    at_edge = np.array([[2.0, 8.0, 1.9]])
+    assert carried_mesh(mesh, specimens.study().sensor, at_edge, np.array([1e-3, 0.0])) is None

@@ -11,9 +11,8 @@ from gelforge.indentation.effects.material import by_region
 from gelforge.indentation.effects.surfaces import layer_heights, surface_rises
 from gelforge.mechanics.meshes import Mesh
 
-LEAST_ROOM = (
-    3.0  # times a move, between the contact and a wall: elements there keep two thirds of their width
-)
+LEAST_ROOM = 0.3  # mm, from the contact to an edge
+LEAST_SHARE = 0.5  # of the way from a contact's middle to the wall, over which what is under it stays behind
 LEAST_THICKNESS = (
     0.2  # share of its nominal thickness that a layer keeps everywhere: thinner elements are not solved well
 )
@@ -42,20 +41,30 @@ def moved_mesh(mesh: Mesh, sensor: Sensor, effects: Effects) -> Mesh:
 
 
 def carried_mesh(mesh: Mesh, sensor: Sensor, touched: np.ndarray, by: np.ndarray) -> Mesh | None:
-    """Return the mesh of a block whose touched part is moved by (2,) [mm] while walls and all outside stay.
+    """Return the mesh of a block whose touched part is moved by (2,) [mm] while its edges, wall and all outside stay.
 
-    Between the discs touched (n, 3) = (x, y, radius) [mm] and the walls nodes follow in proportion, linearly in x and in y;
-    every node keeps its height. A press that is moved with its nodes sees no other pattern of elements. None where the
-    discs leave no room to the walls.
+    From the discs touched (n, 3) = (x, y, radius) [mm] nodes follow in proportion, linearly in x and in y: on the top to its
+    edges, below the top layer to the wall, in between linearly in z; heights stay. A press that is moved with its nodes sees
+    no other pattern of elements. None where the discs leave no room to the edges.
     """
-    share = np.ones(len(mesh.X))
+    wall = sensor.wall_mm if len(sensor.layers) > 1 else 0.0
+    on_top, below = np.ones(len(mesh.X)), np.ones(len(mesh.X))
     for axis, width in ((0, sensor.width_x_mm), (1, sensor.width_y_mm)):
         low = float((touched[:, axis] - touched[:, 2]).min())
         high = float((touched[:, axis] + touched[:, 2]).max())
-        inner = sensor.wall_mm, width - sensor.wall_mm
-        if min(low - inner[0], inner[1] - high) < LEAST_ROOM * abs(by[axis]):
+        if min(low, width - high) < LEAST_ROOM:
             return None
-        share *= np.interp(mesh.X[:, axis], (inner[0], low, high, inner[1]), (0.0, 1.0, 1.0, 0.0))
+        inner = wall, width - wall
+        # A contact that lies over the wall takes what is under it along as far as there is room.
+        room = LEAST_SHARE * (low + high - 2 * inner[0]) / 2, LEAST_SHARE * (2 * inner[1] - low - high) / 2
+        under = max(low, inner[0] + room[0]), min(high, inner[1] - room[1])
+        if under[0] > under[1]:
+            return None
+        at, whole = mesh.X[:, axis], (0.0, 1.0, 1.0, 0.0)
+        on_top *= np.interp(at, (0.0, low, high, width), whole)
+        below *= np.interp(at, (inner[0], *under, inner[1]), whole)
+    up = np.clip(1 + mesh.X[:, 2] / sensor.layers[-1].thickness_mm, 0.0, 1.0) if wall else 0.0
+    share = up * on_top + (1 - up) * below
     X = mesh.X.copy()
     X[:, :2] += (share if mesh.ties is None else mesh.ties @ share)[:, None] * by
     return replace(mesh, X=X)
