@@ -12,8 +12,8 @@ by hand            press, characterise, verify, mismatch, mismatch-materials
 live               export, predict, live
 cameras            calibrate-camera, camera-pose
 what the workflow runs
-                   fit-law, plan, simulate, level, derive, simulate-session, readings, features, join, manifest, agreement,
-                   train, evaluate
+                   fit-law, plan, simulate, level, derive, sensitivities, simulate-session, readings, features, join,
+                   manifest, agreement, train, evaluate
 synthetic data     synthesise, virtual-materials, virtual-cell, virtual-session
 """
 
@@ -403,6 +403,16 @@ def _workflow(commands) -> None:
     )
     derive.add_argument("--number", type=int, required=True, help="number of the job, from 0")
     derive.add_argument("--laws", type=Path, nargs="+", required=True, metavar="JSON")
+
+    slopes = _study_command(
+        commands,
+        "sensitivities",
+        "mismatch.sensitivities",
+        "the derivatives of one site's forces along all that a verdict may ask for",
+    )
+    slopes.add_argument("--cell", required=True)
+    slopes.add_argument("--laws", type=Path, nargs="+", required=True, metavar="JSON")
+    slopes.add_argument("--out", type=Path, required=True)
 
     in_order = _study_command(
         commands,

@@ -68,6 +68,24 @@ def plan(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: 
     print(table.to_string(index=False, float_format="%.3g"))
 
 
+def sensitivities(study: Path, cell: str, laws: list[Path], out: Path) -> None:
+    """Solve the derivatives of one site's forces and write them into a file."""
+    from gelforge.indentation.plan import plan_cells
+    from gelforge.mismatch.site_slopes import slopes_of_site, write_site_slopes
+
+    described = load_study(study)
+    cells = plan_cells(described)
+    if cell not in cells:
+        raise ConfigError(f"{study}: the plan has no cell {cell!r}")
+    solver = solver_of(described, out.parent, laws, None, 1, [])
+    site = slopes_of_site(solver, cells[cell])
+    write_site_slopes(out, solver, site)
+    missing = [f"{key}: {one}" for key, one in site.found.items() if isinstance(one, str)]
+    print(f"{cell}: {len(site.found) - len(missing)} derivatives at {len(site.planned.depths_mm)} depths")
+    for line in missing:
+        print(f"no derivative along {line}")
+
+
 def solver_of(
     study: Study, out: Path, laws: list[Path], kept: Path | None, workers: int, folders: list[Path]
 ):
@@ -83,6 +101,7 @@ def solver_of(
     study = study.model_copy(update={"variants": {}})  # an effect need not go together with them
     cells = study.results_folder / "cells"
     zeroed = {session.depth_zero.by for session in sessions}
+    stored = study.results_folder / "sensitivities"
     return Solver(
         study,
         by_material,
@@ -91,6 +110,7 @@ def solver_of(
         cells if cells.is_dir() else None,
         workers,
         zeroed.pop() if len(zeroed) == 1 else "press",
+        stored if stored.is_dir() else None,
     )
 
 

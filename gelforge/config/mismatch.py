@@ -52,6 +52,11 @@ class Mismatch(Section):
         description="error of a change by an effect that is solved, a standard deviation as a share of it; at least what is"
         " known of the effect's other forms, with a place 0.5; 0: none for any effect [-]",
     )
+    sensitivities: Literal["auto", "stored", "none"] = Field(
+        "auto",
+        description="derivatives of the forces at every solved site are stored, so that a verdict solves little: in"
+        " studies with sessions (auto), always, or not at all",
+    )
     touchdown_mm: NonNegative | None = Field(
         None, description="scatter of depth zero in place of what the sessions say [mm]"
     )

@@ -37,7 +37,7 @@ class Context:
     """
 
     study: Study
-    observations: Observations
+    observations: Observations | None  # None: nothing is recorded yet, and force and curves mean nothing
     force: np.ndarray  # (R, 3) [N] base forces at the readings
     curves: Curves  # base forces
     derivatives: Mapping[str, Curves]  # on the way down

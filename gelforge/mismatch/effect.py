@@ -55,7 +55,8 @@ def where_it_differs(column: str) -> Callable[[Context], list[Shape]]:
     """
 
     def shapes(context: Context) -> list[Shape]:
-        return [{}] if context.observations.table[column].nunique() > 1 else []
+        readings = context.observations
+        return [{}] if readings is None or readings.table[column].nunique() > 1 else []
 
     return shapes
 

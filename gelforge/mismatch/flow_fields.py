@@ -19,11 +19,11 @@ from gelforge.mismatch.solutions import (
     Solver,
     SolverFailed,
     along_laws,
-    described,
     each_derivative,
     found_before,
     keep,
 )
+from gelforge.mismatch.stored import described
 from gelforge.virtual_lab.particles import interpolation
 
 

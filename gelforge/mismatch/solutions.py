@@ -27,6 +27,7 @@ from gelforge.indentation.simulate import simulate_cell, simulate_in_order, simu
 from gelforge.indentation.trajectory import Trajectory
 from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.mismatch.stored import described, path_at, place_digest, read_stored, slope_digest
 from gelforge.progress import tracked
 
 
@@ -76,6 +77,7 @@ class Solver:
     zero_by: str = (
         "press"  # what depth zero was found for, once: a press or the session; tilt is seen differently
     )
+    stored: Path | None = None  # folder of the derivatives of the study's own cells
 
     @property
     def coarse(self) -> Study:
@@ -140,19 +142,22 @@ def follow(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> dict[str, 
     solver, planned, variations = task
     study, laws, down = solver.coarse, dict(solver.laws), way_down(planned)
     asked = variations | along_laws(solver, study)
+    known = _stored(solver, down, asked)
     run = [inputs_digest(study, laws, down), source_digest("mismatch/solutions.py")]
-    names = {key: digest(["along", *run, described(variation)]) for key, variation in asked.items()}
-    names["base"] = digest(["followed", *run])
-    known = {key: found_before(solver, name) for key, name in names.items()}
-    missing = {key: asked[key] for key in asked if known[key] is None}
-    if known["base"] is None or ("total" in known["base"] and missing):
+    names = {key: digest(["along", *run, described(asked[key])]) for key in asked if key not in known}
+    if "base" not in known:
+        names["base"] = digest(["followed", *run])
+    known |= {key: kept for key, name in names.items() if (kept := found_before(solver, name))}
+    missing = {key: asked[key] for key in asked if key not in known}
+    if "base" not in known or ("total" in known["base"] and missing):
         try:
             base, along = each_derivative(study, laws, down, missing)
         except NotConverged as failure:
             stopped = _way_down_of(simulate_cell(study, laws, down))
             known["base"] = keep(solver, names["base"], stopped | {"reason": np.array(str(failure))})
         else:
-            known["base"] = keep(solver, names["base"], {"total": base.arrays["total_force_N"]})
+            if "base" in names:
+                known["base"] = keep(solver, names["base"], {"total": base.arrays["total_force_N"]})
             for key, one in along.items():
                 solved = {"reason": np.array(one)} if isinstance(one, str) else {"total": one.total}
                 known[key] = keep(solver, names[key], solved)
@@ -175,6 +180,27 @@ def follow(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> dict[str, 
     return found
 
 
+def _stored(
+    solver: Solver, down: PlannedCell, asked: Mapping[str, Variation]
+) -> dict[str, dict[str, np.ndarray]]:
+    """Return what the study's stored derivatives say of a way down: base and derivatives by key, or why there are none."""
+    path = solver.stored and path_at(solver.stored, solver.study, down.x_mm, down.y_mm)
+    place = place_digest(solver.coarse, solver.laws, down.x_mm, down.y_mm)
+    held = path and read_stored(path, place)
+    if not held:
+        return {}
+    depths, found = np.array(down.depths_mm), {}
+    if (base := held.base_at(depths)) is not None:
+        found["base"] = {"total": base}
+    for key, variation in asked.items():
+        name = slope_digest(place, variation)
+        if (slope := held.slope_at(name, depths)) is not None:
+            found[key] = {"total": slope}
+        elif name in held.reasons:
+            found[key] = {"reason": np.array(held.reasons[name])}
+    return found
+
+
 def along_laws(solver: Solver, study: Study) -> dict[str, Variation]:
     """Return the variations of a study along the directions in which its laws are uncertain."""
     return {
@@ -182,14 +208,6 @@ def along_laws(solver: Solver, study: Study) -> dict[str, Variation]:
         for material, directions in sorted(solver.uncertain.items())
         for k, law in enumerate(directions)
     }
-
-
-def described(variation: Variation) -> list:
-    """Return all that decides a derivative beside the run that it belongs to."""
-    without = variation.without.model_dump(mode="json") if variation.without else None
-    laws = {material: law.description() for material, law in variation.laws.items()}
-    own = [variation.study.model_dump(mode="json"), laws, variation.amount, variation.alone, without]
-    return [*own, described(variation.instead)] if variation.instead else own
 
 
 def each_derivative(

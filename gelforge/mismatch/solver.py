@@ -382,7 +382,8 @@ class Asked:
 def asked_of(solver: Solver, effects: Iterable[Effect], context: Context) -> Iterator[Asked]:
     """Yield every derivative that the solver must give, with the variation of the coarser study."""
     coarse, laws = solver.coarse, dict(solver.laws)
-    seen_up = (context.observations.table["phase"] == "unload").any()
+    readings = context.observations  # none: before anything is recorded
+    seen_up = readings is not None and (readings.table["phase"] == "unload").any()
     for effect in effects:
         if not isinstance(effect.to_forces, (FirstOrder, FirstOrderAt)):
             continue
@@ -403,10 +404,9 @@ def _variation(solver: Solver, coarse: Study, laws, effect: Effect, shape: Shape
     parameter, one = effect.parameters[which], np.eye(len(effect.parameters))[which]
     amount = 1.0 if effect.switch else effect.step * parameter.width * (parameter.sign or 1)
     varied = solver.seen(effect.to_study(coarse, shape, amount * one))
-    still = effect.to_study(coarse, shape, 0 * one) if effect.mesh_changes else None
     alone = effect.mesh_changes or effect.switch or effect.history or effect.unloading
     instead = _across(solver, coarse, laws, effect, shape, one) if effect.across else None
-    return Variation(varied, laws, amount, alone, still, instead)
+    return Variation(varied, laws, amount, alone, instead=instead)
 
 
 def _across(solver: Solver, coarse: Study, laws, effect: Effect, shape: Shape, one: np.ndarray) -> Variation:

@@ -1,6 +1,56 @@
 """Where simulation and recordings differ, and which physics was left out."""
 
+SLOPE_SOURCES = [
+    f"mismatch/{name}.py"
+    for name in ("site_slopes", "stored", "solutions", "solver", "solver_effects", "body_map", "places")
+]
 LOOKED_AT = [] if STUDY.mismatch.images == "left_out" else ["reference.png", "images"]
+
+
+SLOPES = [name for name, cell in CELLS.items() if cell.solved]
+STORES_SLOPES = STUDY.mismatch.sensitivities == "stored" or (
+    STUDY.mismatch.sensitivities == "auto" and bool(STUDY.sessions)
+)
+
+
+def slope_files():
+    return expand(f"{RESULTS}/sensitivities/{{cell}}.h5", cell=SLOPES)
+
+
+rule site_sensitivities:
+    """The derivatives of one site's forces along all that a verdict may ask for, on its coarser mesh."""
+    input:
+        laws=law_files(),
+        indenter=indenter_files(),
+    output:
+        ensure(f"{RESULTS}/sensitivities/{{cell}}.h5", non_empty=True),
+    log:
+        f"{LOGS}/sensitivities/{{cell}}.log",
+    benchmark:
+        f"{BENCHMARKS}/sensitivities/{{cell}}.tsv"
+    wildcard_constraints:
+        cell=any_of(SLOPES),
+    group:
+        "fem"
+    threads: 1
+    resources:
+        cpu_ms=counts(cell_seconds),
+        runtime=asks(cell_seconds),
+        mem_mb=1500,
+    params:
+        planned=planned,
+        model=block("sensor", "indenter", "mechanics"),
+        tried=[STUDY.mismatch.coarser, STUDY.mismatch.leave_out],
+        source=source_digest("mechanics", "meshing", "indentation", "mismatch/effects", *SLOPE_SOURCES),
+    shell:
+        "{ONE_THREAD:q} {SOLVE:q} sensitivities --study {STUDY_FILE:q} --cell {wildcards.cell:q}"
+        " --laws {input.laws:q} --out {output:q} &> {log:q}"
+
+
+rule sensitivities:
+    """The derivatives of all solved sites."""
+    input:
+        slope_files(),
 
 
 rule mismatch:
@@ -8,6 +58,7 @@ rule mismatch:
     input:
         laws=law_files(),
         cells=cell_files(CELLS),
+        sensitivities=slope_files() if STORES_SLOPES else [],
         readings=[f"{RESULTS}/recordings/{session}.csv" for session in STUDY.sessions],
         sessions=[
             name

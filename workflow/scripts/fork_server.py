@@ -23,6 +23,8 @@ CODE = (
     "meshing",
     "indentation",
     "interpolation",
+    "recording",
+    "mismatch",
     "characterisation",
     "virtual_lab",
     "files.py",
@@ -138,6 +140,7 @@ def load() -> str:
 
     digest = source_digest(*CODE)  # before anything is imported: a later edit is seen
     from gelforge.cli.bench import tiny_press
+    from gelforge.mismatch import site_slopes  # noqa: F401
 
     tiny_press("finite")
     return digest

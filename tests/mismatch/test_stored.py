@@ -1,0 +1,128 @@
+"""Derivatives that are stored beside the sites: a verdict takes them for its own, and solves what they do not say."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import specimens
+from numpy.testing import assert_allclose
+
+from gelforge.indentation.plan import PlannedCell, plan_cells
+from gelforge.mismatch import solutions
+from gelforge.mismatch.candidates import effects_of_forces
+from gelforge.mismatch.context import Context
+from gelforge.mismatch.site_slopes import slopes_of_site, write_site_slopes
+from gelforge.mismatch.solutions import Solver, follow
+from gelforge.mismatch.solver import asked_of, felt_by
+from gelforge.mismatch.stored import path_at, shortened
+
+TRIED = ("gel_stiffness", "tilt", "misregistration", "inclusion", "elastic_base")
+PLAN = {"grid": {"spacing_mm": 3.0, "margin_mm": 5.0}, "depths_mm": [0.2, 0.4, 0.6]}
+
+
+@pytest.fixture(scope="module")
+def study():
+    plain = specimens.study(plan=PLAN)
+    left_out = [name for name in effects_of_forces(plain) if name not in TRIED]
+    return plain.model_copy(update={"mismatch": plain.mismatch.model_copy(update={"leave_out": left_out})})
+
+
+@pytest.fixture(scope="module")
+def stored(study, tmp_path_factory):
+    """Return a solver that knows the derivatives of one site, its folder empty else, and the site."""
+    folder = tmp_path_factory.mktemp("stored")
+    cell = next(cell for cell in plan_cells(study).values() if cell.solved and cell.x_mm != cell.y_mm)
+    solver = Solver(
+        study,
+        specimens.STUDY_LAWS,
+        {"soft": [replace(specimens.GEL, mu=tuple(1.01 * m for m in specimens.GEL.mu))]},
+        folder,
+    )
+    site = slopes_of_site(solver, cell)
+    write_site_slopes(folder / f"{cell.name}.h5", solver, site)
+    return replace(solver, stored=folder), site
+
+
+def task(solver, x, y, depths):
+    effects = [one for one in effects_of_forces(solver.study).values() if one.name in TRIED]
+    asked = list(asked_of(solver, effects, Context(solver.study, None, None, None, {})))
+    planned = PlannedCell("", x, y, depths)
+    return solver, planned, felt_by(asked, planned)
+
+
+def nothing_is_solved(*_):
+    raise AssertionError("solved what is stored")
+
+
+def test_what_is_stored_is_what_would_be_solved(stored, tmp_path, monkeypatch):
+    solver, site = stored
+    place = site.planned.x_mm, site.planned.y_mm, (0.2, 0.4, 0.6)
+    expected = follow(task(replace(solver, stored=None, kept=tmp_path), *place))
+    monkeypatch.setattr(solutions, "each_derivative", nothing_is_solved)
+    found = follow(task(replace(solver, kept=tmp_path / "none"), *place))
+    assert found.keys() == expected.keys() and len(found) > 10
+    for key, values in expected.items():
+        # More right-hand sides side by side are summed in another order.
+        assert_allclose(found[key], values, rtol=1e-9, atol=1e-12, err_msg=key)
+
+
+def test_between_the_depths_derivatives_are_interpolated_and_only_the_base_is_solved(stored, tmp_path):
+    solver, site = stored
+    place = site.planned.x_mm, site.planned.y_mm, (0.3, 0.5)
+    smooth = ("law", "gel_stiffness", "tilt.about_x")
+    found = follow(task(replace(solver, kept=tmp_path / "a"), *place))
+    expected = follow(task(replace(solver, stored=None, kept=tmp_path / "b"), *place))
+    assert len(list((tmp_path / "a").iterdir())) == 1
+    assert_allclose(found["base"], expected["base"], rtol=1e-6, atol=1e-9)
+    assert found.keys() == expected.keys()
+    for key in [key for key in expected if key.startswith(smooth)]:
+        # On nodes 2 mm apart a contact grows by leaps; what is small of a wall or a ball leaps most and is not looked at.
+        size = np.abs(expected[key]).max()
+        assert_allclose(found[key], expected[key], atol=0.15 * size, err_msg=key)
+
+
+def test_deeper_than_stored_is_solved(stored, tmp_path):
+    solver, site = stored
+    follow(task(replace(solver, kept=tmp_path), site.planned.x_mm, site.planned.y_mm, (0.2, 0.8)))
+    assert len(list(tmp_path.iterdir())) > 10
+
+
+@pytest.mark.parametrize("how", ["other laws", "other mesh", "damaged", "another place"])
+def test_what_is_stored_of_other_inputs_is_not_taken(stored, how, tmp_path, monkeypatch):
+    solver, site = stored
+    x, y = site.planned.x_mm, site.planned.y_mm
+    solver = replace(solver, kept=tmp_path / "kept")
+    if how == "other laws":
+        solver = replace(solver, laws=specimens.STUDY_LAWS | {"soft": specimens.SKIN})
+    elif how == "other mesh":
+        mismatch = solver.study.mismatch.model_copy(update={"coarser": 2.5})
+        solver = replace(solver, study=solver.study.model_copy(update={"mismatch": mismatch}))
+    elif how == "damaged":
+        content = bytearray(path_at(solver.stored, solver.study, x, y).read_bytes())
+        content[len(content) // 2] ^= 1
+        (tmp_path / "stored").mkdir()
+        path_at(tmp_path / "stored", solver.study, x, y).write_bytes(content)
+        solver = replace(solver, stored=tmp_path / "stored")
+    else:
+        x += 0.5
+    monkeypatch.setattr(solutions, "each_derivative", nothing_is_solved)
+    with pytest.raises(AssertionError, match="solved what is stored"):
+        follow(task(solver, x, y, (0.2, 0.4, 0.6)))
+
+
+def test_a_file_belongs_to_all_mirror_images_of_its_place(stored):
+    solver, _ = stored
+    cells = plan_cells(solver.study)
+    for cell in cells.values():
+        found = path_at(solver.stored, solver.study, cell.x_mm, cell.y_mm)
+        assert found.stem == (cell.source or cell.name) and cells[found.stem].solved
+    assert path_at(solver.stored, solver.study, 1.0, 2.0) is None
+
+
+def test_shortened_numbers_keep_four_digits():
+    values = np.random.default_rng(1).normal(size=1000) * 10.0 ** np.random.default_rng(2).uniform(
+        -20, 20, 1000
+    )
+    found = shortened(np.append(values, 0.0))
+    assert_allclose(found[:-1], values, rtol=2.0**-13 * (1 + 1e-6))
+    assert found[-1] == 0 and not (found.view(np.uint32) & 0x7FF).any()
