@@ -1,4 +1,4 @@
-"""Summary of a finished run of a study's cells: solved, mirrored, failed, force ranges, time and memory, as Markdown.
+"""Summary of a finished run of a study's cells: solved, mirrored, interpolated, failed, force ranges, time and memory.
 
 usage: python benchmarks/paper_study.py [--study config/paper.yaml] [--results results/paper] [--cores 2]
 
@@ -31,50 +31,66 @@ def job(path: Path) -> dict:
     return {"start": end - seconds, "end": end, "job_s": seconds, "memory_MB": float(memory)}
 
 
-def row(planned: PlannedCell, results: Path) -> tuple[dict, pd.DataFrame]:
+def kind(planned: PlannedCell) -> str:
+    """Return how a cell's label is made."""
+    return "mirrored" if planned.source else "interpolated" if planned.between else "solved"
+
+
+def row(name: str, how: str, results: Path, folder: str = "cells") -> tuple[dict, pd.DataFrame]:
     """Return what is known of a cell, and its forces by depth; a file that cannot be read is missing."""
-    known = {
-        "cell": planned.name,
-        "x_mm": planned.x_mm,
-        "y_mm": planned.y_mm,
-        "mirrored": bool(planned.source),
-    }
-    benchmark = results / "benchmarks" / "cells" / f"{planned.name}.tsv"
+    known = {"cell": name, "kind": how}
+    benchmark = results / "benchmarks" / folder / f"{name}.tsv"
     known |= job(benchmark) if benchmark.is_file() else {}
-    timings = read_timings(results / "cells" / f"{planned.name}.h5")
+    path = results / folder / f"{name}.h5"
+    timings = read_timings(path)
     known |= {name: timings.get(name, np.nan) for name in ("seconds", "cpu_seconds")}
     if "peak_memory_MB" in timings:
         known["memory_MB"] = timings["peak_memory_MB"]  # Snakemake does not see that of a fork
     try:
-        cell = read_cell(results / "cells" / f"{planned.name}.h5", ARRAYS, BARS)
+        cell = read_cell(path, ARRAYS, BARS)
     except CellError as error:
         return known | {"status": "missing", "reason": str(error)}, pd.DataFrame()
     a, force = cell.attributes, cell.arrays["total_force_N"]
-    known |= {name: a[name] for name in ("status", "reason", "degrees_of_freedom")}
-    known["iterations"], known["balance"] = (
-        int(np.sum(a["iterations"])),
-        np.max(a["force_balance"], initial=0.0),
-    )
+    known |= {name: a[name] for name in ("status", "reason", "x_mm", "y_mm")}
+    if "iterations" in a:  # not of an interpolated label, nor of its mirror images
+        known["degrees_of_freedom"], known["iterations"] = (
+            a["degrees_of_freedom"],
+            int(np.sum(a["iterations"])),
+        )
+        known["balance"] = np.max(a["force_balance"], initial=0.0)
     by_depth = pd.DataFrame(force, columns=["Fx", "Fy", "Fz"]).assign(
         depth=np.round(cell.arrays["depth_mm"], 6)
     )
     if (bars := cell.arrays.get("total_sigma_mesh_N")) is not None:
-        by_depth["sigma"] = bars[:, 2]
+        between = cell.arrays.get("total_sigma_interpolation_N", np.zeros_like(bars))
+        by_depth["sigma"] = np.hypot(bars, between)[:, 2]
     return known, by_depth
 
 
-def facts(cells: pd.DataFrame, cores: int) -> pd.DataFrame:
-    """Return quantity and value of the run as a whole."""
-    good, solved = cells.status == "converged", ~cells.mirrored
-    wall = cells["end"].max() - cells["start"].min()
-    busy = cells["job_s"].sum()
+def bulk_jobs(results: Path) -> list[dict]:
+    """Return what is known of the jobs that make mirrored and interpolated cells."""
+    return [
+        job(path) | {"kind": "bulk"} for path in sorted((results / "benchmarks" / "derived").glob("*.tsv"))
+    ]
+
+
+def facts(cells: pd.DataFrame, places: pd.DataFrame, bulk: pd.DataFrame, cores: int) -> pd.DataFrame:
+    """Return quantity and value of the run as a whole; places: sites that are solved between those of the plan."""
+    made = cells.kind.where(cells.status == "converged", "failed or missing").value_counts()
+    jobs = pd.concat([cells, places, bulk])
+    wall = jobs["end"].max() - jobs["start"].min()
+    busy = jobs["job_s"].sum()
+    cells = pd.concat([cells, places])
+    solved = cells.kind == "solved"
     cpu = cells.loc[solved, "cpu_seconds"]
     of_jobs = cells.loc[solved, "job_s"]
     facts = [
-        ("positions", len(cells)),
-        ("solved", int((good & solved).sum())),
-        ("mirrored", int((good & ~solved).sum())),
-        ("failed or missing", int((~good).sum())),
+        ("positions", int(made.sum())),
+        *(
+            (name, int(made.get(name, 0)))
+            for name in ("solved", "mirrored", "interpolated", "failed or missing")
+        ),
+        ("sites solved between them", len(places)),
         ("unknowns of a solved cell", _range(cells.loc[solved, "degrees_of_freedom"], "{:.0f}")),
         (
             "Newton iterations of a solved cell, median (largest)",
@@ -90,7 +106,7 @@ def facts(cells: pd.DataFrame, cores: int) -> pd.DataFrame:
             "the job beyond its solution, median (largest)",
             _median(of_jobs - cells.loc[solved, "seconds"], "{:.2f} s"),
         ),
-        ("job of a mirrored cell, median (largest)", _median(cells.loc[~solved, "job_s"], "{:.1f} s")),
+        ("seconds of all bulk jobs", f"{bulk['job_s'].sum():.0f} s of {len(bulk)}"),
         ("memory of a process, median (largest)", _median(cells.loc[solved, "memory_MB"], "{:.0f} MB")),
     ]
     return pd.DataFrame(facts, columns=["quantity", "value"])
@@ -133,12 +149,17 @@ def main() -> None:
     arguments = parser.parse_args()
     study = load_study(arguments.study)
     results = arguments.results or study.results_folder
-    read = [row(planned, results) for planned in plan_cells(study).values()]
-    cells = pd.DataFrame([known for known, _ in read])
+    read = [row(planned.name, kind(planned), results) for planned in plan_cells(study).values()]
+    sites = sorted((results / "solved_sites").glob("*.h5"))
+    between = [row(path.stem, "solved", results, "solved_sites")[0] for path in sites]
+    tables = cells, _, _ = [
+        _with_columns(pd.DataFrame(rows))
+        for rows in ([known for known, _ in read], between, bulk_jobs(results))
+    ]
     print(
         f"{study.study}: {study.indenter.words}, error bars {'stored' if study.mechanics.error_bars else 'not stored'}\n"
     )
-    print(facts(_with_columns(cells), arguments.cores).to_markdown(index=False), "\n")
+    print(facts(*tables, arguments.cores).to_markdown(index=False), "\n")
     good = [forces for known, forces in read if known["status"] == "converged"]
     if good:
         print(force_table(pd.concat(good)).to_markdown(index=False), "\n")
@@ -149,7 +170,7 @@ def main() -> None:
 
 def _with_columns(cells: pd.DataFrame) -> pd.DataFrame:
     """Return the table with the columns of a run that measured and solved everything; empty where this one did not."""
-    of_jobs = ["start", "end", "job_s", "memory_MB"]
+    of_jobs = ["kind", "start", "end", "job_s", "memory_MB"]
     of_cells = ["seconds", "cpu_seconds", "degrees_of_freedom", "iterations", "balance"]
     return cells.reindex(
         columns=[*cells.columns, *(name for name in of_jobs + of_cells if name not in cells)]

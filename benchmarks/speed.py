@@ -20,6 +20,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
+from scipy.spatial import KDTree
 from sensors import ARTICLE, DEPTHS_MM, WIDTHS_MM
 from two_states import Cost, cost_of, state_before, state_now
 
@@ -29,6 +30,7 @@ DEPTHS = DEPTHS_MM["the article's"]
 WIDTH = WIDTHS_MM["the article's"][0]
 MARGIN = 5.0  # mm, of every plan
 TOLERANCE = {"tolerance": 0.5}  # of interpolation: half of a label's own error bar
+APART = 0.02  # mm
 CHECKED_S = 600.0  # at most for what only reads a study
 
 
@@ -143,13 +145,19 @@ def grid_plan(count: int) -> dict:
 def random_plan(state: Path, count: int) -> dict:
     """Write a plan of presses at random places to random depths, the same for every state, and return what names it."""
     rng = np.random.default_rng(37)
-    places = rng.uniform(MARGIN, WIDTH - MARGIN, (count, 2)).round(3)
+    places = apart(rng.uniform(MARGIN, WIDTH - MARGIN, (count + count // 10 + 1, 2)).round(3))[:count]
     depths = rng.uniform(DEPTHS[0], DEPTHS[-1], count).round(3)
     table = pd.DataFrame(
         {"cell": [f"p{k:04d}" for k in range(count)], "x_mm": places[:, 0], "y_mm": places[:, 1]}
     )
     table.assign(depth_mm=depths).to_csv(state / "plan.csv", index=False)
     return {"file": "plan.csv"}
+
+
+def apart(places: np.ndarray) -> np.ndarray:
+    """Return places (n, 2) [mm] without those that lie within APART of another: a plan takes them for one."""
+    near = KDTree(places).query_pairs(APART, output_type="ndarray")
+    return np.delete(places, np.unique(near[:, 1]), axis=0)
 
 
 def write_study(state: Path, study: dict) -> None:
