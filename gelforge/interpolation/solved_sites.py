@@ -25,9 +25,11 @@ from gelforge.interpolation.weights import depth_weights, nearest, place_weights
 from gelforge.mechanics.indenters import Sphere
 
 SITE_PART = 1.0  # of the difference of a site that is left out alone
-LINE_PART = {"bin": 0.35, "total": 0.4}  # of that of a site that is left out with its line
+LINE_PART = {"bin": 0.35, "total": 0.6}  # of that of a site that is left out with its line
 # instead of LINE_PART in the outermost cells of the lattice, which sites enclose on one side only; x, y, z of totals
 END_PART = {"bin": 0.7, "total": np.array([1.2, 1.2, 1.7])}
+# Of the mesh's bar of bins: between sites on meshes laid out for each place lies their scatter, however near they are.
+MESH_PART = 0.25
 DEPTH_PART = 0.4  # of the difference of a depth that is left out, between two depths
 SMOOTHING = 0.6  # standard deviation of the mean square over bins along x and y and over depths
 ORDER = 2  # of the error in the distance of the sites around, where they are sparser than around the site left out
@@ -320,5 +322,7 @@ class SolvedSites:
                     -1, *[1] * (over_depth.ndim - 1)
                 )  # none at a depth
                 square = square + (DEPTH_PART * between) ** 2 * over_depth
+            if quantity == "bin" and "bin_mesh" in found:
+                square = square + (MESH_PART * found["bin_mesh"]) ** 2
             found[f"{quantity}_interpolation"] = np.sqrt(square)
         return found
