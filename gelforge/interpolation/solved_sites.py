@@ -26,8 +26,11 @@ from gelforge.mechanics.indenters import Sphere
 
 SITE_PART = 1.0  # of the difference of a site that is left out alone
 LINE_PART = {"bin": 0.35, "total": 0.6}  # of that of a site that is left out with its line
-# instead of LINE_PART in the outermost cells of the lattice, which sites enclose on one side only; x, y, z of totals
+# Instead of LINE_PART in the outermost cells of the lattice, which sites enclose on one side only; x, y, z of totals. A
+# spacing of half the height and more is no small one beside a wall: the next half changes more than an order says.
 END_PART = {"bin": 0.7, "total": np.array([1.2, 1.2, 1.7])}
+FINE_LEVEL = 2  # from which spacings are small
+FINE_END_PART = {"bin": 0.6, "total": 0.8}
 # Of the mesh's bar of bins: between sites on meshes laid out for each place lies their scatter, however near they are.
 MESH_PART = 0.25
 DEPTH_PART = 0.4  # of the difference of a depth that is left out, between two depths
@@ -260,14 +263,19 @@ class SolvedSites:
         away = np.sort(np.linalg.norm(self._places - position, axis=1))
         return float(away[away > SAME_MM][:4].mean())
 
-    def _in_outermost_cell(self, position: np.ndarray) -> bool:
-        """Return whether a position (2,) is nearer to the region's end than the sites around it are to each other."""
+    def _line_part(self, position: np.ndarray) -> Mapping[str, float | np.ndarray]:
+        """Return the part of a line's difference at a position (2,): another one in the outermost cells of the lattice.
+
+        There it is nearer to the region's end than the sites around it are to each other.
+        """
         number = 0
         while number < LAST and all(at in self.sites for at in self.lattice.around(position, number)):
             number += 1
         ends = np.minimum(position - self.lattice.low, np.array(self.lattice.high) - position)
         open_ends = ends[np.array(self.lattice.ends) > 0]
-        return bool((open_ends < self.lattice.spacing_mm / 2**number).any())
+        if not (open_ends < self.lattice.spacing_mm / 2**number).any():
+            return LINE_PART
+        return END_PART if number < FINE_LEVEL else FINE_END_PART
 
     def bars_at(self, position: np.ndarray, depths: Sequence[float]) -> dict[str, np.ndarray]:
         """Return error bars at a position (2,) and depths: bin_mesh (D, B, 3), total_mesh (D, 3) and so on [N].
@@ -308,13 +316,13 @@ class SolvedSites:
 
         here = self._gap(position)
         bars = {at: site.bars for at, site in self.sites.items()}
-        outermost = self._in_outermost_cell(position)
+        line_part = self._line_part(position)
         for quantity in ("bin", "total"):
             for own in OWN:
                 if (bar := carried(f"{quantity}_{own}", bars)) is not None:
                     found[f"{quantity}_{own}"] = bar
-            square, line_part = 0.0, (END_PART if outermost else LINE_PART)[quantity]
-            for kind, part in (("", SITE_PART), ("_line", line_part)):
+            square = 0.0
+            for kind, part in (("", SITE_PART), ("_line", line_part[quantity])):
                 if (left_out := carried(quantity + kind, self.squares)) is not None:
                     square = square + np.square(part) * left_out
             if (over_depth := carried(f"{quantity}_depth", self.squares)) is not None:
