@@ -27,6 +27,7 @@ for _name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
 import numpy as np
 import pandas as pd
 from mismatch_cost import DEPTHS, planned, write
+from neighbouring_presses import Neighbour, follow_beside
 
 from gelforge.cli.bench import laws_of, paper_study
 from gelforge.indentation.binning import bin_forces, bin_shares
@@ -41,7 +42,6 @@ from gelforge.indentation.sensitivities import (
 )
 from gelforge.indentation.simulate import simulate_cell
 from gelforge.mechanics.equilibrium import Press
-from gelforge.mechanics.sensitivity import Neighbour, follow_beside
 from gelforge.mismatch.body_map import BOX
 from gelforge.mismatch.candidates import effects_of_forces
 from gelforge.mismatch.context import Context, Curves

@@ -281,14 +281,16 @@ def print_timing(timing) -> None:
     Console().print(table)
 
 
-def verify(out: Path | None) -> None:
-    """Run every check of the finite elements, print and write the table; fail if one is beyond its limit."""
+def verify(out: Path | None, only: list[str] | None) -> None:
+    """Run checks of the finite elements, all if none is named, print and write the table; fail beyond a limit."""
     from gelforge.files import write_table
     from gelforge.verification.check import VerificationFailed, check_table
-    from gelforge.verification.run import run_checks
+    from gelforge.verification.run import CHECKS, run_checks
 
+    if unknown := set(only or []) - set(CHECKS):
+        raise VerificationFailed(f"--only {', '.join(sorted(unknown))}: the checks are {', '.join(CHECKS)}")
     checks = []
-    for check in run_checks():
+    for check in run_checks(only or list(CHECKS)):
         checks.append(check)
         print(
             f"{'ok' if check.passed else 'FAILED':8}{check.quantity}: {check.found:.6g}, error {check.error:.1e}"

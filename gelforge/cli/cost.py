@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from gelforge.config import Mesh, Study, load_session, load_virtual_lab, session_study, variant_study
 from gelforge.files import write_text
+from gelforge.indentation.derived import derived_chunks
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,7 +24,8 @@ SOFTENING_STEP = 1.6
 GRID_POINT_S = 7e-6
 INTERPOLATED_S = 0.1  # a label between solved sites, with what decides which they are
 SECOND_LEVEL = 1  # where an interpolated plan usually ends: one halving of the first spacing
-START_S = 3.0  # of a process with its compiled kernels
+JOB_S = 0.6  # of a job beyond its cells: it is a fork of a process that has loaded everything
+START_S = 3.0  # of a process of its own with its compiled kernels
 IMAGE_S = 0.01  # to draw an image and to reduce it
 # A verdict in cells of the study's mesh per position that is judged, measured on the article's sensor by
 # benchmarks/mismatch_cost.py: 2 to 4 where an effect fits, up to 20 where none does. It begins with reading, its libraries
@@ -58,10 +60,16 @@ class Costs:
         return cell_seconds(self.measured, unknowns), len(lab.unload_depths_mm)
 
     def cell(self, cell) -> float:
-        """A planned cell, solved, mirrored or interpolated."""
+        """A planned cell, solved, mirrored or interpolated, without the job that makes it and others."""
         if cell.solved:
             return self.solved * len(cell.depths_mm) / DEPTHS
         return self.mirrored if cell.source else INTERPOLATED_S
+
+    def cells_of_plan(self) -> float:
+        """All cells of the plan: a job for each that is solved, some for all others."""
+        jobs = sum(cell.solved for cell in self.cells.values())
+        jobs += len(derived_chunks(self.cells, self.study.dataset.cells_per_shard))
+        return JOB_S * jobs + sum(map(self.cell, self.cells.values()))
 
     def true_cell(self, cell) -> float:
         """A cell of the virtual sensor, which is loaded and unloaded."""
@@ -104,14 +112,16 @@ def estimate(study: Study, cells: dict) -> list[str]:
     mirrored = sum(cell.source is not None for cell in cells.values())
     between = len(cells) - len(solved) - mirrored
     presses = sum(len(cell.depths_mm) for cell in cells.values())
-    seconds = sum(map(costs.cell, cells.values()))
+    seconds = costs.cells_of_plan()
     if study.virtual_lab:
-        seconds += sum(costs.true_cell(cell) for cell in cells.values() if cell.source is None)
+        seconds += sum(JOB_S + costs.true_cell(cell) for cell in cells.values() if cell.source is None)
     if between:
         some, words = interpolation_cost(costs)
         seconds += some
     for name in study.variants:
-        seconds += sum(costs.variant(name, cell) for cell in variant_cells(cells, study, name).values())
+        seconds += sum(
+            JOB_S + costs.variant(name, cell) for cell in variant_cells(cells, study, name).values()
+        )
     if study.synthesis:
         seconds += study.synthesis.indentations * costs.drawn_indentation()
     own, lines = session_costs(costs)
@@ -143,7 +153,7 @@ def interpolation_cost(costs: Costs) -> tuple[float, str]:
     first, second = (len(lattice.representatives(lattice.level(n))) for n in (0, SECOND_LEVEL))
     words = f"between    {first} sites {lattice.spacing_mm:.3g} mm apart are solved and as many more as the tolerance needs"
     words += f" ({second} at half the spacing); {len(lattice.depths_mm)} depths each"
-    return second * costs.solved * len(lattice.depths_mm) / DEPTHS, words
+    return second * (JOB_S + costs.solved * len(lattice.depths_mm) / DEPTHS), words
 
 
 def session_costs(costs: Costs) -> tuple[float, list[str]]:
@@ -162,7 +172,7 @@ def session_costs(costs: Costs) -> tuple[float, list[str]]:
             if session_study(study, load_session(folder / "session.yaml")) is study:
                 continue
             needed = [cells[cell] for cell in pressed_cells(folder, cells)]
-            seconds = sum(map(costs.cell, needed))
+            seconds = sum(JOB_S + costs.cell(cell) for cell in needed)  # each has a job of its own
             solved = sum(cell.source is None for cell in needed)
             what = f"{len(needed)} cells at its own age and temperature, {solved} solved"
         else:
@@ -238,5 +248,5 @@ def cell_seconds(measured: pd.DataFrame, unknowns: int) -> float:
 
 
 def mirror_seconds(measured: pd.DataFrame) -> float:
-    """Return the CPU seconds of a mirrored cell's job, mostly the start of its process."""
+    """Return the CPU seconds of a mirrored cell, made by a job that makes many."""
     return float(measured.loc[measured["kind"] == "mirrored", "cpu_s"].median())

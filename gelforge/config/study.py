@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_serializer, model_validator
 
@@ -18,6 +18,24 @@ from gelforge.config.sensor import Indenter, Sensor
 from gelforge.config.synthesis import Synthesis
 from gelforge.config.variants import Variant
 
+# Functions of gelforge.verification, in the order of the table.
+Check = Literal[
+    "uniaxial_stress",
+    "patch_test",
+    "rigid_modes",
+    "manufactured_orders",
+    "contact_patch",
+    "hertz_presses",
+    "bonded_layers",
+    "balances",
+    "energy_and_cycle",
+    "augmentation_independence",
+    "quarter_turn",
+    "partial_slip",
+    "pressed_stick_zone",
+    "cone_edge",
+    "frictionless_slide",
+]
 SOFT_SHARE = 0.6  # of the soft layers' height, beyond which a press would pierce them
 
 
@@ -48,6 +66,9 @@ class Study(Section):
     )
     virtual_lab: Path | None = Field(
         None, description="YAML of a virtual lab that makes the sessions (synthetic)"
+    )
+    verification: list[Check] | None = Field(
+        None, description="checks of the finite elements that the report has; null: all, a minute's work"
     )
 
     @field_validator("data")
@@ -113,7 +134,7 @@ class Study(Section):
     @model_serializer(mode="wrap")
     def _as_written(self, write) -> dict[str, Any]:
         """Return the keys; a later one only where it holds something, so that digests of older studies stay."""
-        return without_null(write(self), ("synthesis",))
+        return without_null(write(self), ("synthesis", "verification"))
 
     @property
     def has_symmetry_of_square(self) -> bool:

@@ -25,7 +25,10 @@ from gelforge.interpolation.weights import depth_weights, nearest, place_weights
 from gelforge.mechanics.indenters import Sphere
 
 SITE_PART = 1.0  # of the difference of a site that is left out alone
-LINE_PART = {"bin": 0.35, "total": np.array([0.6, 0.6, 0.4])}  # of that of a site that is left out with its line
+LINE_PART = {
+    "bin": 0.35,
+    "total": np.array([0.6, 0.6, 0.4]),
+}  # of that of a site that is left out with its line
 # Instead of LINE_PART in the outermost cells of the lattice, which sites enclose on one side only; x, y, z of totals. A
 # spacing of half the height and more is no small one beside a wall: the next half changes more than an order says.
 END_PART = {"bin": 0.7, "total": np.array([1.2, 1.2, 1.7])}

@@ -253,14 +253,18 @@ def _element_blocks(NODES: int, POINTS: int):
     return blocks
 
 
+# By name and not closed over by `assemble`: on disk a kernel is known by its code and by what it closes over, and a compiled
+# function is another one in every process, so that each would compile the kernel anew.
+_eigen_of_8, _eigen_of_4 = _eigen_solver(8), _eigen_solver(4)
+_blocks_of_8, _blocks_of_10 = _element_blocks(8, 8), _element_blocks(10, 4)
+
+
 def _assembler(NODES: int, POINTS: int, LOCAL: bool, MEMORY: bool):
     """Return `assemble` compiled for elements of this many nodes and quadrature points: constant loops vectorise.
 
     LOCAL: part of the bulk modulus resists the volume change of every point rather than that of the element.
     MEMORY: the points soften and carry frozen stresses; without, gain, frozen, peak and softening are not read.
     """
-
-    eigen, element_blocks = _eigen_solver(POINTS), _element_blocks(NODES, POINTS)
 
     @nb.njit(cache=True, fastmath=FAST, error_model="numpy")
     def assemble(
@@ -367,7 +371,10 @@ def _assembler(NODES: int, POINTS: int, LOCAL: bool, MEMORY: bool):
                         B[i, j, q] = (
                             F[q, i, 0] * F[q, j, 0] + F[q, i, 1] * F[q, j, 1] + F[q, i, 2] * F[q, j, 2]
                         )
-            eigen(B, directions)
+            if POINTS == 8:
+                _eigen_of_8(B, directions)
+            else:
+                _eigen_of_4(B, directions)
             for q in range(POINTS):
                 f = F[q]
                 J = Js[q]
@@ -432,7 +439,10 @@ def _assembler(NODES: int, POINTS: int, LOCAL: bool, MEMORY: bool):
                     f_mixed[n, i] += fe[i, a] + p * ce[i, a]
                     f_condensed[n, i] += fe[i, a] + p_volume[e] * ce[i, a]
             if tangent:
-                element_blocks(g, total, moduli, bend, flat, flat_bend, K)
+                if NODES == 8:
+                    _blocks_of_8(g, total, moduli, bend, flat, flat_bend, K)
+                else:
+                    _blocks_of_10(g, total, moduli, bend, flat, flat_bend, K)
                 stiff = (bulk[e] - kappa) / V0
                 k = 0
                 for a in range(NODES):

@@ -15,6 +15,10 @@ def verification(results: StudyResults) -> Chapter:
         return chapter
     failed = int((~table["passed"]).sum())
     verdict = f"{count(failed, 'check')} FAILED" if failed else f"all {len(table)} checks passed"
+    if results.study.verification:
+        verdict += (
+            f"; of those of `gelforge verify` the study asks for {', '.join(results.study.verification)} only"
+        )
     chapter.tabulate(
         "Each number was computed on this machine by this version and stands beside a solution from outside; errors are"
         f" relative where the reference is a size, else differences: {verdict}.",

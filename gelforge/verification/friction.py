@@ -35,6 +35,7 @@ from gelforge.verification.presses import (
 
 FRICTION = 0.3
 DEPTH = 0.01  # mm: a contact radius of 1 mm
+FAR = 2.0  # mm: friction is set beside the normal force that is found
 
 
 def partial_slip() -> list[Check]:
@@ -46,7 +47,7 @@ def partial_slip() -> list[Check]:
     of the rim, where the traction ends with an infinite slope, a node's mean is no value at its place; further inside
     rings of one element are compared, in which the radial shear that pressing has left cancels.
     """
-    mesh, middle = half_space()
+    mesh, middle = half_space(FAR)
     body = SmallStrainBody(mesh, {"gel": NEO_HOOKE}, BULK_TO_SHEAR)
     press = Press(body, Sphere(RADIUS), Settings(friction=FRICTION, gap_tolerance=1e-6))
     start = press.start(middle, middle)
@@ -90,7 +91,7 @@ def pressed_stick_zone() -> list[Check]:
     """
     nu = poissons_ratio(SPENCE_BULK_TO_SHEAR)
     known = pressed_with_friction(FRICTION, nu)
-    mesh, middle = half_space()
+    mesh, middle = half_space(FAR)
     body = SmallStrainBody(mesh, {"gel": NEO_HOOKE}, SPENCE_BULK_TO_SHEAR)
     press = Press(body, Sphere(RADIUS), Settings(friction=FRICTION, gap_tolerance=1e-6))
     state = follow(press, (middle, middle), DEPTH * np.linspace(0.4, 1, 5) ** 2)[-1]

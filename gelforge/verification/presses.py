@@ -59,11 +59,14 @@ def hertz_presses() -> list[Check]:
     ]
 
 
-def half_space() -> tuple[Mesh, float]:
-    """Return a nearly infinite block, fine within 1.3 mm of the middle of its top, and x = y of that middle [mm]."""
+def half_space(far: float = 1.0) -> tuple[Mesh, float]:
+    """Return a nearly infinite block, fine within 1.3 mm of the middle of its top, and x = y of that middle [mm].
+
+    far: size of elements far away before they are stretched [mm]; 2 in place of 1 adds 1.1 % to Hertz's force.
+    """
     width, near = 28.0, 1.0 / PER_RADIUS
     block = Block(width, width, (("gel", width / 2),))
-    mesh = layered_block(block, width / 2, width / 2, Sizes(near, near_radius=1.3, growth=0.3, far=1.0))
+    mesh = layered_block(block, width / 2, width / 2, Sizes(near, near_radius=1.3, growth=0.3, far=far))
     return spread_out(mesh, np.array([width / 2, width / 2, 0.0]), start=5.0, length=2.2), width / 2
 
 

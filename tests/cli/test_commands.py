@@ -5,7 +5,7 @@ import argparse
 import pytest
 
 from gelforge.cli import main
-from gelforge.cli.arguments import depth_list
+from gelforge.cli.parsers.by_hand import depth_list
 from gelforge.config import load_study
 from gelforge.indentation.cell_file import read_cell
 from gelforge.mismatch.stage import check_matches
@@ -135,6 +135,9 @@ def test_verify_writes_its_table_and_fails_with_a_failed_check(empty_folder, cap
     checks["bad"] = lambda: [relative("moment", "known", 2.0, 2.3, 0.02)]
     assert main(["verify", "--out", "tables"]) == 1
     assert "1 of 2 checks failed: moment (error 1.5e-01, limit 2.0e-02)" in capsys.readouterr().err
+    assert main(["verify", "--only", "good"]) == 0
+    assert main(["verify", "--only", "god"]) == 1
+    assert "--only god: the checks are good, bad" in capsys.readouterr().err
     rows = (empty_folder / "tables" / "verification.csv").read_text().splitlines()
     assert [row.split(",")[-2] for row in rows] == ["passed", "True", "False"]  # then the checksum
     assert (empty_folder / "tables" / "verification.md").is_file()

@@ -1,18 +1,27 @@
 """The compiled element loop against its NumPy twin, on distorted elements and at stretches that coincide."""
 
+import re
 from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
 import specimens
 import twins
+from numba.extending import is_jitted
 from numpy.testing import assert_allclose
 
+import gelforge
 from gelforge.mechanics.body import Body, bulk_to_shear_of
 from gelforge.mechanics.elements import ELEMENTS
 from gelforge.mechanics.laws import Gent, MooneyRivlin, NeoHooke, Ogden, Yeoh
 from gelforge.mechanics.sparsity import build_pattern
 
+COMPILED = (
+    *("mechanics.kernels", "mechanics.point_laws", "mechanics.contact", "mechanics.closed_surface"),
+    *("mechanics.sparsity", "recording.features", "virtual_lab.imaging"),
+)
 rng = np.random.default_rng(11)
 LAWS = {
     "gel": specimens.GEL,
@@ -197,3 +206,24 @@ def test_bulk_to_shear_is_that_of_poissons_ratio():
     assert bulk_to_shear_of(0.4995) == pytest.approx(1000, rel=1e-3)
     with pytest.raises(ValueError, match=r"Poisson's ratio is 0.5"):
         bulk_to_shear_of(0.5)
+
+
+def compiled_functions():
+    """Return the compiled functions of gelforge by their names; those of a table by their number of nodes too."""
+    modules = (import_module(f"gelforge.{name}") for name in COMPILED)
+    named = [(module.__name__, *item) for module in modules for item in vars(module).items()]
+    tables = [(m, f"{name}[{key}]", f) for m, name, v in named if isinstance(v, dict) for key, f in v.items()]
+    return {f"{m}.{name}": function for m, name, function in named + tables if is_jitted(function)}
+
+
+@pytest.mark.parametrize("name", compiled_functions())
+def test_what_is_compiled_is_found_again_by_the_next_process(name):
+    """On disk it is known by its code and what it closes over: a compiled function is another one in every process."""
+    cells = compiled_functions()[name].py_func.__closure__ or ()
+    assert all(type(cell.cell_contents) in (int, bool, float) for cell in cells)
+
+
+def test_every_module_that_compiles_is_among_them():
+    package = Path(gelforge.__file__).parent
+    compiling = [path for path in package.rglob("*.py") if re.search(r"@(nb|numba)\.njit", path.read_text())]
+    assert {".".join(path.relative_to(package).with_suffix("").parts) for path in compiling} == set(COMPILED)

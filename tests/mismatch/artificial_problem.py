@@ -1,6 +1,7 @@
 """Problems of the judge on artificial readings: effects at first order, no finite elements."""
 
 from dataclasses import replace
+from functools import cache
 
 import artificial
 import numpy as np
@@ -40,6 +41,7 @@ def judged(context, **keys):
     return problem, judge(problem, SETTINGS, seed=1)
 
 
+@cache  # of the process: nothing of it is changed in place
 def named():
     """Return a problem with a tilt in it, its judgement, and a function that puts another answer in its place."""
     base = artificial.context(17, per_side=3)

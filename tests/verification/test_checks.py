@@ -1,18 +1,38 @@
 """The checks behind the report's verification table, run by the same functions."""
 
+from pathlib import Path
+from typing import get_args
+
 import numpy as np
 import pytest
+import yaml
 
+from gelforge.config.study import Check as CheckName
 from gelforge.verification.check import Check, absolute, check_table, relative, vanishing
 from gelforge.verification.run import CHECKS
 
+TEST_STUDY = Path(__file__).parents[2] / "config/test.yaml"
+IN_TEST_STUDY = yaml.safe_load(TEST_STUDY.read_text())["verification"]  # which ends where one fails
+ELSEWHERE = {
+    *IN_TEST_STUDY,
+    "hertz_presses",
+}  # in the study a ball presses bonded layers, down to a third of them
 
-@pytest.mark.thorough  # the test study runs them too, and ends where one fails
-@pytest.mark.parametrize("name", CHECKS)
+
+def once(name):
+    """Return the case of a check; one that runs elsewhere too is run here before a release only."""
+    return pytest.param(name, marks=[pytest.mark.thorough] if name in ELSEWHERE else [])
+
+
+@pytest.mark.parametrize("name", map(once, CHECKS))
 def test_check(name):
     """Each function argues its own limits."""
     for check in CHECKS[name]():
         assert check.passed, check
+
+
+def test_a_study_can_ask_for_every_check():
+    assert get_args(CheckName) == tuple(CHECKS)
 
 
 def test_a_check_fails_beyond_its_limit_and_without_a_number():

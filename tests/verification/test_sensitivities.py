@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import specimens
+from neighbouring_presses import Neighbour, follow_beside
 from numpy.testing import assert_allclose
 
 from gelforge.indentation.binning import bin_forces, surface_shares
@@ -13,7 +14,6 @@ from gelforge.mechanics.equilibrium import Press, Settings
 from gelforge.mechanics.indenters import Sphere
 from gelforge.mechanics.laws import Ogden
 from gelforge.mechanics.meshes import layered_block
-from gelforge.mechanics.sensitivity import Neighbour, follow_beside
 
 SETTINGS = Settings(force_tolerance=1e-9, gap_tolerance=1e-8, volume_tolerance=1e-9)
 DEPTHS = np.array([0.25, 0.5, 0.75, 1.0])
@@ -95,6 +95,7 @@ def full_difference(vary):
     return (ends[0] - ends[1]) / (2 * AMOUNT)
 
 
+@pytest.mark.thorough(but_first=4)  # it is the measure of test_direct_sensitivities.py only
 @pytest.mark.parametrize("name", PARAMETERS)
 def test_derivatives_agree_with_differences_of_the_full_solver(beside, name):
     found, bins = beside[0][name], beside[1]

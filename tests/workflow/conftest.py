@@ -4,13 +4,20 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
+import traceback
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
+import snakemake.cli
 import yaml
 from filelock import FileLock
 
 ROOT = Path(__file__).parents[2]
+HOSTILE = (
+    "data/lab's x$(touch Y) `touch Z`;touch W"  # of a data folder: a shell that reads it makes Y, Z and W
+)
 
 
 class Checkout:
@@ -30,7 +37,22 @@ class Checkout:
         return [sys.executable, "-m", "snakemake", *arguments]
 
     def snakemake(self, *arguments: str, check: bool = True) -> subprocess.CompletedProcess:
-        """Run Snakemake here and return what it printed, standard output and errors together."""
+        """Run Snakemake here, in a fork of this process, and return what it printed, output and errors together.
+
+        A fork has imported what Snakemake and the Snakefile import, which is most of a dry run's time.
+        """
+        with tempfile.TemporaryFile("w+", errors="replace") as printed:
+            child = os.fork()
+            if not child:
+                run_snakemake(arguments, self.folder, printed.fileno())
+            status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+            printed.seek(0)
+            done = subprocess.CompletedProcess(["snakemake", *arguments], status, printed.read())
+        assert not check or done.returncode == 0, done.stdout[-6000:]
+        return done
+
+    def snakemake_alone(self, *arguments: str) -> None:
+        """Run Snakemake here in a process of its own, as users do."""
         done = subprocess.run(
             self.command(*arguments),
             cwd=self.folder,
@@ -39,8 +61,7 @@ class Checkout:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
         )
-        assert not check or done.returncode == 0, done.stdout[-6000:]
-        return done
+        assert done.returncode == 0, done.stdout[-6000:]
 
     def jobs(self, *arguments: str) -> dict[str, int]:
         """Return how many jobs of each rule a dry run lists."""
@@ -60,11 +81,42 @@ class Checkout:
         lab.write_text(yaml.safe_dump(truth))
         path.write_text(yaml.safe_dump(study))
 
+    def move_data(self, folder: str, name: str = "config/test.yaml") -> None:
+        """Let the test study, under this name too, keep its raw data in another folder."""
+        content = yaml.safe_load((self.folder / "config/test.yaml").read_text()) | {"data": folder}
+        (self.folder / name).write_text(yaml.safe_dump(content))
+
     def files(self, pattern: str) -> dict[str, bytes]:
         """Return the bytes of files here, by path."""
         return {
             path.relative_to(self.folder).as_posix(): path.read_bytes() for path in self.folder.glob(pattern)
         }
+
+
+def run_snakemake(arguments, folder: Path, output: int) -> NoReturn:
+    """Be Snakemake in this fork, and end."""
+    status = 70
+    try:
+        for number in (1, 2):
+            os.dup2(output, number)
+        # not pytest's, which capture what is printed
+        sys.stdout, sys.stderr = (open(number, "w", closefd=False, buffering=1) for number in (1, 2))
+        sys.stdin = open(os.devnull)
+        sys.argv = ["snakemake", *arguments]
+        own = environment()
+        os.environ.clear()
+        os.environ.update(own)
+        os.chdir(folder)
+        snakemake.cli.main(list(arguments))
+        status = 0
+    except SystemExit as ended:
+        status = ended.code if isinstance(ended.code, int) else int(ended.code is not None)
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
 
 
 def environment() -> dict[str, str]:
@@ -81,17 +133,21 @@ def checkout(tmp_path) -> Checkout:
 
 @pytest.fixture(scope="session")
 def finished(tmp_path_factory, request) -> Checkout:
-    """The test study, run to its end once for all processes; tests that change it work in a copy (see `again`)."""
+    """The test study, run to its end once for all processes; tests that change it work in a copy (see `again`).
+
+    Its folder's name has spaces and a quote, its data folder's name commands.
+    """
     base = tmp_path_factory.getbasetemp()
     shared = base.parent if hasattr(request.config, "workerinput") else base  # of pytest-xdist's processes
     with FileLock(shared / "finished.lock"):
         run = Checkout.__new__(Checkout)
-        run.folder = shared / "finished"
+        run.folder = shared / "user's finished study"
         if not (shared / "finished.done").is_file():
             shutil.rmtree(run.folder, ignore_errors=True)  # of a process that failed
             run.folder.mkdir()
             run = Checkout(run.folder)
-            run.snakemake("--cores", "2", "--configfile", "config/test.yaml")
+            run.move_data(HOSTILE)
+            run.snakemake_alone("--cores", "2", "--configfile", "config/test.yaml")
             (shared / "finished.done").touch()
     return run
 

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import pytest
 from conftest import ROOT
 
-from gelforge.cli.cost import Costs
+from gelforge.cli.cost import JOB_S, Costs
 from gelforge.config import load_study
 from gelforge.indentation.plan import plan_cells
 
@@ -144,6 +144,13 @@ def test_estimates_follow_the_study():
     fewer = study.mismatch.model_copy(update={"sites": 4})
     half = Costs(study.model_copy(update={"mismatch": fewer}), costs.cells)
     assert half.mismatch() - costs.mismatch() == pytest.approx(2 * 4 * costs.cell(solved))  # sites: 2
+
+
+def test_mirrored_cells_share_the_start_of_their_job():
+    study = load_study(ROOT / "config/test.yaml")
+    costs = Costs(study, plan_cells(study))  # three cells are solved; the six others are of three shards
+    by_cells = sum(map(costs.cell, costs.cells.values()))
+    assert costs.cells_of_plan() == pytest.approx(by_cells + (3 + 3) * JOB_S)
 
 
 @pytest.fixture

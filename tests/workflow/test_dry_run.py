@@ -56,6 +56,7 @@ def test_labels_between_sites_need_the_first_level_and_then_ask_again(checkout):
     assert {name for name in jobs if name.startswith("derive_")} == {"derive_0", "derive_1"}
 
 
+@pytest.mark.thorough  # by the configuration itself: tests/indentation/test_lattice.py
 def test_one_tolerance_is_asked_for_before_any_job(checkout):
     study = between_sites(checkout, tolerance=0.5, tolerance_N=0.001)
     refused = checkout.snakemake("-n", *study, check=False)

@@ -1,14 +1,11 @@
-"""What a configuration says is never shell text, and folders may have spaces and quotes in their names."""
+"""What a configuration says is never shell text; test_runs.py runs a study in such folders."""
 
 import re
 import shlex
-from pathlib import Path
 
 import pytest
-import yaml
-from conftest import ROOT, Checkout
+from conftest import HOSTILE, ROOT, Checkout
 
-HOSTILE = "data/lab's x$(touch Y) `touch Z`;touch W"
 OWN = ("--configfile", "config/own.yaml")
 SHELL = re.compile(r'^(\s+)shell:\n((?:\1\s+"[^\n]*"\n)+)', re.MULTILINE)
 
@@ -36,13 +33,8 @@ def hostile(tmp_path) -> Checkout:
     folder = tmp_path / "user's lab data"
     folder.mkdir()
     checkout = Checkout(folder)
-    content = yaml.safe_load((folder / "config/test.yaml").read_text()) | {"data": HOSTILE}
-    (folder / "config/own.yaml").write_text(yaml.safe_dump(content))
+    checkout.move_data(HOSTILE, OWN[1])
     return checkout
-
-
-def executed(checkout) -> list[Path]:
-    return [path for name in "YZW" for path in checkout.folder.rglob(name)]
 
 
 def test_a_folder_named_like_a_command_is_one_word_of_every_command(hostile):
@@ -59,19 +51,8 @@ def test_a_folder_named_like_a_command_is_one_word_of_every_command(hostile):
     assert not [word for word in words if "touch" in word and not word.startswith(HOSTILE)]
 
 
-@pytest.mark.workflow
-def test_it_runs_in_a_folder_with_a_space_and_a_quote(hostile):
-    hostile.coarsen("config/own.yaml")
-    truth = f"{HOSTILE}/virtual_truth/cells/x1_y1.h5"
-    hostile.snakemake("results/test/cells/x1_y1.h5", truth, "--cores", "2", *OWN)
-    assert (hostile.folder / truth).is_file()
-    assert (hostile.folder / "results/test/cells/x1_y1.h5").is_file()
-    assert executed(hostile) == []
-
-
 def test_braces_are_refused_in_one_line(hostile):
-    content = yaml.safe_load((hostile.folder / "config/own.yaml").read_text()) | {"data": "data/{cell}"}
-    (hostile.folder / "config/own.yaml").write_text(yaml.safe_dump(content))
+    hostile.move_data("data/{cell}", OWN[1])
     refused = hostile.snakemake("-n", *OWN, check=False)
     assert refused.returncode == 1
     assert "data, found 'data/{cell}': braces" in refused.stdout

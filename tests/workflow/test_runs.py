@@ -7,6 +7,7 @@ import time
 
 import pytest
 import yaml
+from conftest import HOSTILE
 
 pytestmark = pytest.mark.workflow
 TEST = ("--configfile", "config/test.yaml")
@@ -36,6 +37,13 @@ def test_the_study_runs_to_its_report(finished):
             assert (finished.folder / RESULTS / "tables" / f"{table}.{suffix}").is_file(), table
 
 
+def test_it_runs_in_a_folder_with_a_space_and_a_quote(finished):
+    """And from a data folder that is named like commands, which no shell executes."""
+    assert " " in finished.folder.name and "'" in finished.folder.name
+    assert (finished.folder / HOSTILE / "virtual_truth/cells/x1_y1.h5").is_file()
+    assert [path for name in "YZW" for path in finished.folder.rglob(name)] == []
+
+
 def test_checksums_hold(finished):
     subprocess.run(
         ["sha256sum", "--check", "--quiet", "SHA256SUMS"],
@@ -49,7 +57,7 @@ def test_a_second_run_does_nothing(finished):
 
 
 def test_synthetic_recordings_say_so(finished):
-    session = yaml.safe_load((finished.folder / "data/test/recordings/morning/session.yaml").read_text())
+    session = yaml.safe_load((finished.folder / HOSTILE / "recordings/morning/session.yaml").read_text())
     assert session["synthetic"] is True
     assert "synthetic" in (finished.folder / RESULTS / "report.html").read_text().lower()
     assert "synthetic" in (finished.folder / RESULTS / "dataset/README.md").read_text().lower()
@@ -122,7 +130,7 @@ def test_a_deleted_cell_is_made_again(again):
 def test_shards_need_no_virtual_truth(again):
     """A laboratory has recordings and no truth: without lab and truth the shards have the same bytes."""
     before = again.files(f"{RESULTS}/dataset/shard-*.h5")
-    for path in (again.folder / "data/test/virtual_truth").rglob("*.h5"):
+    for path in (again.folder / HOSTILE / "virtual_truth").rglob("*.h5"):
         path.unlink()
     for path in (again.folder / RESULTS / "dataset").iterdir():
         path.unlink()
@@ -147,6 +155,7 @@ def test_a_truncated_cell_stops_the_join_by_name(again):
 @pytest.mark.thorough
 def test_killed_in_the_middle_it_recovers_and_ends_the_same(checkout, finished):
     """kill -9 on Snakemake while cells are computed; the documented two lines bring the same files."""
+    checkout.move_data(HOSTILE)
     with (checkout.folder / "killed.log").open("w") as log:
         run = subprocess.Popen(
             checkout.command("labels", "--cores", "2", *TEST), cwd=checkout.folder, stdout=log, stderr=log

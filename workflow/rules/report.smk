@@ -2,7 +2,7 @@
 
 
 rule verify:
-    """The finite elements beside solutions from outside; the same for every study."""
+    """The finite elements beside solutions from outside; whatever the study, but for which it asks for."""
     output:
         expand(f"{RESULTS}/tables/verification.{{suffix}}", suffix=("csv", "md")),
     log:
@@ -13,9 +13,10 @@ rule verify:
     resources:
         runtime=asks(lambda *_: VERIFY_S),
     params:
+        only=["--only", *STUDY.verification] if STUDY.verification else [],
         source=source_digest("mechanics", "verification"),
     shell:
-        "{ONE_THREAD:q} {GELFORGE:q} verify --out {RESULTS:q}/tables &> {log:q}"
+        "{ONE_THREAD:q} {GELFORGE:q} verify --out {RESULTS:q}/tables {params.only:q} &> {log:q}"
 
 
 rule report:

@@ -1,0 +1,1 @@
+"""Arguments of each family of commands; standard library only."""

@@ -1,0 +1,170 @@
+"""Commands by hand: press, mesh, characterise, verify, mismatch and its relatives."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+
+from gelforge.cli.parsers.common import add_command
+
+
+def depth_list(text: str) -> list[float]:
+    """Return increasing depths [mm] from `0.25:2:0.25` (first:last:step) or `0.5,1,2`."""
+    try:
+        if ":" in text:
+            first, last, step = (float(part) for part in text.split(":"))
+            count = math.floor((last - first) / step + 1e-9) + 1
+            depths = [round(first + i * step, 9) for i in range(count)]
+        else:
+            depths = [float(part) for part in text.split(",")]
+    except (ValueError, ZeroDivisionError):
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: write first:last:step or a comma-separated list"
+        ) from None
+    if not depths or depths[0] <= 0 or any(b <= a for a, b in zip(depths, depths[1:])):
+        raise argparse.ArgumentTypeError(f"{text!r} gives {depths}; depths must be positive and increase")
+    return depths
+
+
+def add(commands) -> None:
+    """Add the commands by hand."""
+    press = add_command(
+        commands, "press", "bench.press", "press once on a sensor and print the force-depth table"
+    )
+    press.add_argument("--x", type=float, required=True, help="position along x [mm], origin at the corner")
+    press.add_argument("--y", type=float, required=True, help="position along y [mm]")
+    press.add_argument(
+        "--depths",
+        type=depth_list,
+        required=True,
+        help="depths [mm]: first:last:step, or a comma-separated list",
+    )
+    press.add_argument(
+        "--indenter", type=Path, metavar="YAML", help="any indenter, see config/indenters; else the study's"
+    )
+    press.add_argument(
+        "--shear",
+        type=float,
+        nargs=2,
+        metavar=("X", "Y"),
+        help="then move sideways by this [mm] at the last depth",
+    )
+    press.add_argument(
+        "--twist",
+        type=float,
+        default=0.0,
+        metavar="DEG",
+        help="then turn the indenter about z by this [deg]; the table shows the torque",
+    )
+    press.add_argument(
+        "--unload", action="store_true", help="then take the indenter away again, by the same depths"
+    )
+    press.add_argument(
+        "--sensitivities", metavar="NAMES", help="derivatives to effects: comma-separated names, or all"
+    )
+    press.add_argument("--out", type=Path, help="the cell's HDF5 file")
+    press.add_argument(
+        "--study", type=Path, metavar="YAML", help="a study's sensor and settings; else the paper's sensor"
+    )
+    press.add_argument(
+        "--laws", type=Path, nargs="*", default=[], metavar="JSON", help="laws of materials with tests"
+    )
+
+    mesh = add_command(
+        commands, "mesh", "bench.mesh", "write the mesh of a press for ParaView or Gmsh, nothing is solved"
+    )
+    mesh.add_argument("--x", type=float, required=True, help="position along x [mm], origin at the corner")
+    mesh.add_argument("--y", type=float, required=True, help="position along y [mm]")
+    mesh.add_argument(
+        "--depth", type=float, required=True, help="deepest depth [mm]: the mesh is fine so far around"
+    )
+    mesh.add_argument("--out", type=Path, required=True, help=".vtu, .vtk or Gmsh's .msh")
+    mesh.add_argument(
+        "--indenter", type=Path, metavar="YAML", help="any indenter, see config/indenters; else the study's"
+    )
+    mesh.add_argument(
+        "--study", type=Path, metavar="YAML", help="a study's sensor and settings; else the paper's sensor"
+    )
+
+    characterise = add_command(
+        commands,
+        "characterise",
+        "characterise.characterise_command",
+        "anybody's material tests to a law, its figure and measured effects",
+    )
+    characterise.add_argument(
+        "sources", type=Path, nargs="+", help="folders with samples.csv or small tests, or files"
+    )
+    characterise.add_argument(
+        "--mapping", type=Path, help="YAML that describes the files, see config/mappings"
+    )
+    characterise.add_argument("--laws", default="ogden2", help="laws to fit, e.g. ogden2,yeoh")
+    characterise.add_argument(
+        "--choose",
+        choices=("aicc", "held_out", "first"),
+        default="aicc",
+        help="which of the laws is law.json",
+    )
+    characterise.add_argument("--out", type=Path, required=True, help="folder to write")
+    characterise.add_argument(
+        "--loss", choices=("linear", "soft_l1"), default="linear", help="soft_l1 forgives outliers"
+    )
+    characterise.add_argument("--bootstrap", type=int, default=0, help="refits over samples, 0 for none")
+    characterise.add_argument("--workers", type=int, default=1, help="processes of the bootstrap")
+
+    verify = add_command(
+        commands,
+        "verify",
+        "bench.verify",
+        "check the finite elements against solutions from outside; a minute",
+    )
+    verify.add_argument("--out", type=Path, help="folder for verification.csv and verification.md")
+    verify.add_argument("--only", nargs="+", metavar="CHECK", help="these alone, such as patch_test")
+
+    tests = add_command(
+        commands,
+        "mismatch-materials",
+        "mismatch_materials.mismatch_materials",
+        "what a law fitted to the fastest loading leaves out of a material's other tests",
+    )
+    tests.add_argument(
+        "sources", type=Path, nargs="+", help="folders with samples.csv or small tests, or files"
+    )
+    tests.add_argument("--mapping", type=Path, help="YAML that describes the files, see config/mappings")
+    tests.add_argument("--out", type=Path, required=True, help="folder to write")
+
+    mismatch = add_command(
+        commands,
+        "mismatch",
+        "mismatch.mismatch",
+        "which physics was left out: judge a recording; `limits`: what the plan could show; `plan`: what to record next",
+    )
+    mismatch.add_argument(
+        "what",
+        help="a session's folder, a folder of sessions, or `limits`, or `plan` (after a verdict in --out)",
+    )
+    mismatch.add_argument(
+        "--config", type=Path, required=True, metavar="YAML", help="the study it is judged against"
+    )
+    mismatch.add_argument("--out", type=Path, help="folder to write; results/<study>/mismatch if not given")
+    mismatch.add_argument(
+        "--laws", type=Path, nargs="*", default=[], metavar="JSON", help="laws of materials with tests"
+    )
+    mismatch.add_argument("--kept", type=Path, help="folder of kept solutions; solves in --out if not given")
+    mismatch.add_argument("--workers", type=int, default=1, help="presses that are solved side by side")
+    mismatch.add_argument(
+        "--no-page", dest="page", action="store_false", help="verdict and tables only, no report.html"
+    )
+
+    published = add_command(
+        commands,
+        "mismatch-published",
+        "mismatch.published",
+        "judge the article's own readings against its two curves and against our cells",
+    )
+    published.add_argument("--config", type=Path, required=True, metavar="YAML", help="the article's study")
+    published.add_argument("--out", type=Path, required=True, help="folder to write")
+    published.add_argument("--workers", type=int, default=1, help="presses that are solved side by side")
+
+    add_command(commands, "warm-up", "bench.warm_up", "compile the kernels and keep them for later runs")

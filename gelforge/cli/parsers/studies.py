@@ -1,0 +1,38 @@
+"""Commands for a study: init, check, show, explain."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gelforge.cli.parsers.common import add_command
+
+
+def add(commands) -> None:
+    """Add the commands for a study."""
+    init = add_command(
+        commands, "init", "studies.init", "write a commented configuration and sample tables for a new study"
+    )
+    init.add_argument("study", help="name of the new study")
+
+    check = add_command(
+        commands, "check", "studies.check", "validate a study; draw it; print cells, minutes and disk"
+    )
+    check.add_argument("study", help="a study's name (config/NAME.yaml) or its YAML file")
+    check.add_argument("--picture", type=Path, help="PNG to write; results/<study>/check.png if not given")
+
+    show = add_command(
+        commands, "show", "studies.show", "draw a label: a cell's or a shard's force distribution"
+    )
+    show.add_argument("path", type=Path, metavar="CELL_OR_SHARD", help="an HDF5 file")
+    show.add_argument(
+        "row", type=int, nargs="?", help="depth step of a cell or row of a shard; the last if not given"
+    )
+    show.add_argument(
+        "--out", type=Path, help="PNG to write; beside the working directory's name of the file if not given"
+    )
+
+    explain = add_command(
+        commands, "explain", "studies.explain", "say where one row of a shard comes from, down to raw files"
+    )
+    explain.add_argument("path", type=Path, metavar="SHARD", help="a shard")
+    explain.add_argument("row", type=int, help="row of the shard")

@@ -1,0 +1,136 @@
+"""Commands that the workflow runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gelforge.cli.parsers.common import FRESH, study_command
+
+
+def add(commands) -> None:
+    """Add the commands that the workflow runs."""
+    law = study_command(
+        commands, "fit-law", "factory.fit_law", "material tests, or parameters, to a law and measured effects"
+    )
+    law.add_argument("--material", required=True)
+    law.add_argument("--out", type=Path, required=True, help="folder to write")
+
+    plan = study_command(commands, "plan", "factory.plan", "the study's cells as a table")
+    plan.add_argument("--out", type=Path, required=True)
+
+    simulate = study_command(commands, "simulate", "factory.simulate", "one cell of a study")
+    simulate.add_argument("--cell", required=True)
+    simulate.add_argument(
+        "--laws", type=Path, nargs="+", required=True, metavar="JSON", help="laws of the materials"
+    )
+    simulate.add_argument(
+        "--mirrored", type=Path, nargs="*", default=[], metavar="H5", help="cell that this one mirrors"
+    )
+    simulate.add_argument(
+        "--between",
+        action="store_true",
+        help="the cell is one of the sites between which labels are interpolated (plan.interpolation)",
+    )
+    simulate.add_argument("--variant", help="solve the cell as this variant of the study has it")
+    simulate.add_argument(
+        "--session", help="solve the cell at the age and temperature that this session states"
+    )
+    simulate.add_argument("--out", type=Path, required=True)
+    simulate.add_argument("--fresh", action="store_true", help=FRESH)
+
+    level = study_command(
+        commands, "level", "between.level", "which sites are solved after a level (plan.interpolation)"
+    )
+    level.add_argument("--level", type=int, required=True, help="number of the level, from 0")
+    level.add_argument("--laws", type=Path, nargs="+", required=True, metavar="JSON")
+    level.add_argument("--out", type=Path, required=True)
+
+    derive = study_command(
+        commands,
+        "derive",
+        "between.derive",
+        "a job's mirrored and interpolated cells, written beside the solved ones",
+    )
+    derive.add_argument("--number", type=int, required=True, help="number of the job, from 0")
+    derive.add_argument("--laws", type=Path, nargs="+", required=True, metavar="JSON")
+
+    slopes = study_command(
+        commands,
+        "sensitivities",
+        "mismatch.sensitivities",
+        "the derivatives of one site's forces along all that a verdict may ask for",
+    )
+    slopes.add_argument("--cell", required=True)
+    slopes.add_argument("--laws", type=Path, nargs="+", required=True, metavar="JSON")
+    slopes.add_argument("--out", type=Path, required=True)
+
+    in_order = study_command(
+        commands,
+        "simulate-session",
+        "factory.simulate_session",
+        "a session's presses in recorded order on a sensor that softens; goes on where it was broken off",
+    )
+    in_order.add_argument("--session", required=True)
+    in_order.add_argument(
+        "--laws", type=Path, nargs="+", required=True, metavar="JSON", help="laws of the materials"
+    )
+    in_order.add_argument("--out", type=Path, required=True)
+    in_order.add_argument("--fresh", action="store_true", help=FRESH)
+
+    for name, text in (
+        ("readings", "a session's forces on the sensor, zero subtracted"),
+        ("features", "optical-flow features of a session's images"),
+    ):
+        command = study_command(commands, name, f"factory.{name}", text)
+        command.add_argument("--session", required=True)
+        command.add_argument("--out", type=Path, required=True)
+        if name == "features":
+            command.add_argument("--workers", type=int, default=1, help="threads that read and reduce images")
+
+    join = study_command(commands, "join", "factory.join", "one shard of the dataset")
+    join.add_argument("--shard", type=int, required=True, help="number of the shard")
+    join.add_argument("--out", type=Path, required=True)
+
+    study_command(commands, "manifest", "factory.manifest", "checksums, provenance and card of the dataset")
+
+    agreement = study_command(
+        commands, "agreement", "factory.agreement", "simulated beside measured total force, per press"
+    )
+    agreement.add_argument("--out", type=Path, required=True)
+
+    synthesise = study_command(
+        commands, "synthesise", "learning.synthesise", "SYNTHETIC training rows of one drawn indentation"
+    )
+    synthesise.add_argument("--number", type=int, required=True, help="number of the indentation, from 0")
+    synthesise.add_argument(
+        "--laws", type=Path, nargs="+", required=True, metavar="JSON", help="laws of the materials"
+    )
+    synthesise.add_argument("--out", type=Path, required=True)
+
+    train = study_command(
+        commands, "train", "learning.train", "train the network; goes on from its last checkpoint"
+    )
+    train.add_argument("--model", type=Path, required=True, help="model.pt to write")
+    train.add_argument("--loss", type=Path, required=True, help="loss.csv to write")
+
+    adapt = study_command(
+        commands,
+        "adapt",
+        "learning.adapt",
+        "gains of a model for another sensor, from a few presses with measured forces",
+    )
+    adapt.add_argument("--model", type=Path, required=True, help="model.pt as trained")
+    adapt.add_argument(
+        "--presses", type=int, default=20, help="recorded presses to fit, drawn from those that train"
+    )
+    adapt.add_argument("--seed", type=int, default=0, help="seed of the draw")
+    adapt.add_argument("--out", type=Path, required=True, help="model.pt to write")
+
+    evaluate = study_command(commands, "evaluate", "learning.evaluate", "predict the held-out cells")
+    evaluate.add_argument("--model", type=Path, required=True)
+    evaluate.add_argument("--out", type=Path, required=True)
+
+    study_command(commands, "tables", "factory.tables", "the article's tables from saved predictions")
+
+    report = study_command(commands, "report", "factory.report", "the study's offline page")
+    report.add_argument("--out", type=Path, required=True)
