@@ -135,7 +135,7 @@ def trained(study: Study, shards: list[Path], seed: int) -> Model:
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
         changed = study.model_copy(update={"seed": seed})
-        train(changed, shards, out / "model.pt", out / "loss.csv", Run(progress=False))
+        train(changed, shards, out / "model.pt", out / "loss.csv", Run())
         return load_model(out / "model.pt")
 
 
