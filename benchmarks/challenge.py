@@ -95,7 +95,7 @@ def network(task: Task, seed: int, learning: dict) -> Predict:
     study = task.study.model_copy(update={"seed": seed, "learning": described})
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
-        train(study, task.shards, out / "model.pt", out / "loss.csv", Run(threads=1, progress=False))
+        train(study, task.shards, out / "model.pt", out / "loss.csv", Run(threads=1))
         return load_model(out / "model.pt").predict
 
 

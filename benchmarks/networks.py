@@ -38,7 +38,7 @@ def judged(study: Study, shards: list[Path], folder: Path) -> dict[str, float]:
     """Return figures of a network that is trained on the training rows, all on the test rows."""
     model, predicted = folder / "model.pt", folder / "predictions.h5"
     started = time.process_time()
-    train(study, shards, model, folder / "loss.csv", Run(threads=1, progress=False))
+    train(study, shards, model, folder / "loss.csv", Run(threads=1))
     seconds = time.process_time() - started
     predict_test_rows(model, LearningSets.of(shards), study, predicted, threads=1)
     predictions = Predictions(predicted)

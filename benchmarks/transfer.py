@@ -1,6 +1,6 @@
 """A network trained in simulation alone, on recordings and on another virtual sensor, before and after a few presses.
 
-usage: python benchmarks/transfer.py [results/simulated] [--recorded results/demo] [--others 24] [--seeds 1 2 3]
+usage: python benchmarks/transfer.py [results/simulated] [--recorded results/demo] [--others 24] [--first 54] [--seeds 1 2 3]
        (one thread; after `snakemake --configfile config/simulated.yaml`; the other sensor is solved once,
        ten CPU seconds an indentation, and kept in results/simulated/other_sensor)
 
@@ -135,7 +135,7 @@ def trained(study: Study, shards: list[Path], seed: int) -> Model:
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
         changed = study.model_copy(update={"seed": seed})
-        train(changed, shards, out / "model.pt", out / "loss.csv", Run(progress=False))
+        train(changed, shards, out / "model.pt", out / "loss.csv", Run())
         return load_model(out / "model.pt")
 
 
@@ -181,11 +181,12 @@ def main() -> None:
     parser.add_argument("results", nargs="?", type=Path, default=Path("results/simulated"))
     parser.add_argument("--recorded", type=Path, default=Path("results/demo"))
     parser.add_argument("--others", type=int, default=OTHERS)
+    parser.add_argument("--first", type=int, help="only so many of the indentations, the first")
     parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2, 3])
     parser.add_argument("--unseen-edges", action="store_true", help="no edge among the training rows")
     arguments = parser.parse_args()
     study, recorded = (load_study(path / "study.yaml") for path in (arguments.results, arguments.recorded))
-    simulated = sorted((arguments.results / "synthetic").glob("*.h5"))
+    simulated = sorted((arguments.results / "synthetic").glob("*.h5"))[: arguments.first]
     simulated = without(simulated, "edge") if arguments.unseen_edges else simulated
     shards = sorted((arguments.recorded / "dataset").glob("shard-*.h5"))
     other = Rows(solved_others(arguments.results, arguments.others))

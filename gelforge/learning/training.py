@@ -30,7 +30,7 @@ from gelforge.learning.model_file import Model, load_tensors, save_model, save_t
 from gelforge.learning.networks import Grids, make_network
 from gelforge.learning.reliability import Labels, Zero, find_intervals, find_zero
 from gelforge.learning.scaling import ModelError, Scaling
-from gelforge.learning.turns import Turner, names_of
+from gelforge.learning.turns import Turner, names_of, seen_by_camera
 from gelforge.learning.views import check_scale
 from gelforge.progress import Progress
 
@@ -104,7 +104,7 @@ def train(
 
     rows = ShardDataset(shards, "train")
     training, validation = training_and_validation(rows, shards, study)
-    plan, scaling = _plan(study, rows, training)
+    plan, scaling = plan_of(study, rows, training)
     learning = plan.learning
     network = make_network(learning, plan.grids, study.seed)
     adam = _optimiser(network, learning)
@@ -146,14 +146,18 @@ def train(
     return True
 
 
-def _plan(study: Study, rows: ShardDataset, training: np.ndarray) -> tuple[Plan, Scaling]:
+def plan_of(study: Study, rows: ShardDataset, training: np.ndarray) -> tuple[Plan, Scaling]:
+    """Return how a study's network is trained on the rows numbered by training (n,), and the scaling of these."""
     learning, bins = study.learning.usual, study.sensor.bins
     width = study.sensor.width_x_mm, study.sensor.width_y_mm
     grids = Grids(study.features.regions, bins.nx, bins.ny)
     if learning.network == "paper":
         scaling = measure_scaling(rows, training, learning.form)
         return Plan(learning, grids, ("identity",)), scaling
-    turn, along_axis = lie_of_images(rows, training, np.array(width))
+    if study.synthesis:  # flow follows an edge or a sheared ball too loosely to tell
+        turn, along_axis = seen_by_camera(study.synthesis.camera, study.sensor)
+    else:
+        turn, along_axis = lie_of_images(rows, training, np.array(width))
     scaling = measure_scaling(rows, training, learning.form, turn, centred=False)
     symmetric = study.sensor_has_symmetry_of_square if study.synthesis else study.has_symmetry_of_square
     holds = along_axis and symmetric and bins.nx == bins.ny
@@ -195,7 +199,7 @@ def one_epoch(
         for group in adam.param_groups:
             group["lr"] = _rate(plan.learning, epoch * steps + number, plan.learning.epochs * steps)
         if len(plan.turns) > 1:
-            inputs, targets = turner(str(rng.choice(plan.turns)), inputs, targets)
+            inputs, targets = turner(rng.integers(len(plan.turns), size=len(inputs)), inputs, targets)
         adam.zero_grad(set_to_none=True)
         loss = torch.nn.functional.mse_loss(network(inputs), targets)
         loss.backward()

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import torch
 
+from gelforge.config import Camera, Sensor
 from gelforge.indentation.symmetry import D4
+from gelforge.recording.camera import project
 
 LEAST_FOLLOWED = (
     0.5  # share of the places' variance that the flow's centre explains; less says nothing of directions
@@ -56,6 +58,16 @@ def image_on_sensor(centre: np.ndarray, position: np.ndarray, width_mm: np.ndarr
     return name, bool(np.abs(offset).max() < OFF_CENTRE and uneven < UNEVEN)
 
 
+def seen_by_camera(camera: Camera, sensor: Sensor) -> tuple[str, bool]:
+    """Return the same as image_on_sensor for a known camera: by where it sees points at half the sensor's height."""
+    width = np.array([sensor.width_x_mm, sensor.width_y_mm])
+    shares = np.linspace(0.1, 0.9, 5)
+    points = np.stack(np.meshgrid(*(shares * w for w in width)), axis=-1).reshape(-1, 2)
+    pixels, _ = project(camera, np.column_stack([points, np.full(len(points), -sensor.height_mm / 2)]))
+    centre = (pixels + 0.5) / [camera.width_px, camera.height_px] - 0.5
+    return image_on_sensor(centre, points, width)
+
+
 def flow_centre(flow: np.ndarray, n: int) -> np.ndarray:
     """Return where the flow (N, 2, n n) is (N, 2): its squared length's centre, as shares of the image from its middle."""
     weight = (flow**2).sum(axis=1)
@@ -65,20 +77,28 @@ def flow_centre(flow: np.ndarray, n: int) -> np.ndarray:
 
 
 class Turner:
-    """Turns scaled inputs (n, 2 r^2) and targets (n, 3 B) of a batch together; scales must be those of a symmetry."""
+    """Turns each row of scaled inputs (n, 2 r^2) and targets (n, 3 B) by an element of its own.
+
+    Scales must be those of a symmetry.
+    """
 
     def __init__(self, names: tuple[str, ...], regions: int, nx: int, ny: int):
         self.names = names
-        self._regions = {name: torch.from_numpy(order(name, regions, regions)) for name in names}
-        self._bins = {name: torch.from_numpy(order(name, nx, ny)) for name in names}
-        self._plane = {name: torch.tensor(D4[name], dtype=torch.float32) for name in names}
+        orders = [[order(name, *grid) for name in names] for grid in ((regions, regions), (nx, ny))]
+        self._regions, self._bins = (
+            torch.from_numpy(np.stack(found)) for found in orders
+        )  # (T, r^2), (T, B)
+        self._plane = torch.tensor(np.stack([D4[name] for name in names]), dtype=torch.float32)  # (T, 2, 2)
 
     def __call__(
-        self, name: str, inputs: torch.Tensor, targets: torch.Tensor
+        self, chosen: np.ndarray, inputs: torch.Tensor, targets: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        plane = self._plane[name]
-        flow = inputs.reshape(len(inputs), 2, -1)[:, :, self._regions[name]]
-        force = targets.reshape(len(targets), -1, 3)[:, self._bins[name]]
-        flow = torch.einsum("ab,nbk->nak", plane, flow)
-        force = torch.cat([force[..., :2] @ plane.T, force[..., 2:]], dim=-1)
+        """Return inputs and targets whose row i is turned by the element names[chosen[i]]; chosen (n,) int."""
+        count, which = len(inputs), torch.as_tensor(chosen)
+        plane, regions, bins = self._plane[which], self._regions[which], self._bins[which]
+        flow = inputs.reshape(count, 2, -1).gather(2, regions[:, None].expand(-1, 2, -1))
+        force = targets.reshape(count, -1, 3).gather(1, bins[..., None].expand(-1, -1, 3))
+        flow = torch.einsum("nab,nbk->nak", plane, flow)
+        horizontal = torch.einsum("nab,nkb->nka", plane, force[..., :2])
+        force = torch.cat([horizontal, force[..., 2:]], dim=-1)
         return flow.reshape(inputs.shape), force.reshape(targets.shape)

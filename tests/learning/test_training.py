@@ -8,7 +8,7 @@ import pytest
 import torch
 from artificial_shards import small_rows, study_of, write_shards
 
-from gelforge.config import Learning
+from gelforge.config import Learning, study_from
 from gelforge.dataset.shard import ShardDataset
 from gelforge.learning.data import (
     Batches,
@@ -21,7 +21,7 @@ from gelforge.learning.data import (
 from gelforge.learning.model_file import load_model, load_tensors, save_tensors
 from gelforge.learning.networks import paper_network
 from gelforge.learning.scaling import ModelError, Scaling
-from gelforge.learning.training import CHECKPOINT_FORMAT, Run, mean_loss, train
+from gelforge.learning.training import CHECKPOINT_FORMAT, Run, mean_loss, plan_of, train
 
 QUIET = Run(threads=1, checkpoint_every=3)
 SMALL = {
@@ -311,6 +311,21 @@ def test_the_model_is_that_of_the_best_epoch_and_patience_ends_it(study, shards,
     watched = Batches(rows, training_and_validation(rows, shards, study)[1], model.scaling, 64, seed=0)
     assert mean_loss(model.network, watched) == pytest.approx(losses["all"]["validation"][best], rel=1e-5)
     assert best < 29
+
+
+def test_drawn_indentations_are_turned_though_the_flow_follows_them_loosely(study, shards):
+    """Whether the camera looks along the sensor's axis is known there; these artificial images do not show it."""
+    camera = {"width_px": 200, "height_px": 200, "focal_px": 272.0, "centre_px": [99.5, 99.5]}
+    camera |= {"position_mm": [16.0, 16.0, -46.0]}
+    described = study_of(regions=4, bins=5, network="unet").model_dump(mode="json")
+    rows = ShardDataset(shards, "train")
+    for moved, turns in (([0.0, 0.0, 0.0], 8), ([2.0, 0.0, 0.0], 1)):
+        seen = camera | {"position_mm": np.add(camera["position_mm"], moved).tolist()}
+        drawn = study_from(described | {"synthesis": {"camera": seen}})
+        plan, _ = plan_of(drawn, rows, np.arange(len(rows)))
+        assert len(plan.turns) == turns
+    plan, _ = plan_of(study_of(regions=4, bins=5, network="unet"), rows, np.arange(len(rows)))
+    assert len(plan.turns) == 1
 
 
 def test_rows_feed_pytorchs_loader_with_workers(shards):

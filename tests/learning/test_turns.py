@@ -5,18 +5,33 @@ import pytest
 import torch
 from numpy.testing import assert_allclose, assert_array_equal
 
+from gelforge.config import Camera, Sensor
 from gelforge.indentation.symmetry import D4, transform_bins
-from gelforge.learning.turns import Turner, flow_centre, image_on_sensor, names_of, order, turned_flow
+from gelforge.learning.turns import (
+    Turner,
+    flow_centre,
+    image_on_sensor,
+    names_of,
+    order,
+    seen_by_camera,
+    turned_flow,
+)
 
 RNG = np.random.default_rng(5)
 WIDTH = np.array([32.0, 32.0])
+SENSOR = Sensor(
+    width_x_mm=32.0,
+    width_y_mm=32.0,
+    layers=[{"name": "gel", "thickness_mm": 6.0, "material": "soft"}],
+    bins={"nx": 5, "ny": 5},
+)
 
 
 @pytest.mark.parametrize("name", D4)
 def test_labels_turn_as_the_mechanics_turns_bins(name):
     label = RNG.normal(size=(3, 25, 3)).astype(np.float32)
     flow = torch.zeros(3, 32)
-    _, turned = Turner((name,), 4, 5, 5)(name, flow, torch.from_numpy(label.reshape(3, -1)))
+    _, turned = Turner((name,), 4, 5, 5)(np.zeros(3, int), flow, torch.from_numpy(label.reshape(3, -1)))
     assert_allclose(turned.reshape(3, 25, 3), transform_bins(name, label, 5), atol=1e-6)
 
 
@@ -34,13 +49,25 @@ def test_flow_and_label_of_one_bump_turn_together(name):
     )
     inputs = torch.from_numpy(flow.reshape(1, -1).astype(np.float32))
     targets = torch.from_numpy(label.reshape(1, -1).astype(np.float32))
-    inputs, targets = Turner((name,), n, n, n)(name, inputs, targets)
+    inputs, targets = Turner((name,), n, n, n)(np.zeros(1, int), inputs, targets)
     centre = D4[name] @ [2.0, -1.0]
     away = place - centre
     bump = np.exp(-(away**2).sum(axis=1) / 4)
     assert_allclose(inputs.reshape(2, -1).T, away * bump[:, None], atol=1e-6)
     assert_allclose(targets.reshape(-1, 3)[:, :2], away * bump[:, None], atol=1e-6)
     assert_allclose(turned_flow(name, flow, n)[0].T, away * bump[:, None], atol=1e-12)
+
+
+def test_each_row_is_turned_by_its_own_element():
+    n, names = 5, tuple(D4)
+    flow = torch.from_numpy(RNG.normal(size=(len(names), 2 * n * n)).astype(np.float32))
+    label = torch.from_numpy(RNG.normal(size=(len(names), 3 * n * n)).astype(np.float32))
+    chosen = RNG.permutation(len(names))
+    together = Turner(names, n, n, n)(chosen, flow, label)
+    for row, number in enumerate(chosen):
+        alone = Turner((names[number],), n, n, n)(np.zeros(1, int), flow[row : row + 1], label[row : row + 1])
+        for whole, part in zip(together, alone):
+            assert_allclose(whole[row], part[0], atol=1e-6)
 
 
 @pytest.mark.parametrize("name", D4)
@@ -52,6 +79,29 @@ def test_how_the_image_lies_is_found(name):
     assert image_on_sensor(centre + [0.1, 0.0], position, WIDTH) == (name, False)
     uneven = centre * [1.2, 1.0]
     assert image_on_sensor(uneven, position, WIDTH) == (name, False)
+
+
+@pytest.mark.parametrize(
+    ("changed", "lie"),
+    [
+        ({}, ("rotate_180", True)),  # looking up, x runs to the left; v runs down
+        ({"mirrored": True}, ("mirror_y", True)),
+        ({"rotation_deg": [0.0, 0.0, 90.0], "mirrored": True}, ("swap_xy", True)),
+        ({"position_mm": [18.0, 16.0, -46.0]}, ("rotate_180", False)),
+        ({"rotation_deg": [3.0, 0.0, 0.0]}, ("rotate_180", False)),
+        ({"focal_y_px": 650.0}, ("rotate_180", False)),
+    ],
+)
+def test_a_known_camera_says_how_its_image_lies(changed, lie):
+    camera = {
+        "width_px": 400,
+        "height_px": 400,
+        "focal_px": 545.0,
+        "centre_px": [199.5, 199.5],
+        "mirrored": False,
+    }
+    camera = Camera(**{**camera, "position_mm": [16.0, 16.0, -46.0], **changed})
+    assert seen_by_camera(camera, SENSOR) == lie
 
 
 def test_images_that_do_not_follow_the_indenter_are_taken_as_they_are():
