@@ -120,6 +120,7 @@ def planned(tmp_path, rows, **plan):
     (tmp_path / "plan.csv").write_text("cell,x_mm,y_mm,depth_mm,phase,shear_x_mm\n" + "\n".join(rows) + "\n")
     content = load_study("config/test.yaml").model_dump(mode="json")
     content["plan"] = {"file": str(tmp_path / "plan.csv"), **plan}
+    content["mechanics"]["mesh"]["near_mm"] = 1.0  # finer than what the lightest press touches
     return plan_cells(study_from(content))
 
 

@@ -8,7 +8,7 @@ from session_folder import HEADER, press_lines, write_session
 from small_dataset import write_features
 
 from gelforge.cli import factory
-from gelforge.cli.cost import Costs, session_costs, steps_in_order
+from gelforge.cli.cost import JOB_S, Costs, session_costs, steps_in_order
 from gelforge.config import Session, session_study, write_yaml
 from gelforge.dataset import presses_in_order
 from gelforge.dataset.agreement import agreement_table
@@ -108,11 +108,11 @@ def test_labels_of_a_session_are_those_of_its_age(tmp_path, monkeypatch):
         folder = record(study, session, [("x1_y0", 0.5)], stated)
     needed = pressed_cells(folder, plan_cells(study))
     assert needed == ["x0_y0", "x1_y0"]  # the pressed one mirrors the other
-    # June's one solved cell of two depths at 8 s for eight, and a mirrored one at 1 s
+    # June's one solved cell of two depths at 8 s for eight, a mirrored one at 1 s, and two jobs
     costs = Costs(study, plan_cells(study))
     costs.solved, costs.mirrored = 8.0, 1.0
     seconds, lines = session_costs(costs)
-    assert seconds == 3.0
+    assert seconds == pytest.approx(3.0 + 2 * JOB_S)
     assert lines == ["session    june: 2 cells at its own age and temperature, 1 solved"]
     cells = study.results_folder / "cells"
     for session, where in ((None, cells), ("june", study.results_folder / "sessions/june/cells")):
