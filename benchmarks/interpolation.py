@@ -5,8 +5,8 @@ plan.interpolation would solve for the article's 41 x 41 positions; then labels 
 seed, are compared with what is solved there: at the depths of the solved sites ("held"), or at depths of their own
 ("drawn"). The error bar that is judged is the interpolation's own part: how far a label lies from the solved one,
 whose other parts both share. The last two columns are of whole error bars. The parts in solved_sites.py were found on
-positions of seeds SEED and 4711: only positions of another seed show what they are worth. Solutions are kept in results/interpolation: remove it after a change of the
-solver.
+positions of seeds SEED and 4711: only positions of another seed show what they are worth. Solutions are kept in
+results/interpolation: remove it after a change of the solver.
 
 usage: python benchmarks/interpolation.py [--near 0.3] [--seed 90210] [--held 60] [--levels 0 1 2] [--tolerance 1]
        [--presses 2000]
