@@ -183,11 +183,12 @@ def follow(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> dict[str, 
 def _stored(
     solver: Solver, down: PlannedCell, asked: Mapping[str, Variation]
 ) -> dict[str, dict[str, np.ndarray]]:
-    """Return what the study's stored derivatives say of a way down: base and derivatives by key, or why there are none."""
+    """Return what the study's stored derivatives say of a loading run: base and derivatives by key, or why none."""
     path = solver.stored and path_at(solver.stored, solver.study, down.x_mm, down.y_mm)
+    if not path:
+        return {}
     place = place_digest(solver.coarse, solver.laws, down.x_mm, down.y_mm)
-    held = path and read_stored(path, place)
-    if not held:
+    if not (held := read_stored(path, place)):
         return {}
     depths, found = np.array(down.depths_mm), {}
     if (base := held.base_at(depths)) is not None:

@@ -26,7 +26,7 @@ from gelforge.mechanics.laws import PrincipalLaw
 FORMAT = "gelforge-sensitivities-1"
 REMEDY = "solve it again (`gelforge sensitivities`, or snakemake -R on the file)"
 DEPTH_MATCH_MM = 1e-6
-MANTISSA = 12  # bits of a float32's 23 that are kept: 1e-4 of a number, and half of the bytes
+MANTISSA = 12  # bits of a float32's 23 that are kept: 1e-4 of a number
 
 
 @dataclass(frozen=True)
@@ -91,10 +91,13 @@ def write_stored(
     with writing(path) as file:
         file.attrs["format"] = FORMAT
         file.attrs["x_mm"], file.attrs["y_mm"], file.attrs["place"] = planned.x_mm, planned.y_mm, place
-        file.attrs["reasons"] = json.dumps({k: one for k, one in found.items() if isinstance(one, str)})
         of = {key: about | {"digest": slope_digest(place, one)} for key, (one, about) in asked.items()}
-        file.attrs["parameters"] = json.dumps([{"name": key} | of[key] for key in known])
-        file.attrs["without"] = json.dumps({key: of[key]["digest"] for key in found if key not in known})
+        lists = {
+            "parameters": [{"name": key} | of[key] for key in known],
+            "missing": [{"name": k} | of[k] | {"reason": one} for k, one in found.items() if k not in known],
+        }
+        for name, content in lists.items():  # datasets: an attribute holds 64 kB
+            file.create_dataset(name, data=json.dumps(content))
         arrays = {
             "depth_mm": ("mm", np.array(planned.depths_mm)),
             "total_force_N": ("N", base["total_force_N"]),
@@ -123,13 +126,11 @@ def read_stored(path: Path, place: str) -> Stored | None:
             if file.attrs["place"] != place:
                 return None
             depths, total, slopes = (file[n][()] for n in ("depth_mm", "total_force_N", "slope_total"))
-            names = [one["digest"] for one in json.loads(file.attrs["parameters"])]
-            reasons, without = json.loads(file.attrs["reasons"]), json.loads(file.attrs["without"])
+            known, missing = (json.loads(file[n].asstr()[()]) for n in ("parameters", "missing"))
     except FileError:
         return None
-    return Stored(
-        depths, total, dict(zip(names, slopes)), {without[key]: words for key, words in reasons.items()}
-    )
+    slopes = dict(zip([one["digest"] for one in known], slopes))
+    return Stored(depths, total, slopes, {one["digest"]: one["reason"] for one in missing})
 
 
 def path_at(folder: Path, study, x_mm: float, y_mm: float) -> Path | None:
