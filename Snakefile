@@ -49,7 +49,7 @@ rule all:
         f"{RESULTS}/plan.csv",
         cell_files(CELLS),
         session_label_files(CELLS),
-        slope_files() if STORES_SLOPES else [],
+        slope_files() if STUDY.stores_sensitivities else [],
         f"{RESULTS}/dataset/manifest.json",
         *table_files(),
         f"{RESULTS}/model/model.pt" if ONLY_SIMULATED else [],

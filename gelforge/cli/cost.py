@@ -25,6 +25,9 @@ GRID_POINT_S = 7e-6
 INTERPOLATED_S = 0.1  # a label between solved sites, with what decides which they are
 SECOND_LEVEL = 1  # where an interpolated plan usually ends: one halving of the first spacing
 JOB_S = 0.6  # of a job beyond its cells: it is a fork of a process that has loaded everything
+SENSITIVITIES = (
+    1.3  # of a site with its error bars: all derivatives (docs/accuracy.md, What derivatives cost)
+)
 START_S = 3.0  # of a process of its own with its compiled kernels
 IMAGE_S = 0.01  # to draw an image and to reduce it
 # A verdict in cells of the study's mesh per position that is judged, measured on the article's sensor by
@@ -113,6 +116,8 @@ def estimate(study: Study, cells: dict) -> list[str]:
     between = len(cells) - len(solved) - mirrored
     presses = sum(len(cell.depths_mm) for cell in cells.values())
     seconds = costs.cells_of_plan()
+    if study.stores_sensitivities:
+        seconds += sum(JOB_S + SENSITIVITIES * costs.cell(cell) for cell in cells.values() if cell.solved)
     if study.virtual_lab:
         seconds += sum(JOB_S + costs.true_cell(cell) for cell in cells.values() if cell.source is None)
     if between:

@@ -137,6 +137,13 @@ class Study(Section):
         return without_null(write(self), ("synthesis", "verification"))
 
     @property
+    def stores_sensitivities(self) -> bool:
+        """Whether the derivatives of every solved site's forces are stored (mismatch.sensitivities)."""
+        return self.mismatch.sensitivities == "stored" or (
+            self.mismatch.sensitivities == "auto" and bool(self.sessions)
+        )
+
+    @property
     def has_symmetry_of_square(self) -> bool:
         """Whether the pressed body looks the same from all sides of a square: every press has mirror images."""
         return self.sensor_has_symmetry_of_square and self.indenter.is_upright_and_round

@@ -110,6 +110,16 @@ def test_what_is_stored_of_other_inputs_is_not_taken(stored, how, tmp_path, monk
         follow(task(solver, x, y, (0.2, 0.4, 0.6)))
 
 
+def test_why_there_is_no_derivative_is_stored_too(stored, tmp_path, monkeypatch):
+    solver, site = stored
+    refused = replace(site, found=site.found | {"gel_stiffness": "it does not converge"})
+    x, y = site.planned.x_mm, site.planned.y_mm
+    write_site_slopes(tmp_path / path_at(solver.stored, solver.study, x, y).name, solver, refused)
+    monkeypatch.setattr(solutions, "each_derivative", nothing_is_solved)
+    found = follow(task(replace(solver, stored=tmp_path, kept=tmp_path / "kept"), x, y, (0.2, 0.4, 0.6)))
+    assert found["reason gel_stiffness"] == "it does not converge" and "gel_stiffness" not in found
+
+
 def test_a_file_belongs_to_all_mirror_images_of_its_place(stored):
     solver, _ = stored
     cells = plan_cells(solver.study)

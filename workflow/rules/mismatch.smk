@@ -8,9 +8,6 @@ LOOKED_AT = [] if STUDY.mismatch.images == "left_out" else ["reference.png", "im
 
 
 SLOPES = [name for name, cell in CELLS.items() if cell.solved]
-STORES_SLOPES = STUDY.mismatch.sensitivities == "stored" or (
-    STUDY.mismatch.sensitivities == "auto" and bool(STUDY.sessions)
-)
 
 
 def slope_files():
@@ -58,7 +55,7 @@ rule mismatch:
     input:
         laws=law_files(),
         cells=cell_files(CELLS),
-        sensitivities=slope_files() if STORES_SLOPES else [],
+        sensitivities=slope_files() if STUDY.stores_sensitivities else [],
         readings=[f"{RESULTS}/recordings/{session}.csv" for session in STUDY.sessions],
         sessions=[
             name
