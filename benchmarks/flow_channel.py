@@ -29,6 +29,7 @@ from gelforge.mismatch.flow_told import after_of, flow_section
 from gelforge.mismatch.judge import Judgement, judge
 from gelforge.mismatch.solutions import Solver
 from gelforge.mismatch.stage import observations_of, problem_of
+from gelforge.mismatch.verdict import WITHOUT_ANSWER
 from gelforge.virtual_lab.session import make_session
 from gelforge.virtual_lab.truth import simulate_truth_cell
 
@@ -90,8 +91,6 @@ def small_study() -> Study:
             "mechanics": {"mesh": {"near_mm": 0.4, "near_radius_mm": 2.5, "growth": 0.3, "far_mm": 0.8}},
             "mismatch": {
                 "leave_out": LOCATED,
-                "noise_scales": [1.0],
-                "rivals": 1,
                 "draws": 1000,
                 "images": "fitted",
             },
@@ -166,9 +165,9 @@ def record(case: Case, study: Study, seed: int, kept: Path, out: Path, mesh: Mes
 
 def members(judgement: Judgement) -> list[str]:
     """Return what the answer names, members of a group included."""
-    if judgement.answer is None or judgement.state == "insufficient":
+    if judgement.answer is None or judgement.state in WITHOUT_ANSWER:
         return []
-    return [name.split(" + ")[-1] for group in judgement.answer.groups for name in group.members]
+    return [name for group in judgement.answer.groups for name in (*group.members, *group.or_else)]
 
 
 def judged(folder: Path, study: Study, kept: Path, images: bool):

@@ -1,9 +1,8 @@
 """What a verdict costs: 25 positions x 8 depths on the article's sensor, screened, judged, and a second recording screened.
 
 The recording is SYNTHETIC: the base's own forces, changed, with noise and touchdown errors. Screened: base presses,
-derivatives to every effect, covariance, tests and the screen, from nothing. Judged: all of it, refits included. What is
-hidden is 12 % more force, or waves over the surface that no effect of the catalogue makes: then several effects at once are
-looked for and refitted, and a verdict costs far more.
+derivatives to every effect, covariance, tests and the linear pass, from nothing. Judged: all of it, fits included. What is
+hidden is 12 % more force, or waves over the surface that no effect of the catalogue makes.
 
 usage: python benchmarks/mismatch_cost.py [--workers 2] [--sites 5] [--hidden gain | waves] [--study config/paper.yaml]
 """
@@ -28,10 +27,11 @@ import pandas as pd
 from gelforge.cli.bench import laws_of
 from gelforge.config import load_study
 from gelforge.mismatch.judge import judge
+from gelforge.mismatch.published import at_first_order
 from gelforge.mismatch.screen import screened
 from gelforge.mismatch.sessions import observe
 from gelforge.mismatch.solutions import Solver
-from gelforge.mismatch.stage import at_first_order, judge_recording, problem_of
+from gelforge.mismatch.stage import judge_recording, problem_of
 from gelforge.mismatch.weighing import those_felt
 
 SPACING, DEPTHS = 4.0, 0.25 * np.arange(1, 9)  # mm
@@ -115,13 +115,8 @@ def main() -> None:
     parser.add_argument("--sites", type=int, default=5, help="positions along each side")
     parser.add_argument("--hidden", choices=HIDDEN, default="gain")
     parser.add_argument("--study", type=Path, default=Path("config/paper.yaml"))
-    parser.add_argument(
-        "--repeat-noise", action="store_true", help="the verdict at other scales of the noise too"
-    )
     arguments = parser.parse_args()
     study = load_study(arguments.study)
-    if not arguments.repeat_noise:
-        study = study.model_copy(update={"mismatch": study.mismatch.model_copy(update={"noise_scales": []})})
     found = []
 
     def told(what: str, began: float) -> None:
@@ -151,7 +146,7 @@ def main() -> None:
     print()
     print(pd.DataFrame(found).to_markdown(index=False, floatfmt=".0f"))
     print(
-        f"\nverdict on hidden {arguments.hidden} (SYNTHETIC): {verdict.state}, {[group.members for group in verdict.answer]}"
+        f"\nverdict on hidden {arguments.hidden} (SYNTHETIC): {verdict.state}, {[group.names for group in verdict.answer]}"
         f"\n{verdict.sentence}"
     )
 

@@ -90,11 +90,11 @@ def gain_and_offset(table: Table) -> tuple[str, tuple, np.ndarray]:
             best = max(best, (name, float(alone)), key=lambda pair: pair[1])
         after[:, axis] += table.sigma[:, axis] * (A @ c)
     alarm = chi2.sf(fall, 6) < ALARM_P
-    return ("named", (((best[0],), 1.0),), after) if alarm else ("null", (), after)
+    return ("identified", (((best[0],), 1.0),), after) if alarm else ("consistent", (), after)
 
 
 def gaussian_process(table: Table) -> tuple[str, tuple, np.ndarray]:
-    """Return state, answer (it can name nothing: open) and forces of a Gaussian process over place and depth, per axis."""
+    """Return state, answer (it can name nothing) and forces of a Gaussian process over place and depth, per axis."""
     after, gain = table.base.copy(), 0.0
     x = table.rows[["x_mm", "y_mm", "depth_mm"]].to_numpy()
     for axis in range(3):
@@ -113,7 +113,7 @@ def gaussian_process(table: Table) -> tuple[str, tuple, np.ndarray]:
         if best[1] is not None:
             weights = np.linalg.solve(best[1][np.ix_(on, on)] + np.diag(s[on] ** 2), r[on])
             after[:, axis] += best[1][:, on] @ weights
-    return ("open" if chi2.sf(2 * gain, 9) < ALARM_P else "null"), (), after
+    return ("unexplained" if chi2.sf(2 * gain, 9) < ALARM_P else "consistent"), (), after
 
 
 def stepwise_bic(table: Table, columns: dict[str, np.ndarray]) -> tuple[str, tuple, np.ndarray]:
@@ -135,11 +135,11 @@ def stepwise_bic(table: Table, columns: dict[str, np.ndarray]) -> tuple[str, tup
             break
         chosen, bic = [*chosen, best], tried[best]
     if not chosen:
-        return "null", (), table.base
+        return "consistent", (), table.base
     A = np.hstack([whitened[n] for n in chosen])
     c, *_ = np.linalg.lstsq(A, r, rcond=None)
     after = table.base + np.concatenate([columns[n] for n in chosen], axis=2) @ c
-    return "named", tuple(((name,), 1.0) for name in chosen), after
+    return "identified", tuple(((name,), 1.0) for name in chosen), after
 
 
 SHAPES = {  # the directions and constants at which stepwise regression knows the effects

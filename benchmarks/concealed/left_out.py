@@ -1,6 +1,6 @@
 """Strong single effects judged once more with their own effect deleted from the catalogue: nothing else must be named.
 
-Of an effect that nothing else looks like the right answer is then `open`; of one that has a twin in the catalogue (a force
+Of an effect that nothing else looks like the right answer then has no name; of one that has a twin in the catalogue (a force
 gain beside a gel stiffness) the twin's group is as good. SET/left_out/<case>/ holds configuration and verdict. Truths are
 opened for this: it comes after judging.
 """
@@ -15,7 +15,7 @@ import pandas as pd
 import yaml
 
 from . import sealing
-from .score import CONFIDENT, SAYS_NOTHING, STRONG, Rate
+from .score import CONFIDENT, NAMES, NO_NAME, SAYS_NOTHING, STRONG, Rate, answer_of, state_of
 from .sets import COMMAND, base_config, opened, run_judge
 
 
@@ -51,17 +51,14 @@ def table_of_left_out(folder: Path) -> str:
         if not path.is_file():
             continue
         verdict, effect = sealing.read(path), case["truth"]["effects"][0]
-        answer = "; ".join(f"{' | '.join(g['members'])} ({g['probability']:.2f})" for g in verdict["answer"])
-        sure = verdict["state"] not in (*SAYS_NOTHING, "open") and all(
-            g["probability"] >= CONFIDENT for g in verdict["answer"]
-        )
-        rows.append(
-            (case["name"], effect["name"], effect["form"], effect["snr"], verdict["state"], answer, sure)
-        )
+        state, groups = state_of(verdict), answer_of(verdict)
+        answer = "; ".join(f"{' | '.join(names)} ({p:.2f})" for names, p in groups)
+        sure = state in NAMES and any(p >= CONFIDENT for _, p in groups)
+        rows.append((case["name"], effect["name"], effect["form"], effect["snr"], state, answer, sure))
     columns = ["case", "left out", "form", "SNR", "state", "answer", "sure"]
     table = pd.DataFrame(rows, columns=columns)
     rates = {
-        "open": Rate(int((table["state"] == "open").sum()), len(table)),
+        "no name": Rate(int(table["state"].isin(NO_NAME).sum()), len(table)),
         "nothing said": Rate(int(table["state"].isin(SAYS_NOTHING).sum()), len(table)),
         "another effect, sure of it": Rate(int(table["sure"].sum()), len(table)),
     }

@@ -11,7 +11,11 @@ CONFIDENT, STRONG = 0.9, 8.0
 WIDTH_90 = 3.29  # standard deviations from end to end of a 90 % interval
 LEVEL = 0.01  # of each of the tests of the judge
 SNR_BANDS = ((2.0, 4.0), (4.0, 8.0), (8.0, 16.0), (16.0, np.inf))
-SAYS_NOTHING = ("null", "insufficient")
+SAYS_NOTHING = ("consistent", "inconclusive")
+NAMES = ("identified", "form_free")
+NO_NAME = ("unexplained", "modelled")
+# States of verdicts of format 1, which sets of before have; a group was identified where it was as probable as a name.
+FORMER = {"null": "consistent", "named": "identified", "open": "unexplained", "insufficient": "inconclusive"}
 
 
 @dataclass(frozen=True)
@@ -64,8 +68,8 @@ class Judged:
 
     @property
     def claims(self) -> tuple[tuple[tuple[str, ...], float], ...]:
-        """Return the groups that are claimed; of `open` those that it keeps are hints, not claims."""
-        return self.answer if self.state in ("named", "group") else ()
+        """Return the groups that are claimed; those that other states keep are hints, not claims."""
+        return self.answer if self.state in NAMES else ()
 
     @property
     def found(self) -> list[bool]:
@@ -82,13 +86,29 @@ class Judged:
         return any(p >= CONFIDENT and not set(members) & set(self.true) for members, p in self.claims)
 
 
+def state_of(verdict: dict) -> str:
+    """Return the state of a verdict of any format, in the words of this one."""
+    said = verdict["state"]
+    if said == "group":
+        sure = any(group["probability"] >= CONFIDENT for group in verdict["answer"])
+        return "identified" if sure else "ambiguous"
+    return FORMER.get(said, said)
+
+
+def answer_of(verdict: dict) -> tuple[tuple[tuple[str, ...], float], ...]:
+    """Return the groups of a verdict of any format with their probability: members, then what may be there instead."""
+    return tuple(
+        ((*group["members"], *group.get("or_else", ())), float(group["probability"]))
+        for group in verdict.get("answer", [])
+    )
+
+
 def judged_from(truth: dict, verdict: dict | None, readings: pd.DataFrame | None) -> Judged:
     """Return what a verdict said beside the truth; no verdict is the state `failed`."""
     true = tuple(effect["name"] for effect in truth["effects"])
     each = tuple(float(effect["snr"]) for effect in truth["effects"])
     if verdict is None:
         return Judged(truth["content"], truth["snr"], true, "failed", (), snr_each=each)
-    answer = tuple((tuple(g["members"]), float(g["probability"])) for g in verdict.get("answer", []))
     gain, ratio, left = (
         held_out_gain(truth, readings) if truth["effects"] and readings is not None else 3 * (np.nan,)
     )
@@ -98,7 +118,7 @@ def judged_from(truth: dict, verdict: dict | None, readings: pd.DataFrame | None
         np.sign(x) * (x - said) * WIDTH_90 / max(high - low, 1e-12) for x, said, (low, high) in told
     )
     return Judged(
-        truth["content"], truth["snr"], true, verdict["state"], answer, covered, gain, ratio, left,
+        truth["content"], truth["snr"], true, state_of(verdict), answer_of(verdict), covered, gain, ratio, left,
         _distance(truth, verdict), _p(verdict), each, short,
     )  # fmt: skip
 
@@ -150,7 +170,7 @@ def session_names(truth: dict) -> list[str]:
 
 def _amounts(truth: dict, verdict: dict) -> list[tuple[float, float, tuple[float, float]]]:
     """Return true amounts, told ones and their 90 % intervals, of effects that are the first of a claimed group."""
-    if verdict["state"] not in ("named", "group"):
+    if state_of(verdict) not in NAMES:
         return []
     first = {g["members"][0] for g in verdict["answer"]}
     by_name = {e["name"]: e for e in verdict["effects"] if e["name"] in first}
@@ -168,9 +188,9 @@ def _distance(truth: dict, verdict: dict) -> float:
 
     Claimed is a located effect of the answer as it was fitted; of another name than the true one it is a wrong group.
     """
-    if verdict["state"] not in ("named", "group"):
+    if state_of(verdict) not in NAMES:
         return float("nan")
-    claimed = {name for group in verdict["answer"] for name in group["members"]}
+    claimed = {name for names, _ in answer_of(verdict) for name in names}
     shapes = {e["name"]: e.get("shape", {}) for e in verdict["effects"] if e["name"] in claimed}
     places = [(e["where"], shapes.get(e["name"], {})) for e in truth["effects"] if "where" in e]
     away = [np.hypot(a["x_mm"] - b["x_mm"], a["y_mm"] - b["y_mm"]) for a, b in places if "x_mm" in b]
@@ -187,6 +207,7 @@ def scores(judged: list[Judged]) -> dict[str, str | float | Rate]:
         "cases": str(len(judged)),
         "failed": rate(judged, lambda j: j.state == "failed"),
         "false alarms on nulls": rate([j for j in nulls if j.state != "failed"], lambda j: j.alarm),
+        "inconclusive on nulls": rate(nulls, lambda j: j.state == "inconclusive"),
         f"a test below {LEVEL:g} on nulls": rate(
             [j for j in nulls if np.isfinite(j.p)], lambda j: j.p < LEVEL
         ),
@@ -194,6 +215,9 @@ def scores(judged: list[Judged]) -> dict[str, str | float | Rate]:
         f"singles, SNR >= {STRONG:g}: group": rate(strong, lambda j: all(j.found)),
         f"singles, SNR >= {STRONG:g}: first": rate(strong, lambda j: j.first),
     }
+    table[f"singles, SNR >= {STRONG:g}: a claim of {CONFIDENT:g} and more"] = rate(
+        strong, lambda j: any(p >= CONFIDENT for _, p in j.claims)
+    )
     for low, high in SNR_BANDS:
         band = [j for j in singles if low <= j.snr < high]
         table[f"singles, SNR {low:g} to {high:g}: group"] = rate(band, lambda j: all(j.found))
@@ -207,9 +231,11 @@ def scores(judged: list[Judged]) -> dict[str, str | float | Rate]:
     table["pairs: one at least"] = rate(pairs, lambda j: any(j.found))
     effects = [found for j in (*singles, *pairs) for found, snr in zip(j.found, j.snr_each) if snr >= STRONG]
     table[f"effects of singles and pairs, SNR >= {STRONG:g}: in a group"] = rate(effects, bool)
-    table["outside: open"] = rate(outside, lambda j: j.state == "open")
-    table[f"outside, SNR >= {STRONG:g}: open"] = rate(
-        [j for j in outside if j.snr >= STRONG], lambda j: j.state == "open"
+    table["outside: no name"] = rate(outside, lambda j: j.state in NO_NAME)
+    strange = [j for j in outside if j.snr >= STRONG]
+    table[f"outside, SNR >= {STRONG:g}: no name"] = rate(strange, lambda j: j.state in NO_NAME)
+    table[f"outside, SNR >= {STRONG:g}: not wrongly named"] = rate(
+        strange, lambda j: not j.wrong_and_confident
     )
     table |= calibration(judged)
     covered = [c for j in judged for c in j.covered]
@@ -275,7 +301,7 @@ def wrong_cases(named: list[tuple[str, dict, Judged]]) -> pd.DataFrame:
             "null": not j.alarm,
             "single": all(j.found) or (not j.alarm and j.snr < STRONG),
             "pair": all(j.found),
-            "outside": j.state == "open" or (not j.alarm and j.snr < STRONG),
+            "outside": j.state in NO_NAME or (not j.alarm and j.snr < STRONG),
         }[j.content]
         if good and not j.wrong_and_confident and j.state != "failed":
             continue

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from gelforge.config.common import Name, NonNegative, Positive, Section
+from gelforge.config.common import Name, NonNegative, Section
 
 
 class Known(Section):
@@ -25,13 +25,6 @@ class Mismatch(Section):
     )
     depths: int | None = Field(
         None, ge=3, description="depths that are judged at most, spread over those pressed to; null: all [-]"
-    )
-    rivals: int = Field(
-        4,
-        ge=0,
-        description="effects that are refitted beside the most probable one, and what all readings find likelier than"
-        " these, at most as many again; of single ones more where the next promises more than any refit has kept, and all"
-        " that nothing is solved for [-]",
     )
     coarser: float = Field(
         2.0,
@@ -63,7 +56,4 @@ class Mismatch(Section):
     images: Literal["fitted", "predicted", "left_out"] = Field(
         "left_out",
         description="images of sessions with a camera are judged with the forces, predicted from them, or left out",
-    )
-    noise_scales: list[Positive] = Field(
-        [0.5, 1.0, 2.0], description="scales of the readings' noise at which the verdict is repeated [-]"
     )

@@ -122,7 +122,7 @@ def experiments_table(solver: Solver, verdict: Verdict) -> pd.DataFrame:
     """
     effects = {effect.name: effect for effect in verdict.effects}
     pairs = rivals(verdict)
-    if not pairs and verdict.state == "insufficient":
+    if not pairs and verdict.state == "inconclusive":
         return visibility_table(solver)
     if not pairs:
         raise ConfigError(

@@ -20,12 +20,6 @@ class Draws:
 
     group: np.ndarray  # (n,) int, entries of one group share their draws
     directions: np.ndarray  # (n, q) one standard deviation each
-    noise: int = 0  # so many of the first directions are the force sensor's noise
-
-    def noisier(self, scale: float) -> Draws:
-        """Return the draws with this noise so many times as large."""
-        scales = np.where(np.arange(self.directions.shape[1]) < self.noise, scale, 1.0)
-        return replace(self, directions=self.directions * scales)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,11 +103,6 @@ class Covariance:
             self.estimated and self.estimated.restricted(mask),
         )
 
-    def noisier(self, scale: float) -> Covariance:
-        """Return the covariance with more noise: of what is independent, and of the rounding and the zeros of forces."""
-        levels = tuple(level.noisier(scale) for level in self.levels)
-        return replace(self, variance=self.variance * scale**2, levels=levels)
-
     def extended(self, directions: np.ndarray) -> Covariance:
         """Return C + U U' with further directions U (n, q) that all entries share."""
         every = np.zeros(len(self), dtype=int)
@@ -166,6 +155,8 @@ class _Step:
     log_det: float  # of I + V V'
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
+        if not x.size:  # no columns
+            return x
         k = 1 if x.ndim == 1 else x.shape[1]
         inner = self.M @ (self.V.T @ x).reshape(*self.M.shape[:2], k)  # (G, q, k)
         return x + (self.V @ inner.reshape(-1, k)).reshape(x.shape)
@@ -220,14 +211,14 @@ def readings_covariance(
     common = np.column_stack([flat(law), floor, *_of_sessions(context, labels, per_axis)])
     alike = labels["site"] if alike is None else np.asarray(alike)[reading]
     levels = [
-        Draws(_numbered(labels["press"]), press, noise=3),
+        Draws(_numbered(labels["press"]), press),
         Draws(_numbered(alike), floor),
         Draws(np.zeros(len(labels), dtype=int), common),
     ]
     rounding = flat(observations.rounding_N)
     if rounding.any():
         depth = labels.groupby(["press", "phase", "depth_mm"]).ngroup().to_numpy()
-        levels.insert(0, Draws(depth, per_axis * rounding[:, None], noise=3))
+        levels.insert(0, Draws(depth, per_axis * rounding[:, None]))
     return Covariance(flat(observations.noise_N) ** 2, tuple(levels), estimated_noise(observations))
 
 

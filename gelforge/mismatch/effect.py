@@ -22,6 +22,9 @@ FAMILIES = (
     "analyst",
     "simplification",
 )
+ON_BOUND = (
+    2e-3  # of a bound, nearer to which an amount is on it: fits keep half of that from it (variables.INSIDE)
+)
 Shape = Mapping[str, float | str]  # what is scanned: a place (refits move it between those), a time constant
 
 
@@ -38,8 +41,8 @@ class Parameter:
     whole: bool = False  # its bounds, but for none, are all that there can be, as an empty ball is: physical
 
     def holds(self, a: float) -> bool:
-        """Return whether an amount lies inside the bounds, or is all that there can be."""
-        low, high = self.bounds
+        """Return whether an amount lies inside the bounds and off them, or is all that there can be."""
+        low, high = (bound * (1 - ON_BOUND) if np.isfinite(bound) else bound for bound in self.bounds)
         return low < a < high or (self.whole and a != 0 and a in self.bounds)
 
 

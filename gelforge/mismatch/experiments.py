@@ -54,8 +54,8 @@ def with_experiments(verdict: Verdict, problem: Problem, context: Context) -> Ve
 
 
 def rivals(verdict: Verdict) -> list[tuple[str, str]]:
-    """Return the first effect of each group beside every other one that it cannot be told from."""
-    return [(group.members[0], other) for group in verdict.answer for other in group.members[1:]]
+    """Return the first effect of each group beside every other one that may be there instead."""
+    return [(group.names[0], other) for group in verdict.answer for other in group.names[1:]]
 
 
 def of_camera(names: Sequence[str]) -> list[str]:

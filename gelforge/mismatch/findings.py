@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from importlib.metadata import version
 
 import numpy as np
 import pandas as pd
 
-from gelforge.config import Sensor, Study
+from gelforge.config import Sensor
 from gelforge.mismatch import verdict as form
 from gelforge.mismatch.covariance import Covariance
 from gelforge.mismatch.effects_told import effects_told, groups_told, of_nothing, unknown_told
 from gelforge.mismatch.flow import force_part
-from gelforge.mismatch.holdout import gain, predictive_scores
+from gelforge.mismatch.holdout import gain
 from gelforge.mismatch.identifiability import detection_limits
-from gelforge.mismatch.judge import Judgement, in_range
-from gelforge.mismatch.law_search import Terms, search, terms
+from gelforge.mismatch.inference.answer import Answer
+from gelforge.mismatch.inference.proof import Proof
+from gelforge.mismatch.judge import Judgement
+from gelforge.mismatch.model_section import model_section
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.remains import Remains
-from gelforge.mismatch.search import Answer
 from gelforge.mismatch.words import (
     experiments_in_words,
     left_over,
@@ -43,13 +44,12 @@ def verdict_of(
     sensor: Sensor | None,
     provenance: form.Provenance,
     noise_cases: Sequence[form.NoiseCase] = (),
-    law: form.Law | None = None,
     flow: form.Flow | None = None,
 ) -> form.Verdict:
     """Return the verdict of a judgement."""
     answer = judgement.answer
     in_newtons = force_part(problem, judgement)
-    told = groups_told(problem, judgement.told)
+    groups = groups_told(problem, judgement)
     return form.Verdict(
         title=title,
         synthetic=synthetic,
@@ -64,19 +64,19 @@ def verdict_of(
             known_p=judgement.mismatch.known_p,
         ),
         where=[
-            *(_where(judgement.mismatch) if answer or judgement.state == "open" else []),
-            *(located(answer, sensor, told) if told else []),
+            *(_where(judgement.mismatch) if judgement.mismatch.p < form.ALARM_P else []),
+            *(located(answer, sensor) if groups else []),
         ],
-        answer=told,
+        answer=groups,
         effects=effects_told(problem, judgement),
         unknown=unknown_told(judgement),
         null_probability=of_nothing(judgement),
         fit=_fit(*in_newtons).model_copy(update={"flow": flow}),
         adequacy=None if answer is None else _adequacy(judgement),
-        law=law,
+        model=model_section(*in_newtons),
         detection_limits=_limits(problem, judgement),
         noise=_noise(in_newtons[0], noise_cases),
-        next_experiments=experiments_in_words(problem, judgement),
+        next_experiments=experiments_in_words(groups),
         cannot_know=[
             *problem.observations.cannot_know,
             *judgement.notes,
@@ -97,9 +97,11 @@ def readings_table(problem: Problem, judgement: Judgement) -> pd.DataFrame:
     for name, mask in judgement.blocks.held.items():
         held[mask] = name
     after = predicted = np.full(len(labels), np.nan)
-    if judgement.answer is not None:
-        after = observations.flat(judgement.answer.final.after)
-        predicted = observations.flat(judgement.answer.after)
+    answer = judgement.answer
+    if answer is not None:
+        after = observations.flat(answer.after)
+        if answer.proof is not None:
+            predicted = observations.flat(observations.force) - answer.proof.left
     return labels[["session", "press", "x_mm", "y_mm", "depth_mm", "phase", "time_s"]].assign(
         site=labels["site"].astype(str),
         axis=np.array(AXES)[labels["axis"]],
@@ -110,34 +112,6 @@ def readings_table(problem: Problem, judgement: Judgement) -> pd.DataFrame:
         sigma_N=problem.covariance.standard_deviation,
         held_out=held,
     )
-
-
-def law_of(problem: Problem, judgement: Judgement, study: Study) -> form.Law | None:
-    """Return a law for what the best answer leaves, found on the training readings alone; None where none predicts."""
-    train, answer = judgement.blocks.train, judgement.answer
-    labels, observations = problem.labels, problem.observations
-    if judgement.state != "open" or labels["site"][train].nunique() < 2:
-        return None
-    left = observations.flat(observations.force - (problem.base if answer is None else answer.after))
-    sensor = study.sensor
-    radius = min(part.radius_mm for part in study.indenter.shapes)
-    widths = sensor.width_x_mm, sensor.width_y_mm
-    candidates = terms(labels, observations.flat(problem.base), radius, sensor.height_mm, widths)
-    covariance = problem.covariance.restricted(train)
-    on_train = Terms(candidates.names, candidates.values[train])
-    law = search(left[train], covariance, on_train, labels[train].reset_index(drop=True), study.seed)
-    if not law.terms:
-        return None
-    columns = candidates.values[:, [candidates.names.index(name) for name in law.terms]]
-    after = left - columns @ np.array(law.coefficients)
-    spread = np.diag(np.square(law.standard_deviations))
-    scores = [
-        predictive_scores(left, problem.covariance, judgement.blocks, labels),
-        predictive_scores(after, problem.covariance, judgement.blocks, labels, columns, spread),
-    ]
-    tables = {"before": scores[0], "after": scores[1]}
-    held = _held_out(problem, "all", left, after, judgement.blocks.held_out, tables)
-    return form.Law(words=law.text, terms=dict(zip(law.terms, law.coefficients)), held_out=held)
 
 
 def _where(mismatch: Remains) -> list[form.Where]:
@@ -163,11 +137,11 @@ def _where(mismatch: Remains) -> list[form.Where]:
     return found
 
 
-def located(answer: Answer, sensor: Sensor | None, told: Sequence[form.Group]) -> list[form.Where]:
-    """Return where the defects that are told lie in the sensor: balls in a layer, discs on the lower face of the skin."""
-    names, found = {name for group in told for name in group.members}, []
-    for part in answer.final.fit.parts:
-        if "z_mm" not in part.shape or part.name not in names:
+def located(answer: Answer, sensor: Sensor | None) -> list[form.Where]:
+    """Return where the answer's defects lie in the sensor: balls in a layer, discs on the lower face of the skin."""
+    found = []
+    for part in answer.fit.parts:
+        if "z_mm" not in part.shape:
             continue
         x, y, z, radius = (part.shape[key] for key in ("x_mm", "y_mm", "z_mm", "radius_mm"))
         half = 0.0 if part.name == "delamination" else radius
@@ -191,37 +165,30 @@ def _fit(problem: Problem, judgement: Judgement) -> form.Fit:
     before = score_of(problem, problem.residual, everything)
     if answer is None:
         return form.Fit(before=before)
-    left = observations.flat(observations.force - answer.after)
     held, blocks = None, []
-    if answer.gain is not None:
-        everything_held = judgement.blocks.held_out
-        held = _held_out(problem, "all", problem.residual, left, everything_held, answer.scores)
-        held = held.model_copy(update={"paid": answer.gain.paid})
+    if answer.proof is not None:
+        held = _held_out(problem, "all", answer.proof).model_copy(update={"paid": answer.proof.gain.paid})
         for name, mask in judgement.blocks.held.items():
-            own = {key: table[table["block"] == name] for key, table in answer.scores.items()}
             if mask.any():
-                blocks.append(_held_out(problem, name, problem.residual, left, mask, own))
-    for name, (split, residual, _, scores) in answer.folds.items():
-        blocks.append(_held_out(problem, name, problem.residual, residual, split.held_out, scores))
-    told = observations.flat(observations.force - answer.final.after)
-    after = score_of(problem, told, everything)
+                blocks.append(_held_out(problem, name, answer.proof, mask))
+    blocks += [_held_out(problem, name, proof) for name, proof in answer.folds.items()]
+    left = observations.flat(observations.force - answer.after)
+    after = score_of(problem, left, everything)
     return form.Fit(before=before, after=after, held_out=held, held_out_blocks=blocks)
 
 
-def _held_out(
-    problem: Problem,
-    name: str,
-    before: np.ndarray,
-    after: np.ndarray,
-    mask: np.ndarray,
-    scores: Mapping[str, pd.DataFrame],
-) -> form.HeldOut:
-    """Return how residuals (n,) before and after meet the entries (n,) bool of a block, with their predictive scores."""
-    gained = gain(scores["before"], scores["after"])
+def _held_out(problem: Problem, name: str, proof: Proof, mask: np.ndarray | None = None) -> form.HeldOut:
+    """Return how base and answer predict what was held out, or one block of it, entries (n,) bool."""
+    scores, gained = proof.scores, proof.gain
+    if mask is None:
+        mask = proof.blocks.held_out
+    else:
+        scores = {key: table[table["block"] == name] for key, table in scores.items()}
+        gained = gain(scores["before"], scores["after"])
     return form.HeldOut(
         block=name,
-        before=_predicted(problem, before, mask, scores["before"]["score"].sum()),
-        after=_predicted(problem, after, mask, scores["after"]["score"].sum()),
+        before=form.score(problem.labels, problem.residual, mask, scores["before"]["score"].sum()),
+        after=form.score(problem.labels, proof.left, mask, scores["after"]["score"].sum()),
         gain=gained.total,
         standard_error=gained.standard_error,
     )
@@ -230,27 +197,12 @@ def _held_out(
 def score_of(problem: Problem, left: np.ndarray, mask: np.ndarray) -> form.Score:
     """Return how well a prediction with residual (n,) meets the entries (n,) bool."""
     density = problem.covariance.restricted(mask).log_density(left[mask])
-    return _predicted(problem, left, mask, density)
-
-
-def _predicted(problem: Problem, left: np.ndarray, mask: np.ndarray, density: float) -> form.Score:
-    axis = problem.labels["axis"].to_numpy()
-    rmse = [
-        float(np.sqrt(np.mean(left[mask & (axis == k)] ** 2))) if (mask & (axis == k)).any() else None
-        for k in range(3)
-    ]
-    return form.Score(readings=int(mask.sum()), rmse_N=rmse, log_score=float(density))
+    return form.score(problem.labels, left, mask, density)
 
 
 def _adequacy(judgement: Judgement) -> form.Adequacy:
-    adequacy, everywhere = judgement.answer.adequacy, judgement.answer.everywhere
-    return form.Adequacy(
-        p=adequacy.test.p,
-        scan_p=adequacy.scan.p,
-        remains=plain(adequacy.scan.best),
-        everywhere_p=everywhere.p,
-        refuted=judgement.refuted,
-    )
+    adequacy = judgement.answer.adequacy
+    return form.Adequacy(p=adequacy.test.p, scan_p=adequacy.scan.p, remains=plain(adequacy.scan.best))
 
 
 def _limits(problem: Problem, judgement: Judgement) -> list[form.DetectionLimit]:
@@ -329,6 +281,6 @@ def versions() -> dict[str, str]:
     return {name: version(name) for name in ("gelforge", "numpy", "scipy", "pandas")}
 
 
-def confirmed(judgement: Judgement, problem: Problem) -> bool:
+def taken_over(judgement: Judgement) -> bool:
     """Return whether the answer may be put into the study."""
-    return judgement.state in ("named", "group") and in_range(problem, judgement.answer.final.fit)
+    return judgement.state in form.IDENTIFIED and not judgement.out_of_range

@@ -21,6 +21,7 @@ from gelforge.mismatch.flow_images import REGIONS, Eye, Seen, likely_particles, 
 from gelforge.mismatch.flow_model import FlowModel, FlowUnknown, flow_model
 from gelforge.mismatch.flow_rows import Rows
 from gelforge.mismatch.holdout import Blocks
+from gelforge.mismatch.inference.proof import Proof
 from gelforge.mismatch.judge import Judgement
 from gelforge.mismatch.observations import Observations
 from gelforge.mismatch.problem import Problem
@@ -113,6 +114,7 @@ def _joined(problem: Problem, model: FlowModel, effects: Mapping[str, Effect]) -
             name: effect for name, effect in effects.items() if name in known or name in problem.effects
         },
         forces_with=_Both(channel, rows, {}, effects),
+        read_with=None,
         failed=failed,
         flow=channel,
     )
@@ -241,12 +243,19 @@ def force_part(problem: Problem, judgement: Judgement) -> tuple[Problem, Judgeme
     def cut(blocks: Blocks) -> Blocks:
         return Blocks(blocks.train[:n], {name: mask[:n] for name, mask in blocks.held.items()})
 
+    def of_force(proof: Proof) -> Proof:
+        return replace(proof, blocks=cut(proof.blocks), left=proof.left[:n])
+
     answer = judgement.answer
     if answer is not None:
-        folds = {
-            name: (cut(blocks), left[:n], gained, scores)
-            for name, (blocks, left, gained, scores) in answer.folds.items()
-        }
-        final = replace(answer.final, after=answer.final.after[:R])
-        answer = replace(answer, after=answer.after[:R], final=final, folds=folds)
-    return problem.flow.forces, replace(judgement, blocks=cut(judgement.blocks), answer=answer)
+        answer = replace(
+            answer,
+            after=answer.after[:R],
+            proof=None if answer.proof is None else of_force(answer.proof),
+            folds={name: of_force(proof) for name, proof in answer.folds.items()},
+        )
+    model = judgement.model
+    if model is not None:
+        model = replace(model, left=model.left[:n], change=model.change[:n])
+    blocks = cut(judgement.blocks)
+    return problem.flow.forces, replace(judgement, blocks=blocks, answer=answer, model=model)

@@ -17,7 +17,7 @@ def after_of(joint: Problem, judgement: Judgement) -> np.ndarray | None:
     """Return forces and flow (R, 3) of all readings with the answer's effects; None without images or an answer."""
     if joint.flow is None or judgement.answer is None:
         return None
-    fit = judgement.answer.final.fit
+    fit = judgement.answer.fit
     parts = [whole(joint, part) for part in fit.parts]
     return joint.forces_with(parts, fit.amounts, np.ones(len(joint.base), bool))
 

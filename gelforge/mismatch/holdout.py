@@ -13,7 +13,6 @@ from gelforge.mismatch.covariance import Covariance
 from gelforge.mismatch.verdict import shown
 
 FEW_SITES = 4
-REFUTED = 3.0  # standard errors by which a gain falls short of what a true answer gives
 SHARE = 0.25  # of the sites and of the depths that is set aside
 
 
@@ -42,19 +41,8 @@ class Gain:
 
     @property
     def clear(self) -> bool:
-        """Return whether the gain is more than chance, and not so small that it speaks against the answer."""
-        return shown(self.total + self.paid, self.standard_error) and not self.refutes
-
-    @property
-    def refutes(self) -> bool:
-        """Return whether what was set aside speaks against the answer.
-
-        A true one gains half of its squared distance from none (standard_error squared), give or take both errors. This
-        one gains less than half of that, and less by REFUTED of these errors or more: it says what is not there.
-        """
-        if_true = self.standard_error**2 / 2
-        error = np.hypot(self.standard_error, self.doubt)
-        return bool(self.total < min(if_true - REFUTED * error, if_true / 2))
+        """Return whether the gain is more than chance."""
+        return shown(self.total + self.paid, self.standard_error)
 
 
 def split(labels: pd.DataFrame, seed: int, turn: int = 0) -> Blocks:
@@ -79,18 +67,6 @@ def split(labels: pd.DataFrame, seed: int, turn: int = 0) -> Blocks:
     positions = np.isin(site, chosen)
     deep = np.isin(depth, [] if few and turn else deepest) & ~positions
     return Blocks(~positions & ~deep, {"positions": positions, "deepest": deep})
-
-
-def conditional_gram(
-    V: np.ndarray, covariance: Covariance, given: np.ndarray, new: np.ndarray
-) -> tuple[np.ndarray, float]:
-    """Return v' S^-1 w for the columns v, w of V (n, k), and ln det S, of the new entries, the given ones being known.
-
-    S is the new entries' covariance and v their part less what the given entries let expect: both follow from the joint
-    inverse less the given one's, so no dense matrix is needed. given, new: masks (n,), disjoint.
-    """
-    joint, known = _products(V, covariance, given | new), _products(V, covariance, given)
-    return joint[0] - known[0], joint[1] - known[1]
 
 
 def _products(V: np.ndarray, covariance: Covariance, mask: np.ndarray) -> tuple[np.ndarray, float]:

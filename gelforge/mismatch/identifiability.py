@@ -7,28 +7,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gelforge.mismatch.alternatives import WORTH
 from gelforge.mismatch.covariance import Covariance
 from gelforge.mismatch.effect import Shape
 from gelforge.mismatch.screen import Candidate, Screened
 
 ALIKE = 0.95  # |cos| of whitened changes, above which two effects are one group
-RIVAL = 5.0  # log evidence behind the winner: odds of 150
 # On recordings of 4 to 25 sites the largest of a scan's 75 to 230 correlated scores exceeds 3.5 to 3.7 by chance in 2.5 %,
 # so a change of 4 standard deviations is seen in about three of four cases, one of 2 hardly ever (test_identifiability).
 DETECTED_SNR = 4.0
 DECISIVE = float(np.log(10.0))  # log odds at which one of two effects is named
-
-
-@dataclass(frozen=True)
-class Group:
-    """The winner and what this recording cannot tell from it."""
-
-    members: tuple[str, ...]  # the winner first
-    probability: float
-    odds: float  # of the winner against the other members together; inf when alone
-    cosines: Mapping[str, float]  # of the members' changes with the winner's
-    rivals: tuple[str, ...]  # within reach by evidence, and told apart by their change
 
 
 @dataclass(frozen=True)
@@ -75,32 +62,6 @@ def cosines(changes: np.ndarray) -> np.ndarray:
     norms = np.linalg.norm(changes, axis=0)
     unit = changes / np.where(norms > 0, norms, 1.0)
     return unit.T @ unit
-
-
-def group_of_winner(
-    ranked: Sequence[Screened], covariance: Covariance, probability: Mapping[str, float]
-) -> Group:
-    """Return the group of the best of the ranked effects (best first), with probabilities by name.
-
-    Members are the rivals within RIVAL of its log evidence whose whitened changes, at their fitted amounts, have a cosine
-    above ALIKE with its own on this very recording; the same sign, as both were fitted to one residual. All others whose
-    odds are as much, WORTH of their evidence counted, are rivals.
-    """
-    behind = {judged.name: ranked[0].log_bayes_factor - judged.log_bayes_factor for judged in ranked}
-    near = [judged for judged in ranked if behind[judged.name] < RIVAL / WORTH]
-    near = [ranked[0], *(judged for judged in near if judged is not ranked[0])]
-    cos = cosines(covariance.whiten(np.column_stack([judged.change for judged in near])))[0]
-    alike = (np.abs(cos) > ALIKE) & np.array([behind[judged.name] < RIVAL for judged in near])
-    alike[0] = True
-    members = [judged.name for judged, member in zip(near, alike) if member]
-    others = sum(probability[name] for name in members[1:])
-    return Group(
-        members=tuple(members),
-        probability=float(sum(probability[name] for name in members)),
-        odds=float(probability[members[0]] / others) if others > 0 else np.inf,
-        cosines={judged.name: float(c) for judged, c, member in zip(near, cos, alike) if member},
-        rivals=tuple(judged.name for judged, member in zip(near, alike) if not member),
-    )
 
 
 def detection_limits(covariance: Covariance, candidates: Sequence[Candidate]) -> list[Limit]:

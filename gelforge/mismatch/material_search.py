@@ -111,7 +111,7 @@ def chosen_steps(readings, candidates, train: np.ndarray, differs: bool) -> list
     """Return the steps whose winners are put into the base, one after the other, and a last one without a winner.
 
     The first winner is the effect of most evidence; each further one must have EVIDENCE, predict what is set aside better
-    than its standard error explains (what does not is refused), and of those have NAMED_PROBABILITY.
+    than its standard error explains (what does not is refused), and of those have SURE.
     """
     model = fitted(readings, (), train)
     steps: list[Step] = []
@@ -129,7 +129,7 @@ def chosen_steps(readings, candidates, train: np.ndarray, differs: bool) -> list
         accepted = (
             differs and best and eligible[best] > (EVIDENCE if steps else 0.0) and len(steps) < MOST_EFFECTS
         )
-        if not accepted or (steps and tried.probabilities()[best] < v.NAMED_PROBABILITY):
+        if not accepted or (steps and tried.probabilities()[best] < v.SURE):
             return [*steps, tried]
         steps.append(replace(tried, winner=best))
         model = tried.best[best][2]

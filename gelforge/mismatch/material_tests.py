@@ -41,6 +41,7 @@ from gelforge.mismatch.material_words import (
 
 SEED = 20261121
 DRAWS = 2000
+LEAST_ODDS = 10.0  # of an effect over what these tests cannot tell from it, where one of them is named
 
 
 @dataclass(frozen=True)
@@ -114,7 +115,7 @@ def _judged(name, test: ContactTest, word, sources, synthetic, seed) -> Judged:
         adequacy = v.Adequacy(p=left[0].p, scan_p=left[1].p, remains=pattern_told(left[1].best))
     further = steps[-1].unconfirmed if accepted else []
     state = _state(differs, groups, effects, fit, adequacy, limits, further)
-    answer = groups if state in ("named", "group", "open") else []
+    answer = [] if state in v.WITHOUT_ANSWER else groups
     nothing = steps[0].probabilities(test.no_signature)["null"] if steps[0].tried else 1.0
     after = final.prediction if answer else None
     unit = "MPa" if test.at_unit == "stretch" else "N"
@@ -131,7 +132,7 @@ def _judged(name, test: ContactTest, word, sources, synthetic, seed) -> Judged:
         fit=fit if answer else fit.model_copy(update={"after": None}),
         adequacy=adequacy if answer else None,
         detection_limits=limits,
-        noise=noise_told(readings, total.p, state, answer, test, seed, held),
+        noise=noise_told(readings),
         next_experiments=experiments_told(state, answer, limits, further),
         cannot_know=list(readings.cannot_know) + not_entering(test),
         provenance=v.Provenance(
@@ -152,12 +153,12 @@ def _judged(name, test: ContactTest, word, sources, synthetic, seed) -> Judged:
 def _state(differs, groups, effects, fit: v.Fit, adequacy, limits, further) -> v.State:
     """Return the state; further: effects with evidence that were not taken, so the answer is not the whole of it."""
     if not differs:
-        return "null" if any(limit.seen for limit in limits) else "insufficient"
+        return "consistent" if any(limit.seen for limit in limits) else "inconclusive"
     if not groups:
-        return "open"
+        return "unexplained"
     by_name = {e.name: e for e in effects}
     sound = (
-        all(g.probability >= v.NAMED_PROBABILITY for g in groups)
+        all(g.probability >= v.SURE for g in groups)
         and all(by_name[g.members[0]].in_range for g in groups)
         and adequacy is not None
         and adequacy.passed
@@ -166,8 +167,8 @@ def _state(differs, groups, effects, fit: v.Fit, adequacy, limits, further) -> v
         and not further
     )
     if not sound:
-        return "open"
-    return "named" if all(len(g.members) == 1 or g.odds >= v.NAMED_ODDS for g in groups) else "group"
+        return "unexplained"
+    return "identified" if all(len(g.members) == 1 or g.odds >= LEAST_ODDS for g in groups) else "ambiguous"
 
 
 def write_judged(folder: Path, judged: Judged) -> None:

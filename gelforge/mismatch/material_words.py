@@ -184,30 +184,24 @@ def limits_told(readings: Readings, candidates: Sequence[Candidate]) -> list[v.D
     return found
 
 
-def noise_told(readings: Readings, p, state, answer, test, seed, held) -> v.Noise:
+def noise_told(readings: Readings) -> v.Noise:
     """Return the errors that were allowed for."""
-    typical = float(np.sqrt(np.mean(readings.noise**2)))
-    case = v.NoiseCase(
-        scale=1.0, sigma_z_N=typical, state=state, answer=[g.members for g in answer],
-        probability=min((g.probability for g in answer), default=None), p=p,
-    )  # fmt: skip
     return v.Noise(
-        stated_N=[None, None, typical],
+        stated_N=[None, None, float(np.sqrt(np.mean(readings.noise**2)))],
         zero_N=[None, None, readings.zero],
         touchdown_mm=0.0,
         floor_N=[None, None, 0.0],
         law_N=[None, None, float(np.sqrt(np.mean(readings.law**2)))],
-        sensitivity=[case],
     )
 
 
 def experiments_told(state, answer: list[v.Group], limits, further) -> list[v.Experiment]:
     """Return three experiments at most that would decide what is left open."""
     asked = [(g.decided_by, g.members) for g in answer if g.decided_by]
-    if state == "open" and not asked:
+    if state == "unexplained" and not asked:
         names = [*further, *(g.members[0] for g in answer)]
         asked = [(DECIDED_BY[n], [n]) for n in names]
-    if state in ("null", "insufficient"):
+    if state in v.WITHOUT_ANSWER:
         asked = [(DECIDED_BY[x.effect], [x.effect]) for x in limits if not x.seen]
     return [v.Experiment(words=words, separates=list(names)) for words, names in asked[:3]]
 
@@ -231,13 +225,13 @@ def sentence_of(name, test, state, answer, fit: v.Fit, adequacy, where, limits, 
         return f"{score.rmse_N[2] * factor:.3g} {word}"
 
     before = size(fit.before)
-    if state == "null":
+    if state == "consistent":
         seen = ", ".join(x.effect for x in limits if x.seen)
         return (
             f"{name}: nothing is missing within the errors ({before} beside {test.base_words}); plausible amounts of {seen}"
             " would have been seen."
         )
-    if state == "insufficient":
+    if state == "inconclusive":
         return f"{name}: nothing is seen, but these tests could not show plausible amounts of what may be missing."
     place = where.best.name
     if not answer:
@@ -249,10 +243,10 @@ def sentence_of(name, test, state, answer, fit: v.Fit, adequacy, where, limits, 
         text += f", on readings set aside from {size(fit.held_out.before)} to {size(fit.held_out.after)}"
     numbers = _numbers(final)
     text += f" ({numbers})" if numbers else ""
-    if state == "open" and further:
+    if state == "unexplained" and further:
         words = " or ".join(WORDS[n] for n in further)
         text += f"; there is evidence for {words} beside it, which what was set aside does not confirm"
-    elif state == "open":
+    elif state == "unexplained":
         text += f"; something remains ({adequacy.remains})" if not adequacy.passed else "; it is not certain"
     if all(FAMILY_OF[g.members[0]] == "force sensor" for g in answer) and test.no_signature:
         text += "; no effect of the material is needed, and none could enter"

@@ -36,11 +36,12 @@ class Problem:
     effects: Mapping[str, Effect]
     forces_with: ForcesWith
     failed: Mapping[str, str]  # effects that could not be computed, and why
-    first: frozenset[str] = frozenset()  # effects that put right what the base assumes and cannot be true
     change_error: float = (
         0.0  # by which a change that is solved errs, a share of it; 0: no change errs, by form neither
     )
     boxes: Sequence[Candidate] = ()  # linear changes by the modulus of boxes of the body, for its map alone
+    # Forces (R, 3) [N] of effects that are not solved, on the base and a change (R, 3) of it; None: not known apart.
+    read_with: ForcesWith | None = None
     flow: Any = None  # flow.FlowChannel where images are judged with the forces
 
     @property
@@ -115,53 +116,31 @@ class Problem:
         """Return whether an effect is solved by the finite elements."""
         return self.effects[part.name].solved
 
-    def seated(self, part: Candidate, amounts: np.ndarray, forces: np.ndarray) -> Problem:
-        """Return the problem with an effect's columns through the forces (R, 3) [N] solved at amounts (p,).
-
-        The linear change is then right where the effect is (`secant`). What has a place
-        stays where the part was moved to, and changes by the same factor, least squares, at all others.
-        """
-        own = self.own(part)
-        there = replace(part, columns=self.columns_at(part), widths=own.widths)
-        linear, solved = there.columns @ amounts, self.observations.flat(forces - self.base)
-        white = self.covariance.whiten(np.column_stack([linear, solved]))
-        if np.linalg.norm(white, axis=0).min() < SEATED_SNR:
-            return self
-        widths = np.broadcast_to(own.widths, len(amounts))
-        seated = replace(there, columns=secant(there.columns, solved - linear, amounts, widths))
-        factor = float(white[:, 0] @ white[:, 1] / (white[:, 0] @ white[:, 0]))
-
-        def with_it(other: Candidate) -> Candidate:
-            if other is own:
-                return seated
-            alike = other.name == own.name and "x_mm" in own.shape
-            return replace(other, columns=factor * other.columns) if alike else other
-
-        return replace(self, candidates=[with_it(c) for c in self.candidates])
-
     def drafted(self) -> Problem:
-        """Return the problem with forces that take what is solved in order (softening) for linear beside other effects.
+        """Return the problem with forces that take what is solved in order (softening) for linear.
 
-        Through its own solution where it has one. To follow all presses anew at every amount of the others takes minutes.
+        To follow all presses anew at every amount takes minutes: a fit does so once, about its end.
         """
 
         def forces_with(parts, amounts, rows):
-            if not self.in_order_beside(parts):
-                return self.forces_with(parts, amounts, rows)
             slow = [self.effects[part.name].in_order for part in parts]
+            if not any(slow):
+                return self.forces_with(parts, amounts, rows)
             others = [(part, a) for part, a, is_slow in zip(parts, amounts, slow) if not is_slow]
             change = sum(
                 self.own(part).columns @ a for part, a, is_slow in zip(parts, amounts, slow) if is_slow
             )
-            found = self.forces_with(*zip(*others), rows)
+            found = self.base.copy()
+            if others:
+                found = self.forces_with(*zip(*others), rows)
             found[self.observations.read] += change
-            return found
+            return np.where(rows[:, None], found, np.nan)
 
         return replace(self, forces_with=forces_with)
 
-    def in_order_beside(self, parts: Sequence[Candidate]) -> bool:
-        """Return whether something that is solved in order is among several effects."""
-        return len(parts) > 1 and any(self.effects[part.name].in_order for part in parts)
+    def in_order(self, parts: Sequence[Candidate]) -> bool:
+        """Return whether something that is solved in order is among some effects."""
+        return any(self.effects[part.name].in_order for part in parts)
 
     def own(self, part: Candidate) -> Candidate:
         """Return the problem's own candidate of a part's effect and tried shape."""
@@ -182,10 +161,6 @@ class Problem:
         for axis, slope in self.slopes_of(part).items():
             columns = columns + (part.shape[axis] - own.shape[axis]) * slope.columns
         return columns
-
-    def without(self, names: Sequence[str]) -> Problem:
-        """Return the problem without some effects."""
-        return replace(self, candidates=[c for c in self.candidates if c.name not in names])
 
 
 def secant(columns: np.ndarray, missing: np.ndarray, step: np.ndarray, widths: np.ndarray) -> np.ndarray:

@@ -22,16 +22,17 @@ from gelforge.mismatch.candidates import candidates_of, effects_of_forces
 from gelforge.mismatch.context import Context, Curves
 from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effects import with_taken
+from gelforge.mismatch.effects_told import groups_told
 from gelforge.mismatch.experiments import with_experiments
 from gelforge.mismatch.findings import verdict_of, versions
-from gelforge.mismatch.judge import judge
+from gelforge.mismatch.judge import Judgement, judge
 from gelforge.mismatch.observations import COLUMNS, Observations
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.solutions import Solver
 from gelforge.mismatch.solver import Base, base_of, forces_with
-from gelforge.mismatch.stage import at_first_order, known_false, noise_case, write_results
+from gelforge.mismatch.stage import write_results
 from gelforge.mismatch.touchdown import TOUCHDOWN_MM
-from gelforge.mismatch.verdict import NoiseCase, Provenance, Verdict
+from gelforge.mismatch.verdict import SURE, NoiseCase, Provenance, Verdict
 
 TABLE = Path("data/paper/force_depth.csv")
 SITES = {"center": (16.0, 16.0), "corner": (27.0, 27.0)}  # mm
@@ -125,9 +126,8 @@ def problem_of_case(
 
     floor = base.floor if case.column is None else CURVE_ERROR * base.context.force
     covariance = readings_covariance(base.context, base.law, floor, base.alike)
-    first = known_false(solver.study, observations, effects)
     problem = Problem(
-        observations, base.context.force, covariance, candidates, effects, forces, failed, first,
+        observations, base.context.force, covariance, candidates, effects, forces, failed,
         solver.study.mismatch.change_error, boxes_felt(base.context),
     )  # fmt: skip
     return problem, base.context
@@ -193,6 +193,35 @@ def judge_case(case: Case, solver: Solver, out: Path, sigmas: Sequence[float] = 
     return verdict
 
 
+def noise_case(problem: Problem, judgement: Judgement, scale: float) -> NoiseCase:
+    """Return a judgement as one row of the table over noise."""
+    z = problem.observations.noise_N[np.isfinite(problem.observations.noise_N[:, 2]), 2]
+    groups = groups_told(problem, judgement)
+    sure = [group for group in groups if group.probability >= SURE] or groups
+    return NoiseCase(
+        scale=scale,
+        sigma_z_N=float(scale * np.sqrt(np.mean(z**2))),
+        state=judgement.state,
+        answer=[group.names for group in sure],
+        beside=[group.members[0] for group in groups if group not in sure],
+        probability=min(group.probability for group in sure) if sure else None,
+        p=judgement.mismatch.p,
+    )
+
+
+def at_first_order(problem: Problem):
+    """Return forces with effects by the problem's own linear changes."""
+
+    def forces(parts, amounts, rows):
+        change = sum(problem.columns_at(part) @ a for part, a in zip(parts, amounts))
+        found = np.full(problem.base.shape, np.nan)
+        found[problem.observations.read] = problem.base[problem.observations.read] + change
+        found[~rows] = np.nan
+        return found
+
+    return forces
+
+
 def study_of(case: Case, study: Study) -> Study:
     """Return the study with a curve's own assumptions, for single presses."""
     from gelforge.config import study_from
@@ -221,7 +250,7 @@ def summary(verdicts: dict[str, Verdict]) -> pd.DataFrame:
 
 def _in_words(case: NoiseCase) -> str:
     groups = "; ".join(" or ".join(group) for group in case.answer)
-    return groups + (f"; and something that {' and '.join(case.beside)} fits" if case.beside else "")
+    return groups + (f"; and perhaps {' and '.join(case.beside)}" if case.beside else "")
 
 
 def write_summary(out: Path, verdicts: dict[str, Verdict]) -> None:

@@ -17,13 +17,10 @@ from gelforge.mismatch.screen import Candidate, Screened
 from gelforge.mismatch.variables import Variables, variables_of
 
 MOST_STEPS, MOST_CHEAP_STEPS = 4, 12  # where something is solved, and where nothing is
-STEPS_OF_PLACE = 8  # more, where a place is fitted too
+STEPS_OF_PLACE = 4  # more, where a place is fitted too
 DIFFERENCE = 1e-3  # of a plausible amount: for columns taken anew where nothing is solved
 PART_OF_A_WAY = 0.25  # half-way to the next place: across it the columns of ways are differences
 ENOUGH = 0.15  # of a posterior standard deviation: a step that no interval would show
-# Log evidence below what is to be beaten, from where a solved fit is broken off: twice what keeps a rival (RIVAL).
-FAR_BELOW = 10.0
-HOPED = 2.0  # times what the columns promise of further steps: they are not exact
 
 
 class End(Enum):
@@ -31,7 +28,6 @@ class End(Enum):
 
     AT_REST = "at rest"
     MOVING = "still moving"  # after its last step, or the solver could not follow it
-    HOPELESS = "hopeless"  # broken off, far below what was to be beaten
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +41,7 @@ class Refitted:
     )  # (m, q) [N per unit, N/mm] of the entries that were fitted: of all amounts, then of places
     spread: np.ndarray  # (q, q) covariance of the same
     ways: np.ndarray  # (n, q - p) [N/mm] linear change of all entries along the places' ways
-    # Laplace, against none, on these entries; shapes and scales are paid for. Of a hopeless one what it promises at most.
+    # Laplace, against none, on these entries; shapes and scales are paid for.
     log_bayes_factor: float
     end: End
 
@@ -65,33 +61,27 @@ class Refitted:
         return self.spread[:p, :p]
 
 
-def refitted(problem: Problem, start: Screened, mask: np.ndarray, beat: float = -np.inf) -> Refitted:
+def refitted(problem: Problem, start: Screened, mask: np.ndarray, placing: bool = False) -> Refitted:
     """Return the effects of a screened answer fitted to the entries (n,) bool. Raises NotConverged at the first solution.
 
     The place of what has one is fitted too, as far as the next that was tried, and a ball's size, along axes along which the
-    readings see it. beat: log Bayes factor of another fit; one that promises to stay far below it is broken off.
+    readings see it. placing: from where an earlier refit has placed it, which else stays.
     """
-    variables = variables_of(problem, start, mask)
+    variables = variables_of(problem, start, mask, placing)
     against = -problem.covariance.restricted(mask).log_density(problem.residual[mask])
     against += start.log_bayes_factor - start.best_log_bayes_factor
-    a, change, J, end = _fitted(variables, beat - against)
+    a, change, J, end = _fitted(variables)
     left = problem.residual[mask] - change
     factor, spread = _evidence(left, variables, J, a, variables.free)
-    if end is End.HOPELESS:  # it has not been looked for where it fits best: what it could have at most
-        factor = _promised(left, variables, J, a)
     parts, amounts = variables.split(a)
-    if variables.moves and end is not End.HOPELESS:
-        placed = np.arange(len(a)) < variables.amounts
-        alone, _ = _evidence(left, variables, J, a, variables.free & placed)
-        parts = variables.having_paid(parts, factor - alone)
     return Refitted(parts, amounts, J, spread, variables.ways, factor + against, end)
 
 
-def _fitted(variables: Variables, beat: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, End]:
+def _fitted(variables: Variables) -> tuple[np.ndarray, np.ndarray, np.ndarray, End]:
     """Return the variables (q,) that fit best, the change (m,) [N] there, its columns (m, q), and how the fit ended.
 
     After the first step the columns follow the model's own change (`secant`);
-    where nothing is solved they are taken anew. beat: log evidence, see `refitted`.
+    where nothing is solved they are taken anew.
     """
     problem, mask = variables.problem, variables.mask
     residual, widths, (low, high) = problem.residual[mask], variables.widths, variables.bounds
@@ -101,8 +91,6 @@ def _fitted(variables: Variables, beat: float) -> tuple[np.ndarray, np.ndarray, 
     solved = any(problem.solves(part) for part in variables.start.parts)
     if solved:
         J = _through(change, J, a, variables, covariance)
-        if _promised(residual - change, variables, J, a) < beat - FAR_BELOW:
-            return a, change, J, End.HOPELESS
         J = _along_ways(J, change, a, variables)
     most = MOST_STEPS + STEPS_OF_PLACE * bool(variables.moves) if solved else MOST_CHEAP_STEPS
     if not free.any():
@@ -121,8 +109,6 @@ def _fitted(variables: Variables, beat: float) -> tuple[np.ndarray, np.ndarray, 
         delta /= max(1.0, np.max(np.abs(delta) / variables.farthest[free]))
         if converged or steps == most:
             return a, change, J, End.AT_REST if converged else End.MOVING
-        if solved and _promised(residual - change, variables, J, a) < beat - FAR_BELOW:
-            return a, change, J, End.HOPELESS
         trial, found = a.copy(), None
         for share in (1.0, 0.5, 0.25):  # the solver may not reach the whole step
             trial[free] = np.clip(a[free] + share * reach * delta, low[free], high[free])  # rounding
@@ -147,19 +133,6 @@ def _fitted(variables: Variables, beat: float) -> tuple[np.ndarray, np.ndarray, 
             reach /= 2  # a step too far has taught the columns, and is not taken; the next is shorter
         else:
             a, change, reach = trial, found, min(2 * reach, 1.0)
-
-
-def _promised(left: np.ndarray, variables: Variables, J: np.ndarray, a: np.ndarray) -> float:
-    """Return the log evidence that a fit at a (q,) may have with HOPED times what its columns (m, q) promise of a step."""
-    free, covariance = variables.free, variables.covariance(a)
-    here, _ = _evidence(left, variables, J, a, free)
-    if not free.any():
-        return here
-    widths = variables.widths[free]
-    Jw = covariance.whiten(J[:, free])
-    gradient = Jw.T @ covariance.whiten(left) - a[free] / widths**2
-    promised = 0.5 * gradient @ np.linalg.solve(Jw.T @ Jw + np.diag(1 / widths**2), gradient)
-    return float(here + HOPED * promised)
 
 
 def _through(

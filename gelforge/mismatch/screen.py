@@ -27,7 +27,6 @@ class Candidate:
     signs: np.ndarray  # (p,) 1, -1: the only physical sign; 0: both
     switch: bool = False  # the amount is 1 or 0
     moved_from: Shape | None = None  # the shape that was tried, where a refit has moved its place
-    place_cost: float = 0.0  # log evidence that fitting its place has cost, 0 or less
 
     @property
     def tried(self) -> Shape:
@@ -51,15 +50,6 @@ class Screened:
     change: np.ndarray  # (n,) [N] of the readings at these amounts
     snr: float  # of this change: sqrt(d' C^-1 d)
     plausible_snr: float  # the same of the last part alone, root mean square over its prior
-    error_cost: float = 0.0  # log evidence that the change's own error has taken or given
-    refit_gain: float = (
-        0.0  # log evidence that refits gave: its own, its round's, those of what it stands beside
-    )
-
-    @property
-    def paid(self) -> float:
-        """Return the log evidence that the choice of shapes and scales has cost, 0 or less."""
-        return self.log_bayes_factor - self.best_log_bayes_factor
 
     @property
     def name(self) -> str:
@@ -76,26 +66,19 @@ def screened(
     residual: np.ndarray,
     covariance: Covariance,
     candidates: Sequence[Candidate],
-    given: tuple[Candidate, ...] = (),
     scales: Sequence[float] = SCALES,
-    white: Sequence[np.ndarray] | None = None,
 ) -> list[Screened]:
     """Return every effect judged against none by residual (n,) = measured - base, best first.
 
-    given: effects that act in any case; each other one is then judged together with them, and the factor is that of all
-    together. white: the candidates' columns whitened, where they are known. Shapes of one effect, and scales of its
-    plausible amounts, have equal prior weight: their Bayes factors are averaged.
+    Shapes of one effect, and scales of its plausible amounts, have equal prior weight: their Bayes factors are averaged.
     """
     r = covariance.whiten(residual)
-    fixed = [covariance.whiten(candidate.columns) for candidate in given]
     by_name = defaultdict(list)
-    for candidate, own in zip(candidates, whitened(covariance, candidates) if white is None else white):
-        if candidate.name not in {part.name for part in given}:
+    for candidate, own in zip(candidates, whitened(covariance, candidates)):
+        for scale in (1.0,) if candidate.switch else scales:
+            part = replace(candidate, widths=scale * np.asarray(candidate.widths))
             felt = float(np.linalg.norm(own * (1.0 if candidate.switch else candidate.widths)))
-            for scale in (1.0,) if candidate.switch else scales:
-                parts = (*given, replace(candidate, widths=scale * np.asarray(candidate.widths)))
-                judged = replace(_judged(r, parts, [*fixed, own]), plausible_snr=felt)
-                by_name[candidate.name].append(judged)
+            by_name[candidate.name].append(replace(judged_by(r, (part,), [own]), plausible_snr=felt))
     found = []
     for shapes in by_name.values():
         factors = [judged.log_bayes_factor for judged in shapes]
@@ -125,7 +108,7 @@ def believing(judged: Screened, residual: np.ndarray, covariance: Covariance, wi
     At its best shape and scale; the others are taken to follow.
     """
     given = covariance.log_density(residual)
-    again = _judged(
+    again = judged_by(
         wider.whiten(residual), judged.parts, [wider.whiten(part.columns) for part in judged.parts]
     )
     more = again.log_bayes_factor + wider.log_density(residual) - given - judged.best_log_bayes_factor
@@ -135,7 +118,6 @@ def believing(judged: Screened, residual: np.ndarray, covariance: Covariance, wi
         best_log_bayes_factor=judged.best_log_bayes_factor + more,
         snr=float(np.linalg.norm(covariance.whiten(again.change))),
         plausible_snr=judged.plausible_snr,
-        error_cost=more,
     )
 
 
@@ -145,10 +127,10 @@ def log_evidence(residual: np.ndarray, covariance: Covariance, parts: Sequence[C
     if not parts:
         return density
     columns = [covariance.whiten(part.columns) for part in parts]
-    return density + _judged(covariance.whiten(residual), parts, columns).log_bayes_factor
+    return density + judged_by(covariance.whiten(residual), parts, columns).log_bayes_factor
 
 
-def _judged(r: np.ndarray, parts: Sequence[Candidate], columns: Sequence[np.ndarray]) -> Screened:
+def judged_by(r: np.ndarray, parts: Sequence[Candidate], columns: Sequence[np.ndarray]) -> Screened:
     """Return the parts, with whitened columns, judged by the whitened residual r (n,)."""
     J = np.column_stack(columns)
     widths = np.concatenate([np.broadcast_to(part.widths, c.shape[1]) for part, c in zip(parts, columns)])

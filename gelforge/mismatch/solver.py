@@ -240,11 +240,16 @@ def forces_with(
         changes[there] = base.finer[whole][there] * (solved - base.coarse[whole][there])
     force = context.force.copy()
     force[whole] += changes @ base.sensor.T
-    context = replace(context, force=force)
+    return np.where(rows[:, None], read_with(base, chosen, force), np.nan)
+
+
+def read_with(base: Base, chosen: Sequence[Amounts], force: np.ndarray) -> np.ndarray:
+    """Return forces (R, 3) [N] as those effects read them that are not solved."""
+    context = replace(base.context, force=force)
     for effect, shape, amounts in chosen:
         if not effect.solved and effect.to_forces is not None:
             force = effect.to_forces(context, shape, force, np.asarray(amounts, dtype=float))
-    return np.where(rows[:, None], force, np.nan)
+    return force
 
 
 def _with(study: Study, chosen: Sequence[Amounts]) -> Study:

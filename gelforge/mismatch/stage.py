@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,33 +14,38 @@ from gelforge.files import digest, file_sha256
 from gelforge.mismatch.body_map import BOX, body_map, boxes_felt
 from gelforge.mismatch.candidates import candidates_of, effects_of_forces
 from gelforge.mismatch.covariance import readings_covariance
-from gelforge.mismatch.effect import Effect
 from gelforge.mismatch.effects import with_taken
 from gelforge.mismatch.experiments import with_experiments
-from gelforge.mismatch.findings import confirmed, law_of, readings_table, verdict_of, versions
+from gelforge.mismatch.findings import readings_table, taken_over, verdict_of, versions
 from gelforge.mismatch.flow import force_part, with_flow
 from gelforge.mismatch.flow_told import after_of, flow_section, flow_table
 from gelforge.mismatch.judge import Judgement, judge
 from gelforge.mismatch.known import with_known
+from gelforge.mismatch.model_section import correction_table
 from gelforge.mismatch.observations import Observations
 from gelforge.mismatch.patch import patch_of
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.runs import DEPTH_DIGITS
 from gelforge.mismatch.sessions import observe
 from gelforge.mismatch.solutions import Solver
-from gelforge.mismatch.solver import Base, forces_with
+from gelforge.mismatch.solver import Base, forces_with, read_with
 from gelforge.mismatch.spikes import without_spikes
 from gelforge.mismatch.spread import spread_out
 from gelforge.mismatch.unsolved import base_where_solved
-from gelforge.mismatch.verdict import PATCH, NoiseCase, Provenance, Verdict, write_verdict
-from gelforge.mismatch.verdict_tables import BODY_MAP, write_body_map, write_flow, write_readings
+from gelforge.mismatch.verdict import PATCH, Provenance, Verdict, write_verdict
+from gelforge.mismatch.verdict_tables import (
+    BODY_MAP,
+    write_body_map,
+    write_correction,
+    write_flow,
+    write_readings,
+)
 from gelforge.recording.images import reference_path
 
 IMAGES_LEFT_OUT = (
     "sessions with a camera are judged by their forces alone (mismatch.images: left_out); `fitted` judges their images too,"
     " which takes longer and tells gel stiffness from force gain"
 )
-SMALL_STRAIN = 0.1  # of the height: the term that small strain leaves out is then of that share
 NUMBER = r"\d+(?:\.\d+)?"
 
 
@@ -55,7 +60,6 @@ def judge_recording(solver: Solver, folders: Sequence[Path], out: Path, title: s
     joint = forces if study.mismatch.images == "left_out" else with_flow(solver, base, forces, folders)
     problem = joint if study.mismatch.images == "fitted" else forces
     judgement = judge(problem, study.mismatch, study.seed)
-    cases = noise_cases(problem, study)
     in_newtons, after = force_part(problem, judgement), after_of(joint, judgement)
     verdict = verdict_of(
         problem,
@@ -64,16 +68,14 @@ def judge_recording(solver: Solver, folders: Sequence[Path], out: Path, title: s
         synthetic,
         study.sensor,
         provenance_of(folders, study, solver),
-        cases,
-        law=law_of(*in_newtons, study),
         flow=flow_section(joint, judgement, after),
     )
     verdict = with_experiments(verdict, forces, base.context)
     write_results(out, verdict, in_newtons)
     write_flow(out, flow_table(joint, after))
     (out / PATCH).unlink(missing_ok=True)
-    if confirmed(judgement, problem):
-        write_yaml(out / PATCH, patch_of(study, problem.effects, judgement.answer.final.fit))
+    if taken_over(judgement):
+        write_yaml(out / PATCH, patch_of(study, problem.effects, judgement.answer.fit))
     return verdict
 
 
@@ -82,6 +84,7 @@ def write_results(out: Path, verdict: Verdict, in_newtons: tuple[Problem, Judgem
     out.mkdir(parents=True, exist_ok=True)
     write_verdict(out, verdict)
     write_readings(out, readings_table(*in_newtons))
+    write_correction(out, correction_table(in_newtons[0], in_newtons[1].model))
     patches = body_map(in_newtons[0])
     (out / BODY_MAP).unlink(missing_ok=True)
     if patches is not None:
@@ -153,61 +156,16 @@ def problem_of(solver: Solver, observations: Observations, recorded: bool = True
                 solver, base, [(effects[p.name], p.shape, a) for p, a in zip(parts, amounts)], rows
             ),
             failed,
-            known_false(solver.study, observations, effects),
             solver.study.mismatch.change_error,
             boxes_felt(base.context) if recorded else (),
+            lambda parts, amounts, change: read_with(
+                base,
+                [(effects[p.name], p.shape, a) for p, a in zip(parts, amounts)],
+                base.context.force + change,
+            ),
         ),
         base,
     )
-
-
-def known_false(study: Study, observations: Observations, effects: Mapping[str, Effect]) -> frozenset[str]:
-    """Return the effects that bring finite strain to a base of small strain that is pressed beyond it."""
-    deepest = float(observations.table["depth_mm"].max())
-    if study.mechanics.strain != "small" or deepest <= SMALL_STRAIN * study.sensor.height_mm:
-        return frozenset()
-    switches = {name: e for name, e in effects.items() if e.switch and e.to_study is not None}
-    return frozenset(
-        name for name, e in switches.items() if e.to_study(study, {}, [1.0]).mechanics.strain == "finite"
-    )
-
-
-def noise_cases(problem: Problem, study: Study) -> list[NoiseCase]:
-    """Return the verdict at other scales of the noise, its zeros' and rounding's; effects stay at first order."""
-    found = []
-    for scale in study.mismatch.noise_scales:
-        noisier = problem.covariance.noisier(scale)
-        scaled = replace(problem, covariance=noisier, forces_with=at_first_order(problem))
-        found.append(noise_case(scaled, judge(scaled, study.mismatch, study.seed), scale))
-    return found
-
-
-def noise_case(problem: Problem, judgement: Judgement, scale: float) -> NoiseCase:
-    """Return a judgement as one row of the table over noise."""
-    z = problem.observations.noise_N[np.isfinite(problem.observations.noise_N[:, 2]), 2]
-    groups = judgement.told
-    return NoiseCase(
-        scale=scale,
-        sigma_z_N=float(scale * np.sqrt(np.mean(z**2))),
-        state=judgement.state,
-        answer=[[name.split(" + ")[-1] for name in group.members] for group in groups],
-        beside=[group.members[0] for group in judgement.unnamed],
-        probability=min([1.0, *(group.probability for group in groups)]) if groups else None,
-        p=judgement.mismatch.p,
-    )
-
-
-def at_first_order(problem: Problem):
-    """Return forces with effects by the problem's own linear changes."""
-
-    def forces(parts, amounts, rows):
-        change = sum(problem.columns_at(part) @ a for part, a in zip(parts, amounts))
-        found = np.full(problem.base.shape, np.nan)
-        found[problem.observations.read] = problem.base[problem.observations.read] + change
-        found[~rows] = np.nan
-        return found
-
-    return forces
 
 
 def provenance_of(folders: Sequence[Path], study: Study, solver: Solver) -> Provenance:

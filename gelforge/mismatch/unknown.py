@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -17,10 +18,11 @@ from scipy.special import logsumexp
 
 from gelforge.mismatch.covariance import Covariance, Draws
 from gelforge.mismatch.problem import Problem
-from gelforge.mismatch.screen import SCALES, Candidate, chance_of, log_evidence
+from gelforge.mismatch.screen import SCALES, Candidate, chance_of, evidence, log_evidence
 
 PLAUSIBLE = 0.1  # of the pressing force, standard deviation; SCALES make it smaller
 MODES = {"depth": 6, "place": 4, "time": 8, "path": 3}  # cosines along each coordinate
+WITH_DEPTH, FROM_PLACE_TO_PLACE = "with depth", "from place to place"
 BESIDE = 3  # cosines over depth beside those of place, path or press
 DIRECTIONS = {
     "the pressing force": (2,),
@@ -77,26 +79,96 @@ def weighed_unknown(
     if len(parts):
         covariance = problem.believing(parts, amounts).covariance
         residual = left + np.column_stack([part.columns for part in parts]) @ amounts
-    without = log_evidence(residual, covariance, parts)
-    found = {
-        (manner.words, scale): log_evidence(residual, manner.beside(covariance, scale), parts) - without
-        for manner in manners
-        for scale in SCALES
-    }
+    model, without = _Beside.of(residual, covariance, parts), log_evidence(residual, covariance, parts)
+    found = {}
+    for manner in manners:
+        if manner.each is None:
+            directions = covariance.whiten(manner.directions)
+            found |= {(manner.words, scale): model.gain(scale * directions) for scale in SCALES}
+        else:
+            for scale in SCALES:
+                with_it = log_evidence(residual, manner.beside(covariance, scale), parts)
+                found[manner.words, scale] = with_it - without
     return Weighed(float(logsumexp(list(found.values())) - np.log(len(found))), max(found, key=found.get)[0])
+
+
+@dataclass(frozen=True, eq=False)
+class _Beside:
+    """Parts with unknown amounts, whitened, beside which directions are weighed that all entries share."""
+
+    r: np.ndarray  # (n,) what is read, less what is switched on
+    columns: np.ndarray  # (n, p)
+    widths: np.ndarray  # (p,)
+    signs: np.ndarray  # (p,)
+
+    @classmethod
+    def of(cls, residual: np.ndarray, covariance: Covariance, parts: Sequence[Candidate]) -> _Beside:
+        r, kept = covariance.whiten(residual), []
+        for part in parts:
+            white = covariance.whiten(part.columns)
+            if part.switch:
+                r = r - white.sum(axis=1)
+            else:
+                p = white.shape[1]
+                kept.append((white, np.broadcast_to(part.widths, p), np.broadcast_to(part.signs, p)))
+        if not kept:
+            return cls(r, np.zeros((len(r), 0)), np.zeros(0), np.zeros(0))
+        columns, widths, signs = zip(*kept)
+        return cls(r, np.column_stack(columns), np.concatenate(widths), np.concatenate(signs))
+
+    @cached_property
+    def without(self) -> float:
+        return evidence(self.r, self.columns, self.widths, self.signs)[0]
+
+    def gain(self, directions: np.ndarray) -> float:
+        """Return the log evidence that directions (n, q), a standard normal draw each, give beside the parts."""
+        q = directions.shape[1]
+        joint = evidence(
+            self.r,
+            np.column_stack([self.columns, directions]),
+            np.concatenate([self.widths, np.ones(q)]),
+            np.concatenate([self.signs, np.zeros(q)]),
+        )
+        return joint[0] - self.without
+
+
+@dataclass(frozen=True)
+class Span:
+    """The ranges over which an unknown change is a smooth function: those of the readings that it is learnt from."""
+
+    depth_mm: tuple[float, float]
+    x_mm: tuple[float, float]
+    y_mm: tuple[float, float]
+    held: tuple[float, float]  # logarithm of 1 + seconds since the press's first touch
+
+    @classmethod
+    def of(cls, labels: pd.DataFrame) -> Span:
+        """Return the ranges of some readings."""
+        own = {name: labels[name].to_numpy(float) for name in ("depth_mm", "x_mm", "y_mm")} | {
+            "held": _held(labels)
+        }
+        return cls(**{name: (float(values.min()), float(values.max())) for name, values in own.items()})
 
 
 def manners_of(problem: Problem) -> list[Manner]:
     """Return the manners in which these readings may differ; flow is not among them."""
     labels = problem.labels
-    pressing = np.abs(problem.base[labels["reading"], 2])
     flow = (labels["channel"] != "force").to_numpy() if "channel" in labels else np.zeros(len(labels), bool)
     own = np.where(flow, 0.0, problem.observations.flat(problem.base))
-    pressing = np.where(flow, 0.0, pressing)
-    axis = labels["axis"].to_numpy()
+    pressing = np.where(flow, 0.0, np.abs(problem.base[labels["reading"], 2]))
     press = np.where(flow, -1, np.unique(labels["press"], return_inverse=True)[1].ravel())
-    found = []
-    for words, profile, share, each in _profiles(labels):
+    return manners(labels, own, pressing, Span.of(labels), press)
+
+
+def manners(
+    labels: pd.DataFrame, own: np.ndarray, pressing: np.ndarray, span: Span, press: np.ndarray
+) -> list[Manner]:
+    """Return the manners at n entries: labels as in Observations.labels, own (n,) [N] base force along the entry's axis.
+
+    pressing (n,) [N]: size of the pressing force of its reading; press (n,): number of its press.
+    """
+    axis, found = labels["axis"].to_numpy(), []
+    for words, profile, share, each in _profiles(labels, span):
         size = pressing if share else np.full(len(labels), np.sqrt(np.mean(pressing[pressing > 0] ** 2)))
         for name, axes in DIRECTIONS.items():
             if axes is None:
@@ -108,29 +180,30 @@ def manners_of(problem: Problem) -> list[Manner]:
     return found
 
 
-def _profiles(labels: pd.DataFrame) -> Iterator[tuple[str, np.ndarray, bool, bool]]:
+def _profiles(labels: pd.DataFrame, span: Span) -> Iterator[tuple[str, np.ndarray, bool, bool]]:
     """Yield words, functions (n, q) of unit size, whether they grow with the force, whether each press has one."""
     depth = labels["depth_mm"].to_numpy(float)
-    over_depth = _modes(depth, BESIDE)
-    yield "with depth", _modes(depth, MODES["depth"]), True, False
-    if labels["site"].nunique() > 1:
-        x, y = (_modes(labels[name].to_numpy(float), MODES["place"]) for name in ("x_mm", "y_mm"))
-        yield "from place to place", _product(_product(x, y), over_depth), True, False
+    over_depth = _modes(depth, BESIDE, span.depth_mm)
+    yield WITH_DEPTH, _modes(depth, MODES["depth"], span.depth_mm), True, False
+    if span.x_mm[0] < span.x_mm[1] or span.y_mm[0] < span.y_mm[1]:
+        x = _modes(labels["x_mm"].to_numpy(float), MODES["place"], span.x_mm)
+        y = _modes(labels["y_mm"].to_numpy(float), MODES["place"], span.y_mm)
+        yield FROM_PLACE_TO_PLACE, _product(_product(x, y), over_depth), True, False
     if labels["press"].nunique() > 1:
         yield "from press to press", over_depth, True, True
     sessions, order = labels["session"].to_numpy(), labels["order"].to_numpy(float)
     if any(np.ptp(order[sessions == name]) > 0 for name in np.unique(sessions)):
         yield "over the session's time", _of_each(sessions, order, MODES["time"]), False, False
     phases = labels["phase"].to_numpy()
-    held = np.log1p(np.maximum(np.nan_to_num(labels["press_time_s"].to_numpy(float)), 0.0))
     later = np.column_stack([phases == "dwell", phases == "unload"]).astype(float)
     if later.any():
-        yield (
-            "along a press's path",
-            _product(_product(_modes(held, MODES["path"]), later), over_depth),
-            True,
-            False,
-        )
+        held = _modes(_held(labels), MODES["path"], span.held)
+        yield "along a press's path", _product(_product(held, later), over_depth), True, False
+
+
+def _held(labels: pd.DataFrame) -> np.ndarray:
+    """Return the logarithm (n,) of 1 + seconds since the press's first touch; 0 where no times are known."""
+    return np.log1p(np.maximum(np.nan_to_num(labels["press_time_s"].to_numpy(float)), 0.0))
 
 
 def _of_each(group: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
@@ -145,17 +218,18 @@ def _of_each(group: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
     return np.column_stack(columns)
 
 
-def _modes(values: np.ndarray, count: int) -> np.ndarray:
-    """Return cosines (n, count) over the range of values (n,), the slower the larger, of mean square 1 together.
+def _modes(values: np.ndarray, count: int, span: tuple[float, float] | None = None) -> np.ndarray:
+    """Return cosines (n, count) over a range of values (n,), the slower the larger, of mean square 1 together.
 
-    A random function of them has a smooth covariance (Solin & Sarkka 2020, doi:10.1007/s11222-019-09886-w).
+    span: the range, that of the values where none is given. A random function of them has a smooth covariance (Solin &
+    Sarkka 2020, doi:10.1007/s11222-019-09886-w).
     """
-    spread = np.ptp(values)
-    if spread == 0:
+    low, high = (values.min(), values.max()) if span is None else span
+    if low == high:
         return np.ones((len(values), 1))
     k = np.arange(count)
     size = 1 / (1 + k**2 / 2)
-    found = np.cos(np.pi * (values - values.min())[:, None] / spread * k) * size
+    found = np.cos(np.pi * (values - low)[:, None] / (high - low) * k) * size
     return found / np.sqrt(np.sum(size**2 * np.where(k, 0.5, 1.0)))
 
 

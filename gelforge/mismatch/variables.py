@@ -28,6 +28,7 @@ class Move:
     half: float  # mm, half-way to the next place
     low: float  # mm
     high: float
+    at: float = 0.0  # mm, where it starts
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,12 +63,6 @@ class Variables:
     def ways(self) -> np.ndarray:
         """Return the linear change (n, q - p) [N/mm] of all entries along the moves."""
         return np.array([move.slope for move in self.moves]).reshape(len(self.moves), len(self.mask)).T
-
-    def having_paid(self, parts: tuple[Candidate, ...], cost: float) -> tuple[Candidate, ...]:
-        """Return the parts, each of those with moves with its share of the log evidence that fitting places has cost."""
-        moves = [sum(move.part == k for move in self.moves) for k in range(len(parts))]
-        shares = [cost * count / len(self.moves) for count in moves]
-        return tuple(replace(part, place_cost=share or part.place_cost) for part, share in zip(parts, shares))
 
     @cached_property
     def widths(self) -> np.ndarray:
@@ -107,7 +102,7 @@ class Variables:
 
     def first(self) -> np.ndarray:
         """Return (q,) the numbers of the screened answer, within their bounds."""
-        a = np.concatenate([self.start.amounts, [0.0 for _ in self.moves]])
+        a = np.concatenate([self.start.amounts, [move.at for move in self.moves]])
         return np.where(self.switch, 1.0, np.clip(a, *self.bounds))
 
     def columns(self) -> np.ndarray:
@@ -140,18 +135,27 @@ class Variables:
         return np.concatenate([*of_parts, of_moves])
 
 
-def variables_of(problem: Problem, start: Screened, mask: np.ndarray) -> Variables:
+def variables_of(problem: Problem, start: Screened, mask: np.ndarray, placing: bool = False) -> Variables:
     """Return what is varied in a refit of a screened answer: of places the ways that the fitted entries see.
 
-    What an earlier refit has placed stays there: beside others its amount alone is fitted.
+    What an earlier refit has placed stays there, and its amount alone is fitted, unless it is placing: it then goes on.
     """
+    parts = tuple(_tried(problem, part) if placing else part for part in start.parts)
     moves, at, covariance = [], 0, problem.covariance.restricted(mask)
-    for k, part in enumerate(start.parts):
+    for k, (part, before) in enumerate(zip(parts, start.parts)):
         own = start.amounts[at : at + part.columns.shape[1]]
         at += len(own)
         slopes = problem.slopes_of(part) if part.moved_from is None else {}
         for axis, slope in slopes.items():
             way = slope.columns @ own
-            if np.linalg.norm(covariance.whiten(way[mask])) * slope.half > SEEN_SNR:
-                moves.append(Move(k, axis, way, slope.half, slope.low, slope.high))
-    return Variables(problem, start, tuple(moves), mask)
+            moved = before.shape[axis] - part.shape[axis]
+            if moved or np.linalg.norm(covariance.whiten(way[mask])) * slope.half > SEEN_SNR:
+                moves.append(Move(k, axis, way, slope.half, slope.low, slope.high, moved))
+    return Variables(problem, replace(start, parts=parts), tuple(moves), mask)
+
+
+def _tried(problem: Problem, part: Candidate) -> Candidate:
+    """Return a part that a refit has moved, at the place that was tried."""
+    if part.moved_from is None:
+        return part
+    return replace(part, shape=part.moved_from, moved_from=None, columns=problem.own(part).columns)

@@ -6,33 +6,43 @@ import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
+import pandas as pd
 from pydantic import Field, ValidationError, model_validator
 
 from gelforge.config import Name, NonNegative, Positive, Section
 from gelforge.files import read_product_json, write_product_json
 from gelforge.mismatch.effect import FAMILIES
 
-FORMAT = "gelforge-verdict-1"
+FORMAT = "gelforge-verdict-2"
 VERDICT, PATCH, PAGE = "verdict.json", "config.patch.yaml", "report.html"
 
 # Of the global test, of the scan, of something unknown and of the known effects each: any is an alarm, so at most four in
 # a hundred recordings, or materials, of which nothing is missing give a false one.
 ALARM_P = 0.01
-# What `named` asks for (mismatch.md, states)
-NAMED_PROBABILITY = 0.9  # of the group
-NAMED_ODDS = 10.0  # of the effect within its group
-# Of what an answer leaves, each of its two tests. Below the first one effect more is looked for, and where none is better
-# what is left is told. Below the second nothing is named: right answers come below 0.01 in two of a hundred by chance alone,
-# and effects outside the catalogue that come below it do so by far, or are told by other tests too (decision 9).
+SURE = 0.9  # probability of a group of effects from which it is identified
+# Of what an answer leaves, each of its two tests. Below the first what is left is reported. Below the second nothing is
+# identified: right answers come below 0.01 in two of a hundred by chance alone, and effects outside the catalogue that come
+# below it do so by far (docs/mismatch-method.md).
 ADEQUATE_P = 0.01
 LEFT_P = 0.002
-# The held-out gain must exceed so many standard errors, or make what was set aside as many times likelier. For an answer
-# that was fixed without them the second comes by chance once in HELD_OUT_ODDS at most (Markov's inequality), one of the two
-# in 2.3 % at most (normal noise).
+# A held-out gain counts above so many standard errors, or where it makes what was held out as many times likelier. For an
+# answer that was fixed without it the second comes by chance once in HELD_OUT_ODDS at most (Markov's inequality), one of the
+# two in 2.3 % at most (normal noise).
 HELD_OUT_ERRORS = 2.0
 HELD_OUT_ODDS = 100.0
 
-State = Literal["null", "named", "group", "open", "insufficient"]
+State = Literal[
+    "consistent",
+    "identified",
+    "form_free",
+    "modelled",
+    "ambiguous",
+    "inconclusive",
+    "unexplained",
+]
+IDENTIFIED = ("identified", "form_free")  # the missing physics has a name
+WITHOUT_ANSWER = ("consistent", "inconclusive")
 Probability = Annotated[float, Field(ge=0, le=1)]
 Interval = tuple[float, float]
 ThreeAxes = Annotated[list[float | None], Field(min_length=3, max_length=3)]
@@ -115,17 +125,28 @@ class Unknown(Section):
 
 
 class Group(Section):
-    """Part of the answer: effects of which one is there, and which these readings cannot tell apart."""
+    """Part of the answer: effects of which one is there, and which these readings cannot tell apart, or else another one."""
 
     members: list[Name] = Field(min_length=1, description="Effects, the most probable first")
-    probability: Probability = Field(description="Probability that one of them is there [-]")
+    probability: Probability = Field(
+        description="Probability that one of them, or of `or_else`, is there [-]"
+    )
+    or_else: list[Name] = Field(
+        [],
+        description="Effects of another pattern, one of which may be there instead of the members, the most probable first",
+    )
     odds: Positive | None = Field(
         None, description="Of the first member over all others together [-]; empty for a single member"
     )
     cosine: float | None = Field(
         None, ge=-1, le=1, description="Of the whitened changes, the largest between members [-]"
     )
-    decided_by: str = Field("", description="The experiment that tells the members apart")
+    decided_by: str = Field("", description="The experiment that tells them apart")
+
+    @property
+    def names(self) -> list[str]:
+        """Return all effects that it may be."""
+        return [*self.members, *self.or_else]
 
 
 class Score(Section):
@@ -136,13 +157,23 @@ class Score(Section):
     log_score: float = Field(description="Log predictive density of all of them together [-]")
 
 
+def score(labels: pd.DataFrame, left: np.ndarray, mask: np.ndarray, density: float) -> Score:
+    """Return how well a prediction that leaves (n,) [N] meets the entries (n,) bool with these labels, of a log density."""
+    axis = labels["axis"].to_numpy()
+    rmse = [
+        float(np.sqrt(np.mean(left[mask & (axis == k)] ** 2))) if (mask & (axis == k)).any() else None
+        for k in range(3)
+    ]
+    return Score(readings=int(mask.sum()), rmse_N=rmse, log_score=float(density))
+
+
 def shown(gain: float, standard_error: float) -> bool:
-    """Return whether a gain in log score of what was set aside, with its standard error, is more than chance."""
+    """Return whether a gain in log score of what was held out, with its standard error, is more than chance."""
     return gain > min(HELD_OUT_ERRORS * standard_error, math.log(HELD_OUT_ODDS))
 
 
 class HeldOut(Section):
-    """Readings set aside before anything was fitted, of one block or of all together."""
+    """Readings held out, of one block or of all together: predicted by amounts that follow the others."""
 
     block: str = Field(description="positions, deepest, a channel, or all")
     before: Score = Field(description="Of the base")
@@ -175,7 +206,7 @@ class Fit(Section):
 
     before: Score = Field(description="The base on all readings")
     after: Score | None = Field(None, description="With the effect in it, on all readings")
-    held_out: HeldOut | None = Field(None, description="All blocks that were set aside, together")
+    held_out: HeldOut | None = Field(None, description="All blocks that were held out, together")
     held_out_blocks: list[HeldOut] = Field([], description="Each of them")
     flow: Flow | None = Field(None, description="The images' channel, where there is one")
 
@@ -201,11 +232,6 @@ class Adequacy(Section):
     p: Probability = Field(description="Of what remains, by chance, as the mismatch's p [-]")
     scan_p: Probability = Field(description="Of the strongest remaining pattern by chance [-]")
     remains: str = Field("", description="The strongest remaining pattern, in words")
-    everywhere_p: Probability | None = Field(
-        None,
-        description="Of what remains of all readings, those set aside included, by the stronger test [-]",
-    )
-    refuted: bool = Field(False, description="The readings set aside speak against the answer")
 
     @property
     def passed(self) -> bool:
@@ -263,7 +289,9 @@ class Noise(Section):
     )
     floor_N: ThreeAxes = Field(description="Of the base's discretisation, root mean square, x, y, z [N]")
     law_N: ThreeAxes = Field(description="Of the base's fitted material laws, root mean square, x, y, z [N]")
-    sensitivity: list[NoiseCase] = Field([], description="The verdict over the scale of the stated noise")
+    sensitivity: list[NoiseCase] = Field(
+        [], description="The verdict over the scale of the stated noise, where that was asked"
+    )
 
 
 class Experiment(Section):
@@ -277,7 +305,7 @@ class Experiment(Section):
 
 
 class Outlier(Section):
-    """A reading that was set aside."""
+    """A reading that was left out."""
 
     session: str = Field(description="Its session")
     press: str = Field(description="Its press")
@@ -285,15 +313,19 @@ class Outlier(Section):
     depth_mm: float | None = Field(None, description="Its depth [mm]; empty: the whole press")
     axis: Literal["x", "y", "z"] | None = Field(None, description="Its axis; empty: all")
     size: float | None = Field(None, description="Its residual over the standard deviation [-]")
-    reason: str = Field(description="Why it was set aside")
+    reason: str = Field(description="Why it was left out")
 
 
-class Law(Section):
-    """An equation for what the catalogue does not know: a law, not a cause."""
+class Model(Section):
+    """What no known effect explains, modelled as a smooth change: a numeric correction, not a cause."""
 
-    words: str = Field(description="The equation in the field's symbols")
-    terms: dict[str, float] = Field(description="Coefficient of each term [-]; a term is a force")
-    held_out: HeldOut | None = Field(None, description="On sites that were set aside")
+    words: str = Field(description="What it changes, and over what")
+    beside: list[Name] = Field([], description="Identified effects that act together with it")
+    largest_N: ThreeAxes = Field(description="Largest change of a reading, x, y, z [N]")
+    depth_mm: Interval = Field(description="Depths that it was learnt from; it is not extrapolated [mm]")
+    sites: int = Field(ge=1, description="Positions that it was learnt from [-]")
+    corrects_labels: bool = Field(description="It is a function of depth and place: correction.csv has it")
+    held_out: HeldOut = Field(description="Readings held out, without it and with it")
 
 
 class Layer(Section):
@@ -325,35 +357,45 @@ class Provenance(Section):
 class Verdict(Section):
     """The verdict on one recording and its base study."""
 
-    format: Literal["gelforge-verdict-1"] = Field(FORMAT, description="Of this file")
+    format: Literal["gelforge-verdict-2"] = Field(FORMAT, description="Of this file")
     title: str = Field(description="What was judged, a few words")
     synthetic: bool = Field(
         description="Readings come from a virtual lab or another solver, not from a sensor"
     )
-    state: State = Field(description="null, named, group, open or insufficient")
+    state: State = Field(description="What was found")
     sentence: str = Field(min_length=1, description="The verdict in one plain sentence")
     mismatch: Mismatch = Field(description="Whether there is anything to explain")
     where: list[Where] = Field([], description="Where, the strongest first; then the located defects")
     answer: list[Group] = Field(
-        [], description="What is missing: one group, or two of which one member each is there"
+        [], description="What is missing: one effect of each group is there, the most probable group first"
     )
     effects: list[NamedEffect] = Field([], description="All that were tried, the most probable first")
     unknown: Unknown | None = Field(None, description="What no known effect is, weighed beside them")
     null_probability: Probability = Field(description="Probability that nothing is missing [-]")
-    fit: Fit = Field(description="Before and after, on all readings and on those set aside")
+    fit: Fit = Field(description="Before and after, on all readings and on those held out")
     adequacy: Adequacy | None = Field(None, description="What remains after the answer")
-    law: Law | None = Field(None, description="For open: a law of what remains, not its cause")
+    model: Model | None = Field(None, description="What is modelled although its cause is unknown")
     detection_limits: list[DetectionLimit] = Field([], description="What these readings would show")
     noise: Noise = Field(description="Errors that were allowed for")
     next_experiments: list[Experiment] = Field([], description="What would decide, the best first")
     cannot_know: list[str] = Field([], description="What these readings cannot show and why, a sentence each")
-    outliers: list[Outlier] = Field([], description="Readings that were set aside")
+    outliers: list[Outlier] = Field([], description="Readings that were left out")
     sensor: SensorShape | None = Field(None, description="The sensor as drawn; empty for a material test")
     provenance: Provenance = Field(description="What the verdict rests on")
 
+    @property
+    def identified(self) -> bool:
+        """Return whether the missing physics has a name."""
+        return self.state in IDENTIFIED
+
+    @property
+    def sure(self) -> list[Group]:
+        """Return the groups of the answer that are as probable as a claim has to be."""
+        return [group for group in self.answer if group.probability >= SURE]
+
     @model_validator(mode="after")
     def _consistent(self) -> Verdict:
-        complaint = self._answer_fault() or (self._named_fault() if self.state == "named" else "")
+        complaint = self._answer_fault() or (self._identified_fault() if self.identified else "")
         if complaint:
             raise ValueError(complaint)
         return self
@@ -361,44 +403,33 @@ class Verdict(Section):
     def _answer_fault(self) -> str:
         """Return why state and answer do not belong together, or nothing."""
         tried = {effect.name for effect in self.effects}
-        unknown = [name for group in self.answer for name in group.members if name not in tried]
+        unknown = [name for group in self.answer for name in group.names if name not in tried]
         if unknown:
             return (
                 f"answer names {unknown}, which are not among the effects; list every effect that was tried"
             )
-        if self.state in ("named", "group") and not self.answer:
+        if self.state in (*IDENTIFIED, "ambiguous") and not self.answer:
             return f"state {self.state} without an answer; give its groups"
-        if self.state in ("null", "insufficient") and self.answer:
+        if self.state in WITHOUT_ANSWER and self.answer:
             return (
-                f"state {self.state} with the answer {[g.members for g in self.answer]}; leave the answer out"
+                f"state {self.state} with the answer {[g.names for g in self.answer]}; leave the answer out"
             )
-        if self.state == "group" and all(len(group.members) == 1 for group in self.answer):
-            return "state group, but every group has one member; that is named, or open"
         if self.answer and self.fit.after is None:
             return "an answer without a fit after it; give fit.after"
         return ""
 
-    def _named_fault(self) -> str:
-        """Return which of the conditions of `named` is not met, or nothing."""
+    def _identified_fault(self) -> str:
+        """Return which of the conditions of a name is not met, or nothing."""
         effects = {effect.name: effect for effect in self.effects}
-        for group in self.answer:
-            first = group.members[0]
-            if len(group.members) > 1 and (group.odds or 0.0) < NAMED_ODDS:
-                return f"named, but {first} has odds {group.odds} within {group.members}, {NAMED_ODDS:g} are needed: group"
-            if group.probability < NAMED_PROBABILITY:
-                return f"named, but {first} has probability {group.probability:g} of {NAMED_PROBABILITY:g}: group or open"
-            if not effects[first].in_range:
-                return f"named, but {first} is outside its physical range or on its bounds: open"
-        if self.adequacy is None or not self.adequacy.passed:
-            return f"named, but what remains is not noise (adequacy p > {LEFT_P:g} is needed): open"
-        if self.adequacy.refuted:
-            return "named, but the readings set aside speak against it: open"
-        if self.unknown is not None and self.unknown.probability >= NAMED_PROBABILITY:
-            return f"named, but something unknown has probability {self.unknown.probability:g}: open"
-        if self.fit.held_out is None or not self.fit.held_out.shown:
+        if not self.sure:
+            most = max(group.probability for group in self.answer)
+            return f"{self.state}, but no group has a probability of {SURE:g}, the largest is {most:g}: ambiguous"
+        for group in self.sure:
+            if not effects[group.members[0]].in_range:
+                return f"{self.state}, but {group.members[0]} is outside its physical range or on its bounds: unexplained"
+        if self.state == "identified" and (self.adequacy is None or not self.adequacy.passed):
             return (
-                f"named, but no held-out gain above {HELD_OUT_ERRORS:g} standard errors or odds of {HELD_OUT_ODDS:g}: "
-                "insufficient or open"
+                f"identified, but what remains is not noise (adequacy p > {LEFT_P:g} is needed): unexplained"
             )
         return ""
 

@@ -2,6 +2,7 @@
 
 readings.csv    one row per reading and axis: measured, base, after
 body_map.csv    where in the body the modulus would have to change, before any effect is named
+correction.csv  what is modelled without a known cause: by how much simulated forces change, by place and depth
 flow.csv        one row per press with images and region of the image: measured, base, after
 """
 
@@ -15,7 +16,7 @@ from gelforge.csv_table import read_csv
 from gelforge.files import check_seal, without_seal, write_product_table
 from gelforge.mismatch.verdict import VerdictError
 
-READINGS, BODY_MAP, FLOW = "readings.csv", "body_map.csv", "flow.csv"
+READINGS, BODY_MAP, FLOW, CORRECTION = "readings.csv", "body_map.csv", "flow.csv", "correction.csv"
 
 READINGS_NUMBERS = ["x_mm", "y_mm", "depth_mm", "measured_N", "base_N", "sigma_N"]
 # Empty: no times known, nothing put into the base
@@ -26,6 +27,8 @@ REMEDY = "write it anew with `gelforge mismatch`"
 FLOW_NUMBERS = ["x_mm", "y_mm", "depth_mm", "middle_u_px", "middle_v_px"]
 FLOW_NUMBERS += [f"{name}_{axis}_px" for name in ("measured", "base", "sigma") for axis in "uv"]
 FLOW_OPTIONAL = ["after_u_px", "after_v_px"]
+CORRECTION_NUMBERS = ["x_mm", "y_mm", "depth_mm"]
+CORRECTION_NUMBERS += [f"{name}_{axis}_N" for axis in "xyz" for name in ("base", "change", "sigma")]
 BODY_MAP_NUMBERS = ["x_mm", "y_mm", "z_mm", "change", "sigma"]  # patch centre; modulus change, relative
 
 
@@ -58,6 +61,19 @@ def write_flow(folder: str | Path, table: pd.DataFrame | None) -> None:
         path.unlink(missing_ok=True)
     else:
         _write_table(path, table, ["session", "press", *FLOW_NUMBERS], FLOW_OPTIONAL)
+
+
+def write_correction(folder: str | Path, table: pd.DataFrame | None) -> None:
+    """Write correction.csv, or remove it where there is none: one row per judged place and depth while loading.
+
+    x_mm, y_mm, depth_mm; per axis the base force, its change and the standard deviation of that [N]; empty where it does
+    not hold.
+    """
+    path = Path(folder) / CORRECTION
+    if table is None:
+        path.unlink(missing_ok=True)
+    else:
+        _write_table(path, table, CORRECTION_NUMBERS, [])
 
 
 def read_flow(folder: str | Path) -> pd.DataFrame | None:

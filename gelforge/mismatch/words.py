@@ -2,146 +2,181 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
+
 from gelforge.mismatch import verdict as form
-from gelforge.mismatch.effects_told import groups_told
+from gelforge.mismatch.alternatives import UNKNOWN
+from gelforge.mismatch.effect_words import in_general, with_amount
+from gelforge.mismatch.effects_told import amounts_told, blocks_of
+from gelforge.mismatch.inference.answer import Answer, Group
 from gelforge.mismatch.judge import Judgement
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.refit import End
 from gelforge.mismatch.scan import Finding
-from gelforge.mismatch.search import Answer
 
 MORE = "What further presses would show: `gelforge mismatch plan`."
+LIKELY = 0.5  # of something, from where it is probably there
 
 
 def sentence_of(problem: Problem, judgement: Judgement) -> str:
     """Return the verdict in one plain sentence."""
-    state, mismatch = judgement.state, judgement.mismatch
-    if state == "null":
+    state, mismatch, answer = judgement.state, judgement.mismatch, judgement.answer
+    if state == "consistent":
         return (
             f"Simulation and readings agree within their errors (p = {mismatch.p:.2g}); no physics is missing that these "
             "readings could show."
         )
-    if judgement.answer is None and state == "insufficient":
+    if answer is None and state == "inconclusive":
         return (
             f"Simulation and readings agree within their errors (p = {mismatch.p:.2g}), but these readings could not show "
             f"plausible amounts of most effects. {MORE}"
         )
     where = f"Simulation and readings differ beyond their errors, most clearly {plain(mismatch.scan.best)}"
-    if judgement.answer is None:
+    if state == "modelled":
+        return f"{where}; it is something that no known effect is: {_model(judgement)}."
+    if answer is None:
         return f"{where}; no effect of the catalogue could be fitted."
-    words = _answer_words(problem, judgement)
-    if state == "open":
-        return f"{where}; no effect of the catalogue explains it: {_why_open(judgement, words)}{_manner(judgement)}."
-    if state == "insufficient" and not judgement.answer.fit.converged:
-        return (
-            f"{where}; {words} would fit, but its fit in the solver has not come to rest: no name is given."
-        )
-    if state == "insufficient" and judgement.answer.gain is not None and judgement.answer.gain.clear:
-        return f"{where}; {words} would fit, but nothing is likely enough to be named: too few readings to say. {MORE}"
-    if state == "insufficient":
-        return f"{where}; {words} would fit, but the readings set aside do not confirm it: too few to say. {MORE}"
-    beside = (
-        f"; something unknown may be there too, a change of {judgement.answer.stranger}"
-        if judgement.strange
-        else ""
+    if state == "inconclusive":
+        best = _joined(problem, answer, answer.groups)
+        chance = min(group.probability for group in answer.groups)
+        return f"{where}; these readings are too few to say why (probability {chance:.2g}: {best}). {MORE}"
+    if state == "unexplained":
+        why = _why_unexplained(problem, judgement)
+        return f"{where}; it is something that no known effect is{_manner(judgement)}: {why}."
+    if state == "ambiguous":
+        likely = sorted(answer.groups, key=lambda group: -group.probability)
+        chances = " and ".join(f"{group.probability:.2f}" for group in likely)
+        return f"{where}; most probably ({chances}) {_joined(problem, answer, likely)}."
+    rest = [group for group in answer.groups if group not in answer.sure]
+    found = f"{where}; {_joined(problem, answer, answer.sure)}{_also(problem, answer, rest)}"
+    if state == "form_free":
+        return f"{found}, in a form of its own or with something unknown beside it: {_model(judgement)}."
+    return f"{found}{_unknown_too(judgement)}."
+
+
+def _joined(problem: Problem, answer: Answer, groups: Sequence[Group]) -> str:
+    """Return what acts together."""
+    return "; together with this, ".join(_in_words(problem, answer, group) for group in groups)
+
+
+def _also(problem: Problem, answer: Answer, groups: Sequence[Group]) -> str:
+    """Return what is not sure beside what is."""
+    return "".join(
+        f"; {'probably' if group.probability >= LIKELY else 'possibly'} also ({group.probability:.2f})"
+        f" {_in_words(problem, answer, group)}"
+        for group in groups
     )
-    return f"{where}; it is explained by {words}{beside}."
 
 
-def _why_open(judgement: Judgement, words: str) -> str:
-    """Return why the best answer, in words, is none."""
+def _in_words(problem: Problem, answer: Answer, group: Group) -> str:
+    """Return an effect with its amount, what cannot be told from it, and what else may be there instead."""
+    name = group.members[0]
+    k = [part.name for part in answer.fit.parts].index(name)
+    part, amounts, effect = answer.fit.parts[k], answer.fit.amounts[k], problem.effects[name]
+    own = name.replace("_", " ")
+    if part.switch:
+        own += "".join(f", {key.replace('_', ' ')} {value}" for key, value in part.shape.items())
+    else:
+        own += " " + _clearest(amounts_told(effect.parameters, amounts, blocks_of(answer.fit)[k]))
+    text = f"{with_amount(effect, part.shape, amounts)} ({own})"
+    if len(group.members) > 1:
+        text += "".join(f", or {in_general(other)}" for other in group.members[1:])
+        text += ", which these readings cannot tell apart"
+    if group.or_else:
+        text += f", or else {' or '.join(in_general(other) for other in group.or_else)}"
+    return text
+
+
+def _clearest(amounts: Sequence[form.Amount]) -> str:
+    """Return the amount that stands out most from none, with its interval; by name where there are several."""
+
+    def clear(amount: form.Amount) -> float:
+        low, high = amount.interval_90
+        return abs(amount.value) / max(high - low, np.finfo(float).tiny)
+
+    best = max(amounts, key=clear)
+    unit = "" if best.unit == "1" else f" {best.unit}"
+    low, high = best.interval_90
+    which = f"{best.name} ".replace("_", " ") if len(amounts) > 1 else ""
+    return f"{which}{best.value:+.2g}{unit}, 90 % {low:.2g} to {high:.2g}"
+
+
+def _why_unexplained(problem: Problem, judgement: Judgement) -> str:
+    """Return why the best answer is none."""
     answer = judgement.answer
+    best = f"the best of the known, that {_joined(problem, answer, answer.groups)},"
     if answer.adequacy.p <= form.LEFT_P:
-        return f"the best, {words}, leaves something, most clearly {plain(answer.adequacy.scan.best)}"
-    if judgement.refuted:
-        everywhere = answer.everywhere
-        most = f", most clearly {plain(everywhere.scan.best)}" if everywhere.p <= form.ADEQUATE_P else ""
-        return (
-            f"the best, {words}, fits the readings that it was fitted to, but those set aside refute it{most}"
-        )
+        return f"{best} leaves something, most clearly {plain(answer.adequacy.scan.best)}"
     if judgement.out_of_range:
-        return f"the best, {words}, would need an amount that is not physical"
-    if judgement.strange:
-        return f"the best, {words}, would fit, but something unknown is likelier"
-    return f"the readings set aside refute one effect alone, and {words} would fit, but nothing is likely enough to be named"
+        return f"{best} would need an amount that is not physical"
+    return f"{best} would fit, but is less likely"
 
 
 def _manner(judgement: Judgement) -> str:
     """Return what something unknown would do, where it is likely."""
-    return f"; it would be a change of {judgement.answer.stranger}" if judgement.strange else ""
+    strange = judgement.posterior.holding([UNKNOWN]) > LIKELY
+    return f", a change of {judgement.answer.stranger}" if strange else ""
 
 
-def _answer_words(problem: Problem, judgement: Judgement) -> str:
-    """Return the effects of the answer with amounts and what cannot be told from them; what is not claimed at the end."""
-    answer, found, rest = judgement.answer, [], []
-    with_others = judgement.state != "insufficient"
-    for part, amounts, group in zip(answer.final.fit.parts, answer.final.fit.amounts, answer.groups):
-        if with_others and group not in judgement.told:
-            rest.append(part.name.replace("_", " "))
-            continue
-        effect = problem.effects[part.name]
-        values = " and ".join(
-            f"{p.name} {a:.3g} {'' if p.unit == '1' else p.unit}".rstrip()
-            for p, a in zip(effect.parameters, amounts)
-        )
-        told = ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in part.shape.items())
-        own = part.name.replace("_", " ") + (
-            f" ({told if part.switch else values})" if told or not part.switch else ""
-        )
-        others = [name.replace("_", " ") for name in group.members if name != part.name and with_others]
-        found.append(
-            own + (f", or {', '.join(others)}, which these readings cannot tell from it" if others else "")
-        )
-    little = f", beside something that these readings cannot name ({' and '.join(rest)} fits)" if rest else ""
-    return " together with ".join(found) + little
+def _model(judgement: Judgement) -> str:
+    """Return what is modelled without a known cause."""
+    model = judgement.model
+    largest = np.abs(model.change).max()
+    where = "correction.csv has it" if model.of_place else "it does not concern labels"
+    return (
+        f"a change of {model.manner}, {largest:.2g} N at most, predicts the readings held out and is modelled as a smooth"
+        f" function, its cause unknown ({where})"
+    )
+
+
+def _unknown_too(judgement: Judgement) -> str:
+    manner = _manner(judgement)
+    chance = judgement.posterior.holding([UNKNOWN])
+    return f"; probably also ({chance:.2f}) something that no known effect is{manner}" if manner else ""
 
 
 def plain(finding: Finding) -> str:
     """Return a pattern of the scan in words that follow "most clearly"."""
     name, _, kind = finding.name.rpartition(", ")  # the last comma: places hold one of their own
-    before = {"depth": "", "position": "", "axis": "", "wave": "as a ", "phase": "as "}.get(finding.kind, "")
+    before = {"depth": "", "position": "", "axis": "", "wave": "as a ", "phase": "in "}.get(finding.kind, "")
     if finding.kind == "depth" and name[0] == "d":
         before = "at "
     how = {"share of the force": " in proportion to the force"}.get(kind, f" as a {kind}" if kind else "")
     return f"{before}{name}{how}"
 
 
-def experiments_in_words(problem: Problem, judgement: Judgement) -> list[form.Experiment]:
+def experiments_in_words(groups: Sequence[form.Group]) -> list[form.Experiment]:
     """Return the experiments that the effects' own files name for what cannot be told apart."""
-    if judgement.answer is None:
-        return []
     return [
-        form.Experiment(words=group.decided_by, separates=group.members)
-        for group in groups_told(problem, judgement.answer.groups)
-        if group.decided_by
+        form.Experiment(words=group.decided_by, separates=group.names) for group in groups if group.decided_by
     ]
 
 
 def left_over(judgement: Judgement) -> list[str]:
-    """Return what an answer that is told leaves, where that is too little to doubt the answer and too much to pass over."""
-    if not judgement.told or judgement.state == "open" or judgement.answer.adequacy.p > form.ADEQUATE_P:
+    """Return what an answer that is given leaves, where that is too little to doubt it and too much to pass over."""
+    if judgement.state not in (*form.IDENTIFIED, "ambiguous"):
         return []
     left = judgement.answer.adequacy
+    if left.p > form.ADEQUATE_P:
+        return []
     return [
         f"something small may be there beside the answer, most clearly {plain(left.scan.best)}: as much is left by chance"
-        f" with p = {left.p:.2g}; below {form.LEFT_P:g} nothing would have been named"
+        f" with p = {left.p:.2g}; below {form.LEFT_P:g} nothing would have been identified"
     ]
 
 
 def unfinished(answer: Answer | None) -> list[str]:
-    """Return which refits were cut short: their amounts would still change by more than their intervals show.
-
-    Not those that were broken off far behind the best.
-    """
-    fits = [] if answer is None else [fit for fit in answer.refits if fit.end is End.MOVING]
-    names = [fit.name.replace("_", " ") for fit in fits]
+    """Return which fits were cut short: their amounts would still change by more than their intervals show."""
+    fits = [] if answer is None else [*answer.refits.values(), answer.fit]
+    names = dict.fromkeys(fit.name.replace("_", " ") for fit in fits if fit.end is End.MOVING)
     if not names:
         return []
-    text = (
+    return [
         f"{', '.join(names)}: the fit was still moving after its last step, or the solver could not"
         " follow it; amounts and intervals are not final"
-    )
-    return [text + ("" if answer.fit.converged else ", and the answer rests on one of them: it is not named")]
+    ]
 
 
 def uncomputed(problem: Problem) -> list[str]:

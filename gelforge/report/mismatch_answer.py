@@ -1,4 +1,4 @@
-"""The chapters of a verdict about its answer: effects in their order, readings set aside, what is undecided."""
+"""The chapters of a verdict about its answer: effects in their order, held-out readings, what is undecided."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from math import log
 
 import pandas as pd
 
-from gelforge.mismatch.verdict import HELD_OUT_ODDS, Experiment, HeldOut, Score
+from gelforge.mismatch.verdict import HELD_OUT_ODDS, Experiment, Group, HeldOut, Model, Score
 from gelforge.report.chapters import Chapter
 from gelforge.report.mismatch_curves import held_out_figure, profile_figure
 from gelforge.report.mismatch_maps import chance_text, pretty
@@ -64,29 +64,40 @@ def ranking(results: MismatchResults) -> Chapter:
             " absence is at 0.",
             profile_figure(profiled),
         )
-    if verdict.law:
-        chapter.say(f"A law, not a cause, of what no effect explains: {verdict.law.words}.")
+    if verdict.model:
+        chapter.say(_model_text(verdict.model, results.axes))
     return chapter
 
 
+def _model_text(model: Model, axes: list[str]) -> str:
+    """Return in words what is modelled without a known cause, where it holds, and what it predicts."""
+    largest = max(model.largest_N["xyz".index(axis)] or 0.0 for axis in axes)
+    low, high = model.depth_mm
+    beside = f" beside {' and '.join(map(pretty, model.beside))}" if model.beside else ""
+    held = model.held_out
+    return (
+        f"Modelled without a known cause{beside}: {model.words}, {largest:.2g} N at most, learnt from depths of {low:.3g} to"
+        f" {high:.3g} mm at {model.sites} positions and not extrapolated. On held-out readings the log score gains"
+        f" {held.gain:+.3g} ± {held.standard_error:.2g}."
+        + (" correction.csv holds it as a correction of simulated forces." if model.corrects_labels else "")
+    )
+
+
 def set_aside(results: MismatchResults) -> Chapter:
-    """Return the errors before and after on blocks that were set aside."""
-    chapter, fit = Chapter("held-out", "On readings it had not seen"), results.verdict.fit
+    """Return the errors before and after on blocks that were held out."""
+    chapter, fit = Chapter("held-out", "On held-out readings"), results.verdict.fit
     if fit.held_out is None:
-        chapter.miss(
-            "Nothing was put into the simulation, so there is nothing to try on readings that were set aside."
-        )
+        chapter.miss("Nothing was put into the simulation, so there is nothing to try on held-out readings.")
     else:
         blocks = [fit.held_out, *fit.held_out_blocks]
-        told = results.verdict.state in ("named", "group")
         chapter.show(
             "Blue should lie left of grey: with the effect in it, fitted to the other readings, the simulation predicts"
-            f" these.{' The amounts told elsewhere follow all readings.' if told else ''}",
+            " these. The amounts given elsewhere follow all readings.",
             held_out_figure(blocks, results.axes),
         )
         chapter.tabulate(
-            f"A gain, less what it pays where these readings helped to choose the answer, counts above twice its standard"
-            f" error, or above {log(HELD_OUT_ODDS):.1f}: odds of a hundred.",
+            "The held-out gain is reported and decides nothing. Less what it pays where these readings helped to choose the"
+            f" answer, it counts above twice its standard error, or above {log(HELD_OUT_ODDS):.1f}: odds of a hundred.",
             filled([_gain_row(block) for block in blocks]),
         )
     rows = [_score_row("before", fit.before)] + ([_score_row("after", fit.after)] if fit.after else [])
@@ -102,7 +113,7 @@ def set_aside(results: MismatchResults) -> Chapter:
 
 def _gain_row(block: HeldOut) -> dict:
     return {
-        "set aside": block.block,
+        "held out": block.block,
         "values": block.before.readings,
         "log score before": block.before.log_score,
         "log score after": block.after.log_score,
@@ -120,15 +131,13 @@ def _score_row(name: str, score: Score) -> dict:
 def undecided(results: MismatchResults) -> Chapter:
     """Return what could not be told apart, and the experiment that would decide."""
     chapter, verdict = Chapter("undecided", "What could not be told apart, and what would"), results.verdict
-    several = [group for group in verdict.answer if len(group.members) > 1]
+    several = [group for group in verdict.answer if len(group.names) > 1]
     for group in several:
-        names = ", ".join(pretty(name) for name in group.members)
-        alike = f" (their changes have a cosine of {group.cosine:.4f})" if group.cosine is not None else ""
-        would = f" What would: {group.decided_by.rstrip('.')}." if group.decided_by else ""
-        chapter.say(f"These readings cannot tell apart {names}{alike}.{would}")
+        would = f" What would decide: {group.decided_by.rstrip('.')}." if group.decided_by else ""
+        chapter.say(f"{_undecided(group)}.{would}")
     if verdict.answer and not several:
         chapter.say("Nothing else that was tried changes these readings in the same way as the answer.")
-    if verdict.state == "open":
+    if verdict.state in ("unexplained", "modelled"):
         chapter.say("No known effect explains what remains, so there is none to tell apart.")
     if verdict.next_experiments:
         chapter.tabulate(
@@ -138,6 +147,19 @@ def undecided(results: MismatchResults) -> Chapter:
     else:
         chapter.say("No further experiment is proposed.")
     return chapter
+
+
+def _undecided(group: Group) -> str:
+    """Return what of a group could not be told apart, and what else it may be."""
+    first, *twins = map(pretty, group.members)
+    said = []
+    if twins:
+        alike = f" (their changes have a cosine of {group.cosine:.4f})" if group.cosine is not None else ""
+        said.append(f"These readings cannot tell apart {', '.join([first, *twins])}{alike}")
+    if group.or_else:
+        others = " or ".join(map(pretty, group.or_else))
+        said.append(f"In place of {first} it may be {others}, of another pattern")
+    return ". ".join(said)
 
 
 def _experiment_row(experiment: Experiment) -> dict:

@@ -6,14 +6,14 @@ import os
 
 import pandas as pd
 
-from gelforge.mismatch.verdict import PAGE, VERDICT, HeldOut, Noise, VerdictError
+from gelforge.mismatch.verdict import PAGE, SURE, VERDICT, Group, HeldOut, Noise, Verdict, VerdictError
 from gelforge.report.chapters import Chapter, Facts, Link
 from gelforge.report.mismatch_answer import ranking, set_aside, undecided
 from gelforge.report.mismatch_curves import noise_figure
 from gelforge.report.mismatch_maps import chance_text, headline_figure, pretty
 from gelforge.report.mismatch_pattern import over_depth, over_time, through_body, where
 from gelforge.report.mismatch_reader import MismatchResults, rms
-from gelforge.report.mismatch_words import STATE_MEANS, amounts_text, number, p_text
+from gelforge.report.mismatch_words import STATE_MEANS, amounts_text, group_text, number, p_text
 from gelforge.report.results_reader import StudyResults
 
 FOLDER = "mismatch"  # of a study's verdict, in its results folder
@@ -31,18 +31,21 @@ def in_short(results: MismatchResults) -> Chapter:
     chapter.show(words, headline_figure(results))
     facts = [("What that means", STATE_MEANS[verdict.state])]
     for group in verdict.answer:
-        names = " or ".join(pretty(name) for name in group.members)
         odds = f", odds {group.odds:.3g} : 1 for the first" if group.odds else ""
-        label = "Missing" if verdict.state != "open" else "The best of the known"
-        facts.append((label, f"{names} (probability {chance_text(group.probability)}{odds})"))
+        facts.append(
+            (
+                _label(verdict, group),
+                f"{group_text(group)} (probability {chance_text(group.probability)}{odds})",
+            )
+        )
         first = next(effect for effect in verdict.effects if effect.name == group.members[0])
         facts += [("Amount", f"{pretty(first.name)}: {amounts_text(first)}")] if first.amounts else []
-    if verdict.unknown is not None and verdict.state == "open":
+    if verdict.unknown is not None and verdict.state in ("unexplained", "modelled"):
         told = f"{chance_text(verdict.unknown.probability)} probable; it would change {verdict.unknown.words}"
-        facts.append(("Something unknown", told))
+        facts.append(("No known effect", told))
     held_out = verdict.fit.held_out
     if held_out:
-        facts.append((f"Error of F{axis}, set aside", _before_after(held_out, axis)))
+        facts.append((f"Error of F{axis}, held out", _before_after(held_out, axis)))
     noise = rms(results.readings.loc[results.readings["axis"] == axis, "sigma_N"])
     facts.append(
         ("Error that is no mismatch", f"{noise:.3g} N: instrument, depth zero, materials' fit, mesh")
@@ -57,9 +60,16 @@ def in_short(results: MismatchResults) -> Chapter:
     if verdict.adequacy:
         a = verdict.adequacy
         told = f"{a.words}: by chance {p_text(a.p)}, as strong a pattern {p_text(a.scan_p)}"
-        facts.append(("After it", told + ("; but what was set aside refutes it" if a.refuted else "")))
+        facts.append(("After it", told))
     chapter.blocks.append(Facts(facts))
     return chapter
+
+
+def _label(verdict: Verdict, group: Group) -> str:
+    """Return what a group of the answer is."""
+    if not verdict.identified:
+        return "Possible" if verdict.state == "ambiguous" else "The best of the known"
+    return "Missing" if group.probability >= SURE else "Perhaps also"
 
 
 def _before_after(block: HeldOut, axis: str) -> str:
@@ -71,15 +81,13 @@ def _before_after(block: HeldOut, axis: str) -> str:
 
 
 def noise(results: MismatchResults) -> Chapter:
-    """Return the errors that were allowed for, and the verdict under others."""
-    chapter, stated = Chapter("noise", "If the noise were another"), results.verdict.noise
+    """Return the errors that were allowed for, and the verdict under others where that was asked."""
+    chapter, stated = Chapter("noise", "Errors that were allowed for"), results.verdict.noise
     if stated.sensitivity:
         chapter.show(
             "The verdict, from left to right, as the force sensor is believed to be worse; numbers are its probability.",
             noise_figure(stated.sensitivity),
         )
-    else:
-        chapter.miss("The verdict was not repeated under other noise.")
     named = {"one reading": stated.stated_N, "zero, per press": stated.zero_N}
     named |= {"mesh": stated.floor_N, "materials' fit": stated.law_N}
     rows = [{"error of": n} | {f"{a}_N": number(v) for a, v in zip("xyz", s)} for n, s in named.items()]
@@ -131,8 +139,8 @@ def limits(results: MismatchResults) -> Chapter:
 
 
 def outliers(results: MismatchResults) -> Chapter:
-    """Return the readings that were set aside as outliers."""
-    chapter, found = Chapter("outliers", "Readings set aside as outliers"), results.verdict.outliers
+    """Return the readings that were left out as outliers."""
+    chapter, found = Chapter("outliers", "Readings left out as outliers"), results.verdict.outliers
     if not found:
         chapter.say("None: every reading was judged.")
         return chapter

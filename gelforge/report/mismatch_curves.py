@@ -1,4 +1,4 @@
-"""A mismatch over depth, over time, on readings set aside, and over the noise that is believed."""
+"""A mismatch over depth, over time, on held-out readings, and over the noise that is believed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gelforge.report.style import INK, MEASURED, PUBLISHED, SIMULATED, new_figur
 BEFORE = {"color": PUBLISHED, "label": "simulated before"}
 AFTER = {"color": SIMULATED, "label": "simulated after"}
 SIGMAS = 2  # of every band
-BLOCKS = {"all": "all set aside", "positions": "other positions", "deepest": "deepest presses"}
+BLOCKS = {"all": "all held out", "positions": "other positions", "deepest": "deepest presses"}
 PROFILE_DROP = 1.353  # of the log likelihood at the ends of a 90 % interval: half of chi-squared's 90 % point, one degree
 
 
@@ -128,7 +128,7 @@ def _session_time(readings: pd.DataFrame) -> tuple[pd.DataFrame, list[tuple[str,
 
 @styled
 def held_out_figure(blocks: list[HeldOut], axes_read: list[str]) -> Figure:
-    """Return the error before and after on each block that was set aside: a line per block and axis."""
+    """Return the error before and after on each block that was held out: a line per block and axis."""
     rows = [(block, axis) for block in blocks for axis in axes_read]
     figure, axes = new_figure(7.4, 0.9 + 0.3 * len(rows))
     ax = axes[0, 0]
@@ -146,7 +146,7 @@ def held_out_figure(blocks: list[HeldOut], axes_read: list[str]) -> Figure:
     ax.set_xlim(0, 1.35 * max(ax.get_xlim()[1], 1e-6))
     ax.invert_yaxis()
     ax.tick_params(axis="y", length=0)
-    ax.set_xlabel("rms error on readings that were set aside [N]")
+    ax.set_xlabel("rms error on held-out readings [N]")
     handles = dict(zip(*ax.get_legend_handles_labels()[::-1]))
     figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=2)
     return figure
@@ -154,7 +154,7 @@ def held_out_figure(blocks: list[HeldOut], axes_read: list[str]) -> Figure:
 
 def answer_text(case: NoiseCase | Verdict) -> str:
     """Return state and answer in a few words, as on an axis."""
-    groups = case.answer if isinstance(case, NoiseCase) else [group.members for group in case.answer]
+    groups = case.answer if isinstance(case, NoiseCase) else [group.names for group in case.answer]
     names = " and ".join(" or ".join(pretty(name) for name in group) for group in groups)
     names += " and something more" if isinstance(case, NoiseCase) and case.beside else ""
     return f"{case.state}: {names}" if names else case.state

@@ -27,7 +27,7 @@ from gelforge.report.style import (
 
 CHANCES = 5  # bars of the headline
 OTHER = "#9AA3AB"
-NOTHING = "#009E73"  # as the page marks a verdict of null
+NOTHING = "#009E73"  # as the page marks a verdict of consistent
 FADED = 0.4  # opacity of a patch whose change is within two standard deviations
 
 
@@ -52,7 +52,7 @@ def square_mm(sites: pd.DataFrame, width_mm: float) -> float:
 
 
 def draw_residual_map(ax: Axes, results: MismatchResults, axis: str, column: str, limit: float):
-    """Draw the mean residual (before or after) at each site, sites set aside framed; return what the bar belongs to."""
+    """Draw the mean residual (before or after) at each site, held-out sites framed; return what the bar belongs to."""
     sites = results.site_means[results.site_means["axis"] == axis]
     sites = sites.sort_values("held_out", kind="stable")  # frames lie on top
     sensor = results.verdict.sensor
@@ -108,15 +108,15 @@ def headline_figure(results: MismatchResults) -> Figure:
 def draw_chances(ax: Axes, results: MismatchResults) -> None:
     """Draw the probability of the first few effects, of something unknown and of nothing; the answer's members in blue."""
     verdict = results.verdict
-    members = {name for group in verdict.answer for name in group.members}
+    members = {name for group in verdict.answer for name in group.names}
     bars = [
         (pretty(e.name), e.probability, SIMULATED if e.name in members else OTHER)
         for e in verdict.effects[:CHANCES]
     ]
     if verdict.unknown is not None:
-        colour = SIMULATED if verdict.state == "open" else OTHER
-        bars.append(("something unknown", verdict.unknown.probability, colour))
-    nothing = NOTHING if verdict.state == "null" else OTHER
+        colour = SIMULATED if verdict.state in ("unexplained", "modelled") else OTHER
+        bars.append(("no known effect", verdict.unknown.probability, colour))
+    nothing = NOTHING if verdict.state == "consistent" else OTHER
     bars.append(("nothing is missing", verdict.null_probability, nothing))
     for row, (_, chance, colour) in enumerate(bars):
         ax.barh(row, chance, color=colour, height=0.62)

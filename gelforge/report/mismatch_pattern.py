@@ -17,7 +17,7 @@ def where(results: MismatchResults) -> Chapter:
     if verdict.sensor:
         chapter.show(
             "Means over the loading at each site. Every map is on the same colour scale, so a paler one agrees better."
-            " Squares with a dark frame were set aside and not fitted"
+            " Squares with a dark frame were held out for the proof below"
             + (
                 "; a dashed circle is around a pattern, or a defect, of the table below."
                 if _located(verdict.where)

@@ -62,14 +62,14 @@ class MismatchResults:
     @cached_property
     def strongest_axis(self) -> str:
         """Return the axis whose residual before is largest beside its noise; z where nothing was found on any."""
-        if self.verdict.state == "null" and "z" in self.axes:
+        if self.verdict.state == "consistent" and "z" in self.axes:
             return "z"
         size = (self.readings["before"] / self.readings["sigma_N"]) ** 2
         return str(size.groupby(self.readings["axis"]).sum().idxmax())
 
     @cached_property
     def site_means(self) -> pd.DataFrame:
-        """Return before and after, mean over the loading at each site and axis, and whether the site was set aside."""
+        """Return before and after, mean over the loading at each site and axis, and whether the site was held out."""
         table = self.readings
         loading = table["phase"].isin(LOADING)
         table = table[loading] if loading.any() else table
@@ -80,7 +80,7 @@ class MismatchResults:
         return means.assign(held_out=aside).reset_index()
 
     def shown_sites(self, most: int = 3) -> list[tuple[str, str]]:
-        """Return (site, why it is shown): the largest residual, the nearest to the centre, one that was set aside."""
+        """Return (site, why it is shown): the largest residual, the nearest to the centre, one that was held out."""
         sites = self.site_means[self.site_means["axis"] == self.strongest_axis].set_index("site")
         size = sites["before"].abs()
         middle = np.array([sites["x_mm"].mean(), sites["y_mm"].mean()])
@@ -89,7 +89,7 @@ class MismatchResults:
         chosen.setdefault(distance.idxmin(), "nearest to the centre")
         aside = size[sites["held_out"] & ~sites.index.isin(chosen)]
         if len(aside):
-            chosen[aside.idxmax()] = "set aside, not fitted"
+            chosen[aside.idxmax()] = "held out for the proof"
         elif len(chosen) < min(most, len(sites)):
             chosen[size.drop(list(chosen)).idxmin()] = "smallest mismatch"
         return list(chosen.items())[:most]

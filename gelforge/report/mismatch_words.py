@@ -7,25 +7,37 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from gelforge.mismatch.verdict import Amount, NamedEffect, Unknown
+from gelforge.mismatch.verdict import Amount, Group, NamedEffect, Unknown
 from gelforge.report.mismatch_maps import chance_text, pretty
 
 UNITS = ("_mm", "_s", "_deg")  # that end the keys of a shape
 STATES = {
-    "null": "nothing to explain",
-    "named": "the missing physics has a name",
-    "group": "one of a few, which these readings cannot tell apart",
-    "open": "something is missing that no known effect explains",
-    "insufficient": "these readings cannot tell",
+    "consistent": "nothing to explain",
+    "identified": "the missing physics has a name",
+    "form_free": "the missing physics has a name, its form was fitted",
+    "modelled": "what differs is modelled, its cause is unknown",
+    "ambiguous": "several causes are possible, and none is sure",
+    "inconclusive": "these readings cannot tell",
+    "unexplained": "something is missing that no known effect explains",
 }
 STATE_MEANS = {
-    "null": "Simulation and readings differ by no more than the errors that were allowed for.",
-    "named": "One explanation stands far above all others, leaves nothing but noise, and improves the prediction of readings"
-    " that were set aside before anything was fitted.",
-    "group": "The mismatch is real and narrowed down, but the members of the group change these readings in the same way.",
-    "open": "The mismatch is real. What the catalogue knows does not explain all of it, and no name is given to the rest.",
-    "insufficient": "Plausible amounts of missing physics would not show in these readings, or not clearly enough.",
+    "consistent": "Simulation and readings differ by no more than the errors that were allowed for.",
+    "identified": "One explanation is at least nine times as probable as all others together, and leaves nothing but noise."
+    " Effects that change these readings in the same way count as one.",
+    "form_free": "Which physics is missing is known; its dependence was fitted freely, as no known form of it suffices.",
+    "modelled": "The mismatch is real and no known effect explains it. A model of the difference predicts held-out readings;"
+    " it says nothing of the cause.",
+    "ambiguous": "The mismatch is real and narrowed down, but no explanation is as probable as a claim has to be.",
+    "inconclusive": "Plausible amounts of missing physics would not show in these readings, or not clearly enough.",
+    "unexplained": "The mismatch is real. What the catalogue knows does not explain all of it, and no name is given to the"
+    " rest.",
 }
+
+
+def group_text(group: Group) -> str:
+    """Return the effects of a group: members, then those of another pattern."""
+    names = " or ".join(pretty(name) for name in group.members)
+    return names + "".join(f", or else {pretty(name)}" for name in group.or_else)
 
 
 def amounts_text(effect: NamedEffect) -> str:
@@ -75,7 +87,10 @@ def unknown_text(unknown: Unknown | None) -> str:
     """Return how probable something unknown is, and what it would change."""
     if unknown is None:
         return ""
-    return f", that something unknown is missing {chance_text(unknown.probability)} (it would change {unknown.words})"
+    return (
+        f", that something is missing that no known effect is {chance_text(unknown.probability)}"
+        f" (it would change {unknown.words})"
+    )
 
 
 def filled(rows: list[dict]) -> pd.DataFrame:

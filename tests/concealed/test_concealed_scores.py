@@ -22,28 +22,30 @@ def test_no_case_says_nothing():
 
 
 CASES = [
-    Judged("null", 0.0, (), "null", ()),
-    Judged("null", 0.0, (), "insufficient", ()),
-    Judged("null", 0.0, (), "open", ()),  # an alarm
-    Judged("null", 0.0, (), "named", ((("yaw",), 0.95),)),  # an alarm, wrong and confident
-    Judged("single", 10.0, ("tilt",), "named", ((("tilt",), 0.97),), (True, True), 0.9, snr_each=(10.0,)),
+    Judged("null", 0.0, (), "consistent", ()),
+    Judged("null", 0.0, (), "inconclusive", ()),
+    Judged("null", 0.0, (), "unexplained", ()),  # an alarm
+    Judged("null", 0.0, (), "identified", ((("yaw",), 0.95),)),  # an alarm, wrong and confident
     Judged(
-        "single", 10.0, ("tilt",), "group", ((("wedge", "tilt"), 0.92),), (False,), 0.5
+        "single", 10.0, ("tilt",), "identified", ((("tilt",), 0.97),), (True, True), 0.9, snr_each=(10.0,)
+    ),
+    Judged(
+        "single", 10.0, ("tilt",), "form_free", ((("wedge", "tilt"), 0.92),), (False,), 0.5
     ),  # right group, not first
-    Judged("single", 3.0, ("void",), "named", ((("yaw",), 0.6),)),  # wrong, not confident
+    Judged("single", 3.0, ("void",), "identified", ((("yaw",), 0.6),)),  # wrong, not confident
     Judged("single", 9.0, ("void",), "failed", ()),
     Judged(
         "pair",
         12.0,
         ("tilt", "yaw"),
-        "group",
+        "identified",
         ((("tilt",), 0.9), (("yaw", "tilt"), 0.8)),
         snr_each=(9.0, 8.0),
     ),
-    Judged("pair", 12.0, ("tilt", "void"), "named", ((("tilt",), 0.9),), snr_each=(9.0, 8.5)),
-    Judged("pair", 12.0, ("tilt", "void"), "named", ((("tilt",), 0.9),), snr_each=(12.0, 4.0)),
-    Judged("outside", 9.0, ("",), "open", ((("yaw",), 0.95),)),  # what open keeps is a hint
-    Judged("outside", 9.0, ("",), "named", ((("yaw",), 0.95),)),  # wrong and confident
+    Judged("pair", 12.0, ("tilt", "void"), "identified", ((("tilt",), 0.9),), snr_each=(9.0, 8.5)),
+    Judged("pair", 12.0, ("tilt", "void"), "identified", ((("tilt",), 0.9),), snr_each=(12.0, 4.0)),
+    Judged("outside", 9.0, ("",), "unexplained", ((("yaw",), 0.95),)),  # a hint
+    Judged("outside", 9.0, ("",), "identified", ((("yaw",), 0.95),)),  # wrong and confident
 ]
 
 
@@ -60,7 +62,10 @@ CASES = [
         ("pairs, each SNR >= 8: both", 1, 2),
         ("pairs: one at least", 3, 3),
         ("effects of singles and pairs, SNR >= 8: in a group", 5, 6),
-        ("outside: open", 1, 2),
+        ("outside: no name", 1, 2),
+        ("outside, SNR >= 8: not wrongly named", 1, 2),
+        ("inconclusive on nulls", 1, 4),
+        ("singles, SNR >= 8: a claim of 0.9 and more", 2, 3),
         ("90 % intervals: cover", 2, 3),
         ("share of the oracle's gain >= 80 %", 1, 2),
     ],
@@ -70,8 +75,8 @@ def test_scores_of_a_hand_made_set(name, k, n):
 
 
 def test_how_often_the_tests_fire_is_counted_on_nulls_whose_p_is_known():
-    nulls = [Judged("null", 0.0, (), "null", (), p=p) for p in (0.5, 0.009, 0.011, float("nan"))]
-    other = Judged("single", 10.0, ("tilt",), "null", (), p=1e-6)
+    nulls = [Judged("null", 0.0, (), "consistent", (), p=p) for p in (0.5, 0.009, 0.011, float("nan"))]
+    other = Judged("single", 10.0, ("tilt",), "consistent", (), p=1e-6)
     assert scores([*nulls, other])["a test below 0.01 on nulls"] == Rate(1, 3)
 
 
@@ -115,21 +120,46 @@ def test_a_claimed_defect_is_as_far_as_it_lies_from_the_true_one():
     ]
     place = {"x_mm": 5.0, "y_mm": 13.0, "z_mm": -3.0, "radius_mm": 1.2}
     verdict = {
-        "state": "group", "answer": [{"members": ["inclusion", "void"], "probability": 0.99}],
+        "state": "identified", "answer": [{"members": ["inclusion", "void"], "probability": 0.99}],
         "effects": [{"name": "void", "shape": place}, {"name": "yaw", "shape": {}}],
     }  # fmt: skip
     assert judged_from(truth, verdict, None).distance_mm == pytest.approx(5.0)
-    assert np.isnan(judged_from(truth, verdict | {"state": "open"}, None).distance_mm)
+    assert np.isnan(judged_from(truth, verdict | {"state": "ambiguous"}, None).distance_mm)
     other = verdict | {"answer": [{"members": ["yaw"], "probability": 0.99}]}
     assert np.isnan(judged_from(truth, other, None).distance_mm)
 
 
 def test_intervals_count_where_the_effect_was_found():
     verdict = {
-        "state": "named", "answer": [{"members": ["tilt"], "probability": 0.99}], "where": [],
+        "state": "identified", "answer": [{"members": ["tilt"], "probability": 0.99}], "where": [],
         "effects": [{"name": "tilt", "amounts": [{"name": "about_x", "value": 0.48, "interval_90": [0.4, 0.6]}]}],
     }  # fmt: skip
     found = judged_from(truth_of([[0, 0, 0]] * 2), verdict, None)
     assert found.covered == (True,) and found.short == pytest.approx((0.02 * 3.29 / 0.2,))  # 0.5 is true
     verdict["effects"][0]["amounts"][0]["interval_90"] = [0.51, 0.6]
     assert judged_from(truth_of([[0, 0, 0]] * 2), verdict, None).covered == (False,)
+
+
+@pytest.mark.parametrize(
+    ("former", "probability", "now"),
+    [
+        ("null", 0.0, "consistent"),
+        ("insufficient", 0.0, "inconclusive"),
+        ("open", 0.97, "unexplained"),
+        ("named", 0.97, "identified"),
+        ("group", 0.93, "identified"),
+        ("group", 0.7, "ambiguous"),
+    ],
+)
+def test_verdicts_of_the_former_format_are_read_in_the_words_of_this_one(former, probability, now):
+    answer = [{"members": ["wedge", "tilt"], "probability": probability}]
+    verdict = {"state": former, "answer": answer if probability else [], "effects": []}
+    found = judged_from(truth_of([[0, 0, 0]] * 2), verdict, None)
+    assert found.state == now and found.found == [now == "identified"]
+
+
+def test_what_may_be_there_instead_counts_as_part_of_a_group():
+    answer = [{"members": ["wedge"], "or_else": ["tilt"], "probability": 0.95}]
+    verdict = {"state": "identified", "answer": answer, "effects": []}
+    found = judged_from(truth_of([[0, 0, 0]] * 2), verdict, None)
+    assert found.found == [True] and not found.first and not found.wrong_and_confident

@@ -109,7 +109,7 @@ def test_a_single_is_judged_again_without_its_effect(judged, monkeypatch):
     assert study.mismatch.leave_out == [single["truth"]["effects"][0]["name"]]
     assert study.mismatch.coarser == load_study(sets.base_config(judged, single["name"])).mismatch.coarser
     told = left_out.table_of_left_out(judged)
-    assert "nothing said: 1/1" in told and "open: 0/1" in told
+    assert "nothing said: 1/1" in told and "no name: 0/1" in told
 
 
 @pytest.mark.parametrize("what", ["truth", "verdict", "recording"])

@@ -12,11 +12,10 @@ from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.judge import _state, judge
 from gelforge.mismatch.problem import Problem
-from gelforge.mismatch.remains import Remains
-from gelforge.mismatch.stage import at_first_order
+from gelforge.mismatch.published import at_first_order
 
 LOCATED = {"void", "inclusion", "delamination"}
-SETTINGS = Mismatch(sites=9, rivals=2, draws=1000)
+SETTINGS = Mismatch(sites=9, draws=1000)
 
 
 def problem_of(context, left_out=LOCATED):
@@ -42,15 +41,14 @@ def judged(context, **keys):
 
 
 @cache  # of the process: nothing of it is changed in place
-def named():
+def identified():
     """Return a problem with a tilt in it, its judgement, and a function that puts another answer in its place."""
     base = artificial.context(17, per_side=3)
     problem = problem_of(artificial.with_effect(base, "tilt", [4.0, -3.0], np.random.default_rng(18)))
     found = judge(problem, SETTINGS, seed=1)
-    assert found.state == "named" and not found.answer.refuted
+    assert found.state == "identified"
 
-    def state(p=1e-4, **other):
-        test, scan = (replace(one, p=p) for one in (found.mismatch.test, found.mismatch.scan))
-        return _state(problem, Remains(test, scan), replace(found.answer, **other))
+    def state(out=False, model=None, **other):
+        return _state(replace(found.answer, **other), out, model)
 
     return problem, found, state

@@ -1,4 +1,4 @@
-"""What a verdict says of its errors and of refits that were cut short, on ARTIFICIAL readings."""
+"""What a verdict says of its errors, its groups and of fits that were cut short, on ARTIFICIAL readings."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -6,15 +6,17 @@ from types import SimpleNamespace
 import artificial
 import numpy as np
 import pytest
-from artificial_problem import SETTINGS, problem_of
+from artificial_problem import SETTINGS, identified, problem_of
 
-from gelforge.mechanics.equilibrium import NotConverged
-from gelforge.mismatch import search
+from gelforge.mismatch.alternatives import effects_of
 from gelforge.mismatch.covariance import readings_covariance
+from gelforge.mismatch.effect_words import PHRASES, in_general, with_amount
+from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.effects_told import effects_told
 from gelforge.mismatch.experiments import with_experiments
 from gelforge.mismatch.findings import _noise, located, verdict_of
 from gelforge.mismatch.judge import judge
-from gelforge.mismatch.remains import remains
+from gelforge.mismatch.refit import End
 from gelforge.mismatch.screen import Candidate
 from gelforge.mismatch.verdict import Provenance
 from gelforge.mismatch.words import uncomputed
@@ -38,24 +40,15 @@ def test_the_errors_of_mesh_and_laws_are_told_apart_whoever_shares_depth_zero(ze
     assert noise.floor_N == pytest.approx(0.002 * size, rel=1e-5)
 
 
-def stuck_at_first(problem, share):
-    """Return forces that are a little less than linear, by a solver that does not get beyond the first amounts."""
-    first = {}
-
-    def forces(parts, amounts, rows):
-        name = tuple(part.name for part in parts)
-        if not np.allclose(np.concatenate(amounts), first.setdefault(name, np.concatenate(amounts))):
-            raise NotConverged("the gel folds")
-        return problem.forces_with(parts, [share * a for a in amounts], rows)
-
-    return forces
-
-
 def answer_of(parts):
-    return SimpleNamespace(final=SimpleNamespace(fit=SimpleNamespace(parts=parts)))
+    return SimpleNamespace(fit=SimpleNamespace(parts=parts))
 
 
-def test_where_a_defect_of_the_answer_lies_is_told_with_its_layer():
+def verdict(problem, judgement):
+    return verdict_of(problem, judgement, "artificial", True, None, PROVENANCE)
+
+
+def test_where_a_defect_of_the_answer_lies_is_reported_with_its_layer():
     """The artificial sensor: 4.5 mm of gel, the top of which is 1.5 mm below the surface."""
     sensor = artificial.study().sensor
     ball = {"x_mm": 7.0, "y_mm": 12.0, "z_mm": -3.0, "radius_mm": 1.2}
@@ -64,9 +57,7 @@ def test_where_a_defect_of_the_answer_lies_is_told_with_its_layer():
     parts = [
         Candidate(n, s, none, [1.0], [1]) for n, s in (("void", ball), ("yaw", {}), ("delamination", disc))
     ]
-    told = [SimpleNamespace(members=["void", "inclusion"]), SimpleNamespace(members=["yaw", "delamination"])]
-    assert [place.layer for place in located(answer_of(parts), sensor, told[:1])] == ["gel"]  # what is told
-    found = located(answer_of(parts), sensor, told)
+    found = located(answer_of(parts), sensor)
     assert [(place.x_mm, place.y_mm, place.radius_mm) for place in found] == [
         (7.0, 12.0, 1.2),
         (5.0, 5.0, 2.1),
@@ -86,59 +77,84 @@ def test_weights_are_told_to_decide_between_a_gain_and_a_stiffness_with_cost_and
     assert pair[0].presses == 0 and pair[0].cost_s > 0 and pair[0].expected_log_odds > np.log(10)
 
 
-def verdict(problem, judgement):
-    return verdict_of(problem, judgement, "artificial", True, None, PROVENANCE)
-
-
-@pytest.mark.thorough
 @pytest.mark.parametrize(
-    ("p", "state", "words"),
-    [
-        (0.5, "named", "only noise remains"),
-        (0.0045, "named", "something small may remain"),
-        (0.002, "open", "something remains"),
-    ],
+    ("p", "words"),
+    [(0.5, "only noise remains"), (0.0045, "something small may remain"), (0.002, "something remains")],
 )
-def test_what_an_answer_leaves_is_told_below_one_per_cent_and_doubts_it_below_two_per_mille(
-    monkeypatch, p, state, words
-):
-    def left(*given):
-        found = remains(*given)
-        return replace(found, scan=replace(found.scan, p=p))
+def test_what_an_answer_leaves_is_reported_below_one_per_cent_and_doubts_it_below_two_per_mille(p, words):
+    problem, found, state = identified()
+    left = found.answer.adequacy
+    left = replace(left, test=replace(left.test, p=0.9), scan=replace(left.scan, p=p))
+    now = state(adequacy=left)
+    assert now == ("unexplained" if p == 0.002 else "identified")
+    said = verdict(problem, replace(found, state=now, answer=replace(found.answer, adequacy=left)))
+    assert any(f"p = {p:.2g}" in sentence for sentence in said.cannot_know) == (p == 0.0045)
+    assert ("leaves something" in said.sentence) == (now == "unexplained")
+    assert said.adequacy.words == words
 
-    monkeypatch.setattr(search, "remains", left)
-    base = artificial.context(7, per_side=3)
-    problem = problem_of(
-        artificial.with_effect(base, "misregistration", [0.8, 0.3], np.random.default_rng(8))
+
+def test_a_fit_that_was_cut_short_is_reported():
+    problem, found, _ = identified()
+    assert not any("not final" in said for said in verdict(problem, found).cannot_know)
+    moving = replace(found.answer, fit=replace(found.answer.fit, end=End.MOVING))
+    told = verdict(problem, replace(found, answer=moving))
+    assert any("tilt" in said or "cross talk" in said for said in told.cannot_know if "not final" in said)
+
+
+def test_groups_stand_as_they_are_sure_and_what_is_not_is_said_with_its_probability():
+    problem, found, _ = identified()
+    (group,) = found.answer.groups
+    rest = next(name for name in found.posterior.singles if name not in group.members)
+    beside = replace(group, members=(rest,), or_else=("clock_offset",), probability=0.62, cosines={rest: 1.0})
+    fit, spread = found.answer.fit, np.eye(1)
+    single = found.posterior.singles[rest]
+    k = len(single.amounts)
+    spread = np.zeros((len(fit.spread) + k,) * 2)
+    spread[: -k or None, : -k or None] = fit.spread
+    spread[-k:, -k:] = single.covariance
+    fit = replace(
+        fit, parts=(*fit.parts, single.parts[0]), amounts=(*fit.amounts, single.amounts), spread=spread,
+        columns=np.column_stack([fit.columns, single.parts[0].columns]),
+    )  # fmt: skip
+    winner = replace(found.answer.winner, parts=fit.parts)
+    posterior = found.posterior.with_evidence({effects_of(winner): 1.0})
+    answer = replace(found.answer, groups=(beside, group), fit=fit, winner=winner, posterior=posterior)
+    said = verdict(problem, replace(found, answer=answer, posterior=posterior))
+    assert [one.members for one in said.answer] == [[*group.members], [rest]]
+    assert "; probably also (0.62) " in said.sentence
+    assert "or else the clocks of force sensor and stage disagree" in said.sentence
+    assert [effect.name for effect in said.effects[:2]] in (
+        [group.members[0], rest],
+        [rest, group.members[0]],
     )
+
+
+def test_amounts_in_place_of_an_effect_are_those_beside_the_others():
+    """Of two effects that act together, what may stand in place of one is as large as it is beside the other."""
+    base, rng = artificial.context(9, per_side=3), np.random.default_rng(10)
+    tilt = CATALOGUE["tilt"].to_forces(base, {}, base.force, np.array([2.5, 0.0]))
+    both = CATALOGUE["viscoelastic"].to_forces(base, {"part": "gel", "time_s": 1.0}, tilt, np.array([0.5]))
+    problem = problem_of(artificial.read(base, both, rng))
     found = judge(problem, SETTINGS, seed=1)
-    assert found.state == state
-    told = verdict(problem, found)
-    assert any(f"p = {p:.2g}" in said for said in told.cannot_know) == (p == 0.0045)
-    assert ("leaves something" in told.sentence) == (state == "open")
-    assert told.adequacy.words == words
-
-
-@pytest.mark.thorough
-def test_what_rests_on_an_unfinished_refit_is_not_named_and_told():
-    base = artificial.context(7, per_side=3)
-    problem = problem_of(
-        artificial.with_effect(base, "misregistration", [0.8, 0.3], np.random.default_rng(8))
+    first = next(group for group in found.answer.groups if "tilt" in group.members)
+    other = next(name for name in first.members if name != first.members[0])
+    said = {effect.name: effect for effect in effects_told(problem, found)}
+    pair = effects_of(found.answer.winner) - {first.members[0]} | {other}
+    assert said[other].log_bayes_factor == pytest.approx(
+        found.answer.refits[pair].log_bayes_factor
+        if pair in found.answer.refits
+        else found.posterior.sets[pair].log_bayes_factor
     )
-    finished = judge(problem, SETTINGS, seed=1)
-    assert finished.state == "named" and finished.answer.fit.converged
-    told = verdict(problem, finished)
-    assert not any("final" in sentence for sentence in told.cannot_know)
 
-    cut_short = replace(problem, forces_with=stuck_at_first(problem, 0.96))
-    found = judge(cut_short, SETTINGS, seed=1)
-    # All that `named` asks for is there, except that the amounts have come to rest.
-    assert found.answer.adequacy.p > 0.01 and found.answer.gain.clear
-    assert found.answer.fit.name == "misregistration" and not found.answer.fit.converged
-    assert found.state == "insufficient"
-    told = verdict(cut_short, found)
-    assert any("misregistration" in said and "it is not named" in said for said in told.cannot_know)
-    assert "not come to rest" in told.sentence
+
+def test_every_effect_has_a_clause_that_says_what_it_means():
+    assert set(PHRASES) == set(CATALOGUE)
+    gel = CATALOGUE["gel_stiffness"]
+    assert with_amount(gel, {}, [0.12]) == "the gel is 12 % stiffer than simulated"
+    assert with_amount(gel, {}, [-0.2]) == "the gel is 20 % softer than simulated"
+    assert in_general("gel_stiffness") == "the gel differs in stiffness"
+    place = {"x_mm": 7.0, "y_mm": 12.5, "z_mm": -3.0, "radius_mm": 1.2}
+    assert with_amount(CATALOGUE["void"], place, [1.0]) == "there is a void in the gel near (7, 12.5) mm"
 
 
 def test_what_could_not_be_tried_is_told_once_and_not_of_what_was_tried_elsewhere():

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal
 from test_screen import make
 
-from gelforge.mismatch.holdout import Blocks, Gain, gain, predictive_scores, split
+from gelforge.mismatch.holdout import Blocks, gain, paid_for_choice, predictive_scores, split
 from gelforge.mismatch.screen import screened
 
 
@@ -150,22 +150,6 @@ def test_the_error_of_a_gain_is_what_noise_gives_it(world):
     assert np.mean(gains) == pytest.approx(found.standard_error**2 / 2, rel=0.12)
 
 
-@pytest.mark.parametrize(
-    ("total", "error", "refuted"),
-    [
-        (0.0, 4.0, False),
-        (-5.0, 4.0, True),
-        (19.0, 8.0, False),
-        (7.0, 8.0, True),
-        (260.0, 32.0, False),
-        (250.0, 32.0, True),
-    ],
-)
-def test_an_answer_is_refuted_where_it_gains_far_less_than_a_true_one(total, error, refuted):
-    """True: SE^2 / 2 give or take SE. At 4: 8 - 12 = -4; at 8: 32 - 24 = 8; at 32 half of 512, since models err a little."""
-    assert Gain(total, error, 3).refutes == refuted
-
-
 @pytest.mark.thorough
 def test_a_change_that_errs_may_gain_less(world):
     """Truths with an error of their own: the gain scatters by noise and by that error, added in squares."""
@@ -186,7 +170,6 @@ def test_a_change_that_errs_may_gain_less(world):
     C = covariance.whiten(np.eye(len(labels)))
     wider = covariance.erring(0.3 * change[:, None]).whiten(np.eye(len(labels)))
     assert_allclose(np.linalg.inv(wider.T @ wider) - np.linalg.inv(C.T @ C), errors @ errors.T, atol=1e-12)
-    assert not Gain(0.2 * scatter, found.standard_error, 3, found.doubt).refutes
 
 
 def test_no_training_is_an_error(world):
@@ -194,3 +177,14 @@ def test_no_training_is_an_error(world):
     every = np.ones(len(labels), bool)
     with pytest.raises(ValueError, match="training"):
         predictive_scores(np.zeros(len(labels)), covariance, Blocks(~every, {"all": every}), labels)
+
+
+def test_a_choice_costs_the_more_the_less_the_training_readings_had_chosen():
+    trained = np.zeros(4)
+    assert paid_for_choice(trained, np.array([5.0, -40.0, -40.0, -40.0])) == pytest.approx(-np.log(4))
+    assert paid_for_choice(np.array([0.0, -9.0]), np.array([5.0, -20.0])) == pytest.approx(
+        -np.log1p(np.exp(-9))
+    )
+    assert paid_for_choice(np.array([-9.0, 0.0]), np.array([5.0, -20.0])) < -8.9
+    assert paid_for_choice(trained, np.full(4, 5.0)) == pytest.approx(0.0, abs=1e-12)  # all predict alike
+    assert paid_for_choice(np.array([3.0]), np.array([7.0])) == 0.0

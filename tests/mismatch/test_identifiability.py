@@ -9,19 +9,16 @@ from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal
 from test_screen import make
 
-from gelforge.mismatch.alternatives import WORTH, Alternatives, probabilities
-from gelforge.mismatch.groups import grouped
 from gelforge.mismatch.identifiability import (
     DETECTED_SNR,
-    RIVAL,
     Plan,
     cosines,
     detection_limits,
     expected_log_odds,
-    group_of_winner,
     next_experiment,
     profile,
 )
+from gelforge.mismatch.inference.posterior import MOST_TWINS, twins_of
 from gelforge.mismatch.scan import dictionary, scan
 from gelforge.mismatch.screen import Candidate, screened
 
@@ -41,80 +38,32 @@ def test_cosines():
     assert_allclose(found, [[1, np.sqrt(0.5), 0], [np.sqrt(0.5), 1, 0], [0, 0, 0]])
 
 
-def test_effects_that_scale_all_forces_are_one_group(world):
+def twins(world, changed, others=()):
+    """Return what these readings cannot tell apart where the change (n,) [N] is read."""
     _, covariance, candidates = world
-    stiffness = named(candidates, "gel_stiffness")
+    r = changed + covariance.draw(np.random.default_rng(1), 1)[:, 0]
+    return twins_of(covariance, {one.name: one for one in screened(r, covariance, [*candidates, *others])})
+
+
+def test_effects_that_scale_all_forces_are_twins(world):
+    stiffness = named(world[2], "gel_stiffness")
     twin = replace(stiffness, name="force_gain")
-    r = 0.4 * stiffness.columns[:, 0] + covariance.draw(np.random.default_rng(1), 1)[:, 0]
-    ranked = screened(r, covariance, [*candidates, twin])
-    p = probabilities(ranked)
-    group = group_of_winner(ranked, covariance, p)
-    assert set(group.members) == {"gel_stiffness", "force_gain"}
-    assert (
-        group.probability == pytest.approx(p["gel_stiffness"] + p["force_gain"]) and group.probability > 0.9
+    found = twins(world, 0.4 * stiffness.columns[:, 0], [twin])
+    assert found["gel_stiffness"] == found["force_gain"] == {"gel_stiffness", "force_gain"}
+
+
+def test_effects_that_differ_are_no_twins(world):
+    drift = named(world[2], "force_drift")
+    assert twins(world, drift.columns @ [0.06, -0.06, 0.06])["force_drift"] == {"force_drift"}
+
+
+def test_a_class_has_the_most_alike_ones(world):
+    stiffness = named(world[2], "gel_stiffness")
+    alike = [replace(stiffness, name=f"twin{k}") for k in range(4)]
+    found = twins(world, 0.4 * stiffness.columns[:, 0], alike)
+    assert all(
+        len(members) == MOST_TWINS and name in members for name, members in found.items() if "twin" in name
     )
-    assert group.odds == pytest.approx(1)
-    assert_allclose(list(group.cosines.values()), 1)
-
-
-def test_effects_that_differ_are_no_group(world):
-    _, covariance, candidates = world
-    drift = named(candidates, "force_drift")
-    r = drift.columns @ [0.06, -0.06, 0.06] + covariance.draw(np.random.default_rng(2), 1)[:, 0]
-    ranked = screened(r, covariance, candidates)
-    group = group_of_winner(ranked, covariance, probabilities(ranked))
-    assert group.members == ("force_drift",) and group.odds == np.inf
-
-
-def test_rivals_of_near_evidence_but_other_change_stay_outside(world):
-    _, covariance, candidates = world
-    r = covariance.draw(np.random.default_rng(3), 1)[:, 0]  # nothing there: all are near, and differ
-    ranked = screened(r, covariance, candidates)
-    group = group_of_winner(ranked, covariance, probabilities(ranked))
-    assert group.members == (ranked[0].name,) and len(group.rivals) >= 3
-
-
-def behind(winner, other, by):
-    """Return two answers, the second one by so much evidence behind."""
-    return [winner, replace(other, log_bayes_factor=winner.log_bayes_factor - by)]
-
-
-def two_apart(world):
-    """Return the covariance and answers of two effects that differ by their change."""
-    _, covariance, candidates = world
-    drift = named(candidates, "force_drift")
-    r = drift.columns @ [0.06, -0.06, 0.06] + covariance.draw(np.random.default_rng(2), 1)[:, 0]
-    ranked = screened(r, covariance, candidates)
-    return covariance, ranked[0], next(one for one in ranked if one.name == "gel_stiffness")
-
-
-def test_a_rival_is_within_odds_of_which_a_part_of_the_evidence_counts(world):
-    covariance, winner, other = two_apart(world)
-    for by, near in ((1.01 * RIVAL, True), (0.99 * RIVAL / WORTH, True), (1.01 * RIVAL / WORTH, False)):
-        ranked = behind(winner, other, by)
-        group = group_of_winner(ranked, covariance, probabilities(ranked))
-        assert group.members == (winner.name,) and (group.rivals == (other.name,)) is near
-
-
-def test_what_is_alike_is_a_member_within_reach_and_a_rival_beyond(world):
-    covariance, winner, _ = two_apart(world)
-    twin = replace(winner, parts=(replace(winner.parts[0], name="twin"),))
-    for by, member in ((0.99 * RIVAL, True), (1.01 * RIVAL, False)):
-        ranked = behind(winner, twin, by)
-        group = group_of_winner(ranked, covariance, probabilities(ranked))
-        assert ("twin" in group.members) is member and ("twin" in group.rivals) is not member
-
-
-def test_a_group_is_widened_where_it_is_all_that_was_answered_and_not_beside_another_effect(world):
-    covariance, winner, other = two_apart(world)
-    ranked = behind(winner, other, 2.0)  # 0.69 and 0.31
-    alternatives = Alternatives({}, 2).joined(ranked)
-    alone = grouped(ranked, covariance, alternatives)
-    beside = grouped(ranked, covariance, alternatives, alone=False)
-    assert alone.members == (winner.name, other.name) and alone.probability > 0.99
-    assert alone.odds == pytest.approx(np.exp(2 * WORTH), rel=1e-6)
-    assert beside.members == (winner.name,)
-    assert beside.probability == pytest.approx(1 / (1 + np.exp(-2 * WORTH)), abs=1e-3)
 
 
 def test_the_limit_has_the_stated_snr(world):

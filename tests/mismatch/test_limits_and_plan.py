@@ -41,10 +41,9 @@ def study(**plan):
     settings = {
         "leave_out": sorted(set(CATALOGUE) - set(TRIED)),
         "discretisation": 0.002,
-        "noise_scales": [1.0],
         "coarser": 1.5,
     }
-    keys = {"mismatch": settings | {"rivals": 2}}
+    keys = {"mismatch": settings}
     return study_from(merged(specimens.study(plan=plan or NARROW).model_dump(mode="json"), keys))
 
 
@@ -212,7 +211,7 @@ def test_an_experiment_costs_its_presses(home, judged):
 
 def test_where_readings_cannot_tell_the_plan_says_what_would(home, tmp_path, limits):
     """Of three effects a stiffness, a gain and a depth zero; another session has another zero of its depth."""
-    found = content(state="insufficient", answer=[], effects=[])
+    found = content(state="inconclusive", answer=[], effects=[])
     write_verdict(tmp_path, Verdict.model_validate(found))
     assert command(home, "plan", "--out", tmp_path) == 0
     table = pd.read_csv(tmp_path / "experiments.csv").set_index("experiment")
@@ -244,14 +243,14 @@ def test_a_plan_without_a_verdict_is_refused(home, capsys, tmp_path):
 def test_a_plan_after_a_verdict_that_leaves_no_choice_is_refused(home, capsys, tmp_path):
     write_verdict(tmp_path, Verdict.model_validate(content()))
     printed = refusal(home, capsys, "plan", "--out", tmp_path)
-    assert "the verdict is named" in printed and "nothing is to be decided" in printed
+    assert "the verdict is identified" in printed and "nothing is to be decided" in printed
     assert not (tmp_path / "experiments.csv").exists()
 
 
 def test_what_the_camera_alone_sees_is_not_for_presses_to_tell(home, capsys, tmp_path):
     names = ("camera_scale", "camera_pose")
     answer = [{"members": list(names), "probability": 0.97}]
-    found = content(state="group", answer=answer, effects=[effect(name, 0.5) for name in names])
+    found = content(state="identified", answer=answer, effects=[effect(name, 0.5) for name in names])
     write_verdict(tmp_path, Verdict.model_validate(found))
     printed = refusal(home, capsys, "plan", "--out", tmp_path)
     assert "no press tells what the camera alone sees" in printed

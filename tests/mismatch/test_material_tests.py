@@ -109,7 +109,7 @@ def named_in(verdict):
 @pytest.mark.parametrize("seed", range(3))
 def test_nothing_missing_is_null_with_the_amounts_that_would_have_been_seen(seed):
     verdict = judged(samples_of(np.random.default_rng(seed)))
-    assert verdict.state == "null" and not verdict.answer
+    assert verdict.state == "consistent" and not verdict.answer
     limits = {limit.effect: limit for limit in verdict.detection_limits}
     assert limits["viscoelastic"].seen and limits["mullins"].seen
 
@@ -140,7 +140,7 @@ def test_ageing_alone_is_named_with_its_amount():
     old = [made(f"old{n}", 0.05, rng, lambda t, lam, P: 1.4 * P) for n in range(3)]
     tests = [replace(t, age_days=1.0) for t in young] + [replace(t, age_days=60.0) for t in old]
     verdict = judged(tests)
-    assert verdict.state == "named" and named_in(verdict) == ["ageing"]
+    assert verdict.state == "identified" and named_in(verdict) == ["ageing"]
     amount = next(e for e in verdict.effects if e.name == "ageing").amounts[0]
     assert amount.interval_90[0] < 0.4 < amount.interval_90[1]
 
@@ -197,7 +197,7 @@ def test_ageing_within_the_scatter_of_samples_is_not_named():
     rng = np.random.default_rng(2)
     one = replace(made("a", 0.05, rng, only_elastic), age_days=1.0)
     two = replace(made("b", 0.05, rng, lambda t, lam, P: 1.04 * P), age_days=60.0)
-    assert judged([one, two]).state in ("null", "insufficient")
+    assert judged([one, two]).state in ("consistent", "inconclusive")
 
 
 @pytest.mark.thorough
@@ -211,7 +211,7 @@ def test_what_is_outside_the_catalogue_is_open_and_its_place_is_found():
     tests = [made(f"f{n}", 0.5, rng, only_elastic, unload=False) for n in range(2)]
     tests += [made(f"s{n}", 0.05, rng, bump, unload=False) for n in range(4)]
     verdict = judged(tests)
-    assert verdict.state == "open"
+    assert verdict.state == "unexplained"
     assert any("33% and 67%" in w.words or "loading" in w.words for w in verdict.where)
 
 
@@ -240,14 +240,14 @@ def judged_pair(forces):
 
 def test_a_gain_between_load_cells_is_named_and_no_material_effect():
     verdict = judged_pair(pair(np.random.default_rng(4), [0.05] * 4))
-    assert verdict.state == "named" and named_in(verdict) == ["force_gain"]
+    assert verdict.state == "identified" and named_in(verdict) == ["force_gain"]
     effects = {e.name: e for e in verdict.effects}
     assert effects["viscoelastic"].log_bayes_factor == 0.0 and effects["viscoelastic"].probability < 0.01
     assert "no effect of the material" in verdict.sentence
 
 
 def test_equal_load_cells_are_null():
-    assert judged_pair(pair(np.random.default_rng(5), [0.0] * 4)).state == "null"
+    assert judged_pair(pair(np.random.default_rng(5), [0.0] * 4)).state == "consistent"
 
 
 def test_hereditary_integral_of_a_ramp_has_the_closed_form():
@@ -281,7 +281,7 @@ def test_adhesives_and_nitrile_show_rate_dependence(folder, material):
 def test_the_foam_relaxes_and_there_is_evidence_for_ageing_of_its_law():
     """Softer at small strain, as stiff at large strain, and relaxing more: seen in the curves themselves."""
     verdict = shared("nist_foam_ageing")["VN01"]
-    assert named_in(verdict) == ["viscoelastic"] and verdict.state == "open"
+    assert named_in(verdict) == ["viscoelastic"] and verdict.state == "unexplained"
     ageing = next(e for e in verdict.effects if e.name == "ageing")
     amounts = {a.name: a.value for a in ageing.amounts}
     assert ageing.log_bayes_factor > 5 and "ageing" in verdict.sentence
@@ -311,7 +311,7 @@ def test_the_gel_under_the_probe_sticks():
 @shared_data.needs_shared
 def test_the_two_load_cells_differ_in_gain_and_nothing_else():
     (verdict,) = shared("two_loadcells").values()
-    assert verdict.state == "named" and named_in(verdict) == ["force_gain"]
+    assert verdict.state == "identified" and named_in(verdict) == ["force_gain"]
 
 
 @shared_data.needs_shared
@@ -331,5 +331,5 @@ def test_the_command_writes_a_verdict_of_the_schema(tmp_path):
         == 0
     )
     content = json.loads((tmp_path / "verdict.json").read_text())
-    assert content["format"] == "gelforge-verdict-1" and content["state"] == "named"
+    assert content["format"] == "gelforge-verdict-2" and content["state"] == "identified"
     assert (tmp_path / "material_readings.csv").is_file()

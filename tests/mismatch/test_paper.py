@@ -30,7 +30,7 @@ from gelforge.mismatch.screen import Candidate, screened
 from gelforge.mismatch.solutions import Solver
 
 FINITE = {"small_strain", "linear_elasticity"}
-# What the design says is confused with it, and a thinner layer, which 16 readings would prefer to it (decision 9).
+# What the design says is confused with it, and a thinner layer, which 16 readings hardly tell from it.
 TRIED = (
     *("small_strain", "linear_elasticity", "gel_stiffness", "layer_thickness", "frame_compliance"),
     *("force_gain", "contact_zero", "tilt"),
@@ -80,12 +80,17 @@ def test_the_linear_curve_lacks_finite_strain_at_every_noise(paper):
     """Though a thinner layer, a gain or a spring is free to follow the readings."""
     verdict = paper.verdicts["linear"]
     (group,) = verdict.answer
-    assert verdict.state in ("named", "group")
-    assert group.members[0] in FINITE and set(group.members) <= FINITE and group.probability > 0.9
+    assert verdict.state == "identified"
+    assert group.members[0] in FINITE and set(group.members) >= FINITE and group.probability > 0.9
+    assert set(group.members) - FINITE <= {
+        "layer_thickness"
+    }  # whose change 16 readings hardly part from theirs
     told = {case.sigma_z_N: case for case in verdict.noise.sensitivity}
     assert sorted(told) == pytest.approx(SIGMAS_N)
     for case in told.values():
-        assert case.state in ("named", "group") and FINITE & {name for one in case.answer for name in one}
+        assert case.state in ("identified", "ambiguous") and FINITE & {
+            name for one in case.answer for name in one
+        }
 
 
 @pytest.mark.thorough
@@ -128,8 +133,8 @@ def test_a_negative_compliance_is_not_chosen_though_it_would_fit(paper):
 def test_the_hyperelastic_curve_lacks_nothing_that_these_readings_show(paper):
     verdict = paper.verdicts["hyperelastic"]
     assert verdict.fit.before.rmse_N[2] == pytest.approx(0.0248, abs=5e-5)
-    assert verdict.state in ("null", "insufficient") and not verdict.answer
-    assert {case.state for case in verdict.noise.sensitivity} <= {"null", "insufficient"}
+    assert verdict.state in ("consistent", "inconclusive") and not verdict.answer
+    assert {case.state for case in verdict.noise.sensitivity} <= {"consistent", "inconclusive"}
 
 
 def test_the_summary_has_a_row_for_every_base_and_noise(paper):
@@ -149,5 +154,6 @@ def test_the_same_sixteen_readings_again_would_not_part_finite_strain_from_the_l
     pair = [effect for effect in verdict.effects if effect.name in FINITE]
     best = next_experiment([again(paper.problem, paper.context, pair)], *map(survivor, pair))[0]
     assert best.presses == 16 and not best.decides and best.expected_log_odds < 1.0
-    (experiment,) = verdict.next_experiments
-    assert "material test" in experiment.words and set(experiment.separates) == FINITE
+    assert not any(set(experiment.separates) == FINITE for experiment in verdict.next_experiments)
+    last = verdict.next_experiments[-1]
+    assert "material test" in last.words and set(last.separates) >= FINITE

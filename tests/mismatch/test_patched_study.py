@@ -42,10 +42,9 @@ def study(*tried, **keys):
     settings = {
         "leave_out": sorted(set(CATALOGUE) - set(tried)),
         "discretisation": 0.002,
-        "noise_scales": [1.0],
     }
     small = specimens.study(plan=PLAN).model_dump(mode="json")
-    return study_from(merged(small, {"mismatch": settings | {"rivals": 1} | keys}))
+    return study_from(merged(small, {"mismatch": settings | keys}))
 
 
 def patched(plain, patch):
@@ -136,7 +135,7 @@ def test_a_verdict_s_patch_gives_its_figure_after(tmp_path):
         Solver(plain, specimens.STUDY_LAWS, {}, tmp_path / "solves"), [session], tmp_path, "two"
     )
     (group, other), told = verdict.answer, read_readings(tmp_path)
-    assert verdict.state == "named" and {*group.members, *other.members} == {"gel_stiffness", "tilt"}
+    assert verdict.state == "identified" and {*group.members, *other.members} == {"gel_stiffness", "tilt"}
     there = patched(plain, yaml.safe_load((tmp_path / "config.patch.yaml").read_text()))
     presses = after_of(there, told)
     assert_allclose(presses, told["after_N"], rtol=0, atol=SAME * np.abs(presses).max())

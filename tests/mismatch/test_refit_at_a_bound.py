@@ -8,7 +8,7 @@ import pytest
 from artificial_problem import problem_of
 
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.effects_told import _interval
+from gelforge.mismatch.effects_told import interval
 from gelforge.mismatch.refit import _step, refitted
 from gelforge.mismatch.screen import screened
 
@@ -59,7 +59,7 @@ def test_all_that_there_can_be_is_reached_and_physical():
 
 def test_intervals_stay_in_the_physical_range():
     compliance, turn = CATALOGUE["frame_compliance"].parameters[0], CATALOGUE["yaw"].parameters[0]
-    assert _interval(compliance, 0.0, 0.1) == (0.0, pytest.approx(0.1645, abs=1e-4))
-    assert _interval(compliance, 0.3, 0.1)[0] == pytest.approx(0.3 - 0.1645, abs=1e-4)
-    assert _interval(compliance, compliance.bounds[1], 0.1)[1] == compliance.bounds[1]
-    assert _interval(turn, 0.0, 1.0)[0] == pytest.approx(-1.645, abs=1e-3)
+    assert interval(compliance, 0.0, 0.1) == (0.0, pytest.approx(0.1645, abs=1e-4))
+    assert interval(compliance, 0.3, 0.1)[0] == pytest.approx(0.3 - 0.1645, abs=1e-4)
+    assert interval(compliance, compliance.bounds[1], 0.1)[1] == compliance.bounds[1]
+    assert interval(turn, 0.0, 1.0)[0] == pytest.approx(-1.645, abs=1e-3)

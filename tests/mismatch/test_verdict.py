@@ -28,7 +28,7 @@ def effect(name: str, probability: float, **keys) -> dict:
 
 
 def content(**keys) -> dict:
-    """Return what a `named` verdict needs, with other keys."""
+    """Return what an `identified` verdict needs, with other keys."""
     held_out = {
         "block": "all",
         "before": score(0.1, 40.0),
@@ -39,7 +39,7 @@ def content(**keys) -> dict:
     return {
         "title": "a made-up press",
         "synthetic": True,
-        "state": "named",
+        "state": "identified",
         "sentence": "The gel is softer than the study says.",
         "mismatch": {"chi2": 100.0, "degrees": 48, "p": 1e-5, "scan_p": 0.001},
         "answer": [{"members": ["gel_stiffness"], "probability": 0.97}],
@@ -89,30 +89,26 @@ def test_a_verdict_comes_back_and_the_same_content_gives_the_same_bytes(tmp_path
     assert set(json.loads(files[0])) == set(schema()["properties"])
 
 
-WEAK = {
-    "block": "all",
-    "before": score(0.1, 40.0),
-    "after": score(0.1, 44.0),
-    "gain": 4.0,
-    "standard_error": 4.0,
-}
-
-
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        ({"answer": [{"members": ["gel_stiffness"], "probability": 0.89}]}, "probability 0.89 of 0.9"),
-        ({"answer": [{"members": ["gel_stiffness", "friction"], "probability": 1, "odds": 9}]}, "odds 9"),
-        ({"answer": [{"members": ["gel_stiffness", "friction"], "probability": 1}]}, "odds None"),
+        ({"answer": [{"members": ["gel_stiffness"], "probability": 0.89}]}, "the largest is 0.89"),
+        (
+            {"state": "form_free", "answer": [{"members": ["friction"], "probability": 0.1}]},
+            "form_free, but no",
+        ),
         ({"effects": [effect("gel_stiffness", 0.97, in_range=False)]}, "outside its physical range"),
         ({"adequacy": {"p": 0.4, "scan_p": 0.0019}}, "adequacy p > 0.002"),
         ({"adequacy": None}, "adequacy p > 0.002"),
-        ({"fit": content()["fit"] | {"held_out": WEAK}}, "no held-out gain above 2"),
-        ({"fit": content()["fit"] | {"held_out": None}}, "no held-out gain above 2"),
         ({"fit": content()["fit"] | {"after": None}}, "give fit.after"),
-        ({"answer": []}, "named without an answer"),
-        ({"state": "null"}, "leave the answer out"),
-        ({"state": "group"}, "every group has one member"),
+        ({"answer": []}, "identified without an answer"),
+        ({"state": "ambiguous", "answer": []}, "ambiguous without an answer"),
+        ({"state": "consistent"}, "leave the answer out"),
+        ({"state": "inconclusive"}, "leave the answer out"),
+        (
+            {"answer": [{"members": ["friction"], "or_else": ["yaw"], "probability": 1}]},
+            "['yaw'], which are not among the effects",
+        ),
         ({"answer": [{"members": ["tilt"], "probability": 1}]}, "['tilt'], which are not among the effects"),
         ({"effects": [effect("gel_stiffness", 1, family="magic")]}, "effects.0.family"),
         ({"null_probability": float("nan")}, "null_probability"),
@@ -128,11 +124,29 @@ def test_a_verdict_cannot_say_more_than_its_numbers(keys, words):
 
 
 def test_each_other_state_has_its_form():
-    for state in ("null", "insufficient", "open"):
+    for state in ("consistent", "inconclusive", "unexplained", "modelled"):
         assert Verdict.model_validate(content(state=state, answer=[])).state == state
+    unsure = [{"members": ["gel_stiffness"], "or_else": ["friction"], "probability": 0.6}]
+    assert Verdict.model_validate(content(state="ambiguous", answer=unsure)).answer[0].names == [
+        "gel_stiffness",
+        "friction",
+    ]
+    assert Verdict.model_validate(content(state="unexplained")).answer  # the best of the known is kept
+
+
+def test_neither_odds_within_a_group_nor_the_held_out_gain_is_a_condition_of_a_name():
     both = [{"members": ["gel_stiffness", "friction"], "probability": 0.95, "odds": 2}]
-    assert Verdict.model_validate(content(state="group", answer=both)).answer[0].odds == 2
-    assert Verdict.model_validate(content(state="open")).answer  # the named part is kept
+    fit = content()["fit"] | {"held_out": None}
+    assert Verdict.model_validate(content(answer=both, fit=fit)).identified
+
+
+def test_what_is_not_sure_may_stand_beside_what_is():
+    found = content(
+        answer=[
+            {"members": [name], "probability": p} for name, p in (("gel_stiffness", 0.97), ("friction", 0.6))
+        ]
+    )
+    assert [group.members for group in Verdict.model_validate(found).sure] == [["gel_stiffness"]]
 
 
 def test_an_interval_runs_upward():
@@ -148,6 +162,7 @@ def test_an_interval_runs_upward():
         (None, "no such file"),
         ("{", "holds no checksum"),
         (content(state="sure"), "state: Input should be"),
+        (content(format="gelforge-verdict-1"), "format: Input should be 'gelforge-verdict-2'"),
     ],
 )
 def test_a_file_that_is_no_verdict_is_refused_with_its_remedy(tmp_path, text, words):

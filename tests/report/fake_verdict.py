@@ -123,7 +123,7 @@ TRIED = [
 
 
 def fake_content() -> dict:
-    """Return the content of a `group` verdict about fake_readings()."""
+    """Return the content of an `identified` verdict, three effects being alike, about fake_readings()."""
     table = fake_readings()
     aside = table["held_out"] != "no"
     amount = ("scale", "-", -0.09, 0.012)
@@ -144,16 +144,16 @@ def fake_content() -> dict:
     )
     zeros = [0.0005, 0.0005, 0.002]
     cases = [
-        (0.5, "open", [], None),
-        (1.0, "group", [LIKE], 0.97),
-        (1.5, "group", [LIKE], 0.95),
-        (2.0, "group", [LIKE], 0.9),
-        (3.0, "insufficient", [], None),
+        (0.5, "unexplained", [], None),
+        (1.0, "identified", [LIKE], 0.97),
+        (1.5, "identified", [LIKE], 0.95),
+        (2.0, "identified", [LIKE], 0.9),
+        (3.0, "inconclusive", [], None),
     ]
     return {
         "title": "SYNTHETIC presses on a made-up sensor",
         "synthetic": True,
-        "state": "group",
+        "state": "identified",
         "sentence": "The sensor is 9 % softer than simulated, everywhere and at every depth: its gel is softer, or the force"
         " sensor reads low; these readings cannot tell which.",
         "mismatch": {
@@ -266,7 +266,7 @@ def fake_content() -> dict:
 
 
 def nothing_missing() -> dict:
-    """Return the content of a `null` verdict: nothing was put into the base."""
+    """Return the content of a `consistent` verdict: nothing was put into the base."""
     content = fake_content()
     fit = {"before": score(fake_readings(0.0), "base_N")}
     effects = [effect(e["name"], e["family"], 0.01, -2.0) for e in content["effects"]]
@@ -275,7 +275,13 @@ def nothing_missing() -> dict:
     words = (
         "The simulation explains these readings within their errors; nothing is missing that they could show."
     )
-    more = {"fit": fit, "effects": effects, "mismatch": mismatch, "state": "null", "null_probability": 0.85}
+    more = {
+        "fit": fit,
+        "effects": effects,
+        "mismatch": mismatch,
+        "state": "consistent",
+        "null_probability": 0.85,
+    }
     return content | bare | more | {"sentence": words}
 
 

@@ -47,7 +47,7 @@ def test_the_sentence_stands_first_under_the_synthetic_banner(html):
     sentence = text.index(fake_verdict.fake_content()["sentence"])
     assert sentence <= 6  # after the line of the title, the banner and the state
     assert text.index("SYNTHETIC DATA.") < sentence
-    assert "one of a few, which these readings cannot tell apart" in text[sentence - 1]
+    assert "identified: the missing physics has a name" in text[sentence - 1]
 
 
 def test_page_fetches_nothing_and_has_every_chapter(html):
@@ -68,7 +68,7 @@ def test_every_figure_is_a_picture_under_a_sentence(html):
 
 
 def test_what_people_want_to_read_is_there(html):
-    assert "not fitted" in section(html, "where") and "grows with depth" in section(html, "where")
+    assert "held out for the proof" in section(html, "where") and "grows with depth" in section(html, "where")
     effects = section(html, "effects").replace("\u00a0", " ")
     assert effects.index("gel stiffness") < effects.index("force gain") < effects.index("layer thickness")
     assert "scale -0.09 (-0.1 to -0.078)" in effects and "62 %" in effects
@@ -108,7 +108,7 @@ def test_maps_before_and_after_share_one_colour_scale(results):
     assert len(figure.axes) == 7  # one colour bar
 
 
-def test_sites_set_aside_have_a_dark_frame(results):
+def test_held_out_sites_have_a_dark_frame(results):
     ax = mismatch_maps.residual_maps_figure(results).axes[0]
     widths = ax.collections[0].get_linewidths()
     assert (np.asarray(widths) > 1).sum() == len(fake_verdict.ASIDE)
@@ -178,6 +178,58 @@ def test_a_null_has_no_after_and_says_so(tmp_path):
     assert "every reading was judged" in section(html, "outliers")
     figure = mismatch_maps.residual_maps_figure(MismatchResults(folder))
     assert len(figure.axes) == 4  # one row, one bar
+
+
+def test_what_may_be_there_instead_and_what_is_not_sure_is_said(tmp_path):
+    content = fake_verdict.fake_content()
+    content["answer"][0]["members"] = ["gel_stiffness", "force_gain"]
+    content["answer"][0]["or_else"] = ["layer_thickness"]
+    content["answer"].append({"members": ["tilt"], "probability": 0.6})
+    folder = fake_verdict.write_fake_verdict(tmp_path, content)
+    html = write_mismatch_page(folder).read_text(encoding="utf-8")
+    short = section(html, "short")
+    assert "gel stiffness or force gain, or else layer thickness (probability 97 %" in short
+    assert "Perhaps also" in short and "tilt (probability 60 %)" in short
+    undecided = section(html, "undecided")
+    assert "cannot tell apart gel stiffness, force gain (their" in undecided
+    assert "In place of gel stiffness it may be layer thickness, of another pattern" in undecided
+
+
+def test_what_is_modelled_without_a_cause_is_said_with_its_range(tmp_path):
+    content = fake_verdict.fake_content()
+    held = content["fit"]["held_out"] | {"gain": 12.0, "standard_error": 3.0}
+    content["model"] = {
+        "words": "a change of the pressing force with depth",
+        "beside": ["gel_stiffness"],
+        "largest_N": [None, 0.001, 0.05],
+        "depth_mm": [0.25, 2.0],
+        "sites": 25,
+        "corrects_labels": True,
+        "held_out": held,
+    }
+    content["state"] = "form_free"
+    folder = fake_verdict.write_fake_verdict(tmp_path, content)
+    html = write_mismatch_page(folder).read_text(encoding="utf-8")
+    assert "form free: the missing physics has a name" in html
+    effects = section(html, "effects")
+    assert (
+        "Modelled without a known cause beside gel stiffness: a change of the pressing force with depth"
+        in effects
+    )
+    assert "0.05 N at most" in effects and "0.25 to 2 mm at 25 positions" in effects and "+12 ± 3" in effects
+    assert "correction.csv" in effects
+
+
+@pytest.mark.parametrize(
+    ("state", "label"), [("unexplained", "The best of the known"), ("ambiguous", "Possible")]
+)
+def test_an_answer_that_is_none_is_not_called_missing(tmp_path, state, label):
+    content = fake_verdict.fake_content() | {"state": state}
+    folder = fake_verdict.write_fake_verdict(tmp_path, content)
+    short = section(write_mismatch_page(folder).read_text(encoding="utf-8"), "short")
+    assert label in short and ("would change the pressing force with depth" in short) == (
+        state == "unexplained"
+    )
 
 
 @pytest.mark.parametrize("time_s", [np.nan, 0.0])
@@ -254,12 +306,17 @@ def test_amounts_stand_on_lines_of_their_own_and_break_before_a_bracket_only():
 
 
 def test_the_verdict_over_noise_keeps_its_words():
-    case = {"scale": 1.0, "sigma_z_N": 0.02, "state": "group", "answer": [["small_strain", "tilt"], ["void"]]}
+    case = {
+        "scale": 1.0,
+        "sigma_z_N": 0.02,
+        "state": "identified",
+        "answer": [["small_strain", "tilt"], ["void"]],
+    }
     named = NoiseCase.model_validate(case)
-    assert mismatch_curves.answer_text(named) == "group: small strain or tilt and void"
-    figure = mismatch_curves.noise_figure([named, NoiseCase(scale=2.0, sigma_z_N=0.04, state="null")])
+    assert mismatch_curves.answer_text(named) == "identified: small strain or tilt and void"
+    figure = mismatch_curves.noise_figure([named, NoiseCase(scale=2.0, sigma_z_N=0.04, state="consistent")])
     rows = [label.get_text() for label in figure.axes[0].get_yticklabels()]
-    assert rows == ["group: small strain or tilt and void", "null"]
+    assert rows == ["identified: small strain or tilt and void", "consistent"]
     assert "as stated" in [t.get_text() for t in figure.axes[0].texts]
 
 

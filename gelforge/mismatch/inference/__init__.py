@@ -1,0 +1,1 @@
+"""How probable sets of effects are, by what they would change of the readings."""

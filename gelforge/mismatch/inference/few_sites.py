@@ -1,0 +1,85 @@
+"""Nonlinear changes solved at a few sites: at the others the linear change, bent as it is at those that were solved.
+
+How much more, or less, a body changes than in proportion depends on the depth far more than on the place: a polynomial of
+depth, one for pressing and one for sideways forces, carries it from the few sites to all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gelforge.mismatch.effect import unturned
+from gelforge.mismatch.problem import Problem
+from gelforge.mismatch.screen import Candidate
+from gelforge.mismatch.spread import spread_out
+
+SITES = 9  # that are solved
+ORDER = 2  # of the polynomial
+FELT = 0.1  # of the largest change of a site, above which a site is worth solving
+STIFFNESS = 1e-3  # of the prior that holds the bend at none, as a share of the change's mean square
+
+
+def at_few_sites(problem: Problem, most: int = SITES) -> Problem:
+    """Return the problem with forces solved at a few sites; itself where there are no more, or nothing says how to bend.
+
+    What is solved in order, or switched on, is solved everywhere.
+    """
+    if problem.read_with is None or len(problem.observations.sites) <= most:
+        return problem
+
+    def forces_with(
+        parts: Sequence[Candidate], amounts: Sequence[np.ndarray], rows: np.ndarray
+    ) -> np.ndarray:
+        solved = [(p, a) for p, a in zip(parts, amounts) if problem.solves(p) and np.any(a)]
+        whole = any(p.switch or problem.effects[p.name].in_order for p, _ in solved)
+        if not solved or whole:
+            return problem.forces_with(parts, amounts, rows)
+        linear = np.zeros_like(problem.base)
+        linear[problem.observations.read] = sum(problem.columns_at(p) @ np.asarray(a) for p, a in solved)
+        near = np.isin(problem.observations.table["site"], chosen_sites(problem, linear, solved, most))
+        there = problem.forces_with([p for p, _ in solved], [a for _, a in solved], near)
+        change = bent(
+            linear, there - problem.base, near, problem.observations.table["depth_mm"].to_numpy(float)
+        )
+        others = [(p, a) for p, a in zip(parts, amounts) if not problem.solves(p)]
+        found = problem.read_with([p for p, _ in others], [a for _, a in others], change)
+        return np.where(rows[:, None], found, np.nan)
+
+    return replace(problem, forces_with=forces_with)
+
+
+def bent(linear: np.ndarray, solved: np.ndarray, near: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """Return a change (R, 3) [N]: as solved at the rows near (R,) bool, elsewhere linear, bent by a polynomial of depth."""
+    found = linear.copy()
+    found[near] = np.where(np.isfinite(solved[near]), solved[near], linear[near])
+    powers = (depth / max(depth.max(initial=0.0), np.finfo(float).tiny))[:, None] ** np.arange(ORDER + 1)
+    for axes in ([2], [0, 1]):
+        columns = (linear[:, axes, None] * powers[:, None, :]).reshape(-1, ORDER + 1)
+        rows = np.repeat(near, len(axes))
+        more = (found[:, axes] - linear[:, axes]).ravel()
+        hold = STIFFNESS * np.mean(columns[rows, 0] ** 2) * rows.sum() * np.eye(ORDER + 1)
+        A = columns[rows].T @ columns[rows] + hold
+        if not A.any():
+            continue
+        bend = columns @ np.linalg.lstsq(A, columns[rows].T @ more[rows], rcond=None)[0]
+        found[:, axes] += np.where(near[:, None], 0.0, bend.reshape(-1, len(axes)))
+    return found
+
+
+def chosen_sites(problem: Problem, linear: np.ndarray, parts: Sequence, most: int) -> np.ndarray:
+    """Return the numbers of the sites that are solved for a linear change (R, 3) [N]: felt ones, spread out.
+
+    The first feels it most. Of effects that are the same from all sides one eighth of a square stands for all of it.
+    """
+    site = problem.observations.table["site"].to_numpy()
+    size = np.sqrt(np.bincount(site, (linear**2).sum(axis=1), len(problem.observations.sites)))
+    felt = np.flatnonzero(size > FELT * size.max())
+    places = problem.observations.sites[felt]
+    if all("x_mm" not in p.shape and problem.effects[p.name].turned is unturned for p, *_ in parts):
+        folded = np.sort(np.abs(places - places.mean(axis=0)).round(3), axis=1)
+        _, first = np.unique(folded, axis=0, return_index=True)
+        felt, places = felt[first], folded[first]
+    return felt[spread_out(places, most, int(np.argmax(size[felt])))]

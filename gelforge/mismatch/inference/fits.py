@@ -1,0 +1,193 @@
+"""Nonlinear fits of the few sets that matter: the most probable one and its nearest competitor, in the real model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gelforge.config import ConfigError
+from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mismatch.inference.posterior import Effects, Posterior
+from gelforge.mismatch.problem import Problem, secant
+from gelforge.mismatch.refit import Refitted, refitted
+from gelforge.mismatch.screen import Candidate, Screened
+
+MOST_SOLVED = 4  # sets that are fitted with the finite elements
+MOST_SOLUTIONS = 3  # of one set
+MOST_FREE = 8  # sets that are fitted and need none
+COMPETITOR = 5.0  # log weight behind the most probable set, within which another one is its competitor
+
+
+# Of what the real model changes beside the linear change: below it the linear pass is not made again.
+CURVED_SNR = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Fits:
+    """The posterior with the evidence of what was fitted, and the fits to all readings."""
+
+    problem: Problem  # with columns through what was fitted
+    posterior: Posterior
+    fits: Mapping[Effects, Refitted]
+    notes: tuple[str, ...]  # what could not be fitted, and why
+
+    @property
+    def mode(self) -> Effects | None:
+        """Return the most probable set of those that were fitted; None where none was."""
+        return next((effects for effects in self.posterior.ranked() if effects in self.fits), None)
+
+
+def fitted(problem: Problem, posterior: Posterior, posterior_of: Callable[[Problem], Posterior]) -> Fits:
+    """Return the most probable sets fitted to all readings, until the most probable one and its competitor are.
+
+    posterior: of the problem by posterior_of. Where a fit shows that a change is not linear, the columns are put through it
+    and the linear pass is made again, so that no second effect is called in to mend the first one's curvature.
+    """
+    first, seated = posterior, problem
+    fits: dict[Effects, Refitted] = {}
+    failed: dict[Effects, str] = {}
+    left = {True: MOST_SOLVED, False: MOST_FREE}
+    while (wanted := _next(found := _with_fits(posterior, first, fits, failed), fits, failed)) is not None:
+        costs = any(map(problem.solves, found.sets[wanted].parts))
+        if not left[costs]:
+            break
+        left[costs] -= 1
+        try:
+            fits[wanted], again = through_solutions(problem, seated, found.sets[wanted])
+        except (NotConverged, ConfigError) as failure:
+            failed[wanted] = f"could not be solved: {failure}"
+            continue
+        if again is not seated:
+            seated, posterior = again, posterior_of(again)
+    notes = tuple(f"{' and '.join(sorted(e)).replace('_', ' ')} {why}" for e, why in failed.items())
+    return Fits(seated, found, fits, notes)
+
+
+def through_solutions(problem: Problem, seated: Problem, start: Screened) -> tuple[Refitted, Problem]:
+    """Return a set fitted by its columns, which are put through what is solved at the fit until both agree.
+
+    And the problem with these columns. What is solved in order takes minutes and is solved once. Raises NotConverged.
+    """
+    fit = by_columns(seated, start)
+    for _ in range(1 if problem.in_order(start.parts) else MOST_SOLUTIONS):
+        again = through(seated, fit, change_of(problem, fit))
+        if again is seated:
+            break
+        seated = again
+        fit = by_columns(seated, start)
+    return fit, seated
+
+
+def by_columns(problem: Problem, start: Screened) -> Refitted:
+    """Return a set fitted to all readings by the problem's columns: nothing is solved."""
+    parts = tuple(replace(part, columns=problem.columns_at(part)) for part in start.parts)
+    every = np.ones(len(problem.labels), bool)
+    return refitted(linearised(problem), replace(start, parts=parts), every)
+
+
+def linearised(problem: Problem) -> Problem:
+    """Return the problem with what is solved changing by its columns; what costs nothing acts as it does."""
+
+    def forces_with(
+        parts: Sequence[Candidate], amounts: Sequence[np.ndarray], rows: np.ndarray
+    ) -> np.ndarray:
+        solved = [(part, a) for part, a in zip(parts, amounts) if problem.solves(part)]
+        others = [(part, a) for part, a in zip(parts, amounts) if not problem.solves(part)]
+        if not solved:
+            return problem.forces_with(parts, amounts, rows)
+        change = np.zeros_like(problem.base)
+        if problem.read_with is None:
+            solved, others = [*zip(parts, amounts)], []
+        change[problem.observations.read] = sum(
+            problem.columns_at(part) @ np.asarray(a) for part, a in solved
+        )
+        found = problem.base + change
+        if others:
+            found = problem.read_with([part for part, _ in others], [a for _, a in others], change)
+        return np.where(rows[:, None], found, np.nan)
+
+    return replace(problem, forces_with=forces_with)
+
+
+def change_of(problem: Problem, fit: Refitted) -> np.ndarray:
+    """Return the change (n,) [N] of all entries with fitted effects, solved. Raises NotConverged."""
+    forces = problem.forces_with(fit.parts, fit.amounts, np.ones(len(problem.base), bool))
+    return problem.observations.flat(forces - problem.base)
+
+
+def through(problem: Problem, fit: Refitted, change: np.ndarray) -> Problem:
+    """Return the problem with the fitted effects' columns through their change (n,) [N]; itself where that is linear.
+
+    What has a place changes by the same factor, least squares, at all others.
+    """
+    own = [problem.own(part) for part in fit.parts]
+    columns = np.column_stack([problem.columns_at(part) for part in fit.parts])
+    amounts = np.concatenate(fit.amounts)
+    linear = columns @ amounts
+    white = problem.covariance.whiten(np.column_stack([linear, change]))
+    if np.linalg.norm(white[:, 1] - white[:, 0]) < CURVED_SNR or not np.any(white[:, 0]):
+        return problem
+    widths = np.concatenate([np.broadcast_to(c.widths, c.columns.shape[1]) for c in own])
+    ends = np.cumsum([c.columns.shape[1] for c in own])[:-1]
+    seated = np.split(secant(columns, change - linear, amounts, widths), ends, axis=1)
+    factor = float(white[:, 0] @ white[:, 1] / (white[:, 0] @ white[:, 0]))
+    placed = {c.name for c in own if "x_mm" in c.shape}
+
+    def with_it(candidate: Candidate) -> Candidate:
+        for part, one, new in zip(fit.parts, own, seated):
+            if candidate is one and part.moved_from is None:
+                return replace(one, columns=new)
+        return (
+            replace(candidate, columns=factor * candidate.columns) if candidate.name in placed else candidate
+        )
+
+    return replace(problem, candidates=[with_it(c) for c in problem.candidates])
+
+
+def _next(
+    posterior: Posterior, fits: Mapping[Effects, Refitted], failed: Mapping[Effects, str]
+) -> Effects | None:
+    """Return the set to fit next: the most probable one, else its nearest competitor, else none.
+
+    A competitor does without one of the most probable set's classes; whether there is more beside these is asked of the
+    linear pass about the fit.
+    """
+    ranked = [effects for effects in posterior.ranked() if effects not in failed]
+    if not ranked or ranked[0] not in fits:
+        return ranked[0] if ranked else None
+    own, best = posterior.classes(ranked[0]), posterior.weight(ranked[0])
+    for other in ranked[1:]:
+        if posterior.weight(other) < best - COMPETITOR:
+            return None
+        if not own <= posterior.classes(other):
+            return None if other in fits else other
+    return None
+
+
+def _with_fits(
+    posterior: Posterior, first: Posterior, fits: Mapping[Effects, Refitted], failed: Mapping[Effects, str]
+) -> Posterior:
+    """Return the posterior with the fits' evidence, with what they gained over the first linear pass for sets of twins.
+
+    A twin would gain as much, and is not left behind for not having been fitted. Failures are dropped.
+    """
+    sets: dict[Effects, Screened] = {
+        effects: first.sets[effects] for effects in fits if effects in first.sets
+    }
+    sets |= posterior.sets
+    evidence = {effects: one.log_bayes_factor for effects, one in sets.items()} | dict(posterior.evidence)
+    gained = {
+        first.classes(effects): fit.log_bayes_factor - first.evidence[effects]
+        for effects, fit in fits.items()
+        if effects in first.evidence
+    }
+    for effects in [*evidence]:
+        known = frozenset(effects & posterior.singles.keys())
+        beside = evidence[effects] - posterior.evidence.get(known, 0.0) if known != effects else 0.0
+        if known in fits:
+            evidence[effects] = fits[known].log_bayes_factor + beside
+        elif known in first.evidence and posterior.classes(known) in gained:
+            evidence[effects] = first.evidence[known] + gained[posterior.classes(known)] + beside
+    return replace(posterior, sets=sets, evidence={e: v for e, v in evidence.items() if e not in failed})

@@ -1,0 +1,143 @@
+"""Evidence of sets of effects by their linear changes of the readings: many small sets at once.
+
+With r the whitened residual and Z the whitened columns in units of the amounts' plausible widths, all that a set needs are
+its own rows of Z'r and its own block of Z'Z: these are computed once, and a set costs the algebra of a few amounts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.special import log_ndtr
+
+from gelforge.mismatch.covariance import Covariance
+from gelforge.mismatch.screen import FAR, SCALES, Candidate, whitened
+
+AT_ONCE = 20_000  # sets of one size
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """Candidates against a residual, whitened."""
+
+    candidates: Sequence[Candidate]
+    columns: np.ndarray  # (n, P) whitened, in units of plausible amounts; a switch's are whole
+    owner: np.ndarray  # (P,) number of the candidate
+    projected: np.ndarray  # (P,) columns' r
+    gram: np.ndarray  # (P, P)
+    signs: np.ndarray  # (P,) 1, -1 or 0
+    switch: np.ndarray  # (C,) bool
+
+    @classmethod
+    def of(cls, residual: np.ndarray, covariance: Covariance, candidates: Sequence[Candidate]) -> Linear:
+        """Return the candidates against a residual (n,)."""
+        white = whitened(covariance, candidates)
+        widths = [
+            np.ones(w.shape[1]) if c.switch else np.broadcast_to(c.widths, w.shape[1])
+            for c, w in zip(candidates, white)
+        ]
+        columns = np.column_stack([w * width for w, width in zip(white, widths)])
+        owner = np.repeat(np.arange(len(candidates)), [w.shape[1] for w in white])
+        signs = np.concatenate([np.broadcast_to(c.signs, w.shape[1]) for c, w in zip(candidates, white)])
+        return cls(
+            candidates,
+            columns,
+            owner,
+            columns.T @ covariance.whiten(residual),
+            columns.T @ columns,
+            signs,
+            np.array([c.switch for c in candidates]),
+        )
+
+    @cached_property
+    def first(self) -> np.ndarray:
+        """Return the first column (C,) of each candidate."""
+        return np.searchsorted(self.owner, np.arange(len(self.candidates)))
+
+    @cached_property
+    def count(self) -> np.ndarray:
+        """Return how many columns (C,) each candidate has."""
+        return np.bincount(self.owner, minlength=len(self.candidates))
+
+    def log_bayes_factors(self, sets: np.ndarray, scales: np.ndarray) -> np.ndarray:
+        """Return the log evidence (m,) against none of sets (m, k) of candidates at scales (m, k), 1 for switches."""
+        found = np.empty(len(sets))
+        kinds = np.stack([self.count[sets], self.switch[sets]], axis=-1).reshape(len(sets), -1)
+        for kind in np.unique(kinds, axis=0):
+            rows = np.flatnonzero((kinds == kind).all(axis=1))
+            for part in np.array_split(rows, max(1, len(rows) // AT_ONCE)):
+                found[part] = self._alike(sets[part], scales[part])
+        return found
+
+    def _alike(self, sets: np.ndarray, scales: np.ndarray) -> np.ndarray:
+        """Return the same of sets whose candidates have, place by place, as many columns."""
+        on = self.switch[sets[0]]
+        free = [self._columns_of(sets[:, k]) for k in np.flatnonzero(~on)]
+        factor, b = np.zeros(len(sets)), None
+        fixed = [self._columns_of(sets[:, k]) for k in np.flatnonzero(on)]
+        if fixed:
+            at = np.hstack(fixed)
+            G = self.gram[at[:, :, None], at[:, None, :]].sum(axis=(1, 2))
+            factor += self.projected[at].sum(axis=1) - 0.5 * G
+        if not free:
+            return factor
+        at = np.hstack(free)
+        scale = np.hstack(
+            [np.repeat(scales[:, [k]], f.shape[1], axis=1) for k, f in zip(np.flatnonzero(~on), free)]
+        )
+        b = self.projected[at]
+        if fixed:
+            b = b - self.gram[at[:, :, None], np.hstack(fixed)[:, None, :]].sum(axis=2)
+        return factor + half_normal_evidence(
+            scale * b,
+            scale[:, :, None] * self.gram[at[:, :, None], at[:, None, :]] * scale[:, None, :],
+            self.signs[at],
+        )
+
+    def _columns_of(self, candidates: np.ndarray) -> np.ndarray:
+        """Return the columns (m, p) of candidates (m,) that have as many each."""
+        return self.first[candidates][:, None] + np.arange(self.count[candidates[0]])
+
+
+def half_normal_evidence(b: np.ndarray, gram: np.ndarray, signs: np.ndarray) -> np.ndarray:
+    """Return log evidence (m,) of amounts with standard normal priors on their physical half lines.
+
+    b (m, p) and gram (m, p, p): whitened columns with the residual and with each other; signs (m, p). The orthant's share is
+    taken one side at a time (screen.evidence).
+    """
+    p = b.shape[1]
+    B = gram + np.eye(p)
+    cov = np.linalg.inv(B)
+    mean = (cov @ b[:, :, None])[:, :, 0]
+    found = 0.5 * (b * mean).sum(axis=1) - 0.5 * np.linalg.slogdet(B)[1]
+    for i in range(p):
+        signed = signs[:, i] != 0
+        if not signed.any():
+            continue
+        sd = np.sqrt(cov[:, i, i])
+        h = np.where(signed, signs[:, i], 1.0) * mean[:, i] / sd
+        share = log_ndtr(h)
+        near = np.maximum(h, FAR)
+        ratio = np.exp(-0.5 * near**2 - 0.5 * np.log(2 * np.pi) - log_ndtr(near))
+        left = 1 - ratio * (near + ratio)
+        ratio, left = np.where(h > FAR, ratio, -h - 1 / h), np.where(h > FAR, left, 1 / h**2)
+        found += np.where(signed, share + np.log(2), 0.0)
+        gain = cov[:, :, i] / cov[:, i, i][:, None]
+        mean = mean + np.where(signed, ratio * sd * signs[:, i], 0.0)[:, None] * gain
+        cov = (
+            cov
+            - np.where(signed, (1 - left) * cov[:, i, i], 0.0)[:, None, None]
+            * gain[:, :, None]
+            * gain[:, None, :]
+        )
+    return found
+
+
+def scales_of(linear: Linear) -> tuple[np.ndarray, np.ndarray]:
+    """Return candidates (K,) and scales (K,) of all choices: a switch has one, all others one per scale."""
+    number = np.concatenate([np.full(1 if on else len(SCALES), k) for k, on in enumerate(linear.switch)])
+    scale = np.concatenate([(1.0,) if on else SCALES for on in linear.switch])
+    return number, scale

@@ -1,0 +1,224 @@
+"""The posterior over sets of effects: nothing, every one, every pair, triples by beam, and something unknown beside some.
+
+All readings are used and nothing is solved: sets are judged by the stored linear changes of their effects. A set's evidence
+is averaged over the shapes of its effects and over scales of their plausible amounts. Of the sets within reach of the best
+the errors of their own changes (form, mesh, place) are then allowed for, each at its best shapes and scales.
+
+At most one effect of a set has a place: two or three defects on a coarse grid of places imitate one that lies between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.special import logsumexp
+
+from gelforge.mismatch.alternatives import NOTHING, UNKNOWN, WORTH, log_prior, normalised
+from gelforge.mismatch.covariance import Covariance
+from gelforge.mismatch.identifiability import ALIKE, cosines
+from gelforge.mismatch.inference.linear import Linear, scales_of
+from gelforge.mismatch.problem import Problem
+from gelforge.mismatch.screen import Screened, believing, judged_by
+from gelforge.mismatch.unknown import Manner, Weighed, weighed_unknown
+from gelforge.mismatch.weighing import FELT_SNR, those_felt, weighed
+from gelforge.progress import Progress
+
+REACH = 12.0  # log weight behind the best, within which a set is judged with the errors of its change
+MOST_BELIEVED = 50
+BEAM = 30  # pairs that a third effect is tried beside
+BESIDE = 6  # best sets beside which something unknown is weighed
+MOST_TWINS = 3  # members of a class
+
+Effects = frozenset[str]
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """How probable sets of effects are."""
+
+    sets: Mapping[Effects, Screened]  # known sets, at their best shapes and scales; parts have all entries
+    singles: Mapping[str, Screened]  # every effect that the readings feel, alone
+    evidence: Mapping[Effects, float]  # log, against nothing; with UNKNOWN beside some
+    unknown: Mapping[Effects, Weighed]  # beside what
+    known: int  # effects that the readings feel
+    twins: Mapping[str, Effects]  # those whose changes alone cannot be told from its own, itself included
+
+    @cached_property
+    def probability(self) -> dict[Effects, float]:
+        """Return the probability of nothing and of each set; they add up to 1.
+
+        Evidence counts for WORTH of itself, that of something unknown too: each set has a form that is not quite the
+        truth's.
+        """
+        weights = {effects: self.weight(effects) for effects in self.evidence}
+        return normalised({NOTHING: log_prior(0, self.known)} | weights)
+
+    def weight(self, effects: Effects) -> float:
+        """Return the log of prior times tempered evidence, but for a common constant."""
+        return WORTH * self.evidence.get(effects, 0.0) + log_prior(
+            len(effects), max(self.known, len(effects))
+        )
+
+    def ranked(self) -> list[Effects]:
+        """Return the known sets, the most probable first."""
+        return sorted(self.sets, key=lambda effects: -self.weight(effects))
+
+    def holding(self, names: Iterable[str]) -> float:
+        """Return the probability that one of some effects at least is part of what is missing."""
+        wanted = set(names)
+        return float(min(sum(p for effects, p in self.probability.items() if effects & wanted), 1.0))
+
+    def classes(self, effects: Effects) -> frozenset[Effects]:
+        """Return the classes of a set's effects."""
+        return frozenset(self.twins.get(name, frozenset({name})) for name in effects)
+
+    def with_evidence(self, evidence: Mapping[Effects, float]) -> Posterior:
+        """Return the posterior with other evidence for some sets."""
+        return replace(self, evidence={**self.evidence, **evidence})
+
+
+def posterior_of(problem: Problem, manners: Sequence[Manner]) -> Posterior:
+    """Return the posterior by all readings."""
+    every = np.ones(len(problem.labels), bool)
+    with Progress("linear pass over sets of effects, steps", 4) as progress:
+        singles = {one.name: one for one in those_felt(weighed(problem, every, problem.candidates))}
+        progress.advance(note="single effects")
+        tables, number, scale = _tables(
+            problem, Linear.of(problem.residual, problem.covariance, problem.candidates)
+        )
+        progress.advance(note="pairs and triples")
+        sets = _believed(problem, number, scale, tables, len(singles))
+        progress.advance(note="errors of their changes")
+        evidence = {effects: one.log_bayes_factor for effects, one in sets.items()}
+        twins = twins_of(problem.covariance, singles)
+        found = with_unknown(problem, Posterior(sets, singles, evidence, {}, len(singles), twins), manners)
+        progress.advance(note="something unknown beside them")
+    return found
+
+
+def with_unknown(problem: Problem, posterior: Posterior, manners: Sequence[Manner]) -> Posterior:
+    """Return the posterior with something unknown, alone and beside the best sets, by their linear changes."""
+    unknown = {NOTHING: weighed_unknown(problem, manners)}
+    for effects in posterior.ranked()[:BESIDE]:
+        one = posterior.sets[effects]
+        unknown[effects] = weighed_unknown(
+            problem, manners, one.parts, one.amounts, problem.residual - one.change
+        )
+    more = {
+        effects | {UNKNOWN}: posterior.evidence.get(effects, 0.0) + found.log_bayes_factor
+        for effects, found in unknown.items()
+    }
+    return replace(posterior, unknown=unknown).with_evidence(more)
+
+
+def twins_of(covariance: Covariance, singles: Mapping[str, Screened]) -> dict[str, Effects]:
+    """Return for each effect those whose fitted changes these readings cannot tell from its own (|cos| above ALIKE).
+
+    MOST_TWINS with itself at most, the likeliest; what is refuted by the size that its change has, REACH behind, is none.
+    """
+    names = [*singles]
+    if not names:
+        return {}
+    cos = np.abs(cosines(covariance.whiten(np.column_stack([one.change for one in singles.values()]))))
+    evidence = np.array([one.log_bayes_factor for one in singles.values()])
+    found = {}
+    for k, name in enumerate(names):
+        near = (cos[k] > ALIKE) & (evidence > evidence[k] - REACH)
+        near[k] = False
+        likeliest = np.flatnonzero(near)[np.argsort(-evidence[near], kind="stable")][: MOST_TWINS - 1]
+        found[name] = frozenset({name, *(names[j] for j in likeliest)})
+    return found
+
+
+def _tables(problem: Problem, linear: Linear) -> tuple[list, np.ndarray, np.ndarray]:
+    """Return by set of effects (names, mean evidence, best evidence, best choice), and the choices' candidate and scale."""
+    names = np.array([candidate.name for candidate in problem.candidates])
+    felt = _felt(linear)
+    number, scale = scales_of(linear)
+    chosen = felt[number]
+    number, scale = number[chosen], scale[chosen]
+    own = names[number]
+    if not len(own):
+        return [], number, scale
+    singles = linear.log_bayes_factors(number[:, None], scale[:, None])
+    found = _by_effects(own[:, None], np.arange(len(own))[:, None], singles)
+    i, j = np.triu_indices(len(number), 1)
+    placed = np.array(["x_mm" in problem.candidates[k].shape for k in number])
+    other = (own[i] != own[j]) & ~(placed[i] & placed[j])
+    i, j = i[other], j[other]
+    if not len(i):
+        return found, number, scale
+    pairs = linear.log_bayes_factors(np.stack([number[i], number[j]], 1), np.stack([scale[i], scale[j]], 1))
+    two = _by_effects(np.stack([own[i], own[j]], 1), np.stack([i, j], 1), pairs)
+    three: dict[Effects, tuple] = {}
+    for effects, average, top, best in sorted(two, key=lambda one: -one[1])[:BEAM]:
+        third = np.flatnonzero(~np.isin(own, list(effects)) & ~(placed & placed[best].any()))
+        if not len(third):
+            continue
+        rows = np.column_stack([np.tile(best, (len(third), 1)), third])
+        triples = linear.log_bayes_factors(number[rows], scale[rows])
+        # The choice of the two's shapes and scales is paid for once.
+        for one in _by_effects(own[rows], rows, triples + average - top):
+            if one[0] not in three or three[one[0]][1] < one[1]:
+                three[one[0]] = one
+    return [*found, *two, *three.values()], number, scale
+
+
+def _felt(linear: Linear) -> np.ndarray:
+    """Return which candidates (C,) bool a plausible amount of is felt by the readings."""
+    squares = np.bincount(linear.owner, np.diag(linear.gram), len(linear.candidates))
+    return np.sqrt(squares) > FELT_SNR
+
+
+def _by_effects(
+    own: np.ndarray, choices: np.ndarray, factors: np.ndarray
+) -> list[tuple[Effects, float, float, np.ndarray]]:
+    """Return by set of effects the mean evidence, that of the best choice, and that choice.
+
+    own (m, k): names; choices (m, k): numbers of choices; factors (m,).
+    """
+    words, codes = np.unique(own, return_inverse=True)
+    kinds, which = np.unique(np.sort(codes.reshape(own.shape), axis=1), axis=0, return_inverse=True)
+    order = np.argsort(which.ravel(), kind="stable")
+    ends = np.searchsorted(which.ravel()[order], np.arange(len(kinds) + 1))
+    found = []
+    for k, kind in enumerate(kinds):
+        rows = order[ends[k] : ends[k + 1]]
+        best = rows[np.argmax(factors[rows])]
+        average = float(logsumexp(factors[rows]) - np.log(len(rows)))
+        effects = frozenset(str(words[code]) for code in kind)
+        found.append((effects, average, float(factors[best]), choices[best]))
+    return found
+
+
+def _believed(
+    problem: Problem, number: np.ndarray, scale: np.ndarray, tables: list, known: int
+) -> dict[Effects, Screened]:
+    """Return the sets within REACH of the best, judged with the errors of their own changes."""
+    residual, covariance = problem.residual, problem.covariance
+    r = covariance.whiten(residual)
+
+    def weight(one) -> float:
+        return one[1] + log_prior(len(one[0]), max(known, len(one[0])))
+
+    ranked = sorted(tables, key=lambda one: -weight(one))[:MOST_BELIEVED]
+    white: dict[int, np.ndarray] = {}
+    found = {}
+    for effects, average, _, choice in ranked:
+        if weight((effects, average)) < weight(ranked[0]) - REACH:
+            break
+        candidates = [problem.candidates[number[k]] for k in choice]
+        for k, candidate in zip(choice, candidates):
+            if number[k] not in white:
+                white[number[k]] = covariance.whiten(candidate.columns)
+        parts = tuple(
+            c if c.switch else replace(c, widths=scale[k] * np.asarray(c.widths))
+            for k, c in zip(choice, candidates)
+        )
+        one = replace(judged_by(r, parts, [white[number[k]] for k in choice]), log_bayes_factor=average)
+        wider = problem.believing(parts, one.amounts).covariance
+        found[effects] = believing(one, residual, covariance, wider)
+    return found

@@ -1,0 +1,61 @@
+"""What has no name is modelled where it predicts what it has not seen, and nowhere else."""
+
+from dataclasses import replace
+
+import artificial
+import numpy as np
+import pytest
+from artificial_problem import problem_of
+
+from gelforge.mismatch.holdout import split
+from gelforge.mismatch.inference.discrepancy import FARTHEST_MM, modelled
+from gelforge.mismatch.unknown import manners_of
+
+SEED = 23
+
+
+@pytest.fixture(scope="module")
+def base():
+    return artificial.context(SEED, per_side=4)
+
+
+def bends(context, size=0.06):
+    """Return a problem whose pressing force is off by a share that falls and rises with depth, and that share (R,)."""
+    depth = context.observations.table["depth_mm"].to_numpy(float)
+    share = size * np.cos(2.0 * depth)
+    force = context.observations.force.copy()
+    force[:, 2] += share * context.force[:, 2]
+    return problem_of(replace(context, observations=replace(context.observations, force=force))), share
+
+
+def found_in(problem):
+    return modelled(problem, manners_of(problem), split(problem.labels, SEED))
+
+
+def test_a_smooth_change_is_learnt_and_predicts_what_was_held_out(base):
+    problem, share = bends(base)
+    model = found_in(problem)
+    assert model.gain.clear and "depth" in model.manner
+    z = problem.labels["axis"].to_numpy() == 2
+    true = problem.observations.flat(np.column_stack([0 * share, 0 * share, share * problem.base[:, 2]]))
+    held = z & split(problem.labels, SEED).held["positions"]
+    assert np.std((problem.residual - model.left)[held] - true[held]) < 0.6 * np.std(true[held])
+    assert np.std((model.change - true)[z]) < 0.35 * np.std(true[z])
+
+
+def test_noise_is_not_modelled(base):
+    assert not found_in(problem_of(base)).gain.clear
+
+
+def test_it_is_not_extrapolated(base):
+    problem, _ = bends(base)
+    model, table = found_in(problem), problem.observations.table
+    rows = [table[name].to_numpy(float) for name in ("x_mm", "y_mm", "depth_mm")]
+    change, sigma, holds = model.at(*rows, problem.base)
+    assert holds.all() and (sigma >= 0).all()
+    assert problem.observations.flat(change) == pytest.approx(model.change, abs=1e-9)
+    x, y, depth = (values[:2] for values in rows)
+    deeper = table["depth_mm"].max() * 1.2
+    for place in ((x, y, np.array([deeper, deeper])), (x + 100 * FARTHEST_MM, y, depth)):
+        change, sigma, holds = model.at(*place, problem.base[:2])
+        assert not holds.any() and np.isnan(change).all() and np.isnan(sigma).all()
