@@ -13,6 +13,7 @@ from test_patched_study import after_of
 from gelforge.config import ConfigError, study_from
 from gelforge.config.variants import merged
 from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
+from gelforge.mismatch import stage
 from gelforge.mismatch.candidates import effects_of_forces
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.sessions import observe, session_folders
@@ -78,11 +79,15 @@ def test_a_stiffer_gel_is_in_the_answer_with_its_amount(stiffer):
 
 
 @pytest.mark.thorough
-def test_the_patched_study_s_presses_are_near_the_figure_after(kept, session, tmp_path):
-    """Within a tenth of the change, by which one that is solved on the coarser mesh may err; without it:
-    test_patched_study.py."""
-    study = only("gel_stiffness", "tilt", "contact_zero")
-    assert judge_recording(solver(kept, study), [session], tmp_path, "stiffer").identified
+def test_the_patched_study_s_presses_are_near_the_figure_after(kept, session, tmp_path, monkeypatch):
+    """Of what scales all layers alike, whose change no mesh errs by: within a tenth; others err by the coarser mesh.
+
+    Whether six sites are enough to take it over is not asked here.
+    """
+    monkeypatch.setattr(stage, "taken_over", lambda judgement: True)
+    study = only("body_stiffness", "tilt", "contact_zero")
+    verdict = judge_recording(solver(kept, study), [session], tmp_path, "stiffer")
+    assert verdict.answer[0].members == ["body_stiffness"]
     told, patch = read_readings(tmp_path), yaml.safe_load((tmp_path / "config.patch.yaml").read_text())
     presses = after_of(study_from(merged(small().model_dump(mode="json"), patch)), told)
     largest = np.abs(told["after_N"] - told["base_N"]).max()
