@@ -34,9 +34,7 @@ class Judgement:
     mismatch: Remains
     posterior: Posterior
     answer: Answer | None
-    model: (
-        Modelled | None
-    )  # of what no known effect explains, beside the sure effects or alone, where it predicts
+    model: Modelled | None  # of what no known effect explains, where it predicts
     notes: tuple[str, ...]  # what went wrong on the way
     out_of_range: bool = False  # an amount of the answer is not physical, or on its bounds
 
@@ -45,7 +43,7 @@ def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Jud
     """Return the judgement on a problem.
 
     All readings say whether there is a mismatch, where, and what could explain it; the amounts of the answer by the
-    training readings alone predict those set aside.
+    training readings alone predict those held out.
     """
     labels, rng = problem.labels, np.random.default_rng([seed, 5])
     blocks, every = split(labels, seed, turn), np.ones(len(labels), bool)

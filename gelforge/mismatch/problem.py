@@ -162,6 +162,14 @@ class Problem:
             columns = columns + (part.shape[axis] - own.shape[axis]) * slope.columns
         return columns
 
+    def linear_change(self, parts: Sequence[Candidate], amounts: Sequence[np.ndarray]) -> np.ndarray:
+        """Return the change (R, 3) [N] of the readings by parts at their places, to first order; 0 where none was read."""
+        change = np.zeros_like(self.base)
+        change[self.observations.read] = sum(
+            self.columns_at(part) @ np.asarray(a) for part, a in zip(parts, amounts)
+        )
+        return change
+
 
 def secant(columns: np.ndarray, missing: np.ndarray, step: np.ndarray, widths: np.ndarray) -> np.ndarray:
     """Return columns (n, p) that along a step (p,) change by as much more as was missing (n,).

@@ -213,11 +213,8 @@ def at_first_order(problem: Problem):
     """Return forces with effects by the problem's own linear changes."""
 
     def forces(parts, amounts, rows):
-        change = sum(problem.columns_at(part) @ a for part, a in zip(parts, amounts))
-        found = np.full(problem.base.shape, np.nan)
-        found[problem.observations.read] = problem.base[problem.observations.read] + change
-        found[~rows] = np.nan
-        return found
+        shown = rows[:, None] & problem.observations.read
+        return np.where(shown, problem.base + problem.linear_change(parts, amounts), np.nan)
 
     return forces
 

@@ -14,7 +14,7 @@ from gelforge.mismatch.alternatives import UNKNOWN
 from gelforge.mismatch.holdout import Blocks
 from gelforge.mismatch.identifiability import cosines
 from gelforge.mismatch.inference.few_sites import at_few_sites
-from gelforge.mismatch.inference.fits import by_columns, fitted, through_solutions
+from gelforge.mismatch.inference.fits import by_columns, fitted, forces_of, through_solutions
 from gelforge.mismatch.inference.posterior import Effects, Posterior, posterior_of
 from gelforge.mismatch.inference.proof import Proof, folds_of, having_paid, proof_of
 from gelforge.mismatch.problem import Problem
@@ -50,8 +50,8 @@ class Answer:
     groups: tuple[Group, ...]  # one per effect of the fit
     after: np.ndarray  # (R, 3) [N] forces with the effects
     adequacy: Remains  # of all readings
-    proof: Proof | None  # on readings set aside; None where none were
-    folds: Mapping[str, Proof]  # of few sites, each set aside in turn
+    proof: Proof | None  # on held-out readings; None where there are none
+    folds: Mapping[str, Proof]  # of few sites, each held out in turn
 
     @property
     def sure(self) -> tuple[Group, ...]:
@@ -61,9 +61,8 @@ class Answer:
     @property
     def stranger(self) -> str:
         """Return the manner that something unknown would most probably have, in words."""
-        beside = {e: w for e, w in self.posterior.unknown.items()}
-        best = max(beside, key=lambda effects: self.posterior.probability[effects | {UNKNOWN}])
-        return beside[best].manner
+        unknown, probability = self.posterior.unknown, self.posterior.probability
+        return unknown[max(unknown, key=lambda effects: probability[effects | {UNKNOWN}])].manner
 
 
 def explained(
@@ -104,11 +103,6 @@ def explained(
         ),
         notes,
     )
-
-
-def forces_of(problem: Problem, fit: Refitted) -> np.ndarray:
-    """Return the forces (R, 3) [N] at all readings with fitted effects. Raises NotConverged."""
-    return problem.forces_with(fit.parts, fit.amounts, np.ones(len(problem.base), bool))
 
 
 def _at_plausible_widths(

@@ -18,7 +18,7 @@ from gelforge.mismatch.covariance import Covariance
 from gelforge.mismatch.holdout import Blocks, Gain, gain, predictive_scores
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.refit import Refitted
-from gelforge.mismatch.screen import SCALES
+from gelforge.mismatch.screen import SCALES, evidence
 from gelforge.mismatch.unknown import FROM_PLACE_TO_PLACE, WITH_DEPTH, Manner, Span, manners
 
 FARTHEST_MM = 6.0  # from the nearest site that it was learnt from, beyond which a change from place to place is not known
@@ -156,23 +156,18 @@ class _Beside:
 
     def posterior(self, D: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return mean (p + q,) and covariance of amounts and coefficients, about the fit, by some entries (n,) bool."""
-        columns, part = np.column_stack([self.columns, D]), self.covariance.restricted(mask)
-        if not columns.shape[1]:
-            return np.zeros(0), np.zeros((0, 0))
-        Z = part.whiten(columns[mask])
-        spread = np.linalg.inv(np.eye(Z.shape[1]) + Z.T @ Z)
-        return spread @ (Z.T @ part.whiten(self.left[mask])), spread
+        return self._learnt_by(D, mask)[1:]
 
     def learnt(self, D: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return what is left (n,) [N] of all entries by what some teach, and the covariance of what was learnt."""
+        """Return the residual (n,) [N] of all entries by what some teach, and the covariance of what was learnt."""
         mean, spread = self.posterior(D, mask)
         return self.left - np.column_stack([self.columns, D]) @ mean, spread
 
     def evidence(self, D: np.ndarray, mask: np.ndarray) -> float:
         """Return the log evidence of a smooth change of directions (n, q) beside the fit, by some entries."""
-        part = self.covariance.restricted(mask)
-        W = part.whiten(np.column_stack([self.columns, D, self.left])[mask])
-        Z, r = W[:, :-1], W[:, -1]
-        B = np.eye(Z.shape[1]) + Z.T @ Z
-        b = Z.T @ r
-        return float(0.5 * b @ np.linalg.solve(B, b) - 0.5 * np.linalg.slogdet(B)[1])
+        return self._learnt_by(D, mask)[0]
+
+    def _learnt_by(self, D: np.ndarray, mask: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        columns, part = np.column_stack([self.columns, D]), self.covariance.restricted(mask)
+        k = columns.shape[1]
+        return evidence(part.whiten(self.left[mask]), part.whiten(columns[mask]), np.ones(k), np.zeros(k))

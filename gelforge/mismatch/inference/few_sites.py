@@ -37,8 +37,7 @@ def at_few_sites(problem: Problem, most: int = SITES) -> Problem:
         whole = any(p.switch or problem.effects[p.name].in_order for p, _ in solved)
         if not solved or whole:
             return problem.forces_with(parts, amounts, rows)
-        linear = np.zeros_like(problem.base)
-        linear[problem.observations.read] = sum(problem.columns_at(p) @ np.asarray(a) for p, a in solved)
+        linear = problem.linear_change(*zip(*solved))
         near = np.isin(problem.observations.table["site"], chosen_sites(problem, linear, solved, most))
         there = problem.forces_with([p for p, _ in solved], [a for _, a in solved], near)
         change = bent(

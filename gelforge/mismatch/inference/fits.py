@@ -18,8 +18,6 @@ MOST_SOLVED = 4  # sets that are fitted with the finite elements
 MOST_SOLUTIONS = 3  # of one set
 MOST_FREE = 8  # sets that are fitted and need none
 COMPETITOR = 5.0  # log weight behind the most probable set, within which another one is its competitor
-
-
 # Of what the real model changes beside the linear change: below it the linear pass is not made again.
 CURVED_SNR = 1.0
 
@@ -72,7 +70,8 @@ def through_solutions(problem: Problem, seated: Problem, start: Screened) -> tup
     """
     fit = by_columns(seated, start)
     for _ in range(1 if problem.in_order(start.parts) else MOST_SOLUTIONS):
-        again = through(seated, fit, change_of(problem, fit))
+        change = problem.observations.flat(forces_of(problem, fit) - problem.base)
+        again = through(seated, fit, change)
         if again is seated:
             break
         seated = again
@@ -97,12 +96,9 @@ def linearised(problem: Problem) -> Problem:
         others = [(part, a) for part, a in zip(parts, amounts) if not problem.solves(part)]
         if not solved:
             return problem.forces_with(parts, amounts, rows)
-        change = np.zeros_like(problem.base)
         if problem.read_with is None:
             solved, others = [*zip(parts, amounts)], []
-        change[problem.observations.read] = sum(
-            problem.columns_at(part) @ np.asarray(a) for part, a in solved
-        )
+        change = problem.linear_change(*zip(*solved))
         found = problem.base + change
         if others:
             found = problem.read_with([part for part, _ in others], [a for _, a in others], change)
@@ -111,10 +107,9 @@ def linearised(problem: Problem) -> Problem:
     return replace(problem, forces_with=forces_with)
 
 
-def change_of(problem: Problem, fit: Refitted) -> np.ndarray:
-    """Return the change (n,) [N] of all entries with fitted effects, solved. Raises NotConverged."""
-    forces = problem.forces_with(fit.parts, fit.amounts, np.ones(len(problem.base), bool))
-    return problem.observations.flat(forces - problem.base)
+def forces_of(problem: Problem, fit: Refitted) -> np.ndarray:
+    """Return the forces (R, 3) [N] at all readings with fitted effects, solved. Raises NotConverged."""
+    return problem.forces_with(fit.parts, fit.amounts, np.ones(len(problem.base), bool))
 
 
 def through(problem: Problem, fit: Refitted, change: np.ndarray) -> Problem:

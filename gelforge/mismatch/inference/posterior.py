@@ -168,7 +168,7 @@ def _tables(problem: Problem, linear: Linear) -> tuple[list, np.ndarray, np.ndar
 
 
 def _felt(linear: Linear) -> np.ndarray:
-    """Return which candidates (C,) bool a plausible amount of is felt by the readings."""
+    """Return which candidates (C,) bool show a plausible amount in the readings."""
     squares = np.bincount(linear.owner, np.diag(linear.gram), len(linear.candidates))
     return np.sqrt(squares) > FELT_SNR
 

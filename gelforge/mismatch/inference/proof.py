@@ -1,4 +1,4 @@
-"""What an answer is worth on readings set aside: its amounts by the others alone, and the predictive score there."""
+"""What an answer is worth on held-out readings: its amounts by the others alone, and the predictive score there."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
+from gelforge.mismatch.covariance import Covariance
 from gelforge.mismatch.holdout import FEW_SITES, Blocks, Gain, gain, paid_for_choice, predictive_scores, split
 from gelforge.mismatch.inference.posterior import Posterior
 from gelforge.mismatch.problem import Problem
@@ -17,7 +18,7 @@ from gelforge.mismatch.screen import Screened, judged_by
 
 @dataclass(frozen=True, eq=False)
 class Proof:
-    """Readings set aside, predicted by the base and by an answer that was fitted to the others."""
+    """Held-out readings, predicted by the base and by an answer that was fitted to the others."""
 
     blocks: Blocks
     left: np.ndarray  # (n,) [N] measured less the answer's prediction
@@ -34,7 +35,7 @@ def proof_of(problem: Problem, fit: Refitted, left: np.ndarray, blocks: Blocks) 
     amounts = np.concatenate(fit.amounts)
     believed = problem.believing(fit.parts, amounts).covariance
     columns = fit.columns
-    step, spread = _training_step(problem, fit, left, blocks.train)
+    step, spread = _training_step(believed, fit, left, blocks.train)
     after = left - columns @ step
     errors = problem.covariance.errors(problem.errors_of(fit.parts, amounts))
     change = problem.residual - after
@@ -48,14 +49,10 @@ def proof_of(problem: Problem, fit: Refitted, left: np.ndarray, blocks: Blocks) 
 
 
 def _training_step(
-    problem: Problem, fit: Refitted, left: np.ndarray, train: np.ndarray
+    covariance: Covariance, fit: Refitted, left: np.ndarray, train: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the step (q,) from a fit to all readings to that to the training readings, and its covariance (q, q)."""
-    p = sum(len(a) for a in fit.amounts)
-    q = fit.columns.shape[1]
-    a = np.concatenate([*fit.amounts, np.zeros(q - p)])
-    free = np.diag(fit.spread) > 0
-    covariance = problem.believing(fit.parts, a[:p]).covariance
+    q, free = fit.columns.shape[1], np.diag(fit.spread) > 0
     prior = _prior_of(fit, covariance, free)
     part = covariance.restricted(train)
     J = part.whiten(fit.columns[train][:, free])
@@ -69,7 +66,7 @@ def _training_step(
     return step, spread
 
 
-def _prior_of(fit: Refitted, covariance, free: np.ndarray) -> np.ndarray:
+def _prior_of(fit: Refitted, covariance: Covariance, free: np.ndarray) -> np.ndarray:
     """Return the precision (f, f) that the priors gave a fit: that of its spread less that of its columns."""
     J = covariance.whiten(fit.columns[:, free])
     precision = np.linalg.inv(fit.spread[np.ix_(free, free)]) - J.T @ J
