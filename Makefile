@@ -11,7 +11,7 @@ setup: $(READY)
 
 # The stamp is written last: an interrupted set-up starts again, a finished one does nothing. Of what is installed little is
 # ever imported, so it is not compiled here: Python compiles a module when it is first imported.
-$(READY): requirements.lock pyproject.toml
+$(READY): requirements.lock pyproject.toml setup.py
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "gelforge needs Python 3.11 or newer, found " + sys.version.split()[0])'
 	@$(PYTHON) -m venv .venv || { echo "python3 -m venv failed; on Debian and Ubuntu: apt install python3-venv" >&2; exit 1; }
 	$(BIN)/python -m pip install --quiet --no-compile --requirement requirements.lock
@@ -20,7 +20,7 @@ $(READY): requirements.lock pyproject.toml
 	@touch $@
 
 demo: $(READY)
-	$(BIN)/python workflow/scripts/unlock.py
+	$(BIN)/python -m gelforge unlock
 	$(BIN)/python -m snakemake --cores $(CORES) --rerun-incomplete
 	@echo "Open results/demo/report.html"
 

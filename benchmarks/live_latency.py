@@ -35,8 +35,8 @@ from gelforge.config import Learning  # noqa: E402
 from gelforge.learning.familiarity import find_familiar  # noqa: E402
 from gelforge.learning.model_file import Model  # noqa: E402
 from gelforge.learning.networks import Grids, make_network  # noqa: E402
-from gelforge.learning.onnx_export import onnx_bytes, open_for_prediction  # noqa: E402
-from gelforge.learning.onnx_model import OnnxModel, model_of  # noqa: E402
+from gelforge.learning.onnx_export import onnx_bytes  # noqa: E402
+from gelforge.learning.onnx_model import OnnxModel, model_of, open_for_prediction  # noqa: E402
 from gelforge.learning.predictor import Predictor  # noqa: E402
 from gelforge.learning.reliability import Intervals, Zero  # noqa: E402
 from gelforge.learning.scaling import Scaling  # noqa: E402

@@ -16,15 +16,17 @@ PACKAGE = Path(gelforge.__file__).parent
 LAYERS = [
     {"mechanics"},
     {"meshing"},
-    {"config", "files", "hdf5", "csv_table", "units", "input_files", "progress"},
+    {"config", "files", "hdf5", "csv_table", "units", "input_files", "progress", "shipped"},
     {"characterisation", "indentation", "verification"},
-    {"interpolation"},
+    {"interpolation", "laws_of_study"},
     {"recording", "virtual_lab"},
     {"dataset"},
     {"learning"},
     {"mismatch", "live"},
     {"report"},
+    {"api"},
     {"cli", "__main__"},
+    {"workflow"},
 ]
 # The virtual lab draws what the recording stage reads, and judges nothing: it may use the camera and the session's files.
 SIDEWAYS = {("virtual_lab", "recording")}

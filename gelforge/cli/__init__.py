@@ -49,6 +49,13 @@ def main(argv: list[str] | None = None) -> int:
             raise
         print(f"gelforge: {of_the_machine(error)}", file=sys.stderr)
         return 1
+    except ModuleNotFoundError as error:
+        from gelforge.cli.extras import missing_extra
+
+        if debug or not (words := missing_extra(error)):
+            raise
+        print(f"gelforge: {words}", file=sys.stderr)
+        return 1
     except MemoryError:
         if debug:
             raise

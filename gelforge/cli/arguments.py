@@ -7,7 +7,7 @@ import argparse
 from gelforge.cli.parsers import by_hand, cameras, live, studies, virtual, workflow
 
 GROUPS = """\
-a study            init, check, show, explain, report, tables, adapt
+a study            init, examples, check, show, explain, report, tables, adapt, unlock
 by hand            press, characterise, verify, mismatch, mismatch-materials
 live               export, predict, live
 cameras            calibrate-camera, camera-pose

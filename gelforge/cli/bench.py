@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import csv
 import math
-from contextlib import chdir, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-import gelforge
-from gelforge.cli.factory import law_path, laws_and_doubts
-from gelforge.config import ConfigError, Indenter, Study, load_camera, load_section, load_study
+from gelforge.api import paper_study
+from gelforge.config import Indenter, Study, load_camera, load_section, load_study
+from gelforge.laws_of_study import laws_and_doubts, laws_of, material_laws_of
 from gelforge.progress import tracked
 
 if TYPE_CHECKING:
@@ -152,48 +152,6 @@ def print_sensitivities(cell) -> None:
     ):
         table.add_row(str(name), *(f"{value:+.4g}" for value in force), str(unit), f"{seconds:.1f}")
     Console().print(table)
-
-
-def paper_study() -> Study:
-    """Return the article's sensor with its published laws, as config/paper.yaml of this checkout describes it."""
-    with chdir(Path(gelforge.__file__).parents[1]):
-        return load_study("config/paper.yaml")
-
-
-def laws_of(study: Study, files: list[Path]) -> dict:
-    """Return laws [MPa] by material: from files, from given parameters, or as the study has fitted them."""
-    return {name: material.law for name, material in material_laws_of(study, files).items()}
-
-
-def material_laws_of(study: Study, files: list[Path]) -> dict:
-    """Return the same with what is known of them: covariance, tested range."""
-    laws = known_laws(study, files)
-    for name in study.materials:
-        if name not in laws:
-            raise ConfigError(
-                f"material {name} has tests but no law yet; run `snakemake {law_path(study, name)}` or give --laws"
-            )
-    return laws
-
-
-def known_laws(study: Study, files: list[Path]) -> dict:
-    """Return the same without the materials that have tests but no law yet.
-
-    Raises ConfigError for a stiffness that is neither plausible nor confirmed.
-    """
-    from gelforge.characterisation.characterise import given_law
-    from gelforge.characterisation.law_file import read_law
-    from gelforge.characterisation.stiffness import check_stiffness
-
-    laws = {law.material: law for law in map(read_law, files)}
-    for name, material in study.materials.items():
-        if name not in laws and material.parameters:
-            laws[name] = given_law(name, material.parameters)
-        elif name not in laws and law_path(study, name).is_file():
-            laws[name] = read_law(law_path(study, name))
-        if name in laws:
-            check_stiffness(laws[name], material.stiffness_confirmed)
-    return laws
 
 
 WARM_UP = 10  # frames whose times are not counted

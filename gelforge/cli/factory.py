@@ -13,6 +13,7 @@ from gelforge.config import (
     session_study,
     variant_study,
 )
+from gelforge.laws_of_study import law_path, laws_and_doubts
 
 
 def fit_law(study: Path, material: str, out: Path) -> None:
@@ -228,10 +229,8 @@ def tables(study: Path) -> None:
     """Write the article's tables from laws, agreement and predictions; the labels' ranges where nothing is predicted."""
     from gelforge.characterisation.material_table import material_table
     from gelforge.dataset.agreement import read_agreement, rmse_gt_table
+    from gelforge.dataset.ranges import force_ranges_table, label_ranges
     from gelforge.files import digest, write_table
-    from gelforge.learning import evaluation
-    from gelforge.learning.error_budget import error_budget_table
-    from gelforge.learning.predictions import Predictions, label_ranges
 
     described = load_study(study)
     results, folder = described.results_folder, described.results_folder / "tables"
@@ -243,6 +242,10 @@ def tables(study: Path) -> None:
         agreed = read_agreement(results / "agreement.csv", inputs)
         write_table(folder, "rmse_gt", rmse_gt_table(agreed, resolution))
     if image_sessions(described):
+        from gelforge.learning import evaluation
+        from gelforge.learning.error_budget import error_budget_table
+        from gelforge.learning.predictions import Predictions  # labels alone need no PyTorch
+
         predictions = Predictions(results / "model" / "predictions.h5")
         predictions.check_model(results / "model" / "model.pt")
         write_table(folder, "rmse", evaluation.rmse_table(predictions))
@@ -260,7 +263,7 @@ def tables(study: Path) -> None:
         ranges = predictions.label_range
     else:
         ranges = label_ranges(shard_paths(described))
-    write_table(folder, "force_ranges", evaluation.force_ranges_table(ranges))
+    write_table(folder, "force_ranges", force_ranges_table(ranges))
 
 
 def report(study: Path, out: Path) -> None:
@@ -295,10 +298,6 @@ def cell_path(study: Study, name: str) -> Path:
 def truth_folder(study: Study) -> Path:
     """Return where the cells of the study's virtual sensor lie."""
     return study.data_folder / "virtual_truth" / "cells"
-
-
-def law_path(study: Study, material: str) -> Path:
-    return study.results_folder / "materials" / material / "law.json"
 
 
 def feature_path(study: Study, session: str) -> Path:
@@ -401,16 +400,6 @@ def planned_cell(study: Study, name: str):
             f"{', '.join(list(cells)[:3])}"
         )
     return cells[name]
-
-
-def laws_and_doubts(read: dict) -> tuple[dict, dict]:
-    """Return by material the laws [MPa], and of those with a covariance the laws moved along its directions."""
-    from gelforge.characterisation.law_file import moved_laws
-    from gelforge.indentation.error_bars import AMOUNT
-
-    laws = {name: material.law for name, material in read.items()}
-    known = {name: material for name, material in read.items() if material.covariance is not None}
-    return laws, {name: moved_laws(material, AMOUNT) for name, material in known.items()}
 
 
 def read_laws(study: Study) -> dict:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gelforge.cli.bench import material_laws_of
-from gelforge.cli.factory import laws_and_doubts
 from gelforge.config import ConfigError, Study, load_session, load_study
+from gelforge.laws_of_study import laws_and_doubts, material_laws_of
 
 
 def mismatch(

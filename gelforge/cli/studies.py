@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from gelforge.cli.bench import known_laws
 from gelforge.cli.cameras import scale_line
 from gelforge.cli.cost import estimate
-from gelforge.cli.factory import law_path, print_findings, virtual_lab_of
+from gelforge.cli.factory import print_findings, virtual_lab_of
 from gelforge.cli.new_study import new_study_files
+from gelforge.cli.working_folder import make_runnable, write_examples
 from gelforge.config import NAME, ConfigError, Session, Study, load_session, load_study
 from gelforge.files import write_text
+from gelforge.laws_of_study import known_laws, law_path
 
 
 def init(study: str) -> None:
@@ -25,7 +26,16 @@ def init(study: str) -> None:
     for path, text in files.items():
         write_text(path, text)
         print(path)
+    for path in make_runnable():
+        print(path)
     print(f"edit them, add your data, then: gelforge check {study}")
+
+
+def examples() -> None:
+    """Write the example studies and their data into this folder; an existing file is never replaced."""
+    for path in [*write_examples(), *make_runnable()]:
+        print(path)
+    print("the demo: snakemake --cores 2; another: snakemake --cores 2 --configfile config/test.yaml")
 
 
 def check_lab(study: Study, path: Path, cells: dict) -> None:

@@ -40,13 +40,6 @@ def rmse_table(predictions: Predictions) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["error", *AXES])
 
 
-def force_ranges_table(ranges: np.ndarray) -> pd.DataFrame:
-    """Return the ranges of label_ranges (2, 2, 3) [N] as a table (Sferrazza et al. 2019, table 4)."""
-    columns = [f"{axis}_{end}_N" for axis in "xyz" for end in ("min", "max")]
-    rows = [(name, *ranges[i].T.ravel()) for i, name in enumerate(("force per bin", "total force"))]
-    return pd.DataFrame(rows, columns=["quantity", *columns])
-
-
 @dataclass(frozen=True)
 class RowErrors:
     """What a predictor's errors are on each row; what tables need of them."""

@@ -26,7 +26,6 @@ from gelforge.learning.onnx_model import (
     OUTPUT,
     STATISTICS,
     OnnxModel,
-    load_onnx,
     model_of,
 )
 from gelforge.learning.scaling import ModelError, Scaling
@@ -95,14 +94,12 @@ def export_onnx(model_path: str | Path, out: str | Path) -> float:
     return difference
 
 
-def open_for_prediction(path: str | Path, threads: int = 1) -> OnnxModel:
-    """Return the model of a .onnx file, or of a model.pt, which is converted in memory (some seconds) and checked."""
-    if Path(path).suffix.lower() == ".onnx":
-        return load_onnx(path, threads)
+def converted(path: str | Path, threads: int = 1) -> OnnxModel:
+    """Return a model.pt as its ONNX model, made in memory (some seconds) and checked."""
     model = load_model(path)
-    converted = model_of(onnx_bytes(model, file_sha256(path)), str(path), threads)
-    check_equal(model, converted, str(path))
-    return converted
+    found = model_of(onnx_bytes(model, file_sha256(path)), str(path), threads)
+    check_equal(model, found, str(path))
+    return found
 
 
 def onnx_bytes(model: Model, sha256: str) -> bytes:

@@ -86,6 +86,15 @@ def load_onnx(path: str | Path, threads: int = 1) -> OnnxModel:
     return model_of(content, str(path), threads)
 
 
+def open_for_prediction(path: str | Path, threads: int = 1) -> OnnxModel:
+    """Return the model of a .onnx file, or of a model.pt, which is converted in memory (some seconds) and checked."""
+    if Path(path).suffix.lower() == ".onnx":
+        return load_onnx(path, threads)
+    from gelforge.learning.onnx_export import converted  # PyTorch, which an exported model does without
+
+    return converted(path, threads)
+
+
 def model_of(content: bytes, where: str, threads: int = 1) -> OnnxModel:
     """Return the model of a file's bytes; where names it in messages."""
     options = onnxruntime.SessionOptions()

@@ -11,6 +11,7 @@ import numpy as np
 import torch
 
 from gelforge.config import Study
+from gelforge.dataset.ranges import label_ranges
 from gelforge.dataset.schema import COLUMNS, DatasetError
 from gelforge.dataset.shard import ShardDataset, shard_attributes
 from gelforge.files import file_sha256
@@ -218,18 +219,3 @@ class Predictions:
     def _open(self) -> h5py.File:
         remedy = f"evaluate the model again (snakemake -R {self.path})"
         return opened(self.path, FORMAT, remedy, DatasetError)
-
-
-def label_ranges(shards: Sequence[str | Path]) -> np.ndarray:
-    """Return the least and greatest true force (2, 2, 3) [N] of all rows: per bin and in total, least and greatest, axis."""
-    low, high = np.full((2, 3), np.inf), np.full((2, 3), -np.inf)
-    for block in ShardDataset(shards).batches((LABEL,), BLOCK):
-        label = block[LABEL].astype(float)
-        total = label.sum(axis=1)
-        low = np.minimum(low, [label.min(axis=(0, 1)), total.min(axis=0)])
-        high = np.maximum(high, [label.max(axis=(0, 1)), total.max(axis=0)])
-    if not np.isfinite(low).all():
-        raise DatasetError(
-            "no label at all; every cell of the study failed, see the shards' attribute failed_cells"
-        )
-    return np.stack([low, high], axis=1)

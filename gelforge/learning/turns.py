@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import torch
 
 from gelforge.config import Camera, Sensor
 from gelforge.indentation.symmetry import D4
 from gelforge.recording.camera import project
+
+if TYPE_CHECKING:
+    import torch
 
 LEAST_FOLLOWED = (
     0.5  # share of the places' variance that the flow's centre explains; less says nothing of directions
@@ -83,6 +87,8 @@ class Turner:
     """
 
     def __init__(self, names: tuple[str, ...], regions: int, nx: int, ny: int):
+        import torch  # here: an exported model answers without it
+
         self.names = names
         orders = [[order(name, *grid) for name in names] for grid in ((regions, regions), (nx, ny))]
         self._regions, self._bins = (
@@ -94,6 +100,8 @@ class Turner:
         self, chosen: np.ndarray, inputs: torch.Tensor, targets: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """Return inputs and targets whose row i is turned by the element names[chosen[i]]; chosen (n,) int."""
+        import torch
+
         count, which = len(inputs), torch.as_tensor(chosen)
         plane, regions, bins = self._plane[which], self._regions[which], self._bins[which]
         flow = inputs.reshape(count, 2, -1).gather(2, regions[:, None].expand(-1, 2, -1))

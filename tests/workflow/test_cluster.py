@@ -1,7 +1,6 @@
 """What the jobs of a cluster ask for, and patience with a Slurm controller that is away; no Slurm is needed."""
 
 import asyncio
-import importlib.util
 import os
 import subprocess
 import sys
@@ -12,19 +11,11 @@ from types import SimpleNamespace
 import pytest
 from conftest import ROOT
 
+from gelforge.cli import unlock
 from gelforge.cli.cost import JOB_S, Costs
 from gelforge.config import load_study
 from gelforge.indentation.plan import plan_cells
-
-
-def script(name):
-    spec = importlib.util.spec_from_file_location(name, ROOT / f"workflow/scripts/{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-patient_slurm, unlock = script("patient_slurm"), script("unlock")
+from gelforge.workflow import patient_slurm
 
 
 def rounded(seconds, attempt):

@@ -9,12 +9,13 @@ from pathlib import Path
 import pytest
 
 from gelforge import __version__
+from gelforge.workflow import fork_server
 
-SCRIPT = Path(__file__).parents[2] / "workflow/scripts/fork_server.py"
+SCRIPT = Path(fork_server.__file__)
 # A server that loads nothing, and whose command is a line of Python.
 SERVER = """
-import sys; sys.path.insert(0, {folder!r})
-import gelforge.cli, fork_server
+import gelforge.cli
+from gelforge.workflow import fork_server
 from gelforge.files import source_digest
 gelforge.cli.main = lambda arguments: exec(arguments[0])
 fork_server.load = lambda: {digest}
@@ -30,7 +31,7 @@ def start(tmp_path):
     def server(digest="source_digest(*fork_server.CODE)", fails=False):
         (tmp_path / "socket").mkdir()
         address = str(tmp_path / "socket/forks")
-        code = SERVER.format(folder=str(SCRIPT.parent), digest=digest, address=address)
+        code = SERVER.format(digest=digest, address=address)
         process = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE)
         servers.append((process, fails))
         while not os.path.exists(address):

@@ -3,8 +3,7 @@
 from functools import cache
 
 from gelforge.cli.cost import Costs
-
-from patient_slurm import make_patient, reaches_jobs
+from gelforge.workflow.patient_slurm import make_patient, reaches_jobs
 
 START_S = 60  # a job of a cluster starts Snakemake twice, 10 to 30 s on a busy machine
 MARGIN = 2  # machines differ, and so do cells
@@ -36,7 +35,7 @@ def asks(seconds):
 
 
 def counts(seconds):
-    """Return a rule's `cpu_ms`, by which a group of cells asks for its time: see workflow/scripts/patient_slurm.py."""
+    """Return a rule's `cpu_ms`, by which a group of cells asks for its time: see gelforge/workflow/patient_slurm.py."""
     return lambda wildcards: math.ceil(1000 * seconds(wildcards)) if workflow.non_local_exec else 1
 
 

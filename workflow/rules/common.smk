@@ -21,6 +21,7 @@ from gelforge.files import atomic, digest, source_digest
 from gelforge.indentation.derived import derived_chunks
 from gelforge.indentation.lattice import lattice_of, solved_site
 from gelforge.indentation.plan import plan_cells, variant_cells
+from gelforge.workflow import fork_server
 
 
 def _described():
@@ -49,11 +50,7 @@ BENCHMARKS = f"{RESULTS}/benchmarks"
 # In shell commands every value is written {value:q}, a list word by word: what a configuration says is never shell text.
 GELFORGE = [sys.executable, "-m", "gelforge"]  # the environment's own interpreter: 18 ms a job
 ONE_THREAD = ["OMP_NUM_THREADS=1", "MKL_NUM_THREADS=1", "NUMBA_NUM_THREADS=1"]
-os.environ["GELFORGE_RUN"] = os.getcwd()  # marks the jobs of this folder, see workflow/scripts/unlock.py
-sys.path.append(str(Path(workflow.basedir) / "workflow/scripts"))
-
-import fork_server
-
+os.environ["GELFORGE_RUN"] = os.getcwd()  # marks the jobs of this folder, see gelforge/cli/unlock.py
 SOLVE = [
     sys.executable,
     "-I",
@@ -87,6 +84,9 @@ def _study_file():
 
 
 STUDY_FILE = _study_file()
+# Where this workflow is a module, Snakemake prints its commands with the names of the main Snakefile: these are given to it.
+for name in ("GELFORGE", "ONE_THREAD", "SOLVE", "STUDY_FILE", "RESULTS", "DATA"):
+    workflow.modifier_stack[0].globals.setdefault(name, globals()[name])
 
 
 wildcard_constraints:

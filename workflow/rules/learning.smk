@@ -120,6 +120,7 @@ rule tables:
         source=source_digest(
             "characterisation/law_file.py",
             "dataset/agreement.py",
+            "dataset/ranges.py",
             "learning/error_budget.py",
             "learning/evaluation.py",
             "learning/predictions.py",

@@ -2,11 +2,11 @@
 
 import shutil
 
-from run_progress import Solved
 from snakemake.logging import logger
 
 from gelforge.dataset.presses_in_order import part_of
 from gelforge.indentation.kept_solutions import forget, tidy
+from gelforge.workflow.run_progress import Solved
 
 SOLVES = {
     "simulate",

@@ -1,4 +1,4 @@
-"""Commands for a study: init, check, show, explain."""
+"""Commands for a study: init, examples, check, show, explain, unlock."""
 
 from __future__ import annotations
 
@@ -13,6 +13,13 @@ def add(commands) -> None:
         commands, "init", "studies.init", "write a commented configuration and sample tables for a new study"
     )
     init.add_argument("study", help="name of the new study")
+
+    add_command(
+        commands,
+        "examples",
+        "studies.examples",
+        "write the example studies, the demo among them, and their data into this folder",
+    )
 
     check = add_command(
         commands, "check", "studies.check", "validate a study; draw it; print cells, minutes and disk"
@@ -36,3 +43,10 @@ def add(commands) -> None:
     )
     explain.add_argument("path", type=Path, metavar="SHARD", help="a shard")
     explain.add_argument("row", type=int, help="row of the shard")
+
+    add_command(
+        commands,
+        "unlock",
+        "unlock.unlock",
+        "after a run that was killed: end what it left computing and release its lock",
+    )

@@ -1,6 +1,6 @@
 """Run one gelforge command in a fork of a process that has loaded everything; without one, in a process of its own.
 
-    python -I -S workflow/scripts/fork_server.py SOCKET simulate --study ... --out ...
+    python -I -S gelforge/workflow/fork_server.py SOCKET simulate --study ... --out ...
 
 A job that starts Python, imports and loads compiled kernels and MKL spends seconds before it solves anything. Each Snakemake
 that runs jobs itself therefore starts one fork server (`started`). It loads when the first job asks, and forks for each:

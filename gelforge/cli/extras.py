@@ -1,0 +1,22 @@
+"""Which extra of the installation brings a package that a command needs and does not find."""
+
+from __future__ import annotations
+
+EXTRAS = {  # modules that commands import, by extra of pyproject.toml
+    "workflow": ("psutil",),
+    "learning": ("torch", "sklearn"),
+    "live": ("websockets", "onnxruntime"),
+    "export": ("onnx", "onnxscript"),
+}
+
+
+def missing_extra(error: ImportError) -> str | None:
+    """Return one line that names the package that is missing and the command that installs it.
+
+    None for a package that no extra brings: then the installation itself is broken, and the traceback says where.
+    """
+    package = (error.name or "").partition(".")[0]
+    for extra, brings in EXTRAS.items():
+        if package in brings:
+            return f'{package} is not installed; it comes with: pip install "gelforge[{extra}]"'
+    return None

@@ -1,0 +1,55 @@
+"""What a folder needs so that `snakemake` runs studies in it: a Snakefile, profiles, and the examples on request."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gelforge.config import ConfigError
+from gelforge.files import atomic
+from gelforge.shipped import EXAMPLES, WORKFLOW
+
+SNAKEFILE = """\
+# The workflow of the gelforge that is installed beside Snakemake.
+from gelforge.shipped import SNAKEFILE
+
+
+include: str(SNAKEFILE)
+
+
+workflow.default_target = "all"  # an included file's is not taken over
+"""
+PROFILES = ("default/config.yaml", "slurm/config.yaml")
+EXAMPLE_FOLDERS = ("config", "data/demo", "data/paper")
+ABOUT_DATA = "data/README.md"
+MADE = {"recordings", "virtual_truth", "__pycache__"}  # by runs, in the checkout's data
+
+
+def make_runnable() -> list[Path]:
+    """Write Snakefile, profiles and schema where this folder has no workflow; return the paths that were written."""
+    if Path("Snakefile").exists() or Path("workflow/Snakefile").exists():
+        return []
+    schema = Path("config/schema.json")
+    files = {Path("Snakefile"): SNAKEFILE.encode(), schema: (EXAMPLES / schema).read_bytes()}
+    files |= {Path("profiles", name): (WORKFLOW / "profiles" / name).read_bytes() for name in PROFILES}
+    return [_written(path, content) for path, content in files.items() if not path.exists()]
+
+
+def write_examples() -> list[Path]:
+    """Write the example studies (config/) and what they read (data/) into this folder; return the paths.
+
+    Raises ConfigError, and writes nothing, where a file of them exists.
+    """
+    shipped = [path for top in EXAMPLE_FOLDERS for path in sorted((EXAMPLES / top).rglob("*"))]
+    shipped.append(EXAMPLES / ABOUT_DATA)
+    found = {path.relative_to(EXAMPLES): path for path in shipped if path.is_file()}
+    found = {to: path for to, path in found.items() if not MADE & set(to.parts)}
+    if existing := [str(to) for to in found if to.exists()]:
+        more = f" and {len(existing) - 3} more" if len(existing) > 3 else ""
+        raise ConfigError(f"{', '.join(existing[:3])}{more} exist(s) already; call it in an empty folder")
+    return [_written(to, path.read_bytes()) for to, path in found.items()]
+
+
+def _written(path: Path, content: bytes) -> Path:
+    with atomic(path) as temporary:
+        temporary.write_bytes(content)
+    return path

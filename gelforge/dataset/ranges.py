@@ -1,0 +1,37 @@
+"""Which forces a dataset's labels span."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from gelforge.dataset.schema import DatasetError
+from gelforge.dataset.shard import ShardDataset
+
+LABEL = "force_distribution_N"
+BLOCK = 256  # rows in memory at a time
+
+
+def label_ranges(shards: Sequence[str | Path]) -> np.ndarray:
+    """Return the least and greatest true force (2, 2, 3) [N] of all rows: per bin and in total, least and greatest, axis."""
+    low, high = np.full((2, 3), np.inf), np.full((2, 3), -np.inf)
+    for block in ShardDataset(shards).batches((LABEL,), BLOCK):
+        label = block[LABEL].astype(float)
+        total = label.sum(axis=1)
+        low = np.minimum(low, [label.min(axis=(0, 1)), total.min(axis=0)])
+        high = np.maximum(high, [label.max(axis=(0, 1)), total.max(axis=0)])
+    if not np.isfinite(low).all():
+        raise DatasetError(
+            "no label at all; every cell of the study failed, see the shards' attribute failed_cells"
+        )
+    return np.stack([low, high], axis=1)
+
+
+def force_ranges_table(ranges: np.ndarray) -> pd.DataFrame:
+    """Return the ranges of label_ranges (2, 2, 3) [N] as a table (Sferrazza et al. 2019, table 4)."""
+    columns = [f"{axis}_{end}_N" for axis in "xyz" for end in ("min", "max")]
+    rows = [(name, *ranges[i].T.ravel()) for i, name in enumerate(("force per bin", "total force"))]
+    return pd.DataFrame(rows, columns=["quantity", *columns])

@@ -1,0 +1,64 @@
+"""The constitutive models of a study's materials: given, read from files, or fitted by the study before.
+
+What reads and fits them is imported when a function is called, so that commands which need none start at once.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gelforge.config import ConfigError, Study
+
+
+def law_path(study: Study, material: str) -> Path:
+    """Return where a study keeps the constitutive model that it has fitted to a material."""
+    return study.results_folder / "materials" / material / "law.json"
+
+
+def laws_of(study: Study, files: list[Path]) -> dict:
+    """Return laws [MPa] by material: from files, from given parameters, or as the study has fitted them."""
+    return {name: material.law for name, material in material_laws_of(study, files).items()}
+
+
+def material_laws_of(study: Study, files: list[Path]) -> dict:
+    """Return laws by material with what is known of them: covariance, tested range.
+
+    Raises ConfigError for a material that has no law yet.
+    """
+    laws = known_laws(study, files)
+    for name in study.materials:
+        if name not in laws:
+            raise ConfigError(
+                f"material {name} has tests but no law yet; run `snakemake {law_path(study, name)}` or give --laws"
+            )
+    return laws
+
+
+def known_laws(study: Study, files: list[Path]) -> dict:
+    """Return laws by material as material_laws_of does, without the materials that have tests but no law yet.
+
+    Raises ConfigError for a stiffness that is neither plausible nor confirmed.
+    """
+    from gelforge.characterisation.characterise import given_law
+    from gelforge.characterisation.law_file import read_law
+    from gelforge.characterisation.stiffness import check_stiffness
+
+    laws = {law.material: law for law in map(read_law, files)}
+    for name, material in study.materials.items():
+        if name not in laws and material.parameters:
+            laws[name] = given_law(name, material.parameters)
+        elif name not in laws and law_path(study, name).is_file():
+            laws[name] = read_law(law_path(study, name))
+        if name in laws:
+            check_stiffness(laws[name], material.stiffness_confirmed)
+    return laws
+
+
+def laws_and_doubts(read: dict) -> tuple[dict, dict]:
+    """Return by material the laws [MPa], and of those with a covariance the laws moved along its directions."""
+    from gelforge.characterisation.law_file import moved_laws
+    from gelforge.indentation.error_bars import AMOUNT
+
+    laws = {name: material.law for name, material in read.items()}
+    known = {name: material for name, material in read.items() if material.covariance is not None}
+    return laws, {name: moved_laws(material, AMOUNT) for name, material in known.items()}
