@@ -1,3 +1,27 @@
-"""gelforge: force-distribution labels, datasets and models for soft, vision-based tactile sensors."""
+"""gelforge: force-distribution labels, datasets and models for soft, vision-based tactile sensors.
+
+    import gelforge as gf
+    answer = gf.press(16.0, 16.0, [0.5, 1.0])  # the article's sensor; forces per node and bin, with error bars
+
+What `__all__` names is the public interface, imported when it is first used; nothing else is promised.
+"""
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gelforge.api import Pressed, Slopes, press
 
 __version__ = "0.1.0"
+__all__ = ["Pressed", "Slopes", "press"]
+
+
+def __getattr__(name: str):
+    if name not in __all__:
+        raise AttributeError(f"module 'gelforge' has no attribute {name!r}")
+    from gelforge import api
+
+    return getattr(api, name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])
