@@ -18,6 +18,7 @@ SHIPPED = {
     "data/README.md": "examples/data/README.md",
     "data/demo": "examples/data/demo",
     "data/paper": "examples/data/paper",
+    "data/gelsight_mini": "examples/data/gelsight_mini",
 }
 MADE = shutil.ignore_patterns("recordings", "virtual_truth", "__pycache__")  # by runs in this checkout
 

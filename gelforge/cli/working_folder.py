@@ -19,7 +19,7 @@ include: str(SNAKEFILE)
 workflow.default_target = "all"  # an included file's is not taken over
 """
 PROFILES = ("default/config.yaml", "slurm/config.yaml")
-EXAMPLE_FOLDERS = ("config", "data/demo", "data/paper")
+EXAMPLE_FOLDERS = ("config", "data/demo", "data/gelsight_mini", "data/paper")
 ABOUT_DATA = "data/README.md"
 MADE = {"recordings", "virtual_truth", "__pycache__"}  # by runs, in the checkout's data
 

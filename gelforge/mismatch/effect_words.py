@@ -41,7 +41,7 @@ PHRASES: dict[str, tuple[str, ...]] = {
         "friction is lower than simulated",
     ),
     "friction_law": ("friction depends on the contact pressure",),
-    "frictionless": ("there is friction, and the simulation has none",),
+    "frictionless": ("friction is there or absent, unlike in the simulation",),
     "gel_stiffness": (
         "the gel differs in stiffness",
         "the gel is {share} stiffer than simulated",
@@ -96,6 +96,9 @@ def in_general(name: str) -> str:
 
 def with_amount(effect: Effect, shape: Shape, amounts: Sequence[float]) -> str:
     """Return what an effect means at its amounts, and where it lies if it has a place."""
+    if "coefficient" in shape:  # of friction, where the simulation has none; 0 where it has some
+        found, simulated = ("friction", "none") if shape["coefficient"] else ("no friction", "some")
+        return f"there is {found}, and the simulation has {simulated}"
     phrases = PHRASES.get(effect.name, (in_general(effect.name),))
     place = f" near ({shape['x_mm']:.3g}, {shape['y_mm']:.3g}) mm" if "x_mm" in shape else ""
     if len(phrases) == 1 or not amounts[0]:

@@ -153,6 +153,14 @@ def test_every_effect_has_a_clause_that_says_what_it_means():
     assert with_amount(gel, {}, [0.12]) == "the gel is 12 % stiffer than simulated"
     assert with_amount(gel, {}, [-0.2]) == "the gel is 20 % softer than simulated"
     assert in_general("gel_stiffness") == "the gel differs in stiffness"
+    turned = CATALOGUE["frictionless"]
+    assert (
+        with_amount(turned, {"coefficient": 0.0}, [1.0])
+        == "there is no friction, and the simulation has some"
+    )
+    assert (
+        with_amount(turned, {"coefficient": 0.5}, [1.0]) == "there is friction, and the simulation has none"
+    )
     place = {"x_mm": 7.0, "y_mm": 12.5, "z_mm": -3.0, "radius_mm": 1.2}
     assert with_amount(CATALOGUE["void"], place, [1.0]) == "there is a void in the gel near (7, 12.5) mm"
 
