@@ -1,0 +1,165 @@
+"""How far one clock lies behind another: candidate lags by correlation, and which of them the presses contradict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import percentile_filter
+from scipy.signal import correlate, correlation_lags, find_peaks
+
+from gelforge.importing.streams import ImportingError
+
+GRID_S = 0.02
+BASELINE_S = 60.0  # the signal at rest is its 15th percentile over so long
+REST_PERCENTILE = 15
+LEVELS = 25  # heights of the surface that are tried
+POWER = 1.5  # of force over depth: enough for a correlation
+LEAST_CORRELATION = 0.5
+CANDIDATE, RIVAL = 0.8, 0.95  # of the best correlation: looked at; as good
+APART_S = 0.3
+STRONG = 0.3  # of the median peak: a press that both signals must show
+MARGIN_S = 0.3
+
+
+@dataclass(frozen=True)
+class Match:
+    """A coarse lag [s] of a signal's times against the stage's, each since its first row."""
+
+    lag_s: float
+    correlation: float
+    contact_mm: float  # travel above which the model of the signal is not 0
+    lags_s: np.ndarray  # (L,) all lags, and their correlation, for the page
+    correlations: np.ndarray
+    rival: tuple[float, float] | None  # the next best candidate: lag, correlation
+
+
+def coarse_match(
+    stage_s, travel, signal_s, signal, what: str, key: str, start_s: float = 0.0, known_s=None
+) -> Match:
+    """Return the lag at which a signal follows the stage. Raises ImportingError where none does, or several do.
+
+    stage_s (n,) [s], travel (n,) [mm]; signal_s (m,) [s], signal (m,), any unit, growing with depth. start_s: by how much the
+    signal's clock shows more at its first row than the stage's at its own, for messages. known_s: a lag that is kept.
+    """
+    grid = np.arange(0, stage_s[-1], GRID_S)
+    depth = np.interp(grid, stage_s, travel)
+    times = np.arange(0, signal_s[-1], GRID_S)
+    height = rise(times, np.interp(times, signal_s, signal))
+    best = _best_level(depth, height)
+    if best is None or best[0] < LEAST_CORRELATION:
+        _refuse_unlike(
+            depth, times, np.interp(times, signal_s, signal), 0 if best is None else best[0], what, key
+        )
+    _, level, correlation = best
+    lags = correlation_lags(len(height), len(depth)) * GRID_S
+    level = _finer_level(depth, height, level, lags[int(correlation.argmax())])
+    if known_s is not None:
+        k = int(np.abs(lags - known_s).argmin())
+        return Match(known_s, float(correlation[k]), level, lags, correlation, None)
+    top = correlation.max()
+    peaks, _ = find_peaks(correlation, height=CANDIDATE * top, distance=int(APART_S / GRID_S))
+    if not len(peaks):
+        peaks = np.array([correlation.argmax()])
+    peaks = peaks[np.argsort(-correlation[peaks])][:50]
+    wrong = np.array([contradictions(grid, depth - level, times, height, lags[k]) for k in peaks])
+    order = np.lexsort((-correlation[peaks], wrong))
+    chosen = peaks[order[0]]
+    rival = peaks[order[1]] if len(order) > 1 else None
+    if (
+        rival is not None
+        and wrong[order[1]] == wrong[order[0]]
+        and correlation[rival] >= RIVAL * correlation[chosen]
+    ):
+        raise ImportingError(
+            f"{what}: its clock may be {start_s + lags[chosen]:.2f} or {start_s + lags[rival]:.2f} s later than the stage's"
+            f" (correlation {correlation[chosen]:.3f} and {correlation[rival]:.3f}): the presses repeat; set {key}.lag_s, or"
+            " record a rest before the first and after the last press in both logs"
+        )
+    told = None if rival is None else (float(lags[rival]), float(correlation[rival]))
+    return Match(float(lags[chosen]), float(correlation[chosen]), level, lags, correlation, told)
+
+
+def rise(times: np.ndarray, signal: np.ndarray) -> np.ndarray:
+    """Return a signal (n,) on an even grid above its rest, at least 0; rest may drift over a minute."""
+    step = 10
+    few = signal[::step]
+    size = max(3, min(len(few), int(BASELINE_S / (times[1] - times[0]) / step)))
+    rest = percentile_filter(few, REST_PERCENTILE, size, mode="nearest")
+    return np.maximum(signal - np.interp(times, times[::step], rest), 0.0)
+
+
+def _best_level(depth: np.ndarray, height: np.ndarray) -> tuple[float, float, np.ndarray] | None:
+    """Return the largest correlation, the surface's height [mm] that gives it, and the correlation of every lag."""
+    size = np.sqrt(height @ height)
+    if not size > 0:
+        return None
+    best = None
+    for level in np.linspace(depth.min(), depth.max(), LEVELS + 2)[1:-1]:
+        model = np.maximum(depth - level, 0.0) ** POWER
+        correlation = correlate(height, model, method="fft") / (size * np.sqrt(model @ model))
+        if best is None or correlation.max() > best[0]:
+            best = (float(correlation.max()), float(level), correlation)
+    return best
+
+
+def _finer_level(depth: np.ndarray, height: np.ndarray, level: float, lag: float) -> float:
+    """Return the surface's height [mm] that correlates best at one lag [s]."""
+    shift = round(lag / GRID_S)
+    a, b = max(0, -shift), min(len(depth), len(height) - shift)
+    own, seen = depth[a:b], height[a + shift : b + shift]
+    step = np.ptp(depth) / (LEVELS + 1)
+    tries = np.linspace(level - step, min(level + step, own.max() - 0.1 * step), 81)
+    models = np.maximum(own[None, :] - tries[:, None], 0.0) ** POWER
+    return float(tries[(models @ seen / np.sqrt((models**2).sum(axis=1))).argmax()])
+
+
+def _refuse_unlike(depth, times, signal, found: float, what: str, key: str):
+    """Raise ImportingError for a signal that does not follow the stage, with what would make it follow."""
+    other_sign = _best_level(depth, rise(times, -signal))
+    other_way = _best_level(-depth, rise(times, signal))
+    said = (
+        f"{what}: does not follow the stage (correlation {found:.2f}, at least {LEAST_CORRELATION} is needed)"
+    )
+    if other_sign and other_sign[0] >= LEAST_CORRELATION and key == "force":
+        raise ImportingError(
+            f"{said}, its negative does ({other_sign[0]:.2f}): pressing must give a negative fz on the sensor; correct"
+            " session.force.acts_on or session.force.axes"
+        )
+    if other_way and other_way[0] >= LEAST_CORRELATION:
+        raise ImportingError(
+            f"{said}, with the other stage.pressing it does ({other_way[0]:.2f}); correct stage.pressing"
+        )
+    raise ImportingError(
+        f"{said}; are force, stage{' and camera' if key == 'camera' else ''} of one session, not exchanged, and the"
+        f" columns right? If they are, set {key}.lag_s"
+    )
+
+
+def runs_above(values: np.ndarray, limit: float) -> list[tuple[int, int]]:
+    """Return the runs (first, last) of samples above a limit."""
+    above = np.concatenate([[False], values > limit, [False]])
+    edges = np.flatnonzero(np.diff(above.astype(int)))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2])]
+
+
+def contradictions(grid, depth, times, height, lag: float) -> int:
+    """Return how many strong presses, whole inside what both logs cover, one of two signals shows and the other does not."""
+    start, end = max(grid[0], times[0] - lag) + MARGIN_S, min(grid[-1], times[-1] - lag) - MARGIN_S
+    pairs = [(grid, depth, times - lag, height), (times - lag, height, grid, depth)]
+    count = 0
+    for own_s, own, other_s, other in pairs:
+        strong, weak = _strong(own, STRONG), _strong(other, 0.1 * STRONG)
+        for first, last in runs_above(own, 0.1 * strong):
+            inside = own_s[first] >= start and own_s[last] <= end
+            if not inside or own[first : last + 1].max() < strong:
+                continue
+            a, b = np.searchsorted(other_s, [own_s[first], own_s[last]])
+            count += not (other[a : b + 1] > weak).any()
+    return count
+
+
+def _strong(values: np.ndarray, share: float) -> float:
+    """Return a share of the median height of what rises above a tenth of the highest."""
+    tops = [values[a : b + 1].max() for a, b in runs_above(values, 0.1 * values.max())]
+    return share * float(np.median(tops))
