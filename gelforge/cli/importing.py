@@ -9,7 +9,7 @@ from pathlib import Path
 
 from gelforge.config import NAME
 from gelforge.importing.importer import Imported, clock_words, import_logs, write_imported
-from gelforge.importing.streams import ImportingError
+from gelforge.importing.streams import ImportingError, Stream
 from gelforge.recording.checks import RecordingError
 from gelforge.recording.readings import read_recording
 from gelforge.report.import_figure import import_figure
@@ -37,11 +37,11 @@ def import_command(mapping: Path, out: Path) -> None:
         import_figure(imported).savefig(page, dpi=110)
         try:
             recording = read_recording(folder)
-        except (RecordingError, ValueError) as error:
+        except RecordingError as error:
             said = str(error).replace(f"{folder}{os.sep}", "").replace(f"{folder}: ", "")
             raise ImportingError(
-                f"{mapping}: the session is refused ({said}); its keys stand under `session` of the mapping, and {page} shows"
-                " what was done"
+                f"{mapping}: the session is refused ({said}); its keys stand under `session` of the mapping, and"
+                f" {page} shows what was done"
             ) from None
         os.replace(page, folder / "import.png")
         shutil.move(folder, out)
@@ -55,8 +55,8 @@ def lines(imported: Imported) -> list[str]:
     """Return what was found, a line each."""
     found = imported.contacts
     out = [
-        f"stage      {len(imported.stage.time_s)} rows, every {imported.stage.period_s * 1e3:.3g} ms, {imported.stage.time_s[-1]:.1f} s",
-        f"force      {len(imported.force_s)} rows, every {imported.force.period_s * 1e3:.3g} ms: {match_words('force', imported.force_clock)}",
+        f"stage      {rows_words(imported.stage)}",
+        f"force      {rows_words(imported.force)}: {match_words('force', imported.force_clock)}",
     ]
     if imported.film:
         film = imported.film
@@ -76,6 +76,10 @@ def lines(imported: Imported) -> list[str]:
             f"untouched  {len(imported.presses.untouched_s)} motions without force, no presses: at {at} s"
         )
     return out
+
+
+def rows_words(log: Stream) -> str:
+    return f"{len(log.time_s)} rows in {log.time_s[-1]:.1f} s, one every {log.period_s * 1e3:.3g} ms"
 
 
 def match_words(name: str, clock) -> str:

@@ -167,7 +167,7 @@ def _times_in_names(path: Path, source: CameraSource, names: list[str]) -> np.nd
     if not (np.diff(times) > 0).all():
         k = int((np.diff(times) <= 0).argmax())
         raise ImportingError(
-            f"{path}: the stamp of {names[k + 1]} is not after that of {names[k]}; name frames so that their order is that of"
-            " their stamps (digits of equal length)"
+            f"{path}: the stamp of {names[k + 1]} is not after that of {names[k]}; name frames so that their order is"
+            " that of their stamps (digits of equal length)"
         )
     return times

@@ -39,18 +39,16 @@ def coarse_match(
 ) -> Match:
     """Return the lag at which a signal follows the stage. Raises ImportingError where none does, or several do.
 
-    stage_s (n,) [s], travel (n,) [mm]; signal_s (m,) [s], signal (m,), any unit, growing with depth. start_s: by how much the
-    signal's clock shows more at its first row than the stage's at its own, for messages. known_s: a lag that is kept.
+    stage_s (n,) [s], travel (n,) [mm]; signal_s (m,) [s], signal (m,), any unit, growing with depth. start_s: by how much
+    the signal's clock shows more at its first row than the stage's at its own, for messages. known_s: a lag that is kept.
     """
     grid = np.arange(0, stage_s[-1], GRID_S)
     depth = np.interp(grid, stage_s, travel)
     times = np.arange(0, signal_s[-1], GRID_S)
-    height = rise(times, np.interp(times, signal_s, signal))
+    even = np.interp(times, signal_s, signal)
+    height = rise(times, even)
     best = _best_level(depth, height)
-    if best is None or best[0] < LEAST_CORRELATION:
-        _refuse_unlike(
-            depth, times, np.interp(times, signal_s, signal), 0 if best is None else best[0], what, key
-        )
+    _refuse_unlike(depth, times, even, best[0], what, key)
     _, level, correlation = best
     lags = correlation_lags(len(height), len(depth)) * GRID_S
     level = _finer_level(depth, height, level, lags[int(correlation.argmax())])
@@ -89,17 +87,19 @@ def rise(times: np.ndarray, signal: np.ndarray) -> np.ndarray:
     return np.maximum(signal - np.interp(times, times[::step], rest), 0.0)
 
 
-def _best_level(depth: np.ndarray, height: np.ndarray) -> tuple[float, float, np.ndarray] | None:
+def _best_level(depth: np.ndarray, height: np.ndarray) -> tuple[float, float, np.ndarray]:
     """Return the largest correlation, the surface's height [mm] that gives it, and the correlation of every lag."""
-    size = np.sqrt(height @ height)
-    if not size > 0:
-        return None
-    best = None
+    seen = height - height.mean()
+    size = np.sqrt(seen @ seen)
+    best = (0.0, float(depth.max()), np.zeros(len(height) + len(depth) - 1))
     for level in np.linspace(depth.min(), depth.max(), LEVELS + 2)[1:-1]:
         model = np.maximum(depth - level, 0.0) ** POWER
-        correlation = correlate(height, model, method="fft") / (size * np.sqrt(model @ model))
-        if best is None or correlation.max() > best[0]:
-            best = (float(correlation.max()), float(level), correlation)
+        model -= model.mean()
+        product = size * np.sqrt(model @ model)
+        if product > 0:
+            correlation = correlate(seen, model, method="fft") / product
+            if correlation.max() > best[0]:
+                best = (float(correlation.max()), float(level), correlation)
     return best
 
 
@@ -114,26 +114,26 @@ def _finer_level(depth: np.ndarray, height: np.ndarray, level: float, lag: float
     return float(tries[(models @ seen / np.sqrt((models**2).sum(axis=1))).argmax()])
 
 
-def _refuse_unlike(depth, times, signal, found: float, what: str, key: str):
-    """Raise ImportingError for a signal that does not follow the stage, with what would make it follow."""
-    other_sign = _best_level(depth, rise(times, -signal))
-    other_way = _best_level(-depth, rise(times, signal))
-    said = (
-        f"{what}: does not follow the stage (correlation {found:.2f}, at least {LEAST_CORRELATION} is needed)"
-    )
-    if other_sign and other_sign[0] >= LEAST_CORRELATION and key == "force":
+def _refuse_unlike(depth, times, signal, found: float, what: str, key: str) -> None:
+    """Raise ImportingError for a signal that does not follow the stage, or does so better with another sign."""
+    signs = {"stage.pressing": (-1, 1)}
+    if key == "force":
+        force = "session.force.acts_on or session.force.axes (pressing gives a negative fz on the sensor)"
+        signs |= {force: (1, -1), f"stage.pressing, and {force}": (-1, -1)}
+    others = {
+        named: _best_level(way * depth, rise(times, sign * signal))[0] for named, (way, sign) in signs.items()
+    }
+    named = max(others, key=others.get)
+    if others[named] > max(found, LEAST_CORRELATION):
         raise ImportingError(
-            f"{said}, its negative does ({other_sign[0]:.2f}): pressing must give a negative fz on the sensor; correct"
-            " session.force.acts_on or session.force.axes"
+            f"{what}: follows the stage with another sign (correlation {others[named]:.2f}, as declared {found:.2f});"
+            f" correct {named}"
         )
-    if other_way and other_way[0] >= LEAST_CORRELATION:
+    if found < LEAST_CORRELATION:
         raise ImportingError(
-            f"{said}, with the other stage.pressing it does ({other_way[0]:.2f}); correct stage.pressing"
+            f"{what}: does not follow the stage (correlation {found:.2f}, at least {LEAST_CORRELATION} is needed); name the"
+            f" {key} log of this session and its columns"
         )
-    raise ImportingError(
-        f"{said}; are force, stage{' and camera' if key == 'camera' else ''} of one session, not exchanged, and the"
-        f" columns right? If they are, set {key}.lag_s"
-    )
 
 
 def runs_above(values: np.ndarray, limit: float) -> list[tuple[int, int]]:

@@ -3,8 +3,9 @@ r"""The contact point of a press: where the force begins to follow the travel, w
 .. math:: F(s) = F_0 + k \, \max(s - s_0, 0)^n
 
 on the loading ramp, every s_0 and n tried, F_0 and k by least squares. The interval holds every s_0 whose sum of squares is
-within chi-square's 95 % of the least, the noise's correlation counted. A power of depth is a model, the better the less deep: the lower
-half and quarter of the ramp take the place of the whole where they are precise or deny it, and what they disagree by is added.
+within chi-square's 95 % of the least, the noise's correlation counted. A power of depth is a model, the better the less
+deep: the lower half and quarter of the ramp take the place of the whole where they are precise or deny it, and what they
+disagree by is added.
 """
 
 from __future__ import annotations

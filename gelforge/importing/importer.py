@@ -114,7 +114,7 @@ def import_logs(mapping_file: str | Path, name: str) -> Imported:
     if deep.min() <= 0:
         press = presses.kept[int(deep.argmin())]
         raise ImportingError(
-            f"press {press.number} at {press.top_s:.1f} s reaches a depth of {deep.min():.3f} mm only; set depth_zero: press, or"
+            f"press {press.number} at {press.top_s:.1f} s reaches {deep.min():.3f} mm only; set depth_zero: press, or"
             f" leave it out with skip: [{press.number}]"
         )
     table, images = rows_of_presses(presses.kept, zero, stage, frames, mapping)

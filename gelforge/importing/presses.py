@@ -64,8 +64,8 @@ def find_presses(
 ) -> Presses:
     """Return the presses. push (m,) [N]: force towards the gel at force_s (m,) [s] on the stage's clock.
 
-    level_mm: travel about which contact begins; frames_s: first and last frame. Raises ImportingError naming the press and the
-    key that settles it.
+    level_mm: travel about which contact begins; frames_s: first and last frame. Raises ImportingError naming the press and
+    the key that settles it.
     """
     smooth, threshold = _above_rest(force_s, push)
     merged = _merged(stage, found, force_s, smooth, threshold)
@@ -175,8 +175,9 @@ def _refuse_slip(at, number, stage, excursion, force_s, smooth, travel) -> None:
     k, peak = int(fall.argmax()), float(smooth.max())
     if fall[k] > SLIP * peak:
         raise ImportingError(
-            f"{at}: the force falls from {smooth[k]:.3g} to {smooth[later[k]]:.3g} N within {SLIP_S} s at {force_s[k]:.2f} s while"
-            f" the stage does not retreat: the indenter slipped off; leave it out with skip: [{number}]"
+            f"{at}: the force falls from {smooth[k]:.3g} to {smooth[later[k]]:.3g} N within {SLIP_S} s at"
+            f" {force_s[k]:.2f} s while the stage does not retreat: the indenter slipped off; leave it out with"
+            f" skip: [{number}]"
         )
 
 
@@ -194,8 +195,8 @@ def _press(at, number, stage, excursion, force_s, push, travel_at, rows, from_s)
     contact = contact_point(travel_at[ramp], push[ramp], guess)
     if contact is None:
         raise ImportingError(
-            f"{at}: the force has {ramp.stop - ramp.start} samples on the loading ramp, too few for its contact point; leave it"
-            f" out with skip: [{number}], or log faster"
+            f"{at}: the force has {ramp.stop - ramp.start} samples on the loading ramp, too few for its contact point; leave"
+            f" it out with skip: [{number}], or log faster"
         )
     rising = force_s[ramp][travel_at[ramp] >= contact.travel_mm]
     touch_s = float(rising[0]) if len(rising) else guess_s
@@ -204,7 +205,8 @@ def _press(at, number, stage, excursion, force_s, push, travel_at, rows, from_s)
     clear = clear[np.interp(clear, time, travel) < contact.low_mm - CLEAR_MM]
     if not len(clear) or clear[-1] - clear[0] < LEAST_ZERO_S:
         raise ImportingError(
-            f"{at}: no rest of {LEAST_ZERO_S} s before contact in which the force is zero; leave it out with skip: [{number}]"
+            f"{at}: no rest of {LEAST_ZERO_S} s before contact in which the force is zero; leave it out with"
+            f" skip: [{number}]"
         )
     zero = (float(max(clear[0], clear[-1] - ZERO_S)), float(clear[-1]))
     rest = push[(force_s >= zero[0]) & (force_s <= zero[1])].mean()
@@ -233,8 +235,9 @@ def depth_zero_mm(presses: tuple[Press, ...], rule, pressing: str) -> np.ndarray
         k = int(half.argmax())
         if half[k] > WIDEST_MM:
             raise ImportingError(
-                f"press {presses[k].number} at {presses[k].top_s:.1f} s: its contact point is known to {half[k]:.2g} mm only, the"
-                f" limit is {WIDEST_MM} mm; set depth_zero: session, or leave it out with skip: [{presses[k].number}]"
+                f"press {presses[k].number} at {presses[k].top_s:.1f} s: its contact point is known to {half[k]:.2g} mm"
+                f" only, the limit is {WIDEST_MM} mm; set depth_zero: session, or leave it out with"
+                f" skip: [{presses[k].number}]"
             )
         return found
     middle = float(np.median(found))
@@ -247,15 +250,17 @@ def depth_zero_mm(presses: tuple[Press, ...], rule, pressing: str) -> np.ndarray
             + (
                 f"leave it out with skip: [{presses[k].number}], or set depth_zero: press"
                 if one
-                else "the surface is curved or tilted, or x, y, z are of another frame: set depth_zero: press, or correct stage.z"
+                else "the surface is curved or tilted, or x, y, z are of another frame: set depth_zero: press, or correct"
+                " stage.z"
             )
         )
     if rule == "session":
         return np.full(len(presses), middle)
-    declared = rule.at_mm * (-1 if pressing == "-z" else 1)
+    sign = -1 if pressing == "-z" else 1
+    declared = sign * rule.at_mm
     if abs(declared - middle) > WIDEST_MM:
         raise ImportingError(
-            f"depth_zero.at_mm {rule.at_mm:g}, the force begins at {middle * (-1 if pressing == '-z' else 1):.3f} mm (median), the"
-            f" limit is {WIDEST_MM} mm between them; correct at_mm, or set depth_zero: session"
+            f"depth_zero.at_mm {rule.at_mm:g}, the force begins at {sign * middle:.3f} mm (median),"
+            f" the limit is {WIDEST_MM} mm between them; correct at_mm, or set depth_zero: session"
         )
     return np.full(len(presses), declared)

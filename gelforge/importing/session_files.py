@@ -122,8 +122,8 @@ def _wait_rows(press, wait, phase, xy, depth, frames, mapping) -> list[dict]:
         )
         if not len(few):
             raise ImportingError(
-                f"press {press.number} at {arrive:.1f} s: no frame while it waits ({leave - arrive:.2f} s); leave it out with"
-                f" skip: [{press.number}], or lower settle_s"
+                f"press {press.number} at {arrive:.1f} s: no frame while it waits ({leave - arrive:.2f} s); leave it out"
+                f" with skip: [{press.number}], or lower settle_s"
             )
         chosen = [(int(k), float(frames.time_s[k])) for k in few]
     waiting = "dwell" if phase == "load" else phase

@@ -1,7 +1,8 @@
 """The lag of every stop and start of the stage, and the law of the clock that they make.
 
-Where the stage stops or leaves under load, force and image bend at once, whatever the material relaxes: the time of the bend in
-the signal less that in the stage is the lag. A clock's law is ``signal time = stage time + lag + rate * stage time``.
+Where the stage stops or leaves under load, force and image bend at once, whatever the material relaxes: the time of the
+bend in the signal less that in the stage is the lag. A clock's law is
+``signal time = stage time + lag + rate * stage time``.
 """
 
 from __future__ import annotations
@@ -108,7 +109,7 @@ def _local_lag(log_s, travel, excursion, signal_s, signal, lag_s, contact_mm) ->
 def _bend(
     log_s, travel, excursion, number, side, signal_s, signal, lag, contact_mm
 ) -> tuple[float, float] | None:
-    """Return lag and its standard deviation [s] of the bend in a signal where the stage stops (side -1) or leaves (1) a wait.
+    """Return lag and its standard deviation [s] of the bend where the stage stops (side -1) or leaves (1) a wait.
 
     The window holds motion under load on one side of the bend and rest on the other.
     """
@@ -188,8 +189,8 @@ def clock_law(bends: Bends, known: float | None, drift: bool, what: str, key: st
     se = float(max(1.4826 * np.median(np.abs(lag - law)) / np.sqrt(len(lag)), np.sqrt(1 / (1 / sd**2).sum())))
     if se > LARGEST_SE_S:
         raise ImportingError(
-            f"{what}: its lag is known to {2 * se * 1e3:.2g} ms only (two standard errors of {len(lag)} presses), the limit is"
-            f" {2 * LARGEST_SE_S * 1e3:g} ms; set {key}.lag_s, or log faster"
+            f"{what}: its lag is known to {2 * se * 1e3:.2g} ms only (two standard errors of {len(lag)} presses), the limit"
+            f" is {2 * LARGEST_SE_S * 1e3:g} ms; set {key}.lag_s, or log faster"
         )
     if drift:
         return ClockLaw(float(offset), float(straight), se, bends)
@@ -234,6 +235,6 @@ def _refuse_jumps(at, lag, law, what: str, key: str) -> None:
         else f"name time stamps of each row in {key}.time"
     )
     raise ImportingError(
-        f"{what}: its lag jumps from {steady[k]:.3f} to {steady[k + 1]:.3f} s between the presses at {at[k]:.1f} and {at[k + 1]:.1f} s,"
-        f" the limit is {limit * 1e3:.2g} ms: {rows} were dropped; {remedy}, or record again"
+        f"{what}: its lag jumps from {steady[k]:.3f} to {steady[k + 1]:.3f} s between the presses at {at[k]:.1f} and"
+        f" {at[k + 1]:.1f} s, the limit is {limit * 1e3:.2g} ms: {rows} were dropped; {remedy}, or record again"
     )
