@@ -28,7 +28,6 @@ class Film:
     start_s: float
     time_s: np.ndarray  # (n,)
     change: np.ndarray  # (n,)
-    size_px: tuple[int, int]
 
 
 def read_film(folder: Path, source: CameraSource) -> Film:
@@ -54,7 +53,7 @@ def read_film(folder: Path, source: CameraSource) -> Film:
         raise ImportingError(f"{path}: {len(names)} frames, at least 20 are needed; name the whole recording")
     time = _times(folder, path, source, names, np.array(container))
     refuse_gaps(path, time, "camera")
-    return Film(path, float(time[0]), time - time[0], np.array(change), size)
+    return Film(path, float(time[0]), time - time[0], np.array(change))
 
 
 def write_frames(film: Film, wanted: dict[int, list[Path]]) -> None:
@@ -73,7 +72,7 @@ def frame_images(film: Film, numbers: list[int]) -> dict[int, np.ndarray]:
     wanted, out = set(numbers), {}
     for number, (_, _, image) in enumerate(_frames(film.path)):
         if number in wanted:
-            out[number] = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+            out[number] = _grey(image)
         if number >= max(wanted):
             break
     return out
@@ -111,8 +110,14 @@ def _frames(path: Path) -> Iterator[tuple[str, float, np.ndarray]]:
         capture.release()
 
 
+def _grey(image: np.ndarray) -> np.ndarray:
+    return (
+        image if image.ndim == 2 else cv2.cvtColor(np.ascontiguousarray(image[..., :3]), cv2.COLOR_BGR2GRAY)
+    )
+
+
 def _small(image: np.ndarray) -> np.ndarray:
-    grey = image if image.ndim == 2 else cv2.cvtColor(image[..., :3], cv2.COLOR_BGR2GRAY)
+    grey = _grey(image)
     height = max(1, round(SMALL_PX * grey.shape[0] / grey.shape[1]))
     small = (
         cv2.resize(grey, (SMALL_PX, height), interpolation=cv2.INTER_AREA)

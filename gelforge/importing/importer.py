@@ -88,7 +88,6 @@ def import_logs(mapping_file: str | Path, name: str) -> Imported:
     stage = read_stage(folder, mapping.stage, mapping.force)
     force = read_force(folder, mapping.force, mapping.stage)
     film = read_film(folder, mapping.camera) if mapping.camera else None
-    travel = stage.values[:, 2]
     found = excursions(stage.time_s, stage.values, mapping.least_retreat_mm, mapping.least_dwell_s)
     push = -force_on_sensor(force.values, session.force)[:, 2]
     clock = _aligned(stage, found, force, push, mapping.force, "force", None)
@@ -118,7 +117,7 @@ def import_logs(mapping_file: str | Path, name: str) -> Imported:
             f" leave it out with skip: [{press.number}]"
         )
     table, images = rows_of_presses(presses.kept, zero, stage, frames, mapping)
-    found_zero = _depth_zero(mapping, presses, travel)
+    found_zero = _depth_zero(mapping, presses)
     notes = _notes(mapping, clock, camera_clock, presses)
     session = _session(mapping, name, {"depth_zero": found_zero, "notes": notes}, str(path))
     return Imported(
@@ -164,7 +163,7 @@ def _aligned(
     return Aligned(match, clock_law(bends, known, clock.drift, what, key), bends, start)
 
 
-def _depth_zero(mapping: ImportMapping, presses: Presses, travel: np.ndarray) -> dict[str, Any]:
+def _depth_zero(mapping: ImportMapping, presses: Presses) -> dict[str, Any]:
     """Return the keys of session.yaml's depth_zero: how it was found, and its scatter [mm]."""
     found = np.array([press.contact.travel_mm for press in presses.kept])
     own = float(np.median([press.contact.sd_mm for press in presses.kept]))

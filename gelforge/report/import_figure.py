@@ -97,6 +97,8 @@ def _phases(imported: Imported, ax, span) -> None:
         spans = [(press.zero_s, "zero")]
         rows = imported.table[imported.table["press"] == f"p{press.number:03d}"]
         for wait in press.waits:
+            if not np.isfinite(wait.arrive_s):
+                continue
             phase = rows["phase"].iloc[(rows["time_s"] - wait.arrive_s).abs().argmin()]
             spans.append(((ends[-1], wait.arrive_s), "load" if phase in ("load", "dwell") else phase))
             spans.append(((wait.arrive_s, wait.leave_s), "dwell" if phase in ("load", "dwell") else phase))
