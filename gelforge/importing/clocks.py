@@ -15,9 +15,11 @@ BASELINE_S = 60.0  # the signal at rest is its 15th percentile over so long
 REST_PERCENTILE = 15
 LEVELS = 25  # heights of the surface that are tried
 POWER = 1.5  # of force over depth: enough for a correlation
+POWERS = (1.0, 1.5, 2.0, 2.5)  # for where the surface is
 LEAST_CORRELATION = 0.5
 CANDIDATE, RIVAL = 0.9, 0.95  # of the best correlation: looked at; as good
 APART_S = 0.3
+NEAR_STEPS = 6  # of the grid, about the best lag: relaxation shifts it
 STRONG = 0.3  # of the median peak: a press that both signals must show
 MARGIN_S = 0.3
 
@@ -29,6 +31,7 @@ class Match:
     lag_s: float
     correlation: float
     contact_mm: float  # travel above which the model of the signal is not 0
+    power: float  # of the signal over depth
     lags_s: np.ndarray  # (L,) all lags, and their correlation, for the page
     correlations: np.ndarray
     rival: tuple[float, float] | None  # the next best candidate: lag, correlation
@@ -51,10 +54,10 @@ def coarse_match(
     _refuse_unlike(depth, times, even, best[0], what, key)
     _, level, correlation = best
     lags = correlation_lags(len(height), len(depth)) * GRID_S
-    level = _finer_level(depth, height, level, lags[int(correlation.argmax())])
+    level, power = _finer_level(depth, height, level, lags[int(correlation.argmax())])
     if known_s is not None:
         k = int(np.abs(lags - known_s).argmin())
-        return Match(known_s, float(correlation[k]), level, lags, correlation, None)
+        return Match(known_s, float(correlation[k]), level, power, lags, correlation, None)
     top = correlation.max()
     peaks, _ = find_peaks(correlation, height=CANDIDATE * top, distance=int(APART_S / GRID_S))
     if not len(peaks):
@@ -75,7 +78,7 @@ def coarse_match(
             " record a rest before the first and after the last press in both logs"
         )
     told = None if rival is None else (float(lags[rival]), float(correlation[rival]))
-    return Match(float(lags[chosen]), float(correlation[chosen]), level, lags, correlation, told)
+    return Match(float(lags[chosen]), float(correlation[chosen]), level, power, lags, correlation, told)
 
 
 def rise(times: np.ndarray, signal: np.ndarray) -> np.ndarray:
@@ -103,15 +106,21 @@ def _best_level(depth: np.ndarray, height: np.ndarray) -> tuple[float, float, np
     return best
 
 
-def _finer_level(depth: np.ndarray, height: np.ndarray, level: float, lag: float) -> float:
-    """Return the surface's height [mm] that correlates best at one lag [s]."""
-    shift = round(lag / GRID_S)
-    a, b = max(0, -shift), min(len(depth), len(height) - shift)
-    own, seen = depth[a:b], height[a + shift : b + shift]
-    step = np.ptp(depth) / (LEVELS + 1)
-    tries = np.linspace(level - step, min(level + step, own.max() - 0.1 * step), 81)
-    models = np.maximum(own[None, :] - tries[:, None], 0.0) ** POWER
-    return float(tries[(models @ seen / np.sqrt((models**2).sum(axis=1))).argmax()])
+def _finer_level(depth: np.ndarray, height: np.ndarray, level: float, lag: float) -> tuple[float, float]:
+    """Return the surface's height [mm] and the power of depth that correlate best about one lag [s]."""
+    step, best = np.ptp(depth) / (LEVELS + 1), (-1.0, level, POWER)
+    for shift in round(lag / GRID_S) + np.arange(-NEAR_STEPS, NEAR_STEPS + 1, 2):
+        a, b = max(0, -shift), min(len(depth), len(height) - shift)
+        own, seen = depth[a:b], height[a + shift : b + shift]
+        tries = np.linspace(level - 2 * step, min(level + step, own.max() - 0.1 * step), 61)
+        beyond = np.maximum(own[None, :] - tries[:, None], 0.0)
+        for power in POWERS:
+            models = beyond**power
+            correlation = models @ seen / np.sqrt((models**2).sum(axis=1))
+            k = int(correlation.argmax())
+            if correlation[k] > best[0]:
+                best = (float(correlation[k]), float(tries[k]), power)
+    return best[1], best[2]
 
 
 def _refuse_unlike(depth, times, signal, found: float, what: str, key: str) -> None:

@@ -159,7 +159,7 @@ def _aligned(
     known = None if clock.lag_s is None else clock.lag_s - start
     match = coarse_match(stage.time_s, travel, log.time_s, signal, what, key, start, known)
     contact = match.contact_mm if level is None else level
-    bends = find_bends(stage.time_s, travel, found, log.time_s, signal, match.lag_s, contact)
+    bends = find_bends(stage.time_s, travel, found, log.time_s, signal, match, contact)
     return Aligned(match, clock_law(bends, known, clock.drift, what, key), bends, start)
 
 

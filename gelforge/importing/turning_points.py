@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import median_filter
 
+from gelforge.importing.clocks import Match
 from gelforge.importing.stage_motion import Excursion
 from gelforge.importing.streams import ImportingError
 
@@ -20,6 +21,7 @@ RATE_STEPS = 6  # between which rates are taken
 BEND_S, BEND_STEP_S = 0.08, 0.002  # around that, each bend
 WINDOW_S = 0.35  # of the signal on each side of a bend
 LEAST_SAMPLES = 4  # on each side
+RECENTRED = 4  # times that a bend at the end of what was tried is looked for farther on
 MOST_SAMPLES = 200  # of a bend's window: a faster log is averaged over neighbours
 LARGEST_SE_S = 0.01  # of the lag of the whole session
 DRIFT_S, DRIFT_SE = 0.006, 4.0  # over the session: told as drift beyond both
@@ -67,14 +69,14 @@ class ClockLaw:
 
 
 def find_bends(
-    log_s, travel, found: list[Excursion], signal_s, signal, lag_s: float, contact_mm: float
+    log_s, travel, found: list[Excursion], signal_s, signal, match: Match, contact_mm: float
 ) -> Bends:
-    """Return the bends of a signal (m,) at stops and starts of the stage under load; lag_s: about the lag [s]."""
+    """Return the bends of a signal (m,) at stops and starts of the stage under load; match: about the lag."""
     rows = []
     for number, excursion in enumerate(found):
         if travel[excursion.top] <= contact_mm or not excursion.waits:
             continue
-        lag = _local_lag(log_s, travel, excursion, signal_s, signal, lag_s, contact_mm)
+        lag = _local_lag(log_s, travel, excursion, signal_s, signal, match, contact_mm)
         if lag is None:
             continue
         for k, wait in enumerate(excursion.waits):
@@ -86,17 +88,17 @@ def find_bends(
     return Bends(at, lag, sd, number.astype(int))
 
 
-def _local_lag(log_s, travel, excursion, signal_s, signal, lag_s, contact_mm) -> float | None:
+def _local_lag(log_s, travel, excursion, signal_s, signal, match, contact_mm) -> float | None:
     """Return the lag [s] at which the signal of one press follows its depth best, None where it is not covered."""
     time = np.arange(log_s[excursion.first], log_s[excursion.last], LOCAL_STEP_S)
-    model = np.maximum(np.interp(time, log_s, travel) - contact_mm, 0.0) ** 1.5
+    model = np.maximum(np.interp(time, log_s, travel) - contact_mm, 0.0) ** match.power
     pressed = np.flatnonzero(model > 0)
     if len(pressed) < 2:
         return None
     keep = slice(max(0, pressed[0] - 50), pressed[-1] + 50)
     time = time[keep]
     model = model[keep][RATE_STEPS:] - model[keep][:-RATE_STEPS]  # rates: relaxation changes them little
-    room = min(LOCAL_S, 0.5 * (time[-1] - time[0]))
+    lag_s, room = match.lag_s, min(LOCAL_S, 0.5 * (time[-1] - time[0]))
     if time[0] + lag_s - room < signal_s[0] or time[-1] + lag_s + room > signal_s[-1]:
         return None
     lags = lag_s + np.arange(-room, room + LOCAL_STEP_S / 2, LOCAL_STEP_S)
@@ -131,7 +133,17 @@ def _bend(
     before, after = (moving, min(rest, WINDOW_S))[::-side]
     if min(before, after) <= BEND_S:
         return None
-    a, b = np.searchsorted(signal_s, [at + lag - before + BEND_S, at + lag + after - BEND_S])
+    for _ in range(RECENTRED):
+        found = _bend_near(at, lag, before - BEND_S, after - BEND_S, side, signal_s, signal)
+        if found is None or abs(found[0] - lag) < BEND_S - BEND_STEP_S:
+            return found
+        lag = found[0]
+    return None
+
+
+def _bend_near(at, lag, before, after, side, signal_s, signal) -> tuple[float, float] | None:
+    """Return lag and standard deviation [s] of a bend about a lag; one at the end of what is tried is farther off."""
+    a, b = np.searchsorted(signal_s, [at + lag - before, at + lag + after])
     time, value = signal_s[a:b] - at - lag, signal[a:b]
     if min((time < 0).sum(), (time > 0).sum()) < LEAST_SAMPLES:
         return None
@@ -153,7 +165,7 @@ def _bend_time(time, value, side, lag) -> tuple[float, float] | None:
         left[i] = rest @ rest
     k = int(left.argmin())
     if k in (0, len(tries) - 1):
-        return None
+        return lag + float(tries[k]), np.inf
     curve = (left[k - 1] - 2 * left[k] + left[k + 1]) / BEND_STEP_S**2
     if curve <= 0:
         return None
@@ -186,7 +198,12 @@ def clock_law(bends: Bends, known: float | None, drift: bool, what: str, key: st
             f" ({straight * 1e6:.3g} ppm) against the stage's, the limit is {DRIFT_S * 1e3:g} ms; set {key}.drift: true to"
             " correct it in proportion to time, or use one clock"
         )
-    se = float(max(1.4826 * np.median(np.abs(lag - law)) / np.sqrt(len(lag)), np.sqrt(1 / (1 / sd**2).sum())))
+    se = float(
+        max(
+            1.4826 * np.median(np.abs(lag - law)) / np.sqrt(max(len(lag) - 2, 1)),
+            np.sqrt(1 / (1 / sd**2).sum()),
+        )
+    )
     if se > LARGEST_SE_S:
         raise ImportingError(
             f"{what}: its lag is known to {2 * se * 1e3:.2g} ms only (two standard errors of {len(lag)} presses), the limit"
@@ -210,7 +227,13 @@ def _line(at, lag, sd) -> tuple[float, float, float]:
         off = lag - offset - slope * at
         spread = max(1.4826 * float(np.median(np.abs(off))), 1e-4)
         weight = np.minimum(1.0, 2 * spread / np.maximum(np.abs(off), 1e-12))
-    return float(slope), float(offset), float(spread / np.sqrt(max(((at - middle) ** 2).sum(), 1e-12)))
+    few = np.sqrt(len(at) / max(len(at) - 2, 1))  # two of them are the line's own
+    weight = 1 / np.maximum(sd, few * spread) ** 2
+    return (
+        float(slope),
+        float(offset),
+        float(1 / np.sqrt((weight * (at - np.average(at, weights=weight)) ** 2).sum())),
+    )
 
 
 def _robust_mean(lag, sd) -> float:
