@@ -29,6 +29,8 @@ UNITS: dict[str, tuple[str, float, float]] = {
     "kgf/cm2": ("pressure", 9.80665e-2, 0.0),
     "s": ("time", 1.0, 0.0),
     "ms": ("time", 1e-3, 0.0),
+    "us": ("time", 1e-6, 0.0),
+    "ns": ("time", 1e-9, 0.0),
     "min": ("time", 60.0, 0.0),
     "h": ("time", 3600.0, 0.0),
     "1/s": ("rate", 1.0, 0.0),

@@ -20,7 +20,7 @@ LAYERS = [
     {"characterisation", "indentation", "verification"},
     {"interpolation", "laws_of_study"},
     {"recording", "virtual_lab"},
-    {"dataset"},
+    {"dataset", "importing"},
     {"learning"},
     {"mismatch", "live"},
     {"report"},
@@ -32,7 +32,7 @@ LAYERS = [
 SIDEWAYS = {("virtual_lab", "recording")}
 
 CONFINED = {
-    "cv2": {"characterisation", "recording", "virtual_lab"},
+    "cv2": {"characterisation", "importing", "recording", "virtual_lab"},
     "torch": {"learning"},
     "onnxruntime": {"learning"},
     "websockets": {"live"},

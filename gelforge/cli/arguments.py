@@ -8,7 +8,7 @@ from gelforge.cli.parsers import by_hand, cameras, live, studies, virtual, workf
 
 GROUPS = """\
 a study            init, examples, check, show, explain, report, tables, adapt, unlock
-by hand            press, characterise, verify, mismatch, mismatch-materials
+by hand            import, press, characterise, verify, mismatch, mismatch-materials
 live               export, predict, live
 cameras            calibrate-camera, camera-pose
 what the workflow runs

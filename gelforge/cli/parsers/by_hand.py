@@ -113,6 +113,19 @@ def add(commands) -> None:
     characterise.add_argument("--bootstrap", type=int, default=0, help="refits over samples, 0 for none")
     characterise.add_argument("--workers", type=int, default=1, help="processes of the bootstrap")
 
+    raw = add_command(
+        commands,
+        "import",
+        "importing.import_command",
+        "raw logs of a laboratory (force, stage, camera) to a session folder, with a page that draws what was done",
+    )
+    raw.add_argument(
+        "mapping", type=Path, metavar="MAPPING.yaml", help="describes the logs, see docs/importing.md"
+    )
+    raw.add_argument(
+        "--out", type=Path, required=True, help="session folder to write: data/<study>/recordings/<session>"
+    )
+
     verify = add_command(
         commands,
         "verify",

@@ -1,0 +1,89 @@
+"""`gelforge import`: raw logs of a laboratory to a session folder, with a page that draws what was done."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+from gelforge.config import NAME
+from gelforge.importing.importer import Imported, clock_words, import_logs, write_imported
+from gelforge.importing.streams import ImportingError, Stream
+from gelforge.recording.checks import RecordingError
+from gelforge.recording.readings import read_recording
+from gelforge.report.import_figure import import_figure
+
+
+def import_command(mapping: Path, out: Path) -> None:
+    """Write the session folder `out` from the logs that a mapping describes; print what was found.
+
+    The folder appears when it is whole and its session is accepted; of one that is refused only the page is left, beside it.
+    """
+    name = out.resolve().name
+    if not NAME.fullmatch(name):
+        raise ImportingError(f"--out {out}: {name!r} is not a name; use letters, digits, '_' and '-'")
+    if os.path.lexists(out):
+        raise ImportingError(f"--out {out}: exists already; remove it or name another folder")
+    imported = import_logs(mapping, name)
+    for line in lines(imported):
+        print(line)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    page = out.parent / f"{name}.import.png"
+    with tempfile.TemporaryDirectory(prefix=".import-", dir=out.parent) as temporary:
+        folder = Path(temporary) / name
+        folder.mkdir()
+        write_imported(folder, imported)
+        import_figure(imported).savefig(page, dpi=110)
+        try:
+            recording = read_recording(folder)
+        except RecordingError as error:
+            said = str(error).replace(f"{folder}{os.sep}", "").replace(f"{folder}: ", "")
+            raise ImportingError(
+                f"{mapping}: the session is refused ({said}); its keys stand under `session` of the mapping, and"
+                f" {page} shows what was done"
+            ) from None
+        os.replace(page, folder / "import.png")
+        shutil.move(folder, out)
+    for line in recording.findings.lines():
+        print(f"finding    {line}")
+    print(f"session    {out}: {len(imported.table)} readings, {len(imported.images)} images")
+    print(f"page       {out / 'import.png'}: look at it")
+
+
+def lines(imported: Imported) -> list[str]:
+    """Return what was found, a line each."""
+    found = imported.contacts
+    out = [
+        f"stage      {rows_words(imported.stage)}",
+        f"force      {rows_words(imported.force)}: {match_words('force', imported.force_clock)}",
+    ]
+    if imported.film:
+        film = imported.film
+        out.append(f"camera     {len(film.time_s)} frames: {match_words('camera', imported.camera_clock)}")
+    half = (found["contact_high_mm"] - found["contact_low_mm"]) / 2
+    out.append(
+        f"presses    {len(found)}, contact at {found['contact_mm'].median():.3f} mm of the stage (scatter"
+        f" {found['contact_mm'].std():.3g} mm, each +- {half.median():.2g} mm), depths {found['depth_mm'].min():.3f} to"
+        f" {found['depth_mm'].max():.3f} mm, forces {found['peak_N'].min():.3g} to {found['peak_N'].max():.3g} N"
+    )
+    out += [
+        f"left out   press {number} at {at:.1f} s: {why}" for number, at, why in imported.presses.left_out
+    ]
+    if imported.presses.untouched_s:
+        at = ", ".join(f"{time:.1f}" for time in imported.presses.untouched_s[:5])
+        out.append(
+            f"untouched  {len(imported.presses.untouched_s)} motions without force, no presses: at {at} s"
+        )
+    return out
+
+
+def rows_words(log: Stream) -> str:
+    return f"{len(log.time_s)} rows in {log.time_s[-1]:.1f} s, one every {log.period_s * 1e3:.3g} ms"
+
+
+def match_words(name: str, clock) -> str:
+    """Return the law of a clock with its correlation and the next best lag, in words."""
+    rival = clock.match.rival
+    other = f", next {rival[1]:.3f} at {clock.start_s + rival[0]:.2f} s" if rival else ""
+    return f"{clock_words(name, clock)} (correlation {clock.match.correlation:.3f}{other})"

@@ -1,0 +1,178 @@
+"""Frames of a video or a folder: when each was taken, how far it differs from the first, and the chosen ones as files."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from gelforge.config.importing import CameraSource
+from gelforge.csv_table import read_csv
+from gelforge.importing.streams import ImportingError, refuse_gaps, refuse_other_unit, refuse_pickle, stamps
+from gelforge.progress import Progress
+from gelforge.recording.frames import SUFFIXES
+from gelforge.units import UNITS, unit_named
+
+SMALL_PX = 80  # width to which frames are reduced before they are compared
+
+
+@dataclass(frozen=True)
+class Film:
+    """Frames with their times since the first [s] and mean absolute difference to it in grey levels."""
+
+    path: Path
+    start_s: float
+    time_s: np.ndarray  # (n,)
+    change: np.ndarray  # (n,)
+
+
+def read_film(folder: Path, source: CameraSource) -> Film:
+    """Return the times and changes of all frames; none is kept."""
+    path = folder / (source.video or source.frames)
+    names, container, change, size, first = [], [], [], None, None
+    with Progress("frames", None) as progress:
+        for name, time, image in _frames(path):
+            if size is None:
+                size = image.shape[1::-1]
+            elif image.shape[1::-1] != size:
+                raise ImportingError(
+                    f"{path}: frame {name} has {image.shape[1]} x {image.shape[0]} px, the first one {size[0]} x {size[1]};"
+                    " take away what belongs to another recording"
+                )
+            small = _small(image)
+            first = small if first is None else first
+            change.append(float(np.abs(small - first).mean()))
+            names.append(name)
+            container.append(time)
+            progress.advance()
+    if len(names) < 20:
+        raise ImportingError(f"{path}: {len(names)} frames, at least 20 are needed; name the whole recording")
+    time = _times(folder, path, source, names, np.array(container))
+    refuse_gaps(path, time, "camera")
+    return Film(path, float(time[0]), time - time[0], np.array(change))
+
+
+def write_frames(film: Film, wanted: dict[int, list[Path]]) -> None:
+    """Write frames, by number from 0, as PNG to one or several paths each."""
+    last = max(wanted)
+    for number, (_, _, image) in enumerate(_frames(film.path)):
+        for path in wanted.get(number, ()):
+            if not cv2.imwrite(str(path), image):
+                raise ImportingError(f"{path}: not written; make room and run again")
+        if number >= last:
+            return
+
+
+def frame_images(film: Film, numbers: list[int]) -> dict[int, np.ndarray]:
+    """Return frames (H, W) uint8 by number, for the page."""
+    wanted, out = set(numbers), {}
+    for number, (_, _, image) in enumerate(_frames(film.path)):
+        if number in wanted:
+            out[number] = _grey(image)
+        if number >= max(wanted):
+            break
+    return out
+
+
+def _frames(path: Path) -> Iterator[tuple[str, float, np.ndarray]]:
+    """Return name, time in the container [s] and image of every frame."""
+    refuse_pickle(path)
+    if path.is_dir():
+        files = sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES)
+        if not files:
+            raise ImportingError(
+                f"{path}: no images ({', '.join(sorted(SUFFIXES))}) in this folder; correct camera.frames"
+            )
+        for file in files:
+            image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+            if image is None:
+                raise ImportingError(f"{file}: cannot be decoded as an image; copy it again or take it away")
+            yield file.name, float("nan"), image
+        return
+    if not path.is_file():
+        raise ImportingError(f"{path}: no such video or folder; correct camera.video or camera.frames")
+    capture = cv2.VideoCapture(str(path))
+    try:
+        number = 0
+        while True:
+            ok, image = capture.read()
+            if not ok:
+                break
+            yield f"{path.name}#{number}", capture.get(cv2.CAP_PROP_POS_MSEC) / 1000, image
+            number += 1
+        if not number:
+            raise ImportingError(f"{path}: no frame can be decoded; is it a video? Convert it to MP4 or AVI")
+    finally:
+        capture.release()
+
+
+def _grey(image: np.ndarray) -> np.ndarray:
+    return (
+        image if image.ndim == 2 else cv2.cvtColor(np.ascontiguousarray(image[..., :3]), cv2.COLOR_BGR2GRAY)
+    )
+
+
+def _small(image: np.ndarray) -> np.ndarray:
+    grey = _grey(image)
+    height = max(1, round(SMALL_PX * grey.shape[0] / grey.shape[1]))
+    small = (
+        cv2.resize(grey, (SMALL_PX, height), interpolation=cv2.INTER_AREA)
+        if grey.shape[1] > SMALL_PX
+        else grey
+    )
+    return small.astype(np.float32)
+
+
+def _times(
+    folder: Path, path: Path, source: CameraSource, names: list[str], container: np.ndarray
+) -> np.ndarray:
+    """Return the times (n,) [s] of frames as the camera's clock shows them."""
+    if source.rate_hz:
+        return np.arange(len(names)) / source.rate_hz
+    if source.container:
+        if not (np.diff(container) > 0).all():
+            raise ImportingError(
+                f"{path}: the video's own stamps do not grow (frame {int((np.diff(container) <= 0).argmax()) + 1}); give"
+                " camera.rate_hz, or camera.times with a CSV of stamps"
+            )
+        return container
+    if source.from_name:
+        return _times_in_names(path, source, names)
+    table_path = folder / source.times
+    refuse_pickle(table_path)
+    column = source.time.column
+    iso = source.time.unit == "iso"
+    if not iso:
+        refuse_other_unit(table_path, column, source.time.unit, "camera.time")
+    declared = {} if iso else {column: source.time.unit}
+    key = {"texts" if iso else "numbers": [column]}
+    table = read_csv(table_path, **key, form=source.table.csv_form(declared))
+    if len(table) != len(names):
+        raise ImportingError(
+            f"{table_path}: {len(table)} stamps for {len(names)} frames of {path}: frames were dropped when the video was"
+            " written, or the stamps are another recording's; give one stamp per frame that is there"
+        )
+    return stamps(table_path, table, source.time, None, source.even, "camera")
+
+
+def _times_in_names(path: Path, source: CameraSource, names: list[str]) -> np.ndarray:
+    times = np.empty(len(names))
+    for i, name in enumerate(names):
+        found = re.search(source.from_name, name)
+        try:
+            times[i] = float(found.group(1)) * UNITS[unit_named(source.name_unit)][1]
+        except (AttributeError, ValueError, TypeError):
+            raise ImportingError(
+                f"{path / name}: camera.from_name {source.from_name!r} finds no number in this name; correct the pattern"
+            ) from None
+    if not (np.diff(times) > 0).all():
+        k = int((np.diff(times) <= 0).argmax())
+        raise ImportingError(
+            f"{path}: the stamp of {names[k + 1]} is not after that of {names[k]}; name frames so that their order is"
+            " that of their stamps (digits of equal length)"
+        )
+    return times

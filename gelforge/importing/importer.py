@@ -1,0 +1,195 @@
+"""Raw logs to a session, step by step; what was found stays at hand for the page."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from gelforge.config import Session, section_from
+from gelforge.config.importing import Clock, ImportMapping, Surface, load_import
+from gelforge.importing.camera import Film, read_film
+from gelforge.importing.clocks import Match, coarse_match
+from gelforge.importing.presses import Presses, depth_zero_mm, find_presses
+from gelforge.importing.session_files import FORCE, Frames, rows_of_presses, write_session
+from gelforge.importing.stage_motion import Excursion, excursions
+from gelforge.importing.streams import ImportingError, Stream, read_force, read_stage
+from gelforge.importing.turning_points import Bends, ClockLaw, clock_law, find_bends
+from gelforge.recording.readings import force_on_sensor
+
+
+@dataclass(frozen=True)
+class Aligned:
+    """How a source stands to the stage's clock: its coarse match, law and bends."""
+
+    match: Match
+    law: ClockLaw
+    bends: Bends
+    start_s: float  # what its clock shows at its first row, less what the stage's shows at its own
+
+    @property
+    def lag_s(self) -> float:
+        """Return how much later its clock shows the same moment than the stage's [s]."""
+        return self.start_s + self.law.lag_s
+
+
+@dataclass(frozen=True)
+class Imported:
+    """Everything that was found in the logs of one session."""
+
+    mapping: ImportMapping
+    session: Session
+    stage: Stream
+    excursions: list[Excursion]
+    force: Stream
+    force_s: np.ndarray  # (m,) on the stage's clock
+    push_N: np.ndarray  # (m,) towards the gel
+    force_clock: Aligned
+    film: Film | None
+    frames: Frames | None
+    camera_clock: Aligned | None
+    presses: Presses
+    zero_mm: np.ndarray  # (P,) travel at depth zero
+    table: pd.DataFrame
+    images: dict[str, int]
+
+    @property
+    def contacts(self) -> pd.DataFrame:
+        """Return one row per press: number, contact point with its interval and depth zero, on the stage's axis [mm]."""
+        sign = -1 if self.mapping.stage.pressing == "-z" else 1
+        rows = []
+        for press, zero in zip(self.presses.kept, self.zero_mm):
+            low, high = sorted((sign * press.contact.low_mm, sign * press.contact.high_mm))
+            rows.append(
+                {
+                    "press": f"p{press.number:03d}",
+                    "number": press.number,
+                    "touch_s": press.touch_s,
+                    "contact_mm": sign * press.contact.travel_mm,
+                    "contact_low_mm": low,
+                    "contact_high_mm": high,
+                    "depth_zero_mm": sign * zero,
+                    "depth_mm": press.top_mm[2] - zero,
+                    "peak_N": press.peak_N,
+                    "exponent": press.contact.exponent,
+                }
+            )
+        return pd.DataFrame(rows)
+
+
+def import_logs(mapping_file: str | Path, name: str) -> Imported:
+    """Return what the logs that a mapping describes hold, as a session of this name. Raises ImportingError and others."""
+    path = Path(mapping_file)
+    mapping, folder = load_import(path), path.parent
+    session = _session(mapping, name, {}, str(path))  # refused before anything is read
+    stage = read_stage(folder, mapping.stage, mapping.force)
+    force = read_force(folder, mapping.force, mapping.stage)
+    film = read_film(folder, mapping.camera) if mapping.camera else None
+    found = excursions(stage.time_s, stage.values, mapping.least_retreat_mm, mapping.least_dwell_s)
+    push = -force_on_sensor(force.values, session.force)[:, 2]
+    clock = _aligned(stage, found, force, push, mapping.force, "force", None)
+    force_s, camera_clock, frames = clock.law.on_stage(force.time_s), None, None
+    if film:
+        source = Stream(film.path, film.start_s, film.time_s, film.change[:, None])
+        camera_clock = _aligned(
+            stage, found, source, film.change, mapping.camera, "camera", clock.match.contact_mm
+        )
+        frames = Frames(film, camera_clock.law.on_stage(film.time_s))
+    presses = find_presses(
+        stage,
+        found,
+        force_s,
+        push,
+        clock.match.contact_mm,
+        (frames.time_s[0], frames.time_s[-1]) if frames else None,
+        mapping.skip,
+        mapping.incomplete == "drop",
+    )
+    zero = depth_zero_mm(presses.kept, mapping.depth_zero, mapping.stage.pressing)
+    deep = np.array([press.top_mm[2] for press in presses.kept]) - zero
+    if deep.min() <= 0:
+        press = presses.kept[int(deep.argmin())]
+        raise ImportingError(
+            f"press {press.number} at {press.top_s:.1f} s reaches {deep.min():.3f} mm only; set depth_zero: press, or"
+            f" leave it out with skip: [{press.number}]"
+        )
+    table, images = rows_of_presses(presses.kept, zero, stage, frames, mapping)
+    found_zero = _depth_zero(mapping, presses)
+    notes = _notes(mapping, clock, camera_clock, presses)
+    session = _session(mapping, name, {"depth_zero": found_zero, "notes": notes}, str(path))
+    return Imported(
+        mapping, session, stage, found, force, force_s, push, clock, film, frames, camera_clock, presses, zero, table, images
+    )  # fmt: skip
+
+
+def write_imported(folder: str | Path, imported: Imported) -> None:
+    """Write the session folder, and import.csv beside its tables."""
+    folder = Path(folder)
+    log = pd.DataFrame(imported.force.values, columns=FORCE)
+    log.insert(0, "time_s", np.round(imported.force_s, 6))
+    write_session(folder, imported.session, imported.table, log, imported.images, imported.film)
+    imported.contacts.to_csv(folder / "import.csv", index=False, float_format="%.6g")
+
+
+def _session(mapping: ImportMapping, name: str, found: dict[str, Any], source: str) -> Session:
+    """Return session.yaml: what the mapping says holds before what was found."""
+    said = dict(mapping.session)
+    zero = {**found.get("depth_zero", {}), **(said.get("depth_zero") or {})}
+    notes = "; ".join(text for text in (str(said.get("notes") or ""), found.get("notes", "")) if text)
+    return section_from(
+        Session, {**said, "session": name, "depth_zero": zero, "notes": notes}, f"{source}: session"
+    )
+
+
+def _aligned(
+    stage: Stream,
+    found: list[Excursion],
+    log: Stream,
+    signal: np.ndarray,
+    clock: Clock,
+    key: str,
+    level: float | None,
+) -> Aligned:
+    """Return the clock of a log whose signal (n,) grows with depth."""
+    what, start = str(log.path), log.start_s - stage.start_s
+    travel = stage.values[:, 2]
+    known = None if clock.lag_s is None else clock.lag_s - start
+    match = coarse_match(stage.time_s, travel, log.time_s, signal, what, key, start, known)
+    contact = match.contact_mm if level is None else level
+    bends = find_bends(stage.time_s, travel, found, log.time_s, signal, match, contact)
+    return Aligned(match, clock_law(bends, known, clock.drift, what, key), bends, start)
+
+
+def _depth_zero(mapping: ImportMapping, presses: Presses) -> dict[str, Any]:
+    """Return the keys of session.yaml's depth_zero: how it was found, and its scatter [mm]."""
+    found = np.array([press.contact.travel_mm for press in presses.kept])
+    own = float(np.median([press.contact.sd_mm for press in presses.kept]))
+    if mapping.depth_zero == "press":
+        return {
+            "by": "press",
+            "how": "contact point of each press, from force over travel",
+            "press_scatter_mm": round(own, 5),
+        }
+    spread = float(np.std(found, ddof=1)) if len(found) > 1 else own
+    keys = {"by": "session", "press_scatter_mm": round(spread, 5)}
+    if isinstance(mapping.depth_zero, Surface):
+        return keys | {"how": f"the laboratory's own, at {mapping.depth_zero.at_mm:g} mm of the stage"}
+    how = f"median contact point of {len(found)} presses, from force over travel"
+    return keys | {"how": how, "session_scatter_mm": round(spread / np.sqrt(len(found)), 5)}
+
+
+def _notes(mapping: ImportMapping, force: Aligned, camera: Aligned | None, presses: Presses) -> str:
+    parts = [f"imported: {mapping.describes}", clock_words("force", force)]
+    parts += [clock_words("camera", camera)] if camera else []
+    parts += [f"press {number} left out ({why})" for number, _, why in presses.left_out]
+    return "; ".join(parts)
+
+
+def clock_words(name: str, clock: Aligned) -> str:
+    """Return the law of a clock in words."""
+    rate = f", gains {clock.law.rate * 1e6:.1f} ppm" if clock.law.rate else ""
+    known = f" +- {2 * clock.law.se_s * 1e3:.1f} ms" if clock.law.se_s else " (given)"
+    return f"{name} clock {clock.lag_s:.4f} s later than the stage's{known}{rate}"

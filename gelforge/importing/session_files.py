@@ -1,0 +1,170 @@
+"""The session folder: session.yaml, indentations.csv, ft.csv, images, and import.csv with what was found of each press."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from gelforge.config import Session, write_yaml
+from gelforge.config.importing import ImportMapping
+from gelforge.importing.camera import Film, write_frames
+from gelforge.importing.presses import Press
+from gelforge.importing.stage_motion import SIDEWAYS_MM
+from gelforge.importing.streams import ImportingError, Stream
+
+ZERO_ROWS = 3
+LEAVING_S = 0.03  # before the stage leaves, no reading
+COLUMNS = ["press", "cell", "order", "time_s", "phase", "x_mm", "y_mm", "depth_mm", "speed_mm_per_s", "dwell_s",
+           "fx_N", "fy_N", "fz_N", "image"]  # fmt: skip
+FORCE = ["fx_N", "fy_N", "fz_N"]
+
+
+@dataclass(frozen=True)
+class Frames:
+    """The film on the stage's clock."""
+
+    film: Film
+    time_s: np.ndarray  # (n,)
+
+    def near(self, at_s: float) -> tuple[int, float]:
+        """Return the number and time of the frame nearest to a time."""
+        k = int(np.abs(self.time_s - at_s).argmin())
+        return k, float(self.time_s[k])
+
+
+def rows_of_presses(
+    presses: tuple[Press, ...],
+    zero_mm: np.ndarray,
+    stage: Stream,
+    frames: Frames | None,
+    mapping: ImportMapping,
+) -> tuple[pd.DataFrame, dict[str, int]]:
+    """Return the readings, columns as in COLUMNS without forces, and the number of the frame that each image shows."""
+    rows, images = [], {}
+    for order, (press, zero) in enumerate(zip(presses, zero_mm)):
+        own = _rows(press, zero, stage, frames, mapping)
+        for number, row in enumerate(own):
+            row |= {"press": f"p{press.number:03d}", "cell": "", "order": order, "image": ""}
+            if (frame := row.pop("frame", None)) is not None:
+                row["image"] = f"{row['press']}_{number:02d}_{row['phase']}.png"
+                images[row["image"]] = frame
+        rows += own
+    table = pd.DataFrame(rows).reindex(columns=COLUMNS)
+    return table, images
+
+
+def _rows(
+    press: Press, zero: float, stage: Stream, frames: Frames | None, mapping: ImportMapping
+) -> list[dict]:
+    xy = np.round((press.waits[0].at_mm if press.waits else press.top_mm)[:2], 3)
+    rows = [_zero_row(press, zero, stage, at, xy) for at in np.linspace(*press.zero_s, ZERO_ROWS + 2)[1:-1]]
+    if frames:
+        k, at = frames.near(rows[-1]["time_s"])
+        if not press.zero_s[0] <= at <= press.zero_s[1]:
+            raise ImportingError(
+                f"press {press.number}: no frame in its zero phase; leave it out with skip: [{press.number}]"
+            )
+        rows[-1] = _zero_row(press, zero, stage, at, xy) | {"frame": k}
+        rows.sort(key=lambda row: row["time_s"])
+    if not press.waits:
+        k, at = frames.near(press.top_s) if frames else (None, press.top_s)
+        rows.append(_row("load", at, xy, press.top_mm[2] - zero, frame=k))
+    deepest, sideways = -np.inf, False
+    for wait in press.waits:
+        depth = round(wait.travel_mm - zero, 3)
+        moved = np.abs(wait.at_mm[:2] - xy).max() > SIDEWAYS_MM
+        sideways |= bool(moved)
+        phase = "shear" if moved else "unload" if depth < deepest - 0.005 else "load"
+        if phase == "load" and sideways:
+            phase = "shear"
+        deepest = max(deepest, depth)
+        place = np.round(wait.at_mm[:2], 3) if phase != "load" else xy
+        rows += _wait_rows(press, wait, phase, place, depth, frames, mapping)
+    if press.waits and rows[-1]["phase"] != "unload":
+        rows += _leaving_row(press, zero, stage, rows[-1])
+    return rows
+
+
+def _row(phase, at, xy, depth, speed=np.nan, dwell=np.nan, frame=None) -> dict:
+    row = {
+        "time_s": round(float(at), 5),
+        "phase": phase,
+        "x_mm": xy[0],
+        "y_mm": xy[1],
+        "depth_mm": round(float(depth), 4),
+        "speed_mm_per_s": round(float(speed), 4),
+        "dwell_s": round(float(dwell), 4),
+    }
+    return row if frame is None else row | {"frame": frame}
+
+
+def _zero_row(press, zero, stage, at, xy) -> dict:
+    depth = float(np.interp(at, stage.time_s, stage.values[:, 2])) - zero
+    return _row("zero", at, xy, min(depth, 0.0))
+
+
+def _wait_rows(press, wait, phase, xy, depth, frames, mapping) -> list[dict]:
+    """Return the reading at arrival and those of the wait, with a frame each where there is a film."""
+    arrive = wait.arrive_s if np.isfinite(wait.arrive_s) else press.touch_s
+    leave = wait.leave_s if np.isfinite(wait.leave_s) else press.end_s
+    rows = [_row(phase, arrive, xy, depth, wait.speed_mm_per_s, 0.0)]
+    times = np.linspace(arrive + mapping.settle_s, leave - LEAVING_S, mapping.frames_per_dwell)
+    chosen: list[tuple[int | None, float]] = [(None, float(at)) for at in times]
+    if frames:
+        inside = np.flatnonzero((frames.time_s >= times[0] - 1e-9) & (frames.time_s <= leave - LEAVING_S))
+        few = (
+            inside[np.unique(np.linspace(0, len(inside) - 1, mapping.frames_per_dwell).astype(int))]
+            if len(inside)
+            else []
+        )
+        if not len(few):
+            raise ImportingError(
+                f"press {press.number} at {arrive:.1f} s: no frame while it waits ({leave - arrive:.2f} s); leave it out"
+                f" with skip: [{press.number}], or lower settle_s"
+            )
+        chosen = [(int(k), float(frames.time_s[k])) for k in few]
+    waiting = "dwell" if phase == "load" else phase
+    return rows + [_row(waiting, at, xy, depth, wait.speed_mm_per_s, at - arrive, k) for k, at in chosen]
+
+
+def _leaving_row(press, zero, stage, last: dict) -> list[dict]:
+    """Return the reading where the stage passes half of the last depth on its way back; none where the log is too coarse."""
+    half = zero + 0.5 * last["depth_mm"]
+    after = np.flatnonzero((stage.time_s > last["time_s"]) & (stage.values[:, 2] <= half))
+    if not len(after):
+        return []
+    k = after[0]
+    (t0, t1), (s0, s1) = stage.time_s[k - 1 : k + 1], stage.values[k - 1 : k + 1, 2]
+    at = t0 + (half - s0) / (s1 - s0) * (t1 - t0)
+    if at >= press.end_s or at - last["time_s"] < LEAVING_S:
+        return []
+    return [_row("unload", at, (last["x_mm"], last["y_mm"]), half - zero)]
+
+
+def write_session(
+    folder: Path,
+    session: Session,
+    table: pd.DataFrame,
+    log: pd.DataFrame,
+    images: dict[str, int],
+    film: Film | None,
+) -> None:
+    """Write the session into an empty folder; log: ft.csv; images: the frame of each, the first one is the reference."""
+    forces = log[FORCE].to_numpy()
+    seen = np.stack([np.interp(table["time_s"], log["time_s"], axis) for axis in forces.T], axis=1)
+    table.assign(**dict(zip(FORCE, seen.T))).to_csv(
+        folder / "indentations.csv", index=False, float_format="%.9g"
+    )
+    log.to_csv(folder / "ft.csv", index=False, float_format="%.9g")
+    write_yaml(folder / "session.yaml", session)
+    if film is None:
+        return
+    (folder / "images").mkdir()
+    wanted: dict[int, list[Path]] = {}
+    for name, number in images.items():
+        wanted.setdefault(number, []).append(folder / "images" / name)
+    wanted[next(iter(images.values()))].append(folder / "reference.png")
+    write_frames(film, wanted)

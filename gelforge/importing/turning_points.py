@@ -1,0 +1,263 @@
+"""The lag of every stop and start of the stage, and the law of the clock that they make.
+
+Where the stage stops or leaves under load, force and image bend at once, whatever the material relaxes: the time of the
+bend in the signal less that in the stage is the lag. A clock's law is
+``signal time = stage time + lag + rate * stage time``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from gelforge.importing.clocks import Match
+from gelforge.importing.stage_motion import Excursion
+from gelforge.importing.streams import ImportingError
+
+LOCAL_S, LOCAL_STEP_S = 1.0, 0.01  # around the coarse lag, each press on its own
+RATE_STEPS = 6  # between which rates are taken
+BEND_S, BEND_STEP_S = 0.08, 0.002  # around that, each bend
+WINDOW_S = 0.35  # of the signal on each side of a bend
+LEAST_SAMPLES = 4  # on each side
+RECENTRED = 4  # times that a bend at the end of what was tried is looked for farther on
+MOST_SAMPLES = 200  # of a bend's window: a faster log is averaged over neighbours
+LARGEST_SE_S = 0.01  # of the lag of the whole session
+DRIFT_S, DRIFT_SE = 0.006, 4.0  # over the session: told as drift beyond both
+JUMP_S, JUMP_SPREADS = 0.02, 5.0  # of a press's lag off the law
+LEAST_PRESSES = 3
+
+
+@dataclass(frozen=True)
+class Bends:
+    """The lags of single bends: when on the stage's clock [s], lag [s], standard deviation [s], number of the excursion."""
+
+    at_s: np.ndarray
+    lag_s: np.ndarray
+    sd_s: np.ndarray
+    excursion: np.ndarray
+
+    def by_press(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return time, weighted mean lag and its standard deviation of each press [s]."""
+        rows = []
+        for number in np.unique(self.excursion):
+            own = self.excursion == number
+            weight = 1 / self.sd_s[own] ** 2
+            rows.append(
+                (
+                    self.at_s[own].mean(),
+                    np.average(self.lag_s[own], weights=weight),
+                    np.sqrt(1 / weight.sum()),
+                )
+            )
+        return tuple(np.array(rows).T)
+
+
+@dataclass(frozen=True)
+class ClockLaw:
+    """Signal time = stage time + lag + rate * stage time; all since the first rows of their logs [s]."""
+
+    lag_s: float
+    rate: float
+    se_s: float  # standard error of the lag in the middle of the session
+    bends: Bends | None
+
+    def on_stage(self, time_s: np.ndarray) -> np.ndarray:
+        """Return times of the signal on the stage's clock [s]."""
+        return (np.asarray(time_s) - self.lag_s) / (1 + self.rate)
+
+
+def find_bends(
+    log_s, travel, found: list[Excursion], signal_s, signal, match: Match, contact_mm: float
+) -> Bends:
+    """Return the bends of a signal (m,) at stops and starts of the stage under load; match: about the lag."""
+    rows = []
+    for number, excursion in enumerate(found):
+        if travel[excursion.top] <= contact_mm or not excursion.waits:
+            continue
+        lag = _local_lag(log_s, travel, excursion, signal_s, signal, match, contact_mm)
+        if lag is None:
+            continue
+        for k, wait in enumerate(excursion.waits):
+            for at, side in ((wait.arrive_s, -1), (wait.leave_s, 1)):
+                bend = _bend(log_s, travel, excursion, k, side, signal_s, signal, lag, contact_mm)
+                if bend is not None:
+                    rows.append((at, *bend, number))
+    at, lag, sd, number = np.array(rows).T if rows else np.zeros((4, 0))
+    return Bends(at, lag, sd, number.astype(int))
+
+
+def _local_lag(log_s, travel, excursion, signal_s, signal, match, contact_mm) -> float | None:
+    """Return the lag [s] at which the signal of one press follows its depth best, None where it is not covered."""
+    time = np.arange(log_s[excursion.first], log_s[excursion.last], LOCAL_STEP_S)
+    model = np.maximum(np.interp(time, log_s, travel) - contact_mm, 0.0) ** match.power
+    pressed = np.flatnonzero(model > 0)
+    if len(pressed) < 2:
+        return None
+    keep = slice(max(0, pressed[0] - 50), pressed[-1] + 50)
+    time = time[keep]
+    model = model[keep][RATE_STEPS:] - model[keep][:-RATE_STEPS]  # rates: relaxation changes them little
+    lag_s, room = match.lag_s, min(LOCAL_S, 0.5 * (time[-1] - time[0]))
+    if time[0] + lag_s - room < signal_s[0] or time[-1] + lag_s + room > signal_s[-1]:
+        return None
+    lags = lag_s + np.arange(-room, room + LOCAL_STEP_S / 2, LOCAL_STEP_S)
+    seen = np.interp(time[None, :] + lags[:, None], signal_s, signal)
+    seen = seen[:, RATE_STEPS:] - seen[:, :-RATE_STEPS]
+    size = np.sqrt((seen**2).sum(axis=1) * (model @ model))
+    return float(lags[(seen @ model / np.maximum(size, 1e-300)).argmax()])
+
+
+def _bend(
+    log_s, travel, excursion, number, side, signal_s, signal, lag, contact_mm
+) -> tuple[float, float] | None:
+    """Return lag and its standard deviation [s] of the bend where the stage stops (side -1) or leaves (1) a wait.
+
+    The window holds motion under load on one side of the bend and rest on the other.
+    """
+    wait = excursion.waits[number]
+    at = wait.arrive_s if side < 0 else wait.leave_s
+    if not np.isfinite(at) or wait.travel_mm <= contact_mm:
+        return None
+    rows = slice(excursion.first, wait.first) if side < 0 else slice(wait.last, excursion.last + 1)
+    clear = log_s[rows][travel[rows] <= contact_mm]
+    others = (
+        [w.leave_s for w in excursion.waits[:number]]
+        if side < 0
+        else [w.arrive_s for w in excursion.waits[number + 1 :]]
+    )
+    ends = np.concatenate([clear, others, [log_s[excursion.first], log_s[excursion.last]]])
+    distance = -side * (at - ends)
+    moving = min(WINDOW_S, np.nanmin(distance[distance > 0], initial=WINDOW_S))
+    rest = np.nan_to_num(wait.leave_s - wait.arrive_s, nan=log_s[wait.last] - log_s[wait.first])
+    before, after = (moving, min(rest, WINDOW_S))[::-side]
+    if min(before, after) <= BEND_S:
+        return None
+    for _ in range(RECENTRED):
+        found = _bend_near(at, lag, before - BEND_S, after - BEND_S, side, signal_s, signal)
+        if found is None or abs(found[0] - lag) < BEND_S - BEND_STEP_S:
+            return found
+        lag = found[0]
+    return None
+
+
+def _bend_near(at, lag, before, after, side, signal_s, signal) -> tuple[float, float] | None:
+    """Return lag and standard deviation [s] of a bend about a lag; one at the end of what is tried is farther off."""
+    a, b = np.searchsorted(signal_s, [at + lag - before, at + lag + after])
+    time, value = signal_s[a:b] - at - lag, signal[a:b]
+    if min((time < 0).sum(), (time > 0).sum()) < LEAST_SAMPLES:
+        return None
+    count = len(time) // MOST_SAMPLES + 1
+    whole = len(time) // count * count
+    time, value = (samples[:whole].reshape(-1, count).mean(axis=1) for samples in (time, value))
+    return _bend_time(time, value, side, lag)
+
+
+def _bend_time(time, value, side, lag) -> tuple[float, float] | None:
+    """Return lag and standard deviation [s]: two parabolas that meet, where they meet best."""
+    tries = np.arange(-BEND_S, BEND_S + BEND_STEP_S / 2, BEND_STEP_S)
+    left = np.empty(len(tries))
+    for i, bend in enumerate(tries):
+        t = time - bend
+        moving, resting = np.maximum(side * t, 0), np.maximum(-side * t, 0)
+        A = np.stack([np.ones_like(t), t, moving, moving**2, resting**2], axis=1)
+        rest = value - A @ np.linalg.lstsq(A, value, rcond=None)[0]
+        left[i] = rest @ rest
+    k = int(left.argmin())
+    if k in (0, len(tries) - 1):
+        return lag + float(tries[k]), np.inf
+    curve = (left[k - 1] - 2 * left[k] + left[k + 1]) / BEND_STEP_S**2
+    if curve <= 0:
+        return None
+    shift = 0.5 * (left[k - 1] - left[k + 1]) / (curve * BEND_STEP_S)
+    variance = left[k] / max(len(time) - 6, 1)
+    return lag + float(tries[k] + shift), float(max(np.sqrt(2 * variance / curve), 1e-4))
+
+
+def clock_law(bends: Bends, known: float | None, drift: bool, what: str, key: str) -> ClockLaw:
+    """Return the law of a clock from its bends. Raises ImportingError where they make none, with the key that settles it.
+
+    known: the lag that the mapping gives, which is kept. drift: whether the clock may gain or lose.
+    """
+    if known is not None and not drift:
+        return ClockLaw(known, 0.0, 0.0, bends)
+    if len(np.unique(bends.excursion)) < LEAST_PRESSES:
+        raise ImportingError(
+            f"{what}: {len(np.unique(bends.excursion))} presses show when the stage stops or leaves, at least"
+            f" {LEAST_PRESSES} are needed to align its clock; set {key}.lag_s, or log faster and wait longer at depth"
+        )
+    at, lag, sd = bends.by_press()
+    straight, offset, slope_se = _line(at, lag, sd)
+    change = straight * np.ptp(at)
+    drifts = abs(change) > max(DRIFT_S, DRIFT_SE * slope_se * np.ptp(at))
+    law = offset + straight * at if drifts else np.full(len(at), _robust_mean(lag, sd))
+    _refuse_jumps(at, lag, law, what, key)
+    if drifts and not drift:
+        raise ImportingError(
+            f"{what}: its clock {'gains' if change > 0 else 'loses'} {abs(change) * 1e3:.3g} ms over {np.ptp(at):.3g} s"
+            f" ({straight * 1e6:.3g} ppm) against the stage's, the limit is {DRIFT_S * 1e3:g} ms; set {key}.drift: true to"
+            " correct it in proportion to time, or use one clock"
+        )
+    se = float(
+        max(
+            1.4826 * np.median(np.abs(lag - law)) / np.sqrt(max(len(lag) - 2, 1)),
+            np.sqrt(1 / (1 / sd**2).sum()),
+        )
+    )
+    if se > LARGEST_SE_S:
+        raise ImportingError(
+            f"{what}: its lag is known to {2 * se * 1e3:.2g} ms only (two standard errors of {len(lag)} presses), the limit"
+            f" is {2 * LARGEST_SE_S * 1e3:g} ms; set {key}.lag_s, or log faster"
+        )
+    if drift:
+        return ClockLaw(float(offset), float(straight), se, bends)
+    return ClockLaw(float(law[0]), 0.0, se, bends)
+
+
+def _line(at, lag, sd) -> tuple[float, float, float]:
+    """Return slope, offset and the slope's standard error of a line through lags that outliers do not bend."""
+    weight = np.ones(len(at))
+    spread = np.inf
+    for _ in range(10):
+        w = weight / (sd**2 + np.median(sd) ** 2)
+        middle = np.average(at, weights=w)
+        inertia = (w * (at - middle) ** 2).sum()
+        slope = (w * (at - middle) * lag).sum() / inertia
+        offset = np.average(lag, weights=w) - slope * middle
+        off = lag - offset - slope * at
+        spread = max(1.4826 * float(np.median(np.abs(off))), 1e-4)
+        weight = np.minimum(1.0, 2 * spread / np.maximum(np.abs(off), 1e-12))
+    few = np.sqrt(len(at) / max(len(at) - 2, 1))  # two of them are the line's own
+    weight = 1 / np.maximum(sd, few * spread) ** 2
+    return (
+        float(slope),
+        float(offset),
+        float(1 / np.sqrt((weight * (at - np.average(at, weights=weight)) ** 2).sum())),
+    )
+
+
+def _robust_mean(lag, sd) -> float:
+    middle = np.median(lag)
+    spread = max(1.4826 * float(np.median(np.abs(lag - middle))), 1e-4)
+    good = np.abs(lag - middle) <= 3 * spread
+    return float(np.average(lag[good], weights=1 / (sd[good] ** 2 + spread**2)))
+
+
+def _refuse_jumps(at, lag, law, what: str, key: str) -> None:
+    """Raise ImportingError where the lags of presses do not follow the law: frames or rows were lost, or presses misread."""
+    steady = median_filter(lag, 3, mode="nearest")  # one press alone that was misread is no jump
+    steps, off = np.abs(np.diff(steady)), np.abs(steady - law)
+    limit = max(JUMP_S, JUMP_SPREADS * 1.4826 * float(np.median(np.abs(np.diff(lag)))))
+    if max(off.max(), steps.max()) <= limit:
+        return
+    k = int(steps.argmax())
+    rows = "frames" if key == "camera" else "rows"
+    remedy = (
+        "name their own time stamps (camera.times, camera.from_name)"
+        if key == "camera"
+        else f"name time stamps of each row in {key}.time"
+    )
+    raise ImportingError(
+        f"{what}: its lag jumps from {steady[k]:.3f} to {steady[k + 1]:.3f} s between the presses at {at[k]:.1f} and"
+        f" {at[k + 1]:.1f} s, the limit is {limit * 1e3:.2g} ms: {rows} were dropped; {remedy}, or record again"
+    )

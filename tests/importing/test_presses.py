@@ -1,0 +1,114 @@
+"""Presses of made raw logs: none lost, none invented, contact points within 0.02 mm or inside their intervals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from raw_logs import MAPPING, Lab, generate
+
+from gelforge.importing.contact import contact_point
+from gelforge.importing.importer import import_logs
+from gelforge.importing.streams import ImportingError
+
+CONTACT_MM = 0.02  # the issue's number
+LAB = Lab(presses=6)
+
+
+def imported(folder, lab, mapping=MAPPING, seed=0):
+    truth = generate(folder, lab, seed)
+    (folder / "mapping.yaml").write_text(mapping)
+    return truth, import_logs(folder / "mapping.yaml", "s1")
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize(
+    "lab",
+    [LAB, replace(LAB, noise_N=0.012), replace(LAB, depths=(0.25, 2.0), relaxes=0.4, noise_N=0.001)],
+    ids=["usual", "noisy", "wide"],
+)
+def test_presses_and_contact_points(tmp_path, lab, seed):
+    truth, found = imported(tmp_path, lab, MAPPING, seed)
+    contacts = found.contacts
+    assert len(contacts) == lab.presses
+    true = np.array(truth.contact_z_mm)
+    inside = (contacts["contact_low_mm"] <= true) & (true <= contacts["contact_high_mm"])
+    near = np.abs(contacts["contact_mm"] - true) < CONTACT_MM
+    assert (inside | near).all()
+    half = (contacts["contact_high_mm"] - contacts["contact_low_mm"]).median() / 2
+    assert np.abs(contacts["depth_mm"] - truth.depth_mm).max() < CONTACT_MM + half  # from the median zero
+    assert np.abs(contacts["touch_s"] - truth.touch_s).max() < 0.05  # 1 mm/s: 0.05 mm
+
+
+def test_intervals_are_no_wider_than_the_force_says():
+    """A ramp with a hundredth of the noise is known better, and the interval says so."""
+    rng = np.random.default_rng(0)
+    travel = np.linspace(-0.6, 1.0, 600)
+    force = np.maximum(travel, 0) ** 1.5
+    fine, coarse = (contact_point(travel, force + rng.normal(0, noise, 600), 0.1) for noise in (2e-4, 2e-2))
+    assert fine.high_mm - fine.low_mm < 0.5 * (coarse.high_mm - coarse.low_mm)
+    assert abs(fine.travel_mm) < 0.005
+    assert coarse.low_mm <= 0 <= coarse.high_mm
+
+
+def test_motions_without_force_are_no_presses(tmp_path):
+    def lifted(table):
+        """Add a motion of 1.5 mm towards the gel that ends above it, in the rest at the end."""
+        high = table["Z"].max()
+        rows = table.index[-40:]
+        table.loc[rows, "Z"] = high - 1500 * np.sin(np.linspace(0, np.pi, 40))
+        return table
+
+    _, found = imported(tmp_path, replace(LAB, lead_s=3.0, fault={"stage": lifted}))
+    assert len(found.presses.kept) == LAB.presses
+    assert len(found.presses.untouched_s) == 1
+
+
+def test_a_log_that_begins_within_a_press(tmp_path):
+    lab = replace(LAB, cut_force_s=(4.6, 0.0))
+    with pytest.raises(
+        ImportingError, match=r"press 1 at .* the force log begins within it, .* set incomplete: drop"
+    ):
+        imported(tmp_path, lab)
+    _, found = imported(tmp_path, lab, MAPPING + "incomplete: drop\n")
+    assert [press.number for press in found.presses.kept] == [2, 3, 4, 5, 6]
+
+
+def slipping(t, push, number):
+    """Return the force of the third press lost in the middle of its wait."""
+    rows = np.flatnonzero((number == 2) & (push > 0))
+    top = rows[push[rows].argmax()]
+    lost = rows[t[rows] > t[top] + 0.5]
+    push = push.copy()
+    push[lost] *= 0.1
+    return push
+
+
+def test_a_press_that_slips_off(tmp_path):
+    lab = replace(LAB, fault={"push": slipping})
+    with pytest.raises(
+        ImportingError, match=r"press 3 at .* the indenter slipped off; leave it out with skip: \[3\]"
+    ):
+        imported(tmp_path, lab)
+    _, found = imported(tmp_path, lab, MAPPING + "skip: [3]\n")
+    assert [press.number for press in found.presses.kept] == [1, 2, 4, 5, 6]
+
+
+def test_a_tilted_surface_needs_its_own_zero(tmp_path):
+    lab = replace(LAB, contact_scatter_mm=0.15)
+    with pytest.raises(ImportingError, match=r"contact points lie up to .* set depth_zero: press"):
+        imported(tmp_path, lab)
+    truth, found = imported(tmp_path, lab, MAPPING.replace("depth_zero: session", "depth_zero: press"))
+    assert np.ptp(truth.contact_z_mm) > 0.2
+    assert np.abs(found.contacts["contact_mm"] - truth.contact_z_mm).max() < 2 * CONTACT_MM
+
+
+def test_a_declared_zero_that_the_force_denies(tmp_path):
+    with pytest.raises(ImportingError, match=r"depth_zero\.at_mm 31\.8, the force begins at 31\.3"):
+        imported(tmp_path, LAB, MAPPING.replace("depth_zero: session", "depth_zero: {at_mm: 31.8}"))
+    _, found = imported(tmp_path, LAB, MAPPING.replace("depth_zero: session", "depth_zero: {at_mm: 31.37}"))
+    assert np.allclose(found.zero_mm, -31.37)
+
+
+def test_an_unknown_press_cannot_be_skipped(tmp_path):
+    with pytest.raises(ImportingError, match=r"skip names \[9\], there are presses 1 to 6"):
+        imported(tmp_path, LAB, MAPPING + "skip: [9]\n")
