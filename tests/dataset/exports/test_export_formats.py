@@ -1,5 +1,6 @@
 """Every format gives back what the shards hold, read by the format's own library and by what is installed anyway."""
 
+import base64
 import hashlib
 import io
 import json
@@ -14,7 +15,7 @@ from gelforge.dataset.exports import NAMES, format_of
 from gelforge.dataset.exports.images import pixels
 from gelforge.dataset.exports.source import SPLITS, wrench
 
-PARQUET = ("huggingface", "croissant", "lerobot")
+PARQUET = ("huggingface", "croissant", "lerobot", "rocrate")
 
 
 def grey(encoded):
@@ -210,3 +211,41 @@ def test_an_image_of_another_kind_becomes_png_without_loss(tmp_path):
     encoded = images.encoded("s", "a.tiff")
     assert Image.open(io.BytesIO(encoded)).format == "PNG"
     assert_array_equal(pixels(encoded), shown)
+
+
+# ---------------------------------------------------------------------------------------- mcap, ro-crate
+def test_mcap_holds_forces_wrench_and_images(exported, made_once):
+    mcap = pytest.importorskip("mcap.reader", reason="mcap is not installed: pip install 'gelforge[export]'")
+    source = made_once.source
+    for split in SPLITS:
+        rows = source.read(source.of_split(split))
+        with open(exported("mcap") / f"{split}.mcap", "rb") as file:
+            reader = mcap.make_reader(file, validate_crcs=True)
+            found = {}
+            for _, channel, message in reader.iter_messages():
+                found.setdefault(channel.topic, []).append((message.log_time, json.loads(message.data)))
+        assert [one["force_N"] for _, one in found["/tactile/forces_3d"]] == rows[
+            "force_distribution_N"
+        ].tolist()
+        assert [round(t / 1e8) for t, _ in found["/tactile/state"]] == list(range(len(rows["cell"])))
+        resultant = wrench(rows["force_distribution_N"], rows["total_force_fem_N"], source.sensor)
+        torque = [[one["torque"][axis] for axis in "xyz"] for _, one in found["/tactile/wrench"]]
+        assert_array_equal(torque, resultant[:, 3:] / 1000)
+        assert [base64.b64decode(one["data"]) for _, one in found["/tactile/image"]] == rows["image"]
+
+
+def test_rocrate_names_every_file(exported):
+    rocrate = pytest.importorskip("rocrate.rocrate", reason="rocrate is not installed")
+    pytest.importorskip("pyarrow")
+    folder = exported("rocrate")
+    crate = rocrate.ROCrate(str(folder))
+    parts = {one.id: one for one in crate.root_dataset["hasPart"]}
+    present = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+    assert set(parts) == present - {"SHA256SUMS", "ro-crate-metadata.json"}
+    for name, part in parts.items():
+        assert part["sha256"] == hashlib.sha256((folder / name).read_bytes()).hexdigest()
+    assert {one["name"] for one in crate.root_dataset["variableMeasured"]} >= {
+        "force_distribution_N",
+        "image",
+    }
+    assert "SYNTHETIC" in crate.description
