@@ -91,11 +91,11 @@ def _sync(path: Path) -> None:
         os.close(handle)
 
 
-def library(module: str, package: str = "") -> ModuleType:
+def library(module: str, package: str = "", install: str = "'gelforge[export]'") -> ModuleType:
     """Return a library that a format needs and gelforge itself does not. Raises DatasetError with how to install it."""
     try:
         return import_module(module)
     except ImportError as error:
         raise DatasetError(
-            f"{package or module} is needed and not installed ({error}); pip install 'gelforge[export]'"
+            f"{package or module} is needed and not installed ({error}); pip install {install}"
         ) from None

@@ -114,7 +114,9 @@ def write_files(
 
 def _encoding(variables: Mapping[str, Variable]) -> dict:
     """Return how columns are stored: numbers byte by byte, which takes half of what dictionaries of them take."""
-    numbers = [name + ".list.element" * len(v.shape) for name, v in variables.items() if v.kind in ("f4", "f8")]
+    numbers = [
+        name + ".list.element" * len(v.shape) for name, v in variables.items() if v.kind in ("f4", "f8")
+    ]
     text = [name for name, variable in variables.items() if variable.kind == "text"]
     return {"compression": "zstd", "use_dictionary": text, "use_byte_stream_split": numbers}
 

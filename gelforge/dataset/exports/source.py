@@ -211,20 +211,19 @@ def wrench(forces: np.ndarray, total: np.ndarray, sensor: Sensor) -> np.ndarray 
     over the middle at z = 0; force on side faces is in the force and not in the moment. None: a surface from files, whose
     height at the bins is not known here.
     """
-    lever = _levers(sensor)
-    if lever is None:
+    if sensor.shape.kind == "surfaces":
         return None
-    moment = np.cross(lever, forces).sum(axis=1, dtype=np.float64)
+    middle = np.array([sensor.width_x_mm / 2, sensor.width_y_mm / 2, 0])
+    moment = np.cross(bin_points(sensor) - middle, forces).sum(axis=1, dtype=np.float64)
     return np.concatenate([total, moment], axis=1)
 
 
-def _levers(sensor: Sensor) -> np.ndarray | None:
-    """Return the bins' centres (B, 3) [mm] from the middle of the sensor at z = 0; None where the height is not known."""
-    if sensor.shape.kind == "surfaces":
-        return None
+def bin_points(sensor: Sensor) -> np.ndarray:
+    """Return the bins' centres (B, 3) [mm] on the undeformed surface; z is 0 on a surface from files."""
     half = np.array([sensor.width_x_mm, sensor.width_y_mm]) / 2
-    away = bin_centres(sensor.width_x_mm, sensor.width_y_mm, sensor.bins.nx, sensor.bins.ny) - half
-    z = np.zeros(len(away))
+    centres = bin_centres(sensor.width_x_mm, sensor.width_y_mm, sensor.bins.nx, sensor.bins.ny)
+    z = np.zeros(len(centres))
     if sensor.shape.kind == "dome":  # bins outside the ellipse carry no force
-        z = sensor.height_mm * (np.sqrt(np.clip(1 - ((away / half) ** 2).sum(axis=1), 0, None)) - 1)
-    return np.column_stack([away, z])
+        away = ((centres - half) / half) ** 2
+        z = sensor.height_mm * (np.sqrt(np.clip(1 - away.sum(axis=1), 0, None)) - 1)
+    return np.column_stack([centres, z])

@@ -249,3 +249,20 @@ def test_rocrate_names_every_file(exported):
         "image",
     }
     assert "SYNTHETIC" in crate.description
+
+
+def test_rerun_holds_forces_and_images(exported, made_once):
+    rerun = pytest.importorskip("rerun.chunk", reason="rerun-sdk is not installed")
+    source = made_once.source
+    for split in SPLITS:
+        rows = source.read(source.of_split(split))
+        found = {"forces": {}, "image": {}}
+        for chunk in rerun.RrdReader(str(exported("rerun") / f"{split}.rrd")).stream():
+            batch = chunk.to_record_batch().to_pydict()
+            for kind, column in (("forces", "Tensor:data"), ("image", "EncodedImage:blob")):
+                if column in batch:
+                    found[kind] |= dict(zip(batch["row"], batch[column]))
+        count = len(rows["cell"])
+        forces = [found["forces"][row][0]["buffer"] for row in range(count)]
+        assert_array_equal(np.reshape(forces, (count, 25, 3)), rows["force_distribution_N"])
+        assert [bytes(found["image"][row][0]) for row in range(count)] == rows["image"]
