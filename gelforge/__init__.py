@@ -6,21 +6,28 @@
 What `__all__` names is the public interface, imported when it is first used; nothing else is promised.
 """
 
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from gelforge.api import Pressed, Slopes, press
+    from gelforge.learning.rows import load_dataset
 
 __version__ = "0.1.0"
-__all__ = ["Pressed", "Slopes", "press"]
+__all__ = ["Pressed", "Slopes", "load_dataset", "press"]
+
+_DEFINED_IN = {
+    "Pressed": "gelforge.api",
+    "Slopes": "gelforge.api",
+    "load_dataset": "gelforge.learning.rows",
+    "press": "gelforge.api",
+}
 
 
 def __getattr__(name: str):
-    if name not in __all__:
+    if name not in _DEFINED_IN:
         raise AttributeError(f"module 'gelforge' has no attribute {name!r}")
-    from gelforge import api
-
-    return getattr(api, name)
+    return getattr(import_module(_DEFINED_IN[name]), name)
 
 
 def __dir__() -> list[str]:

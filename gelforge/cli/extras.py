@@ -6,7 +6,7 @@ EXTRAS = {  # modules that commands import, by extra of pyproject.toml
     "workflow": ("psutil",),
     "learning": ("torch", "sklearn"),
     "live": ("websockets", "onnxruntime"),
-    "export": ("onnx", "onnxscript"),
+    "export": ("onnx", "onnxscript", "pyarrow", "mcap"),
 }
 
 

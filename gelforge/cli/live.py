@@ -5,11 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 
-def export(model: Path, out: Path) -> None:
+def export(model: Path | None = None, out: Path | None = None) -> None:
     """Write a model as an ONNX file, and say how near PyTorch it is."""
     from gelforge.learning.onnx_export import LIMIT, OPSET, export_onnx
     from gelforge.learning.scaling import ModelError
 
+    if model is None or out is None:
+        raise ModelError("export needs --model and --out, or: gelforge export dataset --help")
     if out.suffix.lower() != ".onnx":
         raise ModelError(f"--out {out}: a name that ends in .onnx is expected")
     difference = export_onnx(model, out)

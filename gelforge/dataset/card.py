@@ -3,37 +3,75 @@
 from __future__ import annotations
 
 from gelforge import __version__
-from gelforge.config import Study
+from gelforge.config import Sensor, Study
 from gelforge.dataset.schema import columns
 
 SYNTHETIC = (
     "> **SYNTHETIC RECORDINGS.** The images and force readings of this dataset were made by a virtual lab, not measured.\n"
     "> They show that the chain works; they say nothing about any real sensor.\n"
 )
-CROISSANT_CONTEXT = {
+# Shards hold all splits. Hugging Face's loader would call them `train`.
+FRONT_MATTER = """\
+---
+configs:
+- config_name: default
+  data_files:
+  - split: unsplit
+    path: shard-*.h5
+---
+
+"""
+CROISSANT_CONTEXT = {  # of Croissant 1.1
     "@language": "en",
     "@vocab": "https://schema.org/",
-    "citeAs": "cr:citeAs",
+    **{
+        name: f"cr:{name}"
+        for name in (
+            "arrayShape citeAs column containedIn equivalentProperty extract field fileObject fileProperty fileSet format "
+            "includes isArray isLiveDataset jsonPath key md5 parentField path recordSet references regex repeated replace "
+            "samplingRate separator source subField transform"
+        ).split()
+    },
     "conformsTo": "dct:conformsTo",
     "cr": "http://mlcommons.org/croissant/",
     "data": {"@id": "cr:data", "@type": "@json"},
+    "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
     "dct": "http://purl.org/dc/terms/",
-    "fileObject": "cr:fileObject",
-    "md5": "cr:md5",
+    "description": {"@container": "@language"},
+    "examples": {"@id": "cr:examples", "@type": "@json"},
+    "name": {"@container": "@language"},
+    "rai": "http://mlcommons.org/croissant/RAI/",
     "sc": "https://schema.org/",
-    "sha256": "cr:sha256",
 }
 METHOD = (
     "Sferrazza et al., Ground truth force distribution for learning-based tactile sensing: a finite element approach, "
     "IEEE Access 2019, doi 10.1109/ACCESS.2019.2956882"
 )
+SPLIT = (
+    "By cell, so that no image of a press is on both sides. Where the plan has mirror images, a held-out cell's label "
+    "may mirror a training cell's; its images do not."
+)
+LOADING = """\
+```python
+import torch
+from gelforge import load_dataset
+
+rows = load_dataset("FOLDER", "train")  # this folder; or "validation", "test"; without a split: all three by name
+row = rows[0]  # a dict of tensors; names of cells and presses are text
+row["force_distribution_N"].shape  # (bins, 3) [N]
+loader = torch.utils.data.DataLoader(rows, batch_size=64, shuffle=True)
+for batch in loader:
+    batch["force_distribution_N"].shape  # (64, bins, 3) [N]
+```
+
+`validation` are the training rows that watch the loss when gelforge trains. `gelforge export dataset` writes other
+formats."""
 
 
 def card(study: Study, manifest: dict) -> str:
     """Return the dataset card as Markdown; synthetic data and datasets of labels only say so first."""
     rows = manifest["rows"]
     splits = [cell["split"] for cell in manifest["cells"].values() if cell["status"] == "converged"]
-    bins = study.sensor.bins
     parts = [
         f"# Force distributions of study {study.study}",
         SYNTHETIC if manifest["synthetic"] else "",
@@ -43,16 +81,13 @@ def card(study: Study, manifest: dict) -> str:
         f"{rows['all']} rows ({rows['train']} train, {rows['test']} test) of {len(splits)} cells "
         f"({splits.count('train')} train, {splits.count('test')} test) in {len(manifest['shards'])} shards. "
         f"A cell is one position with all its depths.",
+        "## Loading",
+        LOADING,
         "## Label",
-        f"The three-dimensional contact force on each of {bins.nx} x {bins.ny} bins of the undeformed surface "
-        f"({study.sensor.width_x_mm:g} x {study.sensor.width_y_mm:g} mm), from a finite-element model ({METHOD}). Bin "
-        f"k = {bins.nx} iy + ix. Frame: x, y along the edges with the origin at a corner of the top surface, z up; a "
-        "pressing ball gives negative Fz. Units: mm, N. The label is a simulation's result, not a measurement; measured "
-        "total forces stand beside it where there are recordings.",
-        _interpolated(manifest),
+        label_text(study.sensor),
+        interpolated_text(manifest),
         "## Split",
-        "By cell, so that no image of a press is on both sides. Where the plan has mirror images, a held-out cell's label "
-        "may mirror a training cell's; its images do not.",
+        SPLIT,
         "## Columns",
         "| dataset | type | unit | what |\n|---|---|---|---|\n"
         + "\n".join(
@@ -60,19 +95,32 @@ def card(study: Study, manifest: dict) -> str:
             for name, column in columns(manifest["labels_only"]).items()
         ),
         "## Sessions",
-        _sessions(manifest),
+        sessions_text(manifest),
         "## Failed cells",
-        "\n".join(f"- `{name}`: {reason}" for name, reason in _failures(manifest)) or "None.",
+        failures_text(manifest),
         "## Provenance",
         "`manifest.json` names every shard, cell, feature file and raw file with its SHA-256 and all settings; "
         "`sha256sum -c SHA256SUMS` verifies what lies here. Axis 0 is the sample in every dataset of every shard. "
         f"Made by gelforge {manifest['code_version']}. No licence is granted by this card: "
         "the owner of the recordings states it.",
     ]
-    return "\n\n".join(part.strip() for part in parts if part) + "\n"
+    return FRONT_MATTER + "\n\n".join(part.strip() for part in parts if part) + "\n"
 
 
-def _interpolated(manifest: dict) -> str:
+def label_text(sensor: Sensor) -> str:
+    """Return what the label of a sensor is."""
+    bins = sensor.bins
+    return (
+        f"The three-dimensional contact force on each of {bins.nx} x {bins.ny} bins of the undeformed surface "
+        f"({sensor.width_x_mm:g} x {sensor.width_y_mm:g} mm), from a finite-element model ({METHOD}). Bin "
+        f"k = {bins.nx} iy + ix. Frame: x, y along the edges with the origin at a corner of the top surface, z up; a "
+        "pressing ball gives negative Fz. Units: mm, N. The label is a simulation's result, not a measurement; measured "
+        "total forces stand beside it where there are recordings."
+    )
+
+
+def interpolated_text(manifest: dict) -> str:
+    """Return which labels are interpolated; "" where none is."""
     between = [cell for cell in manifest["cells"].values() if cell.get("interpolated_from")]
     if not between:
         return ""
@@ -86,7 +134,8 @@ def _shape(shape: tuple[str, ...]) -> str:
     return f"({', '.join(('N', *shape))})"
 
 
-def _sessions(manifest: dict) -> str:
+def sessions_text(manifest: dict) -> str:
+    """Return the sessions as a list: synthetic or measured, and whose labels."""
     lines = [
         f"- `{name}`: {'SYNTHETIC' if session.get('synthetic') else 'measured'}{_labels_of(session)}"
         for name, session in sorted(manifest["sessions"].items())
@@ -101,30 +150,25 @@ def _labels_of(session: dict) -> str:
     return "; labels at the sensor's age and temperature in this session" if "cells" in session else ""
 
 
-def _failures(manifest: dict) -> list[tuple[str, str]]:
+def failures_text(manifest: dict) -> str:
     """Return cells of the plan that failed, then those of sessions and their presses, with the reason."""
     found = sorted(manifest["failed_cells"].items())
     for name, session in sorted(manifest["sessions"].items()):
         for kind in ("failed_cells", "failed_presses"):
             found += [(f"{name}/{what}", reason) for what, reason in sorted(session.get(kind, {}).items())]
-    return found
+    return "\n".join(f"- `{name}`: {reason}" for name, reason in found) or "None."
 
 
 def croissant(study: Study, manifest: dict) -> dict:
-    """Return the Croissant 1.0 JSON-LD description: one HDF5 FileObject per shard, and the columns as variables.
+    """Return the Croissant 1.1 JSON-LD description: one HDF5 FileObject per shard, and the columns as variables.
 
-    Croissant has no way yet to extract records from HDF5, so no record set is declared.
+    Croissant has no way yet to extract records from HDF5, so no record set is declared; `gelforge export dataset --format
+    croissant` writes Parquet and declares them.
     """
     kind = "SYNTHETIC recordings of a virtual lab" if manifest["synthetic"] else "measured recordings"
     what = "labels only, no recordings" if manifest["labels_only"] else kind
-    return {
-        "@context": CROISSANT_CONTEXT,
-        "@type": "sc:Dataset",
-        "conformsTo": "http://mlcommons.org/croissant/1.0",
-        "name": study.study,
-        "description": f"Contact force distributions of a soft tactile sensor from finite elements; {what}.",
-        "version": __version__,
-        "citeAs": METHOD,
+    about = f"Contact force distributions of a soft tactile sensor from finite elements; {what}."
+    return croissant_metadata(study.study, about) | {
         "distribution": [
             {
                 "@type": "cr:FileObject",
@@ -146,4 +190,21 @@ def croissant(study: Study, manifest: dict) -> dict:
             }
             for name, column in columns(manifest["labels_only"]).items()
         ],
+    }
+
+
+def croissant_metadata(
+    name: str, description: str, licence: str | None = None, published: str | None = None
+) -> dict:
+    """Return what a Croissant 1.1 description says of a dataset as a whole; licence and ISO date where they are known."""
+    known = {"license": licence, "datePublished": published}
+    return {
+        "@context": CROISSANT_CONTEXT,
+        "@type": "sc:Dataset",
+        "conformsTo": "http://mlcommons.org/croissant/1.1",
+        "name": name,
+        "description": description,
+        "version": __version__,
+        "citeAs": METHOD,
+        **{key: value for key, value in known.items() if value},
     }

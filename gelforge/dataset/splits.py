@@ -58,6 +58,14 @@ def planned_split(
     return split_orbits(orbit, distances_from_wall(places, sensor), test_fraction, seed), orbit
 
 
+def split_training(
+    places: Mapping[str, np.ndarray], orbit: Mapping[str, str], sensor: Sensor, fraction: float, seed: int
+) -> dict[str, str]:
+    """Return "train" or "validation" of each training cell; places (2,) [mm]: of cells with rows, seed: of the study."""
+    split = split_orbits(orbit, distances_from_wall(places, sensor), fraction, seed + 1)
+    return {cell: "validation" if side == "test" else "train" for cell, side in split.items()}
+
+
 def distances_from_wall(places: Mapping[str, np.ndarray], sensor: Sensor) -> dict[str, float]:
     """Return the distance [mm] of each cell's position (2,) [mm] from the nearest side of the sensor."""
     widths = np.array([sensor.width_x_mm, sensor.width_y_mm])

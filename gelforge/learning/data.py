@@ -10,7 +10,7 @@ import torch
 
 from gelforge.config import Study
 from gelforge.dataset.shard import ShardDataset, shard_attributes
-from gelforge.dataset.splits import distances_from_wall, split_orbits
+from gelforge.dataset.splits import split_training
 from gelforge.learning.scaling import ModelError, Scaling, input_flow
 from gelforge.learning.turns import flow_centre, image_on_sensor
 
@@ -68,9 +68,8 @@ def training_and_validation(
     places = positions_of(rows)
     known = orbits_of(shards)
     orbit = {name: known.get(name, name) for name in places}
-    from_wall = distances_from_wall(places, study.sensor)
-    split = split_orbits(orbit, from_wall, study.learning.validation_fraction, study.seed + 1)
-    sides = ({cell for cell, name in split.items() if name == side} for side in ("train", "test"))
+    split = split_training(places, orbit, study.sensor, study.learning.validation_fraction, study.seed)
+    sides = ({cell for cell, name in split.items() if name == side} for side in ("train", "validation"))
     training, validation = (subset(rows, cells) for cells in sides)
     return training, validation
 

@@ -71,8 +71,8 @@ def test_the_same_dataset_gives_the_same_bytes(described):
 def test_croissant_describes_every_shard(described):
     content = json.loads((described.out / "croissant.json").read_text())
     assert content["@type"] == "sc:Dataset"
-    assert content["conformsTo"] == "http://mlcommons.org/croissant/1.0"
-    assert {"cr", "sc", "dct", "sha256", "conformsTo"} <= set(content["@context"])
+    assert content["conformsTo"] == "http://mlcommons.org/croissant/1.1"
+    assert {"cr", "sc", "dct", "conformsTo", "isArray"} <= set(content["@context"])
     assert len(content["distribution"]) == 2
     for file, path in zip(content["distribution"], described.shards):
         assert file["@type"] == "cr:FileObject"

@@ -1,5 +1,8 @@
 """Labels and features joined into shards, and what stands beside the shards."""
 
+# not all of `dataset`: no rule writes exports, and a new format is no reason to join again
+JOIN_SOURCES = [f"dataset/{name}.py" for name in ("join", "schema", "session_labels", "shard", "splits")]
+
 
 rule join:
     """One shard: a fixed chunk of the plan's cells with every recorded image of their presses."""
@@ -16,7 +19,7 @@ rule join:
         runtime=asks(short_seconds),
     params:
         study=block("seed", "dataset", "plan", "sensor", "sessions"),
-        source=source_digest("dataset"),
+        source=source_digest(*JOIN_SOURCES),
     shell:
         "{GELFORGE:q} join --study {STUDY_FILE:q} --shard {wildcards.shard:q} --out {output:q} &> {log:q}"
 
@@ -32,7 +35,7 @@ rule manifest:
         f"{LOGS}/dataset/manifest.log",
     params:
         study=digest(STUDY.dataset_settings),
-        source=source_digest("dataset"),
+        source=source_digest(*JOIN_SOURCES, "dataset/card.py", "dataset/manifest.py"),
     shell:
         "{GELFORGE:q} manifest --study {STUDY_FILE:q} &> {log:q}"
 
@@ -55,6 +58,6 @@ rule agreement:
     log:
         f"{LOGS}/agreement.log",
     params:
-        source=source_digest("dataset"),
+        source=source_digest(*JOIN_SOURCES, "dataset/agreement.py"),
     shell:
         "{GELFORGE:q} agreement --study {STUDY_FILE:q} --out {output:q} &> {log:q}"

@@ -6,15 +6,12 @@ import argparse
 from pathlib import Path
 
 from gelforge.cli.parsers.common import add_command
+from gelforge.dataset.exports import NAMES
 
 
 def add(commands) -> None:
     """Add the commands that use a model."""
-    export = add_command(
-        commands, "export", "live.export", "a trained model as an ONNX file, compared with PyTorch's"
-    )
-    export.add_argument("--model", type=Path, required=True, help="model.pt of a study")
-    export.add_argument("--out", type=Path, required=True, help=".onnx file to write")
+    _export(commands)
 
     predict = add_command(
         commands, "predict", "bench.predict", "force distribution of images [N], frame by frame, timed"
@@ -42,6 +39,46 @@ def add(commands) -> None:
     live.add_argument("--fps", type=float, default=30.0, help="frames per second of a folder or a video")
     live.add_argument("--loop", action="store_true", help="play a folder or a video again and again")
     live.add_argument("--open", dest="browser", action="store_true", help="open the page in the browser")
+
+
+def _export(commands) -> None:
+    export = add_command(
+        commands,
+        "export",
+        "live.export",
+        "a trained model as an ONNX file, compared with PyTorch's; export dataset: a dataset in another format",
+    )
+    # left out of the arguments where `dataset` follows
+    export.add_argument("--model", type=Path, default=argparse.SUPPRESS, help="model.pt of a study")
+    export.add_argument("--out", type=Path, default=argparse.SUPPRESS, help=".onnx file to write")
+    dataset = add_command(
+        export.add_subparsers(metavar="dataset"),
+        "dataset",
+        "datasets.export",
+        "a study's dataset in another format: " + ", ".join(NAMES),
+    )
+    dataset.add_argument("--format", dest="form", choices=NAMES, required=True, help="see docs/exports.md")
+    where = dataset.add_mutually_exclusive_group(required=True)
+    where.add_argument("--study", type=Path, metavar="YAML", help="the study's configuration")
+    where.add_argument(
+        "--results", type=Path, metavar="FOLDER", help="results/<study>, or the folder of a dataset"
+    )
+    dataset.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="new folder to write")
+    dataset.add_argument("--images", action="store_true", help="put the images into the export, compressed")
+    dataset.add_argument(
+        "--sample-mb",
+        type=float,
+        metavar="MB",
+        help="a part of at most this size: presses drawn by the study's seed, of every split its share",
+    )
+    dataset.add_argument(
+        "--fps",
+        type=float,
+        default=10.0,
+        help="frames per second of formats that need times; shards hold none",
+    )
+    dataset.add_argument("--licence", help="identifier of the licence that you grant, e.g. cc-by-4.0")
+    dataset.add_argument("--published", metavar="DATE", help="date of publication, e.g. 2026-11-27")
 
 
 def _source(command: argparse.ArgumentParser) -> None:

@@ -1,0 +1,39 @@
+"""Commands that carry a finished dataset elsewhere."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+def export(
+    form: str,
+    study: Path | None,
+    results: Path | None,
+    out: Path,
+    images: bool,
+    sample_mb: float | None,
+    fps: float,
+    licence: str | None,
+    published: str | None,
+) -> None:
+    """Write a study's dataset in another format, and say what was written."""
+    from gelforge.config import load_study
+    from gelforge.dataset.exports import format_of
+    from gelforge.dataset.exports.export import Options, export_dataset
+    from gelforge.dataset.exports.source import open_source
+
+    if study:
+        described = load_study(study)
+        folder, data = described.results_folder / "dataset", described.data_folder
+        fraction = described.learning.validation_fraction
+    else:
+        folder = results if (results / "manifest.json").is_file() else results / "dataset"
+        data = fraction = None
+    source = open_source(folder, images, data, fraction)
+    if sample_mb is not None:
+        source = source.sampled(sample_mb)
+    size = export_dataset(format_of(form), source, out, Options(fps, licence, published), sample_mb)
+    rows = ", ".join(f"{count} {split}" for split, count in source.counts.items())
+    print(f"written to {out}: {rows} rows, {size / 1e6:.1f} MB")
+    if source.manifest["synthetic"]:
+        print("SYNTHETIC: a virtual lab made the recordings; the card says so")

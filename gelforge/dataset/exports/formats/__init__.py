@@ -1,0 +1,1 @@
+"""One file per format, each defines `EXPORT`; see gelforge.dataset.exports."""

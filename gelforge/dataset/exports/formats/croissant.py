@@ -1,0 +1,114 @@
+"""Croissant 1.1: the Parquet files of the Hugging Face format with a description that machines read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gelforge.dataset.card import croissant_metadata
+from gelforge.dataset.exports.card import summary, title
+from gelforge.dataset.exports.export import Export, Options
+from gelforge.dataset.exports.formats import huggingface
+from gelforge.dataset.exports.source import Source, Variable
+from gelforge.files import file_sha256, write_json
+
+FILES, PARQUET = "parquet-files", "application/x-parquet"
+TYPES = {
+    "f4": "cr:Float32",
+    "f8": "cr:Float64",
+    "i4": "cr:Int32",
+    "bool": "sc:Boolean",
+    "text": "sc:Text",
+    "image": "sc:ImageObject",
+}
+
+
+def write(source: Source, folder: Path, options: Options) -> None:
+    """Write the Hugging Face folder and croissant.json with the record sets `splits` and `rows`."""
+    huggingface.write(source, folder, options)
+    write_json(folder / "croissant.json", metadata(source, folder, options))
+
+
+def metadata(source: Source, folder: Path, options: Options) -> dict:
+    """Return the JSON-LD of a folder that holds the Parquet files already."""
+    files = sorted((folder / "data").glob("*.parquet"))
+    objects = [
+        {
+            "@type": "cr:FileObject",
+            "@id": path.name,
+            "name": path.name,
+            "contentUrl": f"data/{path.name}",
+            "contentSize": f"{path.stat().st_size} B",
+            "encodingFormat": PARQUET,
+            "sha256": file_sha256(path),
+        }
+        for path in files
+    ]
+    together = {
+        "@type": "cr:FileSet",
+        "@id": FILES,
+        "name": FILES,
+        "description": "all rows",
+        "encodingFormat": PARQUET,
+        "includes": "data/*.parquet",
+    }
+    return croissant_metadata(
+        source.manifest["study"], summary(source), options.licence, options.published
+    ) | {
+        "alternateName": title(source),
+        "distribution": [*objects, together],
+        "recordSet": [_splits(source), _rows(source)],
+    }
+
+
+def _splits(source: Source) -> dict:
+    """Return the record set that names the splits."""
+    return {
+        "@type": "cr:RecordSet",
+        "@id": "splits",
+        "name": "splits",
+        "description": "the splits that have rows, by orbit: a cell with its mirror images",
+        "dataType": "cr:Split",
+        "key": {"@id": "splits/name"},
+        "field": [
+            {
+                "@type": "cr:Field",
+                "@id": "splits/name",
+                "name": "name",
+                "description": "name of the split",
+                "dataType": "sc:Text",
+            }
+        ],
+        "data": [{"splits/name": split} for split in source.counts],
+    }
+
+
+def _rows(source: Source) -> dict:
+    """Return the record set of all rows; the field `rows/split` says which split each belongs to."""
+    return {
+        "@type": "cr:RecordSet",
+        "@id": "rows",
+        "name": "rows",
+        "description": "one sample per record",
+        "field": [_field(name, variable) for name, variable in source.variables.items()],
+    }
+
+
+def _field(name: str, variable: Variable) -> dict:
+    image = variable.kind == "image"
+    extract: dict = {"fileSet": {"@id": FILES}, "extract": {"column": name}}
+    field = {
+        "@type": "cr:Field",
+        "@id": f"rows/{name}",
+        "name": name,
+        "description": f"{variable.description} [{variable.unit}]",
+        "dataType": TYPES[variable.kind],
+        "source": extract | ({"transform": {"jsonPath": "bytes"}} if image else {}),
+    }
+    if variable.shape and not image:
+        field |= {"isArray": True, "arrayShape": ",".join(map(str, variable.shape))}
+    if name == "split":
+        field["references"] = {"field": {"@id": "splits/name"}}
+    return field
+
+
+EXPORT = Export("croissant", "Croissant 1.1 (croissant.json) over the Parquet files of `huggingface`", write)

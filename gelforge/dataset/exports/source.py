@@ -1,0 +1,229 @@
+"""What every format is written from: the rows of a finished dataset, press by press, in three splits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from gelforge.config import Learning, Sensor
+from gelforge.dataset.exports.images import RowImages
+from gelforge.dataset.manifest import check_shards, read_manifest
+from gelforge.dataset.schema import DatasetError, columns
+from gelforge.dataset.shard import ShardDataset
+from gelforge.dataset.splits import split_training
+from gelforge.files import file_sha256
+from gelforge.indentation.binning import bin_centres
+
+SPLITS = ("train", "validation", "test")
+BLOCK_ROWS = 64  # rows in memory at a time
+IMAGE, IMAGE_NAME = "image", "image_file"  # an image's content, and the name of its file (`image` in shards)
+SAMPLE_SHARE = 0.9  # of the bytes of a sample, for what stands beside the rows
+BYTES = {"f4": 4, "f8": 8, "i4": 4, "bool": 1, "text": 24}
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One column of the rows."""
+
+    kind: str  # "f4", "f8", "i4", "bool", "text" or "image" (encoded PNG or JPEG)
+    shape: tuple[int, ...]  # of one row; of an image height, width, channels
+    unit: str
+    description: str
+
+
+@dataclass(frozen=True)
+class Press:
+    """Rows that belong together, in order: a press with its images, or a cell with its depths where there are no images."""
+
+    name: str
+    split: str
+    rows: np.ndarray  # (n,) numbers of the dataset's rows
+
+
+@dataclass(frozen=True)
+class Source:
+    """A dataset whose shards are those of its manifest; presses in the order train, validation, test."""
+
+    folder: Path
+    manifest: dict
+    rows: ShardDataset
+    variables: dict[str, Variable]
+    presses: tuple[Press, ...]
+    images: RowImages | None  # None: rows name their image files only
+
+    @cached_property
+    def sensor(self) -> Sensor:
+        """The sensor that the labels belong to."""
+        return Sensor.model_validate(self.manifest["settings"]["sensor"])
+
+    @cached_property
+    def manifest_sha256(self) -> str:
+        """What tells this dataset from any other."""
+        return file_sha256(self.folder / "manifest.json")
+
+    def of_split(self, split: str) -> tuple[Press, ...]:
+        """Return the presses of a split."""
+        return tuple(press for press in self.presses if press.split == split)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """The number of rows of each split that has any."""
+        counts = {split: sum(len(press.rows) for press in self.of_split(split)) for split in SPLITS}
+        return {split: count for split, count in counts.items() if count}
+
+    def read(self, presses: Sequence[Press], names: Sequence[str] | None = None) -> dict:
+        """Return the named columns (n, ...) of the rows of presses; images as a list of encoded files."""
+        names = list(self.variables) if names is None else list(names)
+        block = self.read_rows(
+            np.concatenate([press.rows for press in presses]), [n for n in names if n != "split"]
+        )
+        counts = [len(press.rows) for press in presses]
+        block["split"] = np.repeat(np.array([press.split for press in presses], object), counts)
+        return {name: block[name] for name in names}
+
+    def read_rows(self, index: np.ndarray, names: Sequence[str]) -> dict:
+        """Return the named columns (n, ...) of rows given by their numbers (n,), other than `split`."""
+        stored = {name: {IMAGE_NAME: "image"}.get(name, name) for name in names if name != IMAGE}
+        needed = ["session", "image"] if IMAGE in names else []
+        found = self.rows.read(index, list(dict.fromkeys([*stored.values(), *needed])))
+        block = {name: found[column] for name, column in stored.items()}
+        if IMAGE in names:
+            block[IMAGE] = [self.images.encoded(*of) for of in zip(found["session"], found["image"])]
+        return block
+
+    def blocks(self, presses: Sequence[Press], names: Sequence[str] | None = None) -> Iterator[dict]:
+        """Yield the columns of presses in blocks of whole presses, about BLOCK_ROWS rows each."""
+        start, count = 0, 0
+        for end, press in enumerate(presses, 1):
+            count += len(press.rows)
+            if count >= BLOCK_ROWS or end == len(presses):
+                yield self.read(presses[start:end], names)
+                start, count = end, 0
+
+    def sampled(self, limit_mb: float) -> Source:
+        """Return a part of at most limit_mb, uncompressed: presses drawn by the study's seed, of every split its share.
+
+        Raises DatasetError where not even one press of each split has room.
+        """
+        row = sum(
+            int(np.prod(v.shape)) * BYTES.get(v.kind, 1) for v in self.variables.values()
+        )  # an image counts as its pixels
+        left = SAMPLE_SHARE * limit_mb * 1e6 / row
+        share = left / sum(self.counts.values())
+        rng = np.random.default_rng(self.manifest["split"]["seed"])
+        chosen: list[Press] = []
+        for split in SPLITS:
+            presses, room = self.of_split(split), share * self.counts.get(split, 0)
+            order = rng.permutation(len(presses))
+            total = np.cumsum([len(presses[i].rows) for i in order])
+            kept = order[: max(1, int(np.searchsorted(total, room, side="right")))]
+            chosen += [presses[i] for i in sorted(kept)]
+        if sum(len(press.rows) for press in chosen) > left:
+            raise DatasetError(
+                f"--sample-mb {limit_mb:g}: no room for a press of each split, a row takes {row / 1e6:.3g} MB; allow more, "
+                "or leave the images out"
+            )
+        return replace(self, presses=tuple(chosen))
+
+
+def open_source(
+    folder: str | Path,
+    images: bool = False,
+    data: str | Path | None = None,
+    validation_fraction: float | None = None,
+) -> Source:
+    """Return the dataset of a folder (`results/<study>/dataset`), its shards checked against the manifest.
+
+    images: rows hold the image files' content, see RowImages for `data`; validation_fraction: share of the training orbits
+    that are the split `validation`, the same ones that watch the loss when the study's network is trained (None: as usual).
+    Raises DatasetError for a folder without a dataset, shards that are not the manifest's, and images that do not exist.
+    """
+    folder = Path(folder)
+    manifest = read_manifest(folder / "manifest.json")
+    shards = [folder / shard["file"] for shard in manifest["shards"]]
+    check_shards(shards, folder / "manifest.json")
+    rows = ShardDataset(shards)
+    if not len(rows):
+        raise DatasetError(f"{folder}: the dataset has no rows; see failed cells in its README.md")
+    labels_only = manifest["labels_only"]
+    if images and labels_only:
+        raise DatasetError(
+            f"{folder}: the dataset holds labels only, there are no images; leave out --images"
+        )
+    found = RowImages(manifest["raw_files"], data) if images else None
+    fraction = Learning().validation_fraction if validation_fraction is None else validation_fraction
+    presses = _presses(rows, manifest, fraction)
+    return Source(folder, manifest, rows, _variables(rows, labels_only, found), presses, found)
+
+
+def _variables(rows: ShardDataset, labels_only: bool, images: RowImages | None) -> dict[str, Variable]:
+    first = rows.read(np.array([0]), list(columns(labels_only)))
+    variables = {
+        {"image": IMAGE_NAME}.get(name, name): Variable(
+            column.kind, first[name].shape[1:], column.unit, column.description
+        )
+        for name, column in columns(labels_only).items()
+    }
+    variables["split"] = replace(
+        variables["split"], description="train, validation or test, by orbit: a cell with its mirror images"
+    )
+    if images:
+        shape = images.shape(first["session"][0], first["image"][0])
+        variables[IMAGE] = Variable("image", shape, "1", "the image as taken, PNG or JPEG")
+    return variables
+
+
+def _presses(rows: ShardDataset, manifest: dict, fraction: float) -> tuple[Press, ...]:
+    """Return the rows by press, or by cell where there are labels only, in the order of splits and shards."""
+    labels_only = manifest["labels_only"]
+    keys = ["cell"] if labels_only else ["session", "press"]
+    index = np.arange(len(rows))
+    read = rows.read(index, [*dict.fromkeys([*keys, "cell", "split", "position_mm"])])
+    split = _with_validation(read, manifest, fraction)
+    found: dict[tuple, list[int]] = {}
+    for i, key in enumerate(zip(*(read[name] for name in keys))):
+        found.setdefault(key, []).append(i)
+    presses = [
+        Press("/".join(key), split[read["cell"][numbers[0]]], np.array(numbers))
+        for key, numbers in found.items()
+    ]
+    return tuple(sorted(presses, key=lambda press: SPLITS.index(press.split)))  # stable
+
+
+def _with_validation(read: dict, manifest: dict, fraction: float) -> dict[str, str]:
+    """Return the split of each cell that has rows."""
+    split = dict(zip(read["cell"], read["split"]))
+    places = {c: xy for c, xy in zip(read["cell"], read["position_mm"]) if split[c] == "train"}
+    orbits = {name: manifest["cells"][name].get("orbit", name) for name in places}
+    settings = manifest["settings"]
+    sensor = Sensor.model_validate(settings["sensor"])
+    return split | split_training(places, orbits, sensor, fraction, settings["seed"])
+
+
+def wrench(forces: np.ndarray, total: np.ndarray, sensor: Sensor) -> np.ndarray | None:
+    """Return the resultant (n, 6) [N, N mm] of bin forces (n, B, 3) [N] and total force (n, 3): force, then moment.
+
+    The moment is that of the bins' forces at their centres on the undeformed surface, about the point of the sensor's frame
+    over the middle at z = 0; force on side faces is in the force and not in the moment. None: a surface from files, whose
+    height at the bins is not known here.
+    """
+    if sensor.shape.kind == "surfaces":
+        return None
+    middle = np.array([sensor.width_x_mm / 2, sensor.width_y_mm / 2, 0])
+    moment = np.cross(bin_points(sensor) - middle, forces).sum(axis=1, dtype=np.float64)
+    return np.concatenate([total, moment], axis=1)
+
+
+def bin_points(sensor: Sensor) -> np.ndarray:
+    """Return the bins' centres (B, 3) [mm] on the undeformed surface; z is 0 on a surface from files."""
+    half = np.array([sensor.width_x_mm, sensor.width_y_mm]) / 2
+    centres = bin_centres(sensor.width_x_mm, sensor.width_y_mm, sensor.bins.nx, sensor.bins.ny)
+    z = np.zeros(len(centres))
+    if sensor.shape.kind == "dome":  # bins outside the ellipse carry no force
+        away = ((centres - half) / half) ** 2
+        z = sensor.height_mm * (np.sqrt(np.clip(1 - away.sum(axis=1), 0, None)) - 1)
+    return np.column_stack([centres, z])
