@@ -5,13 +5,12 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import traceback
 from pathlib import Path
-from typing import NoReturn
 
 import pytest
 import snakemake.cli
 import yaml
+from fault_kinds.forks import end_with
 from filelock import FileLock
 
 ROOT = Path(__file__).parents[2]
@@ -44,7 +43,7 @@ class Checkout:
         with tempfile.TemporaryFile("w+", errors="replace") as printed:
             child = os.fork()
             if not child:
-                run_snakemake(arguments, self.folder, printed.fileno())
+                end_with(lambda: run_snakemake(arguments, self.folder, printed.fileno()))
             status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
             printed.seek(0)
             done = subprocess.CompletedProcess(["snakemake", *arguments], status, printed.read())
@@ -93,30 +92,19 @@ class Checkout:
         }
 
 
-def run_snakemake(arguments, folder: Path, output: int) -> NoReturn:
-    """Be Snakemake in this fork, and end."""
-    status = 70
-    try:
-        for number in (1, 2):
-            os.dup2(output, number)
-        # not pytest's, which capture what is printed
-        sys.stdout, sys.stderr = (open(number, "w", closefd=False, buffering=1) for number in (1, 2))
-        sys.stdin = open(os.devnull)
-        sys.argv = ["snakemake", *arguments]
-        own = environment()
-        os.environ.clear()
-        os.environ.update(own)
-        os.chdir(folder)
-        snakemake.cli.main(list(arguments))
-        status = 0
-    except SystemExit as ended:
-        status = ended.code if isinstance(ended.code, int) else int(ended.code is not None)
-    except BaseException:
-        traceback.print_exc()
-    finally:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(status)
+def run_snakemake(arguments, folder: Path, output: int) -> None:
+    """Be Snakemake in this fork; it ends by SystemExit."""
+    for number in (1, 2):
+        os.dup2(output, number)
+    # not pytest's, which capture what is printed
+    sys.stdout, sys.stderr = (open(number, "w", closefd=False, buffering=1) for number in (1, 2))
+    sys.stdin = open(os.devnull)
+    sys.argv = ["snakemake", *arguments]
+    own = environment()
+    os.environ.clear()
+    os.environ.update(own)
+    os.chdir(folder)
+    snakemake.cli.main(list(arguments))
 
 
 def environment() -> dict[str, str]:
