@@ -5,10 +5,11 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import pytest
-import snakemake.cli
 import yaml
 from fault_kinds.forks import end_with
 from filelock import FileLock
@@ -16,6 +17,15 @@ from filelock import FileLock
 ROOT = Path(__file__).parents[2]
 HOSTILE = (
     "data/lab's x$(touch Y) `touch Z`;touch W"  # of a data folder: a shell that reads it makes Y, Z and W
+)
+# What the Snakefile imports, and Snakemake while it reads one.
+IMPORTED = (
+    "gelforge.characterisation.material_source",
+    "gelforge.cli.cost",
+    "gelforge.dataset.presses_in_order",
+    "gelforge.dataset.recorded_presses",
+    "gelforge.virtual_lab.session",
+    "smart_open",
 )
 
 
@@ -40,6 +50,7 @@ class Checkout:
 
         A fork has imported what Snakemake and the Snakefile import, which is most of a dry run's time.
         """
+        import_before_forks()
         with tempfile.TemporaryFile("w+", errors="replace") as printed:
             child = os.fork()
             if not child:
@@ -92,8 +103,20 @@ class Checkout:
         }
 
 
+@cache
+def import_before_forks() -> None:
+    """Import what Snakemake and the Snakefile import, once for all forks of this process; not where no test runs them."""
+    import snakemake.cli
+
+    for name in IMPORTED:
+        import_module(name)
+    snakemake.cli.get_argument_parser()  # looks for plugins in every folder of Python's path, and imports them
+
+
 def run_snakemake(arguments, folder: Path, output: int) -> None:
     """Be Snakemake in this fork; it ends by SystemExit."""
+    import snakemake.cli
+
     for number in (1, 2):
         os.dup2(output, number)
     # not pytest's, which capture what is printed
