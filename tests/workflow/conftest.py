@@ -10,6 +10,7 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+import snakemake.cli
 import yaml
 from fault_kinds.forks import end_with
 from filelock import FileLock
@@ -105,9 +106,10 @@ class Checkout:
 
 @cache
 def import_before_forks() -> None:
-    """Import what Snakemake and the Snakefile import, once for all forks of this process; not where no test runs them."""
-    import snakemake.cli
+    """Import what the Snakefile and a starting Snakemake import, once for all forks of this process.
 
+    Snakemake itself is imported above: it keeps the standard output that it finds, which in a test is a test's own.
+    """
     for name in IMPORTED:
         import_module(name)
     snakemake.cli.get_argument_parser()  # looks for plugins in every folder of Python's path, and imports them
@@ -115,8 +117,6 @@ def import_before_forks() -> None:
 
 def run_snakemake(arguments, folder: Path, output: int) -> None:
     """Be Snakemake in this fork; it ends by SystemExit."""
-    import snakemake.cli
-
     for number in (1, 2):
         os.dup2(output, number)
     # not pytest's, which capture what is printed
