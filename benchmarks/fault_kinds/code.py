@@ -117,7 +117,7 @@ FAULTS = tuple(
          "tests/mismatch/test_zeros_together.py"),
         ("single readings", "gelforge/mismatch/spikes.py", "SPIKE = 5.0", "SPIKE = 50.0",
          "tests/mismatch/test_spikes.py -k set_aside"),
-        ("names of a verdict", "gelforge/mismatch/verdict.py", "LEFT_P = 0.002", "LEFT_P = 0.0",
+        ("names of a verdict", "gelforge/mismatch/verdict.py", "SURE = 0.9", "SURE = 0.5",
          "tests/mismatch/test_judge.py -k not_sure"),
         ("synthetic data in a report", "gelforge/report/study_chapters.py",
          'label = "SYNTHETIC image" if session.synthetic else "Image"', 'label = "Image"',
