@@ -4,6 +4,7 @@ usage: python -m benchmarks.faults inputs   [--seed 1] [--count 2000]   mutated 
        python -m benchmarks.faults products [--seed 1] [--count 500]    damaged cells, shards, models, readings, tables
        python -m benchmarks.faults kills    [--seed 1] [--count 60]     SIGKILL, SIGTERM and a full disk at every stage
        python -m benchmarks.faults workflow                             shell text, killed runs, cancelled Slurm jobs
+       python -m benchmarks.faults code                                 a spoilt line for each battery of tests
 
 Run from the repository's root. Each prints a Markdown table for docs/faults.md and exits with 1 where a number is above
 what is held to. The same seed gives the same faults; --only KIND runs one kind, --list prints the kinds.
@@ -21,6 +22,7 @@ PARTS = {
     "products": 500,
     "kills": 60,
     "workflow": 7,
+    "code": 35,
 }  # subcommand, a module of fault_kinds: faults by default
 
 
@@ -35,7 +37,7 @@ def main() -> int:
         one.add_argument("--count", type=int, default=count, help="faults in all")
         one.add_argument("--only", help="one kind of fault")
         one.add_argument("--list", action="store_true", help="print the kinds and do nothing")
-        if name != "inputs":
+        if name not in ("inputs", "code"):
             one.add_argument(
                 "--study", type=Path, help="folder of a finished run of config/test.yaml; else it is made"
             )

@@ -8,10 +8,10 @@ import shutil
 import signal
 import subprocess
 import sys
-import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks.fault_kinds.forks import end_with
 from benchmarks.fault_kinds.outcomes import LIMIT_S, Ended
 
 ROOT = Path(__file__).parents[2]
@@ -68,7 +68,7 @@ def in_child(
     if not child:
         if largest_file is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, largest_file))
-        _run(arguments, folder, write)
+        end_with(lambda: _run(arguments, folder, write))
     os.close(write)
     signal.signal(signal.SIGALRM, lambda *_: os.kill(child, stop))
     signal.setitimer(signal.ITIMER_REAL, limit_s, LIMIT_S)  # and again, should it hang
@@ -79,20 +79,10 @@ def in_child(
     return Ended(None if status == -signal.SIGKILL and limit_s == LIMIT_S else status, said)
 
 
-def _run(arguments: Sequence[str], folder: Path, output: int) -> None:
-    status = 70
-    try:
-        os.chdir(folder)
-        for number in (1, 2):
-            os.dup2(output, number)
-        from gelforge.cli import main
+def _run(arguments: Sequence[str], folder: Path, output: int) -> int:
+    os.chdir(folder)
+    for number in (1, 2):
+        os.dup2(output, number)
+    from gelforge.cli import main
 
-        status = main(list(map(str, arguments)))
-    except SystemExit as stopped:
-        status = int(stopped.code or 0)
-    except BaseException:
-        traceback.print_exc()
-    finally:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(status)
+    return main(list(map(str, arguments)))

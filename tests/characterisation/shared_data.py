@@ -17,6 +17,6 @@ needs_shared = pytest.mark.skipif(
 
 def files_of(mapping: Path) -> list[str]:
     """Return the names of all tests in a mapping's folder, relative to it."""
-    folder = SHARED / mapping.stem
+    folder, described = SHARED / mapping.stem, load_mapping(mapping)
     names = sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file())
-    return [name for name in names if load_mapping(mapping).entry_for(name) is not None]
+    return [name for name in names if described.entry_for(name) is not None]

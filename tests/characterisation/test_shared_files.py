@@ -1,6 +1,7 @@
 """Every mechanical test in the shared measurements: read by its mapping, and refused or explained when spoilt."""
 
 import re
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -18,13 +19,26 @@ from gelforge.config.mapping import load_mapping
 from gelforge.csv_table import TableError
 
 pytestmark = needs_shared
+
+
+@cache  # of the process: nothing of it can be changed
+def mapping(folder):
+    return load_mapping(next(m for m in MAPPINGS if m.stem == folder))
+
+
 FILES = [(m.stem, name) for m in MAPPINGS for name in files_of(m)]
 IDS = [f"{folder}/{Path(name).name}" for folder, name in FILES]
 every_file = pytest.mark.parametrize(("folder", "name"), FILES, ids=IDS)
 
 
-def mapping(folder):
-    return load_mapping(next(m for m in MAPPINGS if m.stem == folder))
+def one_of_an_entry():
+    """Return every file as a case; of those that one entry of a mapping describes alike, the first by default."""
+    cases, seen = [], set()
+    for (folder, name), label in zip(FILES, IDS):
+        entry = id(mapping(folder).entry_for(name))
+        cases.append(pytest.param(folder, name, id=label, marks=[pytest.mark.thorough] * (entry in seen)))
+        seen.add(entry)
+    return pytest.mark.parametrize(("folder", "name"), cases)
 
 
 def all_in(folder):
@@ -146,9 +160,8 @@ SPOILT = {
 }
 
 
-@pytest.mark.thorough(but_first=100)
 @pytest.mark.parametrize("how", SPOILT)
-@every_file
+@one_of_an_entry()
 def test_a_spoilt_file_is_refused_with_file_value_and_remedy(folder, name, how, tmp_path):
     entry = mapping(folder).entry_for(name)
     if how.startswith("cycle") and entry.kind in ("indentation", "force_pair"):
@@ -172,7 +185,7 @@ def declared_columns(entry):
     return sorted({*(c.column for c in columns if c), *filter(None, names)})
 
 
-@every_file
+@one_of_an_entry()
 def test_every_declared_column_is_missed(folder, name, tmp_path):
     entry = mapping(folder).entry_for(name)
     for column in declared_columns(entry):
@@ -187,7 +200,7 @@ def test_every_declared_column_is_missed(folder, name, tmp_path):
         assert str(path) in str(caught.value) and (column in str(caught.value) or not text.header)
 
 
-@every_file
+@one_of_an_entry()
 def test_a_wrong_unit_of_the_abscissa_is_refused(folder, name):
     """Per cent for fractions, micrometres for millimetres and the reverse."""
     entry, off = mapping(folder).entry_for(name), {"1": "%", "mm": "um", "um": "mm"}
@@ -204,7 +217,7 @@ def test_a_wrong_unit_of_the_abscissa_is_refused(folder, name):
         read_mapped(SHARED / folder / name, wrong)
 
 
-@every_file
+@one_of_an_entry()
 def test_ten_rows_are_refused_or_said_to_be_few(folder, name, tmp_path):
     entry = mapping(folder).entry_for(name)
     text = Text(SHARED / folder / name, entry)

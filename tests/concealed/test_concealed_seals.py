@@ -1,6 +1,7 @@
 """What was sealed is what is opened; a changed truth, verdict or recording is found."""
 
 import json
+import shutil
 import sys
 
 import pytest
@@ -17,12 +18,18 @@ FAKE = (  # a judge that always says null
 )
 
 
-@pytest.fixture
-def judged(library, tmp_path):
-    folder = tmp_path / "sets" / "small"
+@pytest.fixture(scope="module")
+def judged_once(library, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("once") / "small"
     sets.generate(library, folder, 3, NUMBERS)
     assert sets.judge(folder, FAKE, say=lambda text: None) == 4
     return folder
+
+
+@pytest.fixture
+def judged(judged_once, tmp_path):
+    """Return a copy of a judged set, which a test may spoil."""
+    return shutil.copytree(judged_once, tmp_path / "sets" / "small", symlinks=True)
 
 
 def test_a_sealed_truth_comes_back(tmp_path):

@@ -23,14 +23,14 @@ CASES = {
 
 
 def dense(context, law, floor) -> np.ndarray:
-    """Return C (n, n) from what each pair of entries shares."""
+    """Return C (n, n) from what each pair of entries shares, which is the same from either side."""
     o, slope = context.observations, context.slope()
     labels = o.labels()
     steady = floor * context.force / (np.hypot(context.force, floor) + 1e-300)
     turn = np.pi / 2 / o.table["depth_mm"].max()
     C = np.zeros((len(labels), len(labels)))
     for i, a in enumerate(labels.itertuples()):
-        for j, b in enumerate(labels.itertuples()):
+        for j, b in enumerate(labels.head(i + 1).itertuples()):
             at_a, at_b = (a.reading, a.axis), (b.reading, b.axis)
             c = law[at_a] @ law[at_b]
             alike = ((a.axis == 2) == (b.axis == 2)) * np.cos(turn * (a.depth_mm - b.depth_mm))
@@ -45,7 +45,7 @@ def dense(context, law, floor) -> np.ndarray:
                 (o.session_depth_mm, a.session == b.session),
             ):
                 c += shared * off[a.reading] * slope[at_a] * off[b.reading] * slope[at_b]
-            C[i, j] = c + (i == j) * o.noise_N[at_a] ** 2
+            C[i, j] = C[j, i] = c + (i == j) * o.noise_N[at_a] ** 2
     return C
 
 

@@ -5,18 +5,28 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import traceback
+from functools import cache
+from importlib import import_module
 from pathlib import Path
-from typing import NoReturn
 
 import pytest
 import snakemake.cli
 import yaml
+from fault_kinds.forks import end_with
 from filelock import FileLock
 
 ROOT = Path(__file__).parents[2]
 HOSTILE = (
     "data/lab's x$(touch Y) `touch Z`;touch W"  # of a data folder: a shell that reads it makes Y, Z and W
+)
+# What the Snakefile imports, and Snakemake while it reads one.
+IMPORTED = (
+    "gelforge.characterisation.material_source",
+    "gelforge.cli.cost",
+    "gelforge.dataset.presses_in_order",
+    "gelforge.dataset.recorded_presses",
+    "gelforge.virtual_lab.session",
+    "smart_open",
 )
 
 
@@ -41,10 +51,11 @@ class Checkout:
 
         A fork has imported what Snakemake and the Snakefile import, which is most of a dry run's time.
         """
+        import_before_forks()
         with tempfile.TemporaryFile("w+", errors="replace") as printed:
             child = os.fork()
             if not child:
-                run_snakemake(arguments, self.folder, printed.fileno())
+                end_with(lambda: run_snakemake(arguments, self.folder, printed.fileno()))
             status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
             printed.seek(0)
             done = subprocess.CompletedProcess(["snakemake", *arguments], status, printed.read())
@@ -93,30 +104,30 @@ class Checkout:
         }
 
 
-def run_snakemake(arguments, folder: Path, output: int) -> NoReturn:
-    """Be Snakemake in this fork, and end."""
-    status = 70
-    try:
-        for number in (1, 2):
-            os.dup2(output, number)
-        # not pytest's, which capture what is printed
-        sys.stdout, sys.stderr = (open(number, "w", closefd=False, buffering=1) for number in (1, 2))
-        sys.stdin = open(os.devnull)
-        sys.argv = ["snakemake", *arguments]
-        own = environment()
-        os.environ.clear()
-        os.environ.update(own)
-        os.chdir(folder)
-        snakemake.cli.main(list(arguments))
-        status = 0
-    except SystemExit as ended:
-        status = ended.code if isinstance(ended.code, int) else int(ended.code is not None)
-    except BaseException:
-        traceback.print_exc()
-    finally:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(status)
+@cache
+def import_before_forks() -> None:
+    """Import what the Snakefile and a starting Snakemake import, once for all forks of this process.
+
+    Snakemake itself is imported above: it keeps the standard output that it finds, which in a test is a test's own.
+    """
+    for name in IMPORTED:
+        import_module(name)
+    snakemake.cli.get_argument_parser()  # looks for plugins in every folder of Python's path, and imports them
+
+
+def run_snakemake(arguments, folder: Path, output: int) -> None:
+    """Be Snakemake in this fork; it ends by SystemExit."""
+    for number in (1, 2):
+        os.dup2(output, number)
+    # not pytest's, which capture what is printed
+    sys.stdout, sys.stderr = (open(number, "w", closefd=False, buffering=1) for number in (1, 2))
+    sys.stdin = open(os.devnull)
+    sys.argv = ["snakemake", *arguments]
+    own = environment()
+    os.environ.clear()
+    os.environ.update(own)
+    os.chdir(folder)
+    snakemake.cli.main(list(arguments))
 
 
 def environment() -> dict[str, str]:
