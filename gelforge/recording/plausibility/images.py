@@ -78,7 +78,7 @@ def image_exposure(series: ImageSeries) -> list[Finding]:
     table = series.shown
     zero = table[table["phase"] == "zero"].groupby("press")["gain"].mean()
     around = table["gain"].rolling(LIGHT_IMAGES, center=True, min_periods=1).median()
-    usual = table["press"].map(zero).fillna(around)
+    usual = table["press"].map(zero).astype(float).fillna(around)
     step = (table["gain"] / usual - 1).abs()
     held = table["phase"] != "zero"
     found = [
