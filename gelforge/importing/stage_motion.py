@@ -14,6 +14,7 @@ SIDEWAYS_MM = 0.01  # plan.POSITION_MATCH_MM: positions of one indentation stay 
 FULL_SPEED = 0.8  # of a ramp's largest speed: samples that brake or accelerate are slower
 LONGEST_RAMP_S = 0.5  # of a ramp that says when the stage stopped
 MOST_RAMP_SAMPLES = 40
+TIE_MM = 1e-6
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,8 @@ def excursions(
     travel = xyz[:, 2]
     # the ends of the log count as retreats, so that a log that begins or ends deep has an excursion there
     low = travel.min() - 2 * least_retreat_mm
-    padded = np.concatenate([[low], travel, [low]])
+    # equal readings of a wait would each be a peak of full height: the later one is made the higher
+    padded = np.concatenate([[low], travel + np.linspace(0, TIE_MM, len(travel)), [low]])
     peaks, _ = find_peaks(padded, prominence=least_retreat_mm)
     peaks = peaks - 1
     waits = _waits(time, xyz, band_mm(travel), least_dwell_s)

@@ -8,6 +8,7 @@ from raw_logs import MAPPING, Lab, generate
 
 from gelforge.importing.contact import contact_point
 from gelforge.importing.importer import import_logs
+from gelforge.importing.stage_motion import excursions
 from gelforge.importing.streams import ImportingError
 
 CONTACT_MM = 0.02  # the issue's number
@@ -48,6 +49,18 @@ def test_intervals_are_no_wider_than_the_force_says():
     assert fine.high_mm - fine.low_mm < 0.5 * (coarse.high_mm - coarse.low_mm)
     assert abs(fine.travel_mm) < 0.005
     assert coarse.low_mm <= 0 <= coarse.high_mm
+
+
+def test_equal_readings_at_depth_are_one_wait():
+    """An encoder in steps reads the deepest value twice with another between: one excursion, one wait."""
+    time = np.arange(0, 8, 0.03)
+    travel = np.interp(time, [0, 1, 4, 6, 7, 8], [-2, -2, 0.8, 0.8, -2, -2])
+    deep = np.flatnonzero(travel == 0.8)
+    travel[deep[[10, 30]]] += 0.001
+    xyz = np.stack([np.full(len(time), 10.0), np.full(len(time), 12.0), travel], axis=1)
+    found = excursions(time, xyz, 0.2, 0.3)
+    assert len(found) == 1
+    assert [round(wait.travel_mm, 2) for wait in found[0].waits] == [-2.0, 0.8, -2.0]
 
 
 def test_motions_without_force_are_no_presses(tmp_path):
