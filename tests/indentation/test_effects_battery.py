@@ -100,7 +100,15 @@ def test_a_little_is_linear(name):
     assert np.linalg.norm(second - 2 * first) < 0.05 * np.linalg.norm(2 * first)
 
 
-@pytest.mark.parametrize("name", [n for n in SIGNS if n in CATALOGUE])
+@pytest.mark.parametrize(
+    "name",
+    [
+        # what relaxes takes longest, and test_effects_history.py follows its force
+        pytest.param(n, marks=[pytest.mark.thorough] if n == "viscoelastic" else [])
+        for n in SIGNS
+        if n in CATALOGUE
+    ],
+)
 def test_its_sign_is_the_physical_one(name):
     change = forces(name, 0.01 * CATALOGUE[name].width) - forces(name, 0.0)
     assert np.sign(-change[-1, 2]) == SIGNS[name]

@@ -220,6 +220,7 @@ def test_what_is_modelled_without_a_cause_is_said_with_its_range(tmp_path):
     assert "correction.csv" in effects
 
 
+@pytest.mark.thorough(but_first=1)
 @pytest.mark.parametrize(
     ("state", "label"), [("unexplained", "The best of the known"), ("ambiguous", "Possible")]
 )
