@@ -21,6 +21,7 @@ def imported(folder, lab, mapping=MAPPING, seed=0):
     return truth, import_logs(folder / "mapping.yaml", "s1")
 
 
+@pytest.mark.thorough(but_first=3)
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize(
     "lab",
