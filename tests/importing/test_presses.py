@@ -22,12 +22,12 @@ def imported(folder, lab, mapping=MAPPING, seed=0):
 
 
 @pytest.mark.thorough(but_first=3)
-@pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize(
     "lab",
     [LAB, replace(LAB, noise_N=0.012), replace(LAB, depths=(0.25, 2.0), relaxes=0.4, noise_N=0.001)],
     ids=["usual", "noisy", "wide"],
 )
+@pytest.mark.parametrize("seed", [1, 2])
 def test_presses_and_contact_points(tmp_path, lab, seed):
     truth, found = imported(tmp_path, lab, MAPPING, seed)
     contacts = found.contacts
