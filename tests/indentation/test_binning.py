@@ -100,6 +100,24 @@ def test_bins_keep_the_total_of_the_top(mesh):
     assert_allclose(found.sum(axis=1), forces[:, mesh.surface.top].sum(axis=1), atol=1e-12)
 
 
+def test_six_node_triangles_fill_the_bins_that_they_lie_in():
+    """A rectangle of two, over x 4 to 8 and y 0 to 2 mm of a sensor with bins of 2 mm: bins 2 and 3 of the first row."""
+    corner = np.array([[4.0, 0, 0], [8, 0, 0], [8, 2, 0], [4, 2, 0]])
+    halves = [(0, 1, 2), (0, 2, 3)]
+    sides = sorted({tuple(sorted((f[k], f[(k + 1) % 3]))) for f in halves for k in range(3)})
+    X = np.concatenate([corner, [(corner[i] + corner[j]) / 2 for i, j in sides]])
+    faces = np.array(
+        [[*f, *(4 + sides.index(tuple(sorted((f[k], f[(k + 1) % 3])))) for k in range(3))] for f in halves]
+    )
+    triangles = SimpleNamespace(X=X, ties=None, surface=SimpleNamespace(faces=faces, nodes=np.arange(len(X))))
+    sensor = SimpleNamespace(width_x_mm=8.0, width_y_mm=6.0, bins=SimpleNamespace(nx=4, ny=3))
+    share = surface_shares(triangles, sensor)
+    assert_allclose(share.sum(axis=0), 1.0)
+    assert_allclose(share[[2, 3]].sum(axis=0), 1.0)
+    left = X[:, 0] == 4.0  # their shape functions lie between x = 4 and 6 for the most part
+    assert (share[[2]].toarray()[0, left] > 0.5).all()
+
+
 def test_bin_centres_count_x_first():
     centres = bin_centres(8.0, 6.0, 4, 3)
     assert centres.shape == (12, 2)
