@@ -58,7 +58,7 @@ FAULTS = tuple(
          "return (with_it.arrays[array] - without.arrays[array]) / (1.2 * variation.amount)",
          "tests/indentation/test_stored_sensitivities.py -k subtracted_derivative_predicts"),
         ("interpolation", "gelforge/interpolation/weights.py", "return weights / weights.sum()",
-         "return weights", "tests/interpolation/test_between_sites.py -k smooth_field or error_bars"),
+         "return weights", "tests/interpolation/test_between_sites.py -k smooth_field or weights_of_error_bars"),
         ("units", "gelforge/units.py", '"kPa": ("pressure", 1e-3, 0.0)', '"kPa": ("pressure", 1e-2, 0.0)',
          "tests/characterisation/test_mapping.py"),
         ("checksums", "gelforge/files.py", "if found != stated:", "if False:", "tests/test_products.py"),

@@ -16,7 +16,7 @@ from gelforge.interpolation import levels
 from gelforge.interpolation.labels import Labels
 from gelforge.interpolation.nodal_forces import NodalForces
 from gelforge.interpolation.solved_sites import SolvedSites
-from gelforge.interpolation.weights import depth_weights, nearest, place_weights
+from gelforge.interpolation.weights import depth_weights, nearest, place_weights, positive_weights
 
 PLACES = [(9.3, 11.7), (14.2, 15.1), (16.0, 7.1), (24.9, 25.3), (6.4, 6.2)]
 
@@ -135,6 +135,15 @@ def test_a_cubic_over_depth_is_met():
     depths = np.array([0.2, 0.5, 0.9, 1.4, 2.0])
     numbers, weights = depth_weights(depths, 0.7)
     assert weights @ depths[numbers] ** 3 == pytest.approx(0.7**3, rel=1e-12)
+
+
+def test_weights_of_error_bars_are_shares_and_most_to_the_nearest():
+    places = np.random.default_rng(2).uniform(0, 10, (12, 2))
+    weights = positive_weights(places, np.array([4.0, 6.0]))
+    assert weights.sum() == pytest.approx(1.0)
+    assert (weights > 0).all()
+    away = np.linalg.norm(places - [4.0, 6.0], axis=1)
+    assert (np.argsort(-weights) == np.argsort(away)).all()
 
 
 def test_error_bars_hold_what_a_label_is_wrong_by():
