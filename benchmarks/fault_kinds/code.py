@@ -101,7 +101,7 @@ FAULTS = tuple(
          "float(np.log(self.variance).sum() + sum(", "float(0.5 * np.log(self.variance).sum() + sum(",
          "tests/mismatch/test_covariance.py"),
         ("global test: calibration", "gelforge/mismatch/scan.py",
-         "mean, variance = degrees, 2.0 * degrees", "mean, variance = degrees, 4.0 * degrees",
+         "variance = 2 * estimated.tails * count", "variance = 4 * estimated.tails * count",
          "tests/mismatch/test_scan.py -k global_p_is_uniform"),
         ("scan: a false-alarm rate of 10 %", "gelforge/mismatch/scan.py",
          "return Scan(ranked, float(p))", "return Scan(ranked, float(p) / 4)",

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from artificial_readings import covariance_of, flat_base, grid, readings
-from scipy.stats import binom, kstest
+from scipy.stats import binom, chi2, kstest
 
 from gelforge.mismatch.covariance import Covariance, Estimated
 from gelforge.mismatch.scan import dictionary, global_test, scan
@@ -28,8 +28,10 @@ def nulls(recording):
 
 
 def test_global_p_is_uniform_without_a_mismatch(recording, nulls):
-    p = [global_test(r, recording[2]).p for r in nulls.T]
-    assert kstest(p, "uniform").pvalue > 1e-3  # seeded: a wrong law of chi2 gives 1e-50
+    tests = [global_test(r, recording[2]) for r in nulls.T]
+    assert kstest([one.p for one in tests], "uniform").pvalue > 1e-3  # seeded: wrong degrees give 1e-50
+    for one in tests:  # a law of another width passes the test of uniformity
+        assert one.p == pytest.approx(chi2.sf(one.chi2, one.degrees), rel=1e-9)
 
 
 def test_bootstrap_agrees_with_chi2(recording, nulls):
