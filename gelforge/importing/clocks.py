@@ -77,8 +77,8 @@ def coarse_match(
             f" (correlation {correlation[chosen]:.3f} and {correlation[rival]:.3f}): the presses repeat; set {key}.lag_s, or"
             " record a rest before the first and after the last press in both logs"
         )
-    told = None if rival is None else (float(lags[rival]), float(correlation[rival]))
-    return Match(float(lags[chosen]), float(correlation[chosen]), level, power, lags, correlation, told)
+    next_best = None if rival is None else (float(lags[rival]), float(correlation[rival]))
+    return Match(float(lags[chosen]), float(correlation[chosen]), level, power, lags, correlation, next_best)
 
 
 def rise(times: np.ndarray, signal: np.ndarray) -> np.ndarray:

@@ -119,7 +119,7 @@ def find_presses(
 
 
 def _above_rest(force_s, push) -> tuple[np.ndarray, float]:
-    """Return the force above rest (m,), smoothed, and what is told from noise [N]."""
+    """Return the force above rest (m,), smoothed, and the least one that is no noise [N]."""
     size = max(1, round(SMOOTH_S / float(np.median(np.diff(force_s)))))
     grid = np.linspace(force_s[0], force_s[-1], int((force_s[-1] - force_s[0]) / SMOOTH_S) + 2)
     even = np.interp(grid, force_s, uniform_filter1d(push, size, mode="nearest"))

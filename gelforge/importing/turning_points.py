@@ -24,7 +24,7 @@ LEAST_SAMPLES = 4  # on each side
 RECENTRED = 4  # times that a bend at the end of what was tried is looked for farther on
 MOST_SAMPLES = 200  # of a bend's window: a faster log is averaged over neighbours
 LARGEST_SE_S = 0.01  # of the lag of the whole session
-DRIFT_S, DRIFT_SE = 0.006, 4.0  # over the session: told as drift beyond both
+DRIFT_S, DRIFT_SE = 0.006, 4.0  # over the session: drift beyond both
 JUMP_S, JUMP_SPREADS = 0.02, 5.0  # of a press's lag off the law
 LEAST_PRESSES = 3
 

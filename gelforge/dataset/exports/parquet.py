@@ -38,8 +38,8 @@ def schema(variables: Mapping[str, Variable]):
     """Return the Arrow schema of some columns."""
     pa = library("pyarrow")
     features = {name: feature(variable) for name, variable in variables.items()}
-    told = {"huggingface": json.dumps({"info": {"features": features}}), **_units(variables)}
-    return pa.schema([(name, _type(variable)) for name, variable in variables.items()], metadata=told)
+    metadata = {"huggingface": json.dumps({"info": {"features": features}}), **_units(variables)}
+    return pa.schema([(name, _type(variable)) for name, variable in variables.items()], metadata=metadata)
 
 
 def _units(variables: Mapping[str, Variable]) -> dict[str, str]:

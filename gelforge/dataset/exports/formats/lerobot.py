@@ -60,7 +60,7 @@ def write(source: Source, folder: Path, options: Options) -> None:
     files = write_files(blocks, variables, lambda n: folder / DATA.format(**_numbers(n)), FILE_MB * 1e6)
     _write_episodes(source, folder, files, of_each)
     _write_tasks(source, folder)
-    write_json(folder / "meta" / "stats.json", {name: found.told() for name, found in of_all.items()})
+    write_json(folder / "meta" / "stats.json", {name: found.summary() for name, found in of_all.items()})
     splits, start = {}, 0
     for split in source.counts:
         splits[split] = f"{start}:{start + len(source.of_split(split))}"
@@ -138,7 +138,7 @@ def _counted(
             if variable.kind == "image" or np.prod(variable.shape) <= SMALL:
                 own = _Statistics(variable)
                 own.add(block[name])
-                found[name] = own.told()
+                found[name] = own.summary()
         of_each.append(found)
         yield block
 
@@ -177,7 +177,7 @@ class _Statistics:
         self.mean += gap * count / together
         self.known += count
 
-    def told(self) -> dict[str, list]:
+    def summary(self) -> dict[str, list]:
         """Return min, max, mean, std and count as LeRobot writes them."""
         found = {
             "min": np.where(self.known, self.least, 0.0),

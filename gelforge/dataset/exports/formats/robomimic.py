@@ -37,8 +37,8 @@ def write(source: Source, folder: Path, options: Options) -> None:
         data = file.create_group("data")
         data.attrs["total"] = sum(source.counts.values())
         data.attrs["env_args"] = json.dumps({"env_name": "gelforge", "type": 1, "env_kwargs": {}})
-        told = {name: [v.unit, v.description] for name, v in source.variables.items()}
-        data.attrs["columns"] = json.dumps(told)  # once: on every dataset they would outweigh small presses
+        about = {name: [v.unit, v.description] for name, v in source.variables.items()}
+        data.attrs["columns"] = json.dumps(about)  # once: on every dataset they would outweigh small presses
         data.attrs["manifest_sha256"] = source.manifest_sha256
         for number, press in enumerate(source.presses):
             _write_press(data.create_group(f"demo_{number}"), source, press)
