@@ -2,10 +2,11 @@
 
     python -I -S gelforge/workflow/fork_server.py SOCKET simulate --study ... --out ...
 
-A job that starts Python, imports and loads compiled kernels and MKL spends seconds before it solves anything. Each Snakemake
-that runs jobs itself therefore starts one fork server (`started`). It loads when the first job asks, and forks for each:
-the fork gets the job's arguments, working folder, environment, standard output and error. Where nobody answers, where
-loading failed, and where the sources have been edited since they were loaded, the job does the same in a process of its own.
+A job that starts Python, imports and loads compiled kernels, MKL or PyTorch spends seconds before it does anything. Each
+Snakemake that runs jobs itself therefore starts one fork server (`started`). It loads what a command needs when that is
+first asked for, and forks for each job: the fork gets the job's arguments, working folder, environment, standard output and
+error. Where nobody answers, where loading failed, and where the sources have been edited since the server began to load,
+the job does the same in a process of its own.
 
 The job's side imports little, so that it starts in 20 ms.
 """
@@ -15,20 +16,27 @@ import os
 import signal
 import socket
 import sys
+from functools import cache
 
-CODE = (
-    "cli",
-    "config",
-    "mechanics",
-    "meshing",
-    "indentation",
-    "interpolation",
-    "recording",
-    "mismatch",
-    "characterisation",
-    "virtual_lab",
-    "files.py",
-)
+# Commands that solve: their forks find kernels and direct solver loaded.
+SOLVING = {
+    *("simulate", "level", "derive", "sensitivities", "virtual-cell"),
+    *("simulate-session", "synthesise", "verify", "mismatch", "mismatch-published"),
+}
+# What the others import, most of it used by several.
+IMPORTS = {
+    "fit-law": "gelforge.characterisation.characterise",
+    "plan": "gelforge.indentation.plan",
+    "virtual-session": "gelforge.virtual_lab.session",
+    "readings": "gelforge.recording.readings",
+    "features": "gelforge.recording.features",
+    "join": "gelforge.dataset.join",
+    "manifest": "gelforge.dataset.manifest",
+    "agreement": "gelforge.dataset.agreement",
+    "train": "gelforge.learning.training",
+    "evaluate": "gelforge.learning.predictions",
+    "tables": "gelforge.learning.evaluation",
+}
 NOBODY = "-"  # no address
 COLLECT_S = 1.0  # how often forks that have ended are collected
 OPEN = 128  # jobs that may wait while the server loads
@@ -113,37 +121,60 @@ def serve(address: str) -> None:
     waiting = selectors.DefaultSelector()
     waiting.register(listening, selectors.EVENT_READ)
     waiting.register(sys.stdin, selectors.EVENT_READ)
-    loaded = ""
+    code = ""
     while sys.stdin not in (asking := [key.fileobj for key, _ in waiting.select(COLLECT_S)]):
         collect()
         if not asking:
             continue
         connection = listening.accept()[0]
-        loaded = loaded or load()
+        try:
+            head, outputs, _, _ = socket.recv_fds(connection, 4, 2)
+            request = json.loads(_read(connection, int.from_bytes(head, "big")))
+        except (OSError, ValueError):  # a job that was killed as it asked
+            connection.close()
+            continue
+        code = code or digest()
+        load(request["arguments"][0])
         if not os.fork():
             listening.close()
-            os._exit(run(connection, loaded))
-        connection.close()
+            os._exit(run(connection, request, outputs, code))
+        for opened in (*outputs, connection.detach()):
+            os.close(opened)
     collect()
     os.unlink(address)
     os.rmdir(os.path.dirname(address))
     os._exit(0)  # nothing that was loaded needs to be taken down in order
 
 
-def load() -> str:
-    """Load what solves a site, compiled kernels and direct solver too, by a tiny press; return the digest of the code."""
+def digest() -> str:
+    """Return the digest of the package's code as it is now; before anything is imported, so that a later edit is seen."""
     from gelforge.cli import keep_compiled_kernels, open_without_locks
 
     keep_compiled_kernels()
     open_without_locks()
     from gelforge.files import source_digest
 
-    digest = source_digest(*CODE)  # before anything is imported: a later edit is seen
+    return source_digest(".")
+
+
+@cache
+def load(command: str) -> None:
+    """Load what a command needs, once."""
+    from importlib import import_module
+
+    if command in SOLVING:
+        load_solver()
+    elif command in IMPORTS:
+        import_module(IMPORTS[command])
+
+
+@cache
+def load_solver() -> None:
+    """Load what solves a site, compiled kernels and direct solver too, by a tiny press."""
     from gelforge.cli.bench import tiny_press
     from gelforge.mismatch import site_slopes  # noqa: F401
 
     tiny_press("finite")
-    return digest
 
 
 def collect() -> None:
@@ -155,16 +186,13 @@ def collect() -> None:
         pass
 
 
-def run(connection: socket.socket, loaded: str) -> int:
+def run(connection: socket.socket, request: dict, outputs: list[int], code: str) -> int:
     """Run one command in this fork, tell the job its exit status, and return it."""
     import threading
 
     from gelforge.cli import main
-    from gelforge.files import source_digest
 
-    head, outputs, _, _ = socket.recv_fds(connection, 4, 2)
-    request = json.loads(_read(connection, int.from_bytes(head, "big")))
-    if source_digest(*CODE) != loaded:
+    if digest() != code:
         connection.sendall(bytes(4))
         return 0
     for number, output in zip((1, 2), outputs):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import fake_results
 import pytest
 
+from gelforge.report import chapters
 from gelforge.report.page import write_report
 
 
@@ -20,3 +21,9 @@ def page(whole, tmp_path_factory):
     out = tmp_path_factory.mktemp("page") / "report.html"
     missing = write_report(whole[0], whole[1], out, whole[2])
     return out.read_text(encoding="utf-8"), missing
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Let pages be written with empty pictures: to draw them is most of a page's time, and its text needs none."""
+    monkeypatch.setattr(chapters, "data_uri", lambda figure: "data:image/svg+xml;base64,")

@@ -164,6 +164,7 @@ def test_time_figure_lays_sessions_end_to_end(results):
     assert day1["minute"].max() == pytest.approx((day1["time_s"].max() - day1["time_s"].min()) / 60)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_null_has_no_after_and_says_so(tmp_path):
     folder = fake_verdict.write_fake_verdict(
         tmp_path, fake_verdict.nothing_missing(), change=0.0, after=False
@@ -180,6 +181,7 @@ def test_a_null_has_no_after_and_says_so(tmp_path):
     assert len(figure.axes) == 4  # one row, one bar
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_may_be_there_instead_and_what_is_not_sure_is_said(tmp_path):
     content = fake_verdict.fake_content()
     content["answer"][0]["members"] = ["gel_stiffness", "force_gain"]
@@ -195,6 +197,7 @@ def test_what_may_be_there_instead_and_what_is_not_sure_is_said(tmp_path):
     assert "In place of gel stiffness it may be layer thickness, of another pattern" in undecided
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_is_modelled_without_a_cause_is_said_with_its_range(tmp_path):
     content = fake_verdict.fake_content()
     held = content["fit"]["held_out"] | {"gain": 12.0, "standard_error": 3.0}
@@ -224,6 +227,7 @@ def test_what_is_modelled_without_a_cause_is_said_with_its_range(tmp_path):
 @pytest.mark.parametrize(
     ("state", "label"), [("unexplained", "The best of the known"), ("ambiguous", "Possible")]
 )
+@pytest.mark.usefixtures("undrawn")
 def test_an_answer_that_is_none_is_not_called_missing(tmp_path, state, label):
     content = fake_verdict.fake_content() | {"state": state}
     folder = fake_verdict.write_fake_verdict(tmp_path, content)
@@ -247,6 +251,7 @@ def test_a_recording_of_one_axis_and_two_sites_is_drawn(tmp_path, time_s):
     assert MismatchResults(tmp_path).axes == ["z"]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_readings_of_no_sensor_have_no_maps(tmp_path):
     content = fake_verdict.fake_content() | {"sensor": None}
     folder = fake_verdict.write_fake_verdict(tmp_path, content)
@@ -255,6 +260,7 @@ def test_readings_of_no_sensor_have_no_maps(tmp_path):
     assert len(parsed(html).pictures) == 7
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_measured_readings_are_not_called_synthetic(tmp_path):
     content = fake_verdict.fake_content() | {"synthetic": False, "title": "presses on a sensor"}
     folder = fake_verdict.write_fake_verdict(tmp_path, content)
@@ -273,6 +279,7 @@ def test_a_folder_without_a_verdict_is_refused(tmp_path):
         write_mismatch_page(tmp_path)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_studys_report_ends_with_the_verdict_and_the_way_to_its_page(whole):
     chapter = mismatch(StudyResults(*whole))
     kinds = [block.kind for block in chapter.blocks]
@@ -281,6 +288,7 @@ def test_the_studys_report_ends_with_the_verdict_and_the_way_to_its_page(whole):
     assert chapter.blocks[2].target == "mismatch/report.html"
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_chapter_names_what_is_not_there(tmp_path):
     study = fake_results.fake_study(tmp_path)
     chapter = mismatch(StudyResults(study, tmp_path / "results", tmp_path))

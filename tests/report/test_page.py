@@ -106,6 +106,7 @@ def test_variants_stand_beside_the_study(page):
     assert "variant flange Fz [N]" in chapter
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_variant_that_was_not_solved_is_named(tmp_path):
     study = fake_results.fake_study(tmp_path, sessions=False, variants=["flange"])
     folder = tmp_path / "results"
@@ -143,6 +144,7 @@ def test_synthetic_data_is_labelled_loudly(page):
     assert {"SYNTHETIC image", "SYNTHETIC readings"} <= set(re.findall(r"SYNTHETIC \w+", page[0]))
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_measured_data_is_not_called_synthetic(tmp_path):
     study = fake_results.fake_study(tmp_path)
     folder = tmp_path / "results"
@@ -155,6 +157,7 @@ def test_measured_data_is_not_called_synthetic(tmp_path):
     assert "SYNTHETIC" not in html
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_labels_only_study_says_what_is_left_out(tmp_path):
     study = fake_results.fake_study(tmp_path, sessions=False)
     folder, paper = tmp_path / "results", tmp_path / "paper"
@@ -176,6 +179,7 @@ def test_labels_only_study_says_what_is_left_out(tmp_path):
     assert len(parsed(html).pictures) == 4  # sensor, force-depth, error bars, section
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_plan_without_centre_says_so(tmp_path):
     study = fake_results.fake_study(
         tmp_path, sessions=False, spacing=6.5
@@ -187,6 +191,7 @@ def test_plan_without_centre_says_so(tmp_path):
     assert any("No curve at the corner" in words for words in missing)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_other_sensor_is_not_compared_with_the_paper(tmp_path):
     study = fake_results.fake_study(tmp_path, sessions=False)
     study = study.model_copy(update={"indenter": study.indenter.model_copy(update={"radius_mm": 4.0})})
@@ -197,6 +202,7 @@ def test_other_sensor_is_not_compared_with_the_paper(tmp_path):
     assert "published FEM" not in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_missing_cell_file_is_listed(tmp_path):
     study = fake_results.fake_study(tmp_path, sessions=False)
     folder = tmp_path / "results"
@@ -211,6 +217,7 @@ def test_missing_cell_file_is_listed(tmp_path):
     assert "22 converged, 3 failed or missing" in html
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_empty_results_folder_still_gives_a_page(tmp_path):
     study = fake_results.fake_study(tmp_path)
     missing = write_report(study, tmp_path / "nothing", tmp_path / "page.html", tmp_path / "paper")

@@ -1,9 +1,11 @@
 """Jobs that are forks of one process: what they print and return, and what happens where none answers."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -16,19 +18,22 @@ SCRIPT = Path(fork_server.__file__)
 SERVER = """
 import gelforge.cli
 from gelforge.workflow import fork_server
-from gelforge.files import source_digest
 gelforge.cli.main = lambda arguments: exec(arguments[0])
-fork_server.load = lambda: {digest}
+true, asked = fork_server.digest, []
+def digest():
+    asked.append(True)
+    return {digest} if len(asked) == 1 else true()
+fork_server.digest = digest
 fork_server.serve({address!r})
 """
 
 
 @pytest.fixture
 def start(tmp_path):
-    """Return a function that starts a server and returns its address; digest: of the code that it has loaded, as Python."""
+    """Return a function that starts a server and returns its address; digest: of its code as it starts to load, as Python."""
     servers = []
 
-    def server(digest="source_digest(*fork_server.CODE)", fails=False):
+    def server(digest="true()", fails=False):
         (tmp_path / "socket").mkdir()
         address = str(tmp_path / "socket/forks")
         code = SERVER.format(digest=digest, address=address)
@@ -111,3 +116,13 @@ def test_a_server_that_cannot_load_leaves_the_job_its_own_process(start, capfd):
 def test_nobody_there():
     done = job("-", "--version")
     assert done.communicate() == (f"{__version__}\n", "")
+
+
+def test_commands_of_the_rules_are_those_that_are_loaded_for():
+    """A command that is not listed works and loads everything in each of its forks."""
+    rules = "".join(path.read_text() for path in (SCRIPT.parents[2] / "workflow/rules").glob("*.smk"))
+    commands = set(re.findall(r"{GELFORGE:q} ([a-z-]+)", rules))
+    assert "simulate" in commands
+    once = {"report"}  # one job of a study, and nothing of it is another's
+    assert commands - once == fork_server.SOLVING | set(fork_server.IMPORTS)
+    assert all(find_spec(module) for module in fork_server.IMPORTS.values())

@@ -48,26 +48,20 @@ TRUTH = f"{DATA}/virtual_truth/cells"  # of a virtual lab's sensor
 LOGS = f"logs/{STUDY.study}"
 BENCHMARKS = f"{RESULTS}/benchmarks"
 # In shell commands every value is written {value:q}, a list word by word: what a configuration says is never shell text.
-GELFORGE = [sys.executable, "-m", "gelforge"]  # the environment's own interpreter: 18 ms a job
 ONE_THREAD = ["OMP_NUM_THREADS=1", "MKL_NUM_THREADS=1", "NUMBA_NUM_THREADS=1"]
 os.environ["GELFORGE_RUN"] = os.getcwd()  # marks the jobs of this folder, see gelforge/cli/unlock.py
-SOLVE = [
-    sys.executable,
-    "-I",
-    "-S",
-    fork_server.__file__,
-    fork_server.NOBODY,
-]  # as GELFORGE, see `solve_in_forks`
+# A command of gelforge, by the environment's own interpreter: a fork of one process where `run_in_forks` has started it.
+GELFORGE = [sys.executable, "-I", "-S", fork_server.__file__, fork_server.NOBODY]
 
 
-def solve_in_forks():
-    """Let the jobs of this Snakemake that solve be forks of one process, instead of starting Python for each."""
+def run_in_forks():
+    """Let the jobs of this Snakemake be forks of one process, instead of starting Python for each."""
     global _fork_server  # it ends with this process
-    SOLVE[-1], _fork_server = fork_server.started()
+    GELFORGE[-1], _fork_server = fork_server.started()
 
 
 if not workflow.is_main_process:  # the one inside a cluster's job: `onstart` runs in the user's own only
-    solve_in_forks()
+    run_in_forks()
 
 
 def _study_file():
@@ -85,7 +79,7 @@ def _study_file():
 
 STUDY_FILE = _study_file()
 # Where this workflow is a module, Snakemake prints its commands with the names of the main Snakefile: these are given to it.
-for name in ("GELFORGE", "ONE_THREAD", "SOLVE", "STUDY_FILE", "RESULTS", "DATA"):
+for name in ("GELFORGE", "ONE_THREAD", "STUDY_FILE", "RESULTS", "DATA"):
     workflow.modifier_stack[0].globals.setdefault(name, globals()[name])
 
 

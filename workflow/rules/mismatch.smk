@@ -40,7 +40,7 @@ rule site_sensitivities:
         tried=[STUDY.mismatch.coarser, STUDY.mismatch.leave_out],
         source=source_digest("mechanics", "meshing", "indentation", "mismatch/effects", *SLOPE_SOURCES),
     shell:
-        "{ONE_THREAD:q} {SOLVE:q} sensitivities --study {STUDY_FILE:q} --cell {wildcards.cell:q}"
+        "{ONE_THREAD:q} {GELFORGE:q} sensitivities --study {STUDY_FILE:q} --cell {wildcards.cell:q}"
         " --laws {input.laws:q} --out {output:q} &> {log:q}"
 
 

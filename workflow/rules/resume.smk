@@ -54,14 +54,13 @@ def solve_anew(jobs):
         print(f"forced: {kept} kept solutions removed, they are solved anew", file=sys.stderr)
 
 
-def begin_solving(jobs):
-    """Start what forks the jobs that solve, where they run on this machine, and count them as they finish."""
-    solving = {job.jobid for job in jobs if job.rule.name in SOLVES and not is_mirrored(job)}
-    if not solving:
-        return
+def begin_jobs(jobs):
+    """Start what forks the jobs, where they run on this machine, and count those that solve as they finish."""
     if workflow.local_exec:
-        solve_in_forks()
-    logger.addHandler(Solved(solving))
+        run_in_forks()
+    solving = {job.jobid for job in jobs if job.rule.name in SOLVES and not is_mirrored(job)}
+    if solving:
+        logger.addHandler(Solved(solving))
 
 
 def is_mirrored(job):

@@ -53,7 +53,7 @@ rule simulate:
         model=block("sensor", "indenter", "mechanics"),
         source=source_digest("mechanics", "meshing", "indentation"),
     shell:
-        "{ONE_THREAD:q} {SOLVE:q} simulate --study {STUDY_FILE:q} --cell {wildcards.cell:q}"
+        "{ONE_THREAD:q} {GELFORGE:q} simulate --study {STUDY_FILE:q} --cell {wildcards.cell:q}"
         " --laws {input.laws:q} --out {output:q} &> {log:q}"
 
 
@@ -82,7 +82,7 @@ if BETWEEN:
             model=block("sensor", "indenter", "mechanics"),
             source=source_digest("mechanics", "meshing", "indentation"),
         shell:
-            "{ONE_THREAD:q} {SOLVE:q} simulate --study {STUDY_FILE:q} --cell {wildcards.site:q} --between"
+            "{ONE_THREAD:q} {GELFORGE:q} simulate --study {STUDY_FILE:q} --cell {wildcards.site:q} --between"
             " --laws {input.laws:q} --out {output:q} &> {log:q}"
 
     checkpoint level:
@@ -101,7 +101,7 @@ if BETWEEN:
         params:
             between=CELLS[BETWEEN[0]].between,
         shell:
-            "{ONE_THREAD:q} {SOLVE:q} level --study {STUDY_FILE:q} --level {wildcards.level:q} --laws {input.laws:q}"
+            "{ONE_THREAD:q} {GELFORGE:q} level --study {STUDY_FILE:q} --level {wildcards.level:q} --laws {input.laws:q}"
             " --out {output:q} &> {log:q}"
 
 
@@ -127,7 +127,7 @@ for number, names in DERIVED.items():
             model=block("sensor", "indenter", "mechanics"),
             source=source_digest("mechanics", "meshing", "indentation"),
         shell:
-            "{ONE_THREAD:q} {SOLVE:q} derive --study {STUDY_FILE:q} --number {params.number:q} --laws {input.laws:q}"
+            "{ONE_THREAD:q} {GELFORGE:q} derive --study {STUDY_FILE:q} --number {params.number:q} --laws {input.laws:q}"
             " &> {log:q}"
 
 
@@ -155,7 +155,7 @@ rule variant:
         ),
         source=source_digest("mechanics", "indentation"),
     shell:
-        "{ONE_THREAD:q} {SOLVE:q} simulate --study {STUDY_FILE:q} --variant {wildcards.variant:q} --cell {wildcards.cell:q}"
+        "{ONE_THREAD:q} {GELFORGE:q} simulate --study {STUDY_FILE:q} --variant {wildcards.variant:q} --cell {wildcards.cell:q}"
         " --laws {input.laws:q} --out {output:q} &> {log:q}"
 
 
@@ -185,7 +185,7 @@ rule session_cell:
         ),
         source=source_digest("mechanics", "meshing", "indentation"),
     shell:
-        "{ONE_THREAD:q} {SOLVE:q} simulate --study {STUDY_FILE:q} --session {wildcards.session:q} --cell {wildcards.cell:q}"
+        "{ONE_THREAD:q} {GELFORGE:q} simulate --study {STUDY_FILE:q} --session {wildcards.session:q} --cell {wildcards.cell:q}"
         " --laws {input.laws:q} --mirrored {input.mirrored:q} --out {output:q} &> {log:q}"
 
 

@@ -25,7 +25,7 @@ if LAB:
             truth=lab_block("mechanics", "materials", "stiffness_scale", "unload_depths_mm"),
             source=source_digest("mechanics", "meshing", "indentation"),
         shell:
-            "{ONE_THREAD:q} {SOLVE:q} virtual-cell --study {STUDY_FILE:q} --cell {wildcards.cell:q} --out {output:q} &> {log:q}"
+            "{ONE_THREAD:q} {GELFORGE:q} virtual-cell --study {STUDY_FILE:q} --cell {wildcards.cell:q} --out {output:q} &> {log:q}"
 
     rule virtual_session:
         """Record one synthetic session from the truth, which only the error budget reads too."""
