@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from gelforge.indentation.cell_file import read_timings
 from gelforge.report.style import SIMULATED, new_figure, styled
 
+WAITING_MB = 40.0  # at most, of a process that waits for its fork (11 MB) and has imported no numerical library (60 MB)
 CELL_STAGE, TRUTH_STAGE = "cells", "virtual_truth"
 
 
@@ -18,8 +19,8 @@ def stage_times(results: str | Path, cells: set[str], truth: Path | None = None)
     """Return one row per stage: stage, jobs, total_s, longest_s, memory_MB (largest resident set of a job).
 
     A file benchmarks/<stage>/<job>.tsv of the results belongs to <stage>; benchmarks/<job>.tsv is a stage of its own, or
-    one of the cells if it bears a cell's name. truth: the folder of a virtual lab's cells. What a cell's own file says of
-    memory counts too: its job may be a fork, which Snakemake does not see.
+    one of the cells if it bears a cell's name. truth: the folder of a virtual lab's cells. Where a job is a fork, Snakemake
+    measures the process that waits for it, which says nothing: of cells their own files say it, of others nothing does.
     """
     folder = Path(results) / "benchmarks"
     rows = []
@@ -29,7 +30,8 @@ def stage_times(results: str | Path, cells: set[str], truth: Path | None = None)
         parents = job.parent.parts
         product = truth / job.name if truth and parents == (TRUTH_STAGE,) else Path(results) / job
         stage = parents[0] if parents else CELL_STAGE if path.stem in cells else path.stem
-        memory = pd.to_numeric(table.get("max_rss", pd.Series(dtype=float)), errors="coerce").max()
+        memory = pd.to_numeric(table.get("max_rss", pd.Series(dtype=float)), errors="coerce")
+        memory = memory[memory > WAITING_MB].max()
         own = read_timings(product).get("peak_memory_MB", np.nan)
         rows.append((stage, float(table["s"].sum()), float(np.fmax(memory, own))))
     jobs = pd.DataFrame(rows, columns=["stage", "seconds", "memory_MB"])

@@ -251,13 +251,16 @@ def test_stage_times_group_cells(tmp_path):
     for name, seconds in (("cells/a", 2.0), ("cells/b", 3.0), ("train", 9.0)):
         path = tmp_path / f"benchmarks/{name}.tsv"
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(f"s\th:m:s\tmax_rss\n{seconds}\t0:00:02\t12.5\n")
+        memory = 12.5 if name == "cells/a" else 250.0
+        path.write_text(f"s\th:m:s\tmax_rss\n{seconds}\t0:00:02\t{memory}\n")
     timings = tmp_path / "cells/a.timings.json"
     timings.parent.mkdir()
     timings.write_text('{"peak_memory_MB": 300.0}')
     stages = stage_times(tmp_path, {"a", "b"}).set_index("stage")
-    assert stages["memory_MB"].to_dict() == {"train": 12.5, "cells": 300.0}  # of a fork, its own word
+    assert stages["memory_MB"].to_dict() == {"train": 250.0, "cells": 300.0}  # of a fork, its own word
     assert stages.loc["cells", ["jobs", "total_s", "longest_s"]].tolist() == [2, 5.0, 3.0]
+    (tmp_path / "benchmarks/train.tsv").write_text("s\th:m:s\tmax_rss\n9.0\t0:00:09\t13.9\n")
+    assert np.isnan(stage_times(tmp_path, {"a", "b"}).set_index("stage").memory_MB["train"])  # it waited
     assert list(stages.index) == ["train", "cells"]  # longest first
     assert "5.0 s, 2 jobs" in texts(timing_figure(stages.reset_index()))
 
