@@ -149,7 +149,7 @@ def places(near: float, far: float) -> None:
 
 
 def dome() -> None:
-    """Print how far mirrored presses of config/dome.yaml are from solves of their own, over their error bars."""
+    """Print how far mirrored presses of config/smoke/dome.yaml are from solves of their own, over their error bars."""
     os.environ.update(THREADS)
     import pandas as pd
 
@@ -159,7 +159,7 @@ def dome() -> None:
     from gelforge.indentation.mirror import mirror_cell
     from gelforge.indentation.plan import PlannedCell, plan_cells
 
-    study = load_study("config/dome.yaml")
+    study = load_study("config/smoke/dome.yaml")
     laws, planned = laws_of(study, []), plan_cells(study)
     rows, solved = [], {}
     images = {cell.source: cell for cell in planned.values() if cell.source}  # the last of each source

@@ -79,6 +79,16 @@ pure_shear_01.csv,pure_shear,s01,60.0,10.0,0.5,0.003,,,
 equibiaxial_01.csv,equibiaxial,s01,,,0.5,0.003,,,
 """
 
+CAMERA = """\
+camera: # null for a force-only session
+  width_px: 640
+  height_px: 480
+  focal_px: 430.0 # `gelforge calibrate-camera` finds it with the lens (distortion); or mm_per_px, where it is unknown
+  centre_px: [319.5, 239.5]
+  position_mm: [16.0, 16.0, -41.0] # the pinhole, in the sensor frame
+  mirrored: true # true: u grows with x as seen from above
+"""
+
 SESSION = """\
 # One recording session. Beside this file: indentations.csv, reference.png (the zero-force frame), images/.
 # indentations.csv, one row per reading in the order taken; cell and image may be empty:
@@ -87,7 +97,7 @@ SESSION = """\
 session: session1
 synthetic: false
 sensor: "" # serial
-indenter: ball of radius 5 mm
+indenter: {indenter}
 date: 2024-05-14 # or "" where it is not known
 notes: ""
 force:
@@ -106,14 +116,7 @@ depth_zero: # null: not known
   session_scatter_mm: null # standard deviation of the session's contact point, one error for all presses
   press_scatter_mm: null # that from press to press: the stage's repeatability; with by: press also each press's own zero
 base_parameters: from_fit
-camera: # null for a force-only session
-  width_px: 640
-  height_px: 480
-  focal_px: 430.0 # `gelforge calibrate-camera` finds it with the lens (distortion); or mm_per_px, where it is unknown
-  centre_px: [319.5, 239.5]
-  position_mm: [16.0, 16.0, -41.0] # the pinhole, in the sensor frame
-  mirrored: true # true: u grows with x as seen from above
-crop_px: null # left, top, width, height
+{camera}crop_px: null # left, top, width, height
 """
 
 
@@ -125,5 +128,10 @@ def new_study_files(study: str) -> dict[Path, str]:
         data / "sensor.yaml": SENSOR,
         data / "plan.csv": PLAN,
         data / "materials" / "gel" / "samples.csv": SAMPLES,
-        data / "recordings" / "session1" / "session.yaml": SESSION,
+        session_path(study): SESSION.format(indenter="ball of radius 5 mm", camera=CAMERA),
     }
+
+
+def session_path(study: str) -> Path:
+    """Return where a new study's session is described."""
+    return Path("data") / study / "recordings" / "session1" / "session.yaml"

@@ -9,26 +9,37 @@ from gelforge.cli.cameras import scale_line
 from gelforge.cli.cost import estimate
 from gelforge.cli.factory import print_findings, virtual_lab_of
 from gelforge.cli.new_study import new_study_files
-from gelforge.cli.working_folder import make_runnable, write_examples
+from gelforge.cli.shipped_sensors import sensor_files, study_of_sensor
+from gelforge.cli.working_folder import make_runnable, write_examples, write_shipped
 from gelforge.config import NAME, ConfigError, Session, Study, load_session, load_study
 from gelforge.files import write_text
 from gelforge.laws_of_study import known_laws, law_path
 
 
-def init(study: str) -> None:
-    """Write the commented files of a new study; an existing file is never replaced."""
+def init(study: str, sensor: str | None) -> None:
+    """Write the commented files of a new study, of a shipped sensor if one is named; an existing file is never replaced."""
     if not NAME.fullmatch(study):
         raise ConfigError(f"{study!r} is not a name; use letters, digits, '_' and '-'")
-    files = new_study_files(study)
+    files = study_of_sensor(study, sensor) if sensor else new_study_files(study)
     existing = [str(path) for path in files if path.exists()]
     if existing:
         raise ConfigError(f"{', '.join(existing)} exist(s) already; choose another name or delete them")
     for path, text in files.items():
         write_text(path, text)
         print(path)
-    for path in make_runnable():
+    for path in [*write_shipped(sensor_files(sensor) if sensor else []), *make_runnable(study)]:
         print(path)
-    print(f"edit them, add your data, then: gelforge check {study}")
+    if sensor:
+        print(f"labels only, ready: gelforge check {study}, then: snakemake --cores 2{choice_of(study)}")
+    else:
+        print(f"edit them, add your data, then: gelforge check {study}")
+
+
+def choice_of(study: str) -> str:
+    """Return what a Snakemake line in this folder needs in order to run a study."""
+    named, snakefile = f"config/{study}.yaml", Path("Snakefile")
+    is_default = snakefile.is_file() and named in snakefile.read_text()
+    return "" if is_default else f" --configfile {named}"
 
 
 def examples() -> None:

@@ -12,11 +12,17 @@ SNAKEFILE = """\
 # The workflow of the gelforge that is installed beside Snakemake.
 from gelforge.shipped import SNAKEFILE
 
-
+{default}
 include: str(SNAKEFILE)
 
 
 workflow.default_target = "all"  # an included file's is not taken over
+"""
+DEFAULT = """\
+if "study" not in config:  # no --configfile
+
+    configfile: "config/{study}.yaml"
+
 """
 PROFILES = ("default/config.yaml", "slurm/config.yaml")
 EXAMPLE_FOLDERS = ("config", "data/demo", "data/gelsight_mini", "data/paper")
@@ -24,12 +30,17 @@ ABOUT_DATA = "data/README.md"
 MADE = {"recordings", "virtual_truth", "__pycache__"}  # by runs, in the checkout's data
 
 
-def make_runnable() -> list[Path]:
-    """Write Snakefile, profiles and schema where this folder has no workflow; return the paths that were written."""
+def make_runnable(study: str | None = None) -> list[Path]:
+    """Write Snakefile, profiles and schema where this folder has no workflow; return the paths that were written.
+
+    study: what `snakemake` runs without --configfile, where the folder has no config/config.yaml (the demo).
+    """
     if Path("Snakefile").exists() or Path("workflow/Snakefile").exists():
         return []
     schema = Path("config/schema.json")
-    files = {Path("Snakefile"): SNAKEFILE.encode(), schema: (EXAMPLES / schema).read_bytes()}
+    default = DEFAULT.format(study=study) if study and not Path("config/config.yaml").exists() else ""
+    snakefile = SNAKEFILE.format(default=default)
+    files = {Path("Snakefile"): snakefile.encode(), schema: (EXAMPLES / schema).read_bytes()}
     files |= {Path("profiles", name): (WORKFLOW / "profiles" / name).read_bytes() for name in PROFILES}
     return [_written(path, content) for path, content in files.items() if not path.exists()]
 
@@ -47,6 +58,11 @@ def write_examples() -> list[Path]:
         more = f" and {len(existing) - 3} more" if len(existing) > 3 else ""
         raise ConfigError(f"{', '.join(existing[:3])}{more} exist(s) already; call it in an empty folder")
     return [_written(to, path.read_bytes()) for to, path in found.items()]
+
+
+def write_shipped(paths: list[Path]) -> list[Path]:
+    """Write shipped files into this folder, under the same paths; return those that were not there before."""
+    return [_written(path, (EXAMPLES / path).read_bytes()) for path in paths if not path.exists()]
 
 
 def _written(path: Path, content: bytes) -> Path:

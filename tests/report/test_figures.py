@@ -228,7 +228,7 @@ def test_sensor_figure_shows_plan_bins_and_camera(whole):
 
 
 def test_sensor_figure_of_a_dome_shows_the_dome(whole):
-    sensor = load_study("config/dome.yaml").sensor
+    sensor = load_study("config/smoke/dome.yaml").sensor
     study = whole[0].model_copy(update={"sensor": sensor})
     figure = sensor_figure(study, plan_cells(whole[0]))
     words = texts(figure)

@@ -1,4 +1,4 @@
-"""Commands for a study: init, examples, check, show, explain, unlock."""
+"""Commands for a study: init, examples, sensors, check, show, explain, unlock."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ def add(commands) -> None:
         commands, "init", "studies.init", "write a commented configuration and sample tables for a new study"
     )
     init.add_argument("study", help="name of the new study")
+    init.add_argument(
+        "--sensor", metavar="NAME", help="of this sensor, ready to run; `gelforge sensors` lists them"
+    )
 
     add_command(
         commands,
@@ -20,6 +23,15 @@ def add(commands) -> None:
         "studies.examples",
         "write the example studies, the demo among them, and their data into this folder",
     )
+
+    sensors = add_command(
+        commands,
+        "sensors",
+        "shipped_sensors.sensors",
+        "list the sensors that are shipped, or draw one cut through its middle",
+    )
+    sensors.add_argument("name", nargs="?", help="a shipped sensor, or a study's YAML file")
+    sensors.add_argument("--out", type=Path, help="PNG to write; NAME.png if not given")
 
     check = add_command(
         commands, "check", "studies.check", "validate a study; draw it; print cells, minutes and disk"

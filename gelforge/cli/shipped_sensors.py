@@ -1,0 +1,79 @@
+"""The sensors that are shipped (config/smoke, config/sensors, config/cameras): list, pictures, new studies of them."""
+
+from __future__ import annotations
+
+from contextlib import chdir, nullcontext
+from difflib import get_close_matches
+from pathlib import Path
+
+from gelforge.cli.new_study import SESSION, session_path
+from gelforge.config import ConfigError, Study, load_study
+from gelforge.shipped import EXAMPLES
+
+SMOKE, CAMERAS = Path("config/smoke"), Path("config/cameras")
+NO_CAMERA = "camera: null # none is known of this sensor; docs/cameras.md has how to describe yours\n"
+
+
+def sensor_names() -> list[str]:
+    """Return the names of the shipped sensors."""
+    return sorted(path.stem for path in (EXAMPLES / SMOKE).glob("*.yaml"))
+
+
+def shipped_study(sensor: str) -> Study:
+    """Return the smoke study of a shipped sensor; its paths are relative to EXAMPLES.
+
+    Raises ConfigError for an unknown name, with the nearest that there is.
+    """
+    names = sensor_names()
+    if sensor not in names:
+        near = get_close_matches(sensor.lower().replace("-", "_"), names, n=1, cutoff=0.4)
+        hint = f"did you mean {near[0]}? " if near else ""
+        raise ConfigError(f"{sensor!r} is no sensor that is shipped; {hint}there are {', '.join(names)}")
+    with chdir(EXAMPLES):
+        return load_study(SMOKE / f"{sensor}.yaml")
+
+
+def sensor_files(sensor: str) -> list[Path]:
+    """Return the files that describe a shipped sensor: its YAML file and its surfaces."""
+    surfaces = shipped_study(sensor).sensor.shape.files.values()
+    return [Path(f"config/sensors/{sensor}.yaml"), *surfaces]
+
+
+def study_of_sensor(study: str, sensor: str) -> dict[Path, str]:
+    """Return the files of a new study of a shipped sensor with their text: its smoke study renamed, and a session's head."""
+    shipped = shipped_study(sensor)
+    config = (EXAMPLES / SMOKE / f"{sensor}.yaml").read_text()
+    config = config.replace(f"{SMOKE.as_posix()}/{sensor}.yaml", f"config/{study}.yaml")
+    config = config.replace(f"study: {shipped.study}\n", f"study: {study}\n")
+    camera = EXAMPLES / CAMERAS / f"{sensor}.yaml"
+    session = SESSION.format(
+        indenter=shipped.indenter.words, camera=camera.read_text() if camera.is_file() else NO_CAMERA
+    )
+    return {Path("config") / f"{study}.yaml": config, session_path(study): session}
+
+
+def sensors(name: str | None, out: Path | None) -> None:
+    """List the shipped sensors, or draw one of them, or that of a study's YAML file."""
+    from gelforge.report.cross_section import cross_section
+
+    if name is None:
+        for sensor in sensor_names():
+            print(f"{sensor:15} {sensor_line(shipped_study(sensor))}")
+        print("a study of one: gelforge init mine --sensor NAME; its picture: gelforge sensors NAME")
+        return
+    own = name.endswith((".yaml", ".yml"))
+    study = load_study(name) if own else shipped_study(name)
+    stem = Path(name).stem
+    with nullcontext() if own else chdir(EXAMPLES):  # surfaces are read from there
+        figure = cross_section(study, stem)
+    target = out or Path(f"{stem}.png")
+    figure.savefig(target, dpi=100)
+    print(target)
+
+
+def sensor_line(study: Study) -> str:
+    """Return a sensor's form, size, layers and what presses it in one line."""
+    sensor = study.sensor
+    layers = ", ".join(f"{layer.name} {layer.thickness_mm:g} mm" for layer in sensor.layers)
+    size = f"{sensor.width_x_mm:g} x {sensor.width_y_mm:g} mm"
+    return f"{sensor.shape.kind}, {size}: {layers}; {study.indenter.words}"
