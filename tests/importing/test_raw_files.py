@@ -10,7 +10,8 @@ from gelforge.config import ConfigError
 from gelforge.config.importing import ForceSource, StageSource, load_import
 from gelforge.csv_table import TableError
 from gelforge.importing.importer import import_logs
-from gelforge.importing.streams import ImportingError, read_force, read_stage
+from gelforge.importing.refusals import ImportingError
+from gelforge.importing.streams import read_force, read_stage
 
 LAB = Lab(presses=3)
 
