@@ -109,7 +109,7 @@ def grey_image(file: Path) -> np.ndarray:
 
 def _frames(path: Path, topic: str | None) -> Iterator[tuple[str, float, np.ndarray]]:
     """Return name, time in the container [s] and image of every frame."""
-    refuse_pickle(path)
+    refuse_pickle(path, "export the frames as images or as a video")
     if is_bag(path):
         yield from message_images(path, topic, "camera")
         return

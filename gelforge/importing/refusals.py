@@ -7,6 +7,7 @@ from pathlib import Path
 from types import ModuleType
 
 PICKLES = {".pkl", ".pickle", ".joblib", ".pt", ".pth"}
+ARCHIVES = {".zip", ".tar", ".tgz", ".gz", ".xz", ".bz2", ".7z", ".rar"}
 
 
 class ImportingError(ValueError):
@@ -18,11 +19,13 @@ def is_pickle(path: Path) -> bool:
     return path.suffix.lower() in PICKLES
 
 
-def refuse_pickle(path: Path) -> None:
-    """Raise ImportingError for files that run code when they are loaded."""
+def refuse_pickle(path: Path, remedy: str = "save the table as CSV") -> None:
+    """Raise ImportingError for files that run code when they are loaded, and for archives."""
     if is_pickle(path):
+        raise ImportingError(f"{path}: a pickle can run code when it is loaded and is not read; {remedy}")
+    if path.suffix.lower() in ARCHIVES:
         raise ImportingError(
-            f"{path}: a pickle can run code when it is loaded and is not read; save the table as CSV"
+            f"{path}: an archive is not read; unpack it into a new folder and name a file of that"
         )
 
 

@@ -20,6 +20,7 @@ from gelforge.units import UNITS, unit_named
 
 LEAST_ROWS = 20
 UNEVEN_S = 0.25  # off the straight line through stamps that are declared even: samples were lost
+JUMP_MM, JUMP_MM_PER_S = 20.0, 3000.0  # from row to row, and so fast: no stage or robot that presses gels
 GAP_PERIODS = 10.0  # of a log without samples, and at least GAP_S: no clock can be aligned across it
 GAP_S = 0.5
 
@@ -54,7 +55,9 @@ def read_stage(folder: Path, source: StageSource, force: ForceSource) -> Stream:
         for axis in (source.x, source.y)
     )
     travel = columns[source.z] * (-1 if source.pressing == "-z" else 1)
-    return Stream(log.path, log.start_s, log.time_s, np.stack([x, y, travel], axis=1))
+    xyz = np.stack([x, y, travel], axis=1)
+    refuse_jumps(log.path, log.time_s, xyz)
+    return Stream(log.path, log.start_s, log.time_s, xyz)
 
 
 def _columns(source: ForceSource | StageSource) -> list[str]:
@@ -200,6 +203,19 @@ def _even(path: Path, time: np.ndarray, key: str) -> np.ndarray:
             f" through all, the limit is {UNEVEN_S} s: rows were lost; set {key}.even: false"
         )
     return time[0] + line
+
+
+def refuse_jumps(path: Path, time: np.ndarray, xyz: np.ndarray) -> None:
+    """Raise ImportingError where positions (n, 3) [mm] jump, as where rows are of two robots or of two frames."""
+    steps = np.linalg.norm(np.diff(xyz, axis=0), axis=1)
+    far = np.flatnonzero((steps > JUMP_MM) & (steps > JUMP_MM_PER_S * np.diff(time)))
+    if len(far):
+        k = int(far[0])
+        raise ImportingError(
+            f"{path}: the position jumps by {steps[k]:.4g} mm within {(time[k + 1] - time[k]) * 1e3:.3g} ms,"
+            f" {time[k]:.6g} s after its beginning ({len(far)} times), the limit is {JUMP_MM_PER_S:g} mm/s: rows of two"
+            " robots or of two frames are in one log; keep those of one (of a topic: stage.frame_id)"
+        )
 
 
 def refuse_gaps(path: Path, time: np.ndarray, key: str) -> None:

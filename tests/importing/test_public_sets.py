@@ -199,6 +199,12 @@ def test_samples_that_cannot_be_meant(tmp_path, change, said):
         written("feats", tmp_path, tmp_path)
 
 
+def test_an_array_without_names(tmp_path):
+    np.save(tmp_path / "a.npy", np.zeros((3, 3)))
+    with pytest.raises(ImportingError, match=r"holds one array \(3, 3\) and not named ones"):
+        written("feats", tmp_path, tmp_path)
+
+
 def test_a_folder_of_another_set(tmp_path):
     np.savez(tmp_path / "a.npz", forces=np.zeros(3))
     with pytest.raises(

@@ -24,6 +24,8 @@ def load_arrays(path: Path) -> dict[str, np.ndarray]:
             )
         with loaded:
             return {name: loaded[name] for name in loaded.files}
+    except ImportingError:
+        raise
     except FileNotFoundError:
         raise ImportingError(f"{path}: no such file; name the folder of the set") from None
     except (ValueError, EOFError, OSError, zipfile.BadZipFile) as error:

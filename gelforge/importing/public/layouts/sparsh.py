@@ -79,7 +79,11 @@ class _Images:
             if chunk + 1 == len(self.starts):
                 self.starts.append(self.starts[-1] + len(self.held))
             if number < self.starts[chunk + 1]:
-                image = self.held[str(number - self.starts[chunk])]
+                image = self.held.get(str(number - self.starts[chunk]))
+                if image is None:
+                    raise ImportingError(
+                        f"{self.files[chunk]}: its images are not named 0 to {len(self.held) - 1}; convert the pickle again"
+                    )
                 return image.tobytes() if image.ndim == 1 else image
             chunk += 1
 
