@@ -6,6 +6,7 @@ EXTRAS = {  # modules that commands import, by extra of pyproject.toml
     "workflow": ("psutil",),
     "learning": ("torch", "sklearn"),
     "live": ("websockets", "onnxruntime"),
+    "bags": ("rosbags",),
     "export": ("onnx", "onnxscript", "pyarrow", "mcap"),
 }
 

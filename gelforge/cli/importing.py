@@ -1,4 +1,4 @@
-"""`gelforge import`: raw logs of a laboratory to a session folder, with a page that draws what was done."""
+"""`gelforge import`: raw logs to a session folder with a page that draws what was done; `import-set`: public sets."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from pathlib import Path
 
 from gelforge.config import NAME
 from gelforge.importing.importer import Imported, clock_words, import_logs, write_imported
-from gelforge.importing.streams import ImportingError, Stream
+from gelforge.importing.public import layout_of
+from gelforge.importing.public.labelled import Options, write_labelled
+from gelforge.importing.refusals import ImportingError
+from gelforge.importing.streams import Stream
 from gelforge.recording.checks import RecordingError
 from gelforge.recording.readings import read_recording
 from gelforge.report.import_figure import import_figure
@@ -34,7 +37,7 @@ def import_command(mapping: Path, out: Path) -> None:
         folder = Path(temporary) / name
         folder.mkdir()
         write_imported(folder, imported)
-        import_figure(imported).savefig(page, dpi=110)
+        import_figure(imported, folder).savefig(page, dpi=110)
         try:
             recording = read_recording(folder)
         except RecordingError as error:
@@ -49,6 +52,34 @@ def import_command(mapping: Path, out: Path) -> None:
         print(f"finding    {line}")
     print(f"session    {out}: {len(imported.table)} readings, {len(imported.images)} images")
     print(f"page       {out / 'import.png'}: look at it")
+
+
+def import_set(layout: str, source: Path, out: Path, columns: list[str], unit: str, every: int) -> None:
+    """Write the images of a public set with their forces into a new folder, and say why it is no session."""
+    if os.path.lexists(out):
+        raise ImportingError(f"--out {out}: exists already; remove it or name another folder")
+    if every < 1:
+        raise ImportingError(f"--every {every}: at least 1; 10 takes every tenth reading")
+    if wrong := [text for text in columns if text.count("=") != 1]:
+        raise ImportingError(f"--columns {wrong[0]}: a pair NAME=COLUMN is needed, as fx=Fx")
+    chosen = layout_of(layout)
+    options = Options(dict(text.split("=") for text in columns), unit)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".import-", dir=out.parent) as temporary:
+        folder = Path(temporary) / "set"
+        folder.mkdir()
+        written = write_labelled(chosen, source, folder, options, every)
+        shutil.move(folder, out)
+    largest = ", ".join(f"{force:.3g}" for force in written.largest_N)
+    print(f"set        {chosen.what}")
+    print(
+        f"readings   {written.images} images in {written.groups} groups, forces up to {largest} N (x, y, z of the set)"
+    )
+    print(f"force      {chosen.force}")
+    print(f"reference  {chosen.reference}: {written.references} written")
+    print(f"no session {chosen.lacks}")
+    print(f"possible   gelforge predict {out / 'images'} --model MODEL, against {out / 'readings.csv'}")
+    print(f"licence    {chosen.licence}")
 
 
 def lines(imported: Imported) -> list[str]:

@@ -67,7 +67,11 @@ class Clock(Section):
 class ForceSource(Clock):
     """The log of the force/torque sensor."""
 
-    file: str = Field(description="CSV, from the mapping's folder")
+    file: str = Field(description="CSV, ROS bag or MCAP, from the mapping's folder")
+    topic: str | None = Field(None, description="of a bag or MCAP file: the topic whose messages are rows")
+    frame_id: str | None = Field(
+        None, description="of such a topic: only the messages of this frame are read"
+    )
     table: TableForm = Field(TableForm(), description="how the table is written")
     columns: list[str] = Field(
         min_length=3, max_length=3, description="columns of the force along the sensor's x, y and z"
@@ -82,11 +86,29 @@ class ForceSource(Clock):
         return self
 
 
+class GCode(Section):
+    """How a stage runs G-code: every motion begins and ends at rest."""
+
+    acceleration_mm_s2: Positive | None = Field(
+        None, description="of every motion along its way; null: at full speed at once [mm/s2]"
+    )
+    rapid_mm_s: Positive | None = Field(None, description="speed of G0; null: the last F, as of G1 [mm/s]")
+    rate_hz: Positive = Field(100.0, description="rows per second of the log that is made of it [1/s]")
+
+
 class StageSource(Section):
     """The log of the stage or robot; its clock is that of the session."""
 
-    file: str = Field(description="CSV, from the mapping's folder")
+    file: str = Field(description="CSV, ROS bag, MCAP or G-code, from the mapping's folder")
+    topic: str | None = Field(None, description="of a bag or MCAP file: the topic whose messages are rows")
+    frame_id: str | None = Field(
+        None, description="of such a topic: only the messages of this frame are read"
+    )
     table: TableForm = Field(TableForm(), description="how the table is written")
+    gcode: GCode | None = Field(
+        None,
+        description="the file is G-code that the stage ran; x, y, z are axes, X, Y, Z; its clock starts at 0",
+    )
     time: Stamp | None = Field(None, description="column of time stamps")
     rate_hz: Positive | None = Field(None, description="in place of stamps: taken evenly at this rate [1/s]")
     even: bool = Field(
@@ -101,6 +123,12 @@ class StageSource(Section):
     @model_validator(mode="after")
     def _complete(self):
         _known(self.unit, "length", "stage.unit")
+        if self.gcode:
+            if self.time or self.rate_hz or self.even or self.topic or self.unit != "mm":
+                raise ValueError(
+                    "gcode makes times from feed rates, in mm; leave out time, rate_hz, even, topic; unit: mm"
+                )
+            return self
         if bool(self.time) == bool(self.rate_hz):
             raise ValueError("name the column of stamps under `time`, or give rate_hz")
         if self.even and not self.time:
@@ -109,9 +137,12 @@ class StageSource(Section):
 
 
 class CameraSource(Clock):
-    """A video file or a folder of frames."""
+    """A video file, a topic of images in a bag or MCAP file, or a folder of frames."""
 
     video: str | None = Field(None, description="video file, from the mapping's folder")
+    topic: str | None = Field(
+        None, description="of a bag or MCAP file named by `video`: the topic whose messages are images"
+    )
     frames: str | None = Field(None, description="folder of frames, taken in the order of their names")
     times: str | None = Field(
         None, description="CSV with one row per frame, in their order, whose column is named by `time`"
@@ -122,7 +153,7 @@ class CameraSource(Clock):
         description="regular expression whose only group is the stamp in a frame's name; unit: name_unit",
     )
     name_unit: str = Field("s", description="unit of the stamps in the names")
-    container: bool = Field(False, description="the stamps that the video file itself holds are right")
+    container: bool = Field(False, description="the stamps that the video or bag itself holds are right")
 
     @model_validator(mode="after")
     def _complete(self):

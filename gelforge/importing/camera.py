@@ -12,12 +12,16 @@ import numpy as np
 
 from gelforge.config.importing import CameraSource
 from gelforge.csv_table import read_csv
-from gelforge.importing.streams import ImportingError, refuse_gaps, refuse_other_unit, refuse_pickle, stamps
+from gelforge.importing.message_images import message_images
+from gelforge.importing.messages import is_bag
+from gelforge.importing.refusals import ImportingError, refuse_pickle
+from gelforge.importing.streams import refuse_gaps, refuse_other_unit, stamps
 from gelforge.progress import Progress
 from gelforge.recording.frames import SUFFIXES
 from gelforge.units import UNITS, unit_named
 
 SMALL_PX = 80  # width to which frames are reduced before they are compared
+KEPT_BYTES = 1_000_000_000  # of decoded frames: a longer film is decoded a second time for the chosen ones
 
 
 @dataclass(frozen=True)
@@ -25,17 +29,21 @@ class Film:
     """Frames with their times since the first [s] and mean absolute difference to it in grey levels."""
 
     path: Path
+    topic: str | None  # of a bag
+    names: list[str]
     start_s: float
     time_s: np.ndarray  # (n,)
     change: np.ndarray  # (n,)
+    kept: list[np.ndarray] | None  # the frames themselves, where they take less than KEPT_BYTES
 
 
 def read_film(folder: Path, source: CameraSource) -> Film:
-    """Return the times and changes of all frames; none is kept."""
+    """Return the times and changes of all frames, and the frames of a film that is not too long."""
     path = folder / (source.video or source.frames)
     names, container, change, size, first = [], [], [], None, None
+    kept: list[np.ndarray] | None = None if path.is_dir() and not is_bag(path) else []
     with Progress("frames", None) as progress:
-        for name, time, image in _frames(path):
+        for name, time, image in _frames(path, source.topic):
             if size is None:
                 size = image.shape[1::-1]
             elif image.shape[1::-1] != size:
@@ -48,39 +56,65 @@ def read_film(folder: Path, source: CameraSource) -> Film:
             change.append(float(np.abs(small - first).mean()))
             names.append(name)
             container.append(time)
+            kept = _with(kept, image)
             progress.advance()
     if len(names) < 20:
         raise ImportingError(f"{path}: {len(names)} frames, at least 20 are needed; name the whole recording")
     time = _times(folder, path, source, names, np.array(container))
     refuse_gaps(path, time, "camera")
-    return Film(path, float(time[0]), time - time[0], np.array(change))
+    return Film(path, source.topic, names, float(time[0]), time - time[0], np.array(change), kept)
+
+
+def _with(kept: list[np.ndarray] | None, image: np.ndarray) -> list[np.ndarray] | None:
+    """Return the kept frames and this one, None where they would take too much memory."""
+    if kept is None or (len(kept) + 1) * image.nbytes > KEPT_BYTES:
+        return None
+    kept.append(image)
+    return kept
+
+
+def _chosen(film: Film, numbers: set[int]) -> Iterator[tuple[int, np.ndarray]]:
+    """Yield these frames, by number from 0 in their order."""
+    if film.kept is not None:
+        yield from ((number, film.kept[number]) for number in sorted(numbers))
+    elif film.path.is_dir() and film.topic is None:
+        yield from ((number, _read(film.path / film.names[number])) for number in sorted(numbers))
+    else:
+        for number, (_, _, image) in enumerate(_frames(film.path, film.topic)):
+            if number in numbers:
+                yield number, image
+            if number >= max(numbers):
+                return
 
 
 def write_frames(film: Film, wanted: dict[int, list[Path]]) -> None:
     """Write frames, by number from 0, as PNG to one or several paths each."""
-    last = max(wanted)
-    for number, (_, _, image) in enumerate(_frames(film.path)):
-        for path in wanted.get(number, ()):
+    for number, image in _chosen(film, set(wanted)):
+        for path in wanted[number]:
             if not cv2.imwrite(str(path), image):
                 raise ImportingError(f"{path}: not written; make room and run again")
-        if number >= last:
-            return
 
 
-def frame_images(film: Film, numbers: list[int]) -> dict[int, np.ndarray]:
-    """Return frames (H, W) uint8 by number, for the page."""
-    wanted, out = set(numbers), {}
-    for number, (_, _, image) in enumerate(_frames(film.path)):
-        if number in wanted:
-            out[number] = _grey(image)
-        if number >= max(wanted):
-            break
-    return out
+def _read(file: Path) -> np.ndarray:
+    image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise ImportingError(f"{file}: cannot be decoded as an image; copy it again or take it away")
+    return image
 
 
-def _frames(path: Path) -> Iterator[tuple[str, float, np.ndarray]]:
+def grey_image(file: Path) -> np.ndarray:
+    """Return a written frame (H, W) in grey, for the page."""
+    return _grey(_read(file))
+
+
+def _frames(path: Path, topic: str | None) -> Iterator[tuple[str, float, np.ndarray]]:
     """Return name, time in the container [s] and image of every frame."""
-    refuse_pickle(path)
+    refuse_pickle(path, "export the frames as images or as a video")
+    if is_bag(path):
+        yield from message_images(path, topic, "camera")
+        return
+    if topic:
+        raise ImportingError(f"{path}: no bag or MCAP file, camera.topic does not apply; leave it out")
     if path.is_dir():
         files = sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES)
         if not files:
@@ -88,10 +122,7 @@ def _frames(path: Path) -> Iterator[tuple[str, float, np.ndarray]]:
                 f"{path}: no images ({', '.join(sorted(SUFFIXES))}) in this folder; correct camera.frames"
             )
         for file in files:
-            image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
-            if image is None:
-                raise ImportingError(f"{file}: cannot be decoded as an image; copy it again or take it away")
-            yield file.name, float("nan"), image
+            yield file.name, float("nan"), _read(file)
         return
     if not path.is_file():
         raise ImportingError(f"{path}: no such video or folder; correct camera.video or camera.frames")

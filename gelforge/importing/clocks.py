@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import percentile_filter
 from scipy.signal import correlate, correlation_lags, find_peaks
 
-from gelforge.importing.streams import ImportingError
+from gelforge.importing.refusals import ImportingError
 
 GRID_S = 0.02
 BASELINE_S = 60.0  # the signal at rest is its 15th percentile over so long

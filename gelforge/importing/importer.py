@@ -14,9 +14,10 @@ from gelforge.config.importing import Clock, ImportMapping, Surface, load_import
 from gelforge.importing.camera import Film, read_film
 from gelforge.importing.clocks import Match, coarse_match
 from gelforge.importing.presses import Presses, depth_zero_mm, find_presses
+from gelforge.importing.refusals import ImportingError
 from gelforge.importing.session_files import FORCE, Frames, rows_of_presses, write_session
 from gelforge.importing.stage_motion import Excursion, excursions
-from gelforge.importing.streams import ImportingError, Stream, read_force, read_stage
+from gelforge.importing.streams import Stream, read_force, read_stage
 from gelforge.importing.turning_points import Bends, ClockLaw, clock_law, find_bends
 from gelforge.recording.readings import force_on_sensor
 

@@ -9,8 +9,9 @@ from scipy.ndimage import uniform_filter1d
 
 from gelforge.importing.clocks import rise, runs_above
 from gelforge.importing.contact import Contact, contact_point
+from gelforge.importing.refusals import ImportingError
 from gelforge.importing.stage_motion import Excursion, Wait
-from gelforge.importing.streams import ImportingError, Stream
+from gelforge.importing.streams import Stream
 
 SMOOTH_S = 0.02
 NOISE = 6.0  # standard deviations of the smoothed force that are no accident

@@ -12,8 +12,9 @@ from gelforge.config import Session, write_yaml
 from gelforge.config.importing import ImportMapping
 from gelforge.importing.camera import Film, write_frames
 from gelforge.importing.presses import Press
+from gelforge.importing.refusals import ImportingError
 from gelforge.importing.stage_motion import SIDEWAYS_MM
-from gelforge.importing.streams import ImportingError, Stream
+from gelforge.importing.streams import Stream
 
 ZERO_ROWS = 3
 LEAVING_S = 0.03  # before the stage leaves, no reading

@@ -12,18 +12,17 @@ import pandas as pd
 from gelforge.config.importing import ForceSource, StageSource, Stamp
 from gelforge.config.mapping import TableForm
 from gelforge.csv_table import TableError, read_columns, read_csv
+from gelforge.importing.gcode import gcode_table
+from gelforge.importing.messages import is_bag, message_table
+from gelforge.importing.refusals import ImportingError, refuse_pickle
 from gelforge.recording.plausibility.streams import COARSEST_TICK_S, spread_stamps
 from gelforge.units import UNITS, unit_named
 
-PICKLES = {".pkl", ".pickle", ".joblib", ".pt", ".pth"}
 LEAST_ROWS = 20
 UNEVEN_S = 0.25  # off the straight line through stamps that are declared even: samples were lost
+JUMP_MM, JUMP_MM_PER_S = 20.0, 3000.0  # from row to row, and so fast: no stage or robot that presses gels
 GAP_PERIODS = 10.0  # of a log without samples, and at least GAP_S: no clock can be aligned across it
 GAP_S = 0.5
-
-
-class ImportingError(ValueError):
-    """Raw logs that cannot become a session: where, what was found, the key that settles it."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,9 @@ def read_stage(folder: Path, source: StageSource, force: ForceSource) -> Stream:
         for axis in (source.x, source.y)
     )
     travel = columns[source.z] * (-1 if source.pressing == "-z" else 1)
-    return Stream(log.path, log.start_s, log.time_s, np.stack([x, y, travel], axis=1))
+    xyz = np.stack([x, y, travel], axis=1)
+    refuse_jumps(log.path, log.time_s, xyz)
+    return Stream(log.path, log.start_s, log.time_s, xyz)
 
 
 def _columns(source: ForceSource | StageSource) -> list[str]:
@@ -84,33 +85,43 @@ def _read(
         numbers.append(source.time.column)
         declared[source.time.column] = source.time.unit
         refuse_other_unit(path, source.time.column, source.time.unit, f"{key}.time")
+    table = _table(folder, path, source, other, key, units, declared, numbers, texts)
+    if len(table) < LEAST_ROWS:
+        raise ImportingError(
+            f"{path}: {len(table)} rows, at least {LEAST_ROWS} are needed; name the whole log"
+        )
+    made = source.gcode if isinstance(source, StageSource) else None
+    time = stamps(path, table, source.time, (made or source).rate_hz, source.even, key)
+    refuse_gaps(path, time, key)
+    factor = UNITS[unit_named(next(iter(units.values())))][1]
+    return Stream(path, float(time[0]), time - time[0], table[list(units)].to_numpy(float) * factor)
+
+
+def _table(folder, path, source, other, key, units, declared, numbers, texts) -> pd.DataFrame:
+    """Return the columns of a log, from the kind of file that it is."""
+    if is_bag(path):
+        if texts:
+            raise ImportingError(f"{path}: stamps of messages are numbers; set {key}.time.unit: s")
+        return message_table(path, source.topic, numbers, source.frame_id, key)
+    if source.topic:
+        raise ImportingError(f"{path}: no bag or MCAP file, {key}.topic does not apply; leave it out")
+    if isinstance(source, StageSource) and source.gcode:
+        return gcode_table(path, numbers, source.gcode)
     try:
-        table = read_csv(path, numbers=numbers, texts=texts, form=source.table.csv_form(declared))
+        return read_csv(path, numbers=numbers, texts=texts, form=source.table.csv_form(declared))
     except TableError as error:
         elsewhere, other_key = folder / other.file, "stage" if key == "force" else "force"
-        swapped = _holds(elsewhere, list(units), source.table) and _holds(path, _columns(other), other.table)
+        swapped = (
+            not is_bag(elsewhere)
+            and _holds(elsewhere, list(units), source.table)
+            and _holds(path, _columns(other), other.table)
+        )
         if "are missing" in str(error) and swapped:
             raise ImportingError(
                 f"{path}: holds the columns of {other_key}, and {elsewhere} those of {key}; exchange {key}.file and"
                 f" {other_key}.file"
             ) from None
         raise
-    if len(table) < LEAST_ROWS:
-        raise ImportingError(
-            f"{path}: {len(table)} rows, at least {LEAST_ROWS} are needed; name the whole log"
-        )
-    time = stamps(path, table, source.time, source.rate_hz, source.even, key)
-    refuse_gaps(path, time, key)
-    factor = UNITS[unit_named(next(iter(units.values())))][1]
-    return Stream(path, float(time[0]), time - time[0], table[list(units)].to_numpy(float) * factor)
-
-
-def refuse_pickle(path: Path) -> None:
-    """Raise ImportingError for files that run code when they are loaded."""
-    if path.suffix.lower() in PICKLES:
-        raise ImportingError(
-            f"{path}: a pickle can run code when it is loaded and is not read; save the table as CSV"
-        )
 
 
 def refuse_other_unit(path: Path, column: str, unit: str, key: str) -> None:
@@ -192,6 +203,19 @@ def _even(path: Path, time: np.ndarray, key: str) -> np.ndarray:
             f" through all, the limit is {UNEVEN_S} s: rows were lost; set {key}.even: false"
         )
     return time[0] + line
+
+
+def refuse_jumps(path: Path, time: np.ndarray, xyz: np.ndarray) -> None:
+    """Raise ImportingError where positions (n, 3) [mm] jump, as where rows are of two robots or of two frames."""
+    steps = np.linalg.norm(np.diff(xyz, axis=0), axis=1)
+    far = np.flatnonzero((steps > JUMP_MM) & (steps > JUMP_MM_PER_S * np.diff(time)))
+    if len(far):
+        k = int(far[0])
+        raise ImportingError(
+            f"{path}: the position jumps by {steps[k]:.4g} mm within {(time[k + 1] - time[k]) * 1e3:.3g} ms,"
+            f" {time[k]:.6g} s after its beginning ({len(far)} times), the limit is {JUMP_MM_PER_S:g} mm/s: rows of two"
+            " robots or of two frames are in one log; keep those of one (of a topic: stage.frame_id)"
+        )
 
 
 def refuse_gaps(path: Path, time: np.ndarray, key: str) -> None:

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from gelforge.importing.clocks import Match
+from gelforge.importing.refusals import ImportingError
 from gelforge.importing.stage_motion import Excursion
-from gelforge.importing.streams import ImportingError
 
 LOCAL_S, LOCAL_STEP_S = 1.0, 0.01  # around the coarse lag, each press on its own
 RATE_STEPS = 6  # between which rates are taken

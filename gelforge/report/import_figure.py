@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from matplotlib.figure import Figure
 
-from gelforge.importing.camera import frame_images
+from gelforge.importing.camera import grey_image
 from gelforge.importing.importer import Aligned, Imported
 from gelforge.report.style import FAINT, INK, MEASURED, PREDICTED, PUBLISHED_LINEAR, SIMULATED, styled
 
@@ -17,8 +19,8 @@ MOST_POINTS = 6000
 
 
 @styled
-def import_figure(imported: Imported) -> Figure:
-    """Return the page."""
+def import_figure(imported: Imported, folder: Path) -> Figure:
+    """Return the page of a session that is written in this folder."""
     contacts = imported.presses.kept
     contacts = [contacts[i] for i in np.unique(np.linspace(0, len(contacts) - 1, MOST_CONTACTS).astype(int))]
     columns = 8 if len(contacts) > 6 else max(len(contacts), 4)
@@ -39,7 +41,7 @@ def import_figure(imported: Imported) -> Figure:
     _clocks(imported, parts[2])
     _contacts(imported, contacts, parts[3].subplots(contact_rows, columns, squeeze=False))
     if imported.frames:
-        _frames(imported, parts[4])
+        _frames(imported, folder / "images", parts[4])
     return figure
 
 
@@ -124,9 +126,12 @@ def _clocks(imported: Imported, part) -> None:
     for k, (phase, colour) in enumerate(colours):
         axes[-1].barh(-k, 1, color=colour)
         axes[-1].annotate(phase, (1.1, -k), va="center")
-    axes[-1].plot([0, 1], [-len(colours)] * 2, color=PREDICTED, lw=1)
-    axes[-1].annotate("contact", (1.1, -len(colours)), va="center")
-    axes[-1].set(xlim=(0, 3), title="Phases")
+    last = -len(colours)
+    axes[-1].plot([0, 1], [last] * 2, color=PREDICTED, lw=1.2)
+    axes[-1].annotate("contact; law of a clock", (1.1, last), va="center")
+    axes[-1].plot([0.5], [last - 1], ".", color=INK, ms=4)
+    axes[-1].annotate("lag of a stop or start", (1.1, last - 1), va="center")
+    axes[-1].set(xlim=(0, 5), title="What is drawn")
     axes[-1].axis("off")
 
 
@@ -155,9 +160,8 @@ def _lags(name: str, clock: Aligned, imported: Imported, ax) -> None:
         ".",
         color=INK,
         ms=4,
-        label="each stop and start",
     )
-    ax.plot(at, 1e3 * (line - middle), color=PREDICTED, lw=1.2, label="law")
+    ax.plot(at, 1e3 * (line - middle), color=PREDICTED, lw=1.2)
     error = f" ± {2e3 * law.se_s:.1f} ms" if law.se_s else " (given)"
     ax.set(
         xlabel="time of the stage [s]",
@@ -165,7 +169,6 @@ def _lags(name: str, clock: Aligned, imported: Imported, ax) -> None:
         title=f"{name}: {clock.start_s + middle:.4f} s{error}",
     )
     ax.set_ylim(min(-10, *ax.get_ylim()), max(10, *ax.get_ylim()))
-    ax.legend(loc="upper right")
 
 
 def _contacts(imported: Imported, presses, axes) -> None:
@@ -195,17 +198,15 @@ def _contacts(imported: Imported, presses, axes) -> None:
     axes[-1, 0].set_xlabel("depth [mm]; band: contact point", fontsize=8)
 
 
-def _frames(imported: Imported, part) -> None:
+def _frames(imported: Imported, images: Path, part) -> None:
     """Draw the reference, and of some presses the last frame of the wait and what changed against their zero frame."""
     kept = imported.presses.kept
     chosen = [kept[i] for i in np.unique(np.linspace(0, len(kept) - 1, MOST_FRAMES).astype(int))]
     names = imported.table[imported.table["image"] != ""].groupby("press")["image"]
     pairs = [(press, names.get_group(f"p{press.number:03d}").iloc[[0, -1]]) for press in chosen]
-    numbers = sorted({imported.images[name] for _, both in pairs for name in both})
-    images = frame_images(imported.film, numbers)
     axes = part.subplots(1, 2 * len(pairs))
     for (press, (zero, held)), left, right in zip(pairs, axes[::2], axes[1::2]):
-        before, after = (images[imported.images[name]] for name in (zero, held))
+        before, after = (grey_image(images / name) for name in (zero, held))
         left.imshow(after, cmap="gray", vmin=0, vmax=np.iinfo(after.dtype).max)
         right.imshow(np.abs(after.astype(float) - before), cmap="PuBu")
         left.set_title(f"{press.number}: in the wait", fontsize=8)

@@ -7,7 +7,7 @@ import pytest
 from raw_logs import CAMERA, MAPPING, Lab, generate
 
 from gelforge.importing.importer import import_logs
-from gelforge.importing.streams import ImportingError
+from gelforge.importing.refusals import ImportingError
 
 LAG_S = 0.005  # the number
 

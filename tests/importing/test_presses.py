@@ -8,8 +8,8 @@ from raw_logs import MAPPING, Lab, generate
 
 from gelforge.importing.contact import contact_point
 from gelforge.importing.importer import import_logs
+from gelforge.importing.refusals import ImportingError
 from gelforge.importing.stage_motion import excursions
-from gelforge.importing.streams import ImportingError
 
 CONTACT_MM = 0.02  # the number
 LAB = Lab(presses=6)

@@ -10,7 +10,8 @@ from gelforge.config import ConfigError
 from gelforge.config.importing import ForceSource, StageSource, load_import
 from gelforge.csv_table import TableError
 from gelforge.importing.importer import import_logs
-from gelforge.importing.streams import ImportingError, read_force, read_stage
+from gelforge.importing.refusals import ImportingError
+from gelforge.importing.streams import read_force, read_stage
 
 LAB = Lab(presses=3)
 
@@ -69,6 +70,24 @@ def test_a_pickle(logs, tmp_path):
     )
 
 
+def test_pickled_frames_and_an_archive(logs, tmp_path):
+    camera = "camera: {{video: {}, rate_hz: 25}}\n"
+    refused(
+        logs,
+        tmp_path,
+        MAPPING + camera.format("film.pkl"),
+        ImportingError,
+        r"a pickle .* export the frames as images",
+    )
+    refused(
+        logs,
+        tmp_path,
+        MAPPING.replace("ft.csv", "ft.zip"),
+        ImportingError,
+        r"an archive .* into a new folder",
+    )
+
+
 def test_time_that_runs_back(logs, tmp_path):
     lines = (logs / "ft.csv").read_text().splitlines()
     lines[100], lines[101] = lines[101], lines[100]
@@ -92,6 +111,38 @@ def test_a_gap(logs, tmp_path):
         r"no row between .* record without gaps",
         stage__csv="\n".join(lines[:60] + lines[90:]),
     )
+
+
+def test_rows_of_two_robots(logs, tmp_path):
+    lines = (logs / "stage.csv").read_text().splitlines()
+    for k in range(40, 60):
+        time, x, y, z = lines[k].split(",")
+        lines[k] = f"{time},{float(x) + 450e3},{y},{z}"
+    refused(
+        logs,
+        tmp_path,
+        MAPPING,
+        ImportingError,
+        r"jumps by 450 mm within .* \(2 times\).* rows of two robots or of two frames .* keep those of one",
+        stage__csv="\n".join(lines),
+    )
+
+
+def test_a_column_without_numbers(logs, tmp_path):
+    lines = (logs / "ft.csv").read_text().splitlines()
+    empty = [lines[0]] + [line.rsplit(",", 1)[0] + "," for line in lines[1:]]
+    refused(logs, tmp_path, MAPPING, TableError, r"ft\.csv, row 2: .*Fz", ft__csv="\n".join(empty))
+
+
+def test_a_force_that_is_dead(logs, tmp_path):
+    lines = (logs / "ft.csv").read_text().splitlines()
+    dead = [lines[0]] + [line.split(",")[0] + ",0.0,0.0,0.0" for line in lines[1:]]
+    refused(logs, tmp_path, MAPPING, ImportingError, r"does not follow the stage", ft__csv="\n".join(dead))
+
+
+def test_a_folder_in_the_place_of_a_log(logs, tmp_path):
+    (tmp_path / "frames").mkdir()
+    refused(logs, tmp_path, MAPPING.replace("stage.csv", "frames"), TableError, r"frames: a folder, no file")
 
 
 def test_a_header_that_says_another_unit(logs, tmp_path):

@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 
 from gelforge.cli.parsers.common import add_command
+from gelforge.importing.public import NAMES as LAYOUTS
 
 
 def depth_list(text: str) -> list[float]:
@@ -125,6 +126,26 @@ def add(commands) -> None:
     raw.add_argument(
         "--out", type=Path, required=True, help="session folder to write: data/<study>/recordings/<session>"
     )
+
+    public = add_command(
+        commands,
+        "import-set",
+        "importing.import_set",
+        "a public set of tactile images with forces to a folder of images and one table, see docs/public-sets.md",
+    )
+    public.add_argument("layout", choices=LAYOUTS, help="how the set is laid out")
+    public.add_argument("source", type=Path, help="folder of the set, or one of its files")
+    public.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="new folder to write")
+    public.add_argument("--every", type=int, default=1, metavar="N", help="take every n-th reading")
+    public.add_argument(
+        "--columns",
+        nargs="+",
+        default=[],
+        metavar="NAME=COLUMN",
+        help="of layout table: which column holds image, fx, fy, fz, and where there are such group, reference, time_s,"
+        " x_mm, y_mm, z_mm",
+    )
+    public.add_argument("--unit", default="N", help="of layout table: unit of the forces")
 
     verify = add_command(
         commands,
