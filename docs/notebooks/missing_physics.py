@@ -71,7 +71,7 @@ for order, k in enumerate(rng.permutation(9)):
     for _ in range(3):
         solved = gf.press(x, y, reached, study="study.yaml", mechanics={"error_bars": False})
         reached = DEPTHS - COMPLIANCE * abs(solved.total_force_N[:, 2])
-    for reading in range(3):
+    for _ in range(3):
         rows.append(("zero", -1.0, np.zeros(3)))
     for depth, force in zip(DEPTHS, solved.total_force_N):
         rows += [("load", depth, force), ("dwell", depth, force), ("dwell", depth, force)]
