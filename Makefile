@@ -5,7 +5,7 @@ BIN := .venv/bin
 ONE_THREAD := OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 READY := .venv/.gelforge-ready
 
-.PHONY: setup demo test test-thorough speed format lint
+.PHONY: setup demo test test-thorough speed notebooks format lint
 
 setup: $(READY)
 
@@ -38,6 +38,11 @@ speed: $(READY)
 	$(BIN)/python benchmarks/where_time_goes.py
 	$(BIN)/python benchmarks/against_peers.py --size 0.45 --limit 600
 	$(BIN)/python benchmarks/cost_plot.py --out results/speed/cost.png
+
+# The gallery of the site: each notebook is executed and its page written; some ten minutes.
+notebooks: $(READY)
+	$(BIN)/python -m pip install --quiet --constraint requirements.lock jupytext nbclient ipykernel
+	$(BIN)/python docs/notebooks/render.py
 
 format: $(READY)
 	$(BIN)/ruff format . && $(BIN)/ruff check --fix . && $(BIN)/snakefmt Snakefile workflow

@@ -11,16 +11,19 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from gelforge.api import Pressed, Slopes, press
+    from gelforge.cli.notebook import require, run
     from gelforge.learning.rows import load_dataset
 
 __version__ = "0.1.0"
-__all__ = ["Pressed", "Slopes", "load_dataset", "press"]
+__all__ = ["Pressed", "Slopes", "load_dataset", "press", "require", "run"]
 
 _DEFINED_IN = {
     "Pressed": "gelforge.api",
     "Slopes": "gelforge.api",
     "load_dataset": "gelforge.learning.rows",
     "press": "gelforge.api",
+    "require": "gelforge.cli.notebook",
+    "run": "gelforge.cli.notebook",
 }
 
 

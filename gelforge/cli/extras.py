@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-EXTRAS = {  # modules that commands import, by extra of pyproject.toml
-    "workflow": ("psutil",),
+EXTRAS = {  # modules that commands import or run, by extra of pyproject.toml
+    "workflow": ("snakemake", "psutil"),
     "learning": ("torch", "sklearn"),
     "live": ("websockets", "onnxruntime"),
     "bags": ("rosbags",),
