@@ -47,7 +47,7 @@ def check_lab(study: Study, path: Path, cells: dict) -> None:
         check_recordable(planned)
 
 
-def check(study: str, picture: Path | None) -> None:
+def check(study: Path, picture: Path | None) -> None:
     """Validate a study and what it reads, draw it, and print cells, minutes and disk; name what is missing."""
     from gelforge.characterisation.stiffness import stiffness_words
     from gelforge.indentation.plan import plan_cells
@@ -55,7 +55,7 @@ def check(study: str, picture: Path | None) -> None:
     from gelforge.indentation.stability_ahead import check_stable_ahead
     from gelforge.report.sensor_figure import sensor_figure
 
-    path = Path(study) if study.endswith((".yaml", ".yml")) else Path("config") / f"{study}.yaml"
+    path = study
     described = load_study(path)
     cells = plan_cells(described)
     if described.virtual_lab:

@@ -37,14 +37,14 @@ def test_depths_that_make_no_path_are_refused(text):
 
 
 def test_errors_of_ours_are_one_plain_message(empty_folder, capsys):
-    assert main(["check", "nothing"]) == 1
+    assert main(["check", "config/nothing.yaml"]) == 1
     printed = capsys.readouterr().err
     assert printed == "gelforge: config/nothing.yaml: no such file; name a YAML file that exists\n"
 
 
 def test_debug_shows_where_an_error_arose(empty_folder):
     with pytest.raises(ValueError, match="no such file"):
-        main(["check", "nothing", "--debug"])
+        main(["check", "config/nothing.yaml", "--debug"])
 
 
 def test_a_new_study_is_valid_and_its_missing_data_are_named(empty_folder, capsys):

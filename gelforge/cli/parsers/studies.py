@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gelforge.cli.parsers.common import add_command
+from gelforge.cli.parsers.common import add_command, add_study
 
 
 def add(commands) -> None:
@@ -24,7 +24,7 @@ def add(commands) -> None:
     check = add_command(
         commands, "check", "studies.check", "validate a study; draw it; print cells, minutes and disk"
     )
-    check.add_argument("study", help="a study's name (config/NAME.yaml) or its YAML file")
+    add_study(check, "study")
     check.add_argument("--picture", type=Path, help="PNG to write; results/<study>/check.png if not given")
 
     show = add_command(
