@@ -141,3 +141,17 @@ def test_verify_writes_its_table_and_fails_with_a_failed_check(empty_folder, cap
     rows = (empty_folder / "tables" / "verification.csv").read_text().splitlines()
     assert [row.split(",")[-2] for row in rows] == ["passed", "True", "False"]  # then the checksum
     assert (empty_folder / "tables" / "verification.md").is_file()
+
+
+def test_a_check_names_everything_that_is_wrong_and_calls_nothing_valid_that_is_incomplete(
+    empty_folder, capsys
+):
+    assert main(["init", "mine"]) == 0
+    capsys.readouterr()
+    assert main(["check", "mine"]) == 0
+    assert "config/mine.yaml: incomplete, " in capsys.readouterr().out
+    config = empty_folder / "config" / "mine.yaml"
+    config.write_text(config.read_text().replace("seed: 1", "seed: one\nsede: 2"))
+    assert main(["check", "mine"]) == 1
+    printed = capsys.readouterr().err
+    assert "seed, found 'one'" in printed and "sede, found 2: unknown key; did you mean seed?" in printed

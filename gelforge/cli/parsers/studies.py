@@ -22,7 +22,10 @@ def add(commands) -> None:
     )
 
     check = add_command(
-        commands, "check", "studies.check", "validate a study; draw it; print cells, minutes and disk"
+        commands,
+        "check",
+        "studies.check",
+        "check a study and its data, all errors at once; draw it; print cells, minutes and disk",
     )
     add_study(check, "study")
     check.add_argument("--picture", type=Path, help="PNG to write; results/<study>/check.png if not given")
