@@ -13,13 +13,15 @@ import warnings
 from importlib import import_module
 from pathlib import Path
 
-from gelforge.cli.arguments import parser
+from gelforge.cli.arguments import complete, parser
 from gelforge.progress import show
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run one command and return its exit status; an error of ours is one plain message."""
-    arguments = vars(parser().parse_args(argv))
+    commands = parser()
+    complete(commands)
+    arguments = vars(commands.parse_args(argv))
     debug, (module, function) = arguments.pop("debug"), arguments.pop("run").split(".")
     keep_compiled_kernels()
     warnings.formatwarning = one_line

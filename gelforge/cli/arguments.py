@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import os
+import re
+from difflib import get_close_matches
+from typing import NoReturn
 
 from gelforge.cli.parsers import by_hand, cameras, live, studies, virtual, workflow
 
@@ -18,11 +22,37 @@ synthetic data     synthesise, virtual-materials, virtual-cell, virtual-session
 """
 
 
+class Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line, with the nearest word for one that it does not know."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print what is wrong and where help is, and exit with status 2."""
+        if unknown := re.fullmatch(r"argument (\S+): invalid choice: '(.*)' \(choose from (.*)\)", message):
+            what, word, choices = unknown.groups()
+            near = get_close_matches(word, re.findall(r"[\w-]+", choices), n=1)
+            remedy = f"; did you mean {near[0]}?" if near else ""
+            if what == "COMMAND":
+                message = f"no command {word!r}{remedy}"
+            elif near:
+                message = f"argument {what}: {word!r}{remedy}"
+        self.exit(2, f"{self.prog}: {message} (help: {self.prog} --help)\n")
+
+
+def complete(top: argparse.ArgumentParser) -> None:
+    """Answer a shell that completes a line, where argcomplete is installed; the shell names itself in the environment."""
+    if "_ARGCOMPLETE" in os.environ:
+        try:
+            import argcomplete
+        except ModuleNotFoundError:
+            return
+        argcomplete.autocomplete(top)
+
+
 def parser() -> argparse.ArgumentParser:
     """Return the parser of every command."""
     from gelforge import __version__
 
-    top = argparse.ArgumentParser(
+    top = Parser(
         prog="gelforge",
         description="Force-distribution labels, datasets and models for soft, vision-based tactile sensors.",
         epilog=GROUPS,

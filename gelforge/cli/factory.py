@@ -15,6 +15,11 @@ from gelforge.config import (
 )
 from gelforge.laws_of_study import law_path, laws_and_doubts
 
+ARTICLES_STUDY, ARTICLES_NUMBERS = (
+    "paper",
+    Path("data/paper"),
+)  # which study's report shows them, and where they are
+
 
 def fit_law(study: Path, material: str, out: Path) -> None:
     """Write the law of a material, its curves, tables and measured effects."""
@@ -271,7 +276,8 @@ def report(study: Path, out: Path) -> None:
     from gelforge.report.page import write_report
 
     described = load_study(study)
-    for words in write_report(described, described.results_folder, out):
+    article = ARTICLES_NUMBERS if described.study == ARTICLES_STUDY else None
+    for words in write_report(described, described.results_folder, out, article):
         print(words)
 
 

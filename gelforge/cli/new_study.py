@@ -33,6 +33,8 @@ plan:
   # symmetry: none   # solves every cell; auto, the default, makes mirrored and rotated ones from each other where that holds
 
 sessions: [session1] # folders under data/{study}/recordings; []: labels only
+mismatch:
+  judged: true # a run judges which physics the simulation leaves out; false saves the minutes that gelforge check states
 
 # variants: # cells solved again under other assumptions; the report draws them beside the study's own
 #   wide_flange:

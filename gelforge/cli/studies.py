@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import contextmanager
 from pathlib import Path
 
 from gelforge.cli.cameras import scale_line
@@ -58,21 +59,41 @@ def check_lab(study: Study, path: Path, cells: dict) -> None:
         check_recordable(planned)
 
 
-def check(study: str, picture: Path | None) -> None:
-    """Validate a study and what it reads, draw it, and print cells, minutes and disk; name what is missing."""
+class CheckFailed(ValueError):
+    """What a check found wrong, a line for each."""
+
+
+@contextmanager
+def noted(errors: list[str]):
+    """Take note of an error of ours instead of ending; an error of another kind passes."""
+    try:
+        yield
+    except ValueError as error:
+        if not type(error).__module__.startswith("gelforge."):
+            raise
+        errors.append(str(error))
+
+
+def check(study: Path, picture: Path | None) -> None:
+    """Check a study and all that it reads, draw it, and print cells, minutes and disk; name what is missing.
+
+    Raises CheckFailed with everything that is wrong, not the first alone. A study is called valid where its data are there
+    and nothing in them is doubtful.
+    """
     from gelforge.characterisation.stiffness import stiffness_words
     from gelforge.indentation.plan import plan_cells
     from gelforge.indentation.sizes import indenter_words
     from gelforge.indentation.stability_ahead import check_stable_ahead
     from gelforge.report.sensor_figure import sensor_figure
 
-    path = Path(study) if study.endswith((".yaml", ".yml")) else Path("config") / f"{study}.yaml"
-    described = load_study(path)
+    described = load_study(study)
     cells = plan_cells(described)
+    errors: list[str] = []
     if described.virtual_lab:
-        check_lab(described, path, cells)
+        with noted(errors):
+            check_lab(described, study, cells)
     missing = missing_files(described)
-    check_data(described, cells, missing)
+    doubtful = check_data(described, cells, missing, errors)
     laws = known_laws(described, [])
     for name, material in laws.items():
         print(f"material   {name}: {type(material.law).__name__}, {stiffness_words(material.law)}")
@@ -84,16 +105,27 @@ def check(study: str, picture: Path | None) -> None:
     for line in indenter_words(described.indenter):
         print(f"indenter   {line}")
     if {layer.material for layer in described.sensor.layers} <= set(laws):
-        check_stable_ahead(described, {name: material.law for name, material in laws.items()}, cells)
-    out = picture or described.results_folder / "check.png"
-    out.parent.mkdir(parents=True, exist_ok=True)
-    sensor_figure(described, cells, pictured_session(described, path)).savefig(out, dpi=110)
-    for line in estimate(described, cells):
-        print(line)
-    print(f"picture    {out}")
+        with noted(errors):
+            check_stable_ahead(described, {name: material.law for name, material in laws.items()}, cells)
+    if not errors:  # else what is drawn and estimated would rest on what is wrong
+        out = picture or described.results_folder / "check.png"
+        out.parent.mkdir(parents=True, exist_ok=True)
+        sensor_figure(described, cells, pictured_session(described, study)).savefig(out, dpi=110)
+        for line in estimate(described, cells):
+            print(line)
+        print(f"picture    {out}")
     for name in missing:
         print(f"missing    {name}")
-    print(f"{path}: valid" + (f", {len(missing)} file(s) to be added" if missing else ""))
+    if errors:
+        raise CheckFailed("\n".join(errors))
+    print(f"{study}: {verdict_of_check(len(missing), doubtful)}")
+
+
+def verdict_of_check(missing: int, doubtful: int) -> str:
+    """Return the last words of a check that found no error: valid only where nothing is missing or doubtful."""
+    words = [f"incomplete, {missing} file(s) to be added"] if missing else []
+    words += [f"{doubtful} finding(s) above to be looked at"] if doubtful else []
+    return "; ".join(words) or "valid"
 
 
 def missing_files(study: Study) -> list[str]:
@@ -118,39 +150,64 @@ def missing_files(study: Study) -> list[str]:
     return [path.as_posix() for path in missing]
 
 
-def check_data(study: Study, cells: dict, missing: list[str]) -> None:
-    """Read every material and session that is complete; the first thing that is wrong is raised by its reader."""
-    from gelforge.characterisation.material_source import source_of
-    from gelforge.recording.camera import CameraError
-    from gelforge.recording.flow import ImageError
-    from gelforge.recording.readings import read_recording
-    from gelforge.recording.remap import picture_of
+def check_data(study: Study, cells: dict, missing: list[str], errors: list[str]) -> int:
+    """Read every material and session that is complete; return how many findings are doubtful.
 
+    What is wrong in one is added to errors, and the next is read.
+    """
+    from gelforge.characterisation.material_source import source_of
+
+    doubtful, pressed = 0, set()
     for name, material in study.materials.items():
         if material.tests and not any(path.startswith(material.tests.as_posix() + "/") for path in missing):
-            tests = source_of(name, material.tests, material.mapping).tests
-            print(f"material   {name}: {len(tests)} samples")
+            with noted(errors):
+                tests = source_of(name, material.tests, material.mapping).tests
+                print(f"material   {name}: {len(tests)} samples")
     for name in study.sessions:
         folder = study.session_folder(name)
         if not folder.is_dir() or any(path.startswith(folder.as_posix() + "/") for path in missing):
-            print(
-                f"session    {name}: {'made by the virtual lab, SYNTHETIC' if study.virtual_lab else 'incomplete'}"
-            )
+            made = study.virtual_lab is not None
+            print(f"session    {name}: {'made by the virtual lab, SYNTHETIC' if made else 'incomplete'}")
             continue
-        recording = read_recording(folder, cells, study.sensor)
-        readings = recording.readings
+        with noted(errors):
+            found, here = check_session(study, name, cells)
+            doubtful, pressed = doubtful + found, pressed | here
+    if pressed and (never := len(cells) - len(pressed)):
         print(
-            f"session    {name}: {readings['press'].nunique()} presses, {(readings['image'] != '').sum()} images"
+            f"plan       {never} of {len(cells)} positions are pressed in no session: their labels have no reading"
         )
-        print_findings(recording)
-        if recording.session.camera:
-            try:
-                picture_of(
-                    recording.session
-                )  # refuses a remap that shows too little, before anything is solved
-                print_scale(study, name, recording.session)
-            except (ImageError, CameraError) as error:
-                raise ConfigError(f"{folder / 'session.yaml'}: {error}") from None
+    return doubtful
+
+
+def check_session(study: Study, name: str, cells: dict) -> tuple[int, set[str]]:
+    """Read a session, print its counts beside the plan's and what its tests found; return number of findings and cells.
+
+    Raises RecordingError or ConfigError for one that cannot be right.
+    """
+    from gelforge.recording.camera import CameraError
+    from gelforge.recording.flow import ImageError
+    from gelforge.recording.join import press_table
+    from gelforge.recording.readings import read_recording
+    from gelforge.recording.remap import picture_of
+
+    folder = study.session_folder(name)
+    recording = read_recording(folder, cells, study.sensor)
+    readings, presses = recording.readings, press_table(recording.readings)
+    here = set(presses["cell"]) - {""}
+    depths = len(presses.drop_duplicates(["cell", "depth_mm"]))
+    planned = sum(len(cells[cell].depths_mm) for cell in here)
+    print(
+        f"session    {name}: {len(presses)} presses, {(readings['image'] != '').sum()} images; {len(here)} of the plan's"
+        f" {len(cells)} positions, {depths} depths there of {planned} planned"
+    )
+    print_findings(recording)
+    if recording.session.camera:
+        try:
+            picture_of(recording.session)  # refuses a remap that shows too little, before anything is solved
+            print_scale(study, name, recording.session)
+        except (ImageError, CameraError) as error:
+            raise ConfigError(f"{folder / 'session.yaml'}: {error}") from None
+    return len(recording.findings.lines("excluded", "note")), here
 
 
 def print_scale(study: Study, name: str, session: Session) -> None:

@@ -53,8 +53,7 @@ def _validated(model: type[Section], content: dict[str, Any], source: str):
                 _unknown_key(model, item["loc"]) if unknown else item["msg"].removeprefix("Value error, ")
             )
             lines.append(f"{source}: {short(key)}{found}: {short(remedy, LONGEST_REMEDY)}")
-        more = f" (and {len(lines) - 1} more)" if len(lines) > 1 else ""
-        raise ConfigError(lines[0] + more) from None
+        raise ConfigError("\n".join(lines)) from None
     except RecursionError:
         raise ConfigError(f"{source}: nested too deeply; remove sections inside sections") from None
     if key := _first(content, section, _truth_as_number):

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_serializer
 
 from gelforge.config.common import Name, NonNegative, Section
 
@@ -20,6 +20,11 @@ class Known(Section):
 class Mismatch(Section):
     """How the judge looks for missing physics."""
 
+    judged: bool = Field(
+        True,
+        description="a run of the study makes the verdict on its sessions: minutes to an hour, `gelforge check` estimates"
+        " them; false: it does not, and no derivatives are stored for it",
+    )
     sites: int = Field(
         25, ge=2, description="positions that are judged at most, spread over those recorded [-]"
     )
@@ -57,3 +62,8 @@ class Mismatch(Section):
         "left_out",
         description="images of sessions with a camera are judged with the forces, predicted from them, or left out",
     )
+
+    @model_serializer(mode="wrap")
+    def _as_written(self, write) -> dict[str, Any]:
+        """Return the keys; judged only where it is false, so that digests of older studies stay."""
+        return {key: value for key, value in write(self).items() if key != "judged" or not value}

@@ -68,7 +68,9 @@ class Study(Section):
         None, description="YAML of a virtual lab that makes the sessions (synthetic)"
     )
     verification: list[Check] | None = Field(
-        None, description="checks of the finite elements that the report has; null: all, a minute's work"
+        None,
+        description="checks of the finite elements that the report has; null: all, a minute's work, and none where the study"
+        " makes labels only",
     )
 
     @field_validator("data")
@@ -140,8 +142,18 @@ class Study(Section):
     def stores_sensitivities(self) -> bool:
         """Whether the derivatives of every solved site's forces are stored (mismatch.sensitivities)."""
         return self.mismatch.sensitivities == "stored" or (
-            self.mismatch.sensitivities == "auto" and bool(self.sessions)
+            self.mismatch.sensitivities == "auto" and self.judges
         )
+
+    @property
+    def judges(self) -> bool:
+        """Whether a run of the study makes a verdict: it has sessions, and mismatch.judged does not leave it out."""
+        return bool(self.sessions) and self.mismatch.judged
+
+    @property
+    def verifies(self) -> bool:
+        """Whether a run checks the finite elements: not where it makes labels only and names no check."""
+        return bool(self.sessions or self.synthesis or self.verification)
 
     @property
     def has_symmetry_of_square(self) -> bool:

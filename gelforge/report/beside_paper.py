@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pandas as pd
 
@@ -13,6 +15,11 @@ def beside_paper(name: str, table: pd.DataFrame, paper: dict | None) -> pd.DataF
     if paper is None or name not in _PAPER:
         return table
     return _PAPER[name](table.copy(), paper)
+
+
+def said_beside(words: str, paper: dict | None) -> str:
+    """Return a caption whose part in braces is said, after a comma, where the paper's values stand in the table."""
+    return re.sub(r"\{(.*?)\}", r", \1" if paper is not None else "", words)
 
 
 def _material(table: pd.DataFrame, paper: dict) -> pd.DataFrame:

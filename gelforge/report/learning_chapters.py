@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gelforge.report.beside_paper import beside_paper
+from gelforge.report.beside_paper import beside_paper, said_beside
 from gelforge.report.chapters import Chapter
 from gelforge.report.error_budget import tell_budget
 from gelforge.report.force_maps import prediction_figure, total_force_figure
@@ -126,7 +126,7 @@ def _show_map(chapter: Chapter, results: StudyResults, row: int, place: str) -> 
 
 
 TABLES = {
-    "rmse": "Errors of the network on held-out cells, beside the paper's (another sensor, 13,448 presses).",
+    "rmse": "Errors of the network on held-out cells{beside the paper's (another sensor, 13,448 presses)}.",
     "baselines": "The network beside baselines on the same rows and inputs: ridge, kernel ridge, nearest neighbours, the"
     " mean label of training, no force at all. total Fz: rms error of the sum over bins; RMSES: error of pressed bins.",
     "errors_by": "Errors of the network by depth, by distance from the nearest wall and by session (of touched rows), and"
@@ -137,8 +137,8 @@ TABLES = {
     "reliability": "How far to trust the network on held-out cells. A share far from 0.9 in the 90 % intervals says that the"
     " validation cells are unlike these. Measured totals are readings, whose own noise and what the labels lack of the real"
     " gel are not in the interval.",
-    "rmse_gt": "Measured against simulated total force over presses (difference: F/T − FEM), beside the paper's.",
-    "force_ranges": "Range of the labels, beside the paper's.",
+    "rmse_gt": "Measured against simulated total force over presses (difference: F/T − FEM){beside the paper's}.",
+    "force_ranges": "Range of the labels{beside the paper's}.",
 }
 
 
@@ -148,12 +148,12 @@ WITH_TRUTH = {
 
 
 def error_tables(results: StudyResults) -> Chapter:
-    """Return the tables of the evaluation with the paper's numbers beside them."""
+    """Return the tables of the evaluation, of the article's study with its numbers beside them."""
     chapter = Chapter("errors", "Error tables")
     for name, words in TABLES.items():
         table = results.table(name)
         if table is not None:
-            chapter.tabulate(words, beside_paper(name, table, results.paper))
+            chapter.tabulate(said_beside(words, results.paper), beside_paper(name, table, results.paper))
         elif name not in WITH_TRUTH and (results.study.sessions or name == "force_ranges"):
             chapter.miss(f"No table {name}: {results.folder / 'tables' / name}.csv is not there.")
     if not results.study.sessions:

@@ -10,7 +10,7 @@ import pandas as pd
 from gelforge.characterisation.law_file import MaterialLaw
 from gelforge.files import read_product_table
 from gelforge.mechanics.homogeneous import LOAD_CASES
-from gelforge.report.beside_paper import beside_paper
+from gelforge.report.beside_paper import beside_paper, said_beside
 from gelforge.report.chapters import Chapter, count
 from gelforge.report.material_figure import material_figure
 from gelforge.report.results_reader import StudyResults
@@ -32,7 +32,8 @@ def materials(results: StudyResults) -> Chapter:
         chapter.miss(f"No table of parameters: {results.folder / 'tables' / 'material.csv'} is not there.")
     else:
         chapter.tabulate(
-            "Parameters with 95 % intervals, beside the paper's; the single constants of a law differ more between"
+            said_beside("Parameters with 95 % intervals{beside the paper's}", results.paper)
+            + "; the single constants of a law differ more between"
             " equally good fits than Young's modulus E does.",
             beside_paper("material", table, results.paper),
         )

@@ -195,6 +195,12 @@ def mismatch(results: StudyResults) -> Chapter:
     if not results.study.sessions:
         chapter.miss("No verdict: without recording sessions there is nothing to compare.")
         return chapter
+    if not results.study.mismatch.judged and not (folder / VERDICT).is_file():
+        chapter.say(
+            "Not judged: the study leaves the verdict out (mismatch.judged: false). To make one: "
+            f"snakemake {folder / PAGE} with the study's --configfile."
+        )
+        return chapter
     try:
         found = MismatchResults(folder)
         verdict = found.verdict

@@ -46,18 +46,24 @@ def write_report(
     study: Study,
     results_folder: str | Path,
     out_html: str | Path,
-    paper_folder: str | Path = "data/paper",
+    paper_folder: str | Path | None = None,
     written: datetime | None = None,
 ) -> list[str]:
     """Write the report of a study from what its stages left in results_folder; return what is missing.
 
-    paper_folder holds the published numbers (force_depth.csv, paper_tables.json). The page is one file: figures
-    are embedded, and it needs no network. Nothing is recomputed; a part whose files are not there is named in its
-    place.
+    paper_folder holds the article's numbers (force_depth.csv, paper_tables.json); None where the study is not the
+    article's. The page is one file: figures are embedded, and it needs no network. The checks of the finite elements have a
+    page of their own in the same folder. Nothing is recomputed; a part whose files are not there is named in its place.
     """
-    results = StudyResults(study, Path(results_folder), Path(paper_folder))
+    out_html, written = Path(out_html), written or datetime.now(UTC)
+    results = StudyResults(study, Path(results_folder), None if paper_folder is None else Path(paper_folder))
     chapters = [make(results) for make in CHAPTERS]
-    write_text(out_html, render(study, results, chapters, written or datetime.now(UTC)))
+    write_text(out_html, render(study, results, chapters, written))
+    if checks := verification_chapter.verification_table(results, out_html.name):
+        write_text(
+            out_html.with_name(verification_chapter.PAGE),
+            render(study, results, [checks], written, out_html.name),
+        )
     return [
         block.words for chapter in chapters for block in chapter.blocks if getattr(block, "missing", False)
     ]
@@ -74,8 +80,10 @@ def environment() -> Environment:
     )
 
 
-def render(study: Study, results: StudyResults, chapters: list[Chapter], written: datetime) -> str:
-    """Return the page's HTML."""
+def render(
+    study: Study, results: StudyResults, chapters: list[Chapter], written: datetime, report: str = ""
+) -> str:
+    """Return the page's HTML; report: the file name of the study's report, where this is another page."""
     templates = environment()
     style = Markup(templates.get_template("report.css").render())
     return templates.get_template("report.html").render(
@@ -83,6 +91,7 @@ def render(study: Study, results: StudyResults, chapters: list[Chapter], written
         synthetic=" and ".join(results.synthetic_parts),
         failed=len(results.not_converged()),
         chapters=chapters,
+        report=report,
         style=style,
         version=gelforge.__version__,
         written=written.strftime("%Y-%m-%d %H:%M UTC"),

@@ -29,7 +29,7 @@ class StudyResults:
 
     study: Study
     folder: Path
-    paper_folder: Path
+    paper_folder: Path | None  # the article's numbers, of its own study
 
     @cached_property
     def planned(self) -> dict[str, PlannedCell]:
@@ -146,13 +146,13 @@ class StudyResults:
         return None if table is None or table.empty else table
 
     def published_force_depth(self) -> pd.DataFrame | None:
-        path = self.paper_folder / "force_depth.csv"
-        return pd.read_csv(path, comment="#") if path.is_file() else None
+        path = self.paper_folder and self.paper_folder / "force_depth.csv"
+        return pd.read_csv(path, comment="#") if path and path.is_file() else None
 
     @cached_property
     def paper(self) -> dict | None:
-        path = self.paper_folder / "paper_tables.json"
-        return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
+        path = self.paper_folder and self.paper_folder / "paper_tables.json"
+        return json.loads(path.read_text(encoding="utf-8")) if path and path.is_file() else None
 
     def table(self, name: str) -> pd.DataFrame | None:
         return _table(self.folder / "tables" / f"{name}.csv")

@@ -86,10 +86,13 @@ def _recordings(results: StudyResults) -> str:
 
 
 def force_depth(results: StudyResults) -> Chapter:
-    """Return vertical force over depth at centre and corner beside the paper's curves."""
-    chapter = Chapter("force-depth", "Force over depth, and the paper's")
+    """Return vertical force over depth at centre and corner; of the article's study beside the article's curves."""
+    own = results.paper_folder is not None
+    chapter = Chapter("force-depth", "Force over depth" + (", and the article's" if own else ""))
     published = results.published_force_depth()
-    if published is None:
+    if not own:
+        pass
+    elif published is None:
         chapter.miss(
             f"The paper's curves are not drawn: {results.paper_folder / 'force_depth.csv'} is not there."
         )
@@ -124,11 +127,11 @@ def force_depth(results: StudyResults) -> Chapter:
         )
     if not curves:
         return chapter
-    words = "Each blue line is our simulated force; "
+    words = "Each blue line is our simulated force"
     words += (
-        "the closer to the dashed grey line, the better it agrees with the published FEM."
+        "; the closer to the dashed grey line, the better it agrees with the published FEM."
         if published is not None
-        else ""
+        else "."
     )
     if results.study.mechanics.strain == "small":
         words += (

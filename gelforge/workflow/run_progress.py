@@ -1,26 +1,170 @@
-"""How long the sites of a run will still take: Snakemake counts its jobs, quick and slow ones alike, and says no time."""
+"""The console of a run: a bar with the stage that runs and the time left, and a line as each stage ends.
+
+What Snakemake says of each job goes to its log file alone (.snakemake/log); errors, warnings and its last words stay.
+"""
 
 import logging
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from typing import TextIO
 
 from snakemake_interface_logger_plugins.common import LogEvent
 
-from gelforge.progress import Progress, show
+from gelforge.progress import duration
+
+STAGES = {  # by rule; a rule that is not here is a stage of its own name
+    "study": "plan",
+    "plan": "plan",
+    "characterise": "materials",
+    "virtual_materials": "synthetic material tests",
+    "virtual_cell": "sites of the virtual sensor",
+    "virtual_session": "synthetic recordings",
+    "simulate": "sites",
+    "solve_site": "sites",
+    "level": "sites",
+    "session_cell": "sites",
+    "session_presses": "presses in recorded order",
+    "variant": "variants",
+    "site_sensitivities": "derivatives",
+    "readings": "readings",
+    "features": "images",
+    "synthesise": "simulated training rows",
+    "join": "dataset",
+    "manifest": "dataset",
+    "train": "training",
+    "evaluate": "predictions",
+    "mismatch": "verdict",
+    "verify": "checks of the finite elements",
+}
+DERIVED = "mirrored and interpolated sites"
+OF_EACH_JOB = {
+    LogEvent.JOB_INFO,
+    LogEvent.JOB_STARTED,
+    LogEvent.JOB_FINISHED,
+    LogEvent.GROUP_INFO,
+    LogEvent.PROGRESS,
+}
+OF_EACH_ROUND = (
+    "Select jobs to execute",
+    "Execute ",
+    "Waiting for more resources",
+    "Finished jobid",
+    "DAG of jobs will be",
+)
+WIDTH = 24  # of the bar
+REWRITTEN_S = 0.2  # on a terminal
+SAID_S = 60.0  # in a log
 
 
-class Solved(logging.Handler):
-    """Counts the jobs that solve as they finish; a handler of Snakemake's logger."""
+def stage_of(rule: str) -> str:
+    """Return the stage that a rule belongs to, in words."""
+    return DERIVED if rule.startswith("derive_") else STAGES.get(rule, rule.replace("_", " "))
 
-    def __init__(self, jobs: set[int]):
+
+class StageLines(logging.Handler):
+    """Counts jobs as they start and finish; a handler of Snakemake's logger.
+
+    rules: rule by number of each job that is to run. costs: CPU seconds by rule that is not quick, by which the time left is
+    reckoned; unknown jobs weigh a second.
+    """
+
+    def __init__(
+        self,
+        rules: Mapping[int, str],
+        costs: Mapping[str, float],
+        out: TextIO | None = None,
+        clock=time.monotonic,
+    ):
         super().__init__(logging.INFO)
-        show()
-        self._left = set(jobs)
-        self._progress = Progress("sites solved", len(jobs), rewritten=False)
-        self._progress.__enter__()
+        self._rules, self._costs, self._out, self._clock = dict(rules), costs, out or sys.stderr, clock
+        self._left, self._all = set(rules), Counter(map(stage_of, rules.values()))
+        self._ended: Counter = Counter()
+        self._running: set[int] = set()
+        self._began: dict[str, float] = {}
+        self._weight = self._weigh(rules)
+        self._start, self._said = clock(), float("-inf")
+        self._terminal = self._out.isatty()
 
     def emit(self, record: logging.LogRecord) -> None:
-        finished = getattr(record, "event", None) == LogEvent.JOB_FINISHED and record.job_id in self._left
-        if finished:
-            self._left.remove(record.job_id)
-            self._progress.advance()
-            if not self._left:
-                self._progress.__exit__(None, None, None)
+        """Take note of a job that starts or has finished."""
+        event, job = getattr(record, "event", None), getattr(record, "jobid", getattr(record, "job_id", None))
+        if event == LogEvent.JOB_INFO and job in self._left:
+            self._running.add(job)
+            self._began.setdefault(stage_of(self._rules[job]), self._clock())
+            self._show()
+        elif event == LogEvent.JOB_FINISHED and job in self._left:
+            self._finish(job)
+        elif event == LogEvent.JOB_ERROR:
+            self._running.discard(job)
+            self._clear()
+        elif record.levelno > logging.INFO:
+            self._clear()
+
+    def _finish(self, job: int) -> None:
+        self._left.discard(job)
+        self._running.discard(job)
+        stage, now = stage_of(self._rules[job]), self._clock()
+        self._ended[stage] += 1
+        if self._ended[stage] == self._all[stage]:
+            took = duration(now - self._began.get(stage, now))
+            count = f", {self._all[stage]} jobs" if self._all[stage] > 1 else ""
+            self._clear()
+            self._print(f"{stage}{count}: done in {took}\n")
+        if self._left:
+            self._show()
+        else:
+            self._clear()
+
+    def text(self) -> str:
+        """Return the bar, how many jobs have ended, what runs, and about how long the rest will take."""
+        done = self._weigh(self._rules) - self._weigh(self._left)
+        share, seconds = done / self._weight, self._clock() - self._start
+        bar = "#" * int(WIDTH * share)
+        stages = dict.fromkeys(stage_of(self._rules[job]) for job in sorted(self._running))
+        words = [f"[{bar:.<{WIDTH}}] {len(self._rules) - len(self._left)} of {len(self._rules)} jobs"]
+        words += [f"{stage} {self._ended[stage]} of {self._all[stage]}" for stage in stages]
+        if done and seconds > 1:
+            words.append(f"about {duration(seconds * (1 - share) / share)} left")
+        return "; ".join(words)
+
+    def _weigh(self, jobs: Iterable[int]) -> float:
+        return sum(self._costs.get(self._rules[job], 1.0) for job in jobs)
+
+    def _show(self) -> None:
+        now = self._clock()
+        if now - self._said < (REWRITTEN_S if self._terminal else SAID_S):
+            return
+        self._said = now
+        self._print(f"\r\033[2K{self.text()}" if self._terminal else f"{self.text()}\n")
+
+    def _clear(self) -> None:
+        if self._terminal:
+            self._print("\r\033[2K")
+            self._said = float("-inf")
+
+    def _print(self, words: str) -> None:
+        print(words, end="", file=self._out, flush=True)
+
+
+class NotOfEachJob(logging.Filter):
+    """Keeps what Snakemake says of each job and each round of scheduling from its console."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Return whether a record is shown."""
+        if record.levelno > logging.INFO:
+            return True
+        return getattr(record, "event", None) not in OF_EACH_JOB and not str(record.msg).startswith(
+            OF_EACH_ROUND
+        )
+
+
+def show_stages(logger: logging.Logger, rules: Mapping[int, str], costs: Mapping[str, float]) -> None:
+    """Show stages instead of jobs on the console of this run."""
+    console = [handler for handler in logger.handlers if handler.name == "DefaultStreamHandler"]
+    for handler in console:
+        handler.addFilter(NotOfEachJob())
+    logger.handlers.insert(
+        0, StageLines(rules, costs)
+    )  # before the console: an error is not written behind the bar

@@ -37,14 +37,14 @@ def test_depths_that_make_no_path_are_refused(text):
 
 
 def test_errors_of_ours_are_one_plain_message(empty_folder, capsys):
-    assert main(["check", "nothing"]) == 1
+    assert main(["check", "config/nothing.yaml"]) == 1
     printed = capsys.readouterr().err
     assert printed == "gelforge: config/nothing.yaml: no such file; name a YAML file that exists\n"
 
 
 def test_debug_shows_where_an_error_arose(empty_folder):
     with pytest.raises(ValueError, match="no such file"):
-        main(["check", "nothing", "--debug"])
+        main(["check", "config/nothing.yaml", "--debug"])
 
 
 def test_a_new_study_is_valid_and_its_missing_data_are_named(empty_folder, capsys):
@@ -141,3 +141,17 @@ def test_verify_writes_its_table_and_fails_with_a_failed_check(empty_folder, cap
     rows = (empty_folder / "tables" / "verification.csv").read_text().splitlines()
     assert [row.split(",")[-2] for row in rows] == ["passed", "True", "False"]  # then the checksum
     assert (empty_folder / "tables" / "verification.md").is_file()
+
+
+def test_a_check_names_everything_that_is_wrong_and_calls_nothing_valid_that_is_incomplete(
+    empty_folder, capsys
+):
+    assert main(["init", "mine"]) == 0
+    capsys.readouterr()
+    assert main(["check", "mine"]) == 0
+    assert "config/mine.yaml: incomplete, " in capsys.readouterr().out
+    config = empty_folder / "config" / "mine.yaml"
+    config.write_text(config.read_text().replace("seed: 1", "seed: one\nsede: 2"))
+    assert main(["check", "mine"]) == 1
+    printed = capsys.readouterr().err
+    assert "seed, found 'one'" in printed and "sede, found 2: unknown key; did you mean seed?" in printed

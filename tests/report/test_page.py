@@ -48,7 +48,7 @@ def parsed(html: str) -> Links:
 def test_page_fetches_nothing(page):
     links = parsed(page[0])
     assert links.pictures
-    followed = {"mismatch/report.html"}  # by a click, to a file of the same results
+    followed = {"mismatch/report.html", "verification.html"}  # by a click, to files of the same results
     for target in set(links.targets) - followed:
         assert target.startswith(("#", "data:")), target
     assert not re.search(r"@import|url\(|<script", page[0])
@@ -115,10 +115,47 @@ def test_a_variant_that_was_not_solved_is_named(tmp_path):
     assert any("No curve of variant flange" in words and "variants" in words for words in missing)
 
 
-def test_verification_says_what_failed(page):
-    chapter = page[0].split('<section id="verification">')[1].split("</section>")[0]
-    assert "1 check FAILED" in chapter
-    assert "Hertz: force [N]" in chapter
+@pytest.fixture(scope="module")
+def not_the_articles(whole, tmp_path_factory):
+    """Return the folder of the whole study's pages, made as those of any study but the article's, and what was missing."""
+    folder = tmp_path_factory.mktemp("other")
+    return folder, write_report(whole[0], whole[1], folder / "page.html")
+
+
+def test_verification_says_what_failed_and_its_table_is_a_page_of_its_own(not_the_articles):
+    folder, _ = not_the_articles
+    chapter = (
+        (folder / "page.html").read_text().split('<section id="verification">')[1].split("</section>")[0]
+    )
+    assert "1 check of 2 FAILED" in chapter
+    assert "Hertz: force [N]" not in chapter
+    own = (folder / "verification.html").read_text()
+    assert "Hertz: force [N]" in own
+    assert {"page.html#verification", "page.html#origin"} <= set(parsed(own).targets)
+
+
+def test_the_articles_numbers_stand_in_its_own_study_only(not_the_articles):
+    folder, missing = not_the_articles
+    body = (folder / "page.html").read_text().split("</style>")[1]
+    said = " ".join([*missing, *parsed(body).text])
+    assert re.findall(r"published|\b(?:article|paper)\b", said) == []
+
+
+def test_labels_alone_are_not_verified_and_that_is_no_omission(tmp_path):
+    study = fake_results.fake_study(tmp_path, sessions=False)
+    missing = write_report(study, tmp_path / "nothing", tmp_path / "page.html")
+    assert not any("verif" in words for words in missing)
+    assert "Not run: a study of labels only" in (tmp_path / "page.html").read_text()
+    assert not (tmp_path / "verification.html").exists()
+
+
+def test_a_study_that_leaves_the_verdict_out_misses_none(tmp_path):
+    study = fake_results.fake_study(tmp_path)
+    left_out = study.mismatch.model_copy(update={"judged": False})
+    study = study.model_copy(update={"mismatch": left_out})
+    missing = write_report(study, tmp_path / "nothing", tmp_path / "page.html")
+    assert not any("verdict" in words for words in missing)
+    assert "mismatch.judged: false" in (tmp_path / "page.html").read_text()
 
 
 def test_failed_cell_is_named_with_its_reason(page):

@@ -33,13 +33,14 @@ rule report:
         variants=variant_files(),
         manifest=f"{RESULTS}/dataset/manifest.json",
         tables=table_files(),
-        verification=f"{RESULTS}/tables/verification.csv",
+        verification=f"{RESULTS}/tables/verification.csv" if STUDY.verifies else [],
         agreement=f"{RESULTS}/agreement.csv" if STUDY.sessions else [],
         findings=expand(f"{RESULTS}/recordings/{{session}}.findings.csv", session=STUDY.sessions),
         predictions=f"{RESULTS}/model/predictions.h5" if IMAGE_SESSIONS else [],
-        mismatch=f"{RESULTS}/mismatch/report.html" if STUDY.sessions else [],
+        mismatch=f"{RESULTS}/mismatch/report.html" if STUDY.judges else [],
     output:
-        ensure(f"{RESULTS}/report.html", non_empty=True),
+        page=ensure(f"{RESULTS}/report.html", non_empty=True),
+        checks=[f"{RESULTS}/verification.html"] if STUDY.verifies else [],
     log:
         f"{LOGS}/report.log",
     benchmark:
@@ -50,4 +51,4 @@ rule report:
         variants=block("variants"),
         source=source_digest("report", "mismatch/verdict.py"),
     shell:
-        "{GELFORGE:q} report --study {STUDY_FILE:q} --out {output:q} &> {log:q}"
+        "{GELFORGE:q} report --study {STUDY_FILE:q} --out {output.page:q} &> {log:q}"

@@ -6,8 +6,22 @@ from snakemake.logging import logger
 
 from gelforge.dataset.presses_in_order import part_of
 from gelforge.indentation.kept_solutions import forget, tidy
-from gelforge.workflow.run_progress import Solved
+from gelforge.workflow.run_progress import show_stages
 
+# CPU seconds of a job by rule, roughly, for the time left: to know them of this study takes a mesh
+WEIGHTS = {
+    "mismatch": 200,
+    "verify": 60,
+    "train": 100,
+    "evaluate": 60,
+    "features": 60,
+    "report": 15,
+    "characterise": 10,
+}
+WEIGHTS |= dict.fromkeys(
+    ("simulate", "solve_site", "variant", "session_cell", "virtual_cell", "site_sensitivities"), 10
+)
+TARGETS = {"all", "cells", "labels", "sensitivities"}  # rules that make nothing themselves
 SOLVES = {
     "simulate",
     "solve_site",
@@ -55,12 +69,12 @@ def solve_anew(jobs):
 
 
 def begin_jobs(jobs):
-    """Start what forks the jobs, where they run on this machine, and count those that solve as they finish."""
+    """Start what forks the jobs, where they run on this machine, and show the stages of the run."""
     if workflow.local_exec:
         run_in_forks()
-    solving = {job.jobid for job in jobs if job.rule.name in SOLVES and not is_mirrored(job)}
-    if solving:
-        logger.addHandler(Solved(solving))
+    rules = {job.jobid: job.rule.name for job in jobs if job.rule.name not in TARGETS}
+    if rules and not workflow.output_settings.verbose:
+        show_stages(logger, rules, WEIGHTS)
 
 
 def is_mirrored(job):

@@ -6,7 +6,7 @@ import argparse
 import math
 from pathlib import Path
 
-from gelforge.cli.parsers.common import add_command
+from gelforge.cli.parsers.common import add_command, add_laws, add_study
 from gelforge.importing.public import NAMES as LAYOUTS
 
 
@@ -65,12 +65,8 @@ def add(commands) -> None:
         "--sensitivities", metavar="NAMES", help="derivatives to effects: comma-separated names, or all"
     )
     press.add_argument("--out", type=Path, help="the cell's HDF5 file")
-    press.add_argument(
-        "--study", type=Path, metavar="YAML", help="a study's sensor and settings; else the paper's sensor"
-    )
-    press.add_argument(
-        "--laws", type=Path, nargs="*", default=[], metavar="JSON", help="laws of materials with tests"
-    )
+    add_study(press, text="whose sensor and settings are used; the article's if not given")
+    add_laws(press, nargs="*", default=[])
 
     mesh = add_command(
         commands, "mesh", "bench.mesh", "write the mesh of a press for ParaView or Gmsh, nothing is solved"
@@ -84,9 +80,7 @@ def add(commands) -> None:
     mesh.add_argument(
         "--indenter", type=Path, metavar="YAML", help="any indenter, see config/indenters; else the study's"
     )
-    mesh.add_argument(
-        "--study", type=Path, metavar="YAML", help="a study's sensor and settings; else the paper's sensor"
-    )
+    add_study(mesh, text="whose sensor and settings are used; the article's if not given")
 
     characterise = add_command(
         commands,
@@ -178,13 +172,9 @@ def add(commands) -> None:
         "what",
         help="a session's folder, a folder of sessions, or `limits`, or `plan` (after a verdict in --out)",
     )
-    mismatch.add_argument(
-        "--config", type=Path, required=True, metavar="YAML", help="the study it is judged against"
-    )
+    add_study(mismatch, "--study", "--config", dest="config", required=True, text="what is judged against")
     mismatch.add_argument("--out", type=Path, help="folder to write; results/<study>/mismatch if not given")
-    mismatch.add_argument(
-        "--laws", type=Path, nargs="*", default=[], metavar="JSON", help="laws of materials with tests"
-    )
+    add_laws(mismatch, nargs="*", default=[])
     mismatch.add_argument("--kept", type=Path, help="folder of kept solutions; solves in --out if not given")
     mismatch.add_argument("--workers", type=int, default=1, help="presses that are solved side by side")
     mismatch.add_argument(
@@ -197,7 +187,7 @@ def add(commands) -> None:
         "mismatch.published",
         "judge the article's own readings against its two curves and against our cells",
     )
-    published.add_argument("--config", type=Path, required=True, metavar="YAML", help="the article's study")
+    add_study(published, "--study", "--config", dest="config", required=True, text="the article's study")
     published.add_argument("--out", type=Path, required=True, help="folder to write")
     published.add_argument("--workers", type=int, default=1, help="presses that are solved side by side")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gelforge.cli.parsers.common import add_command
+from gelforge.cli.parsers.common import add_command, add_study
 
 
 def board_size(text: str) -> tuple[int, int]:
@@ -55,5 +55,5 @@ def add(commands) -> None:
         "--camera", type=Path, metavar="YAML", help="its calibration; that of session.yaml if not given"
     )
     pose.add_argument("--plane-z-mm", type=float, help="mean height of the particles [mm, sensor frame]")
-    pose.add_argument("--study", type=Path, metavar="YAML", help="or the study whose layers carry them")
+    add_study(pose, text="or the study whose layers carry them")
     pose.add_argument("--out", type=Path, help="YAML to write: the camera with its pose")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gelforge.cli.parsers.common import add_command
+from gelforge.cli.parsers.common import add_command, add_study
 from gelforge.dataset.exports import NAMES
 
 
@@ -59,7 +59,7 @@ def _export(commands) -> None:
     )
     dataset.add_argument("--format", dest="form", choices=NAMES, required=True, help="see docs/exports.md")
     where = dataset.add_mutually_exclusive_group(required=True)
-    where.add_argument("--study", type=Path, metavar="YAML", help="the study's configuration")
+    add_study(where)
     where.add_argument(
         "--results", type=Path, metavar="FOLDER", help="results/<study>, or the folder of a dataset"
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gelforge.cli.parsers.common import add_command
+from gelforge.cli.parsers.common import add_command, add_study
 
 
 def add(commands) -> None:
@@ -34,9 +34,12 @@ def add(commands) -> None:
     sensors.add_argument("--out", type=Path, help="PNG to write; NAME.png if not given")
 
     check = add_command(
-        commands, "check", "studies.check", "validate a study; draw it; print cells, minutes and disk"
+        commands,
+        "check",
+        "studies.check",
+        "check a study and its data, all errors at once; draw it; print cells, minutes and disk",
     )
-    check.add_argument("study", help="a study's name (config/NAME.yaml) or its YAML file")
+    add_study(check, "study")
     check.add_argument("--picture", type=Path, help="PNG to write; results/<study>/check.png if not given")
 
     show = add_command(

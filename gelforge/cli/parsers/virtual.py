@@ -20,12 +20,12 @@ def add(commands) -> None:
     cell = study_command(
         commands, "virtual-cell", "factory.virtual_cell", "one cell of the virtual sensor's truth"
     )
-    cell.add_argument("--cell", required=True)
-    cell.add_argument("--out", type=Path, required=True)
+    cell.add_argument("--cell", required=True, help="name of the cell in the plan")
+    cell.add_argument("--out", type=Path, required=True, help="the cell's HDF5 file to write")
     cell.add_argument("--fresh", action="store_true", help=FRESH)
 
     session = study_command(
         commands, "virtual-session", "factory.virtual_session", "one SYNTHETIC session of a virtual lab"
     )
-    session.add_argument("--session", required=True)
+    session.add_argument("--session", required=True, help="name of the session in the virtual lab")
     session.add_argument("--workers", type=int, default=1, help="threads that draw images")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gelforge.cli.parsers.common import FRESH, study_command
+from gelforge.cli.parsers.common import FRESH, add_laws, study_command
 
 
 def add(commands) -> None:
@@ -12,17 +12,15 @@ def add(commands) -> None:
     law = study_command(
         commands, "fit-law", "factory.fit_law", "material tests, or parameters, to a law and measured effects"
     )
-    law.add_argument("--material", required=True)
+    law.add_argument("--material", required=True, help="name of the material in the study")
     law.add_argument("--out", type=Path, required=True, help="folder to write")
 
     plan = study_command(commands, "plan", "factory.plan", "the study's cells as a table")
-    plan.add_argument("--out", type=Path, required=True)
+    plan.add_argument("--out", type=Path, required=True, help="CSV to write")
 
     simulate = study_command(commands, "simulate", "factory.simulate", "one cell of a study")
-    simulate.add_argument("--cell", required=True)
-    simulate.add_argument(
-        "--laws", type=Path, nargs="+", required=True, metavar="JSON", help="laws of the materials"
-    )
+    simulate.add_argument("--cell", required=True, help="name of the cell in the plan")
+    add_laws(simulate, nargs="+", required=True)
     simulate.add_argument(
         "--mirrored", type=Path, nargs="*", default=[], metavar="H5", help="cell that this one mirrors"
     )
@@ -35,15 +33,15 @@ def add(commands) -> None:
     simulate.add_argument(
         "--session", help="solve the cell at the age and temperature that this session states"
     )
-    simulate.add_argument("--out", type=Path, required=True)
+    simulate.add_argument("--out", type=Path, required=True, help="the cell's HDF5 file to write")
     simulate.add_argument("--fresh", action="store_true", help=FRESH)
 
     level = study_command(
         commands, "level", "between.level", "which sites are solved after a level (plan.interpolation)"
     )
     level.add_argument("--level", type=int, required=True, help="number of the level, from 0")
-    level.add_argument("--laws", type=Path, nargs="+", required=True, metavar="JSON")
-    level.add_argument("--out", type=Path, required=True)
+    add_laws(level, nargs="+", required=True)
+    level.add_argument("--out", type=Path, required=True, help="JSON to write")
 
     derive = study_command(
         commands,
@@ -52,7 +50,7 @@ def add(commands) -> None:
         "a job's mirrored and interpolated cells, written beside the solved ones",
     )
     derive.add_argument("--number", type=int, required=True, help="number of the job, from 0")
-    derive.add_argument("--laws", type=Path, nargs="+", required=True, metavar="JSON")
+    add_laws(derive, nargs="+", required=True)
 
     slopes = study_command(
         commands,
@@ -60,9 +58,9 @@ def add(commands) -> None:
         "mismatch.sensitivities",
         "the derivatives of one site's forces along all that a verdict may ask for",
     )
-    slopes.add_argument("--cell", required=True)
-    slopes.add_argument("--laws", type=Path, nargs="+", required=True, metavar="JSON")
-    slopes.add_argument("--out", type=Path, required=True)
+    slopes.add_argument("--cell", required=True, help="name of the cell in the plan")
+    add_laws(slopes, nargs="+", required=True)
+    slopes.add_argument("--out", type=Path, required=True, help="HDF5 file to write")
 
     in_order = study_command(
         commands,
@@ -70,11 +68,9 @@ def add(commands) -> None:
         "factory.simulate_session",
         "a session's presses in recorded order on a sensor that softens; goes on where it was broken off",
     )
-    in_order.add_argument("--session", required=True)
-    in_order.add_argument(
-        "--laws", type=Path, nargs="+", required=True, metavar="JSON", help="laws of the materials"
-    )
-    in_order.add_argument("--out", type=Path, required=True)
+    in_order.add_argument("--session", required=True, help="name of the session")
+    add_laws(in_order, nargs="+", required=True)
+    in_order.add_argument("--out", type=Path, required=True, help="HDF5 file to write")
     in_order.add_argument("--fresh", action="store_true", help=FRESH)
 
     for name, text in (
@@ -82,30 +78,28 @@ def add(commands) -> None:
         ("features", "optical-flow features of a session's images"),
     ):
         command = study_command(commands, name, f"factory.{name}", text)
-        command.add_argument("--session", required=True)
-        command.add_argument("--out", type=Path, required=True)
+        command.add_argument("--session", required=True, help="name of the session")
+        command.add_argument("--out", type=Path, required=True, help="CSV to write, of features HDF5")
         if name == "features":
             command.add_argument("--workers", type=int, default=1, help="threads that read and reduce images")
 
     join = study_command(commands, "join", "factory.join", "one shard of the dataset")
     join.add_argument("--shard", type=int, required=True, help="number of the shard")
-    join.add_argument("--out", type=Path, required=True)
+    join.add_argument("--out", type=Path, required=True, help="the shard's HDF5 file to write")
 
     study_command(commands, "manifest", "factory.manifest", "checksums, provenance and card of the dataset")
 
     agreement = study_command(
         commands, "agreement", "factory.agreement", "simulated beside measured total force, per press"
     )
-    agreement.add_argument("--out", type=Path, required=True)
+    agreement.add_argument("--out", type=Path, required=True, help="CSV to write")
 
     synthesise = study_command(
         commands, "synthesise", "learning.synthesise", "SYNTHETIC training rows of one drawn indentation"
     )
     synthesise.add_argument("--number", type=int, required=True, help="number of the indentation, from 0")
-    synthesise.add_argument(
-        "--laws", type=Path, nargs="+", required=True, metavar="JSON", help="laws of the materials"
-    )
-    synthesise.add_argument("--out", type=Path, required=True)
+    add_laws(synthesise, nargs="+", required=True)
+    synthesise.add_argument("--out", type=Path, required=True, help="HDF5 file to write")
 
     train = study_command(
         commands, "train", "learning.train", "train the network; goes on from its last checkpoint"
@@ -127,10 +121,10 @@ def add(commands) -> None:
     adapt.add_argument("--out", type=Path, required=True, help="model.pt to write")
 
     evaluate = study_command(commands, "evaluate", "learning.evaluate", "predict the held-out cells")
-    evaluate.add_argument("--model", type=Path, required=True)
-    evaluate.add_argument("--out", type=Path, required=True)
+    evaluate.add_argument("--model", type=Path, required=True, help="model.pt as trained")
+    evaluate.add_argument("--out", type=Path, required=True, help="HDF5 file of predictions to write")
 
     study_command(commands, "tables", "factory.tables", "the article's tables from saved predictions")
 
     report = study_command(commands, "report", "factory.report", "the study's offline page")
-    report.add_argument("--out", type=Path, required=True)
+    report.add_argument("--out", type=Path, required=True, help="HTML page to write")

@@ -1,0 +1,99 @@
+"""How commands are named, described and completed, and how a study is named in all of them."""
+
+import argparse
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from gelforge.cli.arguments import parser
+from gelforge.cli.parsers.common import study_file
+
+REPOSITORY = Path(__file__).parents[2]
+
+
+def every_parser(top):
+    """Yield a parser and those of all its commands."""
+    yield top
+    for action in top._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for one in action.choices.values():
+                yield from every_parser(one)
+
+
+@pytest.fixture
+def studies(tmp_path, monkeypatch):
+    """A folder whose studies are `demo`, in config/config.yaml, and `mine`."""
+    monkeypatch.chdir(tmp_path)
+    Path("config").mkdir()
+    Path("config/config.yaml").write_text("# the demo\nstudy: demo # small\n")
+    Path("config/mine.yaml").write_text("study: 'mine'\n")
+    Path("config/README.yaml").write_text("keys: 1\n")
+
+
+def test_every_option_of_every_command_is_described():
+    bare = [
+        (one.prog, action.dest)
+        for one in every_parser(parser())
+        for action in one._actions
+        if not action.help and not isinstance(action, argparse._SubParsersAction)
+    ]
+    assert len(list(every_parser(parser()))) > 40
+    assert bare == []
+
+
+def test_every_command_that_needs_a_study_reads_its_name_the_same_way():
+    named = [
+        action
+        for one in every_parser(parser())
+        for action in one._actions
+        if action.dest in ("study", "config") and one.prog != "gelforge init"
+    ]
+    assert len(named) > 25
+    assert {action.type for action in named} == {study_file}
+
+
+@pytest.mark.parametrize(
+    ("text", "path"),
+    [
+        ("demo", "config/config.yaml"),  # by its key
+        ("mine", "config/mine.yaml"),
+        ("config", "config/config.yaml"),  # by its file's name
+        ("config/mine.yaml", "config/mine.yaml"),
+        ("away/other.yml", "away/other.yml"),  # its reader says that it is not there
+    ],
+)
+def test_a_study_is_named_by_its_name_or_its_file(studies, text, path):
+    assert study_file(text) == Path(path)
+
+
+def test_an_unknown_study_lists_those_that_are_there(studies, capsys):
+    with pytest.raises(SystemExit):
+        parser().parse_args(["check", "dmo"])
+    assert (
+        "no study 'dmo'; the studies in config are demo, mine; or name a YAML file" in capsys.readouterr().err
+    )
+
+
+def test_an_unknown_command_suggests_the_nearest(capsys):
+    with pytest.raises(SystemExit, match="2"):
+        parser().parse_args(["chekc", "demo"])
+    assert capsys.readouterr().err == (
+        "gelforge: no command 'chekc'; did you mean check? (help: gelforge --help)\n"
+    )
+
+
+def test_a_shell_completes_commands_and_names_of_studies(studies, tmp_path):
+    pytest.importorskip("argcomplete")
+    line = "gelforge check m"
+    environment = os.environ | {
+        "_ARGCOMPLETE": "1",
+        "COMP_LINE": line,
+        "COMP_POINT": str(len(line)),
+        "_ARGCOMPLETE_STDOUT_FILENAME": str(tmp_path / "out"),
+        "PYTHONPATH": os.pathsep.join([str(REPOSITORY), *sys.path]),
+    }
+    subprocess.run([sys.executable, "-m", "gelforge"], env=environment)
+    assert (tmp_path / "out").read_text().split() == ["mine"]

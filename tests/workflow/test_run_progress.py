@@ -1,0 +1,66 @@
+"""The console of a run: a bar, a line per stage, and nothing of each job."""
+
+import io
+import logging
+from types import SimpleNamespace
+
+import pytest
+from snakemake_interface_logger_plugins.common import LogEvent
+
+from gelforge.workflow.run_progress import NotOfEachJob, StageLines, stage_of
+
+RULES = {1: "plan", 2: "simulate", 3: "simulate", 4: "derive_0", 5: "report"}
+
+
+@pytest.fixture
+def run():
+    """Return a logger, its console's text, and a clock moved by hand [s], of a run of RULES."""
+    logger, out, clock = logging.Logger("run"), io.StringIO(), SimpleNamespace(now=0.0)
+    console = logging.StreamHandler(out)
+    console.addFilter(NotOfEachJob())
+    lines = StageLines(RULES, {"simulate": 10.0}, out, lambda: clock.now)
+    logger.handlers = [lines, console]
+    return SimpleNamespace(logger=logger, out=out, clock=clock, lines=lines)
+
+
+def begin(run, job):
+    run.logger.info("Rule ...", extra={"event": LogEvent.JOB_INFO, "jobid": job})
+
+
+def finish(run, job):
+    run.logger.info("Finished jobid ...", extra={"event": LogEvent.JOB_FINISHED, "job_id": job})
+
+
+def test_a_log_has_a_line_per_stage_and_none_per_job(run):
+    for job in RULES:
+        run.logger.info("Select jobs to execute...")
+        begin(run, job)
+        run.clock.now += 20.0
+        finish(run, job)
+    ends = [line for line in run.out.getvalue().splitlines() if not line.startswith("[")]
+    assert ends == [
+        "plan: done in 20 s",
+        "sites, 2 jobs: done in 40 s",
+        "mirrored and interpolated sites: done in 20 s",
+        "report: done in 20 s",
+    ]
+
+
+def test_the_time_left_is_reckoned_by_what_jobs_cost(run):
+    begin(run, 2)
+    run.clock.now += 30.0
+    finish(run, 2)
+    begin(run, 3)
+    assert (
+        run.lines.text() == "[##########..............] 1 of 5 jobs; sites 1 of 2; about 39 s left"
+    )  # 10 of 23
+
+
+def test_errors_and_last_words_are_shown(run):
+    run.logger.error("Error in rule", extra={"event": LogEvent.JOB_ERROR, "jobid": 2})
+    run.logger.info("Complete log(s): x.log")
+    assert run.out.getvalue() == "Error in rule\nComplete log(s): x.log\n"
+
+
+def test_rules_without_a_stage_are_stages():
+    assert (stage_of("tables"), stage_of("derive_12")) == ("tables", "mirrored and interpolated sites")
