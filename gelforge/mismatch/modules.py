@@ -39,6 +39,7 @@ class Module(Manner):
     unit: str
     of_labels: bool  # simulated forces change by it; else only what a force sensor reads
     to_study: Callable[[Study, np.ndarray], Study] | None = None  # with a map (G,) of it
+    tells: bool = True  # no other cause that is known changes the readings in such a manner
     instead: str = ""  # words of the manner of unknown.py that is this cause without its name
 
     def values(self, scale: float, mean: np.ndarray, covariance: np.ndarray) -> pd.DataFrame:
@@ -131,6 +132,7 @@ def force_map(context: Context) -> Module:
         basis=_blocks(basis),
         unit="1",
         of_labels=False,
+        tells=False,  # a moved grid, or layers of other thickness, do the same: a gain that depends on the place is none
     )
 
 
