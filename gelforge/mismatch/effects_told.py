@@ -42,6 +42,8 @@ def groups_told(problem: Problem, judgement: Judgement) -> list[form.Group]:
     """Return the groups that a verdict reports, the most probable first; none where it has no answer."""
     if judgement.answer is None or judgement.state in form.WITHOUT_ANSWER:
         return []
+    if judgement.model is not None and judgement.model.sure and not judgement.model.beside:
+        return []  # effects that are not sure were fitted without the cause that is
     groups = [_group(problem, group) for group in judgement.answer.groups]
     return sorted(groups, key=lambda group: -group.probability)
 

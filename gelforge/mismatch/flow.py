@@ -256,6 +256,6 @@ def force_part(problem: Problem, judgement: Judgement) -> tuple[Problem, Judgeme
         )
     model = judgement.model
     if model is not None:
-        model = replace(model, left=model.left[:n], change=model.change[:n])
+        model = replace(model, left=model.left[:n], change=model.change[:n], spread=model.spread[:n])
     blocks = cut(judgement.blocks)
     return problem.flow.forces, replace(judgement, blocks=blocks, answer=answer, model=model)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -34,7 +34,7 @@ class Judgement:
     mismatch: Remains
     posterior: Posterior
     answer: Answer | None
-    model: Modelled | None  # of what no known effect explains, where it predicts
+    model: Modelled | None  # of what no known effect explains, where it predicts; with a cause or without
     notes: tuple[str, ...]  # what went wrong on the way
     out_of_range: bool = False  # an amount of the answer is not physical, or on its bounds
 
@@ -61,25 +61,30 @@ def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Jud
     out = answer is not None and not in_range(problem, answer.fit)
     model = None
     if blocks.held_out.any() and (answer is None or out or _wanting(answer)):
-        model = _modelled(problem, manners, blocks, None if out else answer)
+        model = _modelled(problem, manners, blocks, None if out else answer, found.manners)
     return Judgement(_state(answer, out, model), blocks, mismatch, found, answer, model, tuple(notes), out)
 
 
 def _modelled(
-    problem: Problem, manners: Sequence[Manner], blocks: Blocks, answer: Answer | None
+    problem: Problem,
+    manners: Sequence[Manner],
+    blocks: Blocks,
+    answer: Answer | None,
+    chances: Mapping[str, float],
 ) -> Modelled | None:
-    """Return what is modelled without a cause, where it predicts: beside the sure effects of an answer, if they lead.
+    """Return what is modelled with a free form, where it predicts: beside the sure effects of an answer, if they lead.
 
-    An effect that changes the readings by less than what is modelled beside it is no form of what is missing.
+    An effect that changes the readings by less than what is modelled beside it is no form of what is missing; beside a cause
+    of its own it is another one. chances: of the manners.
     """
     if answer is not None and answer.sure:
         left = problem.observations.flat(problem.observations.force - answer.after)
-        found = modelled(problem, manners, blocks, answer.fit, left)
+        found = modelled(problem, manners, blocks, answer.fit, left, chances)
         both = problem.covariance.whiten(np.column_stack([found.change, problem.residual - left]))
         more, own = np.linalg.norm(both, axis=0)
-        if more < own:
+        if more < own or found.sure:
             return found if found.gain.clear else None
-    found = modelled(problem, manners, blocks)
+    found = modelled(problem, manners, blocks, chances=chances)
     return found if found.gain.clear else None
 
 
@@ -106,14 +111,15 @@ def _state(answer: Answer | None, out: bool, model: Modelled | None) -> str:
     """Return the state of a mismatch that is there.
 
     What no known effect explains is modelled where a smooth change predicts the readings held out; beside an effect that is
-    sure it is that effect in a form of its own, or something more. An effect that is sure is identified although something
+    sure it is that effect in a form of its own, or something more. Where the change is that of a cause which is sure, that
+    cause has a name, and its form is free. An effect that is sure is identified although something
     may be there beside it, as long as no more than noise is left.
     """
     if answer is None or out:
-        return "modelled" if model is not None else "unexplained"
+        return "unexplained" if model is None else "form_free" if model.sure else "modelled"
     adequate = answer.adequacy.p > LEFT_P
     if model is not None:
-        return "form_free" if model.beside else "modelled"
+        return "form_free" if model.beside or model.sure else "modelled"
     if answer.sure and adequate:
         return "identified"
     if not adequate:

@@ -40,6 +40,9 @@ class Problem:
         0.0  # by which a change that is solved errs, a share of it; 0: no change errs, by form neither
     )
     boxes: Sequence[Candidate] = ()  # linear changes by the modulus of boxes of the body, for its map alone
+    modules: Sequence[
+        Any
+    ] = ()  # modules.Module: physics with a free form, its changes of the n entries of force
     # Forces (R, 3) [N] of effects that are not solved, on the base and a change (R, 3) of it; None: not known apart.
     read_with: ForcesWith | None = None
     flow: Any = None  # flow.FlowChannel where images are judged with the forces

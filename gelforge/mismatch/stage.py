@@ -22,6 +22,7 @@ from gelforge.mismatch.flow_told import after_of, flow_section, flow_table
 from gelforge.mismatch.judge import Judgement, judge
 from gelforge.mismatch.known import with_known
 from gelforge.mismatch.model_section import correction_table
+from gelforge.mismatch.modules import modules_of
 from gelforge.mismatch.observations import Observations
 from gelforge.mismatch.patch import patch_of
 from gelforge.mismatch.problem import Problem
@@ -38,6 +39,7 @@ from gelforge.mismatch.verdict_tables import (
     write_body_map,
     write_correction,
     write_flow,
+    write_module,
     write_readings,
 )
 from gelforge.recording.images import reference_path
@@ -75,8 +77,19 @@ def judge_recording(solver: Solver, folders: Sequence[Path], out: Path, title: s
     write_flow(out, flow_table(joint, after))
     (out / PATCH).unlink(missing_ok=True)
     if taken_over(judgement):
-        write_yaml(out / PATCH, patch_of(study, problem.effects, judgement.answer.fit))
+        write_patch(out, study, problem, judgement)
     return verdict
+
+
+def write_patch(out: Path, study: Study, problem: Problem, judgement: Judgement) -> None:
+    """Write config.patch.yaml: the fitted effects, and the map of a cause with a free form where a study can have it."""
+    model = judgement.model
+    alone = model is not None and not model.beside
+    fit = None if alone else judgement.answer.fit
+    map_ = model.map() if model is not None and model.sure else None
+    changes = patch_of(study, problem.effects, fit, None if map_ is None else model.module, map_)
+    if changes:
+        write_yaml(out / PATCH, changes)
 
 
 def write_results(out: Path, verdict: Verdict, in_newtons: tuple[Problem, Judgement]) -> None:
@@ -85,6 +98,7 @@ def write_results(out: Path, verdict: Verdict, in_newtons: tuple[Problem, Judgem
     write_verdict(out, verdict)
     write_readings(out, readings_table(*in_newtons))
     write_correction(out, correction_table(in_newtons[0], in_newtons[1].model))
+    write_module(out, None if in_newtons[1].model is None else in_newtons[1].model.map())
     patches = body_map(in_newtons[0])
     (out / BODY_MAP).unlink(missing_ok=True)
     if patches is not None:
@@ -145,6 +159,7 @@ def problem_of(solver: Solver, observations: Observations, recorded: bool = True
         covariance = covariance.restricted(observations.read[read])
     failed = dict(base.failed)
     candidates = candidates_of(base.context, effects, failed)
+    boxes = boxes_felt(base.context) if recorded else ()
     return (
         Problem(
             observations,
@@ -157,7 +172,8 @@ def problem_of(solver: Solver, observations: Observations, recorded: bool = True
             ),
             failed,
             solver.study.mismatch.change_error,
-            boxes_felt(base.context) if recorded else (),
+            boxes,
+            modules_of(base.context, boxes) if recorded else (),
             lambda parts, amounts, change: read_with(
                 base,
                 [(effects[p.name], p.shape, a) for p, a in zip(parts, amounts)],

@@ -8,7 +8,7 @@ two and is likelier; effects that only happen to fit are not.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -55,8 +55,19 @@ class Manner:
 class Weighed:
     """The unknown beside an answer, or alone."""
 
-    log_bayes_factor: float  # against the same without it, averaged over manners and scales
-    manner: str  # the likeliest, in words
+    factors: Mapping[
+        str, float
+    ]  # by manner, in words: log, against the same without it, averaged over scales
+
+    @property
+    def log_bayes_factor(self) -> float:
+        """Return the log evidence against the same without it, averaged over manners."""
+        return float(logsumexp(list(self.factors.values())) - np.log(len(self.factors)))
+
+    @property
+    def manner(self) -> str:
+        """Return the likeliest, in words."""
+        return max(self.factors, key=self.factors.get)
 
     @property
     def p(self) -> float:
@@ -84,12 +95,13 @@ def weighed_unknown(
     for manner in manners:
         if manner.each is None:
             directions = covariance.whiten(manner.directions)
-            found |= {(manner.words, scale): model.gain(scale * directions) for scale in SCALES}
+            factors = [model.gain(scale * directions) for scale in SCALES]
         else:
-            for scale in SCALES:
-                with_it = log_evidence(residual, manner.beside(covariance, scale), parts)
-                found[manner.words, scale] = with_it - without
-    return Weighed(float(logsumexp(list(found.values())) - np.log(len(found))), max(found, key=found.get)[0])
+            factors = [
+                log_evidence(residual, manner.beside(covariance, scale), parts) - without for scale in SCALES
+            ]
+        found[manner.words] = float(logsumexp(factors) - np.log(len(factors)))
+    return Weighed(found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,13 +163,24 @@ class Span:
 
 
 def manners_of(problem: Problem) -> list[Manner]:
-    """Return the manners in which these readings may differ; flow is not among them."""
+    """Return the manners in which these readings may differ, physics with a free form among them; flow is not."""
     labels = problem.labels
     flow = (labels["channel"] != "force").to_numpy() if "channel" in labels else np.zeros(len(labels), bool)
     own = np.where(flow, 0.0, problem.observations.flat(problem.base))
     pressing = np.where(flow, 0.0, np.abs(problem.base[labels["reading"], 2]))
     press = np.where(flow, -1, np.unique(labels["press"], return_inverse=True)[1].ravel())
-    return manners(labels, own, pressing, Span.of(labels), press)
+    found = manners(labels, own, pressing, Span.of(labels), press)
+    named = {module.instead for module in problem.modules}
+    return [one for one in found if one.words not in named] + [
+        _padded(module, len(labels)) for module in problem.modules
+    ]
+
+
+def _padded(module: Manner, entries: int) -> Manner:
+    """Return a module that changes the first of so many entries, the forces; the flow of images it does not change."""
+    directions = np.zeros((entries, module.directions.shape[1]))
+    directions[: len(module.directions)] = module.directions
+    return replace(module, directions=directions)
 
 
 def manners(
@@ -183,22 +206,22 @@ def manners(
 def _profiles(labels: pd.DataFrame, span: Span) -> Iterator[tuple[str, np.ndarray, bool, bool]]:
     """Yield words, functions (n, q) of unit size, whether they grow with the force, whether each press has one."""
     depth = labels["depth_mm"].to_numpy(float)
-    over_depth = _modes(depth, BESIDE, span.depth_mm)
-    yield WITH_DEPTH, _modes(depth, MODES["depth"], span.depth_mm), True, False
+    over_depth = modes(depth, BESIDE, span.depth_mm)
+    yield WITH_DEPTH, modes(depth, MODES["depth"], span.depth_mm), True, False
     if span.x_mm[0] < span.x_mm[1] or span.y_mm[0] < span.y_mm[1]:
-        x = _modes(labels["x_mm"].to_numpy(float), MODES["place"], span.x_mm)
-        y = _modes(labels["y_mm"].to_numpy(float), MODES["place"], span.y_mm)
-        yield FROM_PLACE_TO_PLACE, _product(_product(x, y), over_depth), True, False
+        x = modes(labels["x_mm"].to_numpy(float), MODES["place"], span.x_mm)
+        y = modes(labels["y_mm"].to_numpy(float), MODES["place"], span.y_mm)
+        yield FROM_PLACE_TO_PLACE, product(product(x, y), over_depth), True, False
     if labels["press"].nunique() > 1:
         yield "from press to press", over_depth, True, True
     sessions, order = labels["session"].to_numpy(), labels["order"].to_numpy(float)
     if any(np.ptp(order[sessions == name]) > 0 for name in np.unique(sessions)):
-        yield "over the session's time", _of_each(sessions, order, MODES["time"]), False, False
+        yield "over the session's time", of_each(sessions, order, MODES["time"]), False, False
     phases = labels["phase"].to_numpy()
     later = np.column_stack([phases == "dwell", phases == "unload"]).astype(float)
     if later.any():
-        held = _modes(_held(labels), MODES["path"], span.held)
-        yield "along a press's path", _product(_product(held, later), over_depth), True, False
+        held = modes(_held(labels), MODES["path"], span.held)
+        yield "along a press's path", product(product(held, later), over_depth), True, False
 
 
 def _held(labels: pd.DataFrame) -> np.ndarray:
@@ -206,19 +229,19 @@ def _held(labels: pd.DataFrame) -> np.ndarray:
     return np.log1p(np.maximum(np.nan_to_num(labels["press_time_s"].to_numpy(float)), 0.0))
 
 
-def _of_each(group: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
+def of_each(group: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
     """Return such cosines of each group's own values, one group's beside the other's."""
     columns = []
     for name in np.unique(group):
         here = group == name
         own = np.zeros((len(values), count))
-        modes = _modes(values[here], count)
-        own[here, : modes.shape[1]] = modes
+        found = modes(values[here], count)
+        own[here, : found.shape[1]] = found
         columns.append(own)
     return np.column_stack(columns)
 
 
-def _modes(values: np.ndarray, count: int, span: tuple[float, float] | None = None) -> np.ndarray:
+def modes(values: np.ndarray, count: int, span: tuple[float, float] | None = None) -> np.ndarray:
     """Return cosines (n, count) over a range of values (n,), the slower the larger, of mean square 1 together.
 
     span: the range, that of the values where none is given. A random function of them has a smooth covariance (Solin &
@@ -233,6 +256,6 @@ def _modes(values: np.ndarray, count: int, span: tuple[float, float] | None = No
     return found / np.sqrt(np.sum(size**2 * np.where(k, 0.5, 1.0)))
 
 
-def _product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return all products (n, p q) of the columns of a (n, p) and b (n, q)."""
     return (a[:, :, None] * b[:, None, :]).reshape(len(a), -1)

@@ -317,8 +317,14 @@ class Outlier(Section):
 
 
 class Model(Section):
-    """What no known effect explains, modelled as a smooth change: a numeric correction, not a cause."""
+    """What no known effect explains, modelled as a smooth change: of a cause with a free form, or a numeric correction."""
 
+    cause: Name | None = Field(
+        None, description="Cause with a free form, whose map module.csv has; empty: without a cause"
+    )
+    probability: Probability | None = Field(
+        None, description="That this cause is part of what is missing [-]"
+    )
     words: str = Field(description="What it changes, and over what")
     beside: list[Name] = Field([], description="Identified effects that act together with it")
     largest_N: ThreeAxes = Field(description="Largest change of a reading, x, y, z [N]")
@@ -326,6 +332,11 @@ class Model(Section):
     sites: int = Field(ge=1, description="Positions that it was learnt from [-]")
     corrects_labels: bool = Field(description="It is a function of depth and place: correction.csv has it")
     held_out: HeldOut = Field(description="Readings held out, without it and with it")
+
+    @property
+    def sure(self) -> bool:
+        """Return whether it has a cause, as probable as a claim has to be."""
+        return self.cause is not None and (self.probability or 0.0) >= SURE
 
 
 class Layer(Section):
@@ -393,6 +404,10 @@ class Verdict(Section):
         """Return the groups of the answer that are as probable as a claim has to be."""
         return [group for group in self.answer if group.probability >= SURE]
 
+    @property
+    def _free_cause(self) -> bool:
+        return self.state == "form_free" and self.model is not None and self.model.sure
+
     @model_validator(mode="after")
     def _consistent(self) -> Verdict:
         complaint = self._answer_fault() or (self._identified_fault() if self.identified else "")
@@ -408,7 +423,7 @@ class Verdict(Section):
             return (
                 f"answer names {unknown}, which are not among the effects; list every effect that was tried"
             )
-        if self.state in (*IDENTIFIED, "ambiguous") and not self.answer:
+        if self.state in (*IDENTIFIED, "ambiguous") and not self.answer and not self._free_cause:
             return f"state {self.state} without an answer; give its groups"
         if self.state in WITHOUT_ANSWER and self.answer:
             return (
@@ -421,7 +436,7 @@ class Verdict(Section):
     def _identified_fault(self) -> str:
         """Return which of the conditions of a name is not met, or nothing."""
         effects = {effect.name: effect for effect in self.effects}
-        if not self.sure:
+        if not self.sure and not self._free_cause:
             most = max(group.probability for group in self.answer)
             return f"{self.state}, but no group has a probability of {SURE:g}, the largest is {most:g}: ambiguous"
         for group in self.sure:

@@ -2,7 +2,8 @@
 
 readings.csv    one row per reading and axis: measured, base, after
 body_map.csv    where in the body the modulus would have to change, before any effect is named
-correction.csv  what is modelled without a known cause: by how much simulated forces change, by place and depth
+module.csv      the map of a cause with a free form, and its standard deviation
+correction.csv  what is modelled without an amount of a known effect: by how much simulated forces change, by place and depth
 flow.csv        one row per press with images and region of the image: measured, base, after
 """
 
@@ -17,6 +18,7 @@ from gelforge.files import check_seal, without_seal, write_product_table
 from gelforge.mismatch.verdict import VerdictError
 
 READINGS, BODY_MAP, FLOW, CORRECTION = "readings.csv", "body_map.csv", "flow.csv", "correction.csv"
+MODULE = "module.csv"
 
 READINGS_NUMBERS = ["x_mm", "y_mm", "depth_mm", "measured_N", "base_N", "sigma_N"]
 # Empty: no times known, nothing put into the base
@@ -29,6 +31,7 @@ FLOW_NUMBERS += [f"{name}_{axis}_px" for name in ("measured", "base", "sigma") f
 FLOW_OPTIONAL = ["after_u_px", "after_v_px"]
 CORRECTION_NUMBERS = ["x_mm", "y_mm", "depth_mm"]
 CORRECTION_NUMBERS += [f"{name}_{axis}_N" for axis in "xyz" for name in ("base", "change", "sigma")]
+MODULE_PLACES = ["x_mm", "y_mm", "z_mm", "session", "time_s"]
 BODY_MAP_NUMBERS = ["x_mm", "y_mm", "z_mm", "change", "sigma"]  # patch centre; modulus change, relative
 
 
@@ -74,6 +77,20 @@ def write_correction(folder: str | Path, table: pd.DataFrame | None) -> None:
         path.unlink(missing_ok=True)
     else:
         _write_table(path, table, CORRECTION_NUMBERS, [])
+
+
+def write_module(folder: str | Path, table: pd.DataFrame | None) -> None:
+    """Write module.csv, or remove it where there is none: one row per quantity and place, or press.
+
+    quantity (text); x_mm, y_mm of a place, z_mm of a box's middle, or session and time_s of a press's first reading, as the
+    map has them; mean and sigma (standard deviation) of the map there in unit ("1": a share).
+    """
+    path = Path(folder) / MODULE
+    if table is None:
+        path.unlink(missing_ok=True)
+    else:
+        own = [name for name in MODULE_PLACES if name in table]
+        _write_table(path, table, ["quantity", *own, "unit", "mean", "sigma"], [])
 
 
 def read_flow(folder: str | Path) -> pd.DataFrame | None:

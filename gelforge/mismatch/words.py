@@ -11,7 +11,9 @@ from gelforge.mismatch.alternatives import UNKNOWN
 from gelforge.mismatch.effect_words import in_general, with_amount
 from gelforge.mismatch.effects_told import amounts_told, blocks_of
 from gelforge.mismatch.inference.answer import Answer, Group
+from gelforge.mismatch.inference.discrepancy import Modelled
 from gelforge.mismatch.judge import Judgement
+from gelforge.mismatch.model_section import in_words
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.refit import End
 from gelforge.mismatch.scan import Finding
@@ -36,6 +38,8 @@ def sentence_of(problem: Problem, judgement: Judgement) -> str:
     where = f"Simulation and readings differ beyond their errors, most clearly {plain(mismatch.scan.best)}"
     if state == "modelled":
         return f"{where}; it is something that no known effect is: {_model(judgement)}."
+    if state == "form_free" and judgement.model.sure:
+        return f"{where}; {_beside(problem, judgement)}{_module(judgement.model)}."
     if answer is None:
         return f"{where}; no effect of the catalogue could be fitted."
     if state == "inconclusive":
@@ -128,6 +132,21 @@ def _model(judgement: Judgement) -> str:
     return (
         f"a change of {model.manner}, {largest:.2g} N at most, predicts the readings held out and is modelled as a smooth"
         f" function, its cause unknown ({where})"
+    )
+
+
+def _beside(problem: Problem, judgement: Judgement) -> str:
+    """Return the sure effects beside which a cause acts."""
+    if not judgement.model.beside:
+        return ""
+    return f"{_joined(problem, judgement.answer, judgement.answer.sure)}; together with this, "
+
+
+def _module(model: Modelled) -> str:
+    """Return a cause with a free form and how well it predicts."""
+    return (
+        f"{in_words(model)} (probability {model.probability:.2g}; module.csv has the map); with it the readings held out"
+        f" are predicted better (log score {model.gain.total:+.2g})"
     )
 
 

@@ -11,6 +11,7 @@ from gelforge.mismatch.candidates import candidates_of
 from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.judge import _state, judge
+from gelforge.mismatch.modules import modules_of
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.published import at_first_order
 
@@ -18,8 +19,8 @@ LOCATED = {"void", "inclusion", "delamination"}
 SETTINGS = Mismatch(sites=9, draws=1000)
 
 
-def problem_of(context, left_out=LOCATED):
-    """Return the problem of a context: covariance as stated, every effect by its first order."""
+def problem_of(context, left_out=LOCATED, boxes=()):
+    """Return the problem of a context: covariance as stated, every effect by its first order; boxes as of the body map."""
     effects = {
         name: effect
         for name, effect in CATALOGUE.items()
@@ -30,7 +31,7 @@ def problem_of(context, left_out=LOCATED):
     candidates = candidates_of(context, effects, {})
     found = Problem(
         context.observations, context.force, covariance, candidates, effects, None, {},
-        change_error=Mismatch().change_error,
+        change_error=Mismatch().change_error, modules=modules_of(context, boxes),
     )  # fmt: skip
     return replace(found, forces_with=at_first_order(found))
 

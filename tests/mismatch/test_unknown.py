@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from gelforge.mismatch.alternatives import UNKNOWN
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.judge import judge
-from gelforge.mismatch.unknown import PLAUSIBLE, _modes, manners_of, weighed_unknown
+from gelforge.mismatch.unknown import PLAUSIBLE, manners_of, modes, weighed_unknown
 from gelforge.mismatch.weighing import weighed
 from gelforge.mismatch.words import sentence_of
 
@@ -34,11 +34,11 @@ def displaced(seed=7, size_mm=0.8):
 
 def test_cosines_are_a_random_function_of_unit_size_that_is_smooth():
     values = np.linspace(3.0, 7.0, 4001)
-    K = _modes(values, 40) @ _modes(values, 40).T
+    K = modes(values, 40) @ modes(values, 40).T
     assert_allclose(np.mean(np.diag(K)), 1.0, rtol=2e-3)  # 4001 points: the ends count once too often
     alike = K[0] / np.sqrt(K[0, 0] * np.diag(K))
     assert alike[100] > 0.99 and alike[4000] < 0.5  # a fortieth of the range away, and the other end
-    assert np.array_equal(_modes(np.full(5, 2.0), 6), np.ones((5, 1)))
+    assert np.array_equal(modes(np.full(5, 2.0), 6), np.ones((5, 1)))
 
 
 def test_each_manner_adds_the_product_of_its_directions():

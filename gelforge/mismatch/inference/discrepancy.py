@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
@@ -16,10 +17,12 @@ from scipy.special import logsumexp
 
 from gelforge.mismatch.covariance import Covariance
 from gelforge.mismatch.holdout import Blocks, Gain, gain, predictive_scores
+from gelforge.mismatch.modules import Module
 from gelforge.mismatch.problem import Problem
 from gelforge.mismatch.refit import Refitted
 from gelforge.mismatch.screen import SCALES, evidence
 from gelforge.mismatch.unknown import FROM_PLACE_TO_PLACE, WITH_DEPTH, Manner, Span, manners
+from gelforge.mismatch.verdict import SURE
 
 FARTHEST_MM = 6.0  # from the nearest site that it was learnt from, beyond which a change from place to place is not known
 
@@ -39,11 +42,25 @@ class Modelled:
     span: Span
     sites: np.ndarray  # (S, 2) [mm] that it was learnt from
     beside: bool  # of fitted effects; else alone
+    module: Module | None = None  # the cause, where it is physics with a free form
+    probability: float = 0.0  # of that cause, by all readings
+    spread: np.ndarray | None = None  # (n,) [N] standard deviation of the change
+
+    @property
+    def sure(self) -> bool:
+        """Return whether it is a cause, as probable as a claim has to be."""
+        return self.module is not None and self.module.tells and self.probability >= SURE
 
     @property
     def of_place(self) -> bool:
         """Return whether the change is a function of depth and place, which corrects labels."""
+        if self.module is not None:
+            return self.module.of_labels
         return self.manner.endswith((WITH_DEPTH, FROM_PLACE_TO_PLACE))
+
+    def map(self) -> pd.DataFrame | None:
+        """Return the rows of module.csv; None where it is no cause."""
+        return None if self.module is None else self.module.values(self.scale, self.mean, self.covariance)
 
     def at(self, x_mm: np.ndarray, y_mm: np.ndarray, depth_mm: np.ndarray, force: np.ndarray) -> tuple:
         """Return the change (m, 3) [N] of forces (m, 3) [N] at places and depths (m,), its deviation, where it holds.
@@ -88,11 +105,12 @@ def modelled(
     blocks: Blocks,
     fit: Refitted | None = None,
     left: np.ndarray | None = None,
+    chances: Mapping[str, float] = MappingProxyType({}),
 ) -> Modelled:
     """Return the manner that the training readings find likeliest beside a fit, or alone, learnt from these and from all.
 
-    left (n,) [N]: what the fit leaves of all readings. What each press has of its own predicts no other and is not tried.
-    Whether the readings held out confirm it is for the caller to ask (`gain`).
+    left (n,) [N]: what the fit leaves of all readings; chances: of manners, by all readings. What each press has of its own
+    predicts no other and is not tried. Whether the readings held out confirm it is for the caller to ask (`gain`).
     """
     base = _Beside.of(problem, fit, left)
     train = blocks.train
@@ -118,12 +136,13 @@ def modelled(
     }
     mean, covariance = base.posterior(D, np.ones(len(train), bool))
     p = base.columns.shape[1]
+    own = covariance[p:, p:]
     table = problem.observations.table
     return Modelled(
         manner=tried[k].words,
         scale=scale,
         mean=mean[p:],
-        covariance=covariance[p:, p:],
+        covariance=own,
         change=D @ mean[p:],
         left=after,
         gain=gain(scores["before"], scores["after"]),
@@ -131,6 +150,9 @@ def modelled(
         span=Span.of(problem.labels),
         sites=table[["x_mm", "y_mm"]].drop_duplicates().to_numpy(float),
         beside=fit is not None,
+        module=tried[k] if isinstance(tried[k], Module) else None,
+        probability=min(chances.get(tried[k].words, 0.0), 1.0),
+        spread=np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", D, own, D), 0.0)),
     )
 
 

@@ -71,6 +71,19 @@ class Posterior:
         wanted = set(names)
         return float(min(sum(p for effects, p in self.probability.items() if effects & wanted), 1.0))
 
+    @cached_property
+    def manners(self) -> dict[str, float]:
+        """Return the probability of each manner of something unknown, in words: they add up to that of something unknown.
+
+        Beside the same effects one manner is as likely before the readings as another, and its evidence counts for WORTH.
+        """
+        found: dict[str, float] = {}
+        for effects, one in self.unknown.items():
+            shares = normalised({words: WORTH * factor for words, factor in one.factors.items()})
+            for words, share in shares.items():
+                found[words] = found.get(words, 0.0) + share * self.probability[effects | {UNKNOWN}]
+        return found
+
     def classes(self, effects: Effects) -> frozenset[Effects]:
         """Return the classes of a set's effects."""
         return frozenset(self.twins.get(name, frozenset({name})) for name in effects)

@@ -1,0 +1,205 @@
+"""Causes with a free form: their maps do what they say, are found and named where they are hidden. ARTIFICIAL readings."""
+
+from dataclasses import replace
+
+import artificial
+import numpy as np
+import pytest
+import specimens
+from artificial_problem import SETTINGS, problem_of
+from numpy.testing import assert_allclose
+from test_findings import verdict
+
+from gelforge.csv_table import read_csv
+from gelforge.mismatch.alternatives import UNKNOWN
+from gelforge.mismatch.body_map import BOX, WIDTH, boxes
+from gelforge.mismatch.judge import judge
+from gelforge.mismatch.model_section import correction_table
+from gelforge.mismatch.modules import modules_of
+from gelforge.mismatch.patch import patch_of
+from gelforge.mismatch.screen import Candidate
+from gelforge.mismatch.verdict import VERDICT, Verdict, read_verdict, write_verdict
+from gelforge.mismatch.verdict_tables import MODULE, write_module
+
+MIDDLE = artificial.WIDTH / 2
+
+
+def places(context):
+    table = context.observations.table
+    return (table[name].to_numpy(float) for name in ("x_mm", "y_mm", "depth_mm"))
+
+
+def box_changes(context):
+    """Return the boxes' shapes (B) and how their modulus changes the force (R, 3, B): nearer ones more, shares of it all."""
+    shapes = boxes(context.study)
+    at = np.array([[shape[name] for name in ("x_mm", "y_mm", "z_mm")] for shape in shapes])
+    x, y, d = places(context)
+    away = (x[:, None] - at[:, 0]) ** 2 + (y[:, None] - at[:, 1]) ** 2
+    share = np.exp(-away / (2 * (2 + 0.5 * d[:, None]) ** 2) + at[:, 2] / (2 + d[:, None]))
+    share /= share.sum(axis=1, keepdims=True)
+    return shapes, context.force[:, :, None] * share[:, None, :]
+
+
+def candidates(context):
+    shapes, changes = box_changes(context)
+    flat = context.observations.flat
+    return [
+        Candidate(BOX.name, shape, flat(changes[:, :, k])[:, None], BOX.widths, np.zeros(1, int))
+        for k, shape in enumerate(shapes)
+    ]
+
+
+def softer_to_one_side(context):
+    """Return the forces of a body whose modulus falls along x, and its relative change (B,) box by box."""
+    shapes, changes = box_changes(context)
+    change = -0.15 * np.tanh([1.5 * (shape["x_mm"] - MIDDLE) / MIDDLE for shape in shapes])
+    return context.force + changes @ change, change
+
+
+def wavy_depth(context):
+    """Return the forces where the stage goes deeper here and less deep there."""
+    x, y, d = places(context)
+    return artificial.force(x, y, d + 0.05 * np.sin(2 * np.pi * (x + y) / 18))
+
+
+def warming_sensor(context):
+    """Return the forces as read by a sensor whose gain rises and falls again."""
+    time = context.observations.table["time_s"].to_numpy(float)
+    time = time / time.max()
+    return context.force * (1 + 0.24 * time * (1 - time))[:, None]
+
+
+def problem(forces, seed=31):
+    base = artificial.context(seed, per_side=4)
+    return problem_of(
+        artificial.read(base, forces(base), np.random.default_rng(seed)), boxes=candidates(base)
+    )
+
+
+@pytest.fixture(scope="module")
+def modulus():
+    found = problem(lambda base: softer_to_one_side(base)[0])
+    return found, judge(found, SETTINGS, seed=1)
+
+
+def module(context, name):
+    return next(one for one in modules_of(context, candidates(context)) if one.name == name)
+
+
+def test_a_map_of_one_number_is_the_effect_of_one_amount():
+    """The first coefficient is the map's even part: one depth, one modulus, one gain."""
+    context = artificial.context(3, per_side=3)
+    flat = context.observations.flat
+    even = {
+        "depth_map": flat(context.derivative("contact_zero")),
+        "modulus_map": flat(context.force),
+        "gain_in_time": flat(context.force),
+    }
+    for name, change in even.items():
+        own = module(context, name)
+        assert_allclose(own.directions[:, 0], own.basis[0, 0] * change, rtol=1e-9, atol=1e-12)
+    gain = module(context, "force_map")
+    of_x = (gain.map["quantity"] == "gain x").to_numpy() & (gain.basis[:, 0] != 0)
+    assert_allclose(
+        gain.directions[:, 0], gain.basis[of_x][0, 0] * flat(context.force * [1, 0, 0]), rtol=1e-9
+    )
+
+
+def test_a_map_is_as_wide_as_is_plausible():
+    context = artificial.context(3, per_side=5)
+    own = module(context, "modulus_map")
+    assert np.sqrt((own.basis**2).sum(axis=1).mean()) == pytest.approx(WIDTH, rel=0.5)
+    values = own.values(0.3, np.zeros(own.basis.shape[1]), np.eye(own.basis.shape[1]))
+    assert_allclose(values["sigma"], 0.3 * np.linalg.norm(own.basis, axis=1))
+
+
+def test_one_place_has_no_map_of_places_and_one_press_none_of_time():
+    base = artificial.context(3, per_side=3)
+    rows = (base.observations.table["site"] == 0).to_numpy()
+    assert [one.name for one in modules_of(base.chosen(rows), ())] == ["gain_in_time"]
+    first = (base.observations.table["order"] == 0).to_numpy()
+    assert modules_of(base.chosen(first), ()) == ()
+
+
+def test_a_body_softer_to_one_side_is_said_with_its_map(modulus, tmp_path):
+    hidden, found = modulus
+    said = verdict(hidden, found)
+    assert found.state == "form_free" and said.model.cause == "modulus_map" and said.model.sure
+    assert not said.answer and said.model.held_out.shown and said.model.corrects_labels
+    assert "the body's modulus differs from place to place: modulus" in said.sentence
+    table = found.model.map()
+    _, change = softer_to_one_side(artificial.context(31, per_side=4))
+    upper = table["z_mm"] == table["z_mm"].max()
+    assert np.corrcoef(table["mean"][upper], change[upper])[0, 1] > 0.9
+    assert np.mean(np.abs(table["mean"] - change) < 2 * table["sigma"]) > 0.9
+    write_module(tmp_path, table)
+    assert len(read_csv(tmp_path / MODULE, numbers=["mean", "sigma"])) == len(table)
+    write_module(tmp_path, None)
+    assert not (tmp_path / MODULE).exists()
+
+
+def test_its_correction_is_its_change_of_the_readings(modulus):
+    hidden, found = modulus
+    table = correction_table(hidden, found.model)
+    true = softer_to_one_side(artificial.context(31, per_side=4))[0] - hidden.base
+    rows = hidden.observations.table.query("phase == 'load'")
+    rows = rows.drop_duplicates(["x_mm", "y_mm", "depth_mm"]).sort_values(["y_mm", "x_mm", "depth_mm"]).index
+    left = table["change_z_N"].to_numpy() - true[rows, 2]
+    assert np.std(left) < 0.4 * np.std(true[rows, 2])
+    assert np.mean(np.abs(left) < 2 * table["sigma_z_N"]) > 0.8
+
+
+def test_a_file_without_an_effect_needs_a_cause_that_is_sure(modulus, tmp_path):
+    said = verdict(*modulus)
+    write_verdict(tmp_path, said)
+    assert read_verdict(tmp_path).model.cause == "modulus_map" and (tmp_path / VERDICT).is_file()
+    for model in (None, said.model.model_copy(update={"probability": 0.8})):
+        with pytest.raises(ValueError, match="without an answer"):
+            Verdict.model_validate(said.model_copy(update={"model": model}).model_dump())
+
+
+def test_the_patched_study_has_the_map_of_the_modulus():
+    study = specimens.study()
+    context = replace(artificial.context(3, per_side=3), study=study)
+    shapes = boxes(study)
+    own = next(
+        iter(
+            modules_of(
+                context,
+                [Candidate(BOX.name, s, np.ones((4, 1)), BOX.widths, np.zeros(1, int)) for s in shapes],
+            )
+        )
+    )
+    change = np.linspace(-0.2, 0.2, len(shapes))
+    keys = patch_of(study, {}, None, own, own.map.assign(mean=change))
+    patches = keys["mechanics"]["effects"]["geometry"]["patches"]
+    assert [patch["factor"] for patch in patches] == pytest.approx((1 + change).tolist())
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("forces", "cause", "words"),
+    [
+        (wavy_depth, "depth_map", "the depth that is reached differs from place to place: depth"),
+        (warming_sensor, "gain_in_time", "changes over the session: gain z"),
+    ],
+)
+def test_other_causes_are_said_too(forces, cause, words):
+    hidden = problem(forces)
+    found = judge(hidden, SETTINGS, seed=1)
+    said = verdict(hidden, found)
+    assert said.state == "form_free" and said.model.cause == cause and words in said.sentence
+
+
+@pytest.mark.thorough
+def test_an_effect_of_the_catalogue_stays_preferred():
+    effect = artificial.CATALOGUE["force_gain"]
+    hidden = problem(lambda base: effect.to_forces(base, {}, base.force, np.array([0.04, -0.05, 0.05])))
+    found = judge(hidden, SETTINGS, seed=1)
+    assert found.state == "identified" and found.answer.sure[0].members[0] == "force_gain"
+    assert found.posterior.holding([UNKNOWN]) < 0.2
+
+
+def test_chances_of_manners_add_up_to_that_of_something_unknown(modulus):
+    posterior = modulus[1].posterior
+    assert sum(posterior.manners.values()) == pytest.approx(posterior.holding([UNKNOWN]), abs=1e-9)
