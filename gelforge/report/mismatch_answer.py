@@ -70,13 +70,18 @@ def ranking(results: MismatchResults) -> Chapter:
 
 
 def _model_text(model: Model, axes: list[str]) -> str:
-    """Return in words what is modelled without a known cause, where it holds, and what it predicts."""
+    """Return in words what is modelled, with a cause of free form or without one, where it holds, and what it predicts."""
     largest = max(model.largest_N["xyz".index(axis)] or 0.0 for axis in axes)
     low, high = model.depth_mm
     beside = f" beside {' and '.join(map(pretty, model.beside))}" if model.beside else ""
     held = model.held_out
+    what = (
+        f"A cause with a free form, of probability {model.probability:.2g}; module.csv has its map"
+        if model.sure
+        else "Modelled without a known cause"
+    )
     return (
-        f"Modelled without a known cause{beside}: {model.words}, {largest:.2g} N at most, learnt from depths of {low:.3g} to"
+        f"{what}{beside}: {model.words}, {largest:.2g} N at most, learnt from depths of {low:.3g} to"
         f" {high:.3g} mm at {model.sites} positions and not extrapolated. On held-out readings the log score gains"
         f" {held.gain:+.3g} ± {held.standard_error:.2g}."
         + (" correction.csv holds it as a correction of simulated forces." if model.corrects_labels else "")

@@ -221,6 +221,14 @@ def test_what_is_modelled_without_a_cause_is_said_with_its_range(tmp_path):
     )
     assert "0.05 N at most" in effects and "0.25 to 2 mm at 25 positions" in effects and "+12 ± 3" in effects
     assert "correction.csv" in effects
+    content["model"] |= {"cause": "modulus_map", "probability": 0.97}
+    folder = fake_verdict.write_fake_verdict(tmp_path / "of a cause", content)
+    effects = section(write_mismatch_page(folder).read_text(encoding="utf-8"), "effects")
+    assert (
+        "A cause with a free form, of probability 0.97; module.csv has its map beside gel stiffness"
+        in effects
+    )
+    assert "Modelled without a known cause" not in effects
 
 
 @pytest.mark.thorough(but_first=1)

@@ -30,7 +30,7 @@ fork_server.serve({address!r})
 
 @pytest.fixture
 def start(tmp_path):
-    """Return a function that starts a server and returns its address; digest: of its code as it starts to load, as Python."""
+    """Return a function that starts a server and returns its address; digest: of its code at first, as Python."""
     servers = []
 
     def server(digest="true()", fails=False):
