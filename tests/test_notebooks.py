@@ -62,7 +62,7 @@ def test_a_command_is_shown_and_its_failure_stops(capsys):
     assert gf.__version__ in capsys.readouterr().out
     gf.run("gelforge --version", quiet=True)
     assert gf.__version__ not in capsys.readouterr().out
-    with pytest.raises(notebook.NotebookStop, match="status 1: gelforge: .*nowhere"):
+    with pytest.raises(notebook.NotebookStop, match="status 2: gelforge check: .*no study 'nowhere'"):
         gf.run("gelforge check nowhere")
     with pytest.raises(notebook.NotebookStop, match="'rm' is not run from here"):
         gf.run("rm -r results")

@@ -2,7 +2,7 @@
 
 What came of it:
 
-- refused: an error exit and one line;
+- refused: an error exit and one line, or one for each error that a single fault makes, eight at most;
 - unchanged: accepted, and what decides the labels is the same, to the digit;
 - excluded: accepted, and the command says which values it leaves out, with the test that found them;
 - meant: accepted with another result, where the mutant is a file that a person could have written so. No reader can tell
@@ -13,7 +13,7 @@ What came of it:
   (`table_mutants.NOISE`; a fit averages it), a reading of a material test that stands twice, presses counted in thousands,
   a sensor without a wall, the length of an indenter's shaft;
 - changed: accepted with another result, although nobody can have meant the file: must not be;
-- traceback, long message (above 2 kB, or more than one line), hang (two minutes; a mutant takes a second): must not be.
+- traceback, long message (a line above 2 kB, or more lines), hang (two minutes; a mutant takes a second): must not be.
 
 What decides the labels is: of study, sensor, indenter and plan the digest of every cell's inputs; of a recording all
 readings that are written for the join; of material tests the law, its covariance and the measured effects; of a mapping the
@@ -42,7 +42,7 @@ import yaml
 
 from benchmarks.fault_kinds import table_mutants, yaml_mutants
 from benchmarks.fault_kinds.input_world import INPUTS, Input, write_world
-from benchmarks.fault_kinds.outcomes import LIMIT_S, LONGEST_MESSAGE, Fault, report
+from benchmarks.fault_kinds.outcomes import LIMIT_S, LONGEST_MESSAGE, MOST_ERRORS, Fault, report
 from benchmarks.fault_kinds.table_mutants import Mutant, Table
 
 
@@ -161,7 +161,11 @@ def tried(command: str, limit_s: int = int(LIMIT_S)) -> tuple[str, str, object]:
         return "", text, found
     lines = [line for line in text.splitlines() if line.startswith("gelforge: ")]
     whole = text[text.find("gelforge: ") :].strip()
-    wrong = len(lines) != 1 or "\n" in whole or len(whole.encode()) > LONGEST_MESSAGE
+    wrong = (
+        len(lines) != 1
+        or whole.count("\n") >= MOST_ERRORS
+        or len(max(whole.split("\n"), key=len)) > LONGEST_MESSAGE
+    )
     return ("long message" if wrong else "refused"), whole or text, None
 
 

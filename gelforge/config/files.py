@@ -22,6 +22,7 @@ from gelforge.config.yaml_text import NoYaml, parsed, short
 from gelforge.input_files import NotAFile, read_bytes
 
 LONGEST_REMEDY = 600
+MOST_ERRORS = 5  # that a file is said to have
 LARGEST = 1e12  # squares and cubes of what is below stay numbers
 
 
@@ -53,6 +54,9 @@ def _validated(model: type[Section], content: dict[str, Any], source: str):
                 _unknown_key(model, item["loc"]) if unknown else item["msg"].removeprefix("Value error, ")
             )
             lines.append(f"{source}: {short(key)}{found}: {short(remedy, LONGEST_REMEDY)}")
+        more = len(lines) - MOST_ERRORS
+        if more > 0:  # a file of another kind has nothing but errors
+            lines = [*lines[:MOST_ERRORS], f"{source}: and {more} errors more; is it a file of this kind?"]
         raise ConfigError("\n".join(lines)) from None
     except RecursionError:
         raise ConfigError(f"{source}: nested too deeply; remove sections inside sections") from None

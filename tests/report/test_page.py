@@ -119,7 +119,9 @@ def test_a_variant_that_was_not_solved_is_named(tmp_path):
 def not_the_articles(whole, tmp_path_factory):
     """Return the folder of the whole study's pages, made as those of any study but the article's, and what was missing."""
     folder = tmp_path_factory.mktemp("other")
-    return folder, write_report(whole[0], whole[1], folder / "page.html")
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("gelforge.report.chapters.data_uri", lambda figure: "data:image/svg+xml;base64,")
+        return folder, write_report(whole[0], whole[1], folder / "page.html")
 
 
 def test_verification_says_what_failed_and_its_table_is_a_page_of_its_own(not_the_articles):
