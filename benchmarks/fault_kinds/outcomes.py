@@ -11,9 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 LONGEST_MESSAGE = 2048  # bytes
-MOST_ERRORS = (
-    4  # lines that one fault may give: a value that is an alias of another spoils what both belong to
-)
+MOST_ERRORS = 8  # lines of one fault: what `check` lists of a file of another kind, and what follows
 LIMIT_S = 120.0  # a command of a small study that takes longer hangs
 
 # outcomes that are right: refused in one line, the same result as without the fault, or made anew
