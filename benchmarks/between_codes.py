@@ -25,7 +25,7 @@ from benchmarks.concealed.solves import ORBITS
 from gelforge.cli.mismatch import solver_of
 from gelforge.config import load_study
 from gelforge.indentation.plan import PlannedCell
-from gelforge.mismatch.solutions import fine
+from gelforge.mismatch.fem.solutions import fine
 
 
 def main() -> None:

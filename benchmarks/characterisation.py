@@ -17,12 +17,12 @@ import numpy as np
 import pandas as pd
 from scipy.stats import t as student
 
-from gelforge.characterisation.bootstrap import bootstrap
-from gelforge.characterisation.choice import compare_laws
-from gelforge.characterisation.common_form import MaterialTest
-from gelforge.characterisation.curves import MeanCurve, mean_curves
-from gelforge.characterisation.families import FAMILIES
-from gelforge.characterisation.fit import LawFit, fit_law
+from gelforge.materials.fitting.bootstrap import bootstrap
+from gelforge.materials.fitting.choice import compare_laws
+from gelforge.materials.fitting.curves import MeanCurve, mean_curves
+from gelforge.materials.fitting.families import FAMILIES
+from gelforge.materials.fitting.fit import LawFit, fit_law
+from gelforge.materials.readers.common_form import MaterialTest
 from gelforge.mechanics.homogeneous import LOAD_CASES, nominal_stress, stress_points
 from gelforge.mechanics.laws import Ogden
 

@@ -4,7 +4,7 @@ usage: python benchmarks/claims.py SET [SET ...]
 
 Of every group that was claimed the log odds p / (1 - p) are taken by a share, and the mean log score of the claims is
 printed, beside how many stay at 0.9 or above and how many of these are right: where the largest score is not at share 1,
-the probabilities were too sure (below) or not sure enough (above). `WORTH` of gelforge/mismatch/alternatives.py was taken
+the probabilities were too sure (below) or not sure enough (above). `WORTH` (mismatch/evidence/alternatives.py) was taken
 from the thirteenth and fourteenth sets by it.
 """
 

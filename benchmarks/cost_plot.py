@@ -23,7 +23,7 @@ from two_states import cost_of, state_now
 
 from gelforge.indentation.cell_file import read_cell, read_timings
 from gelforge.progress import show, tracked
-from gelforge.report.style import FAINT, MEASURED, SIMULATED, new_figure, styled
+from gelforge.report.figures.style import FAINT, MEASURED, SIMULATED, new_figure, styled
 
 LIMIT_S = 7200.0  # of a command
 

@@ -22,11 +22,11 @@ import pandas as pd
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.development_cases import SETS, Known, known_singles
-from gelforge.mismatch.holdout import split
 from gelforge.mismatch.inference.fits import forces_of
-from gelforge.mismatch.problem import Problem
-from gelforge.mismatch.refit import Refitted, refitted
-from gelforge.mismatch.weighing import unmasked, weighed
+from gelforge.mismatch.terms.holdout import split
+from gelforge.mismatch.terms.problem import Problem
+from gelforge.mismatch.terms.refit import Refitted, refitted
+from gelforge.mismatch.terms.weighing import unmasked, weighed
 
 
 def row(known: Known) -> dict:

@@ -30,14 +30,14 @@ from benchmarks.concealed.recording import (
 from benchmarks.concealed.sets import CONFIG
 from gelforge.cli.mismatch import solver_of
 from gelforge.config import Study, load_study
-from gelforge.mismatch.context import Context
-from gelforge.mismatch.covariance import readings_covariance
-from gelforge.mismatch.problem import Problem
-from gelforge.mismatch.remains import remains
-from gelforge.mismatch.stage import observations_of, problem_of
-from gelforge.mismatch.unknown import manners_of, weighed_unknown
-from gelforge.mismatch.verdict import ALARM_P
-from gelforge.mismatch.weighing import chance_of_known
+from gelforge.mismatch.evidence.covariance import readings_covariance
+from gelforge.mismatch.goodness.remains import remains
+from gelforge.mismatch.model.context import Context
+from gelforge.mismatch.pipeline.stage import observations_of, problem_of
+from gelforge.mismatch.result.verdict import ALARM_P
+from gelforge.mismatch.terms.problem import Problem
+from gelforge.mismatch.terms.unknown import manners_of, weighed_unknown
+from gelforge.mismatch.terms.weighing import chance_of_known
 
 SEED = 35
 

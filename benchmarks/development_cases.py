@@ -16,9 +16,9 @@ from benchmarks.concealed.sets import CONFIG
 from benchmarks.concealed.world import World, zeroed
 from gelforge.cli.mismatch import solver_of
 from gelforge.config import load_study
-from gelforge.mismatch.problem import Problem
-from gelforge.mismatch.sessions import session_folders
-from gelforge.mismatch.stage import observations_of, problem_of
+from gelforge.mismatch.pipeline.stage import observations_of, problem_of
+from gelforge.mismatch.readings.sessions import session_folders
+from gelforge.mismatch.terms.problem import Problem
 
 SETS = Path("results/concealed/sets")
 

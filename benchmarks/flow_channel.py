@@ -24,12 +24,12 @@ from gelforge.config import Camera, Study, VirtualLab, load_session, study_from,
 from gelforge.config.mechanics import Mesh
 from gelforge.indentation.cell_file import write_cell
 from gelforge.indentation.plan import plan_cells
-from gelforge.mismatch.flow import with_flow
-from gelforge.mismatch.flow_told import after_of, flow_section
-from gelforge.mismatch.judge import Judgement, judge
-from gelforge.mismatch.solutions import Solver
-from gelforge.mismatch.stage import observations_of, problem_of
-from gelforge.mismatch.verdict import WITHOUT_ANSWER
+from gelforge.mismatch.fem.solutions import Solver
+from gelforge.mismatch.images.flow import with_flow
+from gelforge.mismatch.inference.judge import Judgement, judge
+from gelforge.mismatch.pipeline.stage import observations_of, problem_of
+from gelforge.mismatch.result.verdict import WITHOUT_ANSWER
+from gelforge.mismatch.summary.flow_told import after_of, flow_section
 from gelforge.virtual_lab.session import make_session
 from gelforge.virtual_lab.truth import simulate_truth_cell
 

@@ -26,13 +26,13 @@ import pandas as pd
 
 from gelforge.cli.bench import laws_of
 from gelforge.config import load_study
-from gelforge.mismatch.judge import judge
-from gelforge.mismatch.published import at_first_order
-from gelforge.mismatch.screen import screened
-from gelforge.mismatch.sessions import observe
-from gelforge.mismatch.solutions import Solver
-from gelforge.mismatch.stage import judge_recording, problem_of
-from gelforge.mismatch.weighing import those_felt
+from gelforge.mismatch.evidence.screen import screened
+from gelforge.mismatch.fem.solutions import Solver
+from gelforge.mismatch.inference.judge import judge
+from gelforge.mismatch.pipeline.published import at_first_order
+from gelforge.mismatch.pipeline.stage import judge_recording, problem_of
+from gelforge.mismatch.readings.sessions import observe
+from gelforge.mismatch.terms.weighing import those_felt
 
 SPACING, DEPTHS = 4.0, 0.25 * np.arange(1, 9)  # mm
 NOISE_N, TOUCHDOWN_MM = 0.01, 0.01

@@ -42,13 +42,13 @@ from gelforge.indentation.sensitivities import (
 )
 from gelforge.indentation.simulate import simulate_cell
 from gelforge.mechanics.equilibrium import Press
-from gelforge.mismatch.body_map import BOX
-from gelforge.mismatch.candidates import effects_of_forces
-from gelforge.mismatch.context import Context, Curves
 from gelforge.mismatch.effects import with_taken
-from gelforge.mismatch.sessions import observe
-from gelforge.mismatch.solutions import Solver
-from gelforge.mismatch.solver import asked_of, felt_by
+from gelforge.mismatch.fem.solutions import Solver
+from gelforge.mismatch.fem.solver import asked_of, felt_by
+from gelforge.mismatch.model.context import Context, Curves
+from gelforge.mismatch.readings.sessions import observe
+from gelforge.mismatch.terms.body_map import BOX
+from gelforge.mismatch.terms.candidates import effects_of_forces
 
 
 def asked(solver: Solver, site: PlannedCell, all_boxes: bool) -> dict[str, Variation]:

@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from gelforge.characterisation.apex_shape import apex_shape
-from gelforge.characterisation.stretch_tracking import (
+from gelforge.materials.imaging.apex_shape import apex_shape
+from gelforge.materials.imaging.stretch_tracking import (
     TrackingSettings,
     drawn_points,
     flow_at_points,

@@ -25,7 +25,6 @@ import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 from force_errors import force_errors  # noqa: E402
 
-from gelforge.characterisation.law_file import read_law  # noqa: E402
 from gelforge.config import Study, load_study  # noqa: E402
 from gelforge.dataset.shard import ShardDataset, shard_attributes  # noqa: E402
 from gelforge.dataset.simulated import synthesise  # noqa: E402
@@ -34,6 +33,7 @@ from gelforge.learning.data import FEATURE, LABEL  # noqa: E402
 from gelforge.learning.evaluation import CONTACT_N, LIGHT_N  # noqa: E402
 from gelforge.learning.model_file import Model, load_model  # noqa: E402
 from gelforge.learning.training import Run, train  # noqa: E402
+from gelforge.materials.fitting.law_file import read_law  # noqa: E402
 from gelforge.mechanics.laws import Ogden  # noqa: E402
 
 STIFFER = 1.12

@@ -39,9 +39,9 @@ def known_laws(study: Study, files: list[Path]) -> dict:
 
     Raises ConfigError for a stiffness that is neither plausible nor confirmed.
     """
-    from gelforge.characterisation.characterise import given_law
-    from gelforge.characterisation.law_file import read_law
-    from gelforge.characterisation.stiffness import check_stiffness
+    from gelforge.materials.characterise import given_law
+    from gelforge.materials.fitting.law_file import read_law
+    from gelforge.materials.fitting.stiffness import check_stiffness
 
     laws = {law.material: law for law in map(read_law, files)}
     for name, material in study.materials.items():
@@ -56,8 +56,8 @@ def known_laws(study: Study, files: list[Path]) -> dict:
 
 def laws_and_doubts(read: dict) -> tuple[dict, dict]:
     """Return by material the laws [MPa], and of those with a covariance the laws moved along its directions."""
-    from gelforge.characterisation.law_file import moved_laws
     from gelforge.indentation.error_bars import AMOUNT
+    from gelforge.materials.fitting.law_file import moved_laws
 
     laws = {name: material.law for name, material in read.items()}
     known = {name: material for name, material in read.items() if material.covariance is not None}

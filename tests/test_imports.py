@@ -17,7 +17,7 @@ LAYERS = [
     {"mechanics"},
     {"meshing"},
     {"config", "files", "hdf5", "csv_table", "units", "input_files", "progress", "shipped"},
-    {"characterisation", "indentation", "verification"},
+    {"materials", "indentation", "verification"},
     {"interpolation", "laws_of_study"},
     {"recording", "virtual_lab"},
     {"dataset", "importing"},
@@ -28,11 +28,20 @@ LAYERS = [
     {"cli", "__main__"},
     {"workflow"},
 ]
+# The rooms of a large part, in the same manner; what stands in the part's own folder may import all of them.
+ROOMS = {
+    "mismatch": (
+        *("readings", "model", "result", "evidence", "effects", "terms", "goodness", "inference"),
+        *("fem", "images", "material", "summary", "pipeline"),
+    ),
+    "materials": ("imaging", "readers", "covariates", "fitting"),
+    "report": ("figures", "chapters", "verdict"),
+}
 # The virtual lab draws what the recording stage reads, and judges nothing: it may use the camera and the session's files.
 SIDEWAYS = {("virtual_lab", "recording")}
 
 CONFINED = {
-    "cv2": {"characterisation", "importing", "recording", "virtual_lab"},
+    "cv2": {"materials", "importing", "recording", "virtual_lab"},
     "torch": {"learning"},
     "onnxruntime": {"learning"},
     "websockets": {"live"},
@@ -98,12 +107,32 @@ def test_imports_run_one_way():
     assert found == []
 
 
+def upward(part: str, room: str, source: str) -> list[str]:
+    """Return what a module in a room imports of its part that is not below it."""
+    rooms = ROOMS[part]
+    inside = [name.split(".")[2] for name in imported(source) if name.startswith(f"gelforge.{part}.")]
+    allowed = rooms[: rooms.index(room) + 1]
+    return [f"{part}/{room} imports {part}.{name}" for name in sorted(set(inside)) if name not in allowed]
+
+
+def test_rooms_import_what_is_below_them():
+    found, seen = [], set()
+    for path in MODULES:
+        part, *inner = path.relative_to(PACKAGE).parts
+        if part in ROOMS and len(inner) > 1:
+            seen.add((part, inner[0]))
+            found += [f"{path.name}: {words}" for words in upward(part, inner[0], path.read_text("utf-8"))]
+    assert found == []
+    assert seen == {(part, room) for part, rooms in ROOMS.items() for room in rooms}
+    assert upward("mismatch", "readings", "from gelforge.mismatch.evidence.screen import Candidate")
+
+
 @pytest.mark.parametrize(
     ("part", "source"),
     [
         ("mechanics", "from gelforge.config import Study"),
         ("indentation", "from gelforge.recording.camera import project"),
-        ("indentation", "from gelforge.characterisation import fits"),
+        ("indentation", "from gelforge.materials import fits"),
         ("dataset", "def f():\n    import gelforge.learning.model_file"),
         ("dataset", "import torch"),
         ("report", "import cv2"),

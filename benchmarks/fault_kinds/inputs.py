@@ -109,7 +109,7 @@ def _law() -> object:
 
 def _foreign() -> object:
     """Return the tests as read; a fit of them takes fifteen seconds, and another test runs the fit."""
-    from gelforge.characterisation.material_source import source_of
+    from gelforge.materials.readers.material_source import source_of
 
     source = source_of("foreign", Path("data/exports"), Path("mapping.yaml"))
     arrays = (

@@ -33,10 +33,10 @@ def press(
     laws: list[Path],
 ) -> None:
     """Press once, print the force-depth table, and write the cell if asked."""
-    from gelforge.characterisation.stiffness import stiffness_words
     from gelforge.indentation.cell_file import CellError, write_cell
     from gelforge.indentation.companion import simulate_label
     from gelforge.indentation.plan import check_inside, press_path
+    from gelforge.materials.fitting.stiffness import stiffness_words
 
     described = described_press(study, indenter)
     if sensitivities:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gelforge.characterisation.characterise import characterise_source
-from gelforge.characterisation.material_source import read_sources
 from gelforge.config import Fitting, section_from
-from gelforge.report.material_figure import material_figure
+from gelforge.materials.characterise import characterise_source
+from gelforge.materials.readers.material_source import read_sources
+from gelforge.report.figures.material_figure import material_figure
 
 
 def characterise_command(

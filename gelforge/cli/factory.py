@@ -23,7 +23,7 @@ ARTICLES_STUDY, ARTICLES_NUMBERS = (
 
 def fit_law(study: Path, material: str, out: Path) -> None:
     """Write the law of a material, its curves, tables and measured effects."""
-    from gelforge.characterisation.characterise import characterise
+    from gelforge.materials.characterise import characterise
 
     described = load_study(study)
     if material not in described.materials:
@@ -232,10 +232,10 @@ def agreement(study: Path, out: Path) -> None:
 
 def tables(study: Path) -> None:
     """Write the article's tables from laws, agreement and predictions; the labels' ranges where nothing is predicted."""
-    from gelforge.characterisation.material_table import material_table
     from gelforge.dataset.agreement import read_agreement, rmse_gt_table
     from gelforge.dataset.ranges import force_ranges_table, label_ranges
     from gelforge.files import digest, write_table
+    from gelforge.materials.fitting.material_table import material_table
 
     described = load_study(study)
     results, folder = described.results_folder, described.results_folder / "tables"
@@ -420,7 +420,7 @@ def own_laws(study: Study) -> list:
 
 def study_laws(study: Study, paths: list[Path]) -> dict:
     """Return by material the laws of files, with what is known of them; each layer's material must be among them."""
-    from gelforge.characterisation.law_file import LawFileError
+    from gelforge.materials.fitting.law_file import LawFileError
 
     read = {law.material: law for law in (study_law(study, path) for path in paths)}
     missing = sorted({layer.material for layer in study.sensor.layers} - read.keys())
@@ -433,7 +433,7 @@ def study_laws(study: Study, paths: list[Path]) -> dict:
 
 def study_law(study: Study, path: Path, material: str | None = None):
     """Return a law after checking that it is that of a material (None: of any) of this study, made for no other study."""
-    from gelforge.characterisation.law_file import LawFileError, read_law
+    from gelforge.materials.fitting.law_file import LawFileError, read_law
 
     law = read_law(path)
     if law.material not in ([material] if material else study.materials) or law.study not in (

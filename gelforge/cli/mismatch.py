@@ -26,8 +26,8 @@ def judge(
     study: Study, recording: Path, out: Path, laws: list[Path], kept: Path | None, workers: int, page: bool
 ) -> None:
     """Write verdict.json, its tables, patch and, if asked, page, and print the verdict."""
-    from gelforge.mismatch.sessions import session_folders
-    from gelforge.mismatch.stage import check_matches, judge_recording
+    from gelforge.mismatch.pipeline.stage import check_matches, judge_recording
+    from gelforge.mismatch.readings.sessions import session_folders
 
     own = recording.resolve() == study.data_folder.resolve()  # of its own data a study chooses the sessions
     folders = session_folders(recording, study.sessions if own else ())
@@ -45,8 +45,8 @@ def judge(
 def limits(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: int) -> None:
     """Print and write what the study's plan could detect, and print what it could not be asked of."""
     from gelforge.files import write_table
-    from gelforge.mismatch.ahead import limits_table, planned_problem
-    from gelforge.mismatch.words import uncomputed
+    from gelforge.mismatch.pipeline.ahead import limits_table, planned_problem
+    from gelforge.mismatch.summary.words import uncomputed
 
     problem = planned_problem(solver_of(study, out, laws, kept, workers, []))
     table = limits_table(problem)
@@ -59,8 +59,8 @@ def limits(study: Study, out: Path, laws: list[Path], kept: Path | None, workers
 def plan(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: int) -> None:
     """Print and write the experiments that would tell a verdict's survivors apart, the first one to be made first."""
     from gelforge.files import write_table
-    from gelforge.mismatch.ahead import experiments_table
-    from gelforge.mismatch.verdict import read_verdict
+    from gelforge.mismatch.pipeline.ahead import experiments_table
+    from gelforge.mismatch.result.verdict import read_verdict
 
     table = experiments_table(solver_of(study, out, laws, kept, workers, []), read_verdict(out))
     write_table(out, "experiments", table)
@@ -70,7 +70,7 @@ def plan(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: 
 def sensitivities(study: Path, cell: str, laws: list[Path], out: Path) -> None:
     """Solve the derivatives of one site's forces and write them into a file."""
     from gelforge.indentation.plan import plan_cells
-    from gelforge.mismatch.site_slopes import slopes_of_site, write_site_slopes
+    from gelforge.mismatch.fem.site_slopes import slopes_of_site, write_site_slopes
 
     described = load_study(study)
     cells = plan_cells(described)
@@ -89,7 +89,7 @@ def solver_of(
     study: Study, out: Path, laws: list[Path], kept: Path | None, workers: int, folders: list[Path]
 ):
     """Return the finite elements of a study; where every session calls the constants exact, its laws are certain."""
-    from gelforge.mismatch.solutions import Solver
+    from gelforge.mismatch.fem.solutions import Solver
 
     if workers < 1:
         raise ConfigError(f"--workers {workers}: 1 or more are needed")
@@ -117,7 +117,7 @@ def published(config: Path, out: Path, workers: int) -> None:
     """Judge the article's own readings against its two curves and against our cells, and print the verdicts."""
     from dataclasses import replace
 
-    from gelforge.mismatch.published import CASES, judge_case, study_of, write_summary
+    from gelforge.mismatch.pipeline.published import CASES, judge_case, study_of, write_summary
     from gelforge.report.mismatch_page import write_mismatch_page
 
     study, verdicts = load_study(config), {}

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gelforge.characterisation.material_source import read_sources
-from gelforge.mismatch.material_tests import SEED, judge_sources, write_judged
+from gelforge.materials.readers.material_source import read_sources
+from gelforge.mismatch.material.material_tests import SEED, judge_sources, write_judged
 
 
 def mismatch_materials(sources: list[Path], mapping: Path | None, out: Path, seed: int = SEED) -> None:

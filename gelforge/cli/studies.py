@@ -80,11 +80,11 @@ def check(study: Path, picture: Path | None) -> None:
     Raises CheckFailed with everything that is wrong, not the first alone. A study is called valid where its data are there
     and nothing in them is doubtful.
     """
-    from gelforge.characterisation.stiffness import stiffness_words
     from gelforge.indentation.plan import plan_cells
     from gelforge.indentation.sizes import indenter_words
     from gelforge.indentation.stability_ahead import check_stable_ahead
-    from gelforge.report.sensor_figure import sensor_figure
+    from gelforge.materials.fitting.stiffness import stiffness_words
+    from gelforge.report.figures.sensor_figure import sensor_figure
 
     described = load_study(study)
     cells = plan_cells(described)
@@ -155,7 +155,7 @@ def check_data(study: Study, cells: dict, missing: list[str], errors: list[str])
 
     What is wrong in one is added to errors, and the next is read.
     """
-    from gelforge.characterisation.material_source import source_of
+    from gelforge.materials.readers.material_source import source_of
 
     doubtful, pressed = 0, set()
     for name, material in study.materials.items():
@@ -236,7 +236,7 @@ def pictured_session(study: Study, path: Path) -> Session | None:
 
 def show(path: Path, row: int | None, out: Path | None) -> None:
     """Draw the label of a cell's depth or a shard's row."""
-    from gelforge.report.label_figure import label_figure
+    from gelforge.report.figures.label_figure import label_figure
 
     target = out or Path(f"{path.stem}{'' if row is None else f'-{row}'}.png")
     label_figure(path, row).savefig(target, dpi=110)

@@ -32,7 +32,7 @@ def simulate_label(
     """Return the solved cell of a plan with the error bars of its forces, unless mechanics.error_bars is false.
 
     laws by material; uncertain: by material, its law moved by error_bars.AMOUNT of a standard deviation along each
-    independent direction of its parameters (characterisation.law_file.moved_laws); outside: see simulate_cell. A site that
+    independent direction of its parameters (materials.fitting.law_file.moved_laws); outside: see simulate_cell. A site that
     the indenter, or one of its parts, never touches has failed.
     """
     variations_of(study, laws, study.mechanics.sensitivities)  # refused before anything is solved

@@ -40,4 +40,6 @@ def solution_digest(
     These follow the covariances and tested ranges in the files of the laws.
     """
     files = sorted(file_sha256(path) for path in law_files)
-    return digest([inputs_digest(study, laws, planned), files, source_digest("characterisation/law_file.py")])
+    return digest(
+        [inputs_digest(study, laws, planned), files, source_digest("materials/fitting/law_file.py")]
+    )

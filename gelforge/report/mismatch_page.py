@@ -9,11 +9,11 @@ from markupsafe import Markup
 
 import gelforge
 from gelforge.files import write_text
-from gelforge.mismatch.verdict import PAGE
-from gelforge.report.mismatch_chapters import CHAPTERS
-from gelforge.report.mismatch_reader import MismatchResults
-from gelforge.report.mismatch_words import STATES
+from gelforge.mismatch.result.verdict import PAGE
 from gelforge.report.page import environment
+from gelforge.report.verdict.mismatch_chapters import CHAPTERS
+from gelforge.report.verdict.mismatch_reader import MismatchResults
+from gelforge.report.verdict.mismatch_words import STATES
 
 
 def write_mismatch_page(folder: str | Path, written: datetime | None = None) -> Path:

@@ -11,17 +11,17 @@ from markupsafe import Markup
 import gelforge
 from gelforge.config import Study
 from gelforge.files import write_text
-from gelforge.report import (
+from gelforge.report.chapters import (
     error_bar_chapter,
     learning_chapters,
     material_chapter,
-    mismatch_chapters,
     recording_chapter,
     study_chapters,
     verification_chapter,
 )
-from gelforge.report.chapters import Chapter
-from gelforge.report.results_reader import StudyResults
+from gelforge.report.chapters.chapter import Chapter
+from gelforge.report.chapters.results_reader import StudyResults
+from gelforge.report.verdict import mismatch_chapters
 
 CHAPTERS = (
     study_chapters.glance,

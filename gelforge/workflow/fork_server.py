@@ -25,7 +25,7 @@ SOLVING = {
 }
 # What the others import, most of it used by several.
 IMPORTS = {
-    "fit-law": "gelforge.characterisation.characterise",
+    "fit-law": "gelforge.materials.characterise",
     "plan": "gelforge.indentation.plan",
     "virtual-session": "gelforge.virtual_lab.session",
     "readings": "gelforge.recording.readings",
@@ -172,7 +172,7 @@ def load(command: str) -> None:
 def load_solver() -> None:
     """Load what solves a site, compiled kernels and direct solver too, by a tiny press."""
     from gelforge.cli.bench import tiny_press
-    from gelforge.mismatch import site_slopes  # noqa: F401
+    from gelforge.mismatch.fem import site_slopes  # noqa: F401
 
     tiny_press("finite")
 

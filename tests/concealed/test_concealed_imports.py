@@ -38,6 +38,6 @@ def test_the_package_imports_nothing_of_the_benchmarks():
 
 
 def test_an_import_of_the_analysis_is_found():
-    assert foreign({"gelforge.mismatch.screen.screened", "gelforge.config.Session"}) == [
-        "gelforge.mismatch.screen.screened"
+    assert foreign({"gelforge.mismatch.evidence.screen.screened", "gelforge.config.Session"}) == [
+        "gelforge.mismatch.evidence.screen.screened"
     ]

@@ -5,8 +5,6 @@ import pytest
 import specimens
 from numpy.testing import assert_allclose
 
-from gelforge.characterisation.characterise import given_law
-from gelforge.characterisation.law_file import read_law, write_law
 from gelforge.config import ConfigError, study_from
 from gelforge.config.materials import Material
 from gelforge.config.variants import merged
@@ -17,6 +15,8 @@ from gelforge.indentation.effects.material import check_laws, region_bulk, regio
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.sensor_mesh import sensor_mesh
 from gelforge.indentation.simulate import Trajectory, model_of, simulate_cell
+from gelforge.materials.characterise import given_law
+from gelforge.materials.fitting.law_file import read_law, write_law
 from gelforge.mechanics.indenters import Sphere
 from gelforge.mechanics.law_changes import neo_hookean, with_exponents
 from gelforge.mechanics.laws import Gent, MooneyRivlin, NeoHooke, Ogden, Yeoh

@@ -7,7 +7,6 @@ import pytest
 import specimens
 from numpy.testing import assert_allclose
 
-from gelforge.characterisation.law_file import MaterialLaw, moved_laws
 from gelforge.config import ConfigError
 from gelforge.indentation import companion
 from gelforge.indentation.companion import simulate_label, solve_companion
@@ -25,6 +24,7 @@ from gelforge.indentation.error_bars import (
 from gelforge.indentation.mirror import mirror_cell
 from gelforge.indentation.plan import PlannedCell, plan_cells
 from gelforge.indentation.simulate import simulate_cell
+from gelforge.materials.fitting.law_file import MaterialLaw, moved_laws
 from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mechanics.homogeneous import principal_stretches
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gelforge.characterisation.valid_range import ValidRange
 from gelforge.indentation.stretch_range import element_stretches, stretch_ranges, unstable_shares
+from gelforge.materials.fitting.valid_range import ValidRange
 from gelforge.mechanics.elements import element_gradient
 from gelforge.mechanics.homogeneous import principal_stretches
 from gelforge.mechanics.laws import NeoHooke, Yeoh

@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 import specimens
 
-from gelforge.mismatch import places
-from gelforge.mismatch.context import Context, Curves
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.observations import COLUMNS, Observations, last_moves
+from gelforge.mismatch.evidence import places
+from gelforge.mismatch.model.context import Context, Curves
+from gelforge.mismatch.readings.observations import COLUMNS, Observations, last_moves
 
 WIDTH, RADIUS = 20.0, 5.0  # mm
 DEPTHS = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)  # of the curves, mm

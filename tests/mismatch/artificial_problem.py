@@ -7,13 +7,13 @@ import artificial
 import numpy as np
 
 from gelforge.config.mismatch import Mismatch
-from gelforge.mismatch.candidates import candidates_of
-from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.judge import _state, judge
-from gelforge.mismatch.modules import modules_of
-from gelforge.mismatch.problem import Problem
-from gelforge.mismatch.published import at_first_order
+from gelforge.mismatch.evidence.covariance import readings_covariance
+from gelforge.mismatch.inference.judge import _state, judge
+from gelforge.mismatch.pipeline.published import at_first_order
+from gelforge.mismatch.terms.candidates import candidates_of
+from gelforge.mismatch.terms.modules import modules_of
+from gelforge.mismatch.terms.problem import Problem
 
 LOCATED = {"void", "inclusion", "delamination"}
 SETTINGS = Mismatch(sites=9, draws=1000)

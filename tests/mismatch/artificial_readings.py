@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from gelforge.mismatch.context import Context, Curves
-from gelforge.mismatch.covariance import Covariance, readings_covariance
-from gelforge.mismatch.observations import Observations
+from gelforge.mismatch.evidence.covariance import Covariance, readings_covariance
+from gelforge.mismatch.model.context import Context, Curves
+from gelforge.mismatch.readings.observations import Observations
 
 WIDTH = 32.0  # mm
 NOISE, ZERO, TOUCHDOWN, FLOOR, LAW = 0.010, 0.004, 0.02, 0.01, 0.02  # N, N, mm, share, share

@@ -6,11 +6,11 @@ import specimens
 
 from gelforge.config import study_from
 from gelforge.config.variants import merged
-from gelforge.mismatch.ahead import planned_observations
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.experiments import survivor, weights
-from gelforge.mismatch.identifiability import next_experiment
-from gelforge.mismatch.verdict import Amount, NamedEffect
+from gelforge.mismatch.evidence.identifiability import next_experiment
+from gelforge.mismatch.pipeline.ahead import planned_observations
+from gelforge.mismatch.pipeline.experiments import survivor, weights
+from gelforge.mismatch.result.verdict import Amount, NamedEffect
 
 STUDY = specimens.study()
 

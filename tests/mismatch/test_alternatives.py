@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import poisson
 
-from gelforge.mismatch.alternatives import NOTHING, NULL_PRIOR, UNKNOWN, WORTH, log_prior
+from gelforge.mismatch.evidence.alternatives import NOTHING, NULL_PRIOR, UNKNOWN, WORTH, log_prior
 from gelforge.mismatch.inference.posterior import Posterior
 
 

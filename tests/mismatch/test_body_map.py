@@ -16,11 +16,11 @@ from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.sensitivities import Variation, derivatives
 from gelforge.indentation.sensor_mesh import sensor_mesh
 from gelforge.indentation.simulate import simulate_cell
-from gelforge.mismatch.body_map import BOX, LEVELS, WIDTH, body_map, box_at, boxes
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.screen import Candidate
-from gelforge.mismatch.solutions import Solver
-from gelforge.mismatch.stage import observations_of, problem_of
+from gelforge.mismatch.evidence.screen import Candidate
+from gelforge.mismatch.fem.solutions import Solver
+from gelforge.mismatch.pipeline.stage import observations_of, problem_of
+from gelforge.mismatch.terms.body_map import BOX, LEVELS, WIDTH, body_map, box_at, boxes
 
 STUDY = specimens.study()
 STEP = 1e-3

@@ -8,7 +8,7 @@ from artificial_readings import covariance_of, flat_base, grid, law_directions, 
 from numpy.testing import assert_allclose
 from scipy.stats import chi2, multivariate_normal
 
-from gelforge.mismatch.covariance import Covariance, Draws, readings_covariance
+from gelforge.mismatch.evidence.covariance import Covariance, Draws, readings_covariance
 
 CASES = {
     "presses": dict(sites=grid(2)),

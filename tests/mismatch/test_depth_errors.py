@@ -14,10 +14,10 @@ from test_covariance import dense
 from test_noise import pressed
 
 from gelforge.config import DepthZero
-from gelforge.mismatch.covariance import _indicators, readings_covariance
-from gelforge.mismatch.flow_covariance import _touchdown
-from gelforge.mismatch.scan import global_test
-from gelforge.mismatch.touchdown import TOUCHDOWN_MM, depth_scatter, with_touchdown
+from gelforge.mismatch.evidence.covariance import _indicators, readings_covariance
+from gelforge.mismatch.goodness.scan import global_test
+from gelforge.mismatch.images.flow_covariance import _touchdown
+from gelforge.mismatch.readings.touchdown import TOUCHDOWN_MM, depth_scatter, with_touchdown
 
 STAGE_MM, CONTACT_MM = 0.02, 0.04
 DRAWS = 400
@@ -155,7 +155,7 @@ def test_what_is_assumed_is_told_by_its_key(by, key):
 
 
 def test_noise_is_stated_by_axis():
-    from gelforge.mismatch.noise import reading_noise
+    from gelforge.mismatch.readings.noise import reading_noise
 
     recording = SimpleNamespace(
         readings=pressed("press", [0.0]).table.assign(time_s=0.0, phase="load"),

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from artificial_problem import problem_of
 
-from gelforge.mismatch.holdout import split
 from gelforge.mismatch.inference.discrepancy import FARTHEST_MM, modelled
-from gelforge.mismatch.unknown import manners_of
+from gelforge.mismatch.terms.holdout import split
+from gelforge.mismatch.terms.unknown import manners_of
 
 SEED = 23
 

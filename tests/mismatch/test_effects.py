@@ -15,11 +15,11 @@ from gelforge.config import study_from
 from gelforge.config.variants import merged
 from gelforge.indentation.effects.catalogue import CATALOGUE as KNOWN
 from gelforge.indentation.effects.catalogue import Place, middle_of
-from gelforge.mismatch import places
-from gelforge.mismatch.effect import FAMILIES
-from gelforge.mismatch.patch import patch_of
-from gelforge.mismatch.places import FirstOrderAt
-from gelforge.mismatch.solver_effects import FirstOrder
+from gelforge.mismatch.evidence import places
+from gelforge.mismatch.evidence.places import FirstOrderAt
+from gelforge.mismatch.model.effect import FAMILIES
+from gelforge.mismatch.model.solver_effects import FirstOrder
+from gelforge.mismatch.pipeline.patch import patch_of
 
 CATALOGUE = effects.CATALOGUE
 # The names that the specification of the stage lists; an effect more enters by its file.

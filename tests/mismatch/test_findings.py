@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from artificial_problem import SETTINGS, identified, problem_of
 
-from gelforge.mismatch.alternatives import effects_of
-from gelforge.mismatch.covariance import readings_covariance
-from gelforge.mismatch.effect_words import PHRASES, in_general, with_amount
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.effects_told import effects_told
-from gelforge.mismatch.experiments import with_experiments
-from gelforge.mismatch.findings import _noise, located, verdict_of
-from gelforge.mismatch.judge import judge
-from gelforge.mismatch.refit import End
-from gelforge.mismatch.screen import Candidate
-from gelforge.mismatch.verdict import Provenance
-from gelforge.mismatch.words import uncomputed
+from gelforge.mismatch.evidence.alternatives import effects_of
+from gelforge.mismatch.evidence.covariance import readings_covariance
+from gelforge.mismatch.evidence.screen import Candidate
+from gelforge.mismatch.inference.judge import judge
+from gelforge.mismatch.model.effect_words import PHRASES, in_general, with_amount
+from gelforge.mismatch.pipeline.experiments import with_experiments
+from gelforge.mismatch.result.verdict import Provenance
+from gelforge.mismatch.summary.effects_told import effects_told
+from gelforge.mismatch.summary.findings import _noise, located, verdict_of
+from gelforge.mismatch.summary.words import uncomputed
+from gelforge.mismatch.terms.refit import End
 
 PROVENANCE = Provenance(
     sessions={"s1": "0" * 64}, base="artificial", base_sha256="1" * 64, seed=1, draws=1000, versions={}

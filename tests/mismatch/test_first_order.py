@@ -18,11 +18,11 @@ from gelforge.config.variants import merged
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.sensitivities import Variation, derivatives, unmirrored
 from gelforge.indentation.simulate import simulate_cell
-from gelforge.mismatch.context import Context
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.places import FirstOrderAt
-from gelforge.mismatch.solver import key_of
-from gelforge.mismatch.solver_effects import FirstOrder
+from gelforge.mismatch.evidence.places import FirstOrderAt
+from gelforge.mismatch.fem.solver import key_of
+from gelforge.mismatch.model.context import Context
+from gelforge.mismatch.model.solver_effects import FirstOrder
 
 LAWS = specimens.STUDY_LAWS
 PLACE, DEPTH = specimens.CORNER, 0.5  # off every line of symmetry

@@ -7,8 +7,8 @@ from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal
 from test_screen import make
 
-from gelforge.mismatch.holdout import Blocks, gain, paid_for_choice, predictive_scores, split
-from gelforge.mismatch.screen import screened
+from gelforge.mismatch.evidence.screen import screened
+from gelforge.mismatch.terms.holdout import Blocks, gain, paid_for_choice, predictive_scores, split
 
 
 @pytest.fixture(scope="module")

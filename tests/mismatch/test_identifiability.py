@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal
 from test_screen import make
 
-from gelforge.mismatch.identifiability import (
+from gelforge.mismatch.evidence.identifiability import (
     DETECTED_SNR,
     Plan,
     cosines,
@@ -18,9 +18,9 @@ from gelforge.mismatch.identifiability import (
     next_experiment,
     profile,
 )
+from gelforge.mismatch.evidence.screen import Candidate, screened
+from gelforge.mismatch.goodness.scan import dictionary, scan
 from gelforge.mismatch.inference.posterior import MOST_TWINS, twins_of
-from gelforge.mismatch.scan import dictionary, scan
-from gelforge.mismatch.screen import Candidate, screened
 
 
 @pytest.fixture(scope="module")

@@ -13,11 +13,14 @@ from gelforge.config.variants import merged
 from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
 from gelforge.indentation.plan import PlannedCell
 from gelforge.mechanics.equilibrium import NotConverged
-from gelforge.mismatch import flow_fields
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.flow import with_flow
-from gelforge.mismatch.flow_covariance import neighbours, scatter_of
-from gelforge.mismatch.flow_images import (
+from gelforge.mismatch.evidence.screen import screened
+from gelforge.mismatch.fem.solutions import Solver, SolverFailed
+from gelforge.mismatch.goodness.flow_scan import patterns
+from gelforge.mismatch.images import flow_fields
+from gelforge.mismatch.images.flow import with_flow
+from gelforge.mismatch.images.flow_covariance import neighbours, scatter_of
+from gelforge.mismatch.images.flow_images import (
     REGIONS,
     Eye,
     even_points,
@@ -28,19 +31,16 @@ from gelforge.mismatch.flow_images import (
     seen_flows,
     shows_gel,
 )
-from gelforge.mismatch.flow_model import flow_model
-from gelforge.mismatch.flow_rows import Rows
-from gelforge.mismatch.flow_scan import patterns
-from gelforge.mismatch.flow_told import after_of, flow_section, region_middles
-from gelforge.mismatch.judge import judge
-from gelforge.mismatch.screen import screened
-from gelforge.mismatch.solutions import Solver, SolverFailed
-from gelforge.mismatch.stage import IMAGES_LEFT_OUT, judge_recording, observations_of, problem_of
-from gelforge.mismatch.verdict import read_verdict
-from gelforge.mismatch.verdict_tables import read_flow, read_readings
+from gelforge.mismatch.images.flow_model import flow_model
+from gelforge.mismatch.images.flow_rows import Rows
+from gelforge.mismatch.inference.judge import judge
+from gelforge.mismatch.pipeline.stage import IMAGES_LEFT_OUT, judge_recording, observations_of, problem_of
+from gelforge.mismatch.result.verdict import read_verdict
+from gelforge.mismatch.result.verdict_tables import read_flow, read_readings
+from gelforge.mismatch.summary.flow_told import after_of, flow_section, region_middles
 from gelforge.recording.camera import project
-from gelforge.report.mismatch_flow import flow_residual_figure
-from gelforge.report.mismatch_reader import MismatchResults
+from gelforge.report.verdict.mismatch_flow import flow_residual_figure
+from gelforge.report.verdict.mismatch_reader import MismatchResults
 from gelforge.virtual_lab.particles import gel_boxes
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))

@@ -8,12 +8,12 @@ from recorded import record
 from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.symmetry import D4, transform_points
-from gelforge.mismatch import solver as solver_module
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.images_of_presses import image_of
-from gelforge.mismatch.sessions import observe
-from gelforge.mismatch.solutions import Solver
-from gelforge.mismatch.solver import base_of
+from gelforge.mismatch.fem import solver as solver_module
+from gelforge.mismatch.fem.solutions import Solver
+from gelforge.mismatch.fem.solver import base_of
+from gelforge.mismatch.model.images_of_presses import image_of
+from gelforge.mismatch.readings.sessions import observe
 
 SAME = 0.03  # of the largest: at a mirror image a one-sided difference is taken to the other side
 # one of every way to turn: not at all, as a vector, as a rotation, as a spin, as a place

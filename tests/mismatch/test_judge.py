@@ -11,13 +11,13 @@ from numpy.testing import assert_allclose
 
 from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.judge import judge
-from gelforge.mismatch.problem import PLACE_ERROR, secant
-from gelforge.mismatch.refit import refitted
-from gelforge.mismatch.scan import Finding
-from gelforge.mismatch.screen import screened
-from gelforge.mismatch.verdict import LEFT_P
-from gelforge.mismatch.words import plain
+from gelforge.mismatch.evidence.screen import screened
+from gelforge.mismatch.goodness.scan import Finding
+from gelforge.mismatch.inference.judge import judge
+from gelforge.mismatch.result.verdict import LEFT_P
+from gelforge.mismatch.summary.words import plain
+from gelforge.mismatch.terms.problem import PLACE_ERROR, secant
+from gelforge.mismatch.terms.refit import refitted
 
 
 @pytest.mark.thorough

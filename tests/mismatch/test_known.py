@@ -11,8 +11,8 @@ from gelforge.config import ConfigError, study_from
 from gelforge.config.variants import merged
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.effects.force_frame import READ
-from gelforge.mismatch.known import with_known
-from gelforge.mismatch.solver import Base
+from gelforge.mismatch.fem.known import with_known
+from gelforge.mismatch.fem.solver import Base
 
 
 def based_on(effect, amounts, shape):

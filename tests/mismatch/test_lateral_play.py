@@ -10,9 +10,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from gelforge.config import StageToSensor
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.observations import COLUMNS, Observations, last_moves
-from gelforge.mismatch.solutions import Solver
-from gelforge.mismatch.solver import base_of, forces_with
+from gelforge.mismatch.fem.solutions import Solver
+from gelforge.mismatch.fem.solver import base_of, forces_with
+from gelforge.mismatch.readings.observations import COLUMNS, Observations, last_moves
 from gelforge.recording.readings import axes_of_stage, stage_to_sensor
 
 PLAY, SHIFT = CATALOGUE["lateral_play"], CATALOGUE["misregistration"]

@@ -16,14 +16,14 @@ from gelforge.config.variants import merged
 from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
 from gelforge.indentation.plan import plan_cells
 from gelforge.indentation.simulate import simulate_cell
-from gelforge.mismatch import solutions
-from gelforge.mismatch.ahead import limits_table, planned_observations, planned_problem
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.identifiability import DECISIVE, DETECTED_SNR
-from gelforge.mismatch.screen import screened
-from gelforge.mismatch.solutions import Solver
-from gelforge.mismatch.stage import problem_of
-from gelforge.mismatch.verdict import Verdict, write_verdict
+from gelforge.mismatch.evidence.identifiability import DECISIVE, DETECTED_SNR
+from gelforge.mismatch.evidence.screen import screened
+from gelforge.mismatch.fem import solutions
+from gelforge.mismatch.fem.solutions import Solver
+from gelforge.mismatch.pipeline.ahead import limits_table, planned_observations, planned_problem
+from gelforge.mismatch.pipeline.stage import problem_of
+from gelforge.mismatch.result.verdict import Verdict, write_verdict
 
 TRIED = ("contact_zero", "force_gain", "gel_stiffness")
 NARROW = {

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from gelforge.mismatch.covariance import Covariance
+from gelforge.mismatch.evidence.covariance import Covariance
+from gelforge.mismatch.evidence.screen import Candidate, evidence, judged_by
 from gelforge.mismatch.inference.linear import Linear, half_normal_evidence
-from gelforge.mismatch.screen import Candidate, evidence, judged_by
 
 N = 40
 

@@ -11,21 +11,19 @@ import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 
-from gelforge.characterisation.common_form import ForcePair, MaterialTest, Segment
-from gelforge.characterisation.material_source import MaterialSource, read_sources
-from gelforge.characterisation.segments import find_segments
-from gelforge.characterisation.small_effects import SmallTests
 from gelforge.cli import main
-from gelforge.mismatch.effect import Parameter
-from gelforge.mismatch.material_evidence import Candidate, Readings, fitted
-from gelforge.mismatch.material_law import foam_stress
-from gelforge.mismatch.material_tests import judge_material, judge_sources
-from gelforge.mismatch.material_viscosity import hereditary
+from gelforge.materials.readers.common_form import ForcePair, MaterialTest, Segment
+from gelforge.materials.readers.material_source import MaterialSource, read_sources
+from gelforge.materials.readers.segments import find_segments
+from gelforge.materials.readers.small_effects import SmallTests
+from gelforge.mismatch.material.material_evidence import Candidate, Readings, fitted
+from gelforge.mismatch.material.material_law import foam_stress
+from gelforge.mismatch.material.material_tests import judge_material, judge_sources
+from gelforge.mismatch.material.material_viscosity import hereditary
+from gelforge.mismatch.model.effect import Parameter
 
 ROOT = Path(__file__).parents[2]
-_spec = importlib.util.spec_from_file_location(
-    "shared_data", ROOT / "tests" / "characterisation" / "shared_data.py"
-)
+_spec = importlib.util.spec_from_file_location("shared_data", ROOT / "tests" / "materials" / "shared_data.py")
 shared_data = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(shared_data)
 SHARED = shared_data.SHARED

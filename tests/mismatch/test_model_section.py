@@ -10,9 +10,9 @@ from artificial_problem import CATALOGUE, SETTINGS, problem_of
 from test_findings import verdict
 
 from gelforge.csv_table import read_csv
-from gelforge.mismatch.judge import judge
-from gelforge.mismatch.model_section import correction_table, model_section
-from gelforge.mismatch.verdict_tables import CORRECTION, write_correction
+from gelforge.mismatch.inference.judge import judge
+from gelforge.mismatch.result.verdict_tables import CORRECTION, write_correction
+from gelforge.mismatch.summary.model_section import correction_table, model_section
 
 TRIED = {"force_offset", "tilt", "yaw"}  # none of them follows a share that falls and rises with depth
 

@@ -11,15 +11,15 @@ from numpy.testing import assert_allclose
 from test_findings import verdict
 
 from gelforge.csv_table import read_csv
-from gelforge.mismatch.alternatives import UNKNOWN
-from gelforge.mismatch.body_map import BOX, WIDTH, boxes
-from gelforge.mismatch.judge import judge
-from gelforge.mismatch.model_section import correction_table
-from gelforge.mismatch.modules import modules_of
-from gelforge.mismatch.patch import patch_of
-from gelforge.mismatch.screen import Candidate
-from gelforge.mismatch.verdict import VERDICT, Verdict, read_verdict, write_verdict
-from gelforge.mismatch.verdict_tables import MODULE, write_module
+from gelforge.mismatch.evidence.alternatives import UNKNOWN
+from gelforge.mismatch.evidence.screen import Candidate
+from gelforge.mismatch.inference.judge import judge
+from gelforge.mismatch.pipeline.patch import patch_of
+from gelforge.mismatch.result.verdict import VERDICT, Verdict, read_verdict, write_verdict
+from gelforge.mismatch.result.verdict_tables import MODULE, write_module
+from gelforge.mismatch.summary.model_section import correction_table
+from gelforge.mismatch.terms.body_map import BOX, WIDTH, boxes
+from gelforge.mismatch.terms.modules import modules_of
 
 MIDDLE = artificial.WIDTH / 2
 

@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from gelforge.mismatch.noise import reading_noise
-from gelforge.mismatch.observations import Observations
-from gelforge.mismatch.outliers import without_outliers
-from gelforge.mismatch.sessions import _table
-from gelforge.mismatch.touchdown import with_touchdown
+from gelforge.mismatch.readings.noise import reading_noise
+from gelforge.mismatch.readings.observations import Observations
+from gelforge.mismatch.readings.outliers import without_outliers
+from gelforge.mismatch.readings.sessions import _table
+from gelforge.mismatch.readings.touchdown import with_touchdown
 
 FORCE = ["fx_N", "fy_N", "fz_N"]
 SIGMA = np.array([0.002, 0.003, 0.006])

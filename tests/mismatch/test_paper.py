@@ -15,9 +15,11 @@ from gelforge.cli.factory import laws_and_doubts
 from gelforge.config import load_study, study_from
 from gelforge.config.variants import merged
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.experiments import again, survivor
-from gelforge.mismatch.identifiability import next_experiment
-from gelforge.mismatch.published import (
+from gelforge.mismatch.evidence.identifiability import next_experiment
+from gelforge.mismatch.evidence.screen import Candidate, screened
+from gelforge.mismatch.fem.solutions import Solver
+from gelforge.mismatch.pipeline.experiments import again, survivor
+from gelforge.mismatch.pipeline.published import (
     CASES,
     NO_TIMES,
     judge_case,
@@ -26,8 +28,6 @@ from gelforge.mismatch.published import (
     study_of,
     write_summary,
 )
-from gelforge.mismatch.screen import Candidate, screened
-from gelforge.mismatch.solutions import Solver
 
 FINITE = {"small_strain", "linear_elasticity"}
 # What the design says is confused with it, and a thinner layer, which 16 readings hardly tell from it.

@@ -16,13 +16,13 @@ from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.sensitivities import unmirrored
 from gelforge.indentation.simulate import simulate_cell
-from gelforge.mismatch.ahead import planned_observations
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.patch import patch_of
-from gelforge.mismatch.solutions import Solver
-from gelforge.mismatch.solver import REACH_MM, base_of, forces_with
-from gelforge.mismatch.stage import judge_recording, with_known
-from gelforge.mismatch.verdict_tables import read_readings
+from gelforge.mismatch.fem.solutions import Solver
+from gelforge.mismatch.fem.solver import REACH_MM, base_of, forces_with
+from gelforge.mismatch.pipeline.ahead import planned_observations
+from gelforge.mismatch.pipeline.patch import patch_of
+from gelforge.mismatch.pipeline.stage import judge_recording, with_known
+from gelforge.mismatch.result.verdict_tables import read_readings
 
 DEPTHS = (0.6, 1.2)
 PLAN = {"grid": {"spacing_mm": 6.0, "margin_mm": 5.0}, "depths_mm": [0.6, 1.2]}

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from artificial_problem import problem_of
 
-from gelforge.mismatch import places
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.problem import FORM_ERROR, PLACE_ERROR
-from gelforge.mismatch.refit import refitted
-from gelforge.mismatch.screen import judged_by, screened
-from gelforge.mismatch.weighing import unmasked, weighed, whole
+from gelforge.mismatch.evidence import places
+from gelforge.mismatch.evidence.screen import judged_by, screened
+from gelforge.mismatch.terms.problem import FORM_ERROR, PLACE_ERROR
+from gelforge.mismatch.terms.refit import refitted
+from gelforge.mismatch.terms.weighing import unmasked, weighed, whole
 
 TRIED = places.balls(artificial.study())
 

@@ -9,10 +9,8 @@ import specimens
 
 from gelforge.indentation.effects.kinematics import real_place
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.observations import COLUMNS, Observations
-from gelforge.mismatch.runs import runs_of, timed_runs_of
-from gelforge.mismatch.solutions import Solver, way_down
-from gelforge.mismatch.solver import (
+from gelforge.mismatch.fem.solutions import Solver, way_down
+from gelforge.mismatch.fem.solver import (
     REACH_MM,
     _by_what_is_felt,
     _loading_curves,
@@ -21,7 +19,9 @@ from gelforge.mismatch.solver import (
     base_of,
     forces_with,
 )
-from gelforge.mismatch.solver_effects import FAR_OUT, LARGEST_MOVE
+from gelforge.mismatch.model.solver_effects import FAR_OUT, LARGEST_MOVE
+from gelforge.mismatch.readings.observations import COLUMNS, Observations
+from gelforge.mismatch.readings.runs import runs_of, timed_runs_of
 
 PRESSES = [  # site, depth, depths on the way up
     (0, 0.5, ()),

@@ -8,9 +8,9 @@ import pytest
 from artificial_problem import problem_of
 
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.effects_told import interval
-from gelforge.mismatch.refit import _step, refitted
-from gelforge.mismatch.screen import screened
+from gelforge.mismatch.evidence.screen import screened
+from gelforge.mismatch.summary.effects_told import interval
+from gelforge.mismatch.terms.refit import _step, refitted
 
 
 @pytest.mark.parametrize("amount", [0.1, 0.0, -0.02, -0.1])

@@ -7,8 +7,8 @@ import pytest
 from artificial_readings import covariance_of, flat_base, grid, readings
 from scipy.stats import binom, chi2, kstest
 
-from gelforge.mismatch.covariance import Covariance, Estimated
-from gelforge.mismatch.scan import dictionary, global_test, scan
+from gelforge.mismatch.evidence.covariance import Covariance, Estimated
+from gelforge.mismatch.goodness.scan import dictionary, global_test, scan
 
 NULLS = 400
 

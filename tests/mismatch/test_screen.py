@@ -6,8 +6,8 @@ from artificial_readings import covariance_of, flat_base, grid, readings
 from numpy.testing import assert_allclose
 from scipy.stats import binom
 
-from gelforge.mismatch.alternatives import log_prior, normalised
-from gelforge.mismatch.screen import SCALES, Candidate, believing, evidence, judged_by, screened
+from gelforge.mismatch.evidence.alternatives import log_prior, normalised
+from gelforge.mismatch.evidence.screen import SCALES, Candidate, believing, evidence, judged_by, screened
 
 RNG = np.random.default_rng
 AS_STATED = (1.0,)  # scales of plausible amounts: drawn as the priors say

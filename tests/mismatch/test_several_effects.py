@@ -8,9 +8,9 @@ import pytest
 from artificial_problem import SETTINGS, problem_of
 from numpy.testing import assert_allclose
 
-from gelforge.mismatch.alternatives import effects_of
-from gelforge.mismatch.judge import judge
-from gelforge.mismatch.screen import Candidate
+from gelforge.mismatch.evidence.alternatives import effects_of
+from gelforge.mismatch.evidence.screen import Candidate
+from gelforge.mismatch.inference.judge import judge
 
 
 def patterned(patterns, change, truth):

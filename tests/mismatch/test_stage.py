@@ -13,14 +13,14 @@ from test_patched_study import after_of
 from gelforge.config import ConfigError, study_from
 from gelforge.config.variants import merged
 from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
-from gelforge.mismatch import stage
-from gelforge.mismatch.candidates import effects_of_forces
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.sessions import observe, session_folders
-from gelforge.mismatch.solutions import Solver
-from gelforge.mismatch.stage import check_matches, judge_recording
-from gelforge.mismatch.verdict import read_verdict
-from gelforge.mismatch.verdict_tables import read_readings
+from gelforge.mismatch.fem.solutions import Solver
+from gelforge.mismatch.pipeline import stage
+from gelforge.mismatch.pipeline.stage import check_matches, judge_recording
+from gelforge.mismatch.readings.sessions import observe, session_folders
+from gelforge.mismatch.result.verdict import read_verdict
+from gelforge.mismatch.result.verdict_tables import read_readings
+from gelforge.mismatch.terms.candidates import effects_of_forces
 
 # The recordings are made on the study's own coarse mesh, so that they do not show its error: it is stated as small.
 MISMATCH = {"sites": 6, "discretisation": 0.002}

@@ -8,13 +8,13 @@ import specimens
 from numpy.testing import assert_allclose
 
 from gelforge.indentation.plan import PlannedCell, plan_cells
-from gelforge.mismatch import solutions
-from gelforge.mismatch.candidates import effects_of_forces
-from gelforge.mismatch.context import Context
-from gelforge.mismatch.site_slopes import slopes_of_site, write_site_slopes
-from gelforge.mismatch.solutions import Solver, follow
-from gelforge.mismatch.solver import asked_of, felt_by
-from gelforge.mismatch.stored import path_at, shortened
+from gelforge.mismatch.fem import solutions
+from gelforge.mismatch.fem.site_slopes import slopes_of_site, write_site_slopes
+from gelforge.mismatch.fem.solutions import Solver, follow
+from gelforge.mismatch.fem.solver import asked_of, felt_by
+from gelforge.mismatch.fem.stored import path_at, shortened
+from gelforge.mismatch.model.context import Context
+from gelforge.mismatch.terms.candidates import effects_of_forces
 
 TRIED = ("gel_stiffness", "tilt", "misregistration", "inclusion", "elastic_base")
 PLAN = {"grid": {"spacing_mm": 3.0, "margin_mm": 5.0}, "depths_mm": [0.2, 0.4, 0.6]}

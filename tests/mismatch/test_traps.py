@@ -8,13 +8,13 @@ import specimens
 
 from gelforge.config import study_from
 from gelforge.config.variants import merged
-from gelforge.mismatch.ahead import planned_observations
-from gelforge.mismatch.candidates import columns_of
-from gelforge.mismatch.covariance import readings_covariance
 from gelforge.mismatch.effects import CATALOGUE, with_taken
-from gelforge.mismatch.identifiability import ALIKE, cosines
-from gelforge.mismatch.solutions import Solver
-from gelforge.mismatch.solver import base_of
+from gelforge.mismatch.evidence.covariance import readings_covariance
+from gelforge.mismatch.evidence.identifiability import ALIKE, cosines
+from gelforge.mismatch.fem.solutions import Solver
+from gelforge.mismatch.fem.solver import base_of
+from gelforge.mismatch.pipeline.ahead import planned_observations
+from gelforge.mismatch.terms.candidates import columns_of
 
 PLAN = {"grid": {"spacing_mm": 1.5, "margin_mm": 5.0}, "depths_mm": [0.6, 1.2]}
 NAMES = (

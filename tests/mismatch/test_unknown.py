@@ -8,12 +8,12 @@ import pytest
 from artificial_problem import LOCATED, SETTINGS, judged, problem_of
 from numpy.testing import assert_allclose
 
-from gelforge.mismatch.alternatives import UNKNOWN
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.judge import judge
-from gelforge.mismatch.unknown import PLAUSIBLE, manners_of, modes, weighed_unknown
-from gelforge.mismatch.weighing import weighed
-from gelforge.mismatch.words import sentence_of
+from gelforge.mismatch.evidence.alternatives import UNKNOWN
+from gelforge.mismatch.inference.judge import judge
+from gelforge.mismatch.summary.words import sentence_of
+from gelforge.mismatch.terms.unknown import PLAUSIBLE, manners_of, modes, weighed_unknown
+from gelforge.mismatch.terms.weighing import weighed
 
 
 def problem_with(name, amounts, seed=7, **keys):

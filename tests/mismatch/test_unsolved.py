@@ -8,11 +8,11 @@ import pytest
 import specimens
 
 from gelforge.indentation.effects.catalogue import with_keys
-from gelforge.mismatch import solutions, unsolved
-from gelforge.mismatch.observations import COLUMNS, Observations
-from gelforge.mismatch.solutions import Solver, SolverFailed, Unsolved
-from gelforge.mismatch.solver import base_of
-from gelforge.mismatch.unsolved import base_where_solved, without
+from gelforge.mismatch.fem import solutions, unsolved
+from gelforge.mismatch.fem.solutions import Solver, SolverFailed, Unsolved
+from gelforge.mismatch.fem.solver import base_of
+from gelforge.mismatch.fem.unsolved import base_where_solved, without
+from gelforge.mismatch.readings.observations import COLUMNS, Observations
 
 MIDDLE, EDGE, MIRRORED = (8.0, 8.0), (8.0, 1.5), (1.5, 8.0)  # of 16 mm; the wall is 1 mm thick
 DEEP = 2.3  # mm: beside the wall a ball of 5 mm finds no equilibrium there, in the middle it does

@@ -8,8 +8,13 @@ import pytest
 from pydantic import ValidationError
 
 from gelforge.files import write_product_json
-from gelforge.mismatch.verdict import Verdict, VerdictError, read_verdict, schema, write_verdict
-from gelforge.mismatch.verdict_tables import read_body_map, read_readings, write_body_map, write_readings
+from gelforge.mismatch.result.verdict import Verdict, VerdictError, read_verdict, schema, write_verdict
+from gelforge.mismatch.result.verdict_tables import (
+    read_body_map,
+    read_readings,
+    write_body_map,
+    write_readings,
+)
 
 
 def score(rmse_z: float, log_score: float) -> dict:

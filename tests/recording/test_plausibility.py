@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 from gelforge.config import Sensor, load_study
 from gelforge.dataset.agreement import _measured
 from gelforge.indentation.plan import PlannedCell, plan_cells
-from gelforge.mismatch.sessions import observe
+from gelforge.mismatch.readings.sessions import observe
 from gelforge.recording.checks import RecordingError
 from gelforge.recording.features import sample_rows
 from gelforge.recording.plausibility.findings import (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import fake_results
 import pytest
 
-from gelforge.report import chapters
+from gelforge.report.chapters import chapter as chapters
 from gelforge.report.page import write_report
 
 

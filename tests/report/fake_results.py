@@ -14,14 +14,14 @@ import numpy as np
 import pandas as pd
 from matplotlib.image import imsave
 
-from gelforge.characterisation.law_file import MaterialLaw, write_law
-from gelforge.characterisation.material_table import material_table
-from gelforge.characterisation.measured_effects import MeasuredEffect, MeasuredEffects
 from gelforge.config import Camera, ForceSensor, Session, Study, study_from, write_yaml
 from gelforge.files import write_product_json, write_product_table, write_table
 from gelforge.hdf5 import writing
 from gelforge.indentation.cell_file import Cell, write_cell
 from gelforge.indentation.plan import PlannedCell, plan_cells, variant_cells
+from gelforge.materials.fitting.law_file import MaterialLaw, write_law
+from gelforge.materials.fitting.material_table import material_table
+from gelforge.materials.readers.measured_effects import MeasuredEffect, MeasuredEffects
 from gelforge.mechanics.homogeneous import cauchy_stress
 from gelforge.mechanics.laws import Ogden
 from gelforge.recording.plausibility.findings import Finding, Findings, write_findings

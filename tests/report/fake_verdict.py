@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from gelforge.mismatch.verdict import Verdict, write_verdict
-from gelforge.mismatch.verdict_tables import write_body_map, write_readings
+from gelforge.mismatch.result.verdict import Verdict, write_verdict
+from gelforge.mismatch.result.verdict_tables import write_body_map, write_readings
 
 DEPTHS = np.arange(0.25, 2.01, 0.25)
 SITES = [(x, y) for y in (5.0, 10.5, 16.0, 21.5, 27.0) for x in (5.0, 10.5, 16.0, 21.5, 27.0)]

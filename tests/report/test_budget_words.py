@@ -6,8 +6,8 @@ import pytest
 from fake_results import error_budget
 from matplotlib.text import Text
 
-from gelforge.report.chapters import Chapter
-from gelforge.report.error_budget import BARS, budget_figure, budget_words, tell_budget
+from gelforge.report.chapters.chapter import Chapter
+from gelforge.report.chapters.error_budget import BARS, budget_figure, budget_words, tell_budget
 
 
 @pytest.mark.parametrize(

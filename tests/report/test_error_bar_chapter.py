@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 from edited_file import edited
 
-from gelforge.report.error_bar_chapter import PARTS, error_bar_figure, error_bars, sigma_table
-from gelforge.report.results_reader import StudyResults
+from gelforge.report.chapters.error_bar_chapter import PARTS, error_bar_figure, error_bars, sigma_table
+from gelforge.report.chapters.results_reader import StudyResults
 
 # Two cells at two depths: forces, and sigmas of which the shares are easily told.
 ROWS = pd.DataFrame(

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gelforge.report.chapters import Chapter
-from gelforge.report.flow_floor import depth_rows, false_flow_px, flow_table, tell_flow_floor
-from gelforge.report.results_reader import StudyResults
+from gelforge.report.chapters.chapter import Chapter
+from gelforge.report.chapters.flow_floor import depth_rows, false_flow_px, flow_table, tell_flow_floor
+from gelforge.report.chapters.results_reader import StudyResults
 
 
 def columns(**changed):

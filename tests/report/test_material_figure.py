@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gelforge.characterisation.characterise import characterise
 from gelforge.config import Material, OgdenParameters
-from gelforge.report.material_figure import material_figure
+from gelforge.materials.characterise import characterise
+from gelforge.report.figures.material_figure import material_figure
 
 
 def drawn(folder, tests=None, parameters=None):

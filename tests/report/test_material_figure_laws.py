@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from gelforge.characterisation.characterise import characterise_source
-from gelforge.characterisation.common_form import MaterialTest
-from gelforge.characterisation.material_source import MaterialSource
 from gelforge.config import Fitting
+from gelforge.materials.characterise import characterise_source
+from gelforge.materials.readers.common_form import MaterialTest
+from gelforge.materials.readers.material_source import MaterialSource
 from gelforge.mechanics.homogeneous import nominal_stress, stress_points
 from gelforge.mechanics.laws import NeoHooke
-from gelforge.report.material_figure import material_figure
+from gelforge.report.figures.material_figure import material_figure
 
 LAW = NeoHooke(0.02)
 

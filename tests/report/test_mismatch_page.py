@@ -14,13 +14,13 @@ import pytest
 from matplotlib.collections import PatchCollection, QuadMesh
 from test_page import parsed
 
-from gelforge.mismatch.verdict import NoiseCase, Verdict, VerdictError
-from gelforge.report import mismatch_curves, mismatch_maps
-from gelforge.report.mismatch_chapters import CHAPTERS, mismatch
+from gelforge.mismatch.result.verdict import NoiseCase, Verdict, VerdictError
+from gelforge.report.chapters.results_reader import StudyResults
 from gelforge.report.mismatch_page import write_mismatch_page
-from gelforge.report.mismatch_reader import MismatchResults
-from gelforge.report.mismatch_words import amounts_text, p_text, shape_text, unbroken
-from gelforge.report.results_reader import StudyResults
+from gelforge.report.verdict import mismatch_curves, mismatch_maps
+from gelforge.report.verdict.mismatch_chapters import CHAPTERS, mismatch
+from gelforge.report.verdict.mismatch_reader import MismatchResults
+from gelforge.report.verdict.mismatch_words import amounts_text, p_text, shape_text, unbroken
 
 
 @pytest.fixture(scope="module")

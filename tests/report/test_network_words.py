@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from gelforge.report.network_words import network_words
+from gelforge.report.chapters.network_words import network_words
 
 
 def tables(own=0.004, ridge=0.016, wall=0.004, sessions=(0.004, 0.004), inside=0.9):

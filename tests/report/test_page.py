@@ -12,12 +12,12 @@ import fake_results
 import numpy as np
 import pytest
 
-from gelforge.report.beside_paper import beside_paper
-from gelforge.report.chapters import Chapter, cell_text, heading
-from gelforge.report.learning_chapters import TABLES
-from gelforge.report.material_chapter import _unstable
+from gelforge.report.chapters.beside_paper import beside_paper
+from gelforge.report.chapters.chapter import Chapter, cell_text, heading
+from gelforge.report.chapters.learning_chapters import TABLES
+from gelforge.report.chapters.material_chapter import _unstable
+from gelforge.report.chapters.results_reader import StudyResults
 from gelforge.report.page import CHAPTERS, write_report
-from gelforge.report.results_reader import StudyResults
 
 FETCHING = {"src", "href", "srcset", "data", "poster", "action"}
 
@@ -120,7 +120,9 @@ def not_the_articles(whole, tmp_path_factory):
     """Return the folder of the whole study's pages, made as those of any study but the article's, and what was missing."""
     folder = tmp_path_factory.mktemp("other")
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("gelforge.report.chapters.data_uri", lambda figure: "data:image/svg+xml;base64,")
+        patched.setattr(
+            "gelforge.report.chapters.chapter.data_uri", lambda figure: "data:image/svg+xml;base64,"
+        )
         return folder, write_report(whole[0], whole[1], folder / "page.html")
 
 

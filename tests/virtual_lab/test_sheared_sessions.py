@@ -18,7 +18,7 @@ from gelforge.indentation.plan import PlannedCell, plan_cells
 from gelforge.indentation.simulate import simulate_cell
 from gelforge.learning.data import images_of_presses
 from gelforge.mechanics.laws import Ogden
-from gelforge.mismatch.sessions import observe
+from gelforge.mismatch.readings.sessions import observe
 from gelforge.recording.checks import RecordingError
 from gelforge.recording.features import judge_all, session_features
 from gelforge.recording.image_measures import Measures, add_measures

@@ -21,7 +21,7 @@ HOSTILE = (
 )
 # What the Snakefile imports, and Snakemake while it reads one.
 IMPORTED = (
-    "gelforge.characterisation.material_source",
+    "gelforge.materials.readers.material_source",
     "gelforge.cli.cost",
     "gelforge.dataset.presses_in_order",
     "gelforge.dataset.recorded_presses",

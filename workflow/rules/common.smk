@@ -194,7 +194,7 @@ def material_tests(wildcards):
 
     What a virtual lab is still to make, and what cannot be read, is left to the job, which says what is wrong.
     """
-    from gelforge.characterisation.material_source import source_files
+    from gelforge.materials.readers.material_source import source_files
     from gelforge.csv_table import TableError
 
     material = STUDY.materials[wildcards.material]
@@ -313,7 +313,7 @@ def check_raw_data(jobs):
     Snakemake deletes a job's former results before the job finds out, and with keep-going spends hours on cells
     beside it. Material tests with pictures are left to their job, which takes minutes to track them.
     """
-    from gelforge.characterisation.material_source import source_of
+    from gelforge.materials.readers.material_source import source_of
     from gelforge.csv_table import TableError
     from gelforge.recording.readings import RecordingError, read_recording
 

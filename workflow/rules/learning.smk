@@ -118,7 +118,7 @@ rule tables:
         f"{LOGS}/tables.log",
     params:
         source=source_digest(
-            "characterisation/law_file.py",
+            "materials/fitting/law_file.py",
             "dataset/agreement.py",
             "dataset/ranges.py",
             "learning/error_budget.py",

@@ -2,7 +2,10 @@
 
 SLOPE_SOURCES = [
     f"mismatch/{name}.py"
-    for name in ("site_slopes", "stored", "solutions", "solver", "solver_effects", "body_map", "places")
+    for name in (
+        *("model/solver_effects", "evidence/places", "terms/body_map"),
+        *("fem/site_slopes", "fem/stored", "fem/solutions", "fem/solver"),
+    )
 ]
 LOOKED_AT = [] if STUDY.mismatch.images == "left_out" else ["reference.png", "images"]
 

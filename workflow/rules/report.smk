@@ -49,6 +49,6 @@ rule report:
         runtime=asks(short_seconds),
     params:
         variants=block("variants"),
-        source=source_digest("report", "mismatch/verdict.py"),
+        source=source_digest("report", "mismatch/result/verdict.py"),
     shell:
         "{GELFORGE:q} report --study {STUDY_FILE:q} --out {output.page:q} &> {log:q}"

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from importlib import import_module
 from pkgutil import iter_modules
 
-from gelforge.mismatch.effect import Effect
+from gelforge.mismatch.model.effect import Effect
 
 
 def found() -> dict[str, Effect]:

@@ -8,9 +8,9 @@ import numpy as np
 
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import gel_layers
-from gelforge.mismatch.context import Context
-from gelforge.mismatch.effect import Effect, Shape, where_it_differs
-from gelforge.mismatch.solver_effects import amount, solver
+from gelforge.mismatch.model.context import Context
+from gelforge.mismatch.model.effect import Effect, Shape, where_it_differs
+from gelforge.mismatch.model.solver_effects import amount, solver
 
 
 def present(study: Study) -> float:

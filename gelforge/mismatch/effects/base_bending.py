@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gelforge.mismatch.context import Context
-from gelforge.mismatch.effect import Effect, Shape
-from gelforge.mismatch.solver_effects import amount, has, per_depth, solver
+from gelforge.mismatch.model.context import Context
+from gelforge.mismatch.model.effect import Effect, Shape
+from gelforge.mismatch.model.solver_effects import amount, has, per_depth, solver
 
 
 def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:

@@ -11,9 +11,9 @@ import numpy as np
 
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import CATALOGUE
-from gelforge.mismatch.context import Context
-from gelforge.mismatch.effect import Effect, Shape
-from gelforge.mismatch.solver_effects import amount
+from gelforge.mismatch.model.context import Context
+from gelforge.mismatch.model.effect import Effect, Shape
+from gelforge.mismatch.model.solver_effects import amount
 
 PARTS = ("gel_stiffness", "skin_stiffness")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gelforge.config import Camera, Study
-from gelforge.mismatch.effect import Effect, Parameter
+from gelforge.mismatch.model.effect import Effect, Parameter
 
 
 def to_camera(study: Study, camera: Camera, amounts: Sequence[float]) -> Camera:

@@ -1,7 +1,7 @@
 """The layers give way in volume: bubbles, or a bulk modulus below that of the study."""
 
-from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, has_none_of, solver
+from gelforge.mismatch.model.effect import Effect
+from gelforge.mismatch.model.solver_effects import amount, has_none_of, solver
 
 EFFECT = Effect(
     name="compressibility",

@@ -1,7 +1,7 @@
 """Depth zero was found too late or too early in all presses alike."""
 
-from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, has, solver
+from gelforge.mismatch.model.effect import Effect
+from gelforge.mismatch.model.solver_effects import amount, has, solver
 
 EFFECT = Effect(
     name="contact_zero",

@@ -1,8 +1,8 @@
 """A patch between gel and skin has let go and slides."""
 
-from gelforge.mismatch import places
-from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, has_none_of, is_block, solver
+from gelforge.mismatch.evidence import places
+from gelforge.mismatch.model.effect import Effect
+from gelforge.mismatch.model.solver_effects import amount, has_none_of, is_block, solver
 
 EFFECT = Effect(
     name="delamination",

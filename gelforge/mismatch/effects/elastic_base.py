@@ -1,8 +1,8 @@
 """What carries the layers is elastic and not rigid."""
 
 from gelforge.config import Study
-from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, solver
+from gelforge.mismatch.model.effect import Effect
+from gelforge.mismatch.model.solver_effects import amount, solver
 
 
 def present(study: Study) -> float:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gelforge.mismatch.blunders import blunder
-from gelforge.mismatch.effect import Effect
+from gelforge.mismatch.model.blunders import blunder
+from gelforge.mismatch.model.effect import Effect
 
 # What was read as (Fx, Fy), of the force (Fx, Fy) on the sensor: all other ways to lay a square on itself.
 READ = {

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gelforge.mismatch.context import Context
-from gelforge.mismatch.effect import Effect, Parameter, Shape
+from gelforge.mismatch.model.context import Context
+from gelforge.mismatch.model.effect import Effect, Parameter, Shape
 
 SOURCE = (
     "width: full-scale uncertainty of 1 to 2 % in common six-axis data sheets, a good deal more of the reading at a tenth of"

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gelforge.mismatch.context import Context
-from gelforge.mismatch.effect import Effect, Parameter, Shape
+from gelforge.mismatch.model.context import Context
+from gelforge.mismatch.model.effect import Effect, Parameter, Shape
 
 
 def shapes(context: Context) -> list[Shape]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from gelforge.mismatch.blunders import blunder
-from gelforge.mismatch.effect import Effect
+from gelforge.mismatch.model.blunders import blunder
+from gelforge.mismatch.model.effect import Effect
 
 # What is read of one newton; thousands are refused when a recording is read.
 READ = {

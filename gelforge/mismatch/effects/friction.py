@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gelforge.config import Study
-from gelforge.mismatch.effect import Effect, Shape
-from gelforge.mismatch.solver_effects import amount, solver
+from gelforge.mismatch.model.effect import Effect, Shape
+from gelforge.mismatch.model.solver_effects import amount, solver
 
 FIELDS = solver("friction")
 

@@ -1,7 +1,7 @@
 """Friction falls with the contact pressure and is not Coulomb's."""
 
-from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, has, solver
+from gelforge.mismatch.model.effect import Effect
+from gelforge.mismatch.model.solver_effects import amount, has, solver
 
 EFFECT = Effect(
     name="friction_law",

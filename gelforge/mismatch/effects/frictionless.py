@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 from gelforge.config import Mechanics, Study
 from gelforge.indentation.effects.catalogue import CATALOGUE
-from gelforge.mismatch.context import Context
-from gelforge.mismatch.effect import Effect, Shape
-from gelforge.mismatch.places import FirstOrderAt
-from gelforge.mismatch.solver_effects import ON, amount, turned_round
+from gelforge.mismatch.evidence.places import FirstOrderAt
+from gelforge.mismatch.model.context import Context
+from gelforge.mismatch.model.effect import Effect, Shape
+from gelforge.mismatch.model.solver_effects import ON, amount, turned_round
 
 # Silicone on steel or plastic runs from 0.2, dusted, to above 1, clean; what studies have by default is between.
 COEFFICIENTS = (0.2, Mechanics.model_fields["friction"].default, 1.0)

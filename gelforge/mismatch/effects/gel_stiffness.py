@@ -1,7 +1,7 @@
 """The gel is stiffer or softer than its law: batch, cure, tracer particles."""
 
-from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, solver
+from gelforge.mismatch.model.effect import Effect
+from gelforge.mismatch.model.solver_effects import amount, solver
 
 EFFECT = Effect(
     name="gel_stiffness",

@@ -1,7 +1,7 @@
 """The grid of positions is larger or smaller than commanded: a stage's pitch, a wrong unit of steps."""
 
-from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, half_an_element_far_out, has, solver
+from gelforge.mismatch.model.effect import Effect
+from gelforge.mismatch.model.solver_effects import amount, half_an_element_far_out, has, solver
 
 EFFECT = Effect(
     name="grid_scale",

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from gelforge.mismatch import places
-from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, solver
+from gelforge.mismatch.evidence import places
+from gelforge.mismatch.model.effect import Effect
+from gelforge.mismatch.model.solver_effects import amount, solver
 
 EFFECT = Effect(
     name="inclusion",

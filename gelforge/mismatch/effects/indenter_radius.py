@@ -1,7 +1,7 @@
 """The ball is larger or smaller than described."""
 
-from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, has, solver
+from gelforge.mismatch.model.effect import Effect
+from gelforge.mismatch.model.solver_effects import amount, has, solver
 
 EFFECT = Effect(
     name="indenter_radius",

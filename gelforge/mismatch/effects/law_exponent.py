@@ -1,7 +1,7 @@
 """The law stiffens otherwise beyond the stretches of its fit: Ogden's exponents, the limiting chain."""
 
-from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, has_none_of, solver
+from gelforge.mismatch.model.effect import Effect
+from gelforge.mismatch.model.solver_effects import amount, has_none_of, solver
 
 EFFECT = Effect(
     name="law_exponent",

@@ -2,8 +2,8 @@
 
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import gel_layers
-from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, is_block, solver
+from gelforge.mismatch.model.effect import Effect
+from gelforge.mismatch.model.solver_effects import amount, is_block, solver
 
 
 def present(study: Study) -> float:

@@ -1,7 +1,14 @@
 """The stage's origin lies elsewhere on the sensor than described."""
 
-from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, as_vector, first_order, half_an_element, pair_of, solver
+from gelforge.mismatch.model.effect import Effect
+from gelforge.mismatch.model.solver_effects import (
+    amount,
+    as_vector,
+    first_order,
+    half_an_element,
+    pair_of,
+    solver,
+)
 
 SOURCE = "width: an edge found by eye (judgement); bounds: a tenth of a usual sensor"
 

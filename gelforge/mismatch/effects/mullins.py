@@ -11,9 +11,9 @@ from scipy.special import erf
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import gel_layers, with_keys
 from gelforge.indentation.sensitivities import unmirrored
-from gelforge.mismatch.context import Context
-from gelforge.mismatch.effect import Effect, Shape
-from gelforge.mismatch.solver_effects import amount, has_none_of, solver
+from gelforge.mismatch.model.context import Context
+from gelforge.mismatch.model.effect import Effect, Shape
+from gelforge.mismatch.model.solver_effects import amount, has_none_of, solver
 
 # m over the largest energy density: a loss at the slightest return, and one in proportion
 SCALES = (0.1, 1.0)

@@ -1,7 +1,7 @@
 """Tracer particles have sunk before the gel had cured: its bottom is stiffer, its top softer."""
 
-from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, has, is_block, solver
+from gelforge.mismatch.model.effect import Effect
+from gelforge.mismatch.model.solver_effects import amount, has, is_block, solver
 
 EFFECT = Effect(
     name="particle_settling",

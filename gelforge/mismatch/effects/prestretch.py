@@ -1,7 +1,7 @@
 """The skin is under a residual stretch: shrunk in curing, or bonded while stretched."""
 
-from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, has_none_of, is_block, solver
+from gelforge.mismatch.model.effect import Effect
+from gelforge.mismatch.model.solver_effects import amount, has_none_of, is_block, solver
 
 EFFECT = Effect(
     name="prestretch",

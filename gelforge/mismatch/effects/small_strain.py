@@ -6,8 +6,8 @@ A base of small strain gets finite strain with neo-Hookean laws of its moduli, w
 
 from gelforge.config import Mechanics, Study
 from gelforge.indentation.effects.catalogue import CATALOGUE
-from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import ON, amount, first_order, turned_round
+from gelforge.mismatch.model.effect import Effect
+from gelforge.mismatch.model.solver_effects import ON, amount, first_order, turned_round
 
 
 def changes(mechanics: Mechanics) -> dict:

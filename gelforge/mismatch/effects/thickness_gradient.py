@@ -2,8 +2,8 @@
 
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import gel_layers
-from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, as_vector, first_order, is_block, pair_of, solver
+from gelforge.mismatch.model.effect import Effect
+from gelforge.mismatch.model.solver_effects import amount, as_vector, first_order, is_block, pair_of, solver
 
 
 def present(study: Study) -> list[float]:

@@ -1,7 +1,7 @@
 """The sensor stands at an angle to the indenter's path."""
 
-from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, as_rotation, first_order, pair_of, solver
+from gelforge.mismatch.model.effect import Effect
+from gelforge.mismatch.model.solver_effects import amount, as_rotation, first_order, pair_of, solver
 
 SOURCE = "width: mounted by eye (judgement); bounds: seen by eye"
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import with_keys
-from gelforge.mismatch import places
-from gelforge.mismatch.effect import Effect, Shape
-from gelforge.mismatch.solver_effects import amount, solver
+from gelforge.mismatch.evidence import places
+from gelforge.mismatch.model.effect import Effect, Shape
+from gelforge.mismatch.model.solver_effects import amount, solver
 
 PRESSURES_MPA = (1e-2, 3e-3, 3e-2)  # at which half of it is used up: a press of a soft gel has 5 to 50 kPa
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import CATALOGUE, gel_layers, skin_layer, with_keys
-from gelforge.mismatch.context import Context
-from gelforge.mismatch.effect import Effect, Shape
-from gelforge.mismatch.solver_effects import amount, has_none_of
+from gelforge.mismatch.model.context import Context
+from gelforge.mismatch.model.effect import Effect, Shape
+from gelforge.mismatch.model.solver_effects import amount, has_none_of
 
 SHORTEST_S = 0.1
 LONGEST_OVER_PRESS = 10.0  # a time ten times the longest press acts as a stiffness: longer ones look alike

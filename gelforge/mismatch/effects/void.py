@@ -1,8 +1,8 @@
 """A bubble, or a soft spot, in the gel."""
 
-from gelforge.mismatch import places
-from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, solver
+from gelforge.mismatch.evidence import places
+from gelforge.mismatch.model.effect import Effect
+from gelforge.mismatch.model.solver_effects import amount, solver
 
 EFFECT = Effect(
     name="void",

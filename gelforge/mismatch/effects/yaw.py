@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from gelforge.mismatch.effect import Effect
-from gelforge.mismatch.solver_effects import amount, as_spin, half_an_element_far_out, has, solver
+from gelforge.mismatch.model.effect import Effect
+from gelforge.mismatch.model.solver_effects import amount, as_spin, half_an_element_far_out, has, solver
 
 EFFECT = Effect(
     name="yaw",

@@ -10,19 +10,19 @@ import numpy as np
 from gelforge.config import ConfigError
 from gelforge.config.mismatch import Mismatch
 from gelforge.mechanics.equilibrium import NotConverged
-from gelforge.mismatch.alternatives import UNKNOWN
-from gelforge.mismatch.holdout import Blocks
-from gelforge.mismatch.identifiability import cosines
+from gelforge.mismatch.evidence.alternatives import UNKNOWN
+from gelforge.mismatch.evidence.identifiability import cosines
+from gelforge.mismatch.evidence.screen import Screened
+from gelforge.mismatch.goodness.remains import Remains, remains
 from gelforge.mismatch.inference.few_sites import at_few_sites
 from gelforge.mismatch.inference.fits import by_columns, fitted, forces_of, through_solutions
 from gelforge.mismatch.inference.posterior import Effects, Posterior, posterior_of
 from gelforge.mismatch.inference.proof import Proof, folds_of, having_paid, proof_of
-from gelforge.mismatch.problem import Problem
-from gelforge.mismatch.refit import Refitted, refitted
-from gelforge.mismatch.remains import Remains, remains
-from gelforge.mismatch.screen import Screened
-from gelforge.mismatch.unknown import Manner
-from gelforge.mismatch.verdict import SURE
+from gelforge.mismatch.result.verdict import SURE
+from gelforge.mismatch.terms.holdout import Blocks
+from gelforge.mismatch.terms.problem import Problem
+from gelforge.mismatch.terms.refit import Refitted, refitted
+from gelforge.mismatch.terms.unknown import Manner
 
 NEGLIGIBLE = 0.02  # probability of an effect below which it is not mentioned beside others
 MOST_ALTERNATIVES = 3  # classes that one of the answer's effects may stand for

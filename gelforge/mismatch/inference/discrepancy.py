@@ -15,14 +15,14 @@ import numpy as np
 import pandas as pd
 from scipy.special import logsumexp
 
-from gelforge.mismatch.covariance import Covariance
-from gelforge.mismatch.holdout import Blocks, Gain, gain, predictive_scores
-from gelforge.mismatch.modules import Module
-from gelforge.mismatch.problem import Problem
-from gelforge.mismatch.refit import Refitted
-from gelforge.mismatch.screen import SCALES, evidence
-from gelforge.mismatch.unknown import FROM_PLACE_TO_PLACE, WITH_DEPTH, Manner, Span, manners
-from gelforge.mismatch.verdict import SURE
+from gelforge.mismatch.evidence.covariance import Covariance
+from gelforge.mismatch.evidence.screen import SCALES, evidence
+from gelforge.mismatch.result.verdict import SURE
+from gelforge.mismatch.terms.holdout import Blocks, Gain, gain, predictive_scores
+from gelforge.mismatch.terms.modules import Module
+from gelforge.mismatch.terms.problem import Problem
+from gelforge.mismatch.terms.refit import Refitted
+from gelforge.mismatch.terms.unknown import FROM_PLACE_TO_PLACE, WITH_DEPTH, Manner, Span, manners
 
 FARTHEST_MM = 6.0  # from the nearest site that it was learnt from, beyond which a change from place to place is not known
 

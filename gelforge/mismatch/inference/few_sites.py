@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from gelforge.mismatch.effect import unturned
-from gelforge.mismatch.problem import Problem
-from gelforge.mismatch.screen import Candidate
-from gelforge.mismatch.spread import spread_out
+from gelforge.mismatch.evidence.screen import Candidate
+from gelforge.mismatch.evidence.spread import spread_out
+from gelforge.mismatch.model.effect import unturned
+from gelforge.mismatch.terms.problem import Problem
 
 SITES = 9  # that are solved
 ORDER = 2  # of the polynomial

@@ -9,10 +9,10 @@ import numpy as np
 
 from gelforge.config import ConfigError
 from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mismatch.evidence.screen import Candidate, Screened
 from gelforge.mismatch.inference.posterior import Effects, Posterior
-from gelforge.mismatch.problem import Problem, secant
-from gelforge.mismatch.refit import Refitted, refitted
-from gelforge.mismatch.screen import Candidate, Screened
+from gelforge.mismatch.terms.problem import Problem, secant
+from gelforge.mismatch.terms.refit import Refitted, refitted
 
 MOST_SOLVED = 4  # sets that are fitted with the finite elements
 MOST_SOLUTIONS = 3  # of one set

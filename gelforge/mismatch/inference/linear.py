@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 from scipy.special import log_ndtr
 
-from gelforge.mismatch.covariance import Covariance
-from gelforge.mismatch.screen import FAR, SCALES, Candidate, whitened
+from gelforge.mismatch.evidence.covariance import Covariance
+from gelforge.mismatch.evidence.screen import FAR, SCALES, Candidate, whitened
 
 AT_ONCE = 20_000  # sets of one size
 

@@ -16,14 +16,14 @@ from functools import cached_property
 import numpy as np
 from scipy.special import logsumexp
 
-from gelforge.mismatch.alternatives import NOTHING, UNKNOWN, WORTH, log_prior, normalised
-from gelforge.mismatch.covariance import Covariance
-from gelforge.mismatch.identifiability import ALIKE, cosines
+from gelforge.mismatch.evidence.alternatives import NOTHING, UNKNOWN, WORTH, log_prior, normalised
+from gelforge.mismatch.evidence.covariance import Covariance
+from gelforge.mismatch.evidence.identifiability import ALIKE, cosines
+from gelforge.mismatch.evidence.screen import Screened, believing, judged_by
 from gelforge.mismatch.inference.linear import Linear, scales_of
-from gelforge.mismatch.problem import Problem
-from gelforge.mismatch.screen import Screened, believing, judged_by
-from gelforge.mismatch.unknown import Manner, Weighed, weighed_unknown
-from gelforge.mismatch.weighing import FELT_SNR, those_felt, weighed
+from gelforge.mismatch.terms.problem import Problem
+from gelforge.mismatch.terms.unknown import Manner, Weighed, weighed_unknown
+from gelforge.mismatch.terms.weighing import FELT_SNR, those_felt, weighed
 from gelforge.progress import Progress
 
 REACH = 12.0  # log weight behind the best, within which a set is judged with the errors of its change

@@ -8,12 +8,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from gelforge.mismatch.covariance import Covariance
-from gelforge.mismatch.holdout import FEW_SITES, Blocks, Gain, gain, paid_for_choice, predictive_scores, split
+from gelforge.mismatch.evidence.covariance import Covariance
+from gelforge.mismatch.evidence.screen import Screened, judged_by
 from gelforge.mismatch.inference.posterior import Posterior
-from gelforge.mismatch.problem import Problem
-from gelforge.mismatch.refit import Refitted
-from gelforge.mismatch.screen import Screened, judged_by
+from gelforge.mismatch.terms.holdout import (
+    FEW_SITES,
+    Blocks,
+    Gain,
+    gain,
+    paid_for_choice,
+    predictive_scores,
+    split,
+)
+from gelforge.mismatch.terms.problem import Problem
+from gelforge.mismatch.terms.refit import Refitted
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,294 @@
+"""The material stage: what was measured, or given parameters, to one folder of results per material.
+
+| file | what |
+|---|---|
+| law.json | the chosen law; laws/<name>.json: each other one that the tests determine |
+| laws.csv, .md | the laws compared: information criterion, errors of prediction, stability |
+| parameters.csv, .md | parameters of all laws with intervals |
+| curves.csv | samples, their mean and the chosen law: what the figure shows |
+| effects.json, .csv, .md | rate, holds, cycles, age, temperature, small tests: sizes, intervals, sentences |
+| notes.txt | the summary |
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from gelforge.config import Fitting, LawParameters, Material
+from gelforge.files import digest, file_sha256, write_json, write_product_table, write_table, write_text
+from gelforge.materials.covariates.circumstances import CIRCUMSTANCES, circumstance_effects
+from gelforge.materials.covariates.history_effects import cycle_effects, lateral_effects, relaxation_effects
+from gelforge.materials.fitting.bootstrap import bootstrap as bootstrap_samples
+from gelforge.materials.fitting.choice import Comparison, compare_laws
+from gelforge.materials.fitting.curves import MeanCurve, mean_curves, monotonic_loading, sample_curves
+from gelforge.materials.fitting.families import FAMILIES
+from gelforge.materials.fitting.fit import WEIGHTS, FitError, LawFit
+from gelforge.materials.fitting.law_file import MaterialLaw, read_law, rounded, write_law
+from gelforge.materials.fitting.material_table import material_table
+from gelforge.materials.fitting.sample_scatter import scatter
+from gelforge.materials.fitting.stiffness import check_stiffness
+from gelforge.materials.readers.common_form import MaterialTest
+from gelforge.materials.readers.material_source import MaterialSource, source_of
+from gelforge.materials.readers.measured_effects import MeasuredEffects
+from gelforge.materials.readers.small_effects import small_effects
+from gelforge.mechanics.laws import Ogden, PrincipalLaw
+
+CURVE_COLUMNS = [
+    "test",
+    "sample",
+    "stretch",
+    "cauchy_stress_kPa",
+    "nominal_stress_kPa",
+    "model_nominal_stress_kPa",
+]
+MEAN = "mean"  # the sample name of the averaged curve
+SEED = 20191113  # of the bootstrap; the same files give the same intervals
+CIRCUMSTANCE_NAMES = {c.effect for c in CIRCUMSTANCES}
+FITTED_SHARE = 0.8  # of the largest strain of any sample; a range fitted below that is worth a note
+NOTHING_MEASURED = "the law's parameters were given; nothing was measured"
+
+
+@dataclass(frozen=True)
+class Characterised:
+    """What was found for one material, and the law files written beside the chosen one."""
+
+    name: str
+    comparison: Comparison | None  # None: no test that a law can be fitted to
+    effects: MeasuredEffects
+    notes: tuple[str, ...]
+    other_laws: tuple[Path, ...] = ()
+
+    @property
+    def summary(self) -> str:
+        """Return in a few lines which law was chosen, why, what to beware of, and the effects' sentences."""
+        lines, warnings = [f"{self.name}: no law is fitted"], ()
+        if self.comparison:
+            fit, warnings = self.comparison.chosen.fit, self.comparison.warnings
+            lines = [
+                f"{self.name}: {self.comparison.reason}",
+                f"  E = {fit.law.youngs_modulus * 1e3:.4g} kPa; R2 of the nominal stress: "
+                + ", ".join(f"{test} {r2:.4f}" for test, r2 in fit.r2_nominal.items()),
+            ]
+        lines += [f"  ! {text}" for text in (*warnings, *self.notes)]
+        lines += [f"  {e.effect}, {e.test}: {e.sentence}" for e in self.effects.effects]
+        return "\n".join(
+            [*lines, *(f"  {effect}: not judged, {why}" for effect, why in self.effects.not_judged)]
+        )
+
+
+def characterise(name: str, material: Material, folder: Path, study: str = "") -> None:
+    """Write the results of a study's material, its laws with the study's name; the same inputs give the same bytes."""
+    if material.parameters is None:
+        try:
+            source = replace(source_of(name, material.tests, material.mapping), study=study)
+            characterise_source(source, material, folder)
+        except FitError as error:
+            raise FitError(f"{material.tests}: {error}") from None
+        check_stiffness(read_law(folder / "law.json"), material.stiffness_confirmed)
+        return
+    law = given_law(name, material.parameters)
+    check_stiffness(law, material.stiffness_confirmed)
+    effects = MeasuredEffects(name, (), ())
+    _clear(folder)
+    _write_effects(folder, effects, law.inputs_digest, False)
+    write_table(folder, "parameters", material_table([law]))
+    write_table(folder, "laws", pd.DataFrame(columns=["law", "chosen"]))
+    _write_curves(folder, pd.DataFrame(columns=CURVE_COLUMNS))
+    write_text(folder / "notes.txt", f"{name}: {NOTHING_MEASURED}\n")
+    write_law(folder / "law.json", replace(law, study=study))
+
+
+def given_law(name: str, parameters: LawParameters) -> MaterialLaw:
+    """Return the law whose parameters are given; nothing is known of its uncertainty."""
+    if parameters.law == "ogden":
+        law = Ogden(tuple(m * 1e-3 for m in parameters.ogden_mu_kPa), tuple(parameters.alpha))
+    else:
+        family = FAMILIES[parameters.law]
+        law = family.law_of(np.array([getattr(parameters, name) for name in family.parameters]))
+    return MaterialLaw(name, law, digest({"parameters": parameters.model_dump()}))
+
+
+def characterise_source(
+    source: MaterialSource, fitting: Fitting, folder: Path, workers: int = 1, law_needed: bool = True
+) -> Characterised:
+    """Write the results of a material into a folder and return them.
+
+    law_needed: raise FitError where no test can be fitted; otherwise only the effects are written then.
+    """
+    tests, notes = monotonic_loading(list(source.tests))
+    notes = _gathered(
+        [*notes, *(f"{t.test} {t.sample}: {text}" for t in source.tests for text in t.findings)]
+        + [f"{t.sample}: {text}" for t in source.small.contacts for text in t.findings]
+    )
+    if not tests and law_needed:
+        raise FitError(f"{source.name}: no loading to fit a law to; {'; '.join(notes) or 'add samples.csv'}")
+    curves, comparison = mean_curves(tests), None
+    if tests:
+        try:
+            comparison = compare_laws(curves, fitting.laws, fitting.loss, fitting.choose)
+        except FitError as error:
+            raise FitError(f"{source.name}: {error}") from None
+        notes += [text for curve in curves for text in scatter(curve, comparison.chosen.fit.law)]
+    effects = measured_effects(source)
+    notes += _cut_short(tests, curves)
+    notes += _averaged(tests, effects)
+    inputs = digest(
+        {"files": sorted((p.name, file_sha256(p)) for p in source.files), "fitting": fitting.fitting_keys()}
+    )
+    _clear(folder)
+    others = []
+    if comparison:
+        others = _write_laws(folder, source, comparison, notes, inputs)
+        _write_curves(folder, curve_table(tests, curves, comparison.chosen.fit.law))
+        write_table(folder, "laws", comparison.table())
+        table = _parameters(source.name, comparison)
+        if fitting.bootstrap:
+            table = with_bootstrap(table, curves, comparison.chosen.fit, fitting.bootstrap, workers)
+        write_table(folder, "parameters", table)
+    _write_effects(folder, effects, inputs, source.synthetic)
+    result = Characterised(source.name, comparison, effects, tuple(notes), tuple(others))
+    write_text(folder / "notes.txt", result.summary + "\n")
+    return result
+
+
+def measured_effects(source: MaterialSource) -> MeasuredEffects:
+    """Return what the tests of a material say about each effect, and why others could not be judged."""
+    tests, found, not_judged = list(source.tests), [], []
+    judges = [(small_effects, source.small)]
+    if tests:
+        of_tests = (circumstance_effects, relaxation_effects, cycle_effects, lateral_effects)
+        judges = [*((judge, tests) for judge in of_tests), *judges]
+    for judge, measured in judges:
+        effects, reasons = judge(measured)
+        found += effects
+        not_judged += reasons
+    return MeasuredEffects(source.name, tuple(found), tuple(dict.fromkeys(not_judged)))
+
+
+def material_law(name: str, fit: LawFit, inputs_digest: str, synthetic: bool, notes=()) -> MaterialLaw:
+    """Return what is kept of a fit."""
+    return MaterialLaw(
+        name,
+        fit.law,
+        inputs_digest,
+        fit.covariance,
+        fit.r2_nominal,
+        fit.valid_stretch,
+        fit.samples,
+        synthetic,
+        freedom=fit.freedom,
+        covariance_from=fit.covariance_from,
+        valid_states=fit.valid.extremes,
+        unstable_from=fit.unstable_from,
+        fitted_by=f"{WEIGHTS}; {fit.loss} loss",
+        notes=(*notes, *fit.notes),
+    )
+
+
+def curve_table(samples: list[MaterialTest], means: list[MeanCurve], law: PrincipalLaw) -> pd.DataFrame:
+    """Return measured, averaged and modelled stress [kPa] against stretch; sample "mean" is the average."""
+    curves = [(c, sample.sample) for sample in samples for c in sample_curves(sample)]
+    curves += [(c, MEAN) for c in means]
+    parts = []
+    for c, sample in curves:
+        model = c.points.measured_stress(law)
+        content = (c.label, sample, c.stretch, c.cauchy_stress * 1e3, c.nominal_stress * 1e3, model * 1e3)
+        parts.append(pd.DataFrame(dict(zip(CURVE_COLUMNS, content))))
+    return pd.concat(parts, ignore_index=True)
+
+
+def with_bootstrap(
+    table: pd.DataFrame, curves: list[MeanCurve], fit: LawFit, replicates: int, workers: int
+) -> pd.DataFrame:
+    """Return the table with the bootstrap's 95 % intervals of the fitted law's parameters and modulus beside."""
+    drawn = bootstrap_samples(curves, fit, replicates, SEED, workers)
+    moduli = np.array([fit.family.law(theta).youngs_modulus * 1e3 for theta in drawn.theta])
+    quantities = dict(zip((n.removesuffix("_kPa") for n in fit.family.parameters), drawn.parameters.T)) | {
+        "E": moduli
+    }
+    ends = {name: drawn.interval(values) for name, values in quantities.items()}
+    mine = table.law == fit.family.name
+    for column, end in (("low_95_bootstrap", 0), ("high_95_bootstrap", 1)):
+        table[column] = [ends[q][end] if m and q in ends else np.nan for q, m in zip(table.quantity, mine)]
+    return table
+
+
+def _gathered(notes: list[str]) -> list[str]:
+    """Return notes ("test sample: text") with those of one text made into one."""
+    about: dict[str, list[str]] = {}
+    for note in notes:
+        name, _, text = note.partition(": ")
+        about.setdefault(text, []).append(name)
+    return [f"{', '.join(names)}: {text}" for text, names in about.items()]
+
+
+def _cut_short(tests: list[MaterialTest], curves: list[MeanCurve]) -> list[str]:
+    """Return where samples went much further than the range that all of them reached, which alone is fitted."""
+    said = []
+    for curve in (c for c in curves if c.component == "1" and c.test != "biaxial"):
+        own = [t for t in tests if t.test == curve.test]
+        rest = own[0].at_rest
+        reached, fitted = (
+            max(np.abs(x - rest).max() for x in xs) for xs in ([t.stretch for t in own], [curve.stretch])
+        )
+        if fitted < FITTED_SHARE * reached:
+            low, high = curve.stretch[[0, -1]]
+            said.append(
+                f"{curve.test}: fitted between {own[0].abscissa} {low:.3g} and {high:.3g}, where all {len(own)} samples"
+                f" were measured; single ones reach a strain of {reached:.3g}: give samples of other ranges a material"
+                " of their own to use the rest"
+            )
+    return said
+
+
+def _averaged(tests: list[MaterialTest], effects: MeasuredEffects) -> list[str]:
+    """Return which significant influences the fitted law averages over."""
+    kinds = {t.test for t in tests}
+    return [
+        f"the law averages over the tests' {e.effect.replace('_', ' ')}, whose influence is significant: {e.sentence}"
+        for e in effects.effects
+        if e.effect in CIRCUMSTANCE_NAMES and e.verdict.startswith("significant s") and e.test in kinds
+    ]
+
+
+def _clear(folder: Path) -> None:
+    """Remove the laws of an earlier run; the folder of other laws is there even when it stays empty."""
+    (folder / "laws").mkdir(parents=True, exist_ok=True)
+    for path in (folder / "laws").glob("*.json"):
+        path.unlink()
+
+
+def _write_laws(
+    folder: Path, source: MaterialSource, comparison: Comparison, notes: list[str], inputs: str
+) -> list[Path]:
+    """Write the chosen law and the others; return the files of the others."""
+    others = []
+    for candidate in (c for c in comparison.candidates if c.fit):
+        chosen = candidate is comparison.chosen
+        path = folder / ("law.json" if chosen else f"laws/{candidate.name}.json")
+        kept = (*notes, *comparison.misfit, *comparison.identifiability) if chosen else notes
+        law = material_law(source.name, candidate.fit, inputs, source.synthetic, kept)
+        write_law(path, replace(law, study=source.study))
+        others += [] if chosen else [path]
+    return others
+
+
+def _parameters(name: str, comparison: Comparison) -> pd.DataFrame:
+    tables = []
+    for candidate in (c for c in comparison.candidates if c.fit):
+        table = material_table([material_law(name, candidate.fit, "", False)])
+        tables.append(table.assign(law=candidate.name, chosen=candidate is comparison.chosen))
+    return pd.concat(tables, ignore_index=True)
+
+
+def _write_curves(folder: Path, table: pd.DataFrame) -> None:
+    write_product_table(folder / "curves.csv", table, "%.10g")
+
+
+def _write_effects(folder: Path, effects: MeasuredEffects, inputs_digest: str, synthetic: bool) -> None:
+    write_json(folder / "effects.json", rounded(effects.content(inputs_digest, synthetic)))
+    write_table(folder, "effects", effects.table())

@@ -1,0 +1,1 @@
+"""What else changed in a test: time, rate, history, temperature."""

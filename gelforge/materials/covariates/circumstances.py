@@ -1,0 +1,224 @@
+"""Which tests of a material may be compared: alike in all circumstances but one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from gelforge.materials.covariates.effects import (
+    CONFIDENCE,
+    Effect,
+    Scatter,
+    ageing_effect,
+    dose_effect,
+    line_effect,
+    rate_effect,
+    scatter_between,
+    temperature_effect,
+)
+from gelforge.materials.covariates.relaxation import Relaxation
+from gelforge.materials.readers.common_form import MaterialTest
+from gelforge.materials.readers.measured_effects import MeasuredEffect
+
+
+@dataclass(frozen=True)
+class Circumstance:
+    """A number that a test was made at; values closer than `alike` (of its scale) count as the same."""
+
+    effect: str
+    attribute: str
+    alike: float
+    judge: Callable[..., Effect]
+    unit: str
+    scale: Callable = float
+    word: str = ""
+
+
+CIRCUMSTANCES = (
+    Circumstance(
+        "strain_rate", "rate_per_s", 0.15, rate_effect, "1/s", np.log10, "strain rate"
+    ),  # a factor of 1.4
+    Circumstance("age", "age_days", 0.9, ageing_effect, "days", word="age"),
+    Circumstance("temperature", "temperature_C", 1.5, temperature_effect, "degC", word="temperature"),
+    Circumstance("treatment", "dose", 1e-9, dose_effect, "doses", word="treatment"),
+)
+
+
+ALIKE_STRAIN = 0.1  # relative: strains of holds that are closer count as one
+
+
+def circumstance_effects(tests: list[MaterialTest]) -> tuple[list[MeasuredEffect], list[tuple[str, str]]]:
+    """Return the effects of rate, age, temperature and treatment on the first loading, and what could not be judged.
+
+    Compared are tests of one kind that differ in one circumstance only. Ramps to a hold are not compared with
+    loadings to the end: their rates are those of a few rows.
+    """
+    found, not_judged = [], []
+    for kind in dict.fromkeys(t.test for t in tests):
+        own = [t for t in tests if t.test == kind and t.cycle in (None, 1) and _loads(t)]
+        for ramps in (False, True):
+            group = [t for t in own if (t.history == "relaxation") == ramps]
+            keys = _keys(group)
+            repeats = _repeats(group)
+            for number, circumstance in enumerate(CIRCUMSTANCES):
+                new, reasons = _judged(group, keys, number, circumstance, repeats)
+                found += new
+                not_judged += [(circumstance.effect, reason) for reason in reasons]
+    judged = {e.effect for e in found} | {effect for effect, _ in not_judged}
+    for circumstance in CIRCUMSTANCES[:3]:
+        if circumstance.effect not in judged:
+            not_judged.append((circumstance.effect, _why_not(circumstance, tests)))
+    return found, not_judged
+
+
+def relaxation_by_circumstance(tests: list[MaterialTest], fits: list[Relaxation]) -> list[MeasuredEffect]:
+    """Return what age, temperature and treatment do to the share of stress that is left after a common hold.
+
+    The share is that of the stress where the hold begins, as measured: compared are holds after ramps of one rate.
+    """
+    found = []
+    for kind in dict.fromkeys(t.test for t in tests):
+        chosen = [i for i, t in enumerate(tests) if t.test == kind]
+        group = [tests[i] for i in chosen]
+        keys = [(*key, level) for key, level in zip(_keys(group), _held_levels([fits[i] for i in chosen]))]
+        for number, circumstance in enumerate(CIRCUMSTANCES[1:], start=1):
+            for members in _groups(keys, number):
+                own, held = [group[i] for i in members], [fits[chosen[i]] for i in members]
+                begin, end = common_hold(held)
+                y = np.log([1 - fit.drop_between(begin, end) for fit in held])
+                values = [getattr(t, circumstance.attribute) for t in own]
+                x, span = np.array([circumstance.scale(v) for v in values]), (min(values), max(values))
+                level = float(np.median([fit.stretch for fit in held]))
+                effect = line_effect(
+                    y, x, circumstance.word, span, circumstance.unit, circumstance.unit.rstrip("s"), (level, level),
+                    own[0].abscissa, None, f"share of stress left from {begin:.3g} to {end:.3g} s of hold",
+                )  # fmt: skip
+                found.append(_measured(circumstance.effect, kind, effect, own))
+    return found
+
+
+def common_hold(held: list[Relaxation]) -> tuple[float, float]:
+    """Return the times [s] since the hold began that all holds contain."""
+    return max(fit.hold_s[0] for fit in held), min(fit.hold_s[1] for fit in held)
+
+
+def alike_groups(tests: list[MaterialTest]) -> list[list[MaterialTest]]:
+    """Return the tests of one kind in groups that are alike in every circumstance, as far as it is known."""
+    return _grouped(tests, [(test.test, *key) for test, key in zip(tests, _keys(tests))])
+
+
+def alike_holds(held: list[tuple[MaterialTest, Relaxation]]) -> list[list[tuple[MaterialTest, Relaxation]]]:
+    """Return the holds of one kind of test in groups that are alike in every circumstance and in the held strain."""
+    tests, levels = [test for test, _ in held], _held_levels([fit for _, fit in held])
+    return _grouped(held, [(test.test, *key, level) for test, key, level in zip(tests, _keys(tests), levels)])
+
+
+def _grouped(items: list, keys: list[tuple]) -> list[list]:
+    groups: dict[tuple, list] = {}
+    for item, key in zip(items, keys):
+        groups.setdefault(key, []).append(item)
+    return list(groups.values())
+
+
+def _held_levels(held: list[Relaxation]) -> list[int]:
+    """Return for each hold the number of its cluster of alike strains: relaxation of a soft solid depends on strain."""
+    strains = [fit.stretch - (fit.abscissa == "stretch") for fit in held]
+    levels = [(np.sign(e), np.log(max(abs(e), 1e-6))) for e in strains]
+    known = sorted(set(levels))
+    edges = [0, *(int(b[0] != a[0] or b[1] - a[1] > ALIKE_STRAIN) for a, b in zip(known, known[1:]))]
+    cluster = dict(zip(known, np.cumsum(edges).tolist()))
+    return [cluster[level] for level in levels]
+
+
+def _loads(test: MaterialTest) -> bool:
+    if test.cauchy_difference is not None or test.test == "biaxial":
+        return False
+    return not test.segments or any(s.kind == "load" for s in test.segments)
+
+
+def _keys(tests: list[MaterialTest]) -> list[tuple]:
+    """Return for each test the numbers of its clusters of alike values, one per circumstance; None is unknown."""
+    columns = []
+    for circumstance in CIRCUMSTANCES:
+        values = [getattr(t, circumstance.attribute) for t in tests]
+        known = sorted({circumstance.scale(v) for v in values if v is not None})
+        edges = [0, *(int(d > circumstance.alike) for d in np.diff(known))]
+        cluster = dict(zip(known, np.cumsum(edges).tolist()))
+        columns.append([None if v is None else cluster[circumstance.scale(v)] for v in values])
+    return list(zip(*columns))
+
+
+def _groups(keys: list[tuple], number: int) -> list[list[int]]:
+    """Return the tests that are alike but in circumstance `number`, where it takes two values at least."""
+    groups: dict[tuple, list[int]] = {}
+    for i, key in enumerate(keys):
+        if key[number] is not None:
+            groups.setdefault((*key[:number], *key[number + 1 :]), []).append(i)
+    return [members for members in groups.values() if len({keys[i][number] for i in members}) > 1]
+
+
+def _repeats(tests: list[MaterialTest]) -> Scatter | None:
+    try:
+        return scatter_between([group for group in alike_groups(tests) if len(group) > 1])
+    except ValueError:
+        return None
+
+
+def _judged(tests, keys, number, circumstance, repeats) -> tuple[list[MeasuredEffect], list[str]]:
+    found, reasons = [], []
+    for members in _groups(keys, number):
+        own = [tests[i] for i in members]
+        try:
+            effect = circumstance.judge(own, repeats)
+        except ValueError as error:
+            reasons.append(str(error))
+            continue
+        found.append(_measured(circumstance.effect, own[0].test, effect, own))
+    if not found and not reasons and len({key[number] for key in keys} - {None}) > 1:
+        reasons.append(
+            f"{circumstance.word} changes only together with other circumstances; test one at a time"
+        )
+    return found, reasons
+
+
+def _measured(name: str, kind: str, effect: Effect, tests: list[MaterialTest]) -> MeasuredEffect:
+    slope = None if effect.slope_interval is None else list(effect.slope_interval)
+    source = (
+        f"Student's t, {CONFIDENCE:.0%}, scatter between samples" if effect.interval else "none: no repeats"
+    )
+    return MeasuredEffect(
+        name,
+        kind,
+        f"relative change of the {effect.quantity}",
+        effect.change,
+        effect.interval,
+        source,
+        "1",
+        effect.verdict,
+        effect.sentence,
+        tuple(t.sample for t in tests),
+        {
+            "span": list(effect.span),
+            "span_unit": effect.unit,
+            "slope": effect.slope,
+            "slope_per": effect.per,
+            "slope_interval_95": slope,
+            "stretch": list(effect.stretch),
+            "change_at_smallest_and_largest_strain": None if effect.at_ends is None else list(effect.at_ends),
+            "scatter_to_explain": effect.scatter_to_explain,
+        },
+    )
+
+
+def _why_not(circumstance: Circumstance, tests: list[MaterialTest]) -> str:
+    values = sorted({v for t in tests if (v := getattr(t, circumstance.attribute)) is not None})
+    if not values:
+        return f"{circumstance.word} is stated for no test"
+    if len(values) == 1:
+        return f"all tests at {values[0]:.3g} {circumstance.unit}; two values at least are needed"
+    return (
+        f"{circumstance.word} of tests that may be compared is alike (all between {values[0]:.3g} and {values[-1]:.3g}"
+        f" {circumstance.unit})"
+    )

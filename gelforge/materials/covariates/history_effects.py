@@ -1,0 +1,301 @@
+"""Holds, cycles and lateral stretches of a material's tests as measured effects."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gelforge.materials.covariates.circumstances import (
+    alike_groups,
+    alike_holds,
+    common_hold,
+    relaxation_by_circumstance,
+)
+from gelforge.materials.covariates.effects import first_loading
+from gelforge.materials.covariates.hysteresis import (
+    NEGLIGIBLE,
+    Loop,
+    fit_ogden_roxburgh,
+    loops,
+    reloading_softening,
+    softening_between,
+    softening_interval,
+    softening_sentence,
+    softening_verdict,
+)
+from gelforge.materials.covariates.relaxation import Relaxation, relaxation_of
+from gelforge.materials.readers.common_form import MaterialTest
+from gelforge.materials.readers.measured_effects import MeasuredEffect
+from gelforge.materials.readers.small_tests import mean_of
+
+LEAST_SAMPLES = 3  # whose scatter gives an interval that says something (Student's t of two is 12.7)
+BETWEEN_SAMPLES = "Student's t, scatter between samples"
+ISOCHORIC = {"uniaxial": -0.5, "pure_shear": 0.0, "equibiaxial": 1.0}  # ln lam_2 / ln lam_1
+LEAST_LATERAL_STRAIN = 0.05  # of ln lam_1: below it noise decides the ratio
+
+Found = tuple[list[MeasuredEffect], list[tuple[str, str]]]
+
+
+def relaxation_effects(tests: list[MaterialTest]) -> Found:
+    """Return the first hold of each test, the mean of tests made alike, and what circumstances do to it."""
+    found, not_judged, held = [], [], []
+    for test in tests:
+        if test.time_s is None or not any(s.kind == "hold" for s in test.segments):
+            continue
+        try:
+            fit = relaxation_of(test, _first_hold(test))
+        except ValueError as error:
+            not_judged.append(("relaxation", str(error)))
+            continue
+        held.append((test, fit))
+        found.append(_relaxation(test, fit))
+    for group in alike_holds(held):
+        if len(group) >= LEAST_SAMPLES:
+            found.append(_mean_relaxation(group[0][0].test, group))
+    if held:
+        found += relaxation_by_circumstance([t for t, _ in held], [f for _, f in held])
+    elif not not_judged:
+        not_judged.append(("relaxation", "no hold with a time; test one"))
+    return found, not_judged
+
+
+def _first_hold(test: MaterialTest) -> int:
+    """Return the number of the first hold that follows a loading; 0 where the whole test is a hold."""
+    holds = [i for i, s in enumerate(test.segments) if s.kind == "hold"]
+    return next((k for k, i in enumerate(holds) if i and test.segments[i - 1].kind == "load"), 0)
+
+
+def _relaxation(test: MaterialTest, fit: Relaxation) -> MeasuredEffect:
+    return MeasuredEffect(
+        "relaxation",
+        test.test,
+        "share of stress lost during the hold",
+        fit.drop,
+        fit.drop_interval,
+        "bootstrap of the hold's residuals (one sample)",
+        "1",
+        fit.verdict,
+        f"{test.sample}: {fit.sentence}",
+        (test.sample,),
+        {
+            "stretch": fit.stretch,
+            "drop_of_every_hold": _drops(test),
+            "hold_s": list(fit.hold_s),
+            "prony_shares": fit.shares.tolist(),
+            "prony_times_s": fit.times_s.tolist(),
+            "equilibrium_share": fit.equilibrium_share,
+            "equilibrium_share_interval_95": list(fit.equilibrium_interval),
+            "instantaneous_stress_kPa": fit.instantaneous_stress * 1e3,
+            "prony_rms": fit.prony_rms,
+            "power_exponent": fit.power_exponent,
+            "power_exponent_interval_95": list(fit.power_exponent_interval),
+            "power_rms": fit.power_rms,
+            "better": fit.better,
+        },
+    )
+
+
+def _drops(test: MaterialTest) -> list[float]:
+    """Return 1 - last over first stress of every hold, as measured; a rise on the way back is negative."""
+    holds = [test.nominal_stress[s.rows] for s in test.segments if s.kind == "hold"]
+    return [float(1 - P[-1] / P[0]) for P in holds if P[0] != 0]
+
+
+def _mean_relaxation(kind: str, held: list[tuple[MaterialTest, Relaxation]]) -> MeasuredEffect:
+    begin, end = common_hold([fit for _, fit in held])
+    mean = mean_of([fit.drop_between(begin, end) for _, fit in held])
+    step = mean_of([fit.drop_at(end) for _, fit in held])
+    low, high = mean.interval
+    verdict = (
+        "negligible" if high < NEGLIGIBLE else "significant relaxation" if low > NEGLIGIBLE else "undecided"
+    )
+    ending = {
+        "negligible": f"relaxation is negligible (below {NEGLIGIBLE:.0%})",
+        "undecided": f"whether relaxation exceeds {NEGLIGIBLE:.0%} is not decided",
+    }.get(verdict, verdict)
+    return MeasuredEffect(
+        "relaxation",
+        kind,
+        "share of stress lost within the time that all holds share, mean of samples",
+        mean.value,
+        mean.interval,
+        BETWEEN_SAMPLES,
+        "1",
+        verdict,
+        f"From {begin:.3g} to {end:.3g} s of the hold {len(held)} samples lose {mean.value:.1%} of their stress (95 %"
+        f" interval {low:.1%} to {high:.1%}): {ending}.",
+        tuple(t.sample for t, _ in held),
+        {
+            "time_s": [begin, end],
+            "deviation": mean.deviation,
+            "drop_of_an_ideal_step": step.value,  # reaches back to the step by the Prony series
+            "drop_of_an_ideal_step_interval_95": list(step.interval),
+        },
+    )
+
+
+def cycle_effects(tests: list[MaterialTest]) -> Found:
+    """Return hysteresis of the first cycle, softening of the second and Ogden-Roxburgh's parameters, by kind of test."""
+    found, not_judged = [], []
+    for group in alike_groups([t for t in tests if any(s.kind == "unload" for s in t.segments)]):
+        closed = [
+            (test, cycles[0]) for test in group if (cycles := loops(test)) and cycles[0].loading_work > 0
+        ]
+        together = [closed] if len(closed) >= LEAST_SAMPLES else [[one] for one in closed]
+        found += [_hysteresis(group[0].test, first) for first in together]
+    for kind in dict.fromkeys(t.test for t in tests):
+        own = [t for t in tests if t.test == kind]
+        cycled = [t for t in own if any(s.kind == "unload" for s in t.segments)]
+        changes, names, reasons = _softenings(own, cycled)
+        not_judged += [("softening", reason) for reason in reasons]
+        if changes:
+            found.append(_softening(kind, changes, names))
+        if cycled and changes:  # one loop alone cannot tell damage from viscosity
+            found.append(_ogden_roxburgh(kind, cycled))
+    for effect, reason in (
+        ("hysteresis", "no unloading in the tests"),
+        ("softening", "no second loading of a sample"),
+    ):
+        if effect not in {e.effect for e in found} | {e for e, _ in not_judged}:
+            not_judged.append((effect, reason))
+    return found, not_judged
+
+
+def _hysteresis(kind: str, first: list[tuple[MaterialTest, Loop]]) -> MeasuredEffect:
+    shares = [loop.lost_share for _, loop in first]
+    names = tuple(t.sample for t, _ in first)
+    residual = [loop.residual_strain for _, loop in first if loop.residual_strain is not None]
+    parameters = {
+        "lost_share_by_sample": dict(zip(names, shares)),
+        "largest_stretch_by_sample": {t.sample: loop.largest_stretch for t, loop in first},
+        "residual_strain_mean": float(np.mean(residual)) if residual else None,
+    }
+    quantity = "share of the first cycle's loading work that is lost"
+    if len(first) == 1:
+        loop = first[0][1]
+        error = loop.quadrature_error
+        verdict = "negligible" if abs(loop.lost_share) + error < NEGLIGIBLE else "significant hysteresis"
+        interval = (loop.lost_share - error, loop.lost_share + error)
+        return MeasuredEffect(
+            "hysteresis", kind, quantity, loop.lost_share, interval, "spacing of the rows (one sample)", "1", verdict,
+            f"{names[0]}: {loop.sentence}", names, parameters,
+        )  # fmt: skip
+    mean = mean_of(shares)
+    low, high = mean.interval
+    verdict = "negligible" if high < NEGLIGIBLE else "significant hysteresis" if low > 0 else "undecided"
+    ending = {
+        "negligible": f"hysteresis is negligible (below {NEGLIGIBLE:.0%})",
+        "undecided": "whether hysteresis matters is not decided",
+    }.get(verdict, verdict)
+    sentence = (
+        f"The first cycle loses {mean.value:.1%} of the loading work (95 % interval {low:.1%} to {high:.1%},"
+        f" {mean.count} samples): {ending}."
+    )
+    return MeasuredEffect(
+        "hysteresis", kind, quantity, mean.value, mean.interval, BETWEEN_SAMPLES, "1", verdict, sentence, names, parameters
+    )  # fmt: skip
+
+
+def _softenings(own: list[MaterialTest], cycled: list[MaterialTest]):
+    """Return the change from the first to the second loading of each sample, its name, and what could not be compared.
+
+    The two loadings are in one test, or in two files of one sample whose cycles are stated.
+    """
+    changes, names, reasons = [], [], []
+    for test in cycled:
+        if not (test.of_kind("load", 1) and test.of_kind("load", 2)):
+            continue
+        try:
+            changes.append(reloading_softening(test))
+            names.append(test.sample)
+        except ValueError as error:
+            reasons.append(str(error))
+    first = {t.sample: t for t in own if t.cycle == 1 and t.history == "monotonic"}
+    for again in (t for t in own if t.cycle == 2 and t.history == "monotonic" and t.sample in first):
+        try:
+            changes.append(softening_between(first_loading(first[again.sample]), first_loading(again)))
+            names.append(again.sample)
+        except ValueError as error:
+            reasons.append(str(error))
+    return changes, tuple(names), reasons
+
+
+def _softening(kind: str, changes: list[float], names: tuple[str, ...]) -> MeasuredEffect:
+    return MeasuredEffect(
+        "softening",
+        kind,
+        "relative change of the stress from the first to the second loading",
+        float(np.mean(changes)),
+        softening_interval(changes),
+        BETWEEN_SAMPLES if len(changes) > 1 else "none: one sample",
+        "1",
+        softening_verdict(changes),
+        softening_sentence(changes),
+        names,
+        {"change_by_sample": dict(zip(names, changes))},
+    )
+
+
+def _ogden_roxburgh(kind: str, cycled: list[MaterialTest]) -> MeasuredEffect:
+    fit = fit_ogden_roxburgh(cycled)
+    error = float(fit.standard_error[0])
+    return MeasuredEffect(
+        "ogden_roxburgh",
+        kind,
+        "Ogden and Roxburgh's r",
+        fit.r,
+        (fit.r - 1.96 * error, fit.r + 1.96 * error),
+        "1.96 standard errors of the fit",
+        "1",
+        "determined" if fit.determined else "not determined",
+        fit.sentence,
+        tuple(t.sample for t in cycled),
+        {
+            "r": fit.r,
+            "m_kPa": fit.m_MPa * 1e3,
+            "beta": fit.beta,
+            "standard_error": [error, float(fit.standard_error[1]) * 1e3, float(fit.standard_error[2])],
+            "rms": fit.rms,
+        },
+    )
+
+
+def lateral_effects(tests: list[MaterialTest]) -> Found:
+    """Return ln lam_2 / ln lam_1 of tests whose lateral stretch was tracked, beside that of constant volume."""
+    found = []
+    for kind, expected in ISOCHORIC.items():
+        slopes = {}
+        for test in (t for t in tests if t.test == kind and t.stretch_2 is not None):
+            e1, e2 = np.log(test.stretch), np.log(test.stretch_2)
+            rows = np.isfinite(e2) & (np.abs(e1) > LEAST_LATERAL_STRAIN)
+            if rows.sum() > 2:
+                slopes[test.sample] = float(e1[rows] @ e2[rows] / (e1[rows] @ e1[rows]))
+        if len(slopes) < LEAST_SAMPLES:
+            continue
+        mean = mean_of(list(slopes.values()))
+        low, high = mean.interval
+        verdict = "negligible" if max(abs(low - expected), abs(high - expected)) < NEGLIGIBLE else "undecided"
+        if not low <= expected <= high and verdict == "undecided":
+            verdict = "significant departure"
+        ending = {
+            "negligible": f"the departure from {expected:g} of constant volume is negligible (within {NEGLIGIBLE:g})",
+            "undecided": f"it is not decided whether it departs from {expected:g} of constant volume",
+        }.get(verdict, f"significant departure from {expected:g}: volume changes, or the test is not {kind}")
+        found.append(
+            MeasuredEffect(
+                "lateral_contraction",
+                kind,
+                "tracked ln stretch_2 over ln stretch_1",
+                mean.value,
+                mean.interval,
+                BETWEEN_SAMPLES,
+                "1",
+                verdict,
+                f"The tracked lateral stretch follows ln lam_2 = {mean.value:.3f} ln lam_1 (95 % interval {low:.3f} to"
+                f" {high:.3f}, {mean.count} samples): {ending}.",
+                tuple(slopes),
+                {"constant_volume": expected, "slope_by_sample": slopes},
+            )
+        )
+    return found, [] if found else [
+        ("lateral_contraction", f"stretch_2 is tracked in fewer than {LEAST_SAMPLES} samples")
+    ]

@@ -1,0 +1,1 @@
+"""Stretches and shapes from pictures of specimens."""

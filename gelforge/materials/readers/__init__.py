@@ -1,0 +1,1 @@
+"""Material tests as laboratories write them, in one common form."""

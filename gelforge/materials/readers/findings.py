@@ -1,0 +1,276 @@
+"""What is missing or odd in a material test, in sentences; and the corrections that may be asked for.
+
+Nothing is changed by looking: `findings` only speaks. `corrected` changes what the mapping asks for and says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gelforge.materials.readers.common_form import MaterialTest
+from gelforge.materials.readers.segments import TOLERANCE, largest_back_step
+from gelforge.materials.readers.stresses import neo_hookean_shape
+
+FEW_ROWS = 20  # below, the scatter of a fit rests on too few residuals
+STRAIN_AT_START = 0.005  # a first row further from rest than this was not taken at the start
+TOE_STRAIN = 0.005  # the stress extrapolates to zero this far from rest
+TOE_WINDOW = 0.25  # of strain above the first row; the small-strain modulus is found there
+RATE_DIFFERS = 0.1  # relative
+RATE_SECTIONS = 10  # of a loading
+RATE_SPREAD = 1.5  # between the slow and the fast tenth of a loading
+INTERVAL_SPREAD = 3.0  # between the sampling intervals of one test
+LEFT_STRESS = 5e-3  # of the largest: the drift that a load cell of half a per cent may have
+REST = 1e-3  # strain within which a row counts as being at rest
+PRELOAD_ROWS = 3  # that wait at one stretch before the ramp
+SIGMAS = 3.0  # an offset smaller than this many standard errors is noise
+
+
+def findings(test: MaterialTest, stated_rate: float | None = None, stated_by: str = "") -> list[str]:
+    """Return sentences about what is missing or odd; stated_rate [1/s] is what a name, column or person says."""
+    parts = [
+        few_rows(len(test.stretch)),
+        _start(test),
+        _toe(test),
+        _rest_stress(test),
+        _preload(test),
+        _end_stress(test),
+        _order(test),
+        _back_steps(test),
+        _time(test),
+        _rate(test, stated_rate, stated_by),
+        _history(test),
+    ]
+    return [sentence for part in parts for sentence in part]
+
+
+def corrected(test: MaterialTest, toe: bool = False, zero_force: bool = False, zero_strain: bool = False):
+    """Return the test with the corrections asked for, each stated in its findings."""
+    said = []
+    if zero_force and (offset := rest_stress(test)) is not None:
+        said.append(f"corrected: {offset[0] * 1e3:.4g} kPa at rest subtracted (zero_force)")
+        test = replace(test, nominal_stress=test.nominal_stress - offset[0])
+    elif zero_force:
+        said.append("zero_force was asked for, but no row is at rest; nothing was subtracted")
+    if zero_strain:
+        said.append(f"corrected: the first row, {test.stretch[0]:.5g}, is taken as rest (zero_strain)")
+        test = _moved(test, test.stretch[0] - test.at_rest)
+    if toe:
+        shift = zero_stress_strain(test)
+        if shift is None:
+            said.append("toe: remove was asked for, but the loading has too few rows near its start")
+        else:
+            said.append(f"corrected: origin moved by {shift[0]:.4f} to the zero of stress (toe)")
+            test = _moved(test, shift[0])
+    return replace(test, findings=(*test.findings, *said))
+
+
+def rate_while_loading(test: MaterialTest) -> tuple[float, float, float] | None:
+    """Return the median rate [1/s] over equal sections of the loadings, and its first and last decile."""
+    if test.time_s is None:
+        return None
+    rates = [_section_rates(test, s) for s in test.segments if s.kind == "load"]
+    if not rates or not sum(map(len, rates)):
+        return None
+    return tuple(float(r) for r in np.quantile(np.concatenate(rates), [0.5, 0.1, 0.9]))
+
+
+def _section_rates(test: MaterialTest, segment) -> np.ndarray:
+    """Return the rates [1/s] over equal sections of a loading; whole sections average the noise of single rows."""
+    lam, time = test.stretch[segment.rows], test.time_s[segment.rows]
+    outward = np.maximum.accumulate(np.sign(lam[-1] - lam[0]) * lam)
+    first = np.r_[True, np.diff(outward) > 0]  # the envelope grows strictly
+    levels = np.linspace(outward[0], outward[-1], min(RATE_SECTIONS, first.sum() - 1) + 1)
+    spans = np.diff(np.interp(levels, outward[first], time[first]))
+    return (np.diff(levels) / np.maximum(spans, 1e-12))[spans > 0]
+
+
+def zero_stress_strain(test: MaterialTest) -> tuple[float, float] | None:
+    """Return the strain at which the first loading's stress extrapolates to zero, and its standard error.
+
+    The neo-Hookean shape G (lam - lam^-2) straightens the curve of an elastomer, so that the extrapolation is
+    not bent (compare the toe compensation of ASTM D638, annex A1). Below the zero the toe itself is left out.
+    """
+    if test.test == "biaxial" or test.cauchy_difference is not None or not len(test.segments):
+        return None
+    first = next((s for s in test.segments if s.kind == "load"), None)
+    if first is None:
+        return None
+    lam, P = test.stretch[first.rows], test.nominal_stress[first.rows]
+    near = np.abs(lam - lam[0]) <= TOE_WINDOW
+    if near.sum() < 5 or abs(lam[0] - test.at_rest) > abs(lam[-1] - test.at_rest):
+        return None
+    x = neo_hookean_shape(test.test, lam[near])
+    steep = np.abs(x - x[0]) > 0.2 * np.ptp(x)  # above a toe, if there is one
+    if steep.sum() < 4:
+        return None
+    design = np.column_stack([np.ones(steep.sum()), x[steep]])
+    beta, *_ = np.linalg.lstsq(design, P[near][steep], rcond=None)
+    if beta[1] <= 0:
+        return None
+    residual = P[near][steep] - design @ beta
+    variance = residual @ residual / max(steep.sum() - 2, 1) * np.linalg.inv(design.T @ design)
+    zero = -beta[0] / beta[1]
+    gradient = np.array([-1 / beta[1], beta[0] / beta[1] ** 2])
+    slope = {"uniaxial": 3, "compression": 3, "pure_shear": 4, "equibiaxial": 6, "simple_shear": 1}[test.test]
+    return float(zero / slope), float(np.sqrt(gradient @ variance @ gradient) / slope)
+
+
+def rest_stress(test: MaterialTest) -> tuple[float, float] | None:
+    """Return the mean nominal stress [MPa] of the first rows at rest and its standard error, None without any."""
+    resting = np.abs(test.stretch - test.at_rest) <= REST
+    last = len(resting) if resting.all() else int(np.argmin(resting))
+    if not last:
+        return None
+    stress = test.nominal_stress[:last]
+    if last > 1:
+        return float(stress.mean()), float(stress.std(ddof=1) / np.sqrt(last))
+    return float(stress.mean()), _row_noise(test.nominal_stress)
+
+
+def _row_noise(stress: np.ndarray) -> float:
+    """Return the standard deviation of one row about the line through its neighbours (robust)."""
+    if len(stress) < 5:
+        return 0.0
+    return float(1.4826 * np.median(np.abs(stress[1:-1] - (stress[:-2] + stress[2:]) / 2)) / np.sqrt(1.5))
+
+
+def _moved(test: MaterialTest, shift: float) -> MaterialTest:
+    """Return the test with its origin moved: the gauge length was (1 + shift) times longer, or shear offset."""
+    if test.test == "simple_shear":
+        return replace(test, stretch=test.stretch - shift)
+    factor = 1 + shift  # both stresses keep their values: the force and the undeformed section stay
+    return replace(test, stretch=test.stretch / factor)
+
+
+def few_rows(n: int) -> list[str]:
+    """Return a sentence if a test has few rows."""
+    if n >= FEW_ROWS:
+        return []
+    return [f"only {n} rows: expect wide intervals, and no more parameters than a third of the rows"]
+
+
+def _start(test):
+    strain = test.stretch[0] - test.at_rest
+    if _crosses_rest(test) or abs(strain) > abs(test.stretch[-1] - test.at_rest):
+        return  # told by its order
+    if test.history != "relaxation" and abs(strain) > STRAIN_AT_START:
+        yield (
+            f"the first row is at {test.stretch[0]:.5g}, not at rest ({test.at_rest:g}): slack taken up, a late"
+            " start or a part of a curve (`zero_strain` moves it)"
+        )
+
+
+def _toe(test):
+    found = zero_stress_strain(test)
+    if found is None:
+        return
+    late = found[0] * np.sign(test.stretch[-1] - test.at_rest)  # a concave curve has it before rest: no toe
+    if late > max(TOE_STRAIN, SIGMAS * found[1]):
+        yield (
+            f"the stress extrapolates to zero at a strain of {found[0]:.4f} +- {found[1]:.4f}: toe, slack or an"
+            " offset of the force (`toe: remove` moves the origin there)"
+        )
+
+
+def _rest_stress(test):
+    found = rest_stress(test) if test.cauchy_difference is None else None
+    if found is None:
+        return
+    largest = np.nanmax(np.abs(test.nominal_stress))
+    if abs(found[0]) > max(SIGMAS * found[1], 5e-4 * largest):
+        yield (
+            f"{found[0] * 1e3:.4g} kPa ({abs(found[0]) / largest:.2%} of the largest) at rest: offset of the force"
+            " (`zero_force` subtracts it)"
+        )
+
+
+def _preload(test):
+    """Say which stress a sample bears while it waits near rest: the machine took up slack, or pressed it to be flat."""
+    start = test.stretch[0]
+    if test.cauchy_difference is not None or not REST < abs(start - test.at_rest) <= STRAIN_AT_START:
+        return  # at rest: told as its stress there; further away: as a late start
+    waits = np.abs(test.stretch - start) <= REST / 2
+    count = len(waits) if waits.all() else int(np.argmin(waits))
+    if count < PRELOAD_ROWS:
+        return
+    stress, largest = test.nominal_stress[:count], np.nanmax(np.abs(test.nominal_stress))
+    mean, error = float(stress.mean()), float(stress.std(ddof=1) / np.sqrt(count))
+    if abs(mean) > max(SIGMAS * error, LEFT_STRESS * largest):
+        yield (
+            f"{mean * 1e3:.4g} kPa ({abs(mean) / largest:.2%} of the largest) in the first {count} rows, at {start:.5g}:"
+            " a preload, or an offset of the force; it is kept"
+        )
+
+
+def _end_stress(test):
+    """Say where a stress of the other sign is left after the unloading: a body that has come free has none."""
+    if not test.segments or test.segments[-1].kind != "unload" or not np.isfinite(test.nominal_stress).all():
+        return
+    stress = test.nominal_stress[test.segments[-1].rows]
+    end, largest = float(np.median(stress[-max(len(stress) // 10, 3) :])), np.max(np.abs(test.nominal_stress))
+    load = test.nominal_stress[np.argmax(np.abs(test.nominal_stress))]
+    if end * load < 0 and abs(end) > LEFT_STRESS * largest:
+        yield (
+            f"{end * 1e3:.3g} kPa ({abs(end) / largest:.2%} of the largest) of the other sign are left after the"
+            " unloading: the zero of the force drifted, the sample sticks, or it is bent back"
+        )
+
+
+def _order(test):
+    first, last = abs(test.stretch[0] - test.at_rest), abs(test.stretch[-1] - test.at_rest)
+    if test.history == "monotonic" and first > last:
+        yield (
+            "rows run from the largest strain back to rest: an unloading, or a table sorted by stretch;"
+            " without a time it cannot be told"
+        )
+    if test.history == "monotonic" and _crosses_rest(test):
+        yield "the curve crosses rest: tension and compression (or both ways of shear) in one table"
+
+
+def _crosses_rest(test) -> bool:
+    strain = test.stretch - test.at_rest
+    return bool(strain.min() < -STRAIN_AT_START and strain.max() > STRAIN_AT_START)
+
+
+def _back_steps(test):
+    back = largest_back_step(test.stretch) if test.history == "monotonic" else 0.0
+    if 0 < back <= TOLERANCE and np.ptp(test.stretch) > 0:
+        yield f"the stretch falls back by up to {back:.2%} of its range: noise of its measurement"
+
+
+def _time(test):
+    if test.time_s is None:
+        yield "no time column: rate, holds and relaxation cannot be found"
+        return
+    steps = np.diff(test.time_s)
+    repeated = int((steps == 0).sum())
+    if repeated:
+        yield f"{repeated} of {len(steps) + 1} rows repeat the time stamp of the row before (coarse clock)"
+    positive = steps[steps > 0]
+    if len(positive) > 10:
+        slow, fast = np.quantile(positive, [0.98, 0.02])
+        if slow > INTERVAL_SPREAD * fast:
+            yield f"the sampling interval is between {fast:.3g} and {slow:.3g} s: rows are no equal weights"
+
+
+def _rate(test, stated, stated_by):
+    rate = rate_while_loading(test)
+    if rate is None:
+        if stated is not None:
+            yield f"rate {stated:g} 1/s {stated_by}, not checked: there is no time or no loading"
+        return
+    middle, slow, fast = rate
+    if stated is not None and abs(middle / stated - 1) > RATE_DIFFERS:
+        yield f"rate {stated:g} 1/s {stated_by}, but the columns give {middle:.4g} 1/s; the columns are used"
+    if fast > RATE_SPREAD * slow:
+        yield f"the loading is not at one rate: {slow:.3g} to {fast:.3g} 1/s (median {middle:.3g})"
+
+
+def _history(test):
+    kinds = {segment.kind for segment in test.segments}
+    if test.history == "cyclic" and "unload" not in kinds:
+        yield "declared cyclic, but no unloading is found"
+    if test.history == "relaxation" and "hold" not in kinds:
+        yield "declared relaxation, but no hold is found"

@@ -1,0 +1,151 @@
+"""What cannot be right in a mapped material test is refused, with file, row, value, limit and remedy."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gelforge.config.mapping import Strain
+from gelforge.csv_table import TableError
+from gelforge.materials.readers.common_form import MaterialTest, Segment
+from gelforge.materials.readers.mapped_columns import nominal_stress_of, stretch_of
+from gelforge.materials.readers.segments import find_segments, first_reversal
+from gelforge.materials.readers.stresses import neo_hookean_shape
+
+# The softest silicones break below a stretch of 20, foams densify at 0.1: per cent read as a number, or a length
+# read as a stretch, fall out. Adhesives are sheared up to 10.
+STRETCH = (0.05, 25.0)
+SHEAR = (-12.0, 12.0)
+LEAST_STRAIN = 0.02  # less does not tell a law from a straight line
+SAME_SIGN = 0.8  # of the strained rows: the stress has the sign of the strain
+# a person's rate: crosshead and gauge differ by up to 3, minutes and seconds by 60, milliseconds by 1000
+DECLARED_RATE = 5.0
+WRONG_UNIT = 1000.0  # between MPa, kPa and Pa, N and mN, mm and um
+AGREES = 0.02  # of the largest value, between two measures of the same test
+DISAGREEING_ROWS = 0.1
+
+
+def check_range(path, entry, table, test: MaterialTest) -> None:
+    low, high = SHEAR if entry.kind == "simple_shear" else STRETCH
+    for name, values in (("stretch", test.stretch), ("lateral stretch", test.stretch_2)):
+        if values is None:
+            continue
+        outside = ~((values >= low) & (values <= high))
+        if outside.any():
+            i = int(np.argmax(outside))
+            raise TableError(
+                f"{path}, row {table.index[i]}: {entry.strain.column} gives a {name} of {values[i]:.4g}; between {low:g}"
+                f" and {high:g} is expected; check the column, `measure` ({entry.strain.measure}) and `unit`"
+            )
+    reached = float(np.max(np.abs(test.stretch - test.at_rest)))
+    if reached < LEAST_STRAIN:
+        raise TableError(
+            f"{path}: {entry.strain.column} reaches a strain of {reached:.3g}; {LEAST_STRAIN:g} at least is needed to"
+            " find a law; check `unit` and `measure`, or test further"
+        )
+
+
+def checked_segments(path, entry, table, test, at_rest) -> tuple[Segment, ...]:
+    if entry.history != "monotonic":
+        return find_segments(test.stretch, test.time_s, at_rest)
+    if np.ptp(test.stretch) < LEAST_STRAIN / 2:
+        raise TableError(
+            f"{path}: {test.sample}: the stretch stays at {test.stretch[0]:.4g}; a monotonic test is declared, set"
+            " `history: relaxation`"
+        )
+    back = first_reversal(test.stretch)
+    if back is not None:
+        raise TableError(
+            f"{path}, row {table.index[back]}: {test.sample}: stretch {test.stretch[back]:.5g} after"
+            f" {test.stretch[:back][np.argmax(np.abs(test.stretch[:back] - test.stretch[0]))]:.5g};"
+            " a monotonic test is declared; set `history: cyclic`, or split the cycle"
+        )
+    return (Segment("load", 0, len(test.stretch), 1),)
+
+
+def check_stiffness(path, entry, test: MaterialTest) -> list[str]:
+    """Refuse a stress of the wrong sign or of a size that no material of the declared kind has.
+
+    Return a sentence where the declared range is too wide to show a unit that is off by a thousand.
+    """
+    strained = np.abs(test.stretch - test.at_rest) > LEAST_STRAIN / 2
+    if test.cauchy_difference is not None:
+        stress, shape = test.cauchy_difference, test.stretch**2 - test.stretch_2**2
+    else:
+        stress, shape = test.nominal_stress, neo_hookean_shape(test.test, test.stretch, test.stretch_2)
+    loaded = np.zeros(len(stress), dtype=bool)
+    for segment in test.segments:
+        loaded[segment.rows] |= segment.kind != "unload"
+    chosen = strained & loaded & (np.abs(shape) > LEAST_STRAIN)
+    if not chosen.any():
+        raise TableError(f"{path}: {test.sample}: no strained row in its loading; check the columns")
+    modulus = stress[chosen] / shape[chosen]
+    agreeing = float((modulus > 0).mean())
+    if agreeing < SAME_SIGN:
+        raise TableError(
+            f"{path}: {test.sample}: {entry.stress.column} has the sign of the strain in {agreeing:.0%} of the loaded"
+            f" rows; {SAME_SIGN:.0%} at least are expected: check the columns, or set `sign: -1`"
+        )
+    typical = float(np.median(modulus)) * 1e3
+    low, high = entry.plausible_shear_modulus_kPa
+    if not low <= typical <= high:
+        raise TableError(
+            f"{path}: {test.sample}: all rows together give a shear modulus of {typical:.3g} kPa; {low:g} to {high:g}"
+            " kPa is declared plausible: check the units and columns of strain and stress"
+        )
+    return unnoticed_unit(typical, (low, high), "a shear modulus", "kPa", "plausible_shear_modulus_kPa")
+
+
+def unnoticed_unit(
+    value: float, plausible: tuple[float, float], what: str, unit: str, key: str = ""
+) -> list[str]:
+    """Return a sentence where a value and its thousandfold or thousandth are both in the plausible range."""
+    low, high = plausible
+    others = [v for v in (value / WRONG_UNIT, value * WRONG_UNIT) if low <= v <= high]
+    if not others:
+        return []
+    remedy = f"; narrow `{key}`" if key else "; compare it with the maker's data"
+    return [
+        f"units are not checked: {what} of {value:.3g} {unit} is plausible, and so is {others[0]:.3g} {unit}, as a unit"
+        f" wrong by a thousand would give{remedy}"
+    ]
+
+
+def check_also(path, entry, table, test: MaterialTest) -> list[str]:
+    """Return sentences about rows in which another declared measure of the test disagrees; refuse many."""
+    said = []
+    for column in entry.also:
+        if isinstance(column, Strain):
+            other, mine = stretch_of(path, entry, table, column)[0], test.stretch
+        else:
+            other, mine = (
+                nominal_stress_of(path, entry, table, column, test.stretch, test.stretch_2)[0],
+                test.nominal_stress,
+            )
+        wrong = ~(np.abs(other - mine) <= AGREES * np.max(np.abs(mine)))
+        share = float(wrong.mean())
+        if not wrong.any():
+            wrong = np.sign(other) * np.sign(mine) < 0
+        if not wrong.any():
+            continue
+        i = int(np.argmax(wrong))
+        text = (
+            f"{column.column} gives {other[i]:.4g} where {mine[i]:.4g} is read from the main column"
+            f" (row {table.index[i]} and {int(wrong.sum()) - 1} more)"
+        )
+        if share > DISAGREEING_ROWS:
+            raise TableError(
+                f"{path}: {text}; both must describe the same test: check columns, units and measures"
+            )
+        said.append(text)
+    return said
+
+
+def check_declared_rate(path, entry, rate) -> None:
+    if entry.rate_per_s is None or rate is None:
+        return
+    factor = rate[0] / entry.rate_per_s
+    if not 1 / DECLARED_RATE <= factor <= DECLARED_RATE:
+        raise TableError(
+            f"{path}: the columns give a rate of {rate[0]:.4g} 1/s, the mapping declares {entry.rate_per_s:g} 1/s;"
+            f" within a factor of {DECLARED_RATE:g} is expected: check the unit of {entry.time.column}"
+        )

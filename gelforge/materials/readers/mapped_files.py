@@ -1,0 +1,267 @@
+"""Other people's files to the common form, as a mapping declares them; every value is checked at the edge."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from gelforge.config.common import ConfigError
+from gelforge.config.mapping import (
+    Column,
+    Corrections,
+    Mapping,
+    Microindentation,
+    Stress,
+    TestMapping,
+    load_microindentation,
+)
+from gelforge.csv_table import TableError, read_csv
+from gelforge.materials.readers.common_form import ForcePair, IndentationTest, MaterialTest
+from gelforge.materials.readers.findings import corrected, findings, rate_while_loading
+from gelforge.materials.readers.mapped_checks import (
+    check_also,
+    check_declared_rate,
+    check_range,
+    check_stiffness,
+    checked_segments,
+)
+from gelforge.materials.readers.mapped_columns import (
+    lateral_of,
+    nominal_stress_of,
+    number_in_name,
+    stretch_of,
+    values,
+)
+from gelforge.materials.readers.mapped_contacts import check_modulus, force_pair, indentation_test
+from gelforge.materials.readers.odd_rows import check_rows
+
+LEAST_ROWS = 5
+
+Read = MaterialTest | IndentationTest | ForcePair
+
+
+def read_mapped_folder(folder: str | Path, mapping: Mapping) -> list[Read]:
+    """Return the tests of all files below a folder that the mapping does not ignore, in the order of names.
+
+    Their `source` is the path below the folder.
+    """
+    folder = Path(folder)
+    everything = sorted(path for path in folder.rglob("*") if not path.name.startswith("."))
+    paths = [path for path in everything if not path.is_dir()]
+    _check_folders(folder, mapping, [path for path in everything if path.is_dir()], paths)
+    entries = [(path, path.relative_to(folder).as_posix()) for path in paths]
+    entries = [(path, name, mapping.entry_for(name)) for path, name in entries]
+    tests = [
+        replace(test, source=name)
+        for path, name, entry in entries
+        if entry
+        for test in read_mapped(path, entry)
+    ]
+    if not tests:
+        raise TableError(f"{folder}: no file of a mechanical test; the mapping is for {mapping.describes}")
+    return tests
+
+
+def _check_folders(folder: Path, mapping: Mapping, folders: Sequence[Path], files: Sequence[Path]) -> None:
+    """Refuse an empty folder that has the name of a file of a test, ending included: a copy that went wrong."""
+    for path in folders:
+        if not path.suffix or any(path in file.parents for file in files):
+            continue
+        try:
+            entry = mapping.entry_for(path.relative_to(folder).as_posix())
+        except ConfigError:  # no name of a test: what a folder may have
+            continue
+        if entry and any(pattern.endswith(path.suffix) for pattern in entry.files):
+            raise TableError(
+                f"{path}: an empty folder where a file of a test is expected; put the file there, or remove it"
+            )
+
+
+def read_mapped(path: str | Path, entry: TestMapping) -> list[Read]:
+    """Return the tests of one file: one, or one per value of the column that splits it.
+
+    Raises TableError with file, row, value, limit and remedy for what cannot be right.
+    """
+    path = Path(path)
+    table = _table(path, entry)
+    groups = table.groupby(entry.split, sort=False) if entry.split else [("", table)]
+    named = _from_name(path, entry)
+    return [_test(path, entry, rows, str(value), dict(named)) for value, rows in groups]
+
+
+def read_microindentation(
+    path: str | Path, like: Microindentation | None = None
+) -> tuple[IndentationTest, Microindentation]:
+    """Return a press in the project's own format, <name>.csv with <name>.yaml, and what that sidecar says.
+
+    like: the sidecar of another press with the same ball; then none is read.
+    """
+    path = Path(path)
+    sidecar = like or load_microindentation(path.with_suffix(".yaml"))
+    entry = TestMapping(
+        files=[path.name],
+        kind="indentation",
+        height=Column(column="depth_mm", unit="mm"),
+        force=Column(column="force_N", unit="N"),
+        ball_radius_mm=sidecar.ball_radius_mm,
+        corrections=Corrections(odd_rows=sidecar.odd_rows),
+    )
+    test = read_mapped(path, entry)[0]
+    if like is None and sidecar.odd_rows == "refuse":  # the board is as stiff as it likes
+        check_modulus(path, test, sidecar.layer_thickness_mm)
+    return test, sidecar
+
+
+def _table(path: Path, entry: TestMapping) -> pd.DataFrame:
+    columns = [entry.strain, entry.stress, entry.time, entry.radius, entry.height, entry.force, entry.force_2]
+    columns += [entry.rate, entry.temperature, *entry.also]
+    if entry.lateral:
+        columns += [entry.lateral.strain, entry.lateral.stress]
+    columns += [c.at for c in columns if isinstance(c, Stress) and c.at]
+    columns = [column for column in columns if column]
+    names = [column.column for column in columns]
+    texts = [name for name in (entry.split, entry.segment) if name]
+    texts += [entry.time.restarts_with] if entry.time and entry.time.restarts_with else []
+    table = read_csv(
+        path,
+        numbers=list(dict.fromkeys(names)),
+        texts=list(dict.fromkeys(texts)),
+        form=entry.table.csv_form(
+            {c.column: c.unit for c in columns}, tuple(row.filter for row in entry.rows)
+        ),
+    )
+    return table if entry.split is None else table.sort_values(entry.split, kind="stable", key=_order_seen)
+
+
+def _order_seen(column: pd.Series) -> np.ndarray:
+    return pd.factorize(column)[0]
+
+
+def _from_name(path: Path, entry: TestMapping) -> dict[str, str]:
+    if entry.from_name is None:
+        return {}
+    found = re.search(entry.from_name.pattern, path.stem)
+    if found is None:
+        raise TableError(
+            f"{path}: the name does not fit from_name pattern {entry.from_name.pattern!r}; rename the file or correct"
+            " the pattern"
+        )
+    return {key: text for key, text in found.groupdict().items() if text is not None}
+
+
+def _test(path: Path, entry: TestMapping, table: pd.DataFrame, part: str, named: dict[str, str]) -> Read:
+    if len(table) < LEAST_ROWS:
+        raise TableError(f"{path}: {len(table)} rows{_of(part)}; {LEAST_ROWS} at least are needed for a test")
+    sample = "_".join(word for word in (named.get("sample", "" if part else path.stem), part) if word)
+    time, time_said, table = _time(path, entry, table)
+    if entry.kind == "indentation":
+        return indentation_test(path, entry, table, sample, time, time_said, named)
+    if entry.kind == "force_pair":
+        return force_pair(path, entry, table, sample, time, time_said)
+    return material_test(path, entry, table, sample, time, time_said, named)
+
+
+def _of(part: str) -> str:
+    return f" of {part}" if part else ""
+
+
+def _time(path: Path, entry: TestMapping, table: pd.DataFrame):
+    """Return the time (n,) [s] or None, what was corrected, and the table in the order of time."""
+    time = values(table, entry.time)
+    if time is None:
+        return None, [], table
+    said = []
+    if entry.time.restarts_with:
+        begins = np.flatnonzero(np.diff(pd.factorize(table[entry.time.restarts_with])[0])) + 1
+        for a, b in zip(begins, [*begins[1:], len(time)]):
+            time[a:b] += time[a - 1]
+    back = np.flatnonzero(np.diff(time) < 0)
+    if len(back) and entry.corrections.time == "refuse":
+        i = int(back[0]) + 1
+        raise TableError(
+            f"{path}, row {table.index[i]}: {entry.time.column} {time[i]:.6g} s after {time[i - 1]:.6g} s; time does"
+            " not go back: check the column, set `restarts_with`, or"
+            " `corrections: {time: sort}` or `{time: set_aside}`"
+        )
+    if len(back) and entry.corrections.time == "set_aside":
+        i = int(back[0]) + 1
+        said.append(
+            f"corrected: row {table.index[i]} has {time[i]:.6g} s after {time[i - 1]:.6g} s; time set aside"
+        )
+        return None, said, table
+    if len(back):
+        order = np.argsort(time, kind="stable")
+        time, table = time[order], table.iloc[order]
+        said.append(f"corrected: {len(back)} rows were earlier than the row before; sorted by time")
+    if entry.corrections.repeated_time == "average" and (np.diff(time) == 0).any():
+        first = np.r_[True, np.diff(time) > 0]
+        said.append(f"corrected: {int((~first).sum())} rows with a repeated time stamp averaged into one")
+        numbers = table.select_dtypes("number")
+        mean = numbers.groupby(np.cumsum(first)).mean()
+        kept = table.loc[first].copy()
+        kept[numbers.columns] = mean.to_numpy()
+        time, table = time[first], kept
+    return time, said, table
+
+
+def material_test(path, entry, table, sample, time, said, named) -> MaterialTest:
+    at_rest = 0.0 if entry.kind == "simple_shear" else 1.0
+    stretch, gauge_said = stretch_of(path, entry, table, entry.strain)
+    lateral, lateral_stress = lateral_of(path, entry, table, stretch)
+    nominal, difference = nominal_stress_of(path, entry, table, entry.stress, stretch, lateral)
+    temperature = values(table, entry.temperature)
+    name_rate = number_in_name(path, entry, named, "rate_per_s")
+    column_rate = values(table, entry.rate)
+    cycle = number_in_name(path, entry, named, "cycle")
+    test = MaterialTest(
+        entry.kind,
+        sample,
+        stretch,
+        nominal,
+        time,
+        lateral,
+        lateral_stress,
+        difference,
+        entry.history,
+        entry.material or named.get("material", ""),
+        age_days=_first(entry.age_days, number_in_name(path, entry, named, "age_days")),
+        temperature_C=_first(
+            entry.temperature_C,
+            number_in_name(path, entry, named, "temperature_C"),
+            None if temperature is None else float(np.median(temperature)),
+        ),
+        dose=number_in_name(path, entry, named, "dose"),
+        cycle=None if cycle is None else int(cycle),
+        findings=tuple(said + gauge_said),
+        source=path.name,
+    )
+    check_range(path, entry, table, test)
+    test = replace(test, segments=checked_segments(path, entry, table, test, at_rest))
+    if entry.corrections.odd_rows == "refuse":
+        remedy = "or confirm it with `corrections: {odd_rows: keep}`"
+        check_rows(path, table.index, test, remedy, entry.corrections.zero_force)
+    odd = check_stiffness(path, entry, test) + check_also(path, entry, table, test)
+    stated, by = _stated_rate(entry, name_rate, column_rate)
+    odd += findings(test, stated, by)
+    rate = rate_while_loading(test)
+    check_declared_rate(path, entry, rate)
+    test = replace(test, rate_per_s=rate[0] if rate else stated, findings=(*test.findings, *odd))
+    asked = entry.corrections
+    return corrected(test, asked.toe == "remove", asked.zero_force, asked.zero_strain)
+
+
+def _first(*values):
+    return next((value for value in values if value is not None), None)
+
+
+def _stated_rate(entry, name_rate, column_rate) -> tuple[float | None, str]:
+    if name_rate is not None:
+        return name_rate, "is in the file's name"
+    if column_rate is not None:
+        return float(np.median(column_rate)), f"is in column {entry.rate.column}"
+    return entry.rate_per_s, "is declared in the mapping"

@@ -1,0 +1,198 @@
+"""What was measured on a material: its tests in folders or files, in the project's format or as a mapping declares."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from gelforge.config.mapping import Mapping, load_mapping
+from gelforge.csv_table import TableError
+from gelforge.materials.readers.common_form import ForcePair, IndentationTest, MaterialTest
+from gelforge.materials.readers.mapped_files import Read, read_mapped, read_mapped_folder
+from gelforge.materials.readers.material_tests import declared_synthetic, input_files, read_material_tests
+from gelforge.materials.readers.odd_rows import check_copies
+from gelforge.materials.readers.small_effects import (
+    FRICTION,
+    THICKNESS,
+    Press,
+    SmallTests,
+    press_files,
+    read_press,
+    read_small_tests,
+)
+from gelforge.materials.readers.small_tests import sheet_thickness, static_friction
+
+
+@dataclass(frozen=True)
+class MaterialSource:
+    """The tests of one material, the files they came from, and whether these say that they are synthetic."""
+
+    name: str
+    tests: tuple[MaterialTest, ...] = ()
+    files: tuple[Path, ...] = ()
+    synthetic: bool = False
+    small: SmallTests = field(default_factory=SmallTests)
+    study: str = ""  # for which its laws are fitted; empty: by hand
+
+    def __add__(self, other: MaterialSource) -> MaterialSource:
+        """Return what is known from both."""
+        small = SmallTests(
+            self.small.friction or other.small.friction,
+            self.small.thickness | other.small.thickness,
+            self.small.presses + other.small.presses,
+            self.small.force_pairs + other.small.force_pairs,
+        )
+        files = tuple(dict.fromkeys((*self.files, *other.files)))
+        return replace(
+            self,
+            tests=self.tests + other.tests,
+            files=files,
+            synthetic=self.synthetic or other.synthetic,
+            small=small,
+        )
+
+
+def read_sources(sources: list[Path], mapping: Path | None = None) -> list[MaterialSource]:
+    """Return the materials found in folders and files, in the order of their names.
+
+    With a mapping (YAML) any table is read; without, folders with samples.csv or small tests. Raises TableError.
+    """
+    declared = load_mapping(mapping) if mapping else None
+    found: dict[str, MaterialSource] = {}
+    for source in map(Path, sources):
+        folder = source if source.is_dir() else source.parent
+        for material in _read(source, declared):
+            material = material if len(sources) == 1 else _below(folder, material)
+            found[material.name] = found[material.name] + material if material.name in found else material
+    found = {name: replace(m, tests=_distinct(m.tests)) for name, m in found.items()}
+    for name, material in found.items():
+        check_copies(name, material.tests)
+    if mapping:
+        found = {name: replace(m, files=(*m.files, Path(mapping))) for name, m in found.items()}
+    return [found[name] for name in sorted(found)]
+
+
+def source_of(name: str, folder: Path, mapping: Path | None = None) -> MaterialSource:
+    """Return the one material of a study in a folder: the only one there, or the one of that name."""
+    materials = read_sources([folder], mapping)
+    chosen = materials if len(materials) == 1 else [m for m in materials if m.name == name]
+    if not chosen:
+        raise TableError(
+            f"{folder}: holds the materials {[m.name for m in materials]}, none is called {name!r}; name the study's"
+            " material as one of them, or give each a folder"
+        )
+    return replace(chosen[0], name=name)
+
+
+def source_files(folder: Path, mapping: Path | None = None) -> list[Path]:
+    """Return every file that decides a material's results."""
+    if mapping is None:
+        return input_files(folder)
+    return [mapping, *(path for path in sorted(Path(folder).rglob("*")) if path.is_file())]
+
+
+def _distinct(tests: tuple[MaterialTest, ...]) -> tuple[MaterialTest, ...]:
+    """Return the tests with the file's name, then its folder, added to samples that would share a name.
+
+    Raises TableError for samples that are the same even so: a file that was named twice.
+    """
+    for longer in (_with_file, _with_folder):
+        names = Counter(map(_name, tests))
+        tests = tuple(replace(t, sample=longer(t)) if names[_name(t)] > 1 else t for t in tests)
+    names = Counter(map(_name, tests))
+    twice = next((t for t in tests if names[_name(t)] > 1), None)
+    if twice:
+        raise TableError(
+            f"{twice.source}: the {twice.test} sample {twice.sample!r} is read twice; name each file or folder once"
+        )
+    return tests
+
+
+def _name(test: MaterialTest) -> tuple:
+    return test.test, test.sample, test.cycle
+
+
+def _with_file(test: MaterialTest) -> str:
+    stem = Path(test.source).stem
+    return test.sample if stem == test.sample else f"{test.sample}_{stem}"
+
+
+def _with_folder(test: MaterialTest) -> str:
+    folder = Path(test.source).parent.as_posix()
+    return test.sample if folder == "." else f"{folder}/{test.sample}"
+
+
+def _below(folder: Path, material: MaterialSource) -> MaterialSource:
+    """Return a material whose tests tell their files with the folder: several sources may have files of one name."""
+    tests = tuple(replace(t, source=(folder / t.source).as_posix()) for t in material.tests)
+    return replace(material, tests=tests)
+
+
+def _read(source: Path, mapping: Mapping | None) -> list[MaterialSource]:
+    if not source.exists():
+        raise TableError(f"{source}: no such file or folder; name one that exists")
+    if source.is_dir() and mapping is None:
+        return [
+            MaterialSource(
+                source.name,
+                tuple(read_material_tests(source)),
+                tuple(input_files(source)),
+                declared_synthetic(source),
+                read_small_tests(source),
+            )
+        ]
+    if source.is_dir():
+        return [_mapped(test, source.name, source, mapping) for test in read_mapped_folder(source, mapping)]
+    if mapping is not None:
+        entry = mapping.entry_for(source.name)
+        if entry is None:
+            raise TableError(f"{source}: the mapping ignores this file; name a test, or change `ignore`")
+        return [_mapped(test, source.stem, source.parent, mapping) for test in read_mapped(source, entry)]
+    return [_small_file(source)]
+
+
+def _small_file(path: Path) -> MaterialSource:
+    """Return a small test in the project's format: friction.csv, thickness.csv, or a press with its sidecar."""
+    files = [path]
+    if path.name == FRICTION:
+        small = SmallTests(friction=static_friction(path))
+    elif path.name == THICKNESS:
+        small = SmallTests(thickness=sheet_thickness(path))
+    elif path.with_suffix(".yaml").is_file():
+        small, files = SmallTests(presses=(read_press(path),)), press_files(path)
+    else:
+        raise TableError(
+            f"{path}: a single file needs a mapping that says what its columns are; give --mapping"
+        )
+    return MaterialSource(path.resolve().parent.name, files=tuple(files), small=small)
+
+
+def _mapped(test: Read, otherwise: str, folder: Path, mapping: Mapping) -> MaterialSource:
+    name = re.sub(r"[^A-Za-z0-9_-]+", "_", getattr(test, "material", "") or otherwise)  # a folder's name
+    files = (folder / test.source,)
+    if isinstance(test, IndentationTest):
+        board, more = _board(test, folder, mapping)
+        press = Press(test, test.layer_thickness_mm, board)
+        return MaterialSource(name, files=(*files, *more), small=SmallTests(presses=(press,)))
+    if isinstance(test, ForcePair):
+        return MaterialSource(name, files=files, small=SmallTests(force_pairs=(test,)))
+    return MaterialSource(name, (test,), files)
+
+
+def _board(
+    test: IndentationTest, folder: Path, mapping: Mapping
+) -> tuple[IndentationTest | None, list[Path]]:
+    """Return the press on a rigid board that a mapping names for a press, and its file; none for the board itself."""
+    if test.rigid_board is None or test.is_the_board:
+        return None, []
+    beside = (folder / test.source).with_name(test.rigid_board)
+    found = [path for path in (beside, *sorted(folder.rglob(test.rigid_board))) if path.is_file()]
+    entry = mapping.entry_for(test.rigid_board)
+    if not found or entry is None:
+        raise TableError(
+            f"{folder / test.source}: rigid_board {test.rigid_board!r} is {'ignored' if found else 'not there'}; name the"
+            " file of a press that the mapping reads"
+        )
+    return read_mapped(found[0], entry)[0], found[:1]

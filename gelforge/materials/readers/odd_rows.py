@@ -1,0 +1,115 @@
+"""Rows of a material test that cannot belong to its curve: single values, a start under load, a copy of another sample.
+
+`corrections: {odd_rows: keep}` of a mapping, or `keep_odd_rows` among the corrections of samples.csv, confirms them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from gelforge.csv_table import TableError
+from gelforge.materials.readers.common_form import MaterialTest
+
+SINGLE_SHARE = (
+    0.1  # of the loading's range of stress: load cells err by a hundredth of this, a lost digit by more
+)
+END_SHARE = 0.5  # the same of a first or last row, which has a neighbour on one side only
+SIGMAS = 20.0  # of the rows' scatter about their neighbours: far beyond noise, also that of heavy tails
+LEAST_ROWS = 8  # of a loading, to know its scatter
+START_STRAIN = 0.1  # of the largest strain: rows nearer to rest than this
+START_STRESS = (
+    0.5  # of the largest stress: an elastomer bears a fifth of it there, a column that was swapped any
+)
+REST_STRESS = 0.2  # of the largest stress, the least that matters of what rest itself seems to bear
+REST_SHARE = (
+    0.7  # of the stress near rest, by a straight line to rest: any power of the strain above 0.2 has less
+)
+
+
+def check_rows(
+    path: Path, lines: Sequence[int], test: MaterialTest, remedy: str, zeroed: bool = False
+) -> None:
+    """Refuse a single row far off its curve, and a start under load unless the force is zeroed.
+
+    lines: the row numbers in the file; remedy: how to confirm. Raises TableError.
+    """
+    if not np.isfinite(test.nominal_stress).all():
+        return
+    for segment in test.segments:
+        if segment.kind == "hold":
+            continue
+        row = single_row(test.stretch[segment.rows], test.nominal_stress[segment.rows])
+        if row is not None:
+            i = segment.start + row
+            raise TableError(
+                f"{path}, row {lines[i]}: a nominal stress of {test.nominal_stress[i] * 1e3:.4g} kPa at"
+                f" {test.abscissa} {test.stretch[i]:.4g}, far off the rows beside it; correct or drop the row, {remedy}"
+            )
+    first = next((segment for segment in test.segments if segment.kind == "load"), None)
+    if first is None or zeroed or test.test == "biaxial":
+        return
+    strain = np.abs(test.stretch[first.rows] - test.at_rest)
+    stress = np.abs(test.nominal_stress[first.rows])
+    near = strain <= START_STRAIN * strain.max()
+    if near.sum() >= 2 and np.median(stress[near]) > START_STRESS * stress.max():
+        raise TableError(
+            f"{path}: {np.median(stress[near]) / stress.max():.0%} of the largest stress is there before a tenth of the"
+            f" strain; {START_STRESS:.0%} at most are expected: check the columns, subtract the force at rest"
+            f" (`zero_force`), {remedy}"
+        )
+    unstrained = _stress_at_rest(strain[near], stress[near])
+    if unstrained > max(REST_STRESS * stress.max(), REST_SHARE * np.median(stress[near])):
+        raise TableError(
+            f"{path}: the rows before a tenth of the strain lead to {unstrained / stress.max():.0%} of the largest stress at"
+            f" {test.abscissa} {test.at_rest:g}; {REST_STRESS:.0%} at most are expected: check the columns, subtract the"
+            f" force at rest (`zero_force`), {remedy}"
+        )
+
+
+def _stress_at_rest(strain: np.ndarray, stress: np.ndarray) -> float:
+    """Return where a straight line through rows (n,) meets no strain; 0 where they are too few or at one strain."""
+    if len(strain) < 3 or np.ptp(strain) == 0:
+        return 0.0
+    return float(np.polyfit(strain, stress, 1)[1])
+
+
+def single_row(stretch: np.ndarray, stress: np.ndarray) -> int | None:
+    """Return a row whose stress (or force) is far off that of its neighbours, which agree; None where there is none."""
+    if len(stress) < LEAST_ROWS:
+        return None
+    off = stress[1:-1] - (stress[:-2] + stress[2:]) / 2
+    scatter = SIGMAS * 1.4826 * np.median(np.abs(off))
+    extent = np.quantile(stress, 0.95) - np.quantile(stress, 0.05)
+    steady = np.abs(np.diff(np.sign(np.diff(stretch)))) == 0  # the stretch goes one way past the row
+    agree = np.abs(stress[2:] - stress[:-2]) < np.abs(off)
+    odd = (np.abs(off) > max(scatter, SINGLE_SHARE * extent)) & steady & agree
+    if odd.any():
+        return int(np.argmax(np.abs(off) * odd)) + 1
+    for end, one, two in ((0, 1, 2), (-1, -2, -3)):
+        gap = abs(stress[end] - (2 * stress[one] - stress[two]))
+        if gap > max(scatter, END_SHARE * extent):
+            return end % len(stress)
+    return None
+
+
+def check_copies(where: str, tests: Sequence[MaterialTest]) -> None:
+    """Refuse two samples of one material that hold the same curve: a file was copied or named twice."""
+    seen: dict[bytes, MaterialTest] = {}
+    for test in tests:
+        curve = np.stack([test.stretch, np.nan_to_num(test.nominal_stress), _or_zero(test)])
+        if len(test.stretch) < LEAST_ROWS:
+            continue
+        before = seen.setdefault(np.round(curve, 12).tobytes(), test)
+        if before is not test:
+            raise TableError(
+                f"{where}: {before.test} {before.sample} ({before.source}) and {test.test} {test.sample}"
+                f" ({test.source}) hold the same values; name each sample's own file"
+            )
+
+
+def _or_zero(test: MaterialTest) -> np.ndarray:
+    other = test.cauchy_difference
+    return np.zeros(len(test.stretch)) if other is None else np.nan_to_num(other)

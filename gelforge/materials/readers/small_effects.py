@@ -1,0 +1,317 @@
+"""Friction, sheet thickness, presses of a ball and pairs of load cells as measured effects."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from gelforge.config import ConfigError
+from gelforge.config.mapping import load_microindentation
+from gelforge.materials.readers.common_form import ForcePair, IndentationTest
+from gelforge.materials.readers.mapped_files import read_microindentation
+from gelforge.materials.readers.measured_effects import MeasuredEffect
+from gelforge.materials.readers.microindentation import adhesion, fit_modulus
+from gelforge.materials.readers.small_tests import (
+    Mean,
+    by_place,
+    gain_mismatch,
+    mean_of,
+    pressed_pairs,
+    sheet_thickness,
+    static_friction,
+)
+
+FRICTION, THICKNESS = "friction.csv", "thickness.csv"
+T_INTERVAL = "Student's t over the trials"
+SIGMAS = 2.0  # of a 95 % interval
+NOTABLE_OFFSET = 0.01  # of the largest force of a press: as much as load cells of one per cent are off anyway
+
+
+@dataclass(frozen=True)
+class Press:
+    """A ball pressed into a layer, its thickness on a rigid base, and the same press on a rigid board."""
+
+    test: IndentationTest
+    thickness_mm: float | None = None
+    board: IndentationTest | None = None
+
+
+@dataclass(frozen=True)
+class SmallTests:
+    """What a material has besides tests that a law is fitted to."""
+
+    friction: Mean | None = None
+    thickness: dict[str, Mean] = field(default_factory=dict)
+    presses: tuple[Press, ...] = ()
+    force_pairs: tuple[ForcePair, ...] = ()
+
+    @property
+    def contacts(self) -> list[IndentationTest | ForcePair]:
+        """Return the tests that are read from tables of rows: presses and pairs of load cells."""
+        return [*(press.test for press in self.presses), *self.force_pairs]
+
+
+def small_test_files(folder: str | Path) -> list[Path]:
+    """Return the small tests of a folder: friction.csv, thickness.csv, and the files of presses."""
+    folder = Path(folder)
+    # what is there and no file, a pipe or a dangling link, is refused where it is read
+    named = [folder / name for name in (FRICTION, THICKNESS) if os.path.lexists(folder / name)]
+    presses = [
+        p.with_suffix(".csv") for p in sorted(folder.glob("*.yaml")) if os.path.lexists(p.with_suffix(".csv"))
+    ]
+    return list(dict.fromkeys([*named, *(file for press in presses for file in press_files(press))]))
+
+
+def press_files(path: Path) -> list[Path]:
+    """Return the files of a press <name>.csv: itself, <name>.yaml, and the press on a rigid board named there."""
+    sidecar = path.with_suffix(".yaml")
+    try:
+        board = load_microindentation(sidecar).rigid_board
+    except ConfigError:
+        board = None  # reading the press says what is wrong with its sidecar
+    return [path, sidecar, *([path.with_name(board)] if board else [])]
+
+
+def read_small_tests(folder: str | Path) -> SmallTests:
+    """Return the small tests of a folder; raises TableError or ConfigError with file, value and remedy."""
+    files = small_test_files(folder)
+    by_name = {path.name: path for path in files}
+    return SmallTests(
+        static_friction(by_name[FRICTION]) if FRICTION in by_name else None,
+        sheet_thickness(by_name[THICKNESS]) if THICKNESS in by_name else {},
+        tuple(
+            read_press(path) for path in files if path.with_suffix(".yaml") in files and path.suffix == ".csv"
+        ),
+    )
+
+
+def read_press(path: str | Path) -> Press:
+    """Return a press in the project's own format and, where its sidecar names one, the press on a rigid board."""
+    test, sidecar = read_microindentation(path)
+    board = None
+    if sidecar.rigid_board is not None:
+        board, _ = read_microindentation(Path(path).with_name(sidecar.rigid_board), sidecar)
+    return Press(test, sidecar.layer_thickness_mm, board)
+
+
+def small_effects(small: SmallTests) -> tuple[list[MeasuredEffect], list[tuple[str, str]]]:
+    """Return the effects that the small tests measure, and what could not be judged."""
+    found, not_judged = [], []
+    if small.friction:
+        found.append(_friction(small.friction))
+    else:
+        not_judged.append(("friction", f"no {FRICTION} with tilt trials"))
+    if small.thickness:
+        found.append(_thickness(small.thickness))
+    for press in small.presses:
+        if press.test.is_the_board:
+            not_judged.append(
+                ("microindentation", f"{press.test.source} is the press on the rigid board itself")
+            )
+        elif press.test.ball_radius_mm is not None:
+            _keep(found, not_judged, "microindentation", lambda press=press: _modulus(press))
+        if press.test.segment is not None:
+            _keep(found, not_judged, "adhesion", lambda press=press: _adhesion(press.test))
+            found += [_creep(press.test, name) for name, kind in press.test.segment_kinds if kind == "hold"]
+    moduli = [e for e in found if e.effect == "microindentation"]
+    if len(moduli) > 1:
+        found.append(_mean_modulus(moduli))
+    for pair in small.force_pairs:
+        _keep(found, not_judged, "load_cell_gain", lambda pair=pair: _gain(pair))
+    return found, not_judged
+
+
+def _keep(found: list, not_judged: list, effect: str, measure) -> None:
+    """Add what is measured, or why it could not be."""
+    try:
+        found.append(measure())
+    except ValueError as error:
+        not_judged.append((effect, str(error)))
+
+
+def _friction(mu: Mean) -> MeasuredEffect:
+    low, high = mu.interval
+    return MeasuredEffect(
+        "friction",
+        "tilt",
+        "static friction coefficient",
+        mu.value,
+        mu.interval,
+        T_INTERVAL,
+        "1",
+        "measured",
+        f"The static friction coefficient is {mu.value:.3f} (95 % interval {low:.3f} to {high:.3f}, {mu.count} tilt"
+        f" trials that scatter by {mu.deviation:.3f}).",
+        (),
+        {"deviation": mu.deviation, "trials": mu.count},
+    )
+
+
+def _thickness(by_sample: dict[str, Mean]) -> MeasuredEffect:
+    single = len(by_sample) == 1
+    mean = next(iter(by_sample.values())) if single else mean_of([m.value for m in by_sample.values()])
+    error = float(np.sqrt(np.mean([(m.standard_error / m.value) ** 2 for m in by_sample.values()])))
+    low, high = mean.interval
+    return MeasuredEffect(
+        "sheet_thickness",
+        "sections",
+        "thickness of the sheets",
+        mean.value,
+        mean.interval,
+        "Student's t over the sections" if single else "Student's t over the samples",
+        "mm",
+        "measured",
+        f"The sheets are {mean.value:.4g} mm thick (95 % interval {low:.4g} to {high:.4g}, {len(by_sample)} sample"
+        f"{'' if single else 's'}); the thickness of one sample is known to {error:.2%}, and so is its stress.",
+        tuple(by_sample),
+        {
+            "relative_standard_error_of_a_sample": error,
+            "thickness_mm_by_sample": {name: m.value for name, m in by_sample.items()},
+        },
+    )
+
+
+def _modulus(press: Press) -> MeasuredEffect:
+    loading = next((name for name, kind in press.test.segment_kinds if kind == "load"), None)
+    loaded = press.test if loading is None else press.test.in_segment(loading)
+    fit, name = fit_modulus(loaded, press.thickness_mm, press.board), press.test.sample
+    low, high = fit.interval
+    said = f" Beware: {'; '.join(fit.warnings)}." if fit.warnings else ""
+    return MeasuredEffect(
+        "microindentation",
+        "indentation",
+        "Young's modulus by Hertz with thin-layer correction",
+        fit.youngs_modulus,
+        fit.interval,
+        "bootstrap of the press's residuals (one press)",
+        "MPa",
+        "measured",
+        f"{name}: Young's modulus {fit.youngs_modulus:.4g} MPa (95 % interval {low:.4g} to {high:.4g}), contact at"
+        f" {fit.contact_mm:.4g} mm, the layer's thickness raises the force by {fit.correction - 1:.1%}.{said}",
+        (name,),
+        {
+            "ball_radius_mm": press.test.ball_radius_mm,
+            "layer_thickness_mm": press.thickness_mm,
+            "contact_mm": fit.contact_mm,
+            "largest_depth_mm": fit.largest_depth_mm,
+            "layer_factor": fit.correction,
+        },
+    )
+
+
+def _mean_modulus(moduli: list[MeasuredEffect]) -> MeasuredEffect:
+    mean = mean_of([m.value for m in moduli])
+    low, high = mean.interval
+    return MeasuredEffect(
+        "microindentation",
+        "indentation",
+        "Young's modulus, mean of presses",
+        mean.value,
+        mean.interval,
+        "Student's t over the presses",
+        "MPa",
+        "measured",
+        f"The mean of {mean.count} presses is {mean.value:.4g} MPa (95 % interval {low:.4g} to {high:.4g}).",
+        tuple(m.samples[0] for m in moduli),
+        {"deviation_MPa": mean.deviation},
+    )
+
+
+def _creep(test: IndentationTest, segment: str) -> MeasuredEffect:
+    """Return by how much a hold moves and by how much its force changes, from its first row to its last."""
+    held = test.in_segment(segment)
+    moved, changed = (float(values[-1] - values[0]) for values in (held.position_mm, held.force_N))
+    force, noise = float(held.force_N[0]), SIGMAS * _row_noise(held.position_mm)
+    lasts = None if held.time_s is None else float(held.time_s[-1] - held.time_s[0])
+    time = "" if lasts is None else f" of {lasts:.4g} s"
+    share = f", {changed / force:+.1%}" if force else ""
+    return MeasuredEffect(
+        "relaxation",
+        "indentation",
+        "further depth in a hold",
+        moved,
+        (moved - noise, moved + noise),
+        "scatter of neighbouring rows (one press)",
+        "mm",
+        "measured",
+        f"{test.sample}: In the hold{time} the ball sinks by {moved * 1e3:.3g} um and the force changes by {changed:.2g} N"
+        f"{share}.",
+        (test.sample,),
+        {"hold_s": lasts, "force_change_N": changed, "force_N": force},
+    )
+
+
+def _row_noise(values: np.ndarray) -> float:
+    """Return the standard deviation of the difference of two rows, from how far rows are off their neighbours' mean."""
+    if len(values) < 3:
+        return 0.0
+    off = values[1:-1] - (values[:-2] + values[2:]) / 2  # variance 1.5 times that of a row
+    return float(np.sqrt(2 / 1.5) * np.std(off))
+
+
+def _adhesion(test: IndentationTest) -> MeasuredEffect:
+    names = list(dict.fromkeys(test.segment))
+    ways = [float(np.subtract(*test.in_segment(name).position_mm[[-1, 0]])) for name in names]
+    into = next((name for name, way in zip(names, ways) if way > 0), None)
+    out = next((name for name, way in zip(names[::-1], ways[::-1]) if way < 0), None)
+    if into is None or out is None:
+        raise ValueError(f"{test.source}: no approach or no withdrawal among its segments {names}")
+    found = adhesion(test.in_segment(into), test.in_segment(out))
+    verdict = "cannot be judged"
+    if found.detached:
+        verdict = "significant adhesion" if "significant" in found.sentence else "negligible"
+    noise = 2 * found.noise_N / found.largest_push_N
+    return MeasuredEffect(
+        "adhesion",
+        "indentation",
+        "pull-off force over the largest push",
+        found.ratio,
+        (found.ratio - noise, found.ratio + noise) if found.detached else None,
+        "noise of the force (one press)" if found.detached else "none: the ball stays attached",
+        "1",
+        verdict,
+        f"{test.sample}: {found.sentence}",
+        (test.sample,),
+        {"pull_off_N": found.pull_off_N, "largest_push_N": found.largest_push_N},
+    )
+
+
+def _gain(pair: ForcePair) -> MeasuredEffect:
+    mean, presses = gain_mismatch(pair), pressed_pairs(pair)
+    low, high = mean.interval
+    gains = by_place([(p.place, p.gain) for p in presses])
+    ratios = by_place([(p.place, p.ratio) for p in presses])
+    offsets = [p.offset_N / p.largest_N for p in presses]
+    single = [float(np.std(v, ddof=1)) for v in gains.values() if len(v) > 1]
+    within = max(single, default=float("nan"))
+    text = (
+        f"The second load cell's gain is {mean.value:+.1%} off that of the first (95 % interval {low:+.1%} to"
+        f" {high:+.1%}, {mean.count} independent places; slope of force over force, both measured)"
+    )
+    place_matters = pair.position is not None and mean.deviation > 3 * within
+    if place_matters:
+        listed = ", ".join(f"{np.mean(v):+.1%} at {place}" for place, v in gains.items())
+        text += (
+            f": it depends on where the body is pressed ({listed}; within {within:.1%} at one place), so one gain does"
+            " not describe it; part of the force bypasses a cell, or the cells feel moments"
+        )
+    if max(map(abs, offsets)) > NOTABLE_OFFSET:
+        text += f"; an offset of {min(offsets):+.1%} to {max(offsets):+.1%} of the force comes with the load and is no gain"
+    verdict = (
+        "depends on the place" if place_matters else "undecided" if low <= 0 <= high else "significant gain"
+    )
+    return MeasuredEffect(
+        "load_cell_gain", "force_pair", "force of the second load cell over the first (slope), less 1", mean.value,
+        mean.interval, "Student's t over the places", "1", verdict, f"{text}.", (pair.sample,),
+        {
+            "gain_by_place": {place: float(np.mean(v)) for place, v in gains.items()},
+            "ratio_at_largest_force_by_place": {place: float(np.mean(v)) for place, v in ratios.items()},
+            "offset_under_load_N_by_place": {
+                place: float(np.mean(v)) for place, v in by_place([(p.place, p.offset_N) for p in presses]).items()
+            },
+            "deviation_within_a_place": within if np.isfinite(within) else None,
+        },
+    )  # fmt: skip

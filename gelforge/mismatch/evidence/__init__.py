@@ -1,0 +1,1 @@
+"""Covariance of the readings, and the evidence of linear changes of them."""

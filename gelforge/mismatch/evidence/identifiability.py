@@ -1,0 +1,140 @@
+"""What this recording can and cannot tell apart, what it could detect, and which experiment would decide."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gelforge.mismatch.evidence.covariance import Covariance
+from gelforge.mismatch.evidence.screen import Candidate, Screened
+from gelforge.mismatch.model.effect import Shape
+
+ALIKE = 0.95  # |cos| of whitened changes, above which two effects are one group
+# On recordings of 4 to 25 sites the largest of a scan's 75 to 230 correlated scores exceeds 3.5 to 3.7 by chance in 2.5 %,
+# so a change of 4 standard deviations is seen in about three of four cases, one of 2 hardly ever (test_identifiability).
+DETECTED_SNR = 4.0
+DECISIVE = float(np.log(10.0))  # log odds at which one of two effects is named
+
+
+@dataclass(frozen=True)
+class Limit:
+    """The smallest amount that this recording detects."""
+
+    name: str
+    parameter: int
+    shape: Shape  # where it is seen best
+    amount: float
+    worst_amount: float  # at the shape where it is seen least
+    widths: float  # the amount in plausible amounts; above 1 the recording cannot show what is plausible
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """An experiment that could be made: its covariance, and the change of its n entries per unit amount by effect."""
+
+    name: str
+    cost: float  # minutes on the stage
+    presses: int
+    covariance: Covariance
+    columns: Mapping[str, np.ndarray]  # (n, p) [N per unit]
+    errors: Mapping[str, np.ndarray] = field(default_factory=dict)  # (n, k) [N] of each effect's own change
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A plan and the log odds that it is expected to give to the right one of two effects."""
+
+    name: str
+    cost: float
+    presses: int
+    expected_log_odds: float
+
+    @property
+    def decides(self) -> bool:
+        """Return whether odds of ten are expected."""
+        return self.expected_log_odds >= DECISIVE
+
+
+def cosines(changes: np.ndarray) -> np.ndarray:
+    """Return the cosines (k, k) between whitened changes (n, k); 0 with a change that is nothing."""
+    norms = np.linalg.norm(changes, axis=0)
+    unit = changes / np.where(norms > 0, norms, 1.0)
+    return unit.T @ unit
+
+
+def detection_limits(covariance: Covariance, candidates: Sequence[Candidate]) -> list[Limit]:
+    """Return for each effect and parameter the amount whose change has an SNR of DETECTED_SNR, over the effect's shapes.
+
+    Infinite where the readings do not change.
+    """
+    found: dict[tuple[str, int], list[tuple[float, Candidate]]] = {}
+    for candidate in candidates:
+        norms = np.linalg.norm(covariance.whiten(candidate.columns), axis=0)
+        for k, norm in enumerate(norms):
+            amount = DETECTED_SNR / norm if norm > 0 else np.inf
+            found.setdefault((candidate.name, k), []).append((amount, candidate))
+    limits = []
+    for (name, k), shapes in found.items():
+        best, candidate = min(shapes, key=lambda shape: shape[0])
+        worst = max(amount for amount, _ in shapes)
+        width = 1.0 if candidate.switch else float(candidate.widths[k])
+        limits.append(Limit(name, k, candidate.shape, float(best), float(worst), float(best / width)))
+    return limits
+
+
+def profile(
+    residual: np.ndarray, covariance: Covariance, judged: Screened, parameter: int, amounts: np.ndarray
+) -> np.ndarray:
+    """Return the log posterior (A,), 0 at its largest, over one amount, the others free at each, by the linear change."""
+    r = covariance.whiten(residual)
+    J = covariance.whiten(np.column_stack([part.columns for part in judged.parts]))
+    widths = np.concatenate([part.widths for part in judged.parts])
+    rest = np.arange(J.shape[1]) != parameter
+    B = np.eye(rest.sum()) + widths[rest, None] * (J[:, rest].T @ J[:, rest]) * widths[rest]
+    shifted = r[:, None] - J[:, [parameter]] * amounts  # (n, A)
+    b = widths[rest, None] * (J[:, rest].T @ shifted)
+    squares = (shifted**2).sum(axis=0) - np.sum(b * np.linalg.solve(B, b), axis=0)
+    found = -0.5 * (squares + (amounts / widths[parameter]) ** 2)
+    return found - found.max()
+
+
+def expected_log_odds(plan: Plan, first: Screened, second: Screened) -> float:
+    """Return the expected log Bayes factor of the right one of two effects after the plan, each right half of the time.
+
+    Each predicts N(J a, C + J S J' + E E'), a and S the amounts that the readings at hand give, E the errors of its change;
+    the expectation is the Kullback-Leibler divergence of one prediction from the other, and all that differs lies in the
+    span of their columns.
+    """
+    means, spreads = [], []
+    for judged in (first, second):
+        J = plan.covariance.whiten(np.column_stack([plan.columns[part.name] for part in judged.parts]))
+        l, E = np.linalg.eigh(judged.covariance)
+        means.append(J @ judged.amounts)
+        errs = [plan.covariance.whiten(plan.errors[p.name]) for p in judged.parts if p.name in plan.errors]
+        spreads.append(np.column_stack([J @ (E * np.sqrt(np.maximum(l, 0))), *errs]))
+    Q = np.linalg.qr(np.column_stack([*means, *spreads]))[0]
+    m = [Q.T @ mean for mean in means]
+    S = [np.eye(Q.shape[1]) + (Q.T @ U) @ (Q.T @ U).T for U in spreads]
+    return 0.5 * (_divergence(m[0], S[0], m[1], S[1]) + _divergence(m[1], S[1], m[0], S[0]))
+
+
+def next_experiment(plans: Sequence[Plan], first: Screened, second: Screened) -> list[Experiment]:
+    """Return the plans, the one to make first: the cheapest that is expected to decide, else the one that tells most."""
+    found = [
+        Experiment(plan.name, plan.cost, plan.presses, expected_log_odds(plan, first, second))
+        for plan in plans
+    ]
+    return sorted(
+        found,
+        key=lambda e: (not e.decides, e.cost if e.decides else -e.expected_log_odds, -e.expected_log_odds),
+    )
+
+
+def _divergence(m: np.ndarray, S: np.ndarray, m0: np.ndarray, S0: np.ndarray) -> float:
+    """Return the Kullback-Leibler divergence of N(m0, S0) from N(m, S)."""
+    difference = m0 - m
+    inverse = np.linalg.inv(S0)
+    log_det = np.linalg.slogdet(S0)[1] - np.linalg.slogdet(S)[1]
+    return float(0.5 * (np.trace(inverse @ S) - len(m) + difference @ inverse @ difference + log_det))

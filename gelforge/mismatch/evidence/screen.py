@@ -1,0 +1,201 @@
+"""Every effect against none: evidence by the linear change of the readings, priors and signs included."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import log_ndtr, logsumexp
+
+from gelforge.mismatch.evidence.covariance import Covariance
+from gelforge.mismatch.model.effect import Shape
+
+SCALES = (1.0, 0.3, 0.1)  # of plausible amounts: what is left out is known to be small, not how small
+FAR = -50.0  # standard deviations on the wrong side, from where phi / Phi is its asymptotic series to 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One effect at one shape: the change of the n entries per unit of each of its p amounts."""
+
+    name: str
+    shape: Shape
+    columns: np.ndarray  # (n, p) [N per unit]
+    widths: np.ndarray  # (p,) standard deviations of the priors
+    signs: np.ndarray  # (p,) 1, -1: the only physical sign; 0: both
+    switch: bool = False  # the amount is 1 or 0
+    moved_from: Shape | None = None  # the shape that was tried, where a refit has moved its place
+
+    @property
+    def tried(self) -> Shape:
+        """Return the shape that was tried: one of the effect's own list."""
+        return dict(self.shape if self.moved_from is None else self.moved_from)
+
+    def restricted(self, mask: np.ndarray) -> Candidate:
+        """Return the candidate on some entries."""
+        return replace(self, columns=self.columns[mask])
+
+
+@dataclass(frozen=True, eq=False)
+class Screened:
+    """One effect, or several at once, judged against none."""
+
+    parts: tuple[Candidate, ...]  # at their best shapes and scales
+    log_bayes_factor: float  # against none, averaged over shapes and scales
+    best_log_bayes_factor: float  # at the best ones
+    amounts: np.ndarray  # (p,) posterior means, the parts' amounts in turn
+    covariance: np.ndarray  # (p, p) of the amounts
+    change: np.ndarray  # (n,) [N] of the readings at these amounts
+    snr: float  # of this change: sqrt(d' C^-1 d)
+    plausible_snr: float  # the same of the last part alone, root mean square over its prior
+
+    @property
+    def name(self) -> str:
+        """Return the effect's name, several joined by " + "."""
+        return " + ".join(part.name for part in self.parts)
+
+    @property
+    def shape(self) -> Shape:
+        """Return the best shape of the last part."""
+        return self.parts[-1].shape
+
+
+def screened(
+    residual: np.ndarray,
+    covariance: Covariance,
+    candidates: Sequence[Candidate],
+    scales: Sequence[float] = SCALES,
+) -> list[Screened]:
+    """Return every effect judged against none by residual (n,) = measured - base, best first.
+
+    Shapes of one effect, and scales of its plausible amounts, have equal prior weight: their Bayes factors are averaged.
+    """
+    r = covariance.whiten(residual)
+    by_name = defaultdict(list)
+    for candidate, own in zip(candidates, whitened(covariance, candidates)):
+        for scale in (1.0,) if candidate.switch else scales:
+            part = replace(candidate, widths=scale * np.asarray(candidate.widths))
+            felt = float(np.linalg.norm(own * (1.0 if candidate.switch else candidate.widths)))
+            by_name[candidate.name].append(replace(judged_by(r, (part,), [own]), plausible_snr=felt))
+    found = []
+    for shapes in by_name.values():
+        factors = [judged.log_bayes_factor for judged in shapes]
+        best = shapes[int(np.argmax(factors))]
+        average = float(logsumexp(factors) - np.log(len(factors)))
+        found.append(replace(best, log_bayes_factor=average))
+    return sorted(found, key=lambda judged: -judged.log_bayes_factor)
+
+
+def chance_of(log_bayes_factor: float) -> float:
+    """Return the bound on the probability that noise alone gives as much evidence (Markov's inequality)."""
+    return float(np.exp(-max(log_bayes_factor, 0.0)))
+
+
+def whitened(covariance: Covariance, candidates: Sequence[Candidate]) -> list[np.ndarray]:
+    """Return the whitened columns (n, p) of each candidate."""
+    ends = np.cumsum([0, *(candidate.columns.shape[1] for candidate in candidates)])
+    if not len(candidates):
+        return []
+    W = covariance.whiten(np.column_stack([candidate.columns for candidate in candidates]))
+    return [W[:, a:b] for a, b in zip(ends, ends[1:])]
+
+
+def believing(judged: Screened, residual: np.ndarray, covariance: Covariance, wider: Covariance) -> Screened:
+    """Return a screened answer judged again with the errors of its own change in the wider covariance.
+
+    At its best shape and scale; the others are taken to follow.
+    """
+    given = covariance.log_density(residual)
+    again = judged_by(
+        wider.whiten(residual), judged.parts, [wider.whiten(part.columns) for part in judged.parts]
+    )
+    more = again.log_bayes_factor + wider.log_density(residual) - given - judged.best_log_bayes_factor
+    return replace(
+        again,
+        log_bayes_factor=judged.log_bayes_factor + more,
+        best_log_bayes_factor=judged.best_log_bayes_factor + more,
+        snr=float(np.linalg.norm(covariance.whiten(again.change))),
+        plausible_snr=judged.plausible_snr,
+    )
+
+
+def log_evidence(residual: np.ndarray, covariance: Covariance, parts: Sequence[Candidate] = ()) -> float:
+    """Return the log density of residual (n,) with parts of unknown amounts, or with none."""
+    density = covariance.log_density(residual)
+    if not parts:
+        return density
+    columns = [covariance.whiten(part.columns) for part in parts]
+    return density + judged_by(covariance.whiten(residual), parts, columns).log_bayes_factor
+
+
+def judged_by(r: np.ndarray, parts: Sequence[Candidate], columns: Sequence[np.ndarray]) -> Screened:
+    """Return the parts, with whitened columns, judged by the whitened residual r (n,)."""
+    J = np.column_stack(columns)
+    widths = np.concatenate([np.broadcast_to(part.widths, c.shape[1]) for part, c in zip(parts, columns)])
+    signs = np.concatenate([np.broadcast_to(part.signs, c.shape[1]) for part, c in zip(parts, columns)])
+    on = np.concatenate([np.full(c.shape[1], part.switch) for part, c in zip(parts, columns)])
+    d = J[:, on].sum(axis=1)  # a switch is there with amount 1
+    factor = float(d @ r - 0.5 * d @ d)
+    amounts, spread = np.ones(len(on)), np.zeros((len(on), len(on)))
+    if not on.all():
+        free = ~on
+        log_evidence, mean, cov = evidence(r - d, J[:, free], widths[free], signs[free])
+        factor += log_evidence
+        amounts[free], spread[np.ix_(free, free)] = mean, cov
+    plain = np.column_stack([part.columns for part in parts])
+    return Screened(
+        parts=tuple(parts),
+        log_bayes_factor=factor,
+        best_log_bayes_factor=factor,
+        amounts=amounts,
+        covariance=spread,
+        change=plain @ amounts,
+        snr=float(np.linalg.norm(J @ amounts)),
+        plausible_snr=float(np.linalg.norm(J * np.where(on, 1.0, widths))),
+    )
+
+
+def evidence(
+    r: np.ndarray, J: np.ndarray, widths: np.ndarray, signs: np.ndarray
+) -> tuple[float, np.ndarray, np.ndarray]:
+    r"""Return the log Bayes factor of r = J a + e against r = e, and the posterior mean (p,) and covariance (p, p) of a.
+
+    e ~ N(0, I), a ~ N(0, diag(widths^2)), on the physical half lines only. Without signs
+
+    .. math:: \ln B = \tfrac12 b^T A^{-1} b - \tfrac12 \ln\det(W A W), \quad A = J^T J + W^{-2}, \; b = J^T r
+
+    and signs multiply by the posterior's share of the allowed orthant over the prior's, 2^-k. Exact without signs and
+    with one; with more the orthant is taken one side at a time, the posterior being kept normal between (Mendell & Elston
+    1974, doi:10.2307/2529136).
+    """
+    W = np.asarray(widths, dtype=float)
+    b = W * (J.T @ r)  # in units of the widths
+    B = np.eye(len(W)) + W[:, None] * (J.T @ J) * W
+    cov = np.linalg.inv(B)
+    cov = (cov + cov.T) / 2
+    mean = cov @ b
+    log_factor = 0.5 * b @ mean - 0.5 * np.linalg.slogdet(B)[1]
+    for i in np.flatnonzero(signs):
+        share, mean, cov = _half(mean, cov, i, signs[i])
+        log_factor += share + np.log(2)
+    return float(log_factor), W * mean, W[:, None] * cov * W
+
+
+def _half(mean: np.ndarray, cov: np.ndarray, i: int, sign: int) -> tuple[float, np.ndarray, np.ndarray]:
+    """Return the log probability that a normal vector has the sign at i, and its mean and covariance if it has."""
+    sd = np.sqrt(cov[i, i])
+    h = sign * mean[i] / sd
+    log_share = log_ndtr(h)
+    if h > FAR:
+        ratio = np.exp(-0.5 * h**2 - 0.5 * np.log(2 * np.pi) - log_share)  # phi(h) / Phi(h)
+        left = 1 - ratio * (h + ratio)  # of the variance
+    else:
+        ratio, left = -h - 1 / h, 1 / h**2
+    gain = cov[:, i] / cov[i, i]
+    return (
+        float(log_share),
+        mean + gain * sign * sd * ratio,
+        cov - np.outer(gain, gain) * cov[i, i] * (1 - left),
+    )

@@ -1,0 +1,1 @@
+"""The finite elements behind a verdict."""

@@ -1,0 +1,100 @@
+"""The derivatives of one site's forces along all that a verdict may ask for, solved before any recording is looked at."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from gelforge.indentation.cell_file import Cell
+from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.sensitivities import Derivative, Variation
+from gelforge.indentation.simulate import simulate_cell
+from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mismatch.effects import with_taken
+from gelforge.mismatch.fem.solutions import Solver, along_laws, each_derivative
+from gelforge.mismatch.fem.solver import asked_of, felt_by, forgetting
+from gelforge.mismatch.fem.stored import described, place_digest, write_stored
+from gelforge.mismatch.model.context import Context
+from gelforge.mismatch.model.images_of_presses import image_of
+from gelforge.mismatch.readings.observations import PLACE_DIGITS
+from gelforge.mismatch.terms.body_map import BOX
+from gelforge.mismatch.terms.candidates import effects_of_forces
+
+ZERO_BY = (
+    "press",
+    "session",
+)  # depth zero is found for every press, or once: a tilt is then seen differently
+
+
+NOTHING = Cell({"total_force_N": np.empty((0, 3)), "bin_force_N": np.empty((0, 0, 3))}, {})
+
+
+@dataclass(frozen=True)
+class SiteSlopes:
+    """What was found at a place that stands for its mirror images."""
+
+    planned: PlannedCell
+    asked: Mapping[str, tuple[Variation, dict]]  # by key: the variation and what it is about
+    base: Cell
+    found: Mapping[str, Derivative | str]  # by key, or the reason why there is none
+    seconds: float
+
+
+def slopes_of_site(solver: Solver, cell: PlannedCell) -> SiteSlopes:
+    """Return the derivatives at a planned cell's place, or the image that stands for it, as deep as the coarser mesh goes.
+
+    They are those of a straight press through the cell's depths, however it goes on from there.
+    """
+    clock = time.perf_counter()
+    solver = forgetting(solver)
+    depths = tuple(float(d) for d in np.unique(cell.depths_mm))
+    straight = PlannedCell("", round(cell.x_mm, PLACE_DIGITS), round(cell.y_mm, PLACE_DIGITS), depths)
+    planned, _ = image_of(solver.study, straight)
+    asked = asked_at(solver, planned)
+    variations = {key: one for key, (one, _) in asked.items()}
+    study, laws = solver.coarse, dict(solver.laws)
+    try:
+        base, found = each_derivative(study, laws, planned, variations)
+    except NotConverged:
+        reached = simulate_cell(study, laws, planned).attributes["last_good_depth_mm"]
+        planned = replace(planned, depths_mm=tuple(d for d in depths if d <= reached))
+        if not planned.depths_mm:
+            return SiteSlopes(planned, {}, NOTHING, {}, time.perf_counter() - clock)
+        base, found = each_derivative(study, laws, planned, variations)
+    return SiteSlopes(planned, asked, base, found, time.perf_counter() - clock)
+
+
+def asked_at(solver: Solver, planned: PlannedCell) -> dict[str, tuple[Variation, dict]]:
+    """Return what is differentiated along at a place by name, each with its effect, parameter, unit and shape."""
+    blank = Context(solver.study, None, None, None, {})  # no readings: all that there could be
+    effects = [*with_taken(effects_of_forces(solver.study).values()), BOX]
+    found: dict[str, tuple[Variation, dict]] = {}
+    known = []
+    for zero_by in ZERO_BY:
+        asked = list(asked_of(replace(solver, zero_by=zero_by), effects, blank))
+        about = {one.key: one for one in asked}
+        for key, variation in felt_by(asked, planned).items():
+            if (own := described(variation)) in known:
+                continue
+            known.append(own)
+            one = about[key]
+            parameter = one.effect.parameters[one.which]
+            words = {"effect": one.effect.name, "parameter": parameter.name, "unit": parameter.unit}
+            found[key if key not in found else f"{key} by {zero_by}"] = (
+                variation,
+                words | {"shape": dict(one.shape), "depth_zero_by": zero_by},
+            )
+    for key, variation in along_laws(solver, solver.coarse).items():
+        found[key] = variation, {"effect": "", "parameter": key, "unit": "standard deviation", "shape": {}}
+    return found
+
+
+def write_site_slopes(path: Path, solver: Solver, site: SiteSlopes) -> None:
+    """Write the derivatives of a site into a file of their own."""
+    coarse, planned = forgetting(solver).coarse, site.planned
+    place = place_digest(coarse, solver.laws, planned.x_mm, planned.y_mm)
+    write_stored(path, planned, place, site.base.arrays, site.found, site.asked, site.seconds)

@@ -1,0 +1,326 @@
+"""Solutions by the finite elements that a verdict needs, each kept by the digest of all that decides it.
+
+A solution is of one path: on the study's own mesh (`fine`), with derivatives on a coarser mesh (`follow`), there
+with a study's effects (`plain`), in time (`timed`), or one path after another on a sensor that remembers (`in_order`).
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from gelforge.config import ConfigError, Study
+from gelforge.files import FileError, atomic, check_seal, digest, source_digest
+from gelforge.indentation.cell_file import Cell, CellError, read_cell
+from gelforge.indentation.effects.catalogue import with_keys
+from gelforge.indentation.effects.surfaces import top_slope
+from gelforge.indentation.error_bars import AMOUNT as LAW_AMOUNT
+from gelforge.indentation.inputs import inputs_digest
+from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell, plan_cells
+from gelforge.indentation.sensitivities import Derivative, Variation, derivatives, subtracted, unmirrored
+from gelforge.indentation.simulate import simulate_cell, simulate_in_order, simulate_trajectory
+from gelforge.indentation.trajectory import Trajectory
+from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.mismatch.fem.stored import described, path_at, place_digest, read_stored, slope_digest
+from gelforge.progress import tracked
+
+
+class SolverFailed(ValueError):
+    """A base that could not be solved: there is nothing to compare the readings with. `presses` says where, if known."""
+
+    def __init__(self, message: str, presses: Sequence[Unsolved] = ()):
+        super().__init__(message)
+        self.presses = tuple(presses)
+
+
+@dataclass(frozen=True)
+class Unsolved:
+    """A press of the base, or the mirror image that stands for it, that finds no equilibrium."""
+
+    x_mm: float
+    y_mm: float
+    mesh: str  # in words
+    reason: str
+    beyond_mm: float = np.inf  # the deepest that was solved on the way down
+    way_up_from_mm: float = np.inf  # ways up from here or deeper are not solved
+
+    @property
+    def words(self) -> str:
+        where = f"at ({self.x_mm:g}, {self.y_mm:g}) mm, or at a mirror image of that,"
+        if np.isfinite(self.beyond_mm):
+            return f"{where} beyond {self.beyond_mm:g} mm on {self.mesh}: {self.reason}"
+        return f"{where} on the way up from {self.way_up_from_mm:g} mm on {self.mesh}: {self.reason}"
+
+
+PATHS = "paths of the indenter solved"
+OWN_MESH, COARSER_MESH = "the study's mesh", "the coarser mesh (mismatch.coarser)"
+
+
+@dataclass(frozen=True)
+class Solver:
+    """A study with its laws, where its solutions are kept, and how many are solved side by side."""
+
+    study: Study
+    laws: Mapping[str, PrincipalLaw]  # by material
+    uncertain: Mapping[
+        str, Sequence[PrincipalLaw]
+    ]  # by material, laws moved by LAW_AMOUNT of a standard deviation
+    kept: Path
+    cells: Path | None = None  # folder of the study's own cells
+    workers: int = 1
+    zero_by: str = (
+        "press"  # what depth zero was found for, once: a press or the session; tilt is seen differently
+    )
+    stored: Path | None = None  # folder of the derivatives of the study's own cells
+
+    @property
+    def coarse(self) -> Study:
+        """Return the study on the coarser mesh."""
+        mesh = self.study.mechanics.mesh.coarser(self.study.mismatch.coarser)
+        mechanics = self.study.mechanics.model_copy(update={"mesh": mesh})
+        return self.seen(unmirrored(self.study.model_copy(update={"mechanics": mechanics})))
+
+    def seen(self, study: Study) -> Study:
+        """Return a study with depth counted as the recording counts it; on a level top that is all the same."""
+        effects = study.mechanics.effects
+        if self.zero_by == "press" or not (any(effects.kinematics.tilt_deg) or top_slope(effects).any()):
+            return study
+        return with_keys(study, kinematics={"zero_by": self.zero_by})
+
+    def each(self, work: Callable, tasks: Sequence) -> list:
+        """Return work(task) of every task, side by side."""
+        if self.workers == 1 or len(tasks) < 2:
+            return [work(task) for task in tracked(tasks, PATHS)]
+        context = multiprocessing.get_context("forkserver")
+        with ProcessPoolExecutor(min(self.workers, len(tasks)), context) as pool:
+            return list(tracked(pool.map(work, tasks), PATHS, len(tasks)))
+
+
+def fine(task: tuple[Solver, PlannedCell]) -> np.ndarray | Unsolved:
+    """Return the base forces (D, 3) of a way down on the study's own mesh, or from where on there are none."""
+    solver, planned = task
+    study = unmirrored(solver.study)
+    name = digest(["fine", inputs_digest(study, dict(solver.laws), planned)])
+    kept = found_before(solver, name)
+    if kept is None:
+        kept = keep(solver, name, _way_down_of(simulate_cell(study, dict(solver.laws), planned)))
+    return kept["total"] if "total" in kept else _unsolved(planned, OWN_MESH, kept)
+
+
+def own_cell(solver: Solver, planned: PlannedCell) -> np.ndarray | None:
+    """Return the forces of the study's own cell at a position, where it has all these depths and these settings."""
+    if solver.cells is None:
+        return None
+    for cell in plan_cells(solver.study).values():
+        if max(abs(cell.x_mm - planned.x_mm), abs(cell.y_mm - planned.y_mm)) > POSITION_MATCH_MM:
+            continue
+        where = [k for d in planned.depths_mm for k, own in enumerate(cell.depths_mm) if abs(own - d) < 1e-6]
+        if cell.follows_a_path or len(where) != len(planned.depths_mm):
+            continue
+        try:
+            found = read_cell(solver.cells / f"{cell.name}.h5", ["total_force_N"])
+        except CellError:
+            return None
+        same = found.attributes["inputs_digest"] == inputs_digest(solver.study, dict(solver.laws), cell)
+        if same and found.converged:
+            return found.arrays["total_force_N"][where]
+    return None
+
+
+def follow(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> dict[str, np.ndarray] | Unsolved:
+    """Return of a run on the coarser mesh the base forces (D, 3) and its derivatives along laws and variations.
+
+    Derivatives are those of the way down; on the way up they have the value at the same depth. A derivative that could not
+    be had is missing, "reason KEY" says why. Where the base itself could not be had: from where on.
+    """
+    solver, planned, variations = task
+    study, laws, down = solver.coarse, dict(solver.laws), way_down(planned)
+    asked = variations | along_laws(solver, study)
+    known = _stored(solver, down, asked)
+    run = [inputs_digest(study, laws, down), source_digest("mismatch/fem/solutions.py")]
+    names = {key: digest(["along", *run, described(asked[key])]) for key in asked if key not in known}
+    if "base" not in known:
+        names["base"] = digest(["followed", *run])
+    known |= {key: kept for key, name in names.items() if (kept := found_before(solver, name))}
+    missing = {key: asked[key] for key in asked if key not in known}
+    if "base" not in known or ("total" in known["base"] and missing):
+        try:
+            base, along = each_derivative(study, laws, down, missing)
+        except NotConverged as failure:
+            stopped = _way_down_of(simulate_cell(study, laws, down))
+            known["base"] = keep(solver, names["base"], stopped | {"reason": np.array(str(failure))})
+        else:
+            if "base" in names:
+                known["base"] = keep(solver, names["base"], {"total": base.arrays["total_force_N"]})
+            for key, one in along.items():
+                solved = {"reason": np.array(one)} if isinstance(one, str) else {"total": one.total}
+                known[key] = keep(solver, names[key], solved)
+    if "reason" in known["base"]:
+        return _unsolved(down, COARSER_MESH, known["base"])
+    found = {}
+    for key, one in known.items():
+        if "reason" in one:
+            found[f"reason {key}"] = one["reason"]
+        else:
+            found[key] = one["total"]
+    if planned.phases:
+        step = np.searchsorted(np.array(down.depths_mm), np.array(planned.depths_mm) - 1e-9)
+        found = {key: values if key.startswith("reason ") else values[step] for key, values in found.items()}
+        way_up = plain((solver, planned))
+        if isinstance(way_up, str):
+            peak = max(planned.depths_mm)
+            return Unsolved(planned.x_mm, planned.y_mm, COARSER_MESH, way_up, way_up_from_mm=peak)
+        found["base"] = way_up
+    return found
+
+
+def _stored(
+    solver: Solver, down: PlannedCell, asked: Mapping[str, Variation]
+) -> dict[str, dict[str, np.ndarray]]:
+    """Return what the study's stored derivatives say of a loading run: base and derivatives by key, or why none."""
+    path = solver.stored and path_at(solver.stored, solver.study, down.x_mm, down.y_mm)
+    if not path:
+        return {}
+    place = place_digest(solver.coarse, solver.laws, down.x_mm, down.y_mm)
+    if not (held := read_stored(path, place)):
+        return {}
+    depths, found = np.array(down.depths_mm), {}
+    if (base := held.base_at(depths)) is not None:
+        found["base"] = {"total": base}
+    for key, variation in asked.items():
+        name = slope_digest(place, variation)
+        if (slope := held.slope_at(name, depths)) is not None:
+            found[key] = {"total": slope}
+        elif name in held.reasons:
+            found[key] = {"reason": np.array(held.reasons[name])}
+    return found
+
+
+def along_laws(solver: Solver, study: Study) -> dict[str, Variation]:
+    """Return the variations of a study along the directions in which its laws are uncertain."""
+    return {
+        f"law {material} {k}": Variation(study, {**solver.laws, material: law}, LAW_AMOUNT)
+        for material, directions in sorted(solver.uncertain.items())
+        for k, law in enumerate(directions)
+    }
+
+
+def each_derivative(
+    study: Study, laws, planned: PlannedCell, asked: Mapping[str, Variation]
+) -> tuple[Cell, dict[str, Derivative | str]]:
+    """Return the base's run and its derivatives, each one or the reason why there is none.
+
+    Raises NotConverged where the base does not converge.
+    """
+    beside = {key: variation for key, variation in asked.items() if not variation.alone}
+    try:
+        base, along = derivatives(study, laws, planned, beside)
+    except (NotConverged, ConfigError):  # one that fails must not take the others with it
+        base = derivatives(study, laws, planned, {})[0]
+        along = {key: _one(study, laws, planned, variation) for key, variation in beside.items()}
+    for key, variation in asked.items():
+        if variation.alone:
+            try:
+                along[key] = subtracted(base, laws, planned, variation)
+            except (NotConverged, ConfigError) as failure:
+                along[key] = str(failure)
+    return base, along
+
+
+def way_down(planned: PlannedCell) -> PlannedCell:
+    """Return a run without its way up, through all its depths."""
+    return replace(planned, depths_mm=tuple(float(d) for d in np.unique(planned.depths_mm)), phases=())
+
+
+def _way_down_of(cell: Cell) -> dict[str, np.ndarray]:
+    """Return what is kept of a way down: its forces, or how deep it was solved and why no deeper."""
+    if cell.converged:
+        return {"total": cell.arrays["total_force_N"]}
+    last, reason = cell.attributes["last_good_depth_mm"], cell.attributes["reason"]
+    return {"beyond_mm": np.array(float(last)), "reason": np.array(str(reason))}
+
+
+def _unsolved(planned: PlannedCell, mesh: str, kept: Mapping[str, np.ndarray]) -> Unsolved:
+    """Return from where on a way down is not solved, as it was kept; nowhere where only its derivatives' run stopped."""
+    beyond = float(kept.get("beyond_mm", 0.0))
+    return Unsolved(planned.x_mm, planned.y_mm, mesh, str(kept["reason"]), beyond)
+
+
+def _one(study: Study, laws, planned: PlannedCell, variation: Variation) -> Derivative | str:
+    try:
+        return derivatives(study, laws, planned, {"": variation})[1][""]
+    except (NotConverged, ConfigError) as failure:
+        return str(failure)
+
+
+def plain(task: tuple[Solver, PlannedCell]) -> np.ndarray | str:
+    """Return the forces (D, 3) of a run on the coarser mesh with the effects of the study, or why there are none."""
+    solver, planned = task
+    study, laws = solver.coarse, dict(solver.laws)
+    name = digest(["plain", inputs_digest(study, laws, planned)])
+    kept = found_before(solver, name)
+    if kept is None:
+        cell = simulate_cell(study, laws, planned)
+        if not cell.converged:
+            return str(cell.attributes["reason"])
+        kept = keep(solver, name, {"total": cell.arrays["total_force_N"]})
+    return kept["total"]
+
+
+def timed(task: tuple[Solver, Trajectory]) -> np.ndarray | str:
+    """The same along a path in time."""
+    solver, path = task
+    study, laws = solver.coarse, dict(solver.laws)
+    planned = PlannedCell("", path.x_mm, path.y_mm, path.depths_mm, phases=path.phases)
+    name = digest(["timed", inputs_digest(study, laws, planned), path.times_s])
+    kept = found_before(solver, name)
+    if kept is None:
+        by_layer = {layer.name: laws[layer.material] for layer in study.sensor.layers}
+        cell = simulate_trajectory(study.sensor, study.indenter, study.mechanics, by_layer, path)
+        if not cell.converged:
+            return str(cell.attributes["reason"])
+        kept = keep(solver, name, {"total": cell.arrays["total_force_N"]})
+    return kept["total"]
+
+
+def in_order(solver: Solver, paths: Sequence[Trajectory]) -> list[np.ndarray | str]:
+    """The same, one path after another on a sensor that remembers."""
+    study, laws = solver.coarse, dict(solver.laws)
+    first = PlannedCell("", paths[0].x_mm, paths[0].y_mm, paths[0].depths_mm, phases=paths[0].phases)
+    all_paths = [[p.x_mm, p.y_mm, p.depths_mm, p.times_s] for p in paths]
+    name = digest(["in order", inputs_digest(study, laws, first), all_paths])
+    kept = found_before(solver, name)
+    if kept is None:
+        by_layer = {layer.name: laws[layer.material] for layer in study.sensor.layers}
+        found = []
+        for cell, _ in simulate_in_order(study.sensor, study.indenter, study.mechanics, by_layer, paths):
+            if not cell.converged:
+                return [str(cell.attributes["reason"])]
+            found.append(cell.arrays["total_force_N"])
+        kept = keep(solver, name, {f"{k:06d}": total for k, total in enumerate(found)})
+    return [kept[key] for key in sorted(kept)]
+
+
+def found_before(solver: Solver, name: str) -> dict[str, np.ndarray] | None:
+    path = solver.kept / f"{name}.npz"
+    if not path.is_file():
+        return None
+    try:
+        check_seal(path, "it is solved again")
+    except FileError:  # kept solutions cost time, not the run
+        return None
+    with np.load(path) as file:
+        return dict(file)
+
+
+def keep(solver: Solver, name: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    with atomic(solver.kept / f"{name}.npz", sealed=True) as temporary:
+        with open(temporary, "wb") as file:
+            np.savez(file, **arrays)
+    return arrays

@@ -1,0 +1,434 @@
+"""The finite elements behind a verdict: base forces at every reading, how they follow each effect, and forces with effects.
+
+Base forces are those of the study's own mesh, on the way down. Derivatives, ways up and everything with an effect are
+solved on a coarser mesh (mismatch.coarser), and only their difference from the base on that same mesh is used, times what
+the finer mesh makes of the pressing force: the mesh's error of a change is a small part of a small change. All solutions
+are kept by the digest of what decides them, and a press stands for its mirror images where the sensor has them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gelforge.config import ConfigError, Study
+from gelforge.indentation.effects.catalogue import with_keys
+from gelforge.indentation.error_bars import COARSER, PART_TOTALS, mesh_totals
+from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.sensitivities import Variation, unmirrored
+from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mismatch.evidence.places import FirstOrderAt
+from gelforge.mismatch.fem.solutions import (
+    Solver,
+    SolverFailed,
+    Unsolved,
+    fine,
+    follow,
+    in_order,
+    own_cell,
+    plain,
+    timed,
+    way_down,
+)
+from gelforge.mismatch.model.context import Context, Curves
+from gelforge.mismatch.model.effect import Effect, Shape
+from gelforge.mismatch.model.images_of_presses import (
+    carried,
+    carried_derivative,
+    image_of,
+    number_at_image,
+    solved_for_all,
+)
+from gelforge.mismatch.model.solver_effects import FirstOrder
+from gelforge.mismatch.readings.observations import Observations
+from gelforge.mismatch.readings.runs import Runs, runs_of, timed_runs_of
+
+MOST_MESH_ERROR = 1.5  # factor; beyond it (the way up's last touch) the ratio says nothing
+REACH_MM = 7.0  # a defect whose middle is farther is not felt: a ball of 1.3 mm changes Fz by 0.6 %
+Amounts = tuple[Effect, Shape, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Base:
+    """Base forces at the readings and what they follow."""
+
+    context: Context
+    runs: Runs
+    coarse: np.ndarray  # (R, 3) [N] base forces on the coarser mesh
+    finer: np.ndarray  # (R, 1) by which changes on the coarser mesh are multiplied
+    law: np.ndarray  # (R, 3, q) [N] per standard deviation of each uncertain direction of the laws
+    floor: np.ndarray  # (R, 3) [N] discretisation error, one standard deviation
+    alike: np.ndarray  # (R,) number of the press that was solved for each: mirror images err alike
+    failed: Mapping[str, str]  # derivatives that could not be had, and why
+    # (3, 3) by which a change of the force on the sensor is read: none, unless the force sensor's errors are known
+    sensor: np.ndarray = field(default_factory=lambda: np.eye(3))
+
+
+def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect]) -> Base:
+    """Return the base of observations with the derivatives of all effects that need the solver.
+
+    Derivatives and the mesh's error are those of the study without what remembers. Raises SolverFailed where base presses
+    do not converge (unsolved.py leaves those out).
+    """
+    remembering, solver = solver, forgetting(solver)
+    runs = runs_of(observations)
+    ways = _ways_down(runs)
+    depths = tuple(np.array(way.depths_mm) for way in ways)
+    curves = Curves(depths, tuple(_base_curves(solver, ways)))
+    blank = Context(solver.study, observations, np.zeros_like(observations.force), curves, {}, {})
+    asked = list(asked_of(solver, effects, blank))
+    followed = _followed(solver, runs.planned, asked)
+    coarse_by_run = [result["base"] for result in followed]
+    coarse = _as_it_was(remembering, observations, runs.at_readings(coarse_by_run))
+    on_coarse = _loading_curves(runs, depths, coarse_by_run)
+    correction = blank.on_readings(curves) - blank.on_readings(on_coarse)
+    force = coarse + correction
+    finer = _share(force, coarse)
+    finer_along = [_share(values, own) for values, own in zip(curves.values, on_coarse.values)]
+    failed: dict[str, str] = {}
+    at_readings, along = {}, {}
+    for key in [one.key for one in asked]:
+        missing = [str(r[f"reason {key}"]) for r in followed if f"reason {key}" in r]
+        if missing:
+            failed[key] = missing[0]
+            continue
+        by_run = [r[key] if key in r else np.zeros_like(r["base"]) for r in followed]
+        at_readings[key] = finer * runs.at_readings(by_run)
+        down = _loading_curves(runs, depths, by_run)
+        along[key] = Curves(depths, tuple(f * own for f, own in zip(finer_along, down.values)))
+    laws = [key for key in followed[0] if key.startswith("law ")]
+    law = [finer * runs.at_readings([r[key] for r in followed]) for key in laws]
+    context = Context(remembering.study, observations, force, curves, along, at_readings)
+    stacked = np.stack(law, axis=-1) if law else np.zeros((*force.shape, 0))
+    companion = _companion_curves(solver, ways, curves.values) or on_coarse.values
+    bars = Curves(depths, tuple(mesh_totals(own, other) for own, other in zip(curves.values, companion)))
+    alike = _solved_once(solver, ways)[observations.table["site"].to_numpy()]
+    return Base(context, runs, coarse, finer, stacked, blank.on_readings(bars), alike, failed)
+
+
+def _companion_curves(
+    solver: Solver, ways: Sequence[PlannedCell], base: Sequence[np.ndarray]
+) -> list[np.ndarray] | None:
+    """Return the base forces (D, 3) of every way down on the mesh that tells a cell's error bar.
+
+    Where the study knows its error these are forces that differ as much as it. None where that mesh is the coarser one
+    itself, or where it cannot be solved: the coarser one is farther off.
+    """
+    settings = solver.study.mismatch
+    if settings.discretisation is not None:
+        return [(1 - settings.discretisation / PART_TOTALS) * force for force in base]
+    if settings.coarser == COARSER:
+        return None
+    study = solver.study.model_copy(update={"mismatch": settings.model_copy(update={"coarser": COARSER})})
+    try:
+        return _each_solved(replace(solver, study=study), plain, ways)
+    except NotConverged:
+        return None
+
+
+def _solved_once(solver: Solver, ways: Sequence[PlannedCell]) -> np.ndarray:
+    """Return for each way down (S,) the number of the place that stands for it and its mirror images."""
+    images = [image_of(solver.study, way)[0] for way in ways]
+    return np.unique([[image.x_mm, image.y_mm] for image in images], axis=0, return_inverse=True)[1].ravel()
+
+
+def _base_curves(solver: Solver, ways: Sequence[PlannedCell]) -> list[np.ndarray]:
+    """Return the base forces (D, 3) of every way down: the study's own cell's where it is that press, else solved."""
+    own = [own_cell(solver, way) for way in ways]
+    missing = [way for way, stored in zip(ways, own) if stored is None]
+    solved, symmetries = solved_for_all(
+        solver.study, missing, lambda distinct: _base(solver.each(fine, [(solver, way) for way in distinct]))
+    )
+    others = iter([carried(total, symmetry) for total, symmetry in zip(solved, symmetries)])
+    return [next(others) if stored is None else stored for stored in own]
+
+
+def _followed(solver: Solver, planned: Sequence[PlannedCell], asked: Sequence[Asked]) -> list[dict]:
+    """Return per run the base forces (D, 3) on the coarser mesh and all derivatives that it feels, or reasons."""
+    at_images, symmetries = solved_for_all(
+        solver.study,
+        planned,
+        lambda distinct: _base(solver.each(follow, [(solver, run, felt_by(asked, run)) for run in distinct])),
+    )
+    found = []
+    for image, symmetry in zip(at_images, symmetries):
+        own = {key: carried(image[key], symmetry) for key in image if key == "base" or key.startswith("law ")}
+        for one in asked:
+            keys = one.keys_at_image(symmetry, solver.study.sensor.width_x_mm)
+            reasons = [image[f"reason {key}"] for key in keys if f"reason {key}" in image]
+            if reasons:
+                own[f"reason {one.key}"] = reasons[0]
+                continue
+            derivative = carried_derivative(image, symmetry, one.effect, keys, one.which)
+            if derivative is not None:
+                own[one.key] = derivative
+        found.append(own)
+    return found
+
+
+def _base(found: list) -> list:
+    """Return solutions of the base as they are. Raises SolverFailed, with all of them, where some are Unsolved."""
+    unsolved = [one for one in found if isinstance(one, Unsolved)]
+    if unsolved:
+        words = "; ".join(one.words for one in unsolved)
+        raise SolverFailed(f"the base does not converge {words}", unsolved)
+    return found
+
+
+def forgetting(solver: Solver) -> Solver:
+    """Return the finite elements of the study without relaxation and softening, which its own cells have."""
+    mechanics = solver.study.mechanics
+    if not mechanics.effects.history.any:
+        return solver
+    history = mechanics.effects.history.model_copy(update={"viscoelastic": {}, "mullins": {}})
+    effects = mechanics.effects.model_copy(update={"history": history})
+    mechanics = mechanics.model_copy(update={"effects": effects})
+    return replace(solver, study=solver.study.model_copy(update={"mechanics": mechanics}), cells=None)
+
+
+def _as_it_was(solver: Solver, observations: Observations, at_rest: np.ndarray) -> np.ndarray:
+    """Return the base forces (R, 3) on the coarser mesh in the time, age and warmth of the readings.
+
+    at_rest: those at the study's own age of layers that remember nothing; a study that knows no time has no others. Raises
+    SolverFailed.
+    """
+    effects = solver.study.mechanics.effects
+    if not (effects.history.any or _feels_circumstances(solver.study)):
+        return at_rest
+    try:
+        return _solved_with(solver, unmirrored(solver.study), observations)
+    except NotConverged as failure:
+        raise SolverFailed(
+            f"the base, followed in the time of the readings, does not converge: {failure}"
+        ) from None
+
+
+def _feels_circumstances(study: Study) -> bool:
+    """Return whether a study's laws depend on the age or the temperature of a session."""
+    circumstances = study.mechanics.effects.material.circumstances
+    return bool(circumstances.ageing_per_day or circumstances.stiffening_per_K)
+
+
+def _share(fine: np.ndarray, coarse: np.ndarray) -> np.ndarray:
+    """Return by how much changes on the coarser mesh are to be multiplied (R, 1): as the pressing force itself."""
+    known = np.abs(coarse[:, 2:]) > 0
+    share = np.divide(fine[:, 2:], coarse[:, 2:], out=np.ones_like(fine[:, 2:]), where=known)
+    return np.clip(share, 1 / MOST_MESH_ERROR, MOST_MESH_ERROR)
+
+
+def forces_with(
+    solver: Solver, base: Base, chosen: Sequence[Amounts], readings: np.ndarray | None = None
+) -> np.ndarray:
+    """Return the forces (R, 3) [N] at readings (R,) bool with some effects, by the finite elements; nan at the others.
+
+    Presses are followed as a whole, whatever was chosen of them, and where the gel softens all of them: what remembers, or
+    looks at the way before a reading, must not take the others for missing. Effects that are not solved act on the forces
+    that result. Raises NotConverged.
+    """
+    context = base.context
+    press = context.observations.table["press"].to_numpy()
+    rows = np.ones(len(press), bool) if readings is None else readings
+    switched_on = [c for c in chosen if c[0].solved and np.any(c[2])]
+    softens = _with(solver.study, switched_on).mechanics.effects.history.softens
+    whole = np.isin(press, press[rows]) | softens
+    part = context.chosen(whole).observations
+    changes = np.zeros_like(context.force[whole])
+    for felt, there in _by_what_is_felt(part, switched_on):
+        solved = _solved_with(solver, _with(solver.study, felt), part.chosen(there))
+        changes[there] = base.finer[whole][there] * (solved - base.coarse[whole][there])
+    force = context.force.copy()
+    force[whole] += changes @ base.sensor.T
+    return np.where(rows[:, None], read_with(base, chosen, force), np.nan)
+
+
+def read_with(base: Base, chosen: Sequence[Amounts], force: np.ndarray) -> np.ndarray:
+    """Return forces (R, 3) [N] as those effects read them that are not solved."""
+    context = replace(base.context, force=force)
+    for effect, shape, amounts in chosen:
+        if not effect.solved and effect.to_forces is not None:
+            force = effect.to_forces(context, shape, force, np.asarray(amounts, dtype=float))
+    return force
+
+
+def _with(study: Study, chosen: Sequence[Amounts]) -> Study:
+    """Return the study, without mirror images, with some effects."""
+    study = unmirrored(study)
+    for effect, shape, amounts in chosen:
+        if effect.to_study is not None:
+            study = effect.to_study(study, shape, amounts)
+    return study
+
+
+def _by_what_is_felt(
+    observations: Observations, chosen: Sequence[Amounts]
+) -> Iterator[tuple[list[Amounts], np.ndarray]]:
+    """Yield effects with the readings (R,) bool that feel just these: what has a place does not reach all sites.
+
+    Where something remembers, all presses stay together: each finds what those before it have left.
+    """
+    site = observations.table["site"].to_numpy()
+    if any(effect.history for effect, *_ in chosen):
+        yield list(chosen), np.ones(len(site), bool)
+        return
+    feels = {
+        s: tuple(_reaches(shape, *observations.sites[s]) for _, shape, _ in chosen) for s in np.unique(site)
+    }
+    for felt in dict.fromkeys(feels.values()):
+        if any(felt):
+            own = [one for one, reached in zip(chosen, felt) if reached]
+            yield own, np.isin(site, [s for s in feels if feels[s] == felt])
+
+
+def _reaches(shape: Shape, x: float, y: float) -> bool:
+    """Return whether a press at (x, y) [mm] feels an effect of this shape: one without a place is felt everywhere."""
+    if "x_mm" not in shape:
+        return True
+    return bool(np.hypot(float(shape["x_mm"]) - x, float(shape["y_mm"]) - y) <= REACH_MM)
+
+
+def _solved_with(solver: Solver, study: Study, observations: Observations) -> np.ndarray:
+    """Return the forces (R, 3) at all readings on the coarser mesh with a study's effects, sessions as they were."""
+    table, force = observations.table, np.empty_like(observations.force)
+    stands = ["age_days", "temperature_C"]
+    if not _feels_circumstances(study):
+        return _coarse_forces(solver, study, observations)
+    for _, rows in table.groupby(stands, dropna=False).indices.items():
+        own = {
+            name: float(table[name].iloc[rows[0]])
+            for name in stands
+            if np.isfinite(table[name].iloc[rows[0]])
+        }
+        chosen = np.zeros(len(table), bool)
+        chosen[rows] = True
+        there = with_keys(study, material={"circumstances": own})
+        force[chosen] = _coarse_forces(solver, there, observations.chosen(chosen))
+    return force
+
+
+def _coarse_forces(solver: Solver, study: Study, observations: Observations) -> np.ndarray:
+    own = replace(solver, study=study)
+    history = study.mechanics.effects.history
+    if not history.any:
+        runs = runs_of(observations)
+        return runs.at_readings(_each_solved(own, plain, runs.planned))
+    paths = timed_runs_of(observations, history.timing.step_mm, history.softens)
+    if history.softens:
+        return paths.at_readings(_solved([*in_order(own, paths.trajectories)]))
+    return paths.at_readings(_each_solved(own, timed, paths.trajectories))
+
+
+def _each_solved(solver: Solver, work, paths: Sequence) -> list[np.ndarray]:
+    """Return the forces (D, 3) along each path, mirror images carried. Raises NotConverged."""
+    found, symmetries = solved_for_all(
+        solver.study, paths, lambda distinct: _solved(solver.each(work, [(solver, p) for p in distinct]))
+    )
+    return [carried(total, symmetry) for total, symmetry in zip(found, symmetries)]
+
+
+def _solved(found: list[np.ndarray | str]) -> list[np.ndarray]:
+    for result in found:
+        if isinstance(result, str):
+            raise NotConverged(result)
+    return found
+
+
+def _deepest_runs(runs: Runs) -> list[int]:
+    """Return per site, by its number, the run that goes through all its depths."""
+    first: dict[int, int] = {}
+    for number, site in enumerate(runs.site):
+        first.setdefault(int(site), number)
+    return [first[site] for site in sorted(first)]
+
+
+def _ways_down(runs: Runs) -> list[PlannedCell]:
+    """Return per site its way down through all depths."""
+    return [way_down(runs.planned[number]) for number in _deepest_runs(runs)]
+
+
+def _loading_curves(runs: Runs, depths, by_run: Sequence[np.ndarray]) -> Curves:
+    """Return a quantity along the runs as curves over the depths of each site's way down."""
+    values = []
+    for own, number in zip(depths, _deepest_runs(runs), strict=True):
+        way = np.array(runs.planned[number].depths_mm)[: len(own)]
+        order = np.searchsorted(way, own).clip(0, len(way) - 1)
+        values.append(by_run[number][order])
+    return Curves(depths, tuple(values))
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A derivative that the solver must give: to amount `which` of an effect at one of its shapes."""
+
+    effect: Effect
+    shapes: Sequence[Shape]
+    number: int
+    which: int
+    variation: Variation
+
+    @property
+    def shape(self) -> Shape:
+        return self.shapes[self.number]
+
+    @property
+    def key(self) -> str:
+        return self._key(self.number, self.which)
+
+    def keys_at_image(self, symmetry: str, width: float) -> list[str]:
+        """Return the keys of the same effect, one per amount, at the image that a symmetry carries here."""
+        number = number_at_image(self.shapes, self.number, symmetry, width)
+        return [self._key(number, which) for which in range(len(self.effect.parameters))]
+
+    def _key(self, number: int, which: int) -> str:
+        return key_of(self.effect, number if len(self.shape) else None, which)
+
+
+def asked_of(solver: Solver, effects: Iterable[Effect], context: Context) -> Iterator[Asked]:
+    """Yield every derivative that the solver must give, with the variation of the coarser study."""
+    coarse, laws = solver.coarse, dict(solver.laws)
+    readings = context.observations  # none: before anything is recorded
+    seen_up = readings is not None and (readings.table["phase"] == "unload").any()
+    for effect in effects:
+        if not isinstance(effect.to_forces, (FirstOrder, FirstOrderAt)):
+            continue
+        if effect.unloading and not seen_up:
+            continue
+        shapes = effect.shapes(context)
+        for number, shape in enumerate(shapes):
+            for which in range(len(effect.parameters)):
+                try:
+                    variation = _variation(solver, coarse, laws, effect, shape, which)
+                except ConfigError:  # this sensor does not have what the effect is about
+                    continue
+                yield Asked(effect, shapes, number, which, variation)
+
+
+def _variation(solver: Solver, coarse: Study, laws, effect: Effect, shape: Shape, which: int) -> Variation:
+    """Return the coarser study a little beside itself along amount `which` of an effect. Raises ConfigError."""
+    parameter, one = effect.parameters[which], np.eye(len(effect.parameters))[which]
+    amount = 1.0 if effect.switch else effect.step * parameter.width * (parameter.sign or 1)
+    varied = solver.seen(effect.to_study(coarse, shape, amount * one))
+    alone = effect.mesh_changes or effect.switch or effect.history or effect.unloading
+    instead = _across(solver, coarse, laws, effect, shape, one) if effect.across else None
+    return Variation(varied, laws, amount, alone, instead=instead)
+
+
+def _across(solver: Solver, coarse: Study, laws, effect: Effect, shape: Shape, one: np.ndarray) -> Variation:
+    """Return the difference of a move to either side of the base: wide enough that ripples from node to node cancel."""
+    amount = effect.across(coarse)
+    there, back = (solver.seen(effect.to_study(coarse, shape, sign * amount * one)) for sign in (1, -1))
+    return Variation(there, laws, 2 * amount, alone=True, without=back)
+
+
+def key_of(effect: Effect, shape: int | None, parameter: int) -> str:
+    """Return the name of a derivative: effect[.parameter][@shape]."""
+    name = (
+        effect.name if len(effect.parameters) == 1 else f"{effect.name}.{effect.parameters[parameter].name}"
+    )
+    return name if shape is None else f"{name}@{shape}"
+
+
+def felt_by(asked: Sequence[Asked], planned: PlannedCell) -> dict[str, Variation]:
+    """Return the variations that a press at a position can feel."""
+    return {one.key: one.variation for one in asked if _reaches(one.shape, planned.x_mm, planned.y_mm)}

@@ -1,0 +1,141 @@
+"""Derivatives of a site's forces in a file of their own: solved beside the sites, so that a verdict finds them.
+
+Of each place that stands for its mirror images there is one file: base forces and derivatives on the coarser mesh
+(mismatch.coarser) at the depths of the plan, in all that the finite elements can be differentiated along: effects of the
+catalogue at all their shapes, uncertain directions of the laws, boxes of the body map.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from gelforge.files import FileError, digest, source_digest
+from gelforge.hdf5 import opened, writing
+from gelforge.indentation.cell_file import write_timings
+from gelforge.indentation.inputs import inputs_digest
+from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell, plan_cells
+from gelforge.indentation.sensitivities import Derivative, Variation
+from gelforge.mechanics.laws import PrincipalLaw
+
+FORMAT = "gelforge-sensitivities-1"
+REMEDY = "solve it again (`gelforge sensitivities`, or snakemake -R on the file)"
+DEPTH_MATCH_MM = 1e-6
+MANTISSA = 12  # bits of a float32's 23 that are kept: 1e-4 of a number
+
+
+@dataclass(frozen=True)
+class Stored:
+    """What a file holds. Derivatives are named by the digest of what decides them."""
+
+    depths_mm: np.ndarray  # (D,)
+    total: np.ndarray  # (D, 3) [N] base forces
+    slopes: Mapping[str, np.ndarray]  # (D, 3) [N/unit]
+    reasons: Mapping[str, str]  # of those that could not be had
+
+    def base_at(self, depths: np.ndarray) -> np.ndarray | None:
+        """Return base forces (n, 3) at depths (n,) [mm] if they are all of those solved."""
+        if not len(self.depths_mm):
+            return None
+        away = np.abs(self.depths_mm[:, None] - depths)
+        return self.total[away.argmin(axis=0)] if (away.min(axis=0) < DEPTH_MATCH_MM).all() else None
+
+    def slope_at(self, name: str, depths: np.ndarray) -> np.ndarray | None:
+        """Return a derivative (n, 3) at depths (n,) [mm], monotone cubic between those solved; None beyond them."""
+        if name not in self.slopes or depths.max() > self.depths_mm[-1] + DEPTH_MATCH_MM:
+            return None
+        knots = np.concatenate([[0.0], self.depths_mm])
+        values = np.vstack([np.zeros(3), self.slopes[name]])
+        return PchipInterpolator(knots, values, axis=0)(np.clip(depths, 0.0, knots[-1]))
+
+
+def place_digest(study, laws: Mapping[str, PrincipalLaw], x_mm: float, y_mm: float) -> str:
+    """Return the digest of all that decides what a coarser study says of a place, its depths aside."""
+    anywhere = PlannedCell("", x_mm, y_mm, (1.0,))
+    return digest([inputs_digest(study, dict(laws), anywhere), source_digest("mismatch/fem/solutions.py")])
+
+
+def slope_digest(place: str, variation: Variation) -> str:
+    """Return the digest of all that decides a derivative at a place."""
+    return digest(["along", place, described(variation)])
+
+
+def described(variation: Variation) -> list:
+    """Return all that decides a derivative beside the run that it belongs to."""
+    without = variation.without.model_dump(mode="json") if variation.without else None
+    laws = {material: law.description() for material, law in variation.laws.items()}
+    own = [variation.study.model_dump(mode="json"), laws, variation.amount, variation.alone, without]
+    return [*own, described(variation.instead)] if variation.instead else own
+
+
+def write_stored(
+    path: Path,
+    planned: PlannedCell,
+    place: str,
+    base: Mapping[str, np.ndarray],
+    found: Mapping[str, Derivative | str],
+    asked: Mapping[str, tuple[Variation, Mapping]],
+    seconds: float,
+) -> None:
+    """Write the derivatives found at a place, whole or not at all.
+
+    base: total_force_N (D, 3) and bin_force_N (D, B, 3); found: by key, or the reason why there is none; asked: by key, the
+    variation and what it is about in words (effect, parameter, unit, shape).
+    """
+    known = {key: one for key, one in found.items() if not isinstance(one, str)}
+    with writing(path) as file:
+        file.attrs["format"] = FORMAT
+        file.attrs["x_mm"], file.attrs["y_mm"], file.attrs["place"] = planned.x_mm, planned.y_mm, place
+        of = {key: about | {"digest": slope_digest(place, one)} for key, (one, about) in asked.items()}
+        lists = {
+            "parameters": [{"name": key} | of[key] for key in known],
+            "missing": [{"name": k} | of[k] | {"reason": one} for k, one in found.items() if k not in known],
+        }
+        for name, content in lists.items():  # datasets: an attribute holds 64 kB
+            file.create_dataset(name, data=json.dumps(content))
+        arrays = {
+            "depth_mm": ("mm", np.array(planned.depths_mm)),
+            "total_force_N": ("N", base["total_force_N"]),
+            "bin_force_N": ("N", shortened(base["bin_force_N"])),
+            "slope_total": ("N/unit", np.array([one.total for one in known.values()])),
+            "slope_bin": ("N/unit", shortened(np.array([one.bins for one in known.values()]))),
+        }
+        for name, (unit, values) in arrays.items():
+            large = {"compression": "gzip", "shuffle": True} if values.size > 4096 else {}
+            file.create_dataset(name, data=values, **large).attrs["units"] = unit
+    write_timings(path, {"seconds": seconds})
+
+
+def shortened(values: np.ndarray) -> np.ndarray:
+    """Return numbers as float32 of fewer digits (MANTISSA bits), rounded to nearest, which compress better."""
+    bits = np.ascontiguousarray(values, np.float32).view(np.uint32)
+    drop = 23 - MANTISSA
+    half = np.uint32((1 << (drop - 1)) - 1) + ((bits >> np.uint32(drop)) & np.uint32(1))
+    return ((bits + half) & ~np.uint32((1 << drop) - 1)).view(np.float32)
+
+
+def read_stored(path: Path, place: str) -> Stored | None:
+    """Return what a file holds of a place; None where it is missing, damaged or of other inputs: they cost time only."""
+    try:
+        with opened(path, FORMAT, REMEDY) as file:
+            if file.attrs["place"] != place:
+                return None
+            depths, total, slopes = (file[n][()] for n in ("depth_mm", "total_force_N", "slope_total"))
+            known, missing = (json.loads(file[n].asstr()[()]) for n in ("parameters", "missing"))
+    except FileError:
+        return None
+    slopes = dict(zip([one["digest"] for one in known], slopes))
+    return Stored(depths, total, slopes, {one["digest"]: one["reason"] for one in missing})
+
+
+def path_at(folder: Path, study, x_mm: float, y_mm: float) -> Path | None:
+    """Return the file of a place among the plan's; None where the plan has no such place."""
+    for cell in plan_cells(study).values():
+        if max(abs(cell.x_mm - x_mm), abs(cell.y_mm - y_mm)) <= POSITION_MATCH_MM:
+            return folder / f"{cell.source or cell.name}.h5"
+    return None

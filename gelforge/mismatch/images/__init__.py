@@ -1,0 +1,1 @@
+"""Optical flow of image regions as further readings."""

@@ -1,0 +1,261 @@
+"""The images' channel: regions' flow as further readings of the problem, beside the forces.
+
+A press with images adds one row per region of the image, with the flow's u and v in the places of Fx and Fy [px]. Residual,
+covariance, changes by effects and what is set aside then hold both channels, and the judge works as on forces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from gelforge.config import Study
+from gelforge.mismatch.effects import CATALOGUE, with_taken
+from gelforge.mismatch.evidence.screen import Candidate
+from gelforge.mismatch.fem.solutions import Solver
+from gelforge.mismatch.fem.solver import Base
+from gelforge.mismatch.images.flow_covariance import flow_covariance
+from gelforge.mismatch.images.flow_images import REGIONS, Eye, Seen, likely_particles, seen_flows, shows_gel
+from gelforge.mismatch.images.flow_model import FlowModel, FlowUnknown, flow_model
+from gelforge.mismatch.images.flow_rows import Rows
+from gelforge.mismatch.inference.judge import Judgement
+from gelforge.mismatch.inference.proof import Proof
+from gelforge.mismatch.model.effect import Effect
+from gelforge.mismatch.readings.observations import Observations
+from gelforge.mismatch.terms.holdout import Blocks
+from gelforge.mismatch.terms.problem import Problem
+
+
+@dataclass(frozen=True, eq=False)
+class FlowChannel:
+    """What the joint problem was made of."""
+
+    forces: Problem  # the readings of force alone
+    model: FlowModel
+    base: np.ndarray  # (F, m, 2) [px]
+
+    @property
+    def entries(self) -> int:
+        """Return the number of entries of force, which come first."""
+        return len(self.forces.labels)
+
+
+def with_flow(solver: Solver, base: Base, problem: Problem, folders: Sequence[Path]) -> Problem:
+    """Return the problem with the flow of its sessions' images; as it is, and told, where they cannot be used.
+
+    Raises SolverFailed where the gel's motion cannot be solved.
+    """
+    study = solver.study
+    seen = seen_flows(folders, problem.observations, study.sensor)
+    if not seen:
+        return _told(problem, "images were not used: no session has a camera and images in its dwell rows")
+    reason = _unfit(study, seen)
+    if reason:
+        return _told(problem, f"images were not used: {reason}")
+    seen = [replace(press, eye=_as_known(study, press.eye)) for press in seen]
+    particles = likely_particles(study.sensor, study.seed)
+    effects = {name: e for name, e in CATALOGUE.items() if e.to_camera is not None and e.applies(study)}
+    effects = {name: e for name, e in effects.items() if name not in study.mismatch.leave_out}
+    asked = {effect.name: effect for effect in with_taken(problem.effects.values())}
+    model = flow_model(solver, base, seen, asked, particles)
+    return _joined(problem, model, dict(problem.effects) | effects)
+
+
+def _unfit(study: Study, seen: Sequence[Seen]) -> str:
+    if study.sensor.shape.kind != "block" or study.mechanics.mesh.elements == "tetrahedra":
+        return "the motion of particles is known on hexahedra, in a block, only"
+    if not any(layer.particle_volume_fraction > 0 for layer in study.sensor.layers):
+        return "no layer of the study carries particles (particle_volume_fraction)"
+    if any(CATALOGUE[known.effect].to_places is not None for known in study.mismatch.known):
+        return (
+            "presses that are known to land beside their places (mismatch.known) are not followed in images"
+        )
+    if any(not np.isfinite(press.noise).all() for press in seen):
+        return "one image per press and none at zero force: their noise is not known"
+    return ""
+
+
+def _as_known(study: Study, eye: Eye) -> Eye:
+    """Return an eye with the effects of the camera that the study takes as known."""
+    camera = eye.camera
+    for known in study.mismatch.known:
+        effect = CATALOGUE[known.effect]
+        if effect.to_camera is not None:
+            amounts = [known.amounts.get(p.name, 0.0) for p in effect.parameters]
+            camera = effect.to_camera(study, camera, amounts)
+    return replace(eye, camera=camera)
+
+
+def _told(problem: Problem, sentence: str) -> Problem:
+    return replace(problem, observations=problem.observations.saying(sentence))
+
+
+def _joined(problem: Problem, model: FlowModel, effects: Mapping[str, Effect]) -> Problem:
+    base, shown = model.drawn.mean(axis=1), np.stack([shows_gel(p.eye, model.particles) for p in model.seen])
+    observations = _observations(problem.observations, model.seen, shown)
+    labels = observations.labels()
+    rows = Rows(observations, len(problem.labels), shown)
+    failed = dict(problem.failed)
+    candidates = _candidates(problem, model, effects, rows, failed)
+    channel = FlowChannel(problem, model, base)
+    joint = np.concatenate([problem.base, rows.as_readings(base)])
+    known = {c.name for c in candidates}
+    return replace(
+        problem,
+        observations=observations,
+        base=joint,
+        covariance=flow_covariance(problem, model, rows, labels),
+        candidates=candidates,
+        effects={
+            name: effect for name, effect in effects.items() if name in known or name in problem.effects
+        },
+        forces_with=_Both(channel, rows, {}, effects),
+        read_with=None,
+        failed=failed,
+        flow=channel,
+    )
+
+
+def _observations(forces: Observations, seen: Sequence[Seen], shown: np.ndarray) -> Observations:
+    """Return the observations with one row per press and region."""
+    m = REGIONS**2
+    table = (
+        pd.DataFrame([press.row for press in seen]).loc[lambda t: t.index.repeat(m)].reset_index(drop=True)
+    )
+    table = table.assign(channel="flow", region=np.tile(np.arange(m), len(seen)))
+    measured = np.stack([press.flow for press in seen])
+    flow = np.where(shown[..., None], measured, np.nan).reshape(-1, 2)
+    noise = np.concatenate([press.noise / np.sqrt(press.images) for press in seen])
+    nothing = np.full(len(table), np.nan)
+    numbers = np.array([int(press.row.name) for press in seen]).repeat(m)
+    return replace(
+        forces,
+        table=pd.concat([forces.table.assign(channel="force", region=-1), table], ignore_index=True),
+        force=np.concatenate([forces.force, np.column_stack([flow, nothing])]),
+        noise_N=np.concatenate([forces.noise_N, np.column_stack([noise, nothing])]),
+        zero_N=np.concatenate([forces.zero_N, np.zeros((len(table), 3))]),
+        press_depth_mm=np.concatenate([forces.press_depth_mm, forces.press_depth_mm[numbers]]),
+        session_depth_mm=np.concatenate([forces.session_depth_mm, forces.session_depth_mm[numbers]]),
+        **{
+            name: np.concatenate([getattr(forces, name), np.zeros((len(table), 3))])
+            for name in ("rounding_N", "drift_N", "trend_N")
+        },
+        came_along=np.concatenate([forces.came_along, forces.came_along[numbers]]),
+        repeats=np.concatenate([forces.repeats, np.full(len(table), np.inf)]),
+        tails=np.concatenate([forces.tails, np.ones(len(table))]),
+    )
+
+
+def _candidates(
+    problem: Problem,
+    model: FlowModel,
+    effects: Mapping[str, Effect],
+    rows: Rows,
+    failed: dict[str, str],
+) -> list[Candidate]:
+    """Return the candidates with what they change of the flow; one whose flow is not known is left out and told."""
+    found = []
+    for candidate in problem.candidates:
+        effect = effects[candidate.name]
+        shapes = [dict(shape) for shape in effect.shapes(model.base.context)]
+        try:
+            change = model.columns(effect, candidate.shape, shapes.index(dict(candidate.shape)))
+        except FlowUnknown as missing:
+            failed.setdefault(str(missing), "its flow in the images could not be computed")
+            continue
+        found.append(replace(candidate, columns=np.concatenate([candidate.columns, rows.flat(change)])))
+    for name, effect in effects.items():
+        if effect.to_camera is None:
+            continue
+        try:
+            change = rows.flat(model.columns(effect, {}, 0))
+        except ValueError as impossible:  # this camera cannot have it
+            failed[name] = str(impossible)
+            continue
+        if np.any(change):
+            columns = np.concatenate([np.zeros((rows.entries, change.shape[1])), change])
+            signs = np.array([p.sign for p in effect.parameters])
+            found.append(Candidate(name, {}, columns, effect.widths, signs, effect.switch))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Both:
+    """Forces and flow with effects (Problem.forces_with): the camera's exactly, the finite elements' at their amounts.
+
+    What moves single presses, remembers, changes the mesh or is seen on the way up stays at first order in the flow.
+    """
+
+    channel: FlowChannel
+    rows: Rows
+    known: dict
+    effects: Mapping[str, Effect]
+
+    def __call__(
+        self, parts: Sequence[Candidate], amounts: Sequence[np.ndarray], readings: np.ndarray
+    ) -> np.ndarray:
+        forces, R = self.channel.forces, len(self.channel.forces.base)
+        of_force = [(p, a) for p, a in zip(parts, amounts) if self.effects[p.name].to_camera is None]
+        found = np.full((len(readings), 3), np.nan)
+        found[:R] = forces.forces_with([p for p, _ in of_force], [a for _, a in of_force], readings[:R])
+        if readings[R:].any():
+            found[R:] = self.rows.as_readings(self.channel.base + self._change(parts, amounts))
+            found[R:][~readings[R:]] = np.nan
+        return found
+
+    def _change(self, parts: Sequence[Candidate], amounts: Sequence[np.ndarray]) -> np.ndarray:
+        """Return the change of the flow (F, m, 2) [px]."""
+        key = tuple((p.name, str(dict(p.shape)), tuple(np.round(a, 12))) for p, a in zip(parts, amounts))
+        if key not in self.known:
+            self.known[key] = self._drawn(parts, amounts)
+        return self.known[key]
+
+    def _drawn(self, parts: Sequence[Candidate], amounts: Sequence[np.ndarray]) -> np.ndarray:
+        model = self.channel.model
+        studied, cameras, linear = [], [], np.zeros(self.channel.base.shape)
+        for part, a in zip(parts, amounts):
+            effect = self.effects[part.name]
+            if not np.any(a):
+                continue
+            if effect.to_camera is not None:
+                cameras.append((effect, a))
+            elif effect.to_study is None or effect.history or effect.mesh_changes or effect.unloading:
+                linear[self.rows.shown] += (part.columns[self.rows.entries :] @ a).reshape(-1, 2)
+            else:
+                studied.append((effect, part.shape, a))
+        if not studied and not cameras:
+            return linear
+        more = model.solved(studied) if studied else [None] * len(model.seen)
+        eyes = [model.seen_by(press, cameras) for press in model.seen]
+        return linear + model.change(more, eyes)
+
+
+def force_part(problem: Problem, judgement: Judgement) -> tuple[Problem, Judgement]:
+    """Return problem and judgement of the readings of force alone, for tables in newtons; as they are without images."""
+    if problem.flow is None:
+        return problem, judgement
+    n, R = problem.flow.entries, len(problem.flow.forces.base)
+
+    def cut(blocks: Blocks) -> Blocks:
+        return Blocks(blocks.train[:n], {name: mask[:n] for name, mask in blocks.held.items()})
+
+    def of_force(proof: Proof) -> Proof:
+        return replace(proof, blocks=cut(proof.blocks), left=proof.left[:n])
+
+    answer = judgement.answer
+    if answer is not None:
+        answer = replace(
+            answer,
+            after=answer.after[:R],
+            proof=None if answer.proof is None else of_force(answer.proof),
+            folds={name: of_force(proof) for name, proof in answer.folds.items()},
+        )
+    model = judgement.model
+    if model is not None:
+        model = replace(model, left=model.left[:n], change=model.change[:n], spread=model.spread[:n])
+    blocks = cut(judgement.blocks)
+    return problem.flow.forces, replace(judgement, blocks=blocks, answer=answer, model=model)

@@ -1,0 +1,260 @@
+"""Mean optical flow of coarse regions of the image: as the session's images show it, and as moved particles would show it.
+
+What would be seen is drawn and searched as the session's images are (virtual_lab.imaging, recording.flow), with particles
+placed at random in the layers that carry them: the search mixes particles of all heights, fills the gaps between them and
+shrinks what it finds, and all of that is then in the prediction too. What stays open is where the real particles are, and
+how they look. Changes are too small for that: which particles lie in a region scatters by more than an effect changes. They
+are mean motions of points that fill the layers evenly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.special import ndtr
+from scipy.stats import qmc
+
+from gelforge.config import Camera, Sensor, VirtualImaging, VirtualParticles
+from gelforge.mismatch.readings.observations import Observations
+from gelforge.recording.camera import image_axes, project
+from gelforge.recording.flow import Flow, crop, read_grey
+from gelforge.recording.images import image_path, reference_path
+from gelforge.recording.readings import Recording, read_recording
+from gelforge.virtual_lab.imaging import draw, expose
+from gelforge.virtual_lab.particles import gel_boxes, place_particles
+
+REGIONS = 8  # along each side: 15 to 20 particles per region of the published sensor's gel
+PRESET = "fine"  # of the flow, as the factory's features
+DRAWINGS = 32  # placements of particles, for the mean and its scatter
+EVEN_POINTS_LOG2 = 14
+SPREAD_PX = 10.0  # over which the search spreads what it finds: about the distance of particles in the image
+MOST_SITES = 6
+FAR_MM = 1e4  # from where a flat scale is drawn as a pinhole: parallel rays within 1e-3
+LEAST_SHARE = (
+    0.5  # of the median number of particles per region, below which it shows the wall or the gel's rim
+)
+GREYS = (5.0, 99.5)  # percentiles of the reference frame: background, and the nearest particles' middles
+
+
+@dataclass(frozen=True)
+class Eye:
+    """The camera of one session and how its images look."""
+
+    camera: Camera
+    crop_px: tuple[int, ...] | None
+    imaging: VirtualImaging
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The flow of one press at its commanded depth."""
+
+    row: pd.Series  # of the table of observations: the last held reading there
+    eye: Eye
+    flow: np.ndarray  # (m, 2) mean over the press's images [px], m regions row by row from the top left; u, v
+    noise: np.ndarray  # (m, 2) [px] standard deviation of one image's region mean by the images' noise
+    images: int
+
+
+@dataclass(frozen=True)
+class Particles:
+    """Placements of particles that could be the sensor's."""
+
+    placed: tuple[np.ndarray, ...]  # each (P, 3) [mm]
+    diameter_mm: float
+
+    @cached_property
+    def points(self) -> np.ndarray:
+        """Return all of them (sum of P, 3)."""
+        return np.concatenate(self.placed)
+
+    def first(self, count: int) -> Particles:
+        """Return the first placements alone."""
+        return Particles(self.placed[:count], self.diameter_mm)
+
+    def each(self, field: np.ndarray) -> list[np.ndarray]:
+        """Return a quantity (sum of P, ...) of all points by placement."""
+        return np.split(field, np.cumsum([len(p) for p in self.placed])[:-1])
+
+
+def likely_particles(sensor: Sensor, seed: int) -> Particles:
+    """Return placements at the sensor's volume fraction. Raises VirtualLabError where no layer carries particles.
+
+    Their diameter is that of the virtual lab's default, 0.3 mm: no file of a session states it.
+    """
+    share = max(layer.particle_volume_fraction for layer in sensor.layers)
+    settings = VirtualParticles(**({"volume_fraction": min(share, 0.1)} if share > 0 else {}))
+    placed = [place_particles(settings, sensor, f"flow {seed} {k}") for k in range(DRAWINGS)]
+    return Particles(tuple(placed), settings.diameter_mm)
+
+
+def even_points(sensor: Sensor, diameter_mm: float) -> np.ndarray:
+    """Return points (Q, 3) [mm] that fill the layers with particles evenly, where middles of particles can be."""
+    boxes = [(low + diameter_mm / 2, high - diameter_mm / 2) for low, high in gel_boxes(sensor)]
+    volumes = np.array([np.prod(high - low) for low, high in boxes])
+    even = qmc.Sobol(3, scramble=False).random_base2(EVEN_POINTS_LOG2)
+    counts = np.round(len(even) * volumes / volumes.sum()).astype(int)
+    return np.concatenate([low + even[:n] * (high - low) for (low, high), n in zip(boxes, counts)])
+
+
+def mean_motion(eye: Eye, points: np.ndarray, moved: np.ndarray) -> np.ndarray:
+    """Return the mean motion (m, 2) [px] in the image of points (Q, 3) [mm] seen in each region, moved by (Q, 3) [mm]."""
+    camera = pinhole(eye.camera)
+    left, top, width, height = eye.crop_px or (0, 0, camera.width_px, camera.height_px)
+    pixels, _ = project(camera, points)
+    motion = project(camera, points + moved)[0] - pixels
+    u, v = (pixels - [left - 0.5, top - 0.5]).T
+    columns, rows = _within(u, width), _within(v, height)
+    seen = np.maximum(rows.T @ columns, np.finfo(float).tiny)
+    return np.stack([(rows.T @ (columns * motion[:, k, None]) / seen).ravel() for k in range(2)], axis=-1)
+
+
+def _within(at: np.ndarray, pixels: int) -> np.ndarray:
+    """Return the share (Q, REGIONS) of each region of an axis in what the search spreads from places (Q,) [px]."""
+    edges = np.arange(REGIONS + 1) * pixels / REGIONS
+    return np.diff(ndtr((edges - at[:, None]) / SPREAD_PX), axis=1)
+
+
+def region_means(flow: np.ndarray) -> np.ndarray:
+    """Return the mean (m, 2) of a flow (H, W, 2) over REGIONS x REGIONS equal parts, by area."""
+    rows, columns = (_shares(pixels) for pixels in flow.shape[:2])
+    return np.einsum("ih,hwc,jw->ijc", rows, flow, columns, optimize=True).reshape(-1, 2)
+
+
+def _shares(pixels: int) -> np.ndarray:
+    """Return the share (REGIONS, pixels) of each pixel of an axis in a region's mean."""
+    edges = np.arange(REGIONS + 1)[:, None] * pixels / REGIONS
+    start = np.arange(pixels)[None, :]
+    return np.clip(np.minimum(edges[1:], start + 1) - np.maximum(edges[:-1], start), 0, 1) * REGIONS / pixels
+
+
+def seen_flows(folders: Sequence[Path], observations: Observations, sensor: Sensor) -> list[Seen]:
+    """Return the flow of at most two depths at at most MOST_SITES sites, of sessions that have images and say their camera.
+
+    Depths are the deepest with images and the one nearest half of it; sites the first, then always the farthest from those.
+    """
+    held = observations.table[observations.table["phase"].isin(["load", "dwell"])]
+    found, recordings = [], {}
+    for folder in folders:
+        recording = read_recording(folder, None, sensor)
+        rows = recording.readings[
+            (recording.readings["phase"] == "dwell") & (recording.readings["image"] != "")
+        ]
+        if recording.session.camera is None or rows.empty:
+            continue
+        name = recording.session.session
+        recordings[name] = recording
+        for (press, depth), images in rows.groupby(["press", "depth_mm"], sort=False):
+            own = held[(held["press"] == f"{name}/{press}") & np.isclose(held["depth_mm"], depth)]
+            if len(own):
+                found.append((name, press, own.iloc[-1], list(images["image"])))
+    seen = [
+        _measured(recordings[name], press, row, images)
+        for name, press, row, images in _chosen(found, observations)
+    ]
+    return _with_common_noise(seen)
+
+
+def _with_common_noise(seen: list[Seen]) -> list[Seen]:
+    """Return the presses with each region's noise averaged over all: where nothing is seen the search finds anything."""
+    if not seen:
+        return seen
+    noise = np.sqrt(np.mean([press.noise**2 for press in seen], axis=0))
+    return [replace(press, noise=noise) for press in seen]
+
+
+def _chosen(found: list, observations: Observations) -> list:
+    """Return the presses of a few sites at two depths each, one press per site and depth."""
+    by_site: dict[int, list] = {}
+    for one in found:
+        by_site.setdefault(int(one[2]["site"]), []).append(one)
+    sites = sorted(by_site)
+    chosen = sites[:1]
+    while len(chosen) < min(MOST_SITES, len(sites)):
+        away = [
+            min(np.linalg.norm(observations.sites[s] - observations.sites[c]) for c in chosen) for s in sites
+        ]
+        chosen.append(sites[int(np.argmax(away))])
+    picked = []
+    for site in sorted(chosen):
+        depths = np.array([one[2]["depth_mm"] for one in by_site[site]])
+        wanted = [int(np.argmax(depths)), int(np.argmin(np.abs(depths - depths.max() / 2)))]
+        picked += [by_site[site][k] for k in dict.fromkeys(wanted)]
+    return picked
+
+
+def _measured(recording: Recording, press: str, row: pd.Series, images: list[str]) -> Seen:
+    crop_px = recording.session.crop_px
+    reference = read_grey(reference_path(recording.folder), crop_px)
+    pictures = [read_grey(image_path(recording.folder, name), crop_px) for name in images]
+    search = Flow(reference, PRESET)
+    flows = np.stack([region_means(search(picture)) for picture in pictures])  # (I, m, 2)
+    zeros = recording.readings
+    zeros = zeros[(zeros["press"] == press) & (zeros["phase"] == "zero") & (zeros["image"] != "")]["image"]
+    still = [read_grey(image_path(recording.folder, name), crop_px) for name in zeros[:1]]
+    if len(pictures) > 1:
+        noise = flows.std(axis=0, ddof=1)
+        grey = float(np.std(pictures[0].astype(float) - pictures[1])) / np.sqrt(2)
+    elif still:  # two images of the untouched gel differ by the noise of both
+        noise = np.abs(region_means(search(still[0]))) / np.sqrt(2)
+        grey = float(np.std(still[0].astype(float) - reference)) / np.sqrt(2)
+    else:
+        noise, grey = np.full(flows.shape[1:], np.nan), VirtualImaging().noise_grey
+    low, high = np.percentile(reference, GREYS)
+    imaging = VirtualImaging(noise_grey=grey, background_grey=float(low), particle_grey=float(high))
+    eye = Eye(recording.session.camera, None if crop_px is None else tuple(crop_px), imaging)
+    return Seen(row, eye, flows.mean(axis=0), noise, len(images))
+
+
+class Scene:
+    """Untouched particles before a camera, in every placement; draws what a motion of them shows."""
+
+    def __init__(self, eye: Eye, particles: Particles):
+        self.eye, self.particles, self.camera = eye, particles, pinhole(eye.camera)
+        self.searches = [
+            Flow(self._picture(points, k, 0), PRESET) for k, points in enumerate(particles.placed)
+        ]
+
+    def flows(self, moved: np.ndarray) -> np.ndarray:
+        """Return the regions' flow (K, m, 2) [px] in all placements, points being displaced by moved (sum of P, 3) [mm]."""
+        fields = self.particles.each(moved)
+        return np.stack(
+            [
+                region_means(search(self._picture(points + field, k, 1)))
+                for k, (search, points, field) in enumerate(zip(self.searches, self.particles.placed, fields))
+            ]
+        )
+
+    def _picture(self, centres: np.ndarray, drawing: int, which: int) -> np.ndarray:
+        """Return the image of particles with the noise of that drawing, the same for every motion."""
+        drawn = draw(self.camera, self.eye.imaging, centres, self.particles.diameter_mm)
+        noisy = expose(drawn, self.eye.imaging, np.random.default_rng([drawing, which]))
+        return crop(noisy, None if self.eye.crop_px is None else list(self.eye.crop_px))
+
+
+def pinhole(camera: Camera) -> Camera:
+    """Return a camera as a pinhole; a flat scale as one so far away that its rays are parallel."""
+    if camera.focal_px is not None:
+        return camera
+    far = np.asarray(camera.position_mm) - FAR_MM * image_axes(camera)[2]
+    changed = {"mm_per_px": None, "focal_px": FAR_MM / camera.mm_per_px, "position_mm": far.tolist()}
+    return Camera(**(camera.model_dump() | changed))
+
+
+def shows_gel(eye: Eye, particles: Particles) -> np.ndarray:
+    """Return (m,) bool: the regions in which particles are seen."""
+    camera = pinhole(eye.camera)
+    left, top, width, height = eye.crop_px or (0, 0, camera.width_px, camera.height_px)
+    pixels, _ = project(camera, particles.points)
+    u, v = (pixels - [left - 0.5, top - 0.5]).T
+    inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
+    number = (v[inside] * REGIONS // height).astype(int) * REGIONS + (u[inside] * REGIONS // width).astype(
+        int
+    )
+    count = np.bincount(number, minlength=REGIONS**2)
+    return count >= max(LEAST_SHARE * float(np.median(count[count > 0])), len(particles.placed))

@@ -1,0 +1,250 @@
+"""The flow that the base predicts at the presses with images, and how it follows every effect."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from gelforge.config import Camera
+from gelforge.indentation.plan import PlannedCell
+from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.evidence.places import FirstOrderAt
+from gelforge.mismatch.fem.solutions import Solver, SolverFailed, way_down
+from gelforge.mismatch.fem.solver import Base, asked_of, felt_by, key_of
+from gelforge.mismatch.images.flow_fields import Moved, moved_along, moved_by, solved_with
+from gelforge.mismatch.images.flow_images import Eye, Particles, Scene, Seen, even_points, mean_motion
+from gelforge.mismatch.model.effect import Effect, Shape
+from gelforge.mismatch.model.solver_effects import FirstOrder
+
+LOOKS = 3  # placements in which another look of the particles is drawn: their scatter is a part of a part
+STEP_MM = 0.05  # of depth, over which the flow's slope is taken
+UNIT = 1e-3  # of a width: a step at which a first-order change of the force is a straight line
+# What the recording does not state of its particles' look is off by as much: blur by half a pixel, diameter by a fifth.
+OTHER_BLUR_PX, OTHER_DIAMETER = 0.5, 1.2
+
+
+class FlowUnknown(ValueError):
+    """The flow with an effect could not be computed."""
+
+
+@dataclass(frozen=True, eq=False)
+class FlowModel:
+    """Displacements behind the flow of F presses with images."""
+
+    solver: Solver
+    base: Base
+    seen: Sequence[Seen]
+    particles: Particles
+    planned: Mapping[int, PlannedCell]  # by site, the way down through its depths
+    coarse: Mapping[int, Moved]  # by site, with derivatives
+    asked: Mapping[int, frozenset[str]]  # by site, the derivatives that were asked for
+    even: np.ndarray  # (Q, 3) [mm], points that fill the layers with particles
+    points: Mapping[int, np.ndarray]  # by site, base displacement (D, P, 3) of all particles
+    evenly: Mapping[int, np.ndarray]  # by site, the same (D, Q, 3) of the even points
+    weights: Mapping[int, object]  # by site, of the coarser mesh at the even points
+
+    def depth(self, press: Seen) -> int:
+        """Return the step of its site's way down at which a press was seen."""
+        depths = np.array(self.planned[int(press.row["site"])].depths_mm)
+        return int(np.argmin(np.abs(depths - press.row["depth_mm"])))
+
+    @cached_property
+    def drawn(self) -> np.ndarray:
+        """Return the base's flow (F, K, m, 2) [px] in every placement, searched in drawn images."""
+        return self.drawn_with([press.eye for press in self.seen], self.particles)
+
+    def drawn_with(self, eyes: Sequence[Eye], particles: Particles) -> np.ndarray:
+        """Return the same with other eyes, in the first placements or with another diameter of their particles."""
+        scenes: dict[str, Scene] = {}
+        flows = []
+        for press, eye in zip(self.seen, eyes):
+            if repr(eye) not in scenes:
+                scenes[repr(eye)] = Scene(eye, particles)
+            u = self.points[int(press.row["site"])][self.depth(press)]
+            flows.append(scenes[repr(eye)].flows(u[: len(particles.points)]))
+        return np.stack(flows)
+
+    @cached_property
+    def mean(self) -> np.ndarray:
+        """Return the mean motion (F, m, 2) [px] in the base."""
+        nothing = [None] * len(self.seen)
+        return self._means(nothing, [press.eye for press in self.seen])
+
+    @cached_property
+    def found(self) -> np.ndarray:
+        """Return what part (F, 1, 1) of the mean motion the search finds at each press."""
+        drawn = self.drawn.mean(axis=1)
+        return np.sum(drawn * self.mean, axis=(1, 2), keepdims=True) / np.sum(
+            self.mean**2, axis=(1, 2), keepdims=True
+        )
+
+    def change(self, more: Sequence[np.ndarray | None], eyes: Sequence[Eye] | None = None) -> np.ndarray:
+        """Return the change of the flow (F, m, 2) [px] by further displacements (Q, 3) of the even points, or other eyes."""
+        return self.found * (self._means(more, eyes or [press.eye for press in self.seen]) - self.mean)
+
+    def _means(self, more: Sequence[np.ndarray | None], eyes: Sequence[Eye]) -> np.ndarray:
+        moved = [self.evenly[int(press.row["site"])][self.depth(press)] for press in self.seen]
+        return np.stack(
+            [
+                mean_motion(eye, self.even, u if du is None else u + du)
+                for eye, u, du in zip(eyes, moved, more)
+            ]
+        )
+
+    def along(self, key: str) -> list[np.ndarray | None]:
+        """Return the displacement (Q, 3) per unit of a derivative at every press; None where it is not felt.
+
+        Raises FlowUnknown where it was asked for and could not be had.
+        """
+        found: list[np.ndarray | None] = []
+        for press in self.seen:
+            site = int(press.row["site"])
+            if key in self.coarse[site].along:
+                found.append(
+                    self.weights[site] @ self.coarse[site].along[key][self.depth(press)].astype(float)
+                )
+            elif key in self.asked[site]:
+                raise FlowUnknown(key)
+            else:
+                found.append(None)
+        if all(one is None for one in found) and not any(key in keys for keys in self.asked.values()):
+            raise FlowUnknown(key)
+        return found
+
+    def slope(self) -> np.ndarray:
+        """Return d flow / d depth (F, m, 2) [px/mm]."""
+        more = []
+        for press in self.seen:
+            site = int(press.row["site"])
+            knots, u = np.concatenate([[0.0], self.planned[site].depths_mm]), self.evenly[site]
+            curve = PchipInterpolator(knots, np.concatenate([np.zeros_like(u[:1]), u]))
+            more.append(-STEP_MM * curve.derivative()(press.row["depth_mm"]))
+        return -self.change(more) / STEP_MM
+
+    def change_along(self, key: str, step: float) -> np.ndarray:
+        """Return the change of the flow (F, m, 2) [px per unit] along a derivative, over a step."""
+        return self.change([None if du is None else step * du for du in self.along(key)]) / step
+
+    def columns(self, effect: Effect, shape: Shape, number: int) -> np.ndarray:
+        """Return the change of the flow (F, m, 2, P) [px per unit] by each amount of an effect. Raises FlowUnknown."""
+        steps = [1.0 if effect.switch else p.width * (p.sign or 1) for p in effect.parameters]
+        if effect.to_camera is not None:
+            return np.stack([self._by_camera(effect, k, step) for k, step in enumerate(steps)], axis=-1)
+        if isinstance(effect.to_forces, (FirstOrder, FirstOrderAt)):
+            return np.stack(
+                [
+                    self.change_along(key_of(effect, number if shape else None, k), step)
+                    for k, step in enumerate(steps)
+                ],
+                axis=-1,
+            )
+        if effect.to_places is not None:
+            return np.stack([self._by_landing(effect, shape, k) for k in range(len(steps))], axis=-1)
+        nothing = np.zeros((*self.mean.shape, len(steps)))
+        key = _acts_as(effect, shape)
+        if key is None:
+            return nothing
+        along = self.change_along(key, float(CATALOGUE[key].widths[0]))
+        return np.stack(
+            [self.share(effect, shape, k, key)[:, None, None] * along for k in range(len(steps))], axis=-1
+        )
+
+    def share(self, effect: Effect, shape: Shape, k: int, key: str) -> np.ndarray:
+        """Return what part (F,) of a derivative an effect is at each press per unit of its amount k, by Fz."""
+        context = self.base.context
+        step = UNIT * effect.parameters[k].width * (effect.parameters[k].sign or 1)
+        amounts = np.zeros(len(effect.parameters))
+        amounts[k] = step
+        change = effect.to_forces(context, shape, context.force, amounts) - context.force
+        rows = [int(press.row.name) for press in self.seen]
+        own = context.derivative(key)[rows, 2]
+        least = 1e-6 * np.abs(own).max(initial=0)
+        return np.where(np.abs(own) > least, change[rows, 2] / step / np.where(own == 0, 1, own), 0.0)
+
+    def _by_landing(self, effect: Effect, shape: Shape, k: int) -> np.ndarray:
+        """Return the change of the flow (F, m, 2) [px per unit] by amount k of an effect that shifts presses."""
+        context, one = self.base.context, np.eye(len(effect.parameters))[k]
+        shift = effect.to_places(context, shape, one) - effect.to_places(context, shape, 0 * one)
+        shift = shift[[int(press.row.name) for press in self.seen]]
+        everywhere = CATALOGUE["misregistration"]
+        return sum(
+            shift[:, axis, None, None] * self.change_along(f"misregistration.{p.name}", p.width)
+            for axis, p in enumerate(everywhere.parameters)
+        )
+
+    def _by_camera(self, effect: Effect, k: int, step: float) -> np.ndarray:
+        amounts = np.zeros(len(effect.parameters))
+        amounts[k] = step
+        eyes = [self.seen_by(press, [(effect, amounts)]) for press in self.seen]
+        return self.change([None] * len(self.seen), eyes) / step
+
+    def seen_by(self, press: Seen, cameras: Sequence[tuple[Effect, np.ndarray]]) -> Eye:
+        """Return the eye of a press with effects of the camera in it."""
+        camera: Camera = press.eye.camera
+        for effect, amounts in cameras:
+            camera = effect.to_camera(self.solver.study, camera, amounts)
+        return replace(press.eye, camera=camera)
+
+    def solved(self, studied: Sequence[tuple[Effect, Shape, np.ndarray]]) -> list[np.ndarray]:
+        """Return the further displacement (Q, 3) of the even points at each press with effects of the finite elements.
+
+        Raises NotConverged.
+        """
+        study = self.solver.study
+        for effect, shape, amounts in studied:
+            study = effect.to_study(study, shape, amounts)
+        sites = sorted(self.planned)
+        found = solved_with(self.solver, study, [self.planned[s] for s in sites], self.even)
+        with_it = dict(zip(sites, found))
+        more = []
+        for press in self.seen:
+            site, d = int(press.row["site"]), self.depth(press)
+            more.append(with_it[site][d] - self.weights[site] @ self.coarse[site].base[d].astype(float))
+        return more
+
+
+def _acts_as(effect: Effect, shape: Shape) -> str | None:
+    """Return the derivative of which an effect without one of its own is a part at each reading; None: it moves nothing.
+
+    History makes a layer stiffer or softer at that moment, a yielding frame takes some of the depth. The force sensor and
+    its clock move nothing while the stage waits, and adhesion nothing on the way down.
+    """
+    if effect.to_study is None and effect.family != "history":
+        return None
+    if effect.family == "history":
+        return "skin_stiffness" if shape.get("part") == "skin" else "gel_stiffness"
+    return "contact_zero" if effect.family == "kinematics" else None
+
+
+def flow_model(
+    solver: Solver, base: Base, seen: Sequence[Seen], effects: Mapping[str, Effect], particles: Particles
+) -> FlowModel:
+    """Return the model of the flow of some presses, solved. Raises SolverFailed where the base cannot be."""
+    even = even_points(solver.study.sensor, particles.diameter_mm)
+    sites = sorted({int(press.row["site"]) for press in seen})
+    asked = list(asked_of(solver, effects.values(), base.context))
+    planned, near = {}, {}
+    for site in sites:
+        whole = way_down(base.runs.planned[base.runs.of_sites(np.array([site]))[0]])
+        deepest = max(p.row["depth_mm"] for p in seen if int(p.row["site"]) == site)
+        planned[site] = replace(whole, depths_mm=tuple(d for d in whole.depths_mm if d <= deepest + 1e-6))
+        near[site] = felt_by(asked, planned[site])
+    fine = solver.each(moved_by, [(solver, solver.study, planned[s]) for s in sites])
+    for result in fine:
+        if isinstance(result, str):
+            raise SolverFailed(f"the gel's motion at a press with images does not converge: {result}")
+    coarse = solver.each(moved_along, [(solver, planned[s], near[s]) for s in sites])
+    points, evenly = {}, {}
+    for site, moved in zip(sites, fine):
+        for at, found in ((particles.points, points), (even, evenly)):
+            weights = moved.weights(at)
+            found[site] = np.stack([weights @ u.astype(float) for u in moved.base])
+    return FlowModel(
+        solver, base, seen, particles, planned, dict(zip(sites, coarse)),
+        {site: frozenset(near[site]) for site in sites}, even, points, evenly,
+        {site: moved.weights(even) for site, moved in zip(sites, coarse)},
+    )  # fmt: skip

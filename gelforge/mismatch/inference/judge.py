@@ -1,0 +1,127 @@
+"""The judge: is there a mismatch, where, which physics was left out, does it hold on data not seen, what else remains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gelforge.config.mismatch import Mismatch
+from gelforge.mismatch.evidence.alternatives import NOTHING, UNKNOWN
+from gelforge.mismatch.evidence.identifiability import DETECTED_SNR
+from gelforge.mismatch.evidence.screen import Screened
+from gelforge.mismatch.goodness.remains import Remains, remains
+from gelforge.mismatch.inference.answer import Answer, explained
+from gelforge.mismatch.inference.discrepancy import Modelled, modelled
+from gelforge.mismatch.inference.posterior import Posterior, posterior_of
+from gelforge.mismatch.result.verdict import ALARM_P, LEFT_P
+from gelforge.mismatch.terms.holdout import Blocks, split
+from gelforge.mismatch.terms.problem import Problem
+from gelforge.mismatch.terms.refit import Refitted
+from gelforge.mismatch.terms.unknown import Manner, manners_of
+from gelforge.mismatch.terms.weighing import chance_of_known
+
+LIKELY = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """All that was found, before it is put into words."""
+
+    state: str  # as in verdict.json
+    blocks: Blocks
+    mismatch: Remains
+    posterior: Posterior
+    answer: Answer | None
+    model: Modelled | None  # of what no known effect explains, where it predicts; with a cause or without
+    notes: tuple[str, ...]  # what went wrong on the way
+    out_of_range: bool = False  # an amount of the answer is not physical, or on its bounds
+
+
+def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Judgement:
+    """Return the judgement on a problem.
+
+    All readings say whether there is a mismatch, where, and what could explain it; the amounts of the answer by the
+    training readings alone predict those held out.
+    """
+    labels, rng = problem.labels, np.random.default_rng([seed, 5])
+    blocks, every = split(labels, seed, turn), np.ones(len(labels), bool)
+    manners = manners_of(problem)
+    mismatch = remains(problem, problem.residual, every, settings, rng)
+    posterior = posterior_of(problem, manners)
+    unknown = posterior.unknown[NOTHING]
+    mismatch = replace(mismatch, unknown_p=unknown.p, known_p=chance_of_known(problem))
+    if mismatch.p >= ALARM_P:
+        physics = [one for one in posterior.singles.values() if not problem.effects[one.name].blunder]
+        state = "consistent" if _could_have_seen(physics) else "inconclusive"
+        return Judgement(state, blocks, mismatch, posterior, None, None, ())
+    answer, notes = explained(problem, posterior, manners, blocks, settings, rng)
+    found = posterior if answer is None else answer.posterior
+    out = answer is not None and not in_range(problem, answer.fit)
+    model = None
+    if blocks.held_out.any() and (answer is None or out or _wanting(answer)):
+        model = _modelled(problem, manners, blocks, None if out else answer, found.manners)
+    return Judgement(_state(answer, out, model), blocks, mismatch, found, answer, model, tuple(notes), out)
+
+
+def _modelled(
+    problem: Problem,
+    manners: Sequence[Manner],
+    blocks: Blocks,
+    answer: Answer | None,
+    chances: Mapping[str, float],
+) -> Modelled | None:
+    """Return what is modelled with a free form, where it predicts: beside the sure effects of an answer, if they lead.
+
+    An effect that changes the readings by less than what is modelled beside it is no form of what is missing; beside a cause
+    of its own it is another one. chances: of the manners.
+    """
+    if answer is not None and answer.sure:
+        left = problem.observations.flat(problem.observations.force - answer.after)
+        found = modelled(problem, manners, blocks, answer.fit, left, chances)
+        both = problem.covariance.whiten(np.column_stack([found.change, problem.residual - left]))
+        more, own = np.linalg.norm(both, axis=0)
+        if more < own or found.sure:
+            return found if found.gain.clear else None
+    found = modelled(problem, manners, blocks, chances=chances)
+    return found if found.gain.clear else None
+
+
+def _could_have_seen(singles: Sequence[Screened]) -> bool:
+    """Return whether a plausible amount of at least half of the effects that these readings feel would have shown."""
+    snr = np.array([judged.plausible_snr for judged in singles])
+    return bool(len(snr) and np.mean(snr >= DETECTED_SNR) >= 0.5)
+
+
+def in_range(problem: Problem, fit: Refitted) -> bool:
+    """Return whether all amounts are physical and off their bounds."""
+    return all(
+        part.switch or problem.effects[part.name].in_range(amounts)
+        for part, amounts in zip(fit.parts, fit.amounts)
+    )
+
+
+def _wanting(answer: Answer) -> bool:
+    """Return whether an answer leaves more than noise, or something unknown is likely beside it or instead."""
+    return answer.adequacy.p <= LEFT_P or answer.posterior.holding([UNKNOWN]) > LIKELY
+
+
+def _state(answer: Answer | None, out: bool, model: Modelled | None) -> str:
+    """Return the state of a mismatch that is there.
+
+    What no known effect explains is modelled where a smooth change predicts the readings held out; beside an effect that is
+    sure it is that effect in a form of its own, or something more. Where the change is that of a cause which is sure, that
+    cause has a name, and its form is free. An effect that is sure is identified although something
+    may be there beside it, as long as no more than noise is left.
+    """
+    if answer is None or out:
+        return "unexplained" if model is None else "form_free" if model.sure else "modelled"
+    adequate = answer.adequacy.p > LEFT_P
+    if model is not None:
+        return "form_free" if model.beside or model.sure else "modelled"
+    if answer.sure and adequate:
+        return "identified"
+    if not adequate:
+        return "unexplained"
+    return "ambiguous" if any(group.probability >= LIKELY for group in answer.groups) else "inconclusive"

@@ -1,0 +1,1 @@
+"""What an effect is, and what it may look at."""

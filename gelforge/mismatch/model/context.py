@@ -1,0 +1,68 @@
+"""What an effect may look at: the base study, the readings, and the base forces as curves over depth at every site."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from gelforge.config import Study
+from gelforge.mismatch.readings.observations import Observations
+
+
+@dataclass(frozen=True)
+class Curves:
+    """A quantity (3,) of the base over depth, loading, at every site: 0 at depth 0, monotone cubic between solved depths."""
+
+    depths: tuple[np.ndarray, ...]  # per site, (D,) increasing [mm]
+    values: tuple[np.ndarray, ...]  # per site, (D, 3)
+
+    def at(self, site: int, depth: np.ndarray, slope: bool = False) -> np.ndarray:
+        """Return the quantity (..., 3) at depths [mm], 0 above the surface, or its slope per mm."""
+        depth = np.asarray(depth, dtype=float)
+        knots = np.concatenate([[0.0], self.depths[site]])
+        values = np.vstack([np.zeros(3), self.values[site]])
+        curve = PchipInterpolator(knots, values, axis=0, extrapolate=True)
+        found = (curve.derivative() if slope else curve)(np.maximum(depth, 0.0))
+        return np.where((depth > 0)[..., None], found, 0.0)
+
+
+@dataclass(frozen=True)
+class Context:
+    """The base beside the readings.
+
+    derivatives: by "effect" or "effect.parameter", d force / d amount (N per unit) of effects that the solver knows.
+    """
+
+    study: Study
+    observations: Observations | None  # None: nothing is recorded yet, and force and curves mean nothing
+    force: np.ndarray  # (R, 3) [N] base forces at the readings
+    curves: Curves  # base forces
+    derivatives: Mapping[str, Curves]  # on the way down
+    at_readings: Mapping[str, np.ndarray] = field(default_factory=dict)  # (R, 3) the same, ways up included
+
+    def derivative(self, name: str) -> np.ndarray:
+        """Return d force / d amount (R, 3) at the readings; as on the way down where the way up is not known."""
+        if name in self.at_readings:
+            return self.at_readings[name]
+        return self.on_readings(self.derivatives[name])
+
+    def chosen(self, rows: np.ndarray) -> Context:
+        """Return the context of some readings (R,) bool."""
+        known = {name: values[rows] for name, values in self.at_readings.items()}
+        part = self.observations.chosen(rows)
+        return replace(self, observations=part, force=self.force[rows], at_readings=known)
+
+    def slope(self) -> np.ndarray:
+        """Return d force / d depth (R, 3) [N/mm] at the readings, as on the loading curve."""
+        return self.on_readings(self.curves, slope=True)
+
+    def on_readings(self, curves: Curves, slope: bool = False) -> np.ndarray:
+        """Return curves (R, 3) at the site and depth of each reading."""
+        table = self.observations.table
+        found = np.zeros((len(table), 3))
+        for site, rows in table.groupby("site").indices.items():
+            found[rows] = curves.at(site, table["depth_mm"].to_numpy()[rows], slope)
+        return found

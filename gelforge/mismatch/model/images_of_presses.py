@@ -1,0 +1,78 @@
+"""Presses that are mirror images of one another on a square sensor: one is solved, the others are carried from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from gelforge.config import Study
+from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.symmetry import D4, transform_points, transform_vectors
+from gelforge.indentation.trajectory import Trajectory
+from gelforge.mismatch.model.effect import Effect, Shape
+from gelforge.mismatch.readings.observations import PLACE_DIGITS
+
+Path = TypeVar("Path", PlannedCell, Trajectory)
+
+
+def solved_for_all(
+    study: Study, paths: Sequence[Path], solve: Callable[[list[Path]], list]
+) -> tuple[list, list[str]]:
+    """Return what solve gives for each path, or for the image that stands for it, and the symmetry that carries it here."""
+    images = [image_of(study, path) for path in paths]
+    distinct = list(dict.fromkeys(image for image, _ in images))
+    number = {image: k for k, image in enumerate(distinct)}
+    found = solve(distinct)
+    return [found[number[image]] for image, _ in images], [symmetry for _, symmetry in images]
+
+
+def image_of(study: Study, path: Path) -> tuple[Path, str]:
+    """Return the image of a straight path in one eighth of the sensor and the element of D4 that carries it back.
+
+    Where the study does not look the same from all sides that is the path itself.
+    """
+    path = replace(path, name="") if isinstance(path, PlannedCell) else path
+    if not study.has_symmetry_of_square or path.shears_mm or path.tilts_deg or path.twists_deg:
+        return path, "identity"
+    width, here = study.sensor.width_x_mm, np.array([path.x_mm, path.y_mm])
+    places = {name: tuple(np.round(transform_points(name, here, width), PLACE_DIGITS) + 0.0) for name in D4}
+    name = max(D4, key=lambda name: places[name])
+    x, y = places[name]
+    return replace(path, x_mm=float(x), y_mm=float(y)), inverse(name)
+
+
+def inverse(symmetry: str) -> str:
+    """Return the element of D4 that undoes another."""
+    return next(name for name, D in D4.items() if np.array_equal(D, D4[symmetry].T))
+
+
+def carried(total: np.ndarray, symmetry: str) -> np.ndarray:
+    """Return forces (..., 3) of the image as those of the path itself; the image's own where it is the path."""
+    return total if symmetry == "identity" else transform_vectors(symmetry, total)
+
+
+def carried_derivative(
+    found: Mapping[str, np.ndarray], symmetry: str, effect: Effect, keys: Sequence[str], which: int
+) -> np.ndarray | None:
+    """Return d force / d amount (D, 3) for amount `which` of an effect from those for all its amounts at the image.
+
+    keys: names of the image's derivatives, one per amount. None where the image does not feel the effect.
+    """
+    turn = effect.turned(D4[inverse(symmetry)])[:, which]
+    parts = [share * found[key] for share, key in zip(turn, keys) if share and key in found]
+    return carried(np.sum(parts, axis=0), symmetry) if parts else None
+
+
+def number_at_image(shapes: Sequence[Shape], number: int, symmetry: str, width: float) -> int:
+    """Return the number of the shape at the image, of the one of this number at the path: located ones move with it."""
+    if "x_mm" not in shapes[number] or symmetry == "identity":
+        return number
+    own = np.array([[shape["x_mm"], shape["y_mm"]] for shape in shapes])
+    there = transform_points(inverse(symmetry), own[number], width)
+    rest = [{k: v for k, v in shape.items() if k not in ("x_mm", "y_mm")} for shape in shapes]
+    alike = np.array([other == rest[number] for other in rest])
+    away = np.where(alike, np.abs(own - there).max(axis=1), np.inf)
+    return int(np.argmin(away))

@@ -1,0 +1,1 @@
+"""From a recording and a study to a verdict, and what to record next."""

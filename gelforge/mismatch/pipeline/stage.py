@@ -1,0 +1,232 @@
+"""The whole stage: a recording and a study in, verdict.json, readings.csv, body_map.csv and config.patch.yaml out."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from gelforge.config import ConfigError, Study, load_session, write_yaml
+from gelforge.files import digest, file_sha256
+from gelforge.mismatch.effects import with_taken
+from gelforge.mismatch.evidence.covariance import readings_covariance
+from gelforge.mismatch.evidence.spread import spread_out
+from gelforge.mismatch.fem.known import with_known
+from gelforge.mismatch.fem.solutions import Solver
+from gelforge.mismatch.fem.solver import Base, forces_with, read_with
+from gelforge.mismatch.fem.unsolved import base_where_solved
+from gelforge.mismatch.goodness.spikes import without_spikes
+from gelforge.mismatch.images.flow import force_part, with_flow
+from gelforge.mismatch.inference.judge import Judgement, judge
+from gelforge.mismatch.pipeline.experiments import with_experiments
+from gelforge.mismatch.pipeline.patch import patch_of
+from gelforge.mismatch.readings.observations import Observations
+from gelforge.mismatch.readings.runs import DEPTH_DIGITS
+from gelforge.mismatch.readings.sessions import observe
+from gelforge.mismatch.result.verdict import PATCH, Provenance, Verdict, write_verdict
+from gelforge.mismatch.result.verdict_tables import (
+    BODY_MAP,
+    write_body_map,
+    write_correction,
+    write_flow,
+    write_module,
+    write_readings,
+)
+from gelforge.mismatch.summary.findings import readings_table, taken_over, verdict_of, versions
+from gelforge.mismatch.summary.flow_told import after_of, flow_section, flow_table
+from gelforge.mismatch.summary.model_section import correction_table
+from gelforge.mismatch.terms.body_map import BOX, body_map, boxes_felt
+from gelforge.mismatch.terms.candidates import candidates_of, effects_of_forces
+from gelforge.mismatch.terms.modules import modules_of
+from gelforge.mismatch.terms.problem import Problem
+from gelforge.recording.images import reference_path
+
+IMAGES_LEFT_OUT = (
+    "sessions with a camera are judged by their forces alone (mismatch.images: left_out); `fitted` judges their images too,"
+    " which takes longer and tells gel stiffness from force gain"
+)
+NUMBER = r"\d+(?:\.\d+)?"
+
+
+def judge_recording(solver: Solver, folders: Sequence[Path], out: Path, title: str) -> Verdict:
+    """Judge sessions against the solver's study, write the stage's files into a folder and return the verdict.
+
+    Raises RecordingError for a recording that cannot be read, SolverFailed where the base cannot be solved.
+    """
+    study = solver.study
+    observations, synthetic = observations_of(folders, study)
+    forces, base = problem_of(solver, observations)
+    joint = forces if study.mismatch.images == "left_out" else with_flow(solver, base, forces, folders)
+    problem = joint if study.mismatch.images == "fitted" else forces
+    judgement = judge(problem, study.mismatch, study.seed)
+    in_newtons, after = force_part(problem, judgement), after_of(joint, judgement)
+    verdict = verdict_of(
+        problem,
+        judgement,
+        title,
+        synthetic,
+        study.sensor,
+        provenance_of(folders, study, solver),
+        flow=flow_section(joint, judgement, after),
+    )
+    verdict = with_experiments(verdict, forces, base.context)
+    write_results(out, verdict, in_newtons)
+    write_flow(out, flow_table(joint, after))
+    (out / PATCH).unlink(missing_ok=True)
+    if taken_over(judgement):
+        write_patch(out, study, problem, judgement)
+    return verdict
+
+
+def write_patch(out: Path, study: Study, problem: Problem, judgement: Judgement) -> None:
+    """Write config.patch.yaml: the fitted effects, and the map of a cause with a free form where a study can have it."""
+    model = judgement.model
+    alone = model is not None and not model.beside
+    fit = None if alone else judgement.answer.fit
+    map_ = model.map() if model is not None and model.sure else None
+    changes = patch_of(study, problem.effects, fit, None if map_ is None else model.module, map_)
+    if changes:
+        write_yaml(out / PATCH, changes)
+
+
+def write_results(out: Path, verdict: Verdict, in_newtons: tuple[Problem, Judgement]) -> None:
+    """Write verdict.json and its tables; in_newtons: problem and judgement of the forces alone."""
+    out.mkdir(parents=True, exist_ok=True)
+    write_verdict(out, verdict)
+    write_readings(out, readings_table(*in_newtons))
+    write_correction(out, correction_table(in_newtons[0], in_newtons[1].model))
+    write_module(out, None if in_newtons[1].model is None else in_newtons[1].model.map())
+    patches = body_map(in_newtons[0])
+    (out / BODY_MAP).unlink(missing_ok=True)
+    if patches is not None:
+        write_body_map(out, patches)
+
+
+def observations_of(folders: Sequence[Path], study: Study) -> tuple[Observations, bool]:
+    """Return what is judged of some sessions, at most the study's number of sites, and whether it is synthetic."""
+    speed = study.mechanics.effects.history.timing.speed_mm_per_s
+    observations = observe(folders, study.sensor, speed, study.mismatch.touchdown_mm)
+    sessions = [load_session(folder / "session.yaml") for folder in folders]
+    if study.mismatch.images == "left_out" and any(session.camera for session in sessions):
+        observations = observations.saying(IMAGES_LEFT_OUT)
+    return spread(observations, study), any(session.synthetic for session in sessions)
+
+
+def spread(observations: Observations, study: Study) -> Observations:
+    """Return the observations at no more sites and depths than the study judges."""
+    return spread_depths(spread_sites(observations, study), study)
+
+
+def spread_depths(observations: Observations, study: Study) -> Observations:
+    """Return the observations of presses to no more depths than the study judges, spread evenly, the deepest among them."""
+    depth = observations.table["deepest_mm"].round(DEPTH_DIGITS)
+    levels, most = np.unique(depth), study.mismatch.depths
+    if most is None or len(levels) <= most:
+        return observations
+    chosen = levels[np.round(np.linspace(0, len(levels) - 1, most)).astype(int)]
+    told = f"of presses to {len(levels)} depths those to {most} of them are judged (mismatch.depths)"
+    return observations.chosen(depth.isin(chosen).to_numpy()).saying(told)
+
+
+def spread_sites(observations: Observations, study: Study) -> Observations:
+    """Return the observations at no more sites than the study judges: the middle, then always the farthest from those."""
+    most, sites = study.mismatch.sites, observations.sites
+    if len(sites) <= most:
+        return observations
+    middle = np.array([study.sensor.width_x_mm, study.sensor.width_y_mm]) / 2
+    chosen = spread_out(sites, most, int(np.argmin(np.linalg.norm(sites - middle, axis=1))))
+    told = f"of {len(sites)} positions {most}, spread over the sensor, are judged (mismatch.sites)"
+    return observations.at_sites(chosen).saying(told)
+
+
+def problem_of(solver: Solver, observations: Observations, recorded: bool = True) -> tuple[Problem, Base]:
+    """Return the problem of some observations: base, covariance, and the change by every effect that applies.
+
+    recorded: False of a plan, whose forces mean nothing.
+    """
+    effects = effects_of_forces(solver.study)
+    asked = [*with_taken(effects.values()), *([BOX] if recorded else [])]
+    base = with_known(base_where_solved(solver, observations, asked), solver)
+    observations = base.context.observations
+    covariance = readings_covariance(base.context, base.law, base.floor, base.alike)
+    if recorded:
+        read = observations.read
+        observations = without_spikes(observations, base.context.force, covariance)
+        base = replace(base, context=replace(base.context, observations=observations))
+        covariance = covariance.restricted(observations.read[read])
+    failed = dict(base.failed)
+    candidates = candidates_of(base.context, effects, failed)
+    boxes = boxes_felt(base.context) if recorded else ()
+    return (
+        Problem(
+            observations,
+            base.context.force,
+            covariance,
+            candidates,
+            effects,
+            lambda parts, amounts, rows: forces_with(
+                solver, base, [(effects[p.name], p.shape, a) for p, a in zip(parts, amounts)], rows
+            ),
+            failed,
+            solver.study.mismatch.change_error,
+            boxes,
+            modules_of(base.context, boxes) if recorded else (),
+            lambda parts, amounts, change: read_with(
+                base,
+                [(effects[p.name], p.shape, a) for p, a in zip(parts, amounts)],
+                base.context.force + change,
+            ),
+        ),
+        base,
+    )
+
+
+def provenance_of(folders: Sequence[Path], study: Study, solver: Solver) -> Provenance:
+    """Return what the verdict rests on."""
+    return Provenance(
+        sessions={folder.name: _files_sha256(folder, study.mismatch.images) for folder in folders},
+        base=f"study {study.study}",
+        base_sha256=digest(
+            [study.model_dump(mode="json"), {name: law.description() for name, law in solver.laws.items()}]
+        ),
+        seed=study.seed,
+        draws=study.mismatch.draws,
+        versions=versions(),
+    )
+
+
+def _files_sha256(folder: Path, images: str) -> str:
+    """Return the digest of a session's readings, description, samples of force, and images where they count."""
+    files = [folder / name for name in ("indentations.csv", "ft.csv", "session.yaml")]
+    files += [] if images == "left_out" else [reference_path(folder), *sorted((folder / "images").glob("*"))]
+    return digest({path.name: file_sha256(path) for path in files if path.is_file()})
+
+
+def check_matches(folders: Sequence[Path], study: Study) -> None:
+    """Raise ConfigError where a recording plainly belongs to another sensor or indenter than the study's."""
+    for folder in folders:
+        session = load_session(folder / "session.yaml")
+        stated, own = session.indenter.strip(), study.indenter.words
+        if stated and stated != own:
+            numbers = _lengths(stated), _lengths(own)
+            if numbers[0] and numbers[1] and not numbers[0] & numbers[1]:
+                raise ConfigError(
+                    f"{folder / 'session.yaml'}: pressed with {stated!r}, but the study describes {own!r}; give the study "
+                    "of this recording, or correct `indenter`"
+                )
+
+
+def _lengths(text: str) -> set[float]:
+    """Return the numbers [mm] of an indenter's description, diameters as radii; what is not said to be either, as both."""
+    across = r"(?:diameter|dia\b\.?|\u00d8|\u2300|\bd\s*=)"
+    halved = re.compile(
+        rf"{across}\D{{0,5}}({NUMBER})|({NUMBER})\s*(?:mm)?\W*(?:in |of )?{across}", re.IGNORECASE
+    )
+    radii = {float(a or b) / 2 for a, b in halved.findall(text)}
+    others = {float(found) for found in re.findall(NUMBER, halved.sub("", text))}
+    if not radii and not re.search(r"radius|\br\s*=", text, re.IGNORECASE):
+        radii = {number / 2 for number in others}
+    return radii | others

@@ -1,0 +1,190 @@
+"""The gate: session folders become observations, with the noise that they show themselves and what they cannot say."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from gelforge.config import ConfigError, Sensor, Session
+from gelforge.indentation.plan import POSITION_MATCH_MM
+from gelforge.mismatch.readings.noise import reading_noise
+from gelforge.mismatch.readings.observations import ARRAYS, COLUMNS, Observations, last_moves
+from gelforge.mismatch.readings.outliers import without_outliers
+from gelforge.mismatch.readings.touchdown import depth_scatter, with_touchdown
+from gelforge.mismatch.readings.zeros import zeros_together
+from gelforge.recording.checks import before_shear
+from gelforge.recording.readings import AXES, FORCE, Recording, axes_of_stage, read_recording
+
+SPEED_MM_PER_S = 1.0  # assumed where a press has one moving row only
+RASTER = 0.9  # |rank correlation| of order with x or y above which time and place are one
+
+
+def session_folders(folder: str | Path, names: Sequence[str] = ()) -> list[Path]:
+    """Return the session folders of a recording: itself, or those (of these names, if any) in it or in its `recordings`.
+
+    Raises ConfigError where there is none.
+    """
+    folder = Path(folder)
+    if (folder / "session.yaml").is_file():
+        return [folder]
+    for inside in (folder / "recordings", folder):
+        found = sorted(path.parent for path in inside.glob("*/session.yaml"))
+        found = [path for path in found if not names or path.name in names]
+        if found:
+            return found
+    raise ConfigError(
+        f"{folder}: no session.yaml in it, in {folder.name}/recordings/* or in {folder.name}/*; name a session's folder"
+    )
+
+
+def observe(
+    folders: Sequence[Path],
+    sensor: Sensor,
+    speed_mm_per_s: float = SPEED_MM_PER_S,
+    touchdown_mm: float | None = None,
+) -> Observations:
+    """Return the readings of some sessions, judged together. Raises RecordingError as the reader does.
+
+    touchdown_mm: the scatter of depth zero, of presses or sessions as `depth_zero.by` says, in place of what is stated.
+    """
+    recordings = [read_recording(folder, None, sensor) for folder in folders]
+    parts = [_of_session(recording, speed_mm_per_s, touchdown_mm) for recording in recordings]
+    return with_touchdown(_with_order(_joined(parts)))
+
+
+def _of_session(recording: Recording, speed_mm_per_s: float, touchdown_mm: float | None) -> Observations:
+    """Return the readings of one session; its sites are numbered with those of the others."""
+    session = recording.session
+    excluded = [f"{session.session}: {line}" for line in recording.findings.lines("excluded")]
+    straight = recording.readings[before_shear(recording.readings)]  # the base is pressed straight down
+    recording = replace(recording, readings=straight.dropna(subset=FORCE).reset_index(drop=True))
+    together = zeros_together(recording)
+    noise, rounding, (repeats, tails), unknown = reading_noise(recording, together and together.repeats)
+    unknown += excluded
+    readings, dropped = without_outliers(recording, np.hypot(noise, rounding))
+    table = _table(session, readings, speed_mm_per_s, unknown)
+    held, R = table.pop("held").to_numpy(), len(table)
+    force = readings[FORCE].to_numpy(copy=True)
+    force[:, _dead_axes(force, session, unknown)] = np.nan
+    count = (readings["phase"] == "zero").groupby(readings["press"]).sum().reindex(readings["press"])
+    zero = np.sqrt(noise**2 / np.maximum(count.to_numpy(), 1)[:, None] + rounding**2)
+    walk, trend = (0.0, 0.0) if together is None or session.force.tared else together.drift(readings)
+    press_depth, session_depth = depth_scatter(session.depth_zero, touchdown_mm)
+    return Observations(
+        table,
+        force,
+        np.empty((0, 2)),
+        np.broadcast_to(noise, (R, 3)),
+        np.zeros((R, 3)) if session.force.tared else zero,
+        np.full(R, press_depth),
+        np.full(R, session_depth),
+        rounding_N=rounding,
+        drift_N=walk,
+        trend_N=trend,
+        came_along=last_moves(table, axes_of_stage(session.stage_to_sensor)),
+        repeats=repeats,
+        tails=tails,
+        cannot_know=tuple(unknown),
+        set_aside=tuple(dropped),
+    ).chosen(held)
+
+
+def _joined(parts: Sequence[Observations]) -> Observations:
+    """Return the observations of some sessions as one, their sites numbered."""
+    table = pd.concat([part.table for part in parts], ignore_index=True)
+    table["site"], sites = _sites(table[["x_mm", "y_mm"]].to_numpy())
+    arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ARRAYS}
+    return Observations(
+        table[COLUMNS],
+        sites=sites,
+        **arrays,
+        cannot_know=tuple(dict.fromkeys(said for part in parts for said in part.cannot_know)),
+        set_aside=tuple(reading for part in parts for reading in part.set_aside),
+    )
+
+
+def _table(session: Session, readings: pd.DataFrame, speed: float, unknown: list[str]) -> pd.DataFrame:
+    """Return the columns of observations for every reading of a session, and `held`: those that are judged.
+
+    speed: of the study [mm/s], where a press tells neither its touch nor its own; that is told.
+    """
+    name = session.session
+    held = readings["phase"].isin(["load", "dwell", "unload"]) & (readings["depth_mm"] > 0)
+    touch, assumed = _touches(readings, speed)
+    if assumed:
+        unknown.append(
+            f"{name}: {assumed} presses have neither a touch row nor a speed (speed_mm_per_s) on their way down: {speed:g}"
+            " mm/s (history.timing) is taken; relaxation and the clock follow it"
+        )
+    touch = touch.reindex(readings["press"]).to_numpy()
+    start = readings.groupby("press")["time_s"].transform("first").to_numpy()
+    table = readings[["order", "phase", "time_s", "x_mm", "y_mm", "depth_mm"]].assign(
+        session=name,
+        press=name + "/" + readings["press"],
+        press_time_s=readings["time_s"] - np.where(np.isfinite(touch), touch, start),
+        deepest_mm=readings["depth_mm"].where(held).groupby(readings["press"]).transform("max"),
+        age_days=np.nan if session.sensor_age_days is None else session.sensor_age_days,
+        temperature_C=np.nan if session.temperature_C is None else session.temperature_C,
+        held=held,
+    )
+    return table
+
+
+def _touches(readings: pd.DataFrame, speed: float) -> tuple[pd.Series, int]:
+    """Return the time of touch [s] by press, and of how many the speed had to be taken from elsewhere.
+
+    A touch row tells it; else it lies before the first load or dwell row by as much as the press's speed needs.
+    """
+    first = readings[readings["phase"].isin(["load", "dwell"])].groupby("press").first()
+    down = readings[readings["phase"].isin(["approach", "load"]) & (readings["speed_mm_per_s"] > 0)]
+    own = down.groupby("press")["speed_mm_per_s"].last().reindex(first.index)
+    seen = readings[readings["phase"] == "touch"].groupby("press")["time_s"].first()
+    touch = first["time_s"] - first["depth_mm"] / own.fillna(speed)
+    return seen.combine_first(touch), int((own.isna() & ~own.index.isin(seen.index)).sum())
+
+
+def _dead_axes(force: np.ndarray, session: Session, unknown: list[str]) -> np.ndarray:
+    """Return (3,) bool: axes whose readings never change; each is told."""
+    dead = np.ptp(force, axis=0) == 0
+    for axis in np.flatnonzero(dead):
+        unknown.append(
+            f"{session.session}: F{AXES[axis]} never changes (always {force[0, axis]:g} N), so this axis is left out"
+        )
+    return dead
+
+
+def _sites(xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the number of each position and the distinct positions (S, 2), in the order first visited."""
+    places, first, which = np.unique(np.round(xy, 6), axis=0, return_index=True, return_inverse=True)
+    sites, number = np.empty((0, 2)), np.empty(len(places), dtype=int)
+    for k in np.argsort(first):
+        near = np.flatnonzero(np.abs(sites - places[k]).max(axis=1) <= POSITION_MATCH_MM)
+        number[k] = near[0] if len(near) else len(sites)
+        sites = sites if len(near) else np.vstack([sites, places[k]])
+    return number[which.ravel()], sites
+
+
+def _with_order(found: Observations) -> Observations:
+    """Say where the order of presses makes time and place one."""
+    unknown = list(found.cannot_know)
+    presses = found.table.drop_duplicates("press")
+    for axis in ("x_mm", "y_mm"):
+        if presses[axis].nunique() < 3:
+            continue
+        rank = presses[axis].rank().corr(presses["time_s"].rank())
+        if abs(rank) > RASTER:
+            unknown.append(
+                f"presses were taken in raster order (rank correlation of time with {axis[0]} {rank:.2f}): ageing and drift "
+                "cannot be told from a gradient; press in random order with a sentinel press every ninth one"
+            )
+    if not presses.duplicated(["site", "deepest_mm"]).any():
+        unknown.append(
+            "no position was pressed twice to one depth: the scatter of touchdown and ageing are known from statements only"
+        )
+    if not (found.table["phase"] == "unload").any():
+        unknown.append("no reading on the way up: adhesion and hysteresis are invisible")
+    return replace(found, cannot_know=tuple(unknown))

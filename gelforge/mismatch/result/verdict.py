@@ -1,0 +1,473 @@
+"""What the judge says: verdict.json with its schema. The tables beside it are those of verdict_tables.py."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import pandas as pd
+from pydantic import Field, ValidationError, model_validator
+
+from gelforge.config import Name, NonNegative, Positive, Section
+from gelforge.files import read_product_json, write_product_json
+from gelforge.mismatch.model.effect import FAMILIES
+
+FORMAT = "gelforge-verdict-2"
+VERDICT, PATCH, PAGE = "verdict.json", "config.patch.yaml", "report.html"
+
+# Of the global test, of the scan, of something unknown and of the known effects each: any is an alarm, so at most four in
+# a hundred recordings, or materials, of which nothing is missing give a false one.
+ALARM_P = 0.01
+SURE = 0.9  # probability of a group of effects from which it is identified
+# Of what an answer leaves, each of its two tests. Below the first what is left is reported. Below the second nothing is
+# identified: right answers come below 0.01 in two of a hundred by chance alone, and effects outside the catalogue that come
+# below it do so by far (docs/mismatch-method.md).
+ADEQUATE_P = 0.01
+LEFT_P = 0.002
+# A held-out gain counts above so many standard errors, or where it makes what was held out as many times likelier. For an
+# answer that was fixed without it the second comes by chance once in HELD_OUT_ODDS at most (Markov's inequality), one of the
+# two in 2.3 % at most (normal noise).
+HELD_OUT_ERRORS = 2.0
+HELD_OUT_ODDS = 100.0
+
+State = Literal[
+    "consistent",
+    "identified",
+    "form_free",
+    "modelled",
+    "ambiguous",
+    "inconclusive",
+    "unexplained",
+]
+IDENTIFIED = ("identified", "form_free")  # the missing physics has a name
+WITHOUT_ANSWER = ("consistent", "inconclusive")
+Probability = Annotated[float, Field(ge=0, le=1)]
+Interval = tuple[float, float]
+ThreeAxes = Annotated[list[float | None], Field(min_length=3, max_length=3)]
+
+
+class VerdictError(ValueError):
+    """A verdict that cannot be read: which file, what was found, what to do."""
+
+
+class Where(Section):
+    """Where readings differ from the base. Keys that do not matter are left out; a located defect has x, y and radius."""
+
+    words: str = Field(description="The place in plain words")
+    channel: str | None = Field(None, description="What differs: force x, y or z, or flow")
+    x_mm: float | None = Field(None, description="Centre of the region [mm]")
+    y_mm: float | None = Field(None, description="Centre of the region [mm]")
+    radius_mm: Positive | None = Field(None, description="Radius of the region about its centre [mm]")
+    layer: str | None = Field(None, description="Layer in which a defect lies")
+    depth_mm: Interval | None = Field(
+        None,
+        description="Depths of the indenter; with a layer those of a defect below the top, from and to [mm]",
+    )
+    time_s: Interval | None = Field(None, description="Times of the recording, from and to [s]")
+    snr: NonNegative | None = Field(None, description="Signal over noise of this pattern [-]")
+    p: Probability | None = Field(
+        None, description="Probability of as much by chance anywhere that was looked at [-]"
+    )
+
+
+class Amount(Section):
+    """One fitted amount of an effect."""
+
+    name: str = Field(description="The parameter")
+    unit: str = Field(description="Its unit")
+    value: float = Field(description="Fitted amount, 0 is the effect's absence [unit]")
+    interval_90: Interval = Field(description="90 % interval [unit]")
+    bounds: Interval | None = Field(None, description="Physical range [unit]")
+    profile: list[tuple[float, float]] = Field(
+        [], description="Amount [unit] and log likelihood, the rest fitted, relative to the best [-]"
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Amount:
+        low, high = self.interval_90
+        if low > high:
+            raise ValueError(
+                f"interval_90 of {self.name} is from {low:g} to {high:g}; give the lower end first"
+            )
+        return self
+
+
+class NamedEffect(Section):
+    """An effect that was tried, with what speaks for it."""
+
+    name: Name = Field(description="Canonical name")
+    family: Literal[FAMILIES] = Field(description="Family of the effect")  # type: ignore[valid-type]
+    probability: Probability = Field(description="Probability that it is part of what is missing [-]")
+    log_bayes_factor: float = Field(description="Log evidence over that of the null [-]")
+    snr: NonNegative | None = Field(None, description="Signal over noise of its fitted change [-]")
+    snr_instrument: NonNegative | None = Field(
+        None, description="Of its change of all readings, over the instrument's noise alone [-]"
+    )
+    amounts: list[Amount] = Field([], description="Fitted amounts; none where it was not fitted")
+    shape: dict[str, float | str] = Field(
+        {}, description="Place, size, part, time constant; keys carry units"
+    )
+    in_range: bool = Field(
+        description="Amounts have their physical sign, inside their bounds and not on them, but for all that there can"
+        " be; of several of one sign some may be none"
+    )
+    refitted: bool = Field(False, description="Judged in the real solver; otherwise to first order only")
+    group: list[str] = Field([], description="What these readings cannot tell it from, itself included")
+
+
+class Unknown(Section):
+    """What no known effect is: a smooth change of one manner, of unknown size and form."""
+
+    probability: Probability = Field(description="Probability that it is part of what is missing [-]")
+    words: str = Field(description="The manner that it would most probably have, beside the answer")
+
+
+class Group(Section):
+    """Part of the answer: effects of which one is there, and which these readings cannot tell apart, or else another one."""
+
+    members: list[Name] = Field(min_length=1, description="Effects, the most probable first")
+    probability: Probability = Field(
+        description="Probability that one of them, or of `or_else`, is there [-]"
+    )
+    or_else: list[Name] = Field(
+        [],
+        description="Effects of another pattern, one of which may be there instead of the members, the most probable first",
+    )
+    odds: Positive | None = Field(
+        None, description="Of the first member over all others together [-]; empty for a single member"
+    )
+    cosine: float | None = Field(
+        None, ge=-1, le=1, description="Of the whitened changes, the largest between members [-]"
+    )
+    decided_by: str = Field("", description="The experiment that tells them apart")
+
+    @property
+    def names(self) -> list[str]:
+        """Return all effects that it may be."""
+        return [*self.members, *self.or_else]
+
+
+class Score(Section):
+    """How well predictions meet readings."""
+
+    readings: int = Field(ge=0, description="Readings times axes that were compared [-]")
+    rmse_N: ThreeAxes = Field(description="Root mean square of measured minus predicted, x, y, z [N]")
+    log_score: float = Field(description="Log predictive density of all of them together [-]")
+
+
+def score(labels: pd.DataFrame, left: np.ndarray, mask: np.ndarray, density: float) -> Score:
+    """Return how well a prediction that leaves (n,) [N] meets the entries (n,) bool with these labels, of a log density."""
+    axis = labels["axis"].to_numpy()
+    rmse = [
+        float(np.sqrt(np.mean(left[mask & (axis == k)] ** 2))) if (mask & (axis == k)).any() else None
+        for k in range(3)
+    ]
+    return Score(readings=int(mask.sum()), rmse_N=rmse, log_score=float(density))
+
+
+def shown(gain: float, standard_error: float) -> bool:
+    """Return whether a gain in log score of what was held out, with its standard error, is more than chance."""
+    return gain > min(HELD_OUT_ERRORS * standard_error, math.log(HELD_OUT_ODDS))
+
+
+class HeldOut(Section):
+    """Readings held out, of one block or of all together: predicted by amounts that follow the others."""
+
+    block: str = Field(description="positions, deepest, a channel, or all")
+    before: Score = Field(description="Of the base")
+    after: Score = Field(description="With the effect in it")
+    gain: float = Field(description="Log score after minus before [-]")
+    standard_error: NonNegative = Field(description="Of the gain [-]")
+    paid: float = Field(
+        0.0, le=0, description="What the gain has to pay as these readings helped to choose the answer [-]"
+    )
+
+    @property
+    def shown(self) -> bool:
+        """Return whether the gain is more than chance."""
+        return shown(self.gain + self.paid, self.standard_error)
+
+
+class Flow(Section):
+    """The camera's channel: flow of the particles in the images."""
+
+    used: Literal["fitted", "predicted"] = Field(
+        description="Whether it took part in the fit, or was predicted by it"
+    )
+    p: Probability = Field(description="Of the base's residual by chance [-]")
+    rmse_before_px: NonNegative = Field(description="Root mean square of measured minus predicted flow [px]")
+    rmse_after_px: NonNegative | None = Field(None, description="The same with the effect in it [px]")
+
+
+class Fit(Section):
+    """The base and the base with the effect, beside the readings."""
+
+    before: Score = Field(description="The base on all readings")
+    after: Score | None = Field(None, description="With the effect in it, on all readings")
+    held_out: HeldOut | None = Field(None, description="All blocks that were held out, together")
+    held_out_blocks: list[HeldOut] = Field([], description="Each of them")
+    flow: Flow | None = Field(None, description="The images' channel, where there is one")
+
+
+class Mismatch(Section):
+    """Whether the base explains the readings at all."""
+
+    chi2: NonNegative = Field(description="Squared whitened residual, summed [-]")
+    degrees: int = Field(ge=0, description="Its number of degrees of freedom [-]")
+    p: Probability = Field(description="Of as much by chance [-]")
+    scan_p: Probability = Field(description="Of the strongest pattern by chance, looked for everywhere [-]")
+    unknown_p: Probability | None = Field(
+        None, description="Bound on as much evidence for something unknown by chance [-]"
+    )
+    known_p: Probability | None = Field(
+        None, description="Bound on as much evidence for the known effects by chance [-]"
+    )
+
+
+class Adequacy(Section):
+    """Whether the answer leaves nothing but noise."""
+
+    p: Probability = Field(description="Of what remains, by chance, as the mismatch's p [-]")
+    scan_p: Probability = Field(description="Of the strongest remaining pattern by chance [-]")
+    remains: str = Field("", description="The strongest remaining pattern, in words")
+
+    @property
+    def passed(self) -> bool:
+        """Return whether nothing else needs to be there."""
+        return min(self.p, self.scan_p) > LEFT_P
+
+    @property
+    def words(self) -> str:
+        """Return what is left, in words."""
+        if not self.passed:
+            return "something remains"
+        return "only noise remains" if min(self.p, self.scan_p) > ADEQUATE_P else "something small may remain"
+
+
+class DetectionLimit(Section):
+    """The smallest amount of an effect that these readings would show."""
+
+    effect: Name = Field(description="Canonical name")
+    parameter: str = Field(description="The parameter")
+    unit: str = Field(description="Its unit")
+    amount: Positive | None = Field(
+        description="Smallest amount that would be seen [unit]; empty: none would"
+    )
+    plausible: Positive = Field(description="A plausible amount, the width of its prior [unit]")
+
+    @property
+    def seen(self) -> bool:
+        """Return whether a plausible amount would be seen."""
+        return self.amount is not None and self.amount <= self.plausible
+
+
+class NoiseCase(Section):
+    """The verdict under another noise than the stated."""
+
+    scale: Positive = Field(description="Of all of the instrument's noise, 1 is as stated [-]")
+    sigma_z_N: Positive = Field(description="Standard deviation of a reading of Fz at this scale [N]")
+    state: State = Field(description="The state that it gives")
+    answer: list[list[Name]] = Field([], description="The groups that it gives")
+    beside: list[Name] = Field(
+        [], description="Effects that fit what remains beside them, none of them sure enough to be named"
+    )
+    probability: Probability | None = Field(None, description="Of the groups [-]")
+    p: Probability | None = Field(None, description="Of the mismatch by chance [-]")
+
+
+class Noise(Section):
+    """The errors that were allowed for, and what the verdict would be with others."""
+
+    stated_N: ThreeAxes = Field(description="Standard deviation of one reading, x, y, z [N]")
+    zero_N: ThreeAxes = Field(description="Of the subtracted zero, one draw per press, x, y, z [N]")
+    touchdown_mm: NonNegative = Field(description="Of the depth, of both kinds below [mm]")
+    press_depth_mm: NonNegative | None = Field(None, description="Of the depth, one draw per press [mm]")
+    session_depth_mm: NonNegative | None = Field(
+        None, description="Of the depth, one draw per session: its contact point [mm]"
+    )
+    floor_N: ThreeAxes = Field(description="Of the base's discretisation, root mean square, x, y, z [N]")
+    law_N: ThreeAxes = Field(description="Of the base's fitted material laws, root mean square, x, y, z [N]")
+    sensitivity: list[NoiseCase] = Field(
+        [], description="The verdict over the scale of the stated noise, where that was asked"
+    )
+
+
+class Experiment(Section):
+    """Something to record that would decide."""
+
+    words: str = Field(description="What to do")
+    separates: list[Name] = Field(description="What it tells apart")
+    presses: int | None = Field(None, ge=0, description="Presses that it takes [-]")
+    cost_s: NonNegative | None = Field(None, description="Time that it takes [s]")
+    expected_log_odds: float | None = Field(None, description="Expected log odds of the right one [-]")
+
+
+class Outlier(Section):
+    """A reading that was left out."""
+
+    session: str = Field(description="Its session")
+    press: str = Field(description="Its press")
+    time_s: float | None = Field(None, description="Its time [s]; empty: the whole press")
+    depth_mm: float | None = Field(None, description="Its depth [mm]; empty: the whole press")
+    axis: Literal["x", "y", "z"] | None = Field(None, description="Its axis; empty: all")
+    size: float | None = Field(None, description="Its residual over the standard deviation [-]")
+    reason: str = Field(description="Why it was left out")
+
+
+class Model(Section):
+    """What no known effect explains, modelled as a smooth change: of a cause with a free form, or a numeric correction."""
+
+    cause: Name | None = Field(
+        None, description="Cause with a free form, whose map module.csv has; empty: without a cause"
+    )
+    probability: Probability | None = Field(
+        None, description="That this cause is part of what is missing [-]"
+    )
+    words: str = Field(description="What it changes, and over what")
+    beside: list[Name] = Field([], description="Identified effects that act together with it")
+    largest_N: ThreeAxes = Field(description="Largest change of a reading, x, y, z [N]")
+    depth_mm: Interval = Field(description="Depths that it was learnt from; it is not extrapolated [mm]")
+    sites: int = Field(ge=1, description="Positions that it was learnt from [-]")
+    corrects_labels: bool = Field(description="It is a function of depth and place: correction.csv has it")
+    held_out: HeldOut = Field(description="Readings held out, without it and with it")
+
+    @property
+    def sure(self) -> bool:
+        """Return whether it has a cause, as probable as a claim has to be."""
+        return self.cause is not None and (self.probability or 0.0) >= SURE
+
+
+class Layer(Section):
+    """A soft layer."""
+
+    name: str = Field(description="Its name")
+    z_mm: Interval = Field(description="From its lower to its upper face, 0 at the top of the sensor [mm]")
+
+
+class SensorShape(Section):
+    """What the page needs to draw the sensor."""
+
+    width_x_mm: Positive = Field(description="Size along x [mm]")
+    width_y_mm: Positive = Field(description="Size along y [mm]")
+    layers: list[Layer] = Field([], description="Soft layers, from the base up")
+
+
+class Provenance(Section):
+    """What the verdict rests on."""
+
+    sessions: dict[str, str] = Field(description="SHA-256 over the SHA-256 of each session's files")
+    base: str = Field(description="The base in words: study, or table of forces")
+    base_sha256: str = Field(description="SHA-256 of the base's settings or table")
+    seed: int = Field(description="Of every draw")
+    draws: int = Field(ge=0, description="Of the maximum statistic [-]")
+    versions: dict[str, str] = Field(description="Of gelforge and of the libraries")
+
+
+class Verdict(Section):
+    """The verdict on one recording and its base study."""
+
+    format: Literal["gelforge-verdict-2"] = Field(FORMAT, description="Of this file")
+    title: str = Field(description="What was judged, a few words")
+    synthetic: bool = Field(
+        description="Readings come from a virtual lab or another solver, not from a sensor"
+    )
+    state: State = Field(description="What was found")
+    sentence: str = Field(min_length=1, description="The verdict in one plain sentence")
+    mismatch: Mismatch = Field(description="Whether there is anything to explain")
+    where: list[Where] = Field([], description="Where, the strongest first; then the located defects")
+    answer: list[Group] = Field(
+        [], description="What is missing: one effect of each group is there, the most probable group first"
+    )
+    effects: list[NamedEffect] = Field([], description="All that were tried, the most probable first")
+    unknown: Unknown | None = Field(None, description="What no known effect is, weighed beside them")
+    null_probability: Probability = Field(description="Probability that nothing is missing [-]")
+    fit: Fit = Field(description="Before and after, on all readings and on those held out")
+    adequacy: Adequacy | None = Field(None, description="What remains after the answer")
+    model: Model | None = Field(None, description="What is modelled although its cause is unknown")
+    detection_limits: list[DetectionLimit] = Field([], description="What these readings would show")
+    noise: Noise = Field(description="Errors that were allowed for")
+    next_experiments: list[Experiment] = Field([], description="What would decide, the best first")
+    cannot_know: list[str] = Field([], description="What these readings cannot show and why, a sentence each")
+    outliers: list[Outlier] = Field([], description="Readings that were left out")
+    sensor: SensorShape | None = Field(None, description="The sensor as drawn; empty for a material test")
+    provenance: Provenance = Field(description="What the verdict rests on")
+
+    @property
+    def identified(self) -> bool:
+        """Return whether the missing physics has a name."""
+        return self.state in IDENTIFIED
+
+    @property
+    def sure(self) -> list[Group]:
+        """Return the groups of the answer that are as probable as a claim has to be."""
+        return [group for group in self.answer if group.probability >= SURE]
+
+    @property
+    def _free_cause(self) -> bool:
+        return self.state == "form_free" and self.model is not None and self.model.sure
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Verdict:
+        complaint = self._answer_fault() or (self._identified_fault() if self.identified else "")
+        if complaint:
+            raise ValueError(complaint)
+        return self
+
+    def _answer_fault(self) -> str:
+        """Return why state and answer do not belong together, or nothing."""
+        tried = {effect.name for effect in self.effects}
+        unknown = [name for group in self.answer for name in group.names if name not in tried]
+        if unknown:
+            return (
+                f"answer names {unknown}, which are not among the effects; list every effect that was tried"
+            )
+        if self.state in (*IDENTIFIED, "ambiguous") and not self.answer and not self._free_cause:
+            return f"state {self.state} without an answer; give its groups"
+        if self.state in WITHOUT_ANSWER and self.answer:
+            return (
+                f"state {self.state} with the answer {[g.names for g in self.answer]}; leave the answer out"
+            )
+        if self.answer and self.fit.after is None:
+            return "an answer without a fit after it; give fit.after"
+        return ""
+
+    def _identified_fault(self) -> str:
+        """Return which of the conditions of a name is not met, or nothing."""
+        effects = {effect.name: effect for effect in self.effects}
+        if not self.sure and not self._free_cause:
+            most = max(group.probability for group in self.answer)
+            return f"{self.state}, but no group has a probability of {SURE:g}, the largest is {most:g}: ambiguous"
+        for group in self.sure:
+            if not effects[group.members[0]].in_range:
+                return f"{self.state}, but {group.members[0]} is outside its physical range or on its bounds: unexplained"
+        if self.state == "identified" and (self.adequacy is None or not self.adequacy.passed):
+            return (
+                f"identified, but what remains is not noise (adequacy p > {LEFT_P:g} is needed): unexplained"
+            )
+        return ""
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON schema of verdict.json; config/verdict_schema.json holds it."""
+    described = Verdict.model_json_schema()
+    checksum = {"description": "sha256: and the SHA-256 of the file with these digits zero", "type": "string"}
+    return described | {"properties": described["properties"] | {"checksum": checksum}}
+
+
+def write_verdict(folder: str | Path, verdict: Verdict) -> None:
+    """Write verdict.json into a folder, whole or not at all."""
+    write_product_json(Path(folder) / VERDICT, verdict.model_dump(mode="json"))
+
+
+def read_verdict(folder: str | Path) -> Verdict:
+    """Return the verdict in a folder."""
+    path = Path(folder) / VERDICT
+    content = read_product_json(path, "write it anew with `gelforge mismatch`", VerdictError)
+    try:
+        return Verdict.model_validate(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"]) or "(whole file)"
+        raise VerdictError(f"{path}: {key}: {first['msg']}; write it anew with `gelforge mismatch`") from None

@@ -1,0 +1,1 @@
+"""A judgement in the form and words of a verdict."""

@@ -1,0 +1,70 @@
+"""What a verdict says of the images: verdict.json's section and flow.csv."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from gelforge.mismatch.goodness.scan import global_test
+from gelforge.mismatch.images.flow_images import REGIONS, Eye
+from gelforge.mismatch.inference.judge import Judgement
+from gelforge.mismatch.result import verdict as form
+from gelforge.mismatch.terms.problem import Problem
+from gelforge.mismatch.terms.weighing import whole
+
+
+def after_of(joint: Problem, judgement: Judgement) -> np.ndarray | None:
+    """Return forces and flow (R, 3) of all readings with the answer's effects; None without images or an answer."""
+    if joint.flow is None or judgement.answer is None:
+        return None
+    fit = judgement.answer.fit
+    parts = [whole(joint, part) for part in fit.parts]
+    return joint.forces_with(parts, fit.amounts, np.ones(len(joint.base), bool))
+
+
+def flow_section(joint: Problem, judgement: Judgement, after: np.ndarray | None) -> form.Flow | None:
+    """Return what verdict.json says of the images, after (R, 3) by `after_of`; None without images.
+
+    judgement of the joint problem, or of the forces alone.
+    """
+    if joint.flow is None:
+        return None
+    fitted = len(judgement.blocks.train) == len(joint.labels)
+    mask = np.arange(len(joint.labels)) >= joint.flow.entries
+    before, left = joint.residual[mask], None
+    if after is not None:
+        left = joint.observations.flat(joint.observations.force - after)[mask]
+    return form.Flow(
+        used="fitted" if fitted else "predicted",
+        p=global_test(before, joint.covariance.restricted(mask)).p,
+        rmse_before_px=float(np.sqrt(np.mean(before**2))),
+        rmse_after_px=None if left is None else float(np.sqrt(np.mean(left**2))),
+    )
+
+
+def flow_table(joint: Problem, after: np.ndarray | None) -> pd.DataFrame | None:
+    """Return the rows of flow.csv, after (R, 3) by `after_of`: one per press with images and region that shows the gel.
+
+    None without images.
+    """
+    if joint.flow is None:
+        return None
+    observations, R = joint.observations, len(joint.flow.forces.base)
+    shown = np.isfinite(observations.force[R:, 0])
+    rows = observations.table.iloc[R:].loc[shown, ["session", "press", "x_mm", "y_mm", "depth_mm"]]
+    middles = np.concatenate([region_middles(press.eye) for press in joint.flow.model.seen])
+    table = rows.assign(middle_u_px=middles[shown, 0], middle_v_px=middles[shown, 1])
+    nothing = np.full_like(joint.base, np.nan)
+    found = {"measured": observations.force, "base": joint.base, "after": nothing if after is None else after}
+    for name, values in found.items():
+        table[f"{name}_u_px"], table[f"{name}_v_px"] = values[R:][shown, 0], values[R:][shown, 1]
+    sigma = joint.covariance.standard_deviation[joint.flow.entries :].reshape(-1, 2)
+    return table.assign(sigma_u_px=sigma[:, 0], sigma_v_px=sigma[:, 1]).reset_index(drop=True)
+
+
+def region_middles(eye: Eye) -> np.ndarray:
+    """Return the middles (m, 2) [px] of the regions in the image as it was taken, row by row from the top left; u, v."""
+    left, top, width, height = eye.crop_px or (0, 0, eye.camera.width_px, eye.camera.height_px)
+    u = left + (np.arange(REGIONS) + 0.5) * width / REGIONS - 0.5
+    v = top + (np.arange(REGIONS) + 0.5) * height / REGIONS - 0.5
+    return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)

@@ -1,0 +1,165 @@
+"""What a model says of readings that it did not see: blocks set aside, predictive log score, its gain and error."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy.special import logsumexp
+
+from gelforge.mismatch.evidence.covariance import Covariance
+from gelforge.mismatch.result.verdict import shown
+
+FEW_SITES = 4
+SHARE = 0.25  # of the sites and of the depths that is set aside
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """Training entries (n,) bool, and those set aside by name: "positions", "deepest"."""
+
+    train: np.ndarray
+    held: Mapping[str, np.ndarray]
+
+    @property
+    def held_out(self) -> np.ndarray:
+        """Return (n,) bool: what was set aside, for whatever reason."""
+        return ~self.train
+
+
+@dataclass(frozen=True)
+class Gain:
+    """Gain in predictive log score over all that was set aside."""
+
+    total: float
+    standard_error: float  # that noise gives it
+    blocks: int
+    doubt: float = 0.0  # standard error that the error of the change itself gives it
+    paid: float = 0.0  # what is taken from it as what was set aside helped to choose the answer, 0 or less
+
+    @property
+    def clear(self) -> bool:
+        """Return whether the gain is more than chance."""
+        return shown(self.total + self.paid, self.standard_error)
+
+
+def split(labels: pd.DataFrame, seed: int, turn: int = 0) -> Blocks:
+    """Return the blocks of readings with these labels (n rows).
+
+    Set aside are all readings at about a quarter of the sites, drawn by the seed, and those in the deepest quarter of the
+    depths at the other sites. Another turn sets other sites aside. Of fewer than FEW_SITES sites a quarter is none: turn 0
+    sets the deepest quarter aside, turn k the k-th site and nothing else, so that each kind is tried with enough left to
+    learn from. A single site, or a single depth, is not set aside.
+    """
+    site = labels["site"].to_numpy()
+    sites = np.random.default_rng(seed).permutation(np.unique(site))
+    few = len(sites) < FEW_SITES
+    if few:
+        chosen = np.sort(sites)[turn - 1 : turn] if turn and len(sites) > 1 else []
+    else:
+        count = round(SHARE * len(sites))
+        chosen = np.roll(sites, -turn * count)[:count]
+    depth = labels["depth_mm"].to_numpy(float).round(6)
+    levels = np.unique(depth)
+    deepest = levels[len(levels) - int(np.ceil(SHARE * len(levels))) :] if len(levels) > 1 else []
+    positions = np.isin(site, chosen)
+    deep = np.isin(depth, [] if few and turn else deepest) & ~positions
+    return Blocks(~positions & ~deep, {"positions": positions, "deepest": deep})
+
+
+def _products(V: np.ndarray, covariance: Covariance, mask: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return v' C^-1 w for the columns v, w of V on some entries, and ln det C there."""
+    part = covariance.restricted(mask)
+    white = part.whiten(V[mask])
+    return white.T @ white, part.log_det
+
+
+def predictive_scores(
+    residual: np.ndarray,
+    covariance: Covariance,
+    blocks: Blocks,
+    labels: pd.DataFrame,
+    columns: np.ndarray | None = None,
+    amounts_covariance: np.ndarray | None = None,
+    change: np.ndarray | None = None,
+    errors: np.ndarray | None = None,
+) -> pd.DataFrame:
+    """Return the predictive log score of every block: columns block, site, entries, score, apart, doubt.
+
+    residual (n,): measured less the model with the amounts fitted to the training readings. columns (n, p) and
+    amounts_covariance (p, p): the change per unit amount at these amounts and what the training readings leave open of
+    them; none for a model without amounts. change (n,): to a model beside this one, whose squared distance is `apart`;
+    errors (n, k): of that change, a standard deviation each, whose part in the variance of its score is `doubt`.
+
+    Blocks are scored in turn, each given the training readings and the blocks before it, so that the scores add up to the
+    joint predictive density (Dawid 1984, doi:10.2307/2981683). Draws of a press that is set aside as a whole stay free:
+    nothing of it is fitted.
+    """
+    p = 0 if columns is None else columns.shape[1]
+    V = residual[:, None]
+    if p:
+        l, E = np.linalg.eigh(amounts_covariance)
+        V = np.column_stack([residual, columns @ (E * np.sqrt(np.maximum(l, 0)))])
+    if not blocks.train.any():
+        raise ValueError("no training readings are left; give more than one site or depth")
+    d = np.zeros_like(residual) if change is None else change
+    E = np.zeros((len(d), 0)) if errors is None else errors
+    V = np.column_stack([V, d, E])
+    site = labels["site"].to_numpy()
+    rows, known, sums = [], blocks.train.copy(), np.zeros(3)
+    trained = _products(V, covariance, known)
+    for name, entries in _in_turn(labels, blocks):
+        known = known | entries
+        G, log_det = _products(V, covariance, known)
+        G, D = G - trained[0], p + 1
+        score = _log_score(G[:D, :D], log_det - trained[1], int((known & ~blocks.train).sum()))
+        apart = G[D, D] + _variance_of_spread(G[1:D, 1:D])
+        new = np.array([score, apart, np.sum(G[D, D + 1 :] ** 2)])
+        rows.append((name, int(site[entries][0]), int(entries.sum()), *(new - sums)))
+        sums = new
+    return pd.DataFrame(rows, columns=["block", "site", "entries", "score", "apart", "doubt"])
+
+
+def gain(before: pd.DataFrame, after: pd.DataFrame) -> Gain:
+    """Return the gain of scores `after` over `before` of the same blocks, its standard error that which noise gives it.
+
+    `before` is that of the change between the two, `after` has the uncertainty of its amounts.
+    Not from the scatter of the blocks' gains: an effect that sits at one place gains at few of them.
+    """
+    total = float((after["score"] - before["score"]).sum())
+    apart, doubt = before["apart"].sum() + after["apart"].sum(), before["doubt"].sum()
+    return Gain(total, float(np.sqrt(max(apart, 0.0))), len(after), float(np.sqrt(max(doubt, 0.0))))
+
+
+def paid_for_choice(trained: np.ndarray, told: np.ndarray) -> float:
+    """Return what the best of K models has to pay of its gain as the readings set aside helped to choose it, 0 or less.
+
+    trained, told (K,): log evidence by the training readings and by all. The mean of the models' predictive densities,
+    weighted by what the training readings say of each, is fixed without the readings set aside; its gain, which chance
+    makes large as seldom as that of a single model, is all that the chosen one may claim.
+    """
+    best = int(np.argmax(told))
+    return float(min(logsumexp(told) - logsumexp(trained) - (told[best] - trained[best]), 0.0))
+
+
+def _log_score(G: np.ndarray, log_det: float, count: int) -> float:
+    """Return ln N(r; 0, S + J J') from G, the products v' S^-1 w of r and the columns of J."""
+    g, B = G[1:, 0], np.eye(len(G) - 1) + G[1:, 1:]
+    square = G[0, 0] - g @ np.linalg.solve(B, g)
+    return float(-0.5 * (square + np.linalg.slogdet(B)[1] + log_det + count * np.log(2 * np.pi)))
+
+
+def _variance_of_spread(B: np.ndarray) -> float:
+    """Return the variance of z' B (1 + B)^-1 z / 2, z standard normal: that of a score whose amounts are uncertain."""
+    b = np.maximum(np.linalg.eigvalsh(B), 0.0) if len(B) else np.zeros(0)
+    return float(0.5 * np.sum((b / (1 + b)) ** 2))
+
+
+def _in_turn(labels: pd.DataFrame, blocks: Blocks) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield name and entries (n,) bool of one site of a block after the other."""
+    site = labels["site"].to_numpy()
+    for name, mask in blocks.held.items():
+        for value in pd.unique(site[mask]):
+            yield name, mask & (site == value)

@@ -1,0 +1,184 @@
+"""What the judge works on: readings, what the base says of them, how sure both are, and how effects would change it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from gelforge.mismatch.evidence import places
+from gelforge.mismatch.evidence.covariance import Covariance, slowly
+from gelforge.mismatch.evidence.screen import Candidate
+from gelforge.mismatch.model.effect import Effect
+from gelforge.mismatch.readings.observations import Observations
+
+# Of its change, and of the way to the next places: a defect lies up to half a spacing from the places that are tried.
+# Where a refit has found its place, its size and form may still be others.
+PLACE_ERROR = 0.5
+FORM_ERROR = 0.25
+# Of a change, linear or solved: below it a difference of two solutions says no more than the derivative.
+SEATED_SNR = 1.0
+# Forces (R, 3) [N] at readings (R,) bool with effects at amounts, nan elsewhere; raises NotConverged.
+ForcesWith = Callable[[Sequence[Candidate], Sequence[np.ndarray], np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A recording beside its base. Flat vectors have n entries: what was read of R readings x 3 axes."""
+
+    observations: Observations
+    base: np.ndarray  # (R, 3) [N]
+    covariance: Covariance  # of n entries
+    candidates: Sequence[Candidate]  # linear changes of the n entries
+    effects: Mapping[str, Effect]
+    forces_with: ForcesWith
+    failed: Mapping[str, str]  # effects that could not be computed, and why
+    change_error: float = (
+        0.0  # by which a change that is solved errs, a share of it; 0: no change errs, by form neither
+    )
+    boxes: Sequence[Candidate] = ()  # linear changes by the modulus of boxes of the body, for its map alone
+    modules: Sequence[
+        Any
+    ] = ()  # modules.Module: physics with a free form, its changes of the n entries of force
+    # Forces (R, 3) [N] of effects that are not solved, on the base and a change (R, 3) of it; None: not known apart.
+    read_with: ForcesWith | None = None
+    flow: Any = None  # flow.FlowChannel where images are judged with the forces
+
+    @property
+    def labels(self) -> pd.DataFrame:
+        return self.observations.labels()
+
+    @property
+    def residual(self) -> np.ndarray:
+        """Return measured less base (n,)."""
+        return self.observations.flat(self.observations.force - self.base)
+
+    @property
+    def physics(self) -> list[Candidate]:
+        """Return the candidates that are no blunders."""
+        return [one for one in self.candidates if not self.effects[one.name].blunder]
+
+    def believing(self, parts: Sequence[Candidate], amounts: np.ndarray) -> Problem:
+        """Return the problem with the errors of effects' own change at amounts (p,) in its covariance."""
+        errors = self.errors_of(parts, amounts)
+        return replace(self, covariance=self.covariance.erring(errors)) if errors.size else self
+
+    def errors_of(self, parts: Sequence[Candidate], amounts: np.ndarray) -> np.ndarray:
+        """Return the directions (n, q) in which a change by effects at amounts (p,) errs, a standard deviation each.
+
+        What is solved errs by its mesh, and all by form, pressing and sideways forces (and each channel) on their own, as a
+        share of the change: one for all depths and one that varies slowly with depth. What has a place errs more, and
+        towards the places beside it, until a refit has found it.
+        """
+        labels = self.labels.assign(pressing=self.labels["axis"] == 2)
+        kind = labels.groupby([name for name in ("channel", "pressing") if name in labels]).ngroup()
+        c, s = slowly(labels["depth_mm"].to_numpy(float))
+        shares = np.array([np.ones_like(c), c**2 - s**2, 2 * c * s]) / np.sqrt(2)  # their squares add up to 1
+        errors, at = [np.zeros((len(labels), 0))], 0
+        for part in parts:
+            own = amounts[at : at + part.columns.shape[1]]
+            at += len(own)
+            change = self.error_of(part) * (part.columns @ own)
+            if np.any(change):
+                errors += [
+                    np.where(kind == k, change * share, 0.0) for k in kind.unique() for share in shares
+                ]
+                errors += [
+                    PLACE_ERROR * (other.columns - part.columns) @ own for other in self._next_to(part)
+                ]
+        return np.column_stack(errors)
+
+    def _next_to(self, part: Candidate) -> list[Candidate]:
+        """Return the same effect's candidates at the places next to a part's; none where it has none, is found or exact."""
+        if "x_mm" not in part.shape or part.moved_from is not None or not self.error_of(part):
+            return []
+        return places.next_to(part, self.places_of(part))
+
+    def readings_of(self, mask: np.ndarray) -> np.ndarray:
+        """Return (R,) bool: the readings of which some entry (n,) bool is chosen."""
+        chosen = np.zeros(len(self.observations.table), bool)
+        chosen[self.labels["reading"].to_numpy()[mask]] = True
+        return chosen
+
+    def error_of(self, part: Candidate) -> float:
+        """Return by which share the change by an effect errs: by the mesh where it is solved, and by form.
+
+        Not at all where errors are none.
+        """
+        if not self.change_error:
+            return 0.0
+        least = max(self.change_error if self.solves(part) else 0.0, self.effects[part.name].form_error)
+        if "x_mm" not in part.shape:
+            return least
+        return max(least, PLACE_ERROR if part.moved_from is None else FORM_ERROR)
+
+    def solves(self, part: Candidate) -> bool:
+        """Return whether an effect is solved by the finite elements."""
+        return self.effects[part.name].solved
+
+    def drafted(self) -> Problem:
+        """Return the problem with forces that take what is solved in order (softening) for linear.
+
+        To follow all presses anew at every amount takes minutes: a fit does so once, about its end.
+        """
+
+        def forces_with(parts, amounts, rows):
+            slow = [self.effects[part.name].in_order for part in parts]
+            if not any(slow):
+                return self.forces_with(parts, amounts, rows)
+            others = [(part, a) for part, a, is_slow in zip(parts, amounts, slow) if not is_slow]
+            change = sum(
+                self.own(part).columns @ a for part, a, is_slow in zip(parts, amounts, slow) if is_slow
+            )
+            found = self.base.copy()
+            if others:
+                found = self.forces_with(*zip(*others), rows)
+            found[self.observations.read] += change
+            return np.where(rows[:, None], found, np.nan)
+
+        return replace(self, forces_with=forces_with)
+
+    def in_order(self, parts: Sequence[Candidate]) -> bool:
+        """Return whether something that is solved in order is among some effects."""
+        return any(self.effects[part.name].in_order for part in parts)
+
+    def own(self, part: Candidate) -> Candidate:
+        """Return the problem's own candidate of a part's effect and tried shape."""
+        return next(c for c in self.candidates if c.name == part.name and c.tried == part.tried)
+
+    def slopes_of(self, part: Candidate) -> dict[str, places.Slope]:
+        """Return what `places.slopes` tells of a part; nothing where it has no place or nothing is solved for it."""
+        located = "x_mm" in part.shape and self.solves(part)
+        return places.slopes(self.own(part), self.places_of(part)) if located else {}
+
+    def places_of(self, part: Candidate) -> list[Candidate]:
+        """Return the problem's candidates of a part's effect, one for each shape."""
+        return [c for c in self.candidates if c.name == part.name]
+
+    def columns_at(self, part: Candidate) -> np.ndarray:
+        """Return the linear change (n, p) per unit by a part at its place, between places to first order."""
+        own, columns = self.own(part), self.own(part).columns
+        for axis, slope in self.slopes_of(part).items():
+            columns = columns + (part.shape[axis] - own.shape[axis]) * slope.columns
+        return columns
+
+    def linear_change(self, parts: Sequence[Candidate], amounts: Sequence[np.ndarray]) -> np.ndarray:
+        """Return the change (R, 3) [N] of the readings by parts at their places, to first order; 0 where none was read."""
+        change = np.zeros_like(self.base)
+        change[self.observations.read] = sum(
+            self.columns_at(part) @ np.asarray(a) for part, a in zip(parts, amounts)
+        )
+        return change
+
+
+def secant(columns: np.ndarray, missing: np.ndarray, step: np.ndarray, widths: np.ndarray) -> np.ndarray:
+    """Return columns (n, p) that along a step (p,) change by as much more as was missing (n,).
+
+    Of all such columns those nearest to the given ones, in plausible amounts (Broyden 1965,
+    doi:10.1090/S0025-5718-1965-0198670-6).
+    """
+    share = step / widths**2
+    return columns + np.outer(missing, share / (step @ share))

@@ -1,0 +1,261 @@
+"""What no effect of the catalogue is: readings that differ in some smooth manner, weighed beside the effects that are known.
+
+Its change is a random function: of depth, of place, of the session's time, of the press's own path, or one for each press;
+of the pressing force, of the sideways forces, or of all in proportion. Such a function can follow anything of its manner and
+pays for that (Kennedy & O'Hagan 2001, doi:10.1111/1467-9868.00294): an effect that is right does the same with an amount or
+two and is likelier; effects that only happen to fit are not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+from scipy.special import logsumexp
+
+from gelforge.mismatch.evidence.covariance import Covariance, Draws
+from gelforge.mismatch.evidence.screen import SCALES, Candidate, chance_of, evidence, log_evidence
+from gelforge.mismatch.terms.problem import Problem
+
+PLAUSIBLE = 0.1  # of the pressing force, standard deviation; SCALES make it smaller
+MODES = {"depth": 6, "place": 4, "time": 8, "path": 3}  # cosines along each coordinate
+WITH_DEPTH, FROM_PLACE_TO_PLACE = "with depth", "from place to place"
+BESIDE = 3  # cosines over depth beside those of place, path or press
+DIRECTIONS = {
+    "the pressing force": (2,),
+    "the sideways forces": (0, 1),
+    "all forces in proportion": None,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Manner:
+    """One manner in which readings may differ for an unknown reason."""
+
+    words: str
+    directions: np.ndarray  # (n, q) [N], a standard deviation of PLAUSIBLE together
+    each: np.ndarray | None = (
+        None  # (n,) int, groups of entries that differ each by itself; None: all together
+    )
+
+    def beside(self, covariance: Covariance, scale: float) -> Covariance:
+        """Return the covariance of n entries with this manner at a scale of its plausible size."""
+        wide = scale * self.directions
+        if self.each is None:
+            return covariance.extended(wide)
+        *finer, alike, common = covariance.levels  # presses lie in the groups of the last two
+        group = np.where(self.each < 0, self.each.max() + 1 + alike.group, self.each)
+        return replace(covariance, levels=(*finer, Draws(group, wide), alike, common))
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """The unknown beside an answer, or alone."""
+
+    factors: Mapping[
+        str, float
+    ]  # by manner, in words: log, against the same without it, averaged over scales
+
+    @property
+    def log_bayes_factor(self) -> float:
+        """Return the log evidence against the same without it, averaged over manners."""
+        return float(logsumexp(list(self.factors.values())) - np.log(len(self.factors)))
+
+    @property
+    def manner(self) -> str:
+        """Return the likeliest, in words."""
+        return max(self.factors, key=self.factors.get)
+
+    @property
+    def p(self) -> float:
+        """Return the bound on the probability of as much evidence by chance."""
+        return chance_of(self.log_bayes_factor)
+
+
+def weighed_unknown(
+    problem: Problem,
+    manners: Sequence[Manner],
+    parts: Sequence[Candidate] = (),
+    amounts: np.ndarray | None = None,
+    left: np.ndarray | None = None,
+) -> Weighed:
+    """Return how much likelier all readings are with something unknown beside the parts, or alone.
+
+    left (n,) [N]: what the parts leave of the readings at amounts (p,); the amounts stay free, to first order about these.
+    """
+    residual, covariance = problem.residual, problem.covariance
+    if len(parts):
+        covariance = problem.believing(parts, amounts).covariance
+        residual = left + np.column_stack([part.columns for part in parts]) @ amounts
+    model, without = _Beside.of(residual, covariance, parts), log_evidence(residual, covariance, parts)
+    found = {}
+    for manner in manners:
+        if manner.each is None:
+            directions = covariance.whiten(manner.directions)
+            factors = [model.gain(scale * directions) for scale in SCALES]
+        else:
+            factors = [
+                log_evidence(residual, manner.beside(covariance, scale), parts) - without for scale in SCALES
+            ]
+        found[manner.words] = float(logsumexp(factors) - np.log(len(factors)))
+    return Weighed(found)
+
+
+@dataclass(frozen=True, eq=False)
+class _Beside:
+    """Parts with unknown amounts, whitened, beside which directions are weighed that all entries share."""
+
+    r: np.ndarray  # (n,) what is read, less what is switched on
+    columns: np.ndarray  # (n, p)
+    widths: np.ndarray  # (p,)
+    signs: np.ndarray  # (p,)
+
+    @classmethod
+    def of(cls, residual: np.ndarray, covariance: Covariance, parts: Sequence[Candidate]) -> _Beside:
+        r, kept = covariance.whiten(residual), []
+        for part in parts:
+            white = covariance.whiten(part.columns)
+            if part.switch:
+                r = r - white.sum(axis=1)
+            else:
+                p = white.shape[1]
+                kept.append((white, np.broadcast_to(part.widths, p), np.broadcast_to(part.signs, p)))
+        if not kept:
+            return cls(r, np.zeros((len(r), 0)), np.zeros(0), np.zeros(0))
+        columns, widths, signs = zip(*kept)
+        return cls(r, np.column_stack(columns), np.concatenate(widths), np.concatenate(signs))
+
+    @cached_property
+    def without(self) -> float:
+        return evidence(self.r, self.columns, self.widths, self.signs)[0]
+
+    def gain(self, directions: np.ndarray) -> float:
+        """Return the log evidence that directions (n, q), a standard normal draw each, give beside the parts."""
+        q = directions.shape[1]
+        joint = evidence(
+            self.r,
+            np.column_stack([self.columns, directions]),
+            np.concatenate([self.widths, np.ones(q)]),
+            np.concatenate([self.signs, np.zeros(q)]),
+        )
+        return joint[0] - self.without
+
+
+@dataclass(frozen=True)
+class Span:
+    """The ranges over which an unknown change is a smooth function: those of the readings that it is learnt from."""
+
+    depth_mm: tuple[float, float]
+    x_mm: tuple[float, float]
+    y_mm: tuple[float, float]
+    held: tuple[float, float]  # logarithm of 1 + seconds since the press's first touch
+
+    @classmethod
+    def of(cls, labels: pd.DataFrame) -> Span:
+        """Return the ranges of some readings."""
+        own = {name: labels[name].to_numpy(float) for name in ("depth_mm", "x_mm", "y_mm")} | {
+            "held": _held(labels)
+        }
+        return cls(**{name: (float(values.min()), float(values.max())) for name, values in own.items()})
+
+
+def manners_of(problem: Problem) -> list[Manner]:
+    """Return the manners in which these readings may differ, physics with a free form among them; flow is not."""
+    labels = problem.labels
+    flow = (labels["channel"] != "force").to_numpy() if "channel" in labels else np.zeros(len(labels), bool)
+    own = np.where(flow, 0.0, problem.observations.flat(problem.base))
+    pressing = np.where(flow, 0.0, np.abs(problem.base[labels["reading"], 2]))
+    press = np.where(flow, -1, np.unique(labels["press"], return_inverse=True)[1].ravel())
+    found = manners(labels, own, pressing, Span.of(labels), press)
+    named = {module.instead for module in problem.modules}
+    return [one for one in found if one.words not in named] + [
+        _padded(module, len(labels)) for module in problem.modules
+    ]
+
+
+def _padded(module: Manner, entries: int) -> Manner:
+    """Return a module that changes the first of so many entries, the forces; the flow of images it does not change."""
+    directions = np.zeros((entries, module.directions.shape[1]))
+    directions[: len(module.directions)] = module.directions
+    return replace(module, directions=directions)
+
+
+def manners(
+    labels: pd.DataFrame, own: np.ndarray, pressing: np.ndarray, span: Span, press: np.ndarray
+) -> list[Manner]:
+    """Return the manners at n entries: labels as in Observations.labels, own (n,) [N] base force along the entry's axis.
+
+    pressing (n,) [N]: size of the pressing force of its reading; press (n,): number of its press.
+    """
+    axis, found = labels["axis"].to_numpy(), []
+    for words, profile, share, each in _profiles(labels, span):
+        size = pressing if share else np.full(len(labels), np.sqrt(np.mean(pressing[pressing > 0] ** 2)))
+        for name, axes in DIRECTIONS.items():
+            if axes is None:
+                directions = own[:, None] * profile
+            else:
+                directions = np.column_stack([(size * (axis == k))[:, None] * profile for k in axes])
+            if np.any(directions):
+                found.append(Manner(f"{name} {words}", PLAUSIBLE * directions, press if each else None))
+    return found
+
+
+def _profiles(labels: pd.DataFrame, span: Span) -> Iterator[tuple[str, np.ndarray, bool, bool]]:
+    """Yield words, functions (n, q) of unit size, whether they grow with the force, whether each press has one."""
+    depth = labels["depth_mm"].to_numpy(float)
+    over_depth = modes(depth, BESIDE, span.depth_mm)
+    yield WITH_DEPTH, modes(depth, MODES["depth"], span.depth_mm), True, False
+    if span.x_mm[0] < span.x_mm[1] or span.y_mm[0] < span.y_mm[1]:
+        x = modes(labels["x_mm"].to_numpy(float), MODES["place"], span.x_mm)
+        y = modes(labels["y_mm"].to_numpy(float), MODES["place"], span.y_mm)
+        yield FROM_PLACE_TO_PLACE, product(product(x, y), over_depth), True, False
+    if labels["press"].nunique() > 1:
+        yield "from press to press", over_depth, True, True
+    sessions, order = labels["session"].to_numpy(), labels["order"].to_numpy(float)
+    if any(np.ptp(order[sessions == name]) > 0 for name in np.unique(sessions)):
+        yield "over the session's time", of_each(sessions, order, MODES["time"]), False, False
+    phases = labels["phase"].to_numpy()
+    later = np.column_stack([phases == "dwell", phases == "unload"]).astype(float)
+    if later.any():
+        held = modes(_held(labels), MODES["path"], span.held)
+        yield "along a press's path", product(product(held, later), over_depth), True, False
+
+
+def _held(labels: pd.DataFrame) -> np.ndarray:
+    """Return the logarithm (n,) of 1 + seconds since the press's first touch; 0 where no times are known."""
+    return np.log1p(np.maximum(np.nan_to_num(labels["press_time_s"].to_numpy(float)), 0.0))
+
+
+def of_each(group: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
+    """Return such cosines of each group's own values, one group's beside the other's."""
+    columns = []
+    for name in np.unique(group):
+        here = group == name
+        own = np.zeros((len(values), count))
+        found = modes(values[here], count)
+        own[here, : found.shape[1]] = found
+        columns.append(own)
+    return np.column_stack(columns)
+
+
+def modes(values: np.ndarray, count: int, span: tuple[float, float] | None = None) -> np.ndarray:
+    """Return cosines (n, count) over a range of values (n,), the slower the larger, of mean square 1 together.
+
+    span: the range, that of the values where none is given. A random function of them has a smooth covariance (Solin &
+    Sarkka 2020, doi:10.1007/s11222-019-09886-w).
+    """
+    low, high = (values.min(), values.max()) if span is None else span
+    if low == high:
+        return np.ones((len(values), 1))
+    k = np.arange(count)
+    size = 1 / (1 + k**2 / 2)
+    found = np.cos(np.pi * (values - low)[:, None] / (high - low) * k) * size
+    return found / np.sqrt(np.sum(size**2 * np.where(k, 0.5, 1.0)))
+
+
+def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return all products (n, p q) of the columns of a (n, p) and b (n, q)."""
+    return (a[:, :, None] * b[:, None, :]).reshape(len(a), -1)

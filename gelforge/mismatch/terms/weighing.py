@@ -1,0 +1,57 @@
+"""Effects weighed by some readings, each alone, errors of their own changes included."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import logsumexp
+
+from gelforge.mismatch.evidence.screen import Candidate, Screened, believing, chance_of, screened
+from gelforge.mismatch.terms.problem import Problem
+
+NOTICED = 0.1  # standard deviations of a change's own error, below which it moves no evidence
+FELT_SNR = 0.5  # of a plausible amount; below it nothing can be said for or against
+
+
+def those_felt(ranked: Sequence[Screened]) -> list[Screened]:
+    """Return the effects of which a plausible amount is felt by the readings at all.
+
+    One that they do not feel has evidence 0, which is no evidence and would win over what they refute.
+    """
+    return [one for one in ranked if one.plausible_snr > FELT_SNR]
+
+
+def chance_of_known(problem: Problem) -> float:
+    """Return the bound on the probability of as much evidence for the known effects by chance.
+
+    All readings are asked, and all effects are as likely: the mean of their Bayes factors against none. Those that the
+    readings do not feel are among them, as which these are depends on the readings.
+    """
+    factors = [
+        one.log_bayes_factor for one in screened(problem.residual, problem.covariance, problem.candidates)
+    ]
+    return chance_of(float(logsumexp(factors) - np.log(len(factors)))) if factors else 1.0
+
+
+def weighed(problem: Problem, mask: np.ndarray, candidates: Sequence[Candidate]) -> list[Screened]:
+    """Return effects judged alone by entries (n,) bool, best first, errors of their own changes included."""
+    residual, covariance = problem.residual[mask], problem.covariance.restricted(mask)
+    again = []
+    for judged in screened(residual, covariance, [candidate.restricted(mask) for candidate in candidates]):
+        if max(map(problem.error_of, judged.parts)) * judged.snr > NOTICED:
+            wider = problem.believing(unmasked(problem, judged).parts, judged.amounts)
+            judged = believing(judged, residual, covariance, wider.covariance.restricted(mask))
+        again.append(judged)
+    return sorted(again, key=lambda judged: -judged.log_bayes_factor)
+
+
+def unmasked(problem: Problem, judged: Screened) -> Screened:
+    """Return a screened answer whose parts are the problem's own candidates, of all entries."""
+    return replace(judged, parts=tuple(whole(problem, part) for part in judged.parts))
+
+
+def whole(problem: Problem, part: Candidate) -> Candidate:
+    """Return a part of an answer with the problem's columns of all entries, at the part's own place."""
+    return replace(part, columns=problem.columns_at(part))

@@ -1,0 +1,105 @@
+"""What the report says: chapters of words, figures and tables."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from gelforge.report.figures.style import data_uri
+
+UNITS = {"N", "mm", "kPa", "MPa", "s", "px", "MB", "percent"}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure under a sentence that says what to see."""
+
+    words: str
+    uri: str
+    kind = "picture"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table under a sentence; cells are text."""
+
+    words: str
+    header: list[str]
+    numeric: list[bool]  # columns of numbers stand right-aligned
+    rows: list[list[str]]
+    kind = "table"
+
+
+@dataclass(frozen=True)
+class Note:
+    """A paragraph; one about something missing is marked."""
+
+    words: str
+    missing: bool = False
+    kind = "note"
+
+
+@dataclass(frozen=True)
+class Link:
+    """The way to another file of the results, relative to the page."""
+
+    words: str
+    target: str
+    kind = "link"
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Short facts, name and value."""
+
+    items: list[tuple[str, str]]
+    kind = "facts"
+
+
+@dataclass
+class Chapter:
+    """One chapter of the page."""
+
+    key: str
+    title: str
+    blocks: list = field(default_factory=list)
+
+    def say(self, words: str) -> None:
+        self.blocks.append(Note(words))
+
+    def miss(self, words: str) -> None:
+        """Say that something is not in the report, and why."""
+        self.blocks.append(Note(words, missing=True))
+
+    def show(self, words: str, figure: Figure) -> None:
+        self.blocks.append(Picture(words, data_uri(figure)))
+
+    def tabulate(self, words: str, table: pd.DataFrame) -> None:
+        rows = [[cell_text(value) for value in row] for row in table.itertuples(index=False)]
+        numeric = [pd.api.types.is_numeric_dtype(kind) for kind in table.dtypes]
+        self.blocks.append(Table(words, [heading(str(column)) for column in table.columns], numeric, rows))
+
+
+def heading(column: str) -> str:
+    """Return a column's name with its unit in brackets: rmse_N becomes rmse [N]."""
+    name, _, unit = column.rpartition("_")
+    return f"{name.replace('_', ' ')} [{unit}]" if name and unit in UNITS else column.replace("_", " ")
+
+
+def cell_text(value) -> str:
+    """Return a table's cell as text: four significant digits, a dash for what is not there."""
+    if isinstance(value, bool | np.bool_):
+        return "yes" if value else "no"
+    if value is None or (isinstance(value, float | np.floating) and np.isnan(value)):
+        return "–"
+    if isinstance(value, float | np.floating):
+        return f"{value:.4g}" if np.isfinite(value) else "∞" if value > 0 else "−∞"
+    return str(value)
+
+
+def count(number: int, one: str, many: str | None = None) -> str:
+    """Return a number with its noun: 1 cell, 25 cells."""
+    return f"{number:,} {one if number == 1 else many or one + 's'}"

@@ -1,0 +1,126 @@
+"""The chapter about the error bars of the labels: what the mesh and the laws leave open of the forces."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from gelforge.indentation.cell_file import read_cell
+from gelforge.indentation.plan import PlannedCell
+from gelforge.report.chapters.chapter import Chapter, count
+from gelforge.report.chapters.results_reader import StudyResults
+from gelforge.report.figures.style import MEASURED, SIMULATED, new_figure, styled
+
+SIGMAS = 2.0  # standard deviations of a band
+PARTS = {"mesh": "total_sigma_mesh_N", "laws": "total_sigma_material_N"}
+LOOKS = {"mesh": (SIMULATED, "o"), "laws": (MEASURED, "s")}
+
+
+def error_bars(results: StudyResults) -> Chapter:
+    """Return how sure the simulated vertical forces are, of the mesh and of the laws, by depth."""
+    chapter = Chapter("sure", "How sure the labels are")
+    if not results.study.mechanics.error_bars:
+        chapter.say("No error bars: the study has mechanics.error_bars: false.")
+        return chapter
+    solved = [cell for cell in results.converged() if not cell.source]
+    rows = pd.DataFrame([row for cell in solved for row in _vertical(results, cell)])
+    if rows.empty:
+        chapter.miss(
+            "No error bars: no solved cell holds any; cells made before they were stored are to be made again."
+        )
+        return chapter
+    shown = results.centre_cell() or solved[0]
+    of_shown = rows[rows.cell == (shown.source or shown.name)]
+    place = f"({shown.x_mm:g}, {shown.y_mm:g}) mm"
+    words = f"Left: the force at {place} with two standard deviations to each side, mesh and laws together. Right: each"
+    words += " part over the force; the line is the median, the shade reaches from the least to the largest"
+    words += (
+        f" of {count(rows.cell.nunique(), 'solved cell')}. The mesh's is one share for all depths of a cell."
+    )
+    unknown = sorted(set(results.study.materials) - _uncertain(results, solved[0]))
+    if unknown:
+        words += f" How uncertain the laws of {', '.join(unknown)} are is not known: they were given, and add nothing."
+    chapter.show(words, error_bar_figure(of_shown, rows, place))
+    chapter.tabulate(
+        "Standard deviation of the vertical force over the force, over all solved cells.", sigma_table(rows)
+    )
+    return chapter
+
+
+def _uncertain(results: StudyResults, cell: PlannedCell) -> set[str]:
+    """Return the materials whose laws have a covariance, as a cell knew them."""
+    return {str(name) for name in results.cell_attributes[cell.name].get("uncertain_materials", ())}
+
+
+def _vertical(results: StudyResults, planned: PlannedCell) -> list[dict]:
+    """Return depth, Fz and its standard deviations [N] of a cell's loading, row by row; none where it holds no bars."""
+    cell = read_cell(results.cell_path(planned.name), ["depth_mm", "total_force_N"], PARTS.values())
+    if not set(PARTS.values()) <= set(cell.arrays):
+        return []
+    phases = planned.phases or ("load",) * len(cell.arrays["depth_mm"])
+    columns = {name: cell.arrays[key][:, 2] for name, key in PARTS.items()}
+    return [
+        {
+            "cell": planned.name,
+            "depth": round(float(depth), 6),
+            "force": -float(cell.arrays["total_force_N"][k, 2]),
+        }
+        | {name: float(sigma[k]) for name, sigma in columns.items()}
+        for k, (depth, phase) in enumerate(zip(cell.arrays["depth_mm"], phases))
+        if phase == "load"  # a force that has all but gone has no relative error
+    ]
+
+
+def sigma_table(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return median and largest standard deviation of the mesh and of the laws over Fz [%] by depth."""
+    table = []
+    for depth, at in rows.groupby("depth"):
+        found = {"depth_mm": depth, "cells": len(at)}
+        for name in PARTS:
+            relative = 100 * at[name] / at["force"].abs()
+            found |= {f"{name}, median [%]": relative.median(), f"{name}, largest [%]": relative.max()}
+        table.append(found)
+    return pd.DataFrame(table)
+
+
+@styled
+def error_bar_figure(cell: pd.DataFrame, rows: pd.DataFrame, place: str) -> Figure:
+    """Return the force of one cell with its band, and the parts of the band over the force in all cells."""
+    figure, axes = new_figure(8.2, 3.3, ncols=2)
+    left, right = axes[0]
+    sigma = np.hypot(cell["mesh"], cell["laws"])
+    left.fill_between(
+        cell["depth"],
+        cell["force"] - SIGMAS * sigma,
+        cell["force"] + SIGMAS * sigma,
+        color=SIMULATED,
+        alpha=0.3,
+        lw=0,
+        label="± 2 sigma, mesh and laws",
+    )
+    left.plot(cell["depth"], cell["force"], ".-", color=SIMULATED, ms=4, lw=0.8, label="this study: FEM")
+    left.set_ylabel("vertical force, $-F_z$ [N]")
+    left.set_title(place)
+    for name in PARTS:
+        _relative(right, rows, name)
+    right.set_ylabel("sigma of $F_z$ over $F_z$ [%]")
+    right.set_title("all solved cells")
+    for ax in (left, right):
+        ax.set_xlabel("depth [mm]")
+        ax.set_xlim(left=0)
+        ax.set_ylim(bottom=0)
+        ax.grid(True)
+    left.legend(loc="upper left")
+    right.legend(loc="best")
+    return figure
+
+
+def _relative(ax: Axes, rows: pd.DataFrame, name: str) -> None:
+    """Draw one part over the force by depth: median, and from the least to the largest."""
+    colour, marker = LOOKS[name]
+    relative = (100 * rows[name] / rows["force"].abs()).groupby(rows["depth"])
+    depth = sorted(relative.groups)
+    ax.fill_between(depth, relative.min(), relative.max(), color=colour, alpha=0.2, lw=0)
+    ax.plot(depth, relative.median(), marker + "-", color=colour, ms=3.5, lw=1.4, label=f"{name}, median")

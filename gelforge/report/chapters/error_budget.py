@@ -1,0 +1,97 @@
+"""How much of the network's error is optics, learning and mechanics: in a sentence and a figure."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from gelforge.learning.error_budget import AGAINST_TRUTH, LEARNING, MECHANICS, OPTICS, PARTS
+from gelforge.report.chapters.chapter import Chapter
+from gelforge.report.chapters.results_reader import StudyResults
+from gelforge.report.figures.style import FAINT, MEASURED, PREDICTED, PUBLISHED, SIMULATED, new_figure, styled
+
+BARS = {  # part: words of its bar, colour
+    OPTICS: ("optics\nflow against true motion", MEASURED),
+    LEARNING: ("learning\nnetwork against labels, less optics", PREDICTED),
+    MECHANICS: ("mechanics\nlabels against true force", SIMULATED),
+    AGAINST_TRUTH: ("whole error\nnetwork against true force", PUBLISHED),
+}
+PANELS = (("bins_z_N", "force of a pressed bin"), ("total_z_N", "total force"))
+REMEDIES = {
+    OPTICS: "Optics: a sharper or nearer camera or a finer flow (features.flow_preset) would help, more sites would not.",
+    LEARNING: "Learning: more sites would help.",
+    MECHANICS: "Mechanics: better material tests, a verdict (gelforge mismatch) or gains fitted to readings (gelforge adapt)"
+    " would help, more sites would not.",
+}
+LEAST_WIDTH = 0.3  # of the wider panel, so that bars of small errors have room for their numbers
+
+
+def tell_budget(chapter: Chapter, results: StudyResults) -> None:
+    """Add the parts of the network's error to a chapter, or why they are not known."""
+    table = results.table("error_budget")
+    if table is None and results.study.virtual_lab is None:
+        chapter.say(
+            "How much of the error is optics, learning and mechanics is not known: that needs recordings whose true forces"
+            " and motion are known, as a virtual lab's."
+        )
+    elif table is None:
+        path = results.folder / "tables" / "error_budget.csv"
+        chapter.miss(
+            f"No error budget: {path} is not there; the log of `evaluate` says why, as where presses follow a path."
+        )
+    elif table[PANELS[0][0]].notna().any():
+        chapter.say(budget_words(table))
+        chapter.show(
+            "Where the error of the vertical force comes from, on held-out sites of the virtual sensor (SYNTHETIC), rms. The"
+            " squares of optics and learning add to the square of the network's error against its labels; with mechanics"
+            " they need not add to that of the whole, as parts may cancel or reinforce each other.",
+            budget_figure(table),
+        )
+
+
+def budget_words(table: pd.DataFrame) -> str:
+    """Return in a paragraph which part of the error is largest, and what would help."""
+    parts = table.set_index("part")
+    said, largest = [], []
+    for (column, _), what in zip(PANELS, ("of a pressed bin", "in total")):
+        (first, most), *others = parts.loc[list(PARTS), column].sort_values(ascending=False).items()
+        rest = ", ".join(f"{name} {_mN(value)}" for name, value in others)
+        whole = _mN(parts.loc[AGAINST_TRUTH, column])
+        said.append(f"{what} it is {whole}, and the largest part is {first}: {_mN(most)} ({rest})")
+        largest.insert(0, first)  # the total's remedy first
+    optics = parts.loc[OPTICS]
+    return " ".join(
+        [
+            "The network's error against the true force of the virtual sensor (SYNTHETIC; vertical, rms): "
+            f"{'; '.join(said)}.",
+            f"The flow is off by {optics['flow_off_px']:.2g} px ({optics['flow_off_mm']:.2g} mm) where particles move by "
+            f"{optics['flow_px']:.2g} px (rms over image regions).",
+            *(REMEDIES[name] for name in dict.fromkeys(largest)),
+        ]
+    )
+
+
+@styled
+def budget_figure(table: pd.DataFrame) -> Figure:
+    """Return bars of each part of the rms error of the vertical force [mN]: of bins and of the total, at one scale."""
+    parts = 1e3 * table.set_index("part").loc[list(BARS), [column for column, _ in PANELS]]
+    limits = 1.15 * parts.max().to_numpy(float)
+    limits = np.maximum(limits, LEAST_WIDTH * limits.max())
+    figure, axes = new_figure(8.6, 2.6, ncols=2, sharey=True, width_ratios=limits)  # as many inches per mN
+    place = np.arange(len(BARS))[::-1]
+    for ax, (column, title), limit in zip(axes[0], PANELS, limits):
+        bars = ax.barh(place, parts[column], color=[colour for _, colour in BARS.values()], height=0.7)
+        ax.bar_label(bars, fmt="%.3g", padding=2)
+        ax.axhline(0.5, color=FAINT, lw=0.8)
+        ax.set_yticks(place, [words for words, _ in BARS.values()])
+        ax.set_title(title)
+        ax.set_xlim(0, limit)
+        ax.set_xlabel("rms error, vertical [mN]")
+        ax.set_axisbelow(True)
+        ax.grid(axis="x")
+    return figure
+
+
+def _mN(newtons: float) -> str:
+    return f"{1e3 * newtons:.3g} mN"

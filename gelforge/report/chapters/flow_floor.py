@@ -1,0 +1,126 @@
+"""The flow of untouched images, which is false, beside the flow of the indentations, and where the flow lost the surface."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from gelforge.recording.plausibility.images import MOST_LOST
+from gelforge.report.chapters.chapter import Chapter, count
+from gelforge.report.chapters.results_reader import StudyResults
+from gelforge.report.figures.style import FAINT, PREDICTED, SIMULATED, new_figure, styled
+
+MOST_SESSIONS = 4  # in the figure; the table has all
+MOST_IMAGES = 2000  # of a session in the figure
+LEAST_PX = 1e-3  # drawn at least: images without noise have no false flow
+
+
+def flow_table(columns: dict[str, np.ndarray]) -> pd.DataFrame:
+    """Return one row per image of a session: depth_mm (0 before touch), flow_px, lost (bool), press."""
+    return pd.DataFrame(
+        {
+            "press": columns["press"],
+            "depth_mm": np.where(columns["phase"] == "zero", 0.0, columns["depth_mm"]),
+            "flow_px": columns["flow_px"].astype(float),
+            "lost": columns["flow_lost"] > MOST_LOST,
+        }
+    )
+
+
+def false_flow_px(table: pd.DataFrame) -> tuple[float, float]:
+    """Return median and robust standard deviation [px] of the untouched images' flow; NaN without such images.
+
+    An image that is the reference frame itself has none and does not count.
+    """
+    flow = table["flow_px"][(table["depth_mm"] == 0) & (table["flow_px"] > 0)]
+    return float(flow.median()), float(1.4826 * (flow - flow.median()).abs().median())
+
+
+def depth_rows(name: str, table: pd.DataFrame) -> pd.DataFrame:
+    """Return the flow of a session by depth, as the report shows it; the first row is the false flow."""
+    false, _ = false_flow_px(table)
+    table = table[(table["depth_mm"] > 0) | (table["flow_px"] > 0)]
+    rows = table.groupby(table["depth_mm"].round(3)).agg(
+        images=("flow_px", "size"),
+        median=("flow_px", "median"),
+        largest=("flow_px", "max"),
+        lost=("press", lambda press: press[table.loc[press.index, "lost"]].nunique()),
+    )
+    return pd.DataFrame(
+        {
+            "session": name,
+            "depth [mm]": ["untouched" if depth == 0 else f"{depth:g}" for depth in rows.index],
+            "images": rows["images"].to_numpy(),
+            "flow, median [px]": rows["median"].to_numpy(),
+            "largest [px]": rows["largest"].to_numpy(),
+            "median / false flow": rows["median"].to_numpy() / false,
+            "indentations lost": rows["lost"].to_numpy(),
+        }
+    )
+
+
+def tell_flow_floor(chapter: Chapter, results: StudyResults) -> None:
+    """Add false flow, noise floor and lost indentations of every session with images to a chapter."""
+    tables = {
+        name: flow_table(columns) for name, columns in results.features.items() if len(columns["press"])
+    }
+    if not tables:
+        return
+    for name, table in tables.items():
+        false, spread = false_flow_px(table)
+        lost = table.loc[table["lost"], "press"].unique()
+        if np.isfinite(false):
+            chapter.say(
+                f"Session {name}: images before touch move by {false:.2g} px (median of the root mean square over the image;"
+                f" scatter {spread:.1g} px). That motion is false; smaller ones mean nothing."
+            )
+        else:
+            chapter.say(f"Session {name} has no image before touch, so that its false flow is not known.")
+        if len(lost):
+            chapter.say(
+                f"In session {name} the flow lost the surface in {count(len(lost), 'indentation')}: {', '.join(lost[:10])}"
+                f"{', ...' if len(lost) > 10 else ''}. More than {100 * MOST_LOST:g} % of the textured pixels do not fit the"
+                " image; these features are no displacements (`flow_lost` in the dataset)."
+            )
+    chapter.show(
+        "Flow of the images over depth. The line is the median of the untouched images, the band reaches to their largest.",
+        floor_figure(tables),
+    )
+    chapter.tabulate(
+        "Flow (root mean square over the image) by depth.",
+        pd.concat([depth_rows(name, table) for name, table in tables.items()], ignore_index=True),
+    )
+
+
+@styled
+def floor_figure(tables: dict[str, pd.DataFrame]) -> Figure:
+    """Return the flow of each image over depth beside the false flow, one panel per session."""
+    shown = dict(list(tables.items())[:MOST_SESSIONS])
+    figure, axes = new_figure(1.2 + 3.2 * len(shown), 2.9, ncols=len(shown), sharey=True)
+    for ax, (name, table) in zip(axes[0], shown.items()):
+        held = table[table["depth_mm"] > 0]
+        held = held.iloc[:: -(-len(held) // MOST_IMAGES) or 1]
+        false, _ = false_flow_px(table)
+        if np.isfinite(false):
+            largest = table["flow_px"][table["depth_mm"] == 0].max()
+            ax.axhspan(0, max(largest, LEAST_PX), color=FAINT, alpha=0.35, lw=0)
+            ax.axhline(max(false, LEAST_PX), color="#777777", lw=1, label="untouched")
+        for lost, colour, marker, label in (
+            (False, SIMULATED, "o", "pressed"),
+            (True, PREDICTED, "x", "lost"),
+        ):
+            part = held[held["lost"] == lost]
+            if len(part):
+                flow = part["flow_px"].clip(lower=LEAST_PX)
+                ax.plot(part["depth_mm"], flow, marker, ms=3.5, color=colour, alpha=0.7, label=label)
+        ax.set_yscale("log")
+        ax.set_xlim(left=0)
+        ax.set_title(name)
+        ax.set_xlabel("depth [mm]")
+        ax.legend(loc="upper left")
+    low = min(table["flow_px"].clip(lower=LEAST_PX).min() for table in shown.values())
+    high = max(table["flow_px"].max() for table in shown.values())
+    axes[0, 0].set_ylim(0.5 * low, 20 * max(high, LEAST_PX))  # room for the legends
+    axes[0, 0].set_ylabel("flow, rms over the image [px]")
+    return figure

@@ -1,0 +1,161 @@
+"""Chapters about recordings and learning: agreement with F/T, predictions, error tables."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gelforge.report.chapters.beside_paper import beside_paper, said_beside
+from gelforge.report.chapters.chapter import Chapter
+from gelforge.report.chapters.error_budget import tell_budget
+from gelforge.report.chapters.network_words import network_words
+from gelforge.report.chapters.results_reader import StudyResults
+from gelforge.report.chapters.study_chapters import FORCE_ONLY, LABELS_ONLY
+from gelforge.report.figures.force_maps import prediction_figure, total_force_figure
+from gelforge.report.figures.network_figure import errors_figure
+from gelforge.report.figures.residuals import residual_depth_figure, residual_map_figure
+from gelforge.report.figures.silhouette import touched_radius_mm
+from gelforge.report.figures.training_figure import loss_figure
+
+
+def agreement(results: StudyResults) -> Chapter:
+    """Return the residual of simulated against measured total force over position and depth."""
+    chapter = Chapter("agreement", "Simulation against force/torque readings")
+    if not results.study.sessions:
+        chapter.miss(f"No comparison with readings: {LABELS_ONLY}")
+        return chapter
+    if results.agreement is None:
+        chapter.miss(
+            f"No comparison with readings: {results.folder / 'agreement.csv'} is not there or empty."
+        )
+        return chapter
+    kind = "SYNTHETIC readings" if "recordings" in results.synthetic_parts else "readings"
+    chapter.show(
+        f"Measured minus simulated force ({kind}) over depth: a mean that leaves the grey band, the sensor's resolution, and"
+        " grows with depth points to physics the simulation lacks.",
+        residual_depth_figure(results.agreement, results.resolution_N),
+    )
+    chapter.show(
+        "The same residual over position: pale means agreement, one colour all over a common cause, a pattern"
+        " towards the edges the walls; positions without a square have no reading or no converged cell.",
+        residual_map_figure(results.agreement, results.widths_mm, results.resolution_N),
+    )
+    return chapter
+
+
+def _deepest_row(predictions: dict, score: np.ndarray) -> int | None:
+    """Return the deepest touched test row among those of the smallest score, or None."""
+    touched = np.flatnonzero(~predictions["untouched"].astype(bool))
+    if not len(touched):
+        return None
+    order = np.lexsort((-predictions["depth_mm"][touched], np.round(score[touched], 3)))
+    return int(touched[order[0]])
+
+
+def predictions(results: StudyResults) -> Chapter:
+    """Return loss curve, force maps predicted and true, and total forces."""
+    chapter = Chapter("predictions", "What the network predicts")
+    if not results.study.sessions:
+        chapter.miss(f"No network: {LABELS_ONLY}")
+        return chapter
+    if not results.features and results.predictions is None:
+        chapter.miss(f"No network: {FORCE_ONLY}")
+        return chapter
+    _say_how_good(chapter, results)
+    tell_budget(chapter, results)
+    if results.loss is not None:
+        chapter.show(
+            "Loss of training rows and of validation sites; the weights are those of the best epoch. A validation curve far"
+            " above the other means overfitting.",
+            loss_figure(results.loss),
+        )
+    else:
+        chapter.miss(f"No loss curve: {results.folder / 'model' / 'loss.csv'} is not there.")
+    columns = results.predictions
+    if columns is None:
+        chapter.miss(f"No predictions: {results.folder / 'model' / 'predictions.h5'} is not there.")
+        return chapter
+    position, widths = columns["position_mm"], np.array(results.widths_mm)
+    from_centre = np.linalg.norm(position - results.centre_mm, axis=1)
+    to_edge = np.minimum(position, widths - position).min(axis=1)
+    shown = []
+    for place, score in (("nearest to the centre", from_centre), ("nearest to an edge", to_edge)):
+        row = _deepest_row(columns, score)
+        if row is None or row in shown:
+            chapter.miss(f"No force map {place}: no further test row is touched.")
+            continue
+        shown.append(row)
+        _show_map(chapter, results, row, place)
+    chapter.show(
+        "Total force summed from the predicted map: points on the grey line are exact.",
+        total_force_figure(columns["total_predicted_N"], columns["total_true_N"]),
+    )
+    return chapter
+
+
+def _say_how_good(chapter: Chapter, results: StudyResults) -> None:
+    """Say in a paragraph and a figure how good the network is, where its tables are there."""
+    tables = [results.table(name) for name in ("baselines", "errors_by", "reliability")]
+    if any(table is None for table in tables):
+        return
+    baselines, by, reliability = tables
+    chapter.say(network_words(baselines, by, reliability, results.loss, _only_simulated(results)))
+    chapter.show(
+        "Error of the vertical force of pressed bins on held-out sites (RMSES): the network beside its baselines, and by"
+        " depth, distance from the nearest wall and session.",
+        errors_figure(baselines, by),
+    )
+
+
+def _only_simulated(results: StudyResults) -> bool:
+    synthesis = results.study.synthesis
+    return synthesis is not None and synthesis.train_on == "simulated"
+
+
+def _show_map(chapter: Chapter, results: StudyResults, row: int, place: str) -> None:
+    columns, bins = results.predictions, results.study.sensor.bins
+    predicted, true = results.predicted_map(row)
+    x, y = columns["position_mm"][row]
+    depth = float(columns["depth_mm"][row])
+    radius = touched_radius_mm(results.study.indenter, depth)
+    chapter.show(
+        f"Held-out cell {columns['cell'][row]} {place}, indenter at ({x:g}, {y:g}) mm, {depth:g} mm deep: left and"
+        " middle are predicted and true, the right is their difference, on one colour scale per row. The dashed circle is"
+        " where the indenter cuts the undeformed surface.",
+        prediction_figure(predicted, true, bins.nx, bins.ny, results.widths_mm, (x, y), radius),
+    )
+
+
+TABLES = {
+    "rmse": "Errors of the network on held-out cells{beside the paper's (another sensor, 13,448 presses)}.",
+    "baselines": "The network beside baselines on the same rows and inputs: ridge, kernel ridge, nearest neighbours, the"
+    " mean label of training, no force at all. total Fz: rms error of the sum over bins; RMSES: error of pressed bins.",
+    "errors_by": "Errors of the network by depth, by distance from the nearest wall and by session (of touched rows), and"
+    " the share of images flagged as unlike the training images.",
+    "error_budget": "Parts of the network's error on held-out cells of the virtual sensor (SYNTHETIC), rms: optics and"
+    " learning make the error against the label, mechanics is that of the label. The contact point's scatter is in learning"
+    " and in mechanics.",
+    "reliability": "How far to trust the network on held-out cells. A share far from 0.9 in the 90 % intervals says that the"
+    " validation cells are unlike these. Measured totals are readings, whose own noise and what the labels lack of the real"
+    " gel are not in the interval.",
+    "rmse_gt": "Measured against simulated total force over presses (difference: F/T − FEM){beside the paper's}.",
+    "force_ranges": "Range of the labels{beside the paper's}.",
+}
+
+
+WITH_TRUTH = {
+    "error_budget"
+}  # of recordings whose truth is known; the chapter on predictions says why it is not there
+
+
+def error_tables(results: StudyResults) -> Chapter:
+    """Return the tables of the evaluation, of the article's study with its numbers beside them."""
+    chapter = Chapter("errors", "Error tables")
+    for name, words in TABLES.items():
+        table = results.table(name)
+        if table is not None:
+            chapter.tabulate(said_beside(words, results.paper), beside_paper(name, table, results.paper))
+        elif name not in WITH_TRUTH and (results.study.sessions or name == "force_ranges"):
+            chapter.miss(f"No table {name}: {results.folder / 'tables' / name}.csv is not there.")
+    if not results.study.sessions:
+        chapter.miss(f"No errors of a network and none against readings: {LABELS_ONLY}")
+    return chapter

@@ -1,0 +1,1 @@
+"""One figure a module; no page knows how it is drawn."""

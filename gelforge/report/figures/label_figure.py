@@ -1,0 +1,124 @@
+"""One label drawn: the force distribution of a cell's depth or of a shard's row."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5py
+import numpy as np
+from matplotlib.figure import Figure
+
+from gelforge.files import read_product_json
+from gelforge.hdf5 import opened
+from gelforge.indentation.cell_file import FORMAT as CELL_FORMAT
+from gelforge.report.figures.force_maps import AXES, draw_force_map, row_limits, total_text
+from gelforge.report.figures.style import INK, frame_arrows, new_figure, styled
+
+
+class LabelError(ValueError):
+    """A file or row that holds no label: which, what was found, what is allowed."""
+
+
+@dataclass(frozen=True)
+class Label:
+    """One force distribution (B, 3) with where it comes from."""
+
+    bin_force_N: np.ndarray
+    bins: tuple[int, int]
+    widths_mm: tuple[float, float]
+    position_mm: tuple[float, float]
+    depth_mm: float
+    title: str
+
+
+def read_label(path: str | Path, row: int | None = None) -> Label:
+    """Return the label of a cell's depth (row; the deepest if None) or of a shard's row (the first if None)."""
+    path = Path(path)
+    with opened(
+        path, None, f"name a cell file or a shard, or make it again (snakemake -R {path})", LabelError
+    ) as file:
+        if file.attrs.get("format") == CELL_FORMAT:
+            return _cell_label(file, path, row)
+        if "force_distribution_N" in file:
+            return _shard_label(file, path, row)
+        found = file.attrs.get("format", "no format attribute")
+    raise LabelError(
+        f"{path}: neither a cell ({CELL_FORMAT}) nor a shard (force_distribution_N); found {found}"
+    )
+
+
+def _checked_row(path: Path, row: int | None, count: int, default: int) -> int:
+    if count == 0:
+        raise LabelError(
+            f"{path}: holds no label (0 rows); a failed cell keeps only the depths that converged"
+        )
+    row = default if row is None else row
+    if not -count <= row < count:
+        raise LabelError(f"{path}: row {row} of {count}; give 0 to {count - 1}")
+    return row % count
+
+
+def _cell_label(file: h5py.File, path: Path, row: int | None) -> Label:
+    force = file["bin_force_N"]
+    row = _checked_row(path, row, force.shape[0], force.shape[0] - 1)
+    sensor = json.loads(file.attrs["settings"])["sensor"]
+    return Label(
+        force[row],
+        (sensor["bins"]["nx"], sensor["bins"]["ny"]),
+        (sensor["width_x_mm"], sensor["width_y_mm"]),
+        (float(file.attrs["x_mm"]), float(file.attrs["y_mm"])),
+        float(file["depth_mm"][row]),
+        f"cell {file.attrs['cell']}",
+    )
+
+
+def _sensor_of_dataset(shard: Path) -> dict:
+    """Return the sensor's settings from the manifest beside a shard, which has the label but not the sensor's size."""
+    manifest = shard.parent / "manifest.json"
+    remedy = (
+        f"it says how large the sensor of {shard.name} is: build the dataset again (snakemake -R {manifest})"
+    )
+    return read_product_json(manifest, remedy, LabelError)["settings"]["sensor"]
+
+
+def _shard_label(file: h5py.File, path: Path, row: int | None) -> Label:
+    force = file["force_distribution_N"]
+    row = _checked_row(path, row, force.shape[0], 0)
+    sensor = _sensor_of_dataset(path)
+    names = []
+    for key in ("cell", "session", "press", "image_index", "split"):
+        value = file[key][row] if key in file else b""
+        value = value.decode() if isinstance(value, bytes) else str(value)
+        names.append(f"{key.replace('_index', '')} {value}" if value else "")
+    names.append("untouched" if "untouched" in file and file["untouched"][row] else "")
+    return Label(
+        force[row],
+        (sensor["bins"]["nx"], sensor["bins"]["ny"]),
+        (sensor["width_x_mm"], sensor["width_y_mm"]),
+        tuple(float(p) for p in file["position_mm"][row]),
+        float(file["depth_mm"][row]),
+        f"{path.name} row {row}: " + ", ".join(name for name in names if name),
+    )
+
+
+@styled
+def label_figure(path: str | Path, row: int | None = None) -> Figure:
+    """Return three maps (x, y, z) of a label with totals and the frame's arrows."""
+    label = read_label(path, row)
+    limits = row_limits(label.bin_force_N)
+    figure, axes = new_figure(10.2, 4.2, nrows=1, ncols=3)
+    for ax, axis, force, limit in zip(axes[0], AXES, label.bin_force_N.T, limits):
+        mesh = draw_force_map(ax, force, *label.bins, label.widths_mm, limit)
+        ax.set_title(f"$F_{axis}$  {total_text(force)}")
+        ax.set_xlabel("x [mm]")
+        if label.depth_mm > 0:
+            ax.plot(*label.position_mm, "+", color=INK, ms=7)
+        figure.colorbar(mesh, ax=ax, label="[N per bin]", shrink=0.72, orientation="horizontal", pad=0.03)
+    axes[0, 0].set_ylabel("y [mm]")
+    size = 0.22 * min(label.widths_mm)
+    frame_arrows(axes[0, 0], (0.1 * label.widths_mm[0], 0.1 * label.widths_mm[1]), size, ("x", "y"), out="z")
+    where = f"at ({label.position_mm[0]:g}, {label.position_mm[1]:g}) mm, {label.depth_mm:g} mm deep"
+    figure.suptitle(f"{label.title}\nforce on the sensor {where}, seen from above", fontsize=10)
+    return figure

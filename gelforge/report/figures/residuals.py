@@ -1,0 +1,99 @@
+"""Where and how deep simulated and measured total force differ."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from gelforge.report.figures.style import (
+    FAINT,
+    INK,
+    MEASURED,
+    SIGNED,
+    SIMULATED,
+    new_figure,
+    signed_limit,
+    styled,
+    surface_axes,
+)
+
+AXES = ("x", "y", "z")
+
+
+def residuals_N(agreement: pd.DataFrame) -> np.ndarray:
+    """Return F/T minus FEM (N, 3) of an agreement table with ft_x_N.. and fem_x_N.., as the table rmse_gt does."""
+    measured = agreement[[f"ft_{a}_N" for a in AXES]].to_numpy(float)
+    return measured - agreement[[f"fem_{a}_N" for a in AXES]].to_numpy(float)
+
+
+@styled
+def residual_map_figure(agreement: pd.DataFrame, widths_mm: tuple[float, float], resolution_N) -> Figure:
+    """Return the mean residual F/T - FEM over all depths at each position, one panel per axis.
+
+    Colours reach at least the resolution (3) [N], so that what the F/T sensor cannot tell stays pale.
+    """
+    table = agreement[["x_mm", "y_mm"]].round(3)
+    for axis, column in zip(AXES, residuals_N(agreement).T):
+        table[axis] = column
+    mean = table.groupby(["x_mm", "y_mm"], as_index=False).mean()
+    size = np.clip(
+        14000 / max(len(mean), 1), 6, 420
+    )  # marker area in points^2: cells nearly touch on a regular grid
+    figure, axes = new_figure(9.6, 3.1, nrows=1, ncols=3, sharey=True)
+    for ax, axis, resolution in zip(axes[0], AXES, resolution_N):
+        limit = signed_limit(mean[axis].to_numpy(), floor=resolution)
+        shown = ax.scatter(
+            mean.x_mm,
+            mean.y_mm,
+            c=mean[axis],
+            s=size,
+            marker="s",
+            cmap=SIGNED,
+            vmin=-limit,
+            vmax=limit,
+            lw=0.3,
+            ec=FAINT,
+        )
+        surface_axes(ax, *widths_mm)
+        ax.set_title(f"$F_{axis}$: F/T − FEM, mean over depths", fontsize=9)
+        figure.colorbar(shown, ax=ax, label="[N]", shrink=0.85)
+    for ax in axes[0, 1:]:
+        ax.set_ylabel("")
+    return figure
+
+
+@styled
+def residual_depth_figure(agreement: pd.DataFrame, resolution_N) -> Figure:
+    """Return each press's residual over depth, the mean, and the band of the F/T resolution (3) [N]."""
+    residual = residuals_N(agreement)
+    depth = agreement["depth_mm"].to_numpy(float)
+    levels = np.unique(depth.round(6))
+    gap = np.diff(levels).min() if len(levels) > 1 else 0.25
+    jitter = (
+        np.random.default_rng(0).uniform(-0.12, 0.12, len(depth)) * gap
+    )  # so that presses do not hide each other
+    figure, axes = new_figure(9.6, 3.1, nrows=1, ncols=3)
+    for ax, axis, column, resolution in zip(axes[0], AXES, residual.T, resolution_N):
+        ax.axhspan(-resolution, resolution, color="#EFEFEF", zorder=0, label="F/T resolution")
+        ax.axhline(0, color=INK, lw=0.8)
+        ax.plot(
+            depth + jitter,
+            column,
+            "o",
+            ms=3,
+            mew=0,
+            alpha=0.55,
+            color=MEASURED,
+            rasterized=True,
+            label="one press",
+        )
+        mean = [column[np.abs(depth - level) < 1e-5].mean() for level in levels]
+        ax.plot(levels, mean, "o-", ms=4, lw=1.6, color=SIMULATED, label="mean")
+        limit = 1.08 * max(signed_limit(column), 1.3 * resolution)
+        ax.set(ylim=(-limit, limit), xlabel="depth [mm]")
+        ax.set_title(f"$F_{axis}$, resolution ± {resolution:g} N")
+    axes[0, 0].set_ylabel("F/T − FEM [N]")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3)
+    return figure

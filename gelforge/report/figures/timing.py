@@ -1,0 +1,60 @@
+"""Time and memory per stage, from Snakemake's benchmark files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from gelforge.indentation.cell_file import read_timings
+from gelforge.report.figures.style import SIMULATED, new_figure, styled
+
+WAITING_MB = 40.0  # at most, of a process that waits for its fork (11 MB) and has imported no numerical library (60 MB)
+CELL_STAGE, TRUTH_STAGE = "cells", "virtual_truth"
+
+
+def stage_times(results: str | Path, cells: set[str], truth: Path | None = None) -> pd.DataFrame:
+    """Return one row per stage: stage, jobs, total_s, longest_s, memory_MB (largest resident set of a job).
+
+    A file benchmarks/<stage>/<job>.tsv of the results belongs to <stage>; benchmarks/<job>.tsv is a stage of its own, or
+    one of the cells if it bears a cell's name. truth: the folder of a virtual lab's cells. Where a job is a fork, Snakemake
+    measures the process that waits for it, which says nothing: of cells their own files say it, of others nothing does.
+    """
+    folder = Path(results) / "benchmarks"
+    rows = []
+    for path in sorted(folder.rglob("*.tsv")) if folder.is_dir() else []:
+        table = pd.read_csv(path, sep="\t", na_values=["-", "NA"])
+        job = path.relative_to(folder)
+        parents = job.parent.parts
+        product = truth / job.name if truth and parents == (TRUTH_STAGE,) else Path(results) / job
+        stage = parents[0] if parents else CELL_STAGE if path.stem in cells else path.stem
+        memory = pd.to_numeric(table.get("max_rss", pd.Series(dtype=float)), errors="coerce")
+        memory = memory[memory > WAITING_MB].max()
+        own = read_timings(product).get("peak_memory_MB", np.nan)
+        rows.append((stage, float(table["s"].sum()), float(np.fmax(memory, own))))
+    jobs = pd.DataFrame(rows, columns=["stage", "seconds", "memory_MB"])
+    grouped = jobs.groupby("stage", as_index=False).agg(
+        jobs=("seconds", "size"),
+        total_s=("seconds", "sum"),
+        longest_s=("seconds", "max"),
+        memory_MB=("memory_MB", "max"),
+    )
+    return grouped.sort_values("total_s", ascending=False, ignore_index=True)
+
+
+@styled
+def timing_figure(stages: pd.DataFrame) -> Figure:
+    """Return a bar per stage: job seconds summed, with number of jobs."""
+    figure, axes = new_figure(7.2, 0.9 + 0.3 * len(stages))
+    ax = axes[0, 0]
+    ax.barh(stages.stage, stages.total_s, color=SIMULATED, height=0.62)
+    for row, stage in enumerate(stages.itertuples()):
+        jobs = f"{stage.jobs} job{'s' if stage.jobs > 1 else ''}"
+        ax.text(stage.total_s, row, f"  {stage.total_s:.1f} s, {jobs}", va="center", fontsize=8.5)
+    ax.invert_yaxis()
+    ax.set_xlim(0, 1.3 * max(stages.total_s.max(), 1e-3))
+    ax.set_xlabel("seconds of jobs, summed")
+    ax.tick_params(axis="y", length=0)
+    return figure

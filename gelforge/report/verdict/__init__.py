@@ -1,0 +1,1 @@
+"""The chapters of a verdict's page."""

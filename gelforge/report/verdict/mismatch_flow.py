@@ -1,0 +1,62 @@
+"""The images' part of a verdict: what is left of the flow, region by region."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from gelforge.report.figures.style import new_figure, styled
+from gelforge.report.verdict.mismatch_reader import MismatchResults
+
+SIZES = "Blues"  # sizes, white at none
+
+
+@styled
+def flow_residual_figure(results: MismatchResults) -> Figure:
+    """Return the size of measured less simulated flow at the deepest press of each site, before and after, on one scale."""
+    flow = results.flow
+    columns = ["base", "after"] if flow["after_u_px"].notna().any() else ["base"]
+    sites = list(flow.groupby(["x_mm", "y_mm"], sort=False))
+    left = {name: [_left(table, name) for _, table in sites] for name in columns}
+    limit = max(float(np.percentile(np.hypot(*parts.T), 99)) for parts in left["base"])
+    figure, axes = new_figure(
+        1.3 + 1.9 * len(sites),
+        0.7 + 2.1 * len(columns),
+        nrows=len(columns),
+        ncols=len(sites),
+        sharex=True,
+        sharey=True,
+    )
+    for row, name in zip(axes, columns):
+        for ax, ((x, y), table), residual in zip(row, sites, left[name]):
+            shown = _draw(ax, table, residual, limit)
+            if name == "base":
+                ax.set_title(f"({x:.3g}, {y:.3g}) mm, {table['depth_mm'].iloc[0]:.3g} mm deep", fontsize=8.5)
+        row[0].set_ylabel(f"{'before' if name == 'base' else name}    v [px]")
+    for ax in axes[-1]:
+        ax.set_xlabel("u [px]")
+    figure.colorbar(shown, ax=list(axes.ravel()), label="|measured − simulated| flow [px]", shrink=0.8)
+    return figure
+
+
+def _left(table: pd.DataFrame, name: str) -> np.ndarray:
+    """Return measured less simulated flow (regions, 2) [px]."""
+    return np.column_stack([table[f"measured_{axis}_px"] - table[f"{name}_{axis}_px"] for axis in "uv"])
+
+
+def _draw(ax: Axes, table: pd.DataFrame, left: np.ndarray, limit: float):
+    """Draw the size of what is left; return what the colour bar belongs to."""
+    u, v = (table[f"middle_{axis}_px"].to_numpy() for axis in "uv")
+    sides = [float(np.diff(np.unique(at)).min()) if len(np.unique(at)) > 1 else 1.0 for at in (u, v)]
+    columns, rows = (np.round((at - at.min()) / side).astype(int) for at, side in zip((u, v), sides))
+    size = np.full((rows.max() + 1, columns.max() + 1), np.nan)
+    size[rows, columns] = np.hypot(*left.T)
+    edges = [
+        at.min() - side / 2 + side * np.arange(n + 1) for at, side, n in zip((u, v), sides, size.shape[::-1])
+    ]
+    shown = ax.pcolormesh(*edges, size, cmap=SIZES, vmin=0, vmax=limit, ec="white", lw=0.4)
+    ax.set_aspect("equal")
+    ax.set_ylim(edges[1][-1], edges[1][0])  # v points down, as in the image
+    return shown

@@ -1,0 +1,100 @@
+"""What a verdict left in its folder, read for its page; nothing is recomputed but means and residuals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from gelforge.mismatch.result.verdict import Verdict, read_verdict
+from gelforge.mismatch.result.verdict_tables import read_body_map, read_flow, read_readings
+
+AXES = ("x", "y", "z")
+LOADING = ("load", "dwell")
+
+
+@dataclass(frozen=True)
+class MismatchResults:
+    """verdict.json, readings.csv, body_map.csv and flow.csv of one folder."""
+
+    folder: Path
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        return read_verdict(self.folder)
+
+    @cached_property
+    def readings(self) -> pd.DataFrame:
+        """Readings with `before` and `after`, measured minus simulated [N]; after is nan where nothing was put in."""
+        table = read_readings(self.folder)
+        return table.assign(
+            before=table["measured_N"] - table["base_N"], after=table["measured_N"] - table["after_N"]
+        )
+
+    @cached_property
+    def body_map(self) -> pd.DataFrame | None:
+        return read_body_map(self.folder)
+
+    @cached_property
+    def flow(self) -> pd.DataFrame | None:
+        """The deepest press with images at each site: its flow, one row per region; None where no images were judged."""
+        table = read_flow(self.folder)
+        if table is None:
+            return None
+        deepest = table.groupby(["x_mm", "y_mm"])["depth_mm"].transform("max")
+        table = table[table["depth_mm"] == deepest]
+        first = table.groupby(["x_mm", "y_mm"])["press"].transform("first")
+        return table[table["press"] == first].reset_index(drop=True)
+
+    @property
+    def has_after(self) -> bool:
+        """Return whether anything was put into the base."""
+        return bool(self.readings["after"].notna().any())
+
+    @property
+    def axes(self) -> list[str]:
+        """Return the axes that were read."""
+        return [axis for axis in AXES if (self.readings["axis"] == axis).any()]
+
+    @cached_property
+    def strongest_axis(self) -> str:
+        """Return the axis whose residual before is largest beside its noise; z where nothing was found on any."""
+        if self.verdict.state == "consistent" and "z" in self.axes:
+            return "z"
+        size = (self.readings["before"] / self.readings["sigma_N"]) ** 2
+        return str(size.groupby(self.readings["axis"]).sum().idxmax())
+
+    @cached_property
+    def site_means(self) -> pd.DataFrame:
+        """Return before and after, mean over the loading at each site and axis, and whether the site was held out."""
+        table = self.readings
+        loading = table["phase"].isin(LOADING)
+        table = table[loading] if loading.any() else table
+        means = table.groupby(["site", "axis"], sort=False).agg(
+            x_mm=("x_mm", "mean"), y_mm=("y_mm", "mean"), before=("before", "mean"), after=("after", "mean")
+        )
+        aside = table["held_out"].eq("positions").groupby([table["site"], table["axis"]], sort=False).any()
+        return means.assign(held_out=aside).reset_index()
+
+    def shown_sites(self, most: int = 3) -> list[tuple[str, str]]:
+        """Return (site, why it is shown): the largest residual, the nearest to the centre, one that was held out."""
+        sites = self.site_means[self.site_means["axis"] == self.strongest_axis].set_index("site")
+        size = sites["before"].abs()
+        middle = np.array([sites["x_mm"].mean(), sites["y_mm"].mean()])
+        distance = pd.Series(np.hypot(sites["x_mm"] - middle[0], sites["y_mm"] - middle[1]), sites.index)
+        chosen = {size.idxmax(): "largest mismatch"}
+        chosen.setdefault(distance.idxmin(), "nearest to the centre")
+        aside = size[sites["held_out"] & ~sites.index.isin(chosen)]
+        if len(aside):
+            chosen[aside.idxmax()] = "held out for the proof"
+        elif len(chosen) < min(most, len(sites)):
+            chosen[size.drop(list(chosen)).idxmin()] = "smallest mismatch"
+        return list(chosen.items())[:most]
+
+
+def rms(values: pd.Series | np.ndarray) -> float:
+    """Return the root mean square of what is there."""
+    return float(np.sqrt(np.nanmean(np.square(np.asarray(values, float)))))
