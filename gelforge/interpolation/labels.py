@@ -21,6 +21,7 @@ from gelforge.mechanics.laws import PrincipalLaw
 
 # attributes of the nearest solved site that tell of a label between as well: ranges of stretch, what was touched
 OF_SITE = (
+    "settings",
     "regions",
     "touched_parts",
     "linear_solver",
@@ -33,7 +34,7 @@ OF_SITE = (
     "law_unstable",
 )
 SAME_MM = 2e-6  # positions are rounded to 1e-6 mm
-BY_DEPTH = set(OF_SITE[5:])
+BY_DEPTH = set(OF_SITE[OF_SITE.index("volume_outside_valid_range") :])
 
 
 @dataclass(frozen=True)

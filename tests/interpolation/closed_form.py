@@ -1,5 +1,6 @@
 """Sites whose forces are known in closed form: a ball's pressure that grows smoothly with the place, and friction."""
 
+import json
 from functools import cache
 
 import numpy as np
@@ -87,6 +88,7 @@ def site(name, position, depths=DEPTHS, sigma=1e-4, shift=(0.0, 0.0)) -> Cell:
         "code_version": "",
         "source": "",
         "last_good_depth_mm": depths[-1],
+        "settings": json.dumps({"sensor": STUDY.sensor.model_dump(mode="json")}),
         "regions": ["gel"],
         "touched_parts": [True],
         "volume_outside_valid_range": np.zeros((len(depths), 1)),

@@ -17,6 +17,7 @@ from gelforge.interpolation.labels import Labels
 from gelforge.interpolation.nodal_forces import NodalForces
 from gelforge.interpolation.solved_sites import SolvedSites
 from gelforge.interpolation.weights import depth_weights, nearest, place_weights, positive_weights
+from gelforge.report.figures.label_figure import read_label
 
 PLACES = [(9.3, 11.7), (14.2, 15.1), (16.0, 7.1), (24.9, 25.3), (6.4, 6.2)]
 
@@ -173,6 +174,9 @@ def test_a_label_says_that_it_is_interpolated_and_where_from(tmp_path):
     assert (back.arrays["bin_sigma_interpolation_N"] >= 0).all()
     assert back.arrays["total_force_N"] == pytest.approx(back.arrays["bin_force_N"].sum(axis=1), abs=1e-6)
     assert "node_xy_mm" not in back.arrays
+    assert read_label(path).position_mm == pytest.approx(
+        PLACES[0]
+    )  # it says of which sensor it is, so it can be drawn
 
 
 def test_its_image_is_made_by_the_same_mirroring_as_a_solved_one_s(tmp_path):
