@@ -69,6 +69,19 @@ def started() -> tuple[str, object]:
 # ------------------------------------------------------------------------------------------------------- the job
 def ask(address: str, arguments: list[str]) -> int:
     """Return the exit status of a command, run by a fork; -1 where there is none that would run it."""
+    passed: list[int] = []
+    fork = 0
+
+    def pass_on(number, frame):
+        passed.append(number)
+        if not fork:  # nobody works for this job yet
+            os._exit(128 + number)
+        try:
+            os.kill(fork, number)
+        except ProcessLookupError:
+            pass
+
+    before = {number: signal.signal(number, pass_on) for number in (signal.SIGTERM, signal.SIGINT)}
     request = json.dumps({"arguments": arguments, "folder": os.getcwd(), "environment": dict(os.environ)})
     try:
         connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -77,20 +90,11 @@ def ask(address: str, arguments: list[str]) -> int:
         connection.sendall(request.encode())
         fork = int.from_bytes(_read(connection, 4), "big")
     except OSError:
-        return -1
+        pass
     if not fork:
+        for number, handler in before.items():
+            signal.signal(number, handler)
         return -1
-    passed: list[int] = []
-
-    def pass_on(number, frame):
-        passed.append(number)
-        try:
-            os.kill(fork, number)
-        except ProcessLookupError:
-            pass
-
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, pass_on)
     if status := _read(connection, 4):
         return int.from_bytes(status, "big")
     if passed:
@@ -202,7 +206,10 @@ def run(connection: socket.socket, request: dict, outputs: list[int], code: str)
     os.chdir(request["folder"])
     os.environ.clear()
     os.environ.update(request["environment"])
-    connection.sendall(os.getpid().to_bytes(4, "big"))
+    try:
+        connection.sendall(os.getpid().to_bytes(4, "big"))
+    except OSError:  # the job was ended while this process loaded
+        return 0
     threading.Thread(target=_end_with, args=[connection], daemon=True).start()
     try:
         status = main(request["arguments"])

@@ -87,6 +87,19 @@ def test_a_signal_reaches_the_fork(start):
     assert done.returncode == 128 + signal.SIGTERM
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_the_server_loads_ends_the_job_without_a_word(start, number, tmp_path):
+    mark = tmp_path / "loading"
+    done = job(
+        start(f"__import__('time').sleep(0.2 if open({str(mark)!r}, 'w') else 0) or true()"), "print('ran')"
+    )
+    while not mark.exists():
+        assert done.poll() is None
+    done.send_signal(number)
+    assert done.communicate() == ("", "")
+    assert done.returncode == 128 + number
+
+
 def test_a_fork_ends_with_its_job(start):
     done = job(start(), "import os, time; print(os.getpid(), flush=True); time.sleep(1000)")
     fork = int(done.stdout.readline())
