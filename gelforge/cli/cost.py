@@ -5,6 +5,7 @@ cell_cost.csv holds the measurements; `python benchmarks/cell_cost.py --update` 
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -101,8 +102,9 @@ class Costs:
         )
 
     def mismatch(self) -> float:
-        """A verdict on all sessions together."""
-        positions = min(self.study.mismatch.sites, len(self.cells))
+        """A verdict on all sessions together; positions that are mirror images of one another are solved once."""
+        own = sum(cell.source is None for cell in self.cells.values()) / len(self.cells)
+        positions = math.ceil(own * min(self.study.mismatch.sites, len(self.cells)))
         return VERDICT_START + VERDICT_CELLS * positions * self.cell(self.first)
 
 
