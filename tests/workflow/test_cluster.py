@@ -132,9 +132,10 @@ def test_estimates_follow_the_study():
     solved = next(cell for cell in costs.cells.values() if cell.source is None)
     mirrored = next(cell for cell in costs.cells.values() if cell.source)
     assert costs.cell(mirrored) < costs.cell(solved) < costs.true_cell(solved) * 2
-    fewer = study.mismatch.model_copy(update={"sites": 4})
-    half = Costs(study.model_copy(update={"mismatch": fewer}), costs.cells)
-    assert half.mismatch() - costs.mismatch() == pytest.approx(2 * 4 * costs.cell(solved))  # sites: 2
+    every = study.mismatch.model_copy(update={"sites": 9})
+    more = Costs(study.model_copy(update={"mismatch": every}), costs.cells)
+    # all 9 positions are mirror images of 3; of 2 positions at least one is solved
+    assert more.mismatch() - costs.mismatch() == pytest.approx((3 - 1) * 4 * costs.cell(solved))
 
 
 def test_mirrored_cells_share_the_start_of_their_job():
