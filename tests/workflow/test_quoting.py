@@ -39,13 +39,9 @@ def hostile(tmp_path) -> Checkout:
 
 def test_a_folder_named_like_a_command_is_one_word_of_every_command(hostile):
     printed = hostile.snakemake("-n", "--printshellcmds", *OWN).stdout
-    # by a process of their own, or by a fork of one
-    own, forks = (
-        [shlex.split(line.strip()) for line in printed.splitlines() if by in line]
-        for by in ("-m gelforge", "fork_server.py")
-    )
-    words = [word for command in own + forks for word in command]
-    assert len(own) > 15 and len(forks) > 8
+    commands = [shlex.split(line.strip()) for line in printed.splitlines() if "fork_server.py" in line]
+    words = [word for command in commands for word in command]
+    assert len(commands) > 25
     assert words.count(HOSTILE) == 1  # mismatch reads the folder, the virtual lab writes into it
     assert sum(word.startswith(f"{HOSTILE}/virtual_truth/") for word in words) == 3
     assert not [word for word in words if "touch" in word and not word.startswith(HOSTILE)]
