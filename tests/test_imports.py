@@ -16,7 +16,7 @@ PACKAGE = Path(gelforge.__file__).parent
 LAYERS = [
     {"mechanics"},
     {"meshing"},
-    {"config", "files", "hdf5", "csv_table", "units", "input_files", "progress", "shipped"},
+    {"config", "files", "hdf5", "csv_table", "units", "input_files", "progress", "shipped", "registry"},
     {"materials", "indentation", "verification"},
     {"interpolation", "laws_of_study"},
     {"recording", "virtual_lab"},

@@ -12,7 +12,7 @@ import numpy as np
 
 from gelforge.config.importing import CameraSource
 from gelforge.csv_table import read_csv
-from gelforge.importing.message_images import message_images
+from gelforge.importing.message_images import decoded, message_images
 from gelforge.importing.messages import is_bag
 from gelforge.importing.refusals import ImportingError, refuse_pickle
 from gelforge.importing.streams import refuse_gaps, refuse_other_unit, stamps
@@ -126,19 +126,12 @@ def _frames(path: Path, topic: str | None) -> Iterator[tuple[str, float, np.ndar
         return
     if not path.is_file():
         raise ImportingError(f"{path}: no such video or folder; correct camera.video or camera.frames")
-    capture = cv2.VideoCapture(str(path))
-    try:
-        number = 0
-        while True:
-            ok, image = capture.read()
-            if not ok:
-                break
-            yield f"{path.name}#{number}", capture.get(cv2.CAP_PROP_POS_MSEC) / 1000, image
-            number += 1
-        if not number:
-            raise ImportingError(f"{path}: no frame can be decoded; is it a video? Convert it to MP4 or AVI")
-    finally:
-        capture.release()
+    number = 0
+    for stamp, image in decoded(path):
+        yield f"{path.name}#{number}", stamp, image
+        number += 1
+    if not number:
+        raise ImportingError(f"{path}: no frame can be decoded; is it a video? Convert it to MP4 or AVI")
 
 
 def _grey(image: np.ndarray) -> np.ndarray:

@@ -74,27 +74,32 @@ def _image(path: Path, name: str, message: Any, form: str) -> np.ndarray:
     return cv2.cvtColor(np.ascontiguousarray(image), TO_BGR[encoding]) if encoding in TO_BGR else image
 
 
+def decoded(path: Path) -> Iterator[tuple[float, np.ndarray]]:
+    """Yield time in the container [s] and image of every frame of a video file."""
+    capture = cv2.VideoCapture(str(path))
+    try:
+        while True:
+            ok, image = capture.read()
+            if not ok:
+                return
+            yield capture.get(cv2.CAP_PROP_POS_MSEC) / 1000, image
+    finally:
+        capture.release()
+
+
 def _video(path: Path, topic: str, suffix: str, first, rest) -> Iterator[tuple[str, float, np.ndarray]]:
     """Yield the frames of a stream of video, one per message. Raises ImportingError where their numbers differ."""
-    stamps = []
+    stamps, number = [], 0
     with tempfile.TemporaryDirectory() as folder:
         stream = Path(folder) / f"stream{suffix}"
         with open(stream, "wb") as file:
             for received, message in _chain(first, rest):
                 stamps.append(_stamp(message, received))
                 file.write(_bytes(message))
-        capture = cv2.VideoCapture(str(stream))
-        try:
-            number = 0
-            while True:
-                ok, image = capture.read()
-                if not ok:
-                    break
-                if number < len(stamps):
-                    yield f"{topic}#{number}", stamps[number], image
-                number += 1
-        finally:
-            capture.release()
+        for _, image in decoded(stream):
+            if number < len(stamps):
+                yield f"{topic}#{number}", stamps[number], image
+            number += 1
     if number != len(stamps):
         raise ImportingError(
             f"{path}: {topic} decodes to {number} frames of {len(stamps)} messages; its stamps cannot be matched: export the"

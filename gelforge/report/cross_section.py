@@ -128,7 +128,7 @@ def _dimensions(ax: Axes, sensor: Sensor, width: float, unit: float) -> None:
 
 
 def _dimension(ax: Axes, start: tuple[float, float], end: tuple[float, float], text: str) -> None:
-    """Draw a line with an arrow at each end, and its text under it or beside it."""
+    """Draw a line with an arrow at each end, and its text below or at its side."""
     arrow = {"arrowstyle": "<|-|>", "color": INK, "lw": 0.8, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7}
     ax.annotate("", end, start, arrowprops=arrow)
     middle = (np.array(start) + end) / 2

@@ -119,6 +119,10 @@ def serve(address: str) -> None:
     """Fork for each job that asks, until standard input is closed: the Snakemake that started this is no more."""
     import selectors
 
+    from gelforge.cli import keep_compiled_kernels, open_without_locks
+
+    keep_compiled_kernels()
+    open_without_locks()
     listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     listening.bind(address)
     listening.listen(OPEN)
@@ -137,7 +141,7 @@ def serve(address: str) -> None:
         except (OSError, ValueError):  # a job that was killed as it asked
             connection.close()
             continue
-        code = code or digest()
+        code = code or digest()  # before what solves, reads and learns is imported: a later edit is seen
         load(request["arguments"][0])
         if not os.fork():
             listening.close()
@@ -151,11 +155,7 @@ def serve(address: str) -> None:
 
 
 def digest() -> str:
-    """Return the digest of the package's code as it is now; before anything is imported, so that a later edit is seen."""
-    from gelforge.cli import keep_compiled_kernels, open_without_locks
-
-    keep_compiled_kernels()
-    open_without_locks()
+    """Return the digest of the package's code as it is now."""
     from gelforge.files import source_digest
 
     return source_digest(".")

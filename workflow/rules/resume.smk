@@ -77,11 +77,6 @@ def begin_jobs(jobs):
         show_stages(logger, rules, WEIGHTS)
 
 
-def is_mirrored(job):
-    cell = job.wildcards.get("cell") if job.rule.name != "variant" else None
-    return cell in CELLS and bool(CELLS[cell].source)
-
-
 def solved_files():
     """Return the files of all cells that the study solves, mirrored ones among them."""
     own = [

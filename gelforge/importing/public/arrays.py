@@ -37,7 +37,7 @@ def load_arrays(path: Path) -> dict[str, np.ndarray]:
 def files_of(path: Path, kinds: tuple[str, ...], what: str) -> list[Path]:
     """Return the files of these kinds in a folder and below it in the order of names, or the file itself.
 
-    A file that has a namesake of the first kind beside it was converted to that, and is left.
+    A file with a namesake of the first kind in its folder was converted to that, and is left.
     """
     if path.is_file():
         return [path]
