@@ -52,6 +52,10 @@ def page_of(notebook, name: str, seconds: float) -> tuple[str, dict[str, bytes]]
         parts.append(f"```python\n{cell.source}\n```")
         for output in cell.outputs:
             data = output.get("data", {})
+            if (
+                output.output_type == "execute_result"
+            ):  # the value of a last line, which says nothing to a reader
+                continue
             text = output.get("text") or (data.get("text/plain") if "image/png" not in data else "")
             if text:
                 parts.append(f"```text\n{_without_folder(text).rstrip()}\n```")
