@@ -4,7 +4,7 @@ usage: python -m benchmarks.opened_sets judge eighteenth nineteenth [--limit 20]
        python -m benchmarks.opened_sets score eighteenth nineteenth
 
 A set NAME is made again as NAME_again (at its own commit, docs/concealed-sets.md), so that the verdicts of its first judging
-stay in benchmarks/concealed/judged/NAME.tar.xz; a set whose seals are not those of the archive is refused. Of the cases on
+stay in benchmarks/concealed/judged/NAME.tar.xz; a case whose seals are not those of the archive is refused. Of the cases on
 the plain base that the former judge has judged the strong single effects come first, then those in which nothing is hidden,
 then the others. Truths choose the order, and parts of these sets have served to develop the judge: what comes out is a
 hypothesis and no proof. SYNTHETIC.
@@ -63,17 +63,18 @@ def folder_of(name: str) -> Path:
 def first_judged(name: str) -> dict[str, tuple[dict | None, pd.DataFrame | None]]:
     """Return what the former judge said of each case of a set: verdict and readings, None where it failed.
 
-    Raises SealBroken where the set that was made again is another one.
+    Raises SealBroken where one of these cases is another one in the set that was made again.
     """
     found = {}
     with tarfile.open(ARCHIVES / f"{name}.tar.xz") as packed:
         files = {entry.name: packed.extractfile(entry).read() for entry in packed if entry.isfile()}
-    published = json.loads(files["set/sealed.json"])
-    if published != sealing.read(folder_of(name) / "sealed.json"):
-        raise sealing.SealBroken(
-            f"{folder_of(name)}: not the set judged in {name}.tar.xz; make it again at commit {published['commit']}"
-        )
+    published, again = json.loads(files["set/sealed.json"]), sealing.read(folder_of(name) / "sealed.json")
     for case in json.loads(files["set/judged.json"]):
+        if published["cases"][case] != again["cases"].get(case):
+            raise sealing.SealBroken(
+                f"{folder_of(name)}, {case}: not the case judged in {name}.tar.xz; make the set again at commit"
+                f" {published['commit']}"
+            )
         verdict = files.get(f"set/verdicts/{case}/verdict.json")
         readings = files.get(f"set/verdicts/{case}/readings.csv")
         found[case] = (
