@@ -28,7 +28,7 @@ import pandas as pd
 from gelforge.mechanics.body import Body
 from gelforge.mechanics.equilibrium import Press, Settings
 from gelforge.mechanics.indenters import Sphere
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.mechanics.meshes import Block, Mesh, Sizes, layered_block
 
 BLOCK = Block(12.0, 12.0, (("gel", 3.0), ("skin", 1.0)))

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.mechanics.meshes import Mesh
 
 CAP_THICKNESS = 0.3  # mm

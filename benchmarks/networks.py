@@ -31,7 +31,11 @@ NETWORKS = {
     "unet-turned": {"symmetry": "d4"},
     "cnn": {"network": "cnn"},
     "paper": {"network": "paper", "epochs": 210},  # some 3100 steps of the demo's 400 rows
-    "paper-converged": {"network": "paper", "epochs": 400, "patience": 15},  # for many rows: until validation says so
+    "paper-converged": {
+        "network": "paper",
+        "epochs": 400,
+        "patience": 15,
+    },  # for many rows: until validation says so
 }
 USUAL = [name for name in NETWORKS if name != "paper-converged"]
 

@@ -34,7 +34,7 @@ from gelforge.learning.evaluation import CONTACT_N, LIGHT_N  # noqa: E402
 from gelforge.learning.model_file import Model, load_model  # noqa: E402
 from gelforge.learning.training import Run, train  # noqa: E402
 from gelforge.materials.fitting.law_file import read_law  # noqa: E402
-from gelforge.mechanics.laws import Ogden  # noqa: E402
+from gelforge.mechanics.laws.models.ogden import Ogden  # noqa: E402
 
 STIFFER = 1.12
 NOISE_N = np.array(

@@ -9,7 +9,7 @@ from gelforge.mechanics.body import Body
 from gelforge.mechanics.elements import TET10_FACES, lumped_area, quadratic_tetrahedra
 from gelforge.mechanics.equilibrium import Press, Settings
 from gelforge.mechanics.indenters import Sphere
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.mechanics.meshes import Block, Mesh, Sizes, Surface, layered_block
 
 GEL = Ogden((7.9652e-3, 0.3093e-3), (1.2769, 3.5676))  # MPa; Sferrazza et al. 2019, table 1

@@ -14,9 +14,10 @@ PACKAGE = Path(gelforge.__file__).parent
 
 # A module may import from its own layer and from lower ones. Folders of one layer do not import each other.
 LAYERS = [
+    {"registry", "section"},
     {"mechanics"},
     {"meshing"},
-    {"config", "files", "hdf5", "csv_table", "units", "input_files", "progress", "shipped", "registry"},
+    {"config", "files", "hdf5", "csv_table", "units", "input_files", "progress", "shipped"},
     {"materials", "indentation", "verification"},
     {"interpolation", "laws_of_study"},
     {"recording", "virtual_lab"},
@@ -51,7 +52,7 @@ CONFINED = {
     "pytetwild": {"meshing"},
     "meshio": {"meshing", "indentation"},
 }
-MECHANICS_KNOWS = {"numpy", "scipy", "numba", "pypardiso"}
+MECHANICS_KNOWS = {"numpy", "scipy", "numba", "pypardiso", "pydantic"}  # pydantic: parameters as given
 
 
 def layer_of(part: str) -> int:

@@ -34,7 +34,7 @@ class Fault:
 FAULTS = tuple(
     Fault(*one)
     for one in [
-        ("constitutive models", "gelforge/mechanics/laws.py",
+        ("constitutive models", "gelforge/mechanics/laws/models/ogden.py",
          "return sum(m * lam**a for m, a in zip(self.mu, self.alpha))",
          "return sum(m * lam**a for m, a in zip(self.mu, self.alpha)) * 1.01",
          "tests/mechanics/test_laws.py"),
@@ -64,7 +64,7 @@ FAULTS = tuple(
         ("checksums", "gelforge/files.py", "if found != stated:", "if False:", "tests/test_products.py"),
         ("tables", "gelforge/csv_table.py", "if not math.isfinite(value):", "if False:",
          "tests/test_csv_table.py tests/recording/test_readings.py"),
-        ("configuration", "gelforge/config/common.py", 'extra="forbid", frozen=True',
+        ("configuration", "gelforge/section.py", 'extra="forbid", frozen=True',
          'extra="ignore", frozen=True', "tests/test_config.py"),
         ("imports", "gelforge/mechanics/upward.py", "", "import gelforge.report.page\n",
          "tests/test_imports.py"),

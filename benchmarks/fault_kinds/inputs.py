@@ -81,7 +81,7 @@ def _plan() -> object:
     from gelforge.config import load_study
     from gelforge.indentation.inputs import inputs_digest
     from gelforge.indentation.plan import plan_cells
-    from gelforge.mechanics.laws import NeoHooke
+    from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
 
     study = load_study("study.yaml")
     laws = {name: NeoHooke(0.02) for name in study.materials}  # parameters that are given count by themselves

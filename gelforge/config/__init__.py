@@ -21,7 +21,7 @@ from gelforge.config.files import (
     write_yaml,
 )
 from gelforge.config.learning import Dataset, Features, Learning
-from gelforge.config.materials import LAW_NAMES, Fitting, LawParameters, Material, OgdenParameters
+from gelforge.config.materials import LAW_NAMES, Fitting, LawParameters, Material
 from gelforge.config.mechanics import Contact, Mechanics, Mesh, Solver
 from gelforge.config.plan import Grid, Interpolation, Plan
 from gelforge.config.sensor import Bins, Flange, Indenter, IndenterPart, Layer, Sensor, Shape
@@ -37,6 +37,7 @@ from gelforge.config.virtual_lab import (
     VirtualSample,
     VirtualSession,
 )
+from gelforge.mechanics.laws.models.ogden import OgdenParameters
 
 __all__ = [
     "SOFT_SHARE",

@@ -6,8 +6,21 @@ import re
 import warnings
 from typing import Annotated
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator
 
+from gelforge.section import Fraction, NonNegative, Positive, Section
+
+__all__ = [
+    "NAME",
+    "ConfigError",
+    "Fraction",
+    "Name",
+    "NonNegative",
+    "OldKey",
+    "Positive",
+    "Section",
+    "without_former",
+]
 NAME = re.compile(r"[A-Za-z0-9_-]+")
 
 
@@ -26,15 +39,6 @@ def _check_name(name: str) -> str:
 
 
 Name = Annotated[str, AfterValidator(_check_name)]
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
-Fraction = Annotated[float, Field(ge=0, lt=1)]
-
-
-class Section(BaseModel):
-    """A block of keys; what it does not name is refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 def without_former(value: object, former: set[str], instead: str) -> object:

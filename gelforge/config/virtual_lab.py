@@ -8,9 +8,9 @@ from pydantic import Field, model_serializer, model_validator
 
 from gelforge.config.camera import Camera
 from gelforge.config.common import Fraction, Name, NonNegative, Positive, Section
-from gelforge.config.materials import OgdenParameters
 from gelforge.config.mechanics import Mechanics, Mesh
 from gelforge.config.session import StageToSensor
+from gelforge.mechanics.laws.models.ogden import OgdenParameters
 
 
 class VirtualParticles(Section):

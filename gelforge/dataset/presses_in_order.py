@@ -30,7 +30,7 @@ from gelforge.indentation.error_bars import COARSER, Companion, error_bars
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.simulate import simulate_in_order
 from gelforge.mechanics.equilibrium import NotConverged
-from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.peak_grid import Box, PeakGrid
 from gelforge.progress import tracked
 

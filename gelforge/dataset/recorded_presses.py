@@ -15,7 +15,7 @@ from gelforge.files import digest, source_digest
 from gelforge.indentation.inputs import inputs_digest
 from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell
 from gelforge.indentation.trajectory import Trajectory
-from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.recording.checks import RecordingError
 from gelforge.recording.join import cells_of_presses, press_table
 from gelforge.recording.path_through import path_through

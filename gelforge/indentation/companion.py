@@ -19,7 +19,7 @@ from gelforge.indentation.touching import untouched
 from gelforge.indentation.trajectory import Trajectory
 from gelforge.mechanics.direct import Varied, follow_with_slopes
 from gelforge.mechanics.equilibrium import NotConverged, Press
-from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.mechanics.laws.law import PrincipalLaw
 
 
 def simulate_label(

@@ -9,7 +9,7 @@ from gelforge.config import Study
 from gelforge.files import digest, file_sha256, source_digest
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.surface_files import file_digests, surface_digests
-from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.mechanics.laws.law import PrincipalLaw
 
 
 def inputs_digest(study: Study, laws: dict[str, PrincipalLaw], planned: PlannedCell) -> str:

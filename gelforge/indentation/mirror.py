@@ -11,7 +11,7 @@ from gelforge.indentation.cell_file import ERROR_BARS, TIMINGS, Cell
 from gelforge.indentation.inputs import inputs_digest
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.symmetry import transform_bins, transform_points, transform_vectors
-from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.mechanics.laws.law import PrincipalLaw
 
 
 def mirror_cell(source: Cell, study: Study, laws: dict[str, PrincipalLaw], planned: PlannedCell) -> Cell:

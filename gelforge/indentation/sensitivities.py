@@ -23,7 +23,7 @@ from gelforge.indentation.simulate import Model, model_of, simulate_cell
 from gelforge.indentation.trajectory import Trajectory
 from gelforge.mechanics.direct import Varied, follow_with_slopes
 from gelforge.mechanics.equilibrium import NotConverged, Press, State
-from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.mechanics.laws.law import PrincipalLaw
 
 LITTLE_WAY = (
     1e-3  # of what carries nodes per unit, by which they are moved to see how their bins share the forces

@@ -46,7 +46,7 @@ from gelforge.mechanics.body import Body, SmallStrainBody
 from gelforge.mechanics.equilibrium import NotConverged, Press, Settings, State
 from gelforge.mechanics.indenters import DOWN, rotation_of
 from gelforge.mechanics.indenters import Indenter as Shape
-from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.memory import RememberingBody
 from gelforge.mechanics.meshes import Mesh
 from gelforge.mechanics.peak_grid import PeakGrid

@@ -8,7 +8,7 @@ from gelforge.indentation.indenter_shapes import real_indenter, shape_of
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.reach import planned_reach
 from gelforge.indentation.trajectory import Trajectory
-from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.mechanics.laws.law import PrincipalLaw
 
 
 def check_stable_ahead(study: Study, laws: dict[str, PrincipalLaw], cells: dict[str, PlannedCell]) -> None:

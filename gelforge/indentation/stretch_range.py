@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from gelforge.mechanics.laws import PrincipalLaw
-from gelforge.mechanics.stability import drucker_margin
+from gelforge.mechanics.laws.law import PrincipalLaw
+from gelforge.mechanics.laws.stability import drucker_margin
 
 Outside = Callable[
     [np.ndarray], np.ndarray

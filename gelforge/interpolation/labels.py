@@ -17,7 +17,7 @@ from gelforge.indentation.lattice import name_of
 from gelforge.indentation.mirror import mirror_cell
 from gelforge.indentation.plan import PlannedCell
 from gelforge.interpolation.solved_sites import OWN, SolvedSites
-from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.mechanics.laws.law import PrincipalLaw
 
 # attributes of the nearest solved site that tell of a label between as well: ranges of stretch, what was touched
 OF_SITE = (

@@ -11,9 +11,9 @@ import scipy.sparse as sp
 
 from gelforge.mechanics.elements import ELEMENTS, element_gradient
 from gelforge.mechanics.kernels import ASSEMBLE
-from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.mechanics.laws.law import NEAREST_LIMIT, PrincipalLaw
+from gelforge.mechanics.laws.points import point_number
 from gelforge.mechanics.meshes import Mesh
-from gelforge.mechanics.point_laws import NEAREST_LIMIT
 from gelforge.mechanics.sparsity import Pattern, build_pattern
 
 LEAST_J = 0.05  # an iterate in which a point keeps less of its volume is shortened
@@ -87,7 +87,7 @@ class Body:
         self._assemble = ASSEMBLE[mesh.elements.shape[1]]
         self._assembled = None if self.pattern.condense is None else np.empty(self.pattern.assembled)
         by_region = [laws[name] for name in mesh.regions]
-        self.law = np.array([law.point_law for law in by_region])
+        self.law = np.array([point_number(law) for law in by_region])
         self.constants = np.zeros((len(by_region), max(len(law.point_constants) for law in by_region)))
         for r, law in enumerate(by_region):
             self.constants[r, : len(law.point_constants)] = law.point_constants

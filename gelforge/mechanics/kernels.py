@@ -17,7 +17,7 @@ from math import erf, exp, log, pi, sqrt
 import numba as nb
 import numpy as np
 
-from gelforge.mechanics.point_laws import principal_stress
+from gelforge.mechanics.laws.points import FINGERPRINT, principal_stress
 
 FAST = {"reassoc", "contract", "nsz", "arcp"}
 # Sum of squares off the diagonal at which Jacobi's rotations end: eigenvectors are then right to its root, which is below
@@ -259,11 +259,12 @@ _eigen_of_8, _eigen_of_4 = _eigen_solver(8), _eigen_solver(4)
 _blocks_of_8, _blocks_of_10 = _element_blocks(8, 8), _element_blocks(10, 4)
 
 
-def _assembler(NODES: int, POINTS: int, LOCAL: bool, MEMORY: bool):
+def _assembler(NODES: int, POINTS: int, LOCAL: bool, MEMORY: bool, LAWS: int = FINGERPRINT):
     """Return `assemble` compiled for elements of this many nodes and quadrature points: constant loops vectorise.
 
     LOCAL: part of the bulk modulus resists the volume change of every point rather than that of the element.
     MEMORY: the points soften and carry frozen stresses; without, gain, frozen, peak and softening are not read.
+    LAWS: closed over, so that a kernel on disk is not taken for that of other laws.
     """
 
     @nb.njit(cache=True, fastmath=FAST, error_model="numpy")
@@ -283,6 +284,7 @@ def _assembler(NODES: int, POINTS: int, LOCAL: bool, MEMORY: bool):
         of length 0; f_mixed (N, 3) [N] internal force with the given pressure; f_condensed (N, 3) the same with p_volume;
         p_volume (E,) = K (theta - 1); coupling (E, A, 3) = dv/du [mm^2].
         """
+        _ = LAWS
         tangent = data.shape[0] > 0
         F = np.empty((POINTS, 3, 3))
         Js = np.empty(POINTS)

@@ -23,7 +23,7 @@ from scipy.special import erf
 
 from gelforge.mechanics.body import Body
 from gelforge.mechanics.kernels import ASSEMBLE_WITH_MEMORY
-from gelforge.mechanics.laws import DEVIATOR
+from gelforge.mechanics.laws.law import DEVIATOR
 
 PAIRS = np.array(
     [[0, 0], [1, 1], [2, 2], [0, 1], [1, 2], [0, 2]]

@@ -17,7 +17,7 @@ import numpy as np
 
 from gelforge.mechanics.body import Body
 from gelforge.mechanics.elements import ELEMENTS, Element, quadratic_tetrahedra
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.mechanics.meshes import Block, Mesh, Sizes, layered_block
 from gelforge.mechanics.sparse import direct_solver, refined_solve
 

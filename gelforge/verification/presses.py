@@ -11,7 +11,7 @@ from gelforge.mechanics.body import Body, SmallStrainBody
 from gelforge.mechanics.elements import lumped_area
 from gelforge.mechanics.equilibrium import Press, Settings, State
 from gelforge.mechanics.indenters import Cylinder, Sphere
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.mechanics.meshes import Block, Mesh, Sizes, layered_block
 from gelforge.mechanics.reference_solutions import (
     bonded_layer_at_radius,

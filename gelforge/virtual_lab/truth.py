@@ -7,7 +7,7 @@ from gelforge.files import digest, source_digest
 from gelforge.indentation.cell_file import Cell
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.simulate import Trajectory, simulate_trajectory
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.virtual_lab.particles import VirtualLabError
 
 KPA = 1e-3  # MPa

@@ -15,7 +15,8 @@ from gelforge.indentation.simulate import model_of, simulate_cell, simulate_traj
 from gelforge.indentation.trajectory import Trajectory
 from gelforge.mechanics.body import Body
 from gelforge.mechanics.equilibrium import Press
-from gelforge.mechanics.laws import NeoHooke, Ogden
+from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
+from gelforge.mechanics.laws.models.ogden import Ogden
 
 LAWS = specimens.STUDY_LAWS
 BY_LAYER = {"gel": specimens.GEL, "skin": specimens.SKIN}

@@ -13,7 +13,7 @@ from gelforge.config import ConfigError
 from gelforge.indentation.plan import PlannedCell, plan_cells, press_path
 from gelforge.indentation.simulate import simulate_cell
 from gelforge.mechanics.contact import OPEN, SLIP, STICK
-from gelforge.mechanics.laws import Yeoh
+from gelforge.mechanics.laws.models.yeoh import Yeoh
 
 LAWS = specimens.STUDY_LAWS
 CENTRE = specimens.CENTRE

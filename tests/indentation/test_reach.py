@@ -13,7 +13,7 @@ from gelforge.indentation.reach import planned_reach
 from gelforge.indentation.simulate import Trajectory, model_of, simulate_cell
 from gelforge.indentation.touchdown import surface_point
 from gelforge.mechanics.indenters import Sphere
-from gelforge.mechanics.laws import Yeoh
+from gelforge.mechanics.laws.models.yeoh import Yeoh
 
 LAWS = specimens.STUDY_LAWS
 BY_LAYER = {"gel": specimens.GEL, "skin": specimens.SKIN}

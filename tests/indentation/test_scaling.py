@@ -17,7 +17,7 @@ from gelforge.indentation.simulate import simulate_cell
 from gelforge.mechanics.body import Body
 from gelforge.mechanics.equilibrium import Press, Settings
 from gelforge.mechanics.indenters import Sphere
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.mechanics.meshes import Sizes, layered_block
 
 CENTRE = specimens.CENTRE

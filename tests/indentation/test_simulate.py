@@ -14,7 +14,7 @@ from gelforge.indentation.mirror import mirror_cell
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.simulate import Trajectory, simulate_cell, simulate_trajectory
 from gelforge.indentation.symmetry import D4, transform_bins, transform_points
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.laws.models.ogden import Ogden
 
 LAWS = specimens.STUDY_LAWS
 PLANNED = PlannedCell("x0_y0", *specimens.CORNER, (0.4, 0.8))

@@ -11,7 +11,7 @@ from gelforge.indentation.cell_file import Cell
 from gelforge.indentation.lattice import Lattice
 from gelforge.interpolation.nodal_forces import NodalForces
 from gelforge.interpolation.solved_sites import SolvedSites
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.laws.models.ogden import Ogden
 
 LAWS = {"gel": Ogden((0.008,), (2.0,))}
 RADIUS, SIZE = 5.0, 0.25  # of the ball, and between nodes [mm]

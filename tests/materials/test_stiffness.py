@@ -12,7 +12,8 @@ from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.stability_ahead import check_stable_ahead
 from gelforge.materials.characterise import characterise, given_law
 from gelforge.materials.fitting.stiffness import check_stiffness, stiffness_words
-from gelforge.mechanics.laws import Ogden, Yeoh
+from gelforge.mechanics.laws.models.ogden import Ogden
+from gelforge.mechanics.laws.models.yeoh import Yeoh
 
 
 def law(**parameters):

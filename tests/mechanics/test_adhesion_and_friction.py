@@ -11,7 +11,7 @@ from gelforge.mechanics.body import Body
 from gelforge.mechanics.contact import SLIP, STICK
 from gelforge.mechanics.equilibrium import Press, Settings
 from gelforge.mechanics.indenters import Cylinder, Sphere
-from gelforge.mechanics.laws import NeoHooke
+from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
 from gelforge.mechanics.meshes import Block, Sizes, layered_block
 
 WORK, RANGE = 1e-4, 0.2  # N/mm, mm

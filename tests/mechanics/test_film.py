@@ -8,7 +8,7 @@ from gelforge.mechanics.body import Body
 from gelforge.mechanics.contact import film_given
 from gelforge.mechanics.equilibrium import Press, Settings
 from gelforge.mechanics.indenters import Cylinder, Sphere
-from gelforge.mechanics.laws import NeoHooke
+from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
 from gelforge.mechanics.meshes import Block, Sizes, layered_block
 
 SOFT, RIGID = {"gel": NeoHooke(0.02)}, {"gel": NeoHooke(500.0)}  # MPa

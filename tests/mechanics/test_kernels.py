@@ -15,11 +15,15 @@ from numpy.testing import assert_allclose
 import gelforge
 from gelforge.mechanics.body import Body, bulk_to_shear_of
 from gelforge.mechanics.elements import ELEMENTS
-from gelforge.mechanics.laws import Gent, MooneyRivlin, NeoHooke, Ogden, Yeoh
+from gelforge.mechanics.laws.models.gent import Gent
+from gelforge.mechanics.laws.models.mooney_rivlin import MooneyRivlin
+from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
+from gelforge.mechanics.laws.models.ogden import Ogden
+from gelforge.mechanics.laws.models.yeoh import Yeoh
 from gelforge.mechanics.sparsity import build_pattern
 
 COMPILED = (
-    *("mechanics.kernels", "mechanics.point_laws", "mechanics.contact", "mechanics.closed_surface"),
+    *("mechanics.kernels", "mechanics.laws.points", "mechanics.contact", "mechanics.closed_surface"),
     *("mechanics.sparsity", "recording.features", "virtual_lab.imaging"),
 )
 rng = np.random.default_rng(11)

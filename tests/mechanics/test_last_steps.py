@@ -8,7 +8,7 @@ from gelforge.mechanics.body import Body
 from gelforge.mechanics.contact import OPEN
 from gelforge.mechanics.equilibrium import PATIENCE, NotConverged, Press, Settings
 from gelforge.mechanics.indenters import Box
-from gelforge.mechanics.laws import NeoHooke
+from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
 from gelforge.mechanics.meshes import Block, Sizes, layered_block
 
 BLOCK = Block(12.0, 12.0, (("gel", 3.0),), wall=1.0)

@@ -6,7 +6,7 @@ import specimens
 from numpy.testing import assert_allclose
 from scipy.special import erf
 
-from gelforge.mechanics.laws import NeoHooke
+from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
 from gelforge.mechanics.memory import Relaxation, RememberingBody, Softening
 from gelforge.mechanics.sparsity import build_pattern
 

@@ -22,8 +22,8 @@ from gelforge.indentation.plan import PlannedCell, plan_cells, variant_cells
 from gelforge.materials.fitting.law_file import MaterialLaw, write_law
 from gelforge.materials.fitting.material_table import material_table
 from gelforge.materials.readers.measured_effects import MeasuredEffect, MeasuredEffects
-from gelforge.mechanics.homogeneous import cauchy_stress
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.laws.homogeneous import cauchy_stress
+from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.recording.plausibility.findings import Finding, Findings, write_findings
 from gelforge.report.mismatch_page import write_mismatch_page
 

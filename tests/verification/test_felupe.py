@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from gelforge.mechanics.body import Body
 from gelforge.mechanics.equilibrium import Press
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.mechanics.meshes import Block, Sizes, layered_block
 
 pytest.importorskip("felupe", reason="FElupe is not installed: pip install -e .[verification]")

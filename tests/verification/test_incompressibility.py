@@ -10,7 +10,7 @@ from scipy.sparse.linalg import splu
 
 from gelforge.mechanics.body import Body
 from gelforge.mechanics.elements import ELEMENTS
-from gelforge.mechanics.laws import NeoHooke
+from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
 from gelforge.mechanics.meshes import Block, Sizes, layered_block
 from gelforge.mechanics.sparse import SuperLU, direct_solver, refined_solve
 from gelforge.verification.manufactured import PRESSURE, cube, isochoric_field, solve_manufactured

@@ -8,7 +8,10 @@ import specimens
 from numpy.testing import assert_allclose
 
 from gelforge.mechanics.body import Body
-from gelforge.mechanics.laws import Gent, MooneyRivlin, NeoHooke, Yeoh
+from gelforge.mechanics.laws.models.gent import Gent
+from gelforge.mechanics.laws.models.mooney_rivlin import MooneyRivlin
+from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
+from gelforge.mechanics.laws.models.yeoh import Yeoh
 from gelforge.mechanics.sparse import SuperLU, refined_solve
 
 LAWS = {

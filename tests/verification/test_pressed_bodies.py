@@ -9,7 +9,10 @@ from specimens import BALL, CENTRE, LAWS, TO_ROUNDING
 from gelforge.mechanics.balances import force_balance
 from gelforge.mechanics.body import Body, bulk_to_shear_of
 from gelforge.mechanics.equilibrium import NotConverged, Press, Settings
-from gelforge.mechanics.laws import Gent, MooneyRivlin, NeoHooke, Yeoh
+from gelforge.mechanics.laws.models.gent import Gent
+from gelforge.mechanics.laws.models.mooney_rivlin import MooneyRivlin
+from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
+from gelforge.mechanics.laws.models.yeoh import Yeoh
 from gelforge.mechanics.meshes import Block, Sizes, layered_block
 
 MU = specimens.GEL.shear_modulus

@@ -12,7 +12,7 @@ from gelforge.indentation.binning import bin_forces, surface_shares
 from gelforge.mechanics.body import Body
 from gelforge.mechanics.equilibrium import Press, Settings
 from gelforge.mechanics.indenters import Sphere
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.mechanics.meshes import layered_block
 
 SETTINGS = Settings(force_tolerance=1e-9, gap_tolerance=1e-8, volume_tolerance=1e-9)

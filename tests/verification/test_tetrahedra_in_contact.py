@@ -9,7 +9,7 @@ from gelforge.indentation.binning import node_areas
 from gelforge.mechanics.body import Body, SmallStrainBody
 from gelforge.mechanics.equilibrium import Press, Settings
 from gelforge.mechanics.indenters import Cylinder, Sphere
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.mechanics.meshes import Block, Sizes, layered_block
 from gelforge.mechanics.reference_solutions import bonded_layer_at_radius, poissons_ratio
 from gelforge.verification.presses import spread_out

@@ -17,7 +17,7 @@ from gelforge.indentation.cell_file import write_cell
 from gelforge.indentation.plan import PlannedCell, plan_cells
 from gelforge.indentation.simulate import simulate_cell
 from gelforge.learning.data import images_of_presses
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.mismatch.readings.sessions import observe
 from gelforge.recording.checks import RecordingError
 from gelforge.recording.features import judge_all, session_features

@@ -26,7 +26,7 @@ from gelforge.indentation.sensitivities import Derivative, Variation, derivative
 from gelforge.indentation.simulate import simulate_cell, simulate_in_order, simulate_trajectory
 from gelforge.indentation.trajectory import Trajectory
 from gelforge.mechanics.equilibrium import NotConverged
-from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mismatch.fem.stored import described, path_at, place_digest, read_stored, slope_digest
 from gelforge.progress import tracked
 

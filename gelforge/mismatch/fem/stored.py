@@ -21,7 +21,7 @@ from gelforge.indentation.cell_file import write_timings
 from gelforge.indentation.inputs import inputs_digest
 from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell, plan_cells
 from gelforge.indentation.sensitivities import Derivative, Variation
-from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.mechanics.laws.law import PrincipalLaw
 
 FORMAT = "gelforge-sensitivities-1"
 REMEDY = "solve it again (`gelforge sensitivities`, or snakemake -R on the file)"

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.mechanics.laws.law import PrincipalLaw
 
 # exponents of lam in (lam_1, lam_2, lam_3)
 LOAD_CASES = {

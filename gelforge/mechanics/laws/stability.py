@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.mechanics.laws.law import PrincipalLaw
 
 # columns span the plane de_1 + de_2 + de_3 = 0; first: uniaxial extension
 PLANE = np.array([[2.0, 0.0], [-1.0, 1.0], [-1.0, -1.0]]) / np.sqrt([6.0, 2.0])

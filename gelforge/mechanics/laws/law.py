@@ -6,23 +6,23 @@ F_bar = J^(-1/3) F,
 .. math::
     W_{iso}(F) = W(\bar\lambda_1, \bar\lambda_2, \bar\lambda_3), \qquad \bar\lambda_i = J^{-1/3} \lambda_i .
 
-These plain NumPy forms are the twins of the compiled point routines (`point_laws`), which are tested against them: a new
-law is a class here, naming one of those routines and its constants.
+These plain NumPy forms are the twins of the compiled point routines (`points`), which are tested against them. The laws are
+in `models`, one file each.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import asdict, dataclass
-from typing import ClassVar
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any, ClassVar
 
 import numpy as np
 
-# Families of laws that share a compiled routine, and its constants.
-OGDEN = 0  # mu_1, alpha_1, mu_2, alpha_2, ... with mu = 0 for absent terms
-POLYNOMIAL = 1  # C10, C01, C20, C30: neo-Hooke, Mooney-Rivlin, Yeoh
-GENT = 2  # mu, Jm
 DEVIATOR = np.eye(3) - 1 / 3  # takes the mean off a triple of principal values
+# Beyond this share of a limiting extension stress and slope of the compiled routines stay what they are there: finite
+# numbers for an iterate that is never accepted. A state so close to the limit has 10^4 times the modulus at rest.
+NEAREST_LIMIT = 1 - 1e-4
 
 
 class PrincipalLaw(ABC):
@@ -33,13 +33,16 @@ class PrincipalLaw(ABC):
     conjugate.
     """
 
-    name: ClassVar[str]  # in files
-    point_law: ClassVar[int]  # the compiled routine that knows this law
+    name: ClassVar[str]  # in files and configurations
+    # The routine of one point: a plain function of scalars, which Numba compiles into the element loops (`points`).
+    # point(constants, lam, beta, gamma) fills beta (3,) and gamma (3, 3) at the isochoric stretches lam (3,), and returns
+    # the energy and the extension over its limit. That of a law of the invariants is in InvariantLaw.
+    point: ClassVar[Callable[..., Any]]
 
     @property
     @abstractmethod
     def point_constants(self) -> tuple[float, ...]:
-        """Return the constants in the order in which the compiled routine takes them."""
+        """Return the constants in the order in which the point routine takes them."""
 
     @property
     @abstractmethod
@@ -49,6 +52,20 @@ class PrincipalLaw(ABC):
     def description(self) -> dict:
         """Return name and constants (moduli in MPa) under plain keys, as files state them."""
         return {"law": self.name} | asdict(self)
+
+    def file_keys(self) -> dict:
+        """Return keys of law.json for readers who want the constants by themselves."""
+        return {}
+
+    def with_exponents(self, factor: float) -> PrincipalLaw:
+        """Return the law that stiffens faster by a factor > 0, with the same shear modulus; 1 gives the law itself."""
+        if not factor > 0:
+            raise ValueError(f"exponent factor {factor:g}; > 0 is needed")
+        return self if factor == 1 else self.stiffening_faster(factor)
+
+    def stiffening_faster(self, factor: float) -> PrincipalLaw:
+        """Return what with_exponents does to this law. Raises ValueError for a law without such a constant."""
+        raise ValueError(f"{type(self).__name__} has no exponent to change; use Ogden, Yeoh or Gent")
 
     @abstractmethod
     def principal_energy(self, lam: np.ndarray) -> np.ndarray:
@@ -115,7 +132,7 @@ class PrincipalLaw(ABC):
         li, lj = lam[..., :, None], lam[..., None, :]
         normal = (tau_e - tau[..., :, None] * np.eye(3)) / (li * lj)
         # (ln li - ln lj) / (li^2 - lj^2) = 1 / (2 li lj sinhc(ln li - ln lj))
-        same = self.principal_slope(lam_bar) / (2 * li * lj * _sinhc(np.log(li / lj)))
+        same = self.principal_slope(lam_bar) / (2 * li * lj * sinhc(np.log(li / lj)))
         cross = ((li**2 + lj**2) * same - tau[..., :, None] - tau[..., None, :]) / (2 * li * lj)
 
         A = np.zeros(lam.shape[:-1] + (3, 3, 3, 3))  # in the principal frames
@@ -128,60 +145,6 @@ class PrincipalLaw(ABC):
         return np.einsum("...ia,...bj,...kc,...dl,...abcd->...ijkl", U, Vt, U, Vt, A, optimize=True)
 
 
-@dataclass(frozen=True)
-class Ogden(PrincipalLaw):
-    r"""Ogden's law in the convention of Sferrazza et al. 2019 (doi 10.1109/ACCESS.2019.2956882), eq. 1.
-
-    .. math::
-        W = \sum_k \frac{\mu_k}{\alpha_k}
-            (\lambda_1^{\alpha_k} + \lambda_2^{\alpha_k} + \lambda_3^{\alpha_k} - 3)
-
-    The ground-state shear modulus is sum(mu * alpha) / 2 [MPa]; mu_k alpha_k > 0 for every k. (The other
-    convention, 2 mu_k / alpha_k^2, has the shear modulus sum(mu): convert with mu_k -> 2 mu_k / alpha_k.)
-    """
-
-    mu: tuple[float, ...]  # MPa
-    alpha: tuple[float, ...]
-
-    name = "ogden"
-    point_law = OGDEN
-
-    def __post_init__(self):
-        object.__setattr__(self, "mu", tuple(float(m) for m in self.mu))
-        object.__setattr__(self, "alpha", tuple(float(a) for a in self.alpha))
-        if not self.mu or len(self.mu) != len(self.alpha):
-            raise ValueError(
-                f"Ogden: {len(self.mu)} mu but {len(self.alpha)} alpha; give one alpha per mu, at least one"
-            )
-        for k, (m, a) in enumerate(zip(self.mu, self.alpha), start=1):
-            if not (np.isfinite(m * a) and m * a > 0):
-                raise ValueError(
-                    f"Ogden: mu_{k} {m} MPa and alpha_{k} {a}; mu_k alpha_k > 0 is needed, give both one sign"
-                )
-
-    @property
-    def point_constants(self):
-        return tuple(value for term in zip(self.mu, self.alpha) for value in term)
-
-    @property
-    def shear_modulus(self) -> float:
-        return sum(m * a for m, a in zip(self.mu, self.alpha)) / 2
-
-    def principal_energy(self, lam):
-        return sum(m / a * (lam**a - 1).sum(axis=-1) for m, a in zip(self.mu, self.alpha))
-
-    def principal_stress(self, lam):
-        return sum(m * lam**a for m, a in zip(self.mu, self.alpha))
-
-    def principal_tangent(self, lam):
-        return sum(m * a * lam**a for m, a in zip(self.mu, self.alpha))[..., None] * np.eye(3)
-
-    def principal_slope(self, lam):
-        li, lj = lam[..., :, None], lam[..., None, :]
-        mean, d = np.sqrt(li * lj), np.log(li / lj)  # li^a - lj^a = 2 mean^a sinh(a d / 2)
-        return sum(m * a * mean**a * _sinhc(a * d / 2) for m, a in zip(self.mu, self.alpha))
-
-
 class InvariantLaw(PrincipalLaw):
     r"""A law W(I_1, I_2) of the isochoric invariants I_1 = sum lam_i^2 and I_2 = sum lam_i^-2.
 
@@ -189,6 +152,8 @@ class InvariantLaw(PrincipalLaw):
     g_i = dI_2/d ln lam_i = -2 lam_i^-2 (Holzapfel 2000, sec. 6.2)
 
     .. math:: \beta_i = W_1 f_i + W_2 g_i .
+
+    Its point(constants, I1, I2) returns W, W_1, W_2, W_11, W_12, W_22 and the extension over its limit.
     """
 
     @abstractmethod
@@ -227,139 +192,10 @@ class InvariantLaw(PrincipalLaw):
         W1, W2 = (_for_triples(w)[..., None] for w in self.invariant_first(*_invariants(lam)))
         li, lj = lam[..., :, None], lam[..., None, :]
         # li^2 - lj^2 = 2 li lj sinh d and lj^-2 - li^-2 = 2 sinh(d) / (li lj) with d = ln(li / lj)
-        return 4 * (W1 * li * lj + W2 / (li * lj)) * _sinhc(np.log(li / lj))
+        return 4 * (W1 * li * lj + W2 / (li * lj)) * sinhc(np.log(li / lj))
 
 
-@dataclass(frozen=True)
-class NeoHooke(InvariantLaw):
-    r"""The neo-Hookean law W = mu/2 (I_1 - 3) (Treloar 1943); mu > 0 is the shear modulus [MPa]."""
-
-    mu: float
-
-    name = "neo_hooke"
-    point_law = POLYNOMIAL
-
-    def __post_init__(self):
-        _check_constants("Neo-Hooke", positive={"mu": self.mu})
-
-    @property
-    def point_constants(self):
-        return self.mu / 2, 0.0, 0.0, 0.0
-
-    def invariant_energy(self, I1, I2):
-        return self.mu / 2 * (I1 - 3)
-
-    def invariant_first(self, I1, I2):
-        return self.mu / 2, 0.0
-
-
-@dataclass(frozen=True)
-class MooneyRivlin(InvariantLaw):
-    r"""The Mooney-Rivlin law W = C_10 (I_1 - 3) + C_01 (I_2 - 3) (Mooney 1940, doi 10.1063/1.1712836).
-
-    C_10 > 0 and C_01 >= 0 [MPa] make it stable at every deformation; the shear modulus is 2 (C_10 + C_01).
-    """
-
-    C10: float
-    C01: float
-
-    name = "mooney_rivlin"
-    point_law = POLYNOMIAL
-
-    def __post_init__(self):
-        _check_constants("Mooney-Rivlin", positive={"C10": self.C10}, not_negative={"C01": self.C01})
-
-    @property
-    def point_constants(self):
-        return self.C10, self.C01, 0.0, 0.0
-
-    def invariant_energy(self, I1, I2):
-        return self.C10 * (I1 - 3) + self.C01 * (I2 - 3)
-
-    def invariant_first(self, I1, I2):
-        return self.C10, self.C01
-
-
-@dataclass(frozen=True)
-class Yeoh(InvariantLaw):
-    r"""Yeoh's law W = sum_k C_k0 (I_1 - 3)^k, k = 1..3 (Yeoh 1993, doi 10.5254/1.3538343, eq. 4).
-
-    The shear modulus is 2 C_10 > 0 [MPa]. C_20 is often negative (the stress-stretch curve is S-shaped), C_30 < 0 softens
-    at large stretch; whether the model stays stable is a question of the range used (stability.check_stable).
-    """
-
-    C10: float
-    C20: float
-    C30: float
-
-    name = "yeoh"
-    point_law = POLYNOMIAL
-
-    def __post_init__(self):
-        _check_constants("Yeoh", positive={"C10": self.C10}, free={"C20": self.C20, "C30": self.C30})
-
-    @property
-    def point_constants(self):
-        return self.C10, 0.0, self.C20, self.C30
-
-    def invariant_energy(self, I1, I2):
-        x = I1 - 3
-        return x * (self.C10 + x * (self.C20 + x * self.C30))
-
-    def invariant_first(self, I1, I2):
-        x = I1 - 3
-        return self.C10 + x * (2 * self.C20 + x * 3 * self.C30), 0.0
-
-    def invariant_second(self, I1, I2):
-        return 2 * self.C20 + 6 * self.C30 * (I1 - 3), 0.0, 0.0
-
-
-@dataclass(frozen=True)
-class Gent(InvariantLaw):
-    r"""Gent's law of limiting chain extension (Gent 1996, doi 10.5254/1.3538357, eq. 2).
-
-    .. math:: W = -\frac{\mu J_m}{2} \ln\left(1 - \frac{I_1 - 3}{J_m}\right), \qquad I_1 - 3 < J_m.
-
-    mu > 0 is the shear modulus [MPa], J_m > 0 the limit of I_1 - 3. Beyond it no stress exists: ValueError.
-    """
-
-    mu: float
-    Jm: float
-
-    name = "gent"
-    point_law = GENT
-
-    def __post_init__(self):
-        _check_constants("Gent", positive={"mu": self.mu, "Jm": self.Jm})
-
-    @property
-    def point_constants(self):
-        return self.mu, self.Jm
-
-    def admissible(self, lam):
-        lam = np.asarray(lam, dtype=float)
-        return (lam**2).sum(axis=-1) - 3 < self.Jm
-
-    def invariant_energy(self, I1, I2):
-        return -self.mu * self.Jm / 2 * np.log1p(-self._extension(I1))
-
-    def invariant_first(self, I1, I2):
-        return self.mu / (2 * (1 - self._extension(I1))), 0.0
-
-    def invariant_second(self, I1, I2):
-        return self.mu / (2 * self.Jm * (1 - self._extension(I1)) ** 2), 0.0, 0.0
-
-    def _extension(self, I1):
-        x = (I1 - 3) / self.Jm
-        if not (x < 1).all():
-            raise ValueError(
-                f"Gent: I_1 - 3 = {np.max(I1) - 3:.4g}, the chains' limit is Jm = {self.Jm:.4g};"
-                " take a smaller stretch or step"
-            )
-        return x
-
-
-def _check_constants(law: str, positive=None, not_negative=None, free=None) -> None:
+def check_constants(law: str, positive=None, not_negative=None, free=None) -> None:
     """Refuse constants without a meaning, naming the first one."""
     for limits, holds, text in (
         (positive, lambda v: v > 0, "> 0"),
@@ -397,7 +233,7 @@ def _isochoric(lam: np.ndarray) -> np.ndarray:
     return lam / np.cbrt(lam.prod(axis=-1, keepdims=True))
 
 
-def _sinhc(x: np.ndarray) -> np.ndarray:
+def sinhc(x: np.ndarray) -> np.ndarray:
     """Return sinh(x) / x, 1 at 0."""
     safe = np.where(x == 0, 1.0, x)
     return np.where(x == 0, 1.0, np.sinh(safe) / safe)
