@@ -13,7 +13,7 @@ import felupe as fem
 import numpy as np
 
 from gelforge.mechanics.laws.models.ogden import Ogden
-from gelforge.mechanics.meshes import Mesh
+from gelforge.mechanics.meshes.mesh import Mesh
 
 ITERATIONS = 30
 

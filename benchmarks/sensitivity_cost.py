@@ -41,7 +41,7 @@ from gelforge.indentation.sensitivities import (
     unmirrored,
 )
 from gelforge.indentation.simulate import simulate_cell
-from gelforge.mechanics.equilibrium import Press
+from gelforge.mechanics.solving.equilibrium import Press
 from gelforge.mismatch.effects import with_taken
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import asked_of, felt_by

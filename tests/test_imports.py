@@ -31,6 +31,7 @@ LAYERS = [
 ]
 # The rooms of a large part, in the same manner; what stands in the part's own folder may import all of them.
 ROOMS = {
+    "mechanics": ("laws", "meshes", "linear", "bodies", "indenters", "contact", "solving", "sensitivities"),
     "mismatch": (
         *("readings", "model", "result", "evidence", "effects", "terms", "goodness", "inference"),
         *("fem", "images", "material", "summary", "pipeline"),

@@ -29,9 +29,9 @@ from gelforge.indentation.companion import solve_companion
 from gelforge.indentation.error_bars import COARSER, Companion, error_bars
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.simulate import simulate_in_order
-from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mechanics.bodies.peak_grid import Box, PeakGrid
 from gelforge.mechanics.laws.law import PrincipalLaw
-from gelforge.mechanics.peak_grid import Box, PeakGrid
+from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.progress import tracked
 
 ROWS = ("force", "sigma_mesh", "sigma_material")  # of a label, each the total and then the bins (1 + B, 3)

@@ -7,8 +7,8 @@ import numpy as np
 from gelforge.config import Bins, Mechanics, Sensor
 from gelforge.indentation import binning
 from gelforge.indentation.cut import plane_cut
-from gelforge.mechanics.equilibrium import State
-from gelforge.mechanics.meshes import Mesh
+from gelforge.mechanics.contact.state import State
+from gelforge.mechanics.meshes.mesh import Mesh
 
 
 def _stack(states: list[State], name: str, shape: tuple[int, ...]) -> np.ndarray:

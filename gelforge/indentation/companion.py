@@ -17,9 +17,9 @@ from gelforge.indentation.simulate import model_of, simulate_cell
 from gelforge.indentation.stretch_range import Outside
 from gelforge.indentation.touching import untouched
 from gelforge.indentation.trajectory import Trajectory
-from gelforge.mechanics.direct import Varied, follow_with_slopes
-from gelforge.mechanics.equilibrium import NotConverged, Press
 from gelforge.mechanics.laws.law import PrincipalLaw
+from gelforge.mechanics.sensitivities.direct import Varied, follow_with_slopes
+from gelforge.mechanics.solving.equilibrium import NotConverged, Press
 
 
 def simulate_label(

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from gelforge.config import ConfigError, Effects, Indenter, IndenterPart, Study
-from gelforge.mechanics.indenters import (
+from gelforge.mechanics.indenters.shapes import (
     DOWN,
     Box,
     Cylinder,
@@ -16,7 +16,7 @@ from gelforge.mechanics.indenters import (
     Turned,
     rotation_about_axes,
 )
-from gelforge.mechanics.indenters import Indenter as Shape
+from gelforge.mechanics.indenters.shapes import Indenter as Shape
 
 # An edge rounded by less than this share of the element size is a jump for Newton's method: at a tenth it still converges,
 # in two to three times the iterations.
@@ -69,7 +69,10 @@ def _turned(shape: Shape, part: IndenterPart) -> Shape:
 
 def _surface(part: IndenterPart) -> Shape:
     """Return the body inside the closed surface of a file."""
-    from gelforge.mechanics.closed_surface import SurfaceError, closed_surface  # loads compiled kernels
+    from gelforge.mechanics.indenters.closed_surface import (  # loads compiled kernels
+        SurfaceError,
+        closed_surface,
+    )
 
     vertices, triangles = read_triangles(part.file)
     try:

@@ -1,7 +1,7 @@
 """How a cell's forces, and the gel's displacement, follow the effects that the finite elements know, at amount zero.
 
 Effects that leave the elements and the kind of path alone are differentiated along one base run, all together
-(mechanics.direct); a press at another place takes the touched part of the mesh along. For effects that bring another mesh or
+(mechanics.sensitivities.direct); a press at another place takes the touched part of the mesh along. For effects that bring another mesh or
 turn every press into a path of its own, and where the base remembers or yields, two solutions are subtracted.
 """
 
@@ -21,9 +21,10 @@ from gelforge.indentation.effects.catalogue import CATALOGUE
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.simulate import Model, model_of, simulate_cell
 from gelforge.indentation.trajectory import Trajectory
-from gelforge.mechanics.direct import Varied, follow_with_slopes
-from gelforge.mechanics.equilibrium import NotConverged, Press, State
+from gelforge.mechanics.contact.state import State
 from gelforge.mechanics.laws.law import PrincipalLaw
+from gelforge.mechanics.sensitivities.direct import Varied, follow_with_slopes
+from gelforge.mechanics.solving.equilibrium import NotConverged, Press
 
 LITTLE_WAY = (
     1e-3  # of what carries nodes per unit, by which they are moved to see how their bins share the forces

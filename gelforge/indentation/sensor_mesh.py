@@ -14,9 +14,9 @@ from gelforge.config.effects import Base
 from gelforge.indentation.indenter_shapes import read_triangles
 from gelforge.indentation.sizes import check_fits
 from gelforge.indentation.surface_files import surface_digests
-from gelforge.mechanics.closed_surface import SurfaceError, closed_surface
-from gelforge.mechanics.indenters import rotation_about_axes
-from gelforge.mechanics.meshes import Block, Mesh, Sizes, layered_block
+from gelforge.mechanics.indenters.closed_surface import SurfaceError, closed_surface
+from gelforge.mechanics.indenters.shapes import rotation_about_axes
+from gelforge.mechanics.meshes.mesh import Block, Mesh, Sizes, layered_block
 from gelforge.meshing.layout import check_layout
 from gelforge.meshing.solids import Solids, block_solids, dome_solids, given_solids
 from gelforge.meshing.tetrahedra import MeshingError, tetrahedral_mesh

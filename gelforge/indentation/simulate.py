@@ -41,16 +41,17 @@ from gelforge.indentation.surface_files import file_digests, surface_digests
 from gelforge.indentation.touchdown import surface_point, touchdown
 from gelforge.indentation.touching import touched_parts
 from gelforge.indentation.trajectory import Trajectory
-from gelforge.mechanics.balances import force_balance, moment_balance
-from gelforge.mechanics.body import Body, SmallStrainBody
-from gelforge.mechanics.equilibrium import NotConverged, Press, Settings, State
-from gelforge.mechanics.indenters import DOWN, rotation_of
-from gelforge.mechanics.indenters import Indenter as Shape
+from gelforge.mechanics.bodies.body import Body, SmallStrainBody
+from gelforge.mechanics.bodies.memory import RememberingBody
+from gelforge.mechanics.bodies.peak_grid import PeakGrid
+from gelforge.mechanics.contact.state import Settings, State
+from gelforge.mechanics.indenters.shapes import DOWN, rotation_of
+from gelforge.mechanics.indenters.shapes import Indenter as Shape
 from gelforge.mechanics.laws.law import PrincipalLaw
-from gelforge.mechanics.memory import RememberingBody
-from gelforge.mechanics.meshes import Mesh
-from gelforge.mechanics.peak_grid import PeakGrid
-from gelforge.mechanics.yielding import follow_yielding
+from gelforge.mechanics.meshes.mesh import Mesh
+from gelforge.mechanics.solving.balances import force_balance, moment_balance
+from gelforge.mechanics.solving.equilibrium import NotConverged, Press
+from gelforge.mechanics.solving.yielding import follow_yielding
 from gelforge.progress import tracked
 
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from gelforge.config import ConfigError, Indenter, IndenterPart, Sensor, Study
 from gelforge.indentation.indenter_shapes import part_corners
-from gelforge.mechanics.closed_surface import SurfaceError
-from gelforge.mechanics.indenters import rotation_about_axes
+from gelforge.mechanics.indenters.closed_surface import SurfaceError
+from gelforge.mechanics.indenters.shapes import rotation_about_axes
 
 # Length in mm of the units in which drawings are saved.
 UNITS = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 0.001}

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from gelforge.config import ConfigError
-from gelforge.mechanics.elements import TRIANGLE6_PARTS
-from gelforge.mechanics.indenters import Indenter
-from gelforge.mechanics.meshes import Mesh
+from gelforge.mechanics.indenters.shapes import Indenter
+from gelforge.mechanics.meshes.elements import TRIANGLE6_PARTS
+from gelforge.mechanics.meshes.mesh import Mesh
 
 FINE = 24  # parts along a face's side: a face of 0.6 mm is then sampled every 0.025 mm, a ball's touch known to 2e-5 mm
 NEAR_MM = 1e-9  # the gap at which the indenter touches

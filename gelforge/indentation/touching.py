@@ -10,13 +10,13 @@ import numpy as np
 from gelforge.config import ConfigError, Indenter, Study
 from gelforge.indentation.cell_file import Cell
 from gelforge.indentation.effects.kinematics import touches_a_slope
-from gelforge.mechanics.indenters import DOWN, Several, Turned, rotation_of
-from gelforge.mechanics.indenters import Indenter as Shape
+from gelforge.mechanics.indenters.shapes import DOWN, Several, Turned, rotation_of
+from gelforge.mechanics.indenters.shapes import Indenter as Shape
 
 if TYPE_CHECKING:
     from gelforge.indentation.plan import PlannedCell
-    from gelforge.mechanics.equilibrium import State
-    from gelforge.mechanics.meshes import Mesh
+    from gelforge.mechanics.contact.state import State
+    from gelforge.mechanics.meshes.mesh import Mesh
 
 
 def check_reaches(study: Study, shape: Shape, cells: dict[str, PlannedCell]) -> None:
@@ -62,7 +62,7 @@ def check_over_sensor(study: Study, cells: dict[str, PlannedCell]) -> None:
         return
     if sensor.shape.kind == "surfaces":
         from gelforge.indentation.sensor_mesh import sensor_solids, tops_over  # loads the mesher's files
-        from gelforge.mechanics.closed_surface import SurfaceError
+        from gelforge.mechanics.indenters.closed_surface import SurfaceError
 
         try:
             solids = sensor_solids(sensor)

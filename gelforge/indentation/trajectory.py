@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gelforge.mechanics.indenters import DOWN
+from gelforge.mechanics.indenters.shapes import DOWN
 
 if TYPE_CHECKING:  # a plan follows its paths too, to check them
     from gelforge.indentation.plan import PlannedCell

@@ -22,7 +22,7 @@ from gelforge.indentation.lattice import LAST, Index, Lattice, name_of
 from gelforge.indentation.symmetry import transform_bins, transform_vectors
 from gelforge.interpolation.nodal_forces import NodalForces, moved_map
 from gelforge.interpolation.weights import depth_weights, nearest, place_weights, positive_weights
-from gelforge.mechanics.indenters import Sphere
+from gelforge.mechanics.indenters.shapes import Sphere
 
 SITE_PART = 1.0  # of the difference of a site that is left out alone
 LINE_PART = {

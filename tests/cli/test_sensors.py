@@ -13,7 +13,7 @@ from gelforge.cli import main
 from gelforge.cli.shipped_sensors import sensor_names
 from gelforge.config import load_session, load_study
 from gelforge.indentation.plan import plan_cells
-from gelforge.mechanics.meshes import Block
+from gelforge.mechanics.meshes.mesh import Block
 from gelforge.meshing.solids import block_solids
 from gelforge.report.cross_section import cross_section, section_loops
 

@@ -14,7 +14,7 @@ from gelforge.indentation.binning import (
     surface_shares,
     without_dust,
 )
-from gelforge.mechanics.meshes import Block, Sizes, layered_block
+from gelforge.mechanics.meshes.mesh import Block, Sizes, layered_block
 
 WIDTH, DEPTH, NX, NY = 8.0, 6.0, 5, 4
 SENSOR = Sensor(

@@ -17,7 +17,7 @@ from gelforge.indentation.sensor_mesh import sensor_mesh
 from gelforge.indentation.simulate import Trajectory, model_of, simulate_cell
 from gelforge.materials.characterise import given_law
 from gelforge.materials.fitting.law_file import read_law, write_law
-from gelforge.mechanics.indenters import Sphere
+from gelforge.mechanics.indenters.shapes import Sphere
 from gelforge.mechanics.laws.models.gent import Gent
 from gelforge.mechanics.laws.models.mooney_rivlin import MooneyRivlin
 from gelforge.mechanics.laws.models.neo_hooke import NeoHooke

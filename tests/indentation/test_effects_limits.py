@@ -13,10 +13,10 @@ from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.simulate import model_of, simulate_cell, simulate_trajectory
 from gelforge.indentation.trajectory import Trajectory
-from gelforge.mechanics.body import Body
-from gelforge.mechanics.equilibrium import Press
+from gelforge.mechanics.bodies.body import Body
 from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
 from gelforge.mechanics.laws.models.ogden import Ogden
+from gelforge.mechanics.solving.equilibrium import Press
 
 LAWS = specimens.STUDY_LAWS
 BY_LAYER = {"gel": specimens.GEL, "skin": specimens.SKIN}

@@ -25,8 +25,8 @@ from gelforge.indentation.mirror import mirror_cell
 from gelforge.indentation.plan import PlannedCell, plan_cells
 from gelforge.indentation.simulate import simulate_cell
 from gelforge.materials.fitting.law_file import MaterialLaw, moved_laws
-from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mechanics.laws.homogeneous import principal_stretches
+from gelforge.mechanics.solving.equilibrium import NotConverged
 
 # mu [kPa], alpha of the soft material: correlated, as two terms of one law always are
 DEVIATION = np.array([0.16, 0.03, 0.05, 0.1])

@@ -12,7 +12,7 @@ from gelforge.cli.bench import torque_about_centre
 from gelforge.config import ConfigError
 from gelforge.indentation.plan import PlannedCell, plan_cells, press_path
 from gelforge.indentation.simulate import simulate_cell
-from gelforge.mechanics.contact import OPEN, SLIP, STICK
+from gelforge.mechanics.contact.forces import OPEN, SLIP, STICK
 from gelforge.mechanics.laws.models.yeoh import Yeoh
 
 LAWS = specimens.STUDY_LAWS

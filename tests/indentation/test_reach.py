@@ -12,7 +12,7 @@ from gelforge.indentation.plan import PlannedCell, check_inside, plan_cells, var
 from gelforge.indentation.reach import planned_reach
 from gelforge.indentation.simulate import Trajectory, model_of, simulate_cell
 from gelforge.indentation.touchdown import surface_point
-from gelforge.mechanics.indenters import Sphere
+from gelforge.mechanics.indenters.shapes import Sphere
 from gelforge.mechanics.laws.models.yeoh import Yeoh
 
 LAWS = specimens.STUDY_LAWS

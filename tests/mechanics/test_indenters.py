@@ -10,8 +10,8 @@ import solids
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize
 
-from gelforge.mechanics.closed_surface import ClosedSurface, SurfaceError, closed_surface
-from gelforge.mechanics.indenters import (
+from gelforge.mechanics.indenters.closed_surface import ClosedSurface, SurfaceError, closed_surface
+from gelforge.mechanics.indenters.shapes import (
     Box,
     Cylinder,
     Several,

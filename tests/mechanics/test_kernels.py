@@ -13,18 +13,23 @@ from numba.extending import is_jitted
 from numpy.testing import assert_allclose
 
 import gelforge
-from gelforge.mechanics.body import Body, bulk_to_shear_of
-from gelforge.mechanics.elements import ELEMENTS
+from gelforge.mechanics.bodies.body import Body, bulk_to_shear_of
 from gelforge.mechanics.laws.models.gent import Gent
 from gelforge.mechanics.laws.models.mooney_rivlin import MooneyRivlin
 from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
 from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.mechanics.laws.models.yeoh import Yeoh
-from gelforge.mechanics.sparsity import build_pattern
+from gelforge.mechanics.linear.sparsity import build_pattern
+from gelforge.mechanics.meshes.elements import ELEMENTS
 
 COMPILED = (
-    *("mechanics.kernels", "mechanics.laws.points", "mechanics.contact", "mechanics.closed_surface"),
-    *("mechanics.sparsity", "recording.features", "virtual_lab.imaging"),
+    *("mechanics.bodies.kernels", "mechanics.laws.points", "mechanics.contact.forces"),
+    *(
+        "mechanics.indenters.closed_surface",
+        "mechanics.linear.sparsity",
+        "recording.features",
+        "virtual_lab.imaging",
+    ),
 )
 rng = np.random.default_rng(11)
 LAWS = {

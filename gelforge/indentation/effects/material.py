@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gelforge.config import ConfigError, Effects, Mechanics, Sensor
-from gelforge.mechanics.body import bulk_to_shear_of
+from gelforge.mechanics.bodies.body import bulk_to_shear_of
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
 from gelforge.mechanics.laws.stability import UnstableLaw, check_stable

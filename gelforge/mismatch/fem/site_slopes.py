@@ -13,7 +13,7 @@ from gelforge.indentation.cell_file import Cell
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.sensitivities import Derivative, Variation
 from gelforge.indentation.simulate import simulate_cell
-from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.effects import with_taken
 from gelforge.mismatch.fem.solutions import Solver, along_laws, each_derivative
 from gelforge.mismatch.fem.solver import asked_of, felt_by, forgetting

@@ -25,8 +25,8 @@ from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell, plan_cells
 from gelforge.indentation.sensitivities import Derivative, Variation, derivatives, subtracted, unmirrored
 from gelforge.indentation.simulate import simulate_cell, simulate_in_order, simulate_trajectory
 from gelforge.indentation.trajectory import Trajectory
-from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mechanics.laws.law import PrincipalLaw
+from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.fem.stored import described, path_at, place_digest, read_stored, slope_digest
 from gelforge.progress import tracked
 

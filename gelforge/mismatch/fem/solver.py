@@ -18,7 +18,7 @@ from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.indentation.error_bars import COARSER, PART_TOTALS, mesh_totals
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.sensitivities import Variation, unmirrored
-from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.evidence.places import FirstOrderAt
 from gelforge.mismatch.fem.solutions import (
     Solver,

@@ -14,7 +14,7 @@ from gelforge.indentation.inputs import inputs_digest
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.sensitivities import Variation, unmirrored
 from gelforge.indentation.simulate import simulate_cell
-from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.fem.solutions import (
     Solver,
     SolverFailed,

@@ -11,7 +11,7 @@ from matplotlib.patches import Polygon, Rectangle
 from gelforge.config import Camera, Sensor, Session, Study
 from gelforge.indentation.indenter_shapes import shape_of
 from gelforge.indentation.plan import PlannedCell
-from gelforge.mechanics.indenters import DOWN
+from gelforge.mechanics.indenters.shapes import DOWN
 from gelforge.recording.camera import CameraError, unproject
 from gelforge.report.figures.silhouette import draw_indenter
 from gelforge.report.figures.style import (

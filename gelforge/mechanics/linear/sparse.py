@@ -17,8 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from gelforge.mechanics.kernels import symmetric_product
-from gelforge.mechanics.sparsity import Pattern
+from gelforge.mechanics.linear.sparsity import Pattern, symmetric_product
 
 
 class NotPositiveDefinite(ArithmeticError):

@@ -469,19 +469,3 @@ def _assembler(NODES: int, POINTS: int, LOCAL: bool, MEMORY: bool, LAWS: int = F
 # By the number of nodes; compiled when first called.
 ASSEMBLE = {8: _assembler(8, 8, False, False), 10: _assembler(10, 4, True, False)}
 ASSEMBLE_WITH_MEMORY = {8: _assembler(8, 8, False, True), 10: _assembler(10, 4, True, True)}
-
-
-@nb.njit(cache=True)
-def symmetric_product(indptr, indices, data, x, y):
-    """Fill y = A x for a symmetric A whose upper triangle is in CSR form, diagonal first in every row."""
-    for i in range(x.shape[0]):
-        y[i] = 0.0
-    for i in range(x.shape[0]):
-        first = indptr[i]
-        xi = x[i]
-        s = data[first] * xi
-        for k in range(first + 1, indptr[i + 1]):
-            j = indices[k]
-            s += data[k] * x[j]
-            y[j] += data[k] * xi
-        y[i] += s

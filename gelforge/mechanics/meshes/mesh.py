@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from gelforge.mechanics.elements import lumped_area
-from gelforge.mechanics.octree import octree
+from gelforge.mechanics.meshes.elements import lumped_area
+from gelforge.mechanics.meshes.octree import octree
 
 
 @dataclass(frozen=True)

@@ -7,16 +7,13 @@ force: forces then follow moduli and lengths in proportion.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gelforge.mechanics.body import Body
-from gelforge.mechanics.contact import OPEN, SLIP, adhesive_traction, contact_forces, film_given
-from gelforge.mechanics.indenters import Indenter, rotation_of
-
-if TYPE_CHECKING:
-    from gelforge.mechanics.equilibrium import Settings, State
+from gelforge.mechanics.bodies.body import Body
+from gelforge.mechanics.contact.forces import OPEN, SLIP, adhesive_traction, contact_forces, film_given
+from gelforge.mechanics.contact.state import Settings, State
+from gelforge.mechanics.indenters.shapes import Indenter, rotation_of
 
 # A contact force below this share of shear modulus times area of a node is measured by it: after release there is none,
 # only rounding.

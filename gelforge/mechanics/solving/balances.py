@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gelforge.mechanics.equilibrium import State
-from gelforge.mechanics.meshes import Mesh
+from gelforge.mechanics.contact.state import State
+from gelforge.mechanics.meshes.mesh import Mesh
 
 
 def force_balance(state: State, least_force: float = 0.0) -> float:

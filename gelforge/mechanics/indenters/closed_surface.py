@@ -13,7 +13,7 @@ from functools import cached_property
 import numba as nb
 import numpy as np
 
-from gelforge.mechanics.indenters import SAMPLES, Indenter
+from gelforge.mechanics.indenters.shapes import SAMPLES, Indenter
 
 LEAF = 4  # triangles in a box that is not divided further
 SAME_POINT = 1e-6  # of the surface's size: corners of an STL's triangles this near are one

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from gelforge.mechanics.elements import ELEMENTS, element_gradient
-from gelforge.mechanics.kernels import ASSEMBLE
+from gelforge.mechanics.bodies.kernels import ASSEMBLE
 from gelforge.mechanics.laws.law import NEAREST_LIMIT, PrincipalLaw
 from gelforge.mechanics.laws.points import point_number
-from gelforge.mechanics.meshes import Mesh
-from gelforge.mechanics.sparsity import Pattern, build_pattern
+from gelforge.mechanics.linear.sparsity import Pattern, build_pattern
+from gelforge.mechanics.meshes.elements import ELEMENTS, element_gradient
+from gelforge.mechanics.meshes.mesh import Mesh
 
 LEAST_J = 0.05  # an iterate in which a point keeps less of its volume is shortened
 NO_TANGENT = np.empty(0)

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gelforge.mechanics.contact import SLIP, STICK, adhesive_traction, film_given
-from gelforge.mechanics.equilibrium import Settings, State
-from gelforge.mechanics.indenters import Indenter
-from gelforge.mechanics.meshes import Mesh
-from gelforge.mechanics.surface_contact import SurfaceContact
+from gelforge.mechanics.contact.forces import SLIP, STICK, adhesive_traction, film_given
+from gelforge.mechanics.contact.state import Settings, State
+from gelforge.mechanics.contact.surface import SurfaceContact
+from gelforge.mechanics.indenters.shapes import Indenter
+from gelforge.mechanics.meshes.mesh import Mesh
 
 # Of the springs that close gaps and hold what sticks, of shear modulus over element size: what is left of a gap or a slip
 # is this part of the others. Rounding in float64 times it is as small.

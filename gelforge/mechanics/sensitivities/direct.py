@@ -15,8 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from gelforge.mechanics.body import Body
-from gelforge.mechanics.contact_differences import (
+from gelforge.mechanics.bodies.body import Body
+from gelforge.mechanics.contact.state import Settings, State
+from gelforge.mechanics.contact.surface import SurfaceContact
+from gelforge.mechanics.indenters.shapes import DOWN, Indenter
+from gelforge.mechanics.linear.unsymmetric import UnsymmetricTangent
+from gelforge.mechanics.sensitivities.contact_differences import (
     Held,
     beside,
     force_change,
@@ -26,11 +30,8 @@ from gelforge.mechanics.contact_differences import (
     seen_at,
     stiffness_at,
 )
-from gelforge.mechanics.equilibrium import Press, Settings, State, padded
-from gelforge.mechanics.force_differences import ForceDifferences
-from gelforge.mechanics.indenters import DOWN, Indenter
-from gelforge.mechanics.surface_contact import SurfaceContact
-from gelforge.mechanics.unsymmetric import UnsymmetricTangent
+from gelforge.mechanics.sensitivities.force_differences import ForceDifferences
+from gelforge.mechanics.solving.equilibrium import Press, padded
 
 LITTLE = 1e-4  # of what a residual stretch moves per unit
 

@@ -163,3 +163,19 @@ def _condensation(indptr, indices, owners, tie_ptr, tie_node, tie_weight, tied, 
                     weight[n] = w
                     n += 1
     return row[:n], column[:n], weight[:n]
+
+
+@nb.njit(cache=True)
+def symmetric_product(indptr, indices, data, x, y):
+    """Fill y = A x for a symmetric A whose upper triangle is in CSR form, diagonal first in every row."""
+    for i in range(x.shape[0]):
+        y[i] = 0.0
+    for i in range(x.shape[0]):
+        first = indptr[i]
+        xi = x[i]
+        s = data[first] * xi
+        for k in range(first + 1, indptr[i + 1]):
+            j = indices[k]
+            s += data[k] * x[j]
+            y[j] += data[k] * xi
+        y[i] += s

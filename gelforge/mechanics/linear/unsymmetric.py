@@ -8,8 +8,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from gelforge.mechanics.sparse import Pardiso
-from gelforge.mechanics.sparsity import Pattern
+from gelforge.mechanics.linear.sparse import Pardiso
+from gelforge.mechanics.linear.sparsity import Pattern
 
 
 class PardisoLU(Pardiso):

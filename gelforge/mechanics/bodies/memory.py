@@ -21,8 +21,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import erf
 
-from gelforge.mechanics.body import Body
-from gelforge.mechanics.kernels import ASSEMBLE_WITH_MEMORY
+from gelforge.mechanics.bodies.body import Body
+from gelforge.mechanics.bodies.kernels import ASSEMBLE_WITH_MEMORY
 from gelforge.mechanics.laws.law import DEVIATOR
 
 PAIRS = np.array(

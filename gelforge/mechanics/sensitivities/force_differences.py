@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
-from gelforge.mechanics.body import Body, SmallStrainBody
-from gelforge.mechanics.elements import ELEMENTS
+from gelforge.mechanics.bodies.body import Body, SmallStrainBody
+from gelforge.mechanics.meshes.elements import ELEMENTS
 
 # Share of a difference that is taken. With nodes elsewhere, displacements that stay change volumes, against a bulk modulus
 # of a thousand shear moduli: the square of such a change must be little beside what shears.

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from gelforge.mechanics.equilibrium import NotConverged, Press, State
+from gelforge.mechanics.contact.state import State
+from gelforge.mechanics.solving.equilibrium import NotConverged, Press
 
 MAX_SOLVES = 12  # of one step: the secant takes three to five
 SHARE_OF_GAP = 1e-2  # of the contact's own tolerance: to this the place of the indenter is found
