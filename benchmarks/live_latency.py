@@ -34,7 +34,8 @@ import pandas as pd  # noqa: E402
 from gelforge.config import Learning  # noqa: E402
 from gelforge.learning.familiarity import find_familiar  # noqa: E402
 from gelforge.learning.model_file import Model  # noqa: E402
-from gelforge.learning.networks import Grids, make_network  # noqa: E402
+from gelforge.learning.network import Grids  # noqa: E402
+from gelforge.learning.networks import make_network  # noqa: E402
 from gelforge.learning.onnx_export import onnx_bytes  # noqa: E402
 from gelforge.learning.onnx_model import OnnxModel, model_of, open_for_prediction  # noqa: E402
 from gelforge.learning.predictor import Predictor  # noqa: E402

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_serializer, model_validator
 
 from gelforge.config.common import NonNegative, Positive, Section
+from gelforge.registry import names_in, stated
 
 
 class Features(Section):
@@ -43,24 +45,21 @@ class Dataset(Section):
     cells_per_shard: int = Field(16, ge=1, description="cells in one shard file [-]")
 
 
-OF_NETWORK = {  # keys that mean something to some networks only
-    "hidden": ("paper",),
-    "dropout": ("paper",),
-    "input_form": ("paper",),
-    "channels": ("unet", "cnn"),
-    "symmetry": ("unet", "cnn"),
-}
-USUAL = {  # learning_rate, batch_size, epochs
-    "paper": (1e-4, 400, 400),  # Sferrazza et al. 2019, table 2
-    "unet": (3e-3, 32, 35),
-    "cnn": (3e-3, 32, 35),
-}
+# What the files of networks state of themselves; they are read and not imported: PyTorch takes seconds and stands above.
+FOLDER = Path(__file__).parents[1] / "learning" / "networks"
+NETWORKS = {name: stated(FOLDER / f"{name}.py", "KEYS", "USUAL") for name in names_in([str(FOLDER)])}
+NetworkName = Literal[tuple(NETWORKS)]  # type: ignore[valid-type]
+
+
+def networks_of(key: str) -> list[str]:
+    """Return the networks to which a key means something, where it does not to all."""
+    return [name for name, network in NETWORKS.items() if key in network["KEYS"]]
 
 
 class Learning(Section):
     """The network and how it is trained."""
 
-    network: Literal["unet", "cnn", "paper"] = Field(
+    network: NetworkName = Field(
         "unet",
         description="unet: flow components on the grid of regions to forces on the grid of bins; cnn: the same with a few "
         "convolutions alone; paper: the layers of Sferrazza et al. 2019, table 2",
@@ -104,34 +103,30 @@ class Learning(Section):
     @classmethod
     def _named_by_its_keys(cls, given):
         """A study from before networks had names means the article's where it says how wide its layers are."""
-        own = [key for key, networks in OF_NETWORK.items() if networks == ("paper",)]
+        own = [key for key in cls.model_fields if networks_of(key) == ["paper"]]
         if isinstance(given, dict) and "network" not in given and any(key in given for key in own):
             return {"network": "paper", **given}
         return given
 
     @model_validator(mode="after")
     def _belongs_to_the_network(self) -> Learning:
-        for key in sorted(self.model_fields_set & set(OF_NETWORK)):
-            if (
-                self.network not in OF_NETWORK[key]
-                and getattr(self, key) != type(self).model_fields[key].default
-            ):
+        for key in sorted(self.model_fields_set):
+            networks = networks_of(key)
+            given = getattr(self, key) != type(self).model_fields[key].default
+            if networks and self.network not in networks and given:
                 raise ValueError(
-                    f"{key} is a key of network {' and '.join(OF_NETWORK[key])}, found network {self.network}; "
-                    f"leave it out or set network: {OF_NETWORK[key][0]}"
+                    f"{key} is a key of network {' and '.join(networks)}, found network {self.network}; "
+                    f"leave it out or set network: {networks[0]}"
                 )
         return self
 
     @property
     def form(self) -> str:
         """How flow is fed to the network."""
-        return self.input_form if self.network == "paper" else "vector"
+        return self.input_form if self.network in networks_of("input_form") else "vector"
 
     @property
     def usual(self) -> Learning:
         """These settings with what is not given as usual for the network."""
-        names = ("learning_rate", "batch_size", "epochs")
-        given = {name: getattr(self, name) for name in names}
-        return self.model_copy(
-            update={name: given[name] or usual for name, usual in zip(names, USUAL[self.network])}
-        )
+        usual = NETWORKS[self.network]["USUAL"]
+        return self.model_copy(update={name: getattr(self, name) or value for name, value in usual.items()})

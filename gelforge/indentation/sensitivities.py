@@ -1,8 +1,8 @@
 """How a cell's forces, and the gel's displacement, follow the effects that the finite elements know, at amount zero.
 
 Effects that leave the elements and the kind of path alone are differentiated along one base run, all together
-(mechanics.sensitivities.direct); a press at another place takes the touched part of the mesh along. For effects that bring another mesh or
-turn every press into a path of its own, and where the base remembers or yields, two solutions are subtracted.
+(mechanics.sensitivities.direct); a press at another place takes the touched part of the mesh along. For effects that bring
+another mesh or turn every press into a path of its own, and where the base remembers or yields, two solutions are subtracted.
 """
 
 from __future__ import annotations

@@ -14,7 +14,8 @@ from gelforge.config import Learning
 from gelforge.files import atomic, check_seal
 from gelforge.indentation.symmetry import D4
 from gelforge.learning.familiarity import Familiar
-from gelforge.learning.networks import Grids, make_network
+from gelforge.learning.network import Grids
+from gelforge.learning.networks import make_network
 from gelforge.learning.reliability import Intervals, Zero
 from gelforge.learning.scaling import FORMS, ModelError, Scaling
 

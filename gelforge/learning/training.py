@@ -27,7 +27,8 @@ from gelforge.learning.data import (
 )
 from gelforge.learning.familiarity import find_familiar
 from gelforge.learning.model_file import Model, load_tensors, save_model, save_tensors
-from gelforge.learning.networks import Grids, make_network
+from gelforge.learning.network import Grids
+from gelforge.learning.networks import make_network, network_of
 from gelforge.learning.reliability import Labels, Zero, find_intervals, find_zero
 from gelforge.learning.scaling import ModelError, Scaling
 from gelforge.learning.turns import Turner, names_of, seen_by_camera
@@ -77,8 +78,8 @@ class Plan:
     turns: tuple[str, ...]  # elements of D4 that sensor and camera have
 
     @property
-    def as_paper(self) -> bool:
-        return self.learning.network == "paper"
+    def as_article(self) -> bool:
+        return network_of(self.learning.network).as_article
 
 
 @_without_denormals()
@@ -109,7 +110,7 @@ def train(
     network = make_network(learning, plan.grids, study.seed)
     adam = _optimiser(network, learning)
     losses, best = _resume(checkpoint_path, settings, network, adam)
-    groups = None if plan.as_paper else images_of_presses(rows, training)
+    groups = None if plan.as_article else images_of_presses(rows, training)
     batches = Batches(rows, training, scaling, learning.batch_size, study.seed, run.buffer_rows, groups)
     watched = Batches(rows, validation, scaling, max(learning.batch_size, 256), study.seed, run.buffer_rows)
 
@@ -151,7 +152,7 @@ def plan_of(study: Study, rows: ShardDataset, training: np.ndarray) -> tuple[Pla
     learning, bins = study.learning.usual, study.sensor.bins
     width = study.sensor.width_x_mm, study.sensor.width_y_mm
     grids = Grids(study.features.regions, bins.nx, bins.ny)
-    if learning.network == "paper":
+    if network_of(learning.network).as_article:
         scaling = measure_scaling(rows, training, learning.form)
         return Plan(learning, grids, ("identity",)), scaling
     if study.synthesis:  # flow follows an edge or a sheared ball too loosely to tell
@@ -168,14 +169,14 @@ def plan_of(study: Study, rows: ShardDataset, training: np.ndarray) -> tuple[Pla
 
 
 def _optimiser(network: torch.nn.Module, learning: Learning) -> torch.optim.Optimizer:
-    if learning.network == "paper":
+    if network_of(learning.network).as_article:
         return torch.optim.Adam(network.parameters(), lr=learning.learning_rate)
     return torch.optim.AdamW(network.parameters(), lr=learning.learning_rate, weight_decay=WEIGHT_DECAY)
 
 
 def _rate(learning: Learning, step: int, steps: int) -> float:
     """Return the step size: steady for the article's network, else up along a line and down along a cosine."""
-    if learning.network == "paper":
+    if network_of(learning.network).as_article:
         return learning.learning_rate
     done = step / max(steps - 1, 1)
     if done < WARM_UP:

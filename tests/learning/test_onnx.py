@@ -12,7 +12,8 @@ from torch import nn
 from gelforge.config import Learning
 from gelforge.learning.familiarity import find_familiar
 from gelforge.learning.model_file import Model, save_model
-from gelforge.learning.networks import Grids, make_network
+from gelforge.learning.network import Grids
+from gelforge.learning.networks import make_network
 from gelforge.learning.onnx_export import check_equal, export_onnx, trial_features
 from gelforge.learning.onnx_model import KEY, load_onnx, model_of
 from gelforge.learning.reliability import Intervals, Zero

@@ -19,7 +19,7 @@ from gelforge.learning.data import (
     training_and_validation,
 )
 from gelforge.learning.model_file import load_model, load_tensors, save_tensors
-from gelforge.learning.networks import paper_network
+from gelforge.learning.networks.paper import paper_network
 from gelforge.learning.scaling import ModelError, Scaling
 from gelforge.learning.training import CHECKPOINT_FORMAT, Run, mean_loss, plan_of, train
 

@@ -60,8 +60,9 @@ rule train:
         learning=block("seed", "learning", "sensor"),
         simulated=ONLY_SIMULATED,
         source=source_digest(
-            *(f"learning/{name}.py" for name in ("data", "networks", "scaling", "training", "turns")),
+            *(f"learning/{name}.py" for name in ("data", "network", "scaling", "training", "turns")),
             *(
+                "learning/networks",
                 "learning/model_file.py",
                 "learning/reliability.py",
                 "learning/familiarity.py",
@@ -95,10 +96,11 @@ rule evaluate:
             *(
                 f"learning/{name}.py"
                 for name in (
-                    *("baselines", "familiarity", "model_file", "networks", "predictions"),
+                    *("baselines", "familiarity", "model_file", "network", "predictions"),
                     *("reliability", "scaling", "true_motion"),
                 )
             ),
+            "learning/networks",
         ),
         lab=[digest(LAB.model_dump(mode="json")), source_digest("virtual_lab", "recording")] if LAB else [],
     shell:
