@@ -36,6 +36,7 @@ ROOMS = {
         *("readings", "model", "result", "evidence", "effects", "terms", "goodness", "inference"),
         *("fem", "images", "material", "summary", "pipeline"),
     ),
+    "indentation": ("sensor", "paths", "effects", "cells", "planning", "solving"),
     "materials": ("imaging", "readers", "covariates", "fitting"),
     "report": ("figures", "chapters", "verdict"),
 }

@@ -23,7 +23,7 @@ READ = (
     "gelforge.cli.factory",
     "gelforge.learning.training",
     "gelforge.report.page",
-    "gelforge.indentation.companion",
+    "gelforge.indentation.solving.companion",
 )
 KINDS = ("SIGKILL", "SIGTERM", "full disk")
 COLUMNS = (

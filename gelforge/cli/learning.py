@@ -84,7 +84,7 @@ def known_truth(study: Study, path: Path):
     """Return the truth of the study's recordings where a virtual lab made them and its files are there, or say why not."""
     from functools import partial
 
-    from gelforge.indentation.plan import plan_cells
+    from gelforge.indentation.planning.plan import plan_cells
     from gelforge.learning.true_motion import Truth
     from gelforge.recording.camera import mm_per_px_at
     from gelforge.virtual_lab.particles import gel_boxes

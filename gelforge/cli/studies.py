@@ -80,9 +80,9 @@ def check(study: Path, picture: Path | None) -> None:
     Raises CheckFailed with everything that is wrong, not the first alone. A study is called valid where its data are there
     and nothing in them is doubtful.
     """
-    from gelforge.indentation.plan import plan_cells
-    from gelforge.indentation.sizes import indenter_words
-    from gelforge.indentation.stability_ahead import check_stable_ahead
+    from gelforge.indentation.planning.plan import plan_cells
+    from gelforge.indentation.planning.stability_ahead import check_stable_ahead
+    from gelforge.indentation.sensor.sizes import indenter_words
     from gelforge.materials.fitting.stiffness import stiffness_words
     from gelforge.report.figures.sensor_figure import sensor_figure
 

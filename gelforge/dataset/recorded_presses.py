@@ -12,9 +12,10 @@ import pandas as pd
 from gelforge.config import Study, load_session
 from gelforge.csv_table import read_csv
 from gelforge.files import digest, source_digest
-from gelforge.indentation.inputs import inputs_digest
-from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell
-from gelforge.indentation.trajectory import Trajectory
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.paths.trajectory import Trajectory
+from gelforge.indentation.planning.plan import POSITION_MATCH_MM
+from gelforge.indentation.solving.inputs import inputs_digest
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.recording.checks import RecordingError
 from gelforge.recording.join import cells_of_presses, press_table

@@ -12,8 +12,8 @@ import numpy as np
 
 from gelforge.config import Camera, Study, VirtualImaging
 from gelforge.dataset.shard import writing_shard
-from gelforge.indentation.cell_file import Cell
-from gelforge.indentation.companion import simulate_label
+from gelforge.indentation.cells.cell_file import Cell
+from gelforge.indentation.solving.companion import simulate_label
 from gelforge.progress import tracked
 from gelforge.recording.features import FlowFeatures
 from gelforge.recording.flow import reduced

@@ -12,7 +12,7 @@ from torch import nn
 
 from gelforge.config import Learning
 from gelforge.files import atomic, check_seal
-from gelforge.indentation.symmetry import D4
+from gelforge.indentation.sensor.symmetry import D4
 from gelforge.learning.familiarity import Familiar
 from gelforge.learning.network import Grids
 from gelforge.learning.networks import make_network

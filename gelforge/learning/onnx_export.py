@@ -16,7 +16,7 @@ from torch import nn
 
 from gelforge import __version__
 from gelforge.files import UNSEALED, atomic, file_sha256
-from gelforge.indentation.symmetry import D4
+from gelforge.indentation.sensor.symmetry import D4
 from gelforge.learning.familiarity import Familiar
 from gelforge.learning.model_file import LARGEST_OUTPUT, Model, load_model
 from gelforge.learning.onnx_model import (

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gelforge.config import Camera, Sensor
-from gelforge.indentation.symmetry import D4
+from gelforge.indentation.sensor.symmetry import D4
 from gelforge.recording.camera import project
 
 if TYPE_CHECKING:

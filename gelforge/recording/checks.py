@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import ForceSensor, Sensor
-from gelforge.indentation.plan import POSITION_MATCH_MM
+from gelforge.indentation.planning.plan import POSITION_MATCH_MM
 
 # A press runs through its phases in this order; approach and touch may alternate, and so may load and dwell.
 PHASES = {"zero": 0, "approach": 1, "touch": 1, "load": 2, "dwell": 2, "shear": 3, "unload": 4}

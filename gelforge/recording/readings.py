@@ -13,7 +13,7 @@ import pandas as pd
 from gelforge.config import ForceSensor, Sensor, Session, StageToSensor, load_session
 from gelforge.csv_table import read_csv
 from gelforge.files import check_seal, digest, file_sha256, write_product_table
-from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.recording import checks
 from gelforge.recording.checks import RecordingError
 from gelforge.recording.images import check_images

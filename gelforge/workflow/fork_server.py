@@ -26,7 +26,7 @@ SOLVING = {
 # What the others import, most of it used by several.
 IMPORTS = {
     "fit-law": "gelforge.materials.characterise",
-    "plan": "gelforge.indentation.plan",
+    "plan": "gelforge.indentation.planning.plan",
     "virtual-session": "gelforge.virtual_lab.session",
     "readings": "gelforge.recording.readings",
     "features": "gelforge.recording.features",

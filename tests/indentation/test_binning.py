@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from gelforge.config import Bins, Layer, Sensor
-from gelforge.indentation.binning import (
+from gelforge.indentation.cells.binning import (
     bin_centres,
     bin_forces,
     node_shares,

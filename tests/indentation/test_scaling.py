@@ -12,8 +12,8 @@ import pytest
 import specimens
 from numpy.testing import assert_allclose
 
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.simulate import simulate_cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mechanics.bodies.body import Body
 from gelforge.mechanics.contact.state import Settings
 from gelforge.mechanics.indenters.shapes import Sphere

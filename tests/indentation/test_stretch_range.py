@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gelforge.indentation.stretch_range import element_stretches, stretch_ranges, unstable_shares
+from gelforge.indentation.solving.stretch_range import element_stretches, stretch_ranges, unstable_shares
 from gelforge.materials.fitting.valid_range import ValidRange
 from gelforge.mechanics.laws.homogeneous import principal_stretches
 from gelforge.mechanics.laws.models.neo_hooke import NeoHooke

@@ -6,7 +6,7 @@ import torch
 from numpy.testing import assert_allclose, assert_array_equal
 
 from gelforge.config import Camera, Sensor
-from gelforge.indentation.symmetry import D4, transform_bins
+from gelforge.indentation.sensor.symmetry import D4, transform_bins
 from gelforge.learning.turns import (
     Turner,
     flow_centre,

@@ -6,7 +6,7 @@ from numpy.testing import assert_array_equal
 from small_shapes import SHAPES, SIZES
 
 from gelforge.config.mechanics import Mesh as MeshSizes
-from gelforge.indentation.sensor_mesh import sizes_of
+from gelforge.indentation.sensor.sensor_mesh import sizes_of
 from gelforge.mechanics.indenters.closed_surface import closed_surface
 from gelforge.mechanics.meshes.elements import element_gradient, lumped_area
 from gelforge.mechanics.meshes.mesh import Block, Sizes

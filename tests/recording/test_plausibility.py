@@ -13,7 +13,8 @@ from numpy.testing import assert_allclose
 
 from gelforge.config import Sensor, load_study
 from gelforge.dataset.agreement import _measured
-from gelforge.indentation.plan import PlannedCell, plan_cells
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.plan import plan_cells
 from gelforge.mismatch.readings.sessions import observe
 from gelforge.recording.checks import RecordingError
 from gelforge.recording.features import sample_rows

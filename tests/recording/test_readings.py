@@ -12,7 +12,7 @@ from session_folder import HEADER, OFFSET, press_lines, write_session
 
 from gelforge.config import ConfigError, ForceSensor, Sensor, StageToSensor
 from gelforge.csv_table import TableError
-from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.recording.checks import RecordingError
 from gelforge.recording.join import cells_from_presses, press_table
 from gelforge.recording.readings import (

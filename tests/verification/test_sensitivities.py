@@ -8,7 +8,7 @@ import specimens
 from neighbouring_presses import Neighbour, follow_beside
 from numpy.testing import assert_allclose
 
-from gelforge.indentation.binning import bin_forces, surface_shares
+from gelforge.indentation.cells.binning import bin_forces, surface_shares
 from gelforge.mechanics.bodies.body import Body
 from gelforge.mechanics.contact.state import Settings
 from gelforge.mechanics.indenters.shapes import Sphere

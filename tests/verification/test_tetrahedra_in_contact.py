@@ -5,7 +5,7 @@ import pytest
 import specimens
 from numpy.testing import assert_allclose
 
-from gelforge.indentation.binning import node_areas
+from gelforge.indentation.cells.binning import node_areas
 from gelforge.mechanics.bodies.body import Body, SmallStrainBody
 from gelforge.mechanics.contact.state import Settings
 from gelforge.mechanics.indenters.shapes import Cylinder, Sphere

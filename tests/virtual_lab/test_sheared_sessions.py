@@ -13,9 +13,10 @@ from gelforge.dataset.agreement import agreement_table
 from gelforge.dataset.join import join_shard
 from gelforge.dataset.recorded_presses import recorded_presses
 from gelforge.dataset.shard import ShardDataset, shard_attributes
-from gelforge.indentation.cell_file import write_cell
-from gelforge.indentation.plan import PlannedCell, plan_cells
-from gelforge.indentation.simulate import simulate_cell
+from gelforge.indentation.cells.cell_file import write_cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.plan import plan_cells
+from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.learning.data import images_of_presses
 from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.mismatch.readings.sessions import observe

@@ -68,7 +68,7 @@ rule train:
                 "learning/familiarity.py",
                 "config/learning.py",
             ),
-            *("dataset/splits.py", "indentation/symmetry.py"),
+            *("dataset/splits.py", "indentation/sensor/symmetry.py"),
         ),
     shell:
         "{GELFORGE:q} train --study {STUDY_FILE:q} --model {output.model:q} --loss {output.loss:q} &> {log:q}"

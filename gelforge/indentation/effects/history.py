@@ -11,7 +11,7 @@ from gelforge.config import Effects, Sensor
 from gelforge.config.effects import PressTiming
 from gelforge.indentation.effects.material import by_region
 from gelforge.indentation.effects.surfaces import layer_heights
-from gelforge.indentation.trajectory import Trajectory
+from gelforge.indentation.paths.trajectory import Trajectory
 from gelforge.mechanics.bodies.memory import Relaxation, Softening
 from gelforge.mechanics.bodies.peak_grid import PeakGrid
 from gelforge.mechanics.meshes.elements import ELEMENTS

@@ -6,7 +6,7 @@ import numpy as np
 
 from gelforge.config import Effects, Sensor
 from gelforge.indentation.effects.surfaces import top_slope
-from gelforge.indentation.trajectory import Trajectory
+from gelforge.indentation.paths.trajectory import Trajectory
 from gelforge.mechanics.indenters.shapes import DOWN, Sphere, Turned, rotation_about_axes
 from gelforge.mechanics.indenters.shapes import Indenter as Shape
 

@@ -13,8 +13,8 @@ HEAD = """\
 
 Written by `python -m gelforge.mechanics.laws.table` from `gelforge/mechanics/laws/models/`, one file for each model
 ([how to add one](adding/constitutive-model.md)). All are the incompressible (isochoric) part; K/mu is
-`mechanics.bulk_to_shear`. A configuration gives parameters as `parameters: {law: yeoh, C10_kPa: 5.0}`, or names what is to be
-fitted: `laws: [ogden2, yeoh]`.
+`mechanics.bulk_to_shear`. A configuration gives parameters as `parameters: {law: yeoh, C10_kPa: 5.0}`, or names what is to
+be fitted: `laws: [ogden2, yeoh]`.
 
 | `law` | energy per volume, Young's modulus | keys | fitted as |
 |---|---|---|---|

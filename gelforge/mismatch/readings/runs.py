@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.trajectory import Trajectory
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.paths.trajectory import Trajectory
 from gelforge.mismatch.readings.observations import PLACE_DIGITS, Observations
 from gelforge.recording.path_through import path_through
 

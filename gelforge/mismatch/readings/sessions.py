@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import ConfigError, Sensor, Session
-from gelforge.indentation.plan import POSITION_MATCH_MM
+from gelforge.indentation.planning.plan import POSITION_MATCH_MM
 from gelforge.mismatch.readings.noise import reading_noise
 from gelforge.mismatch.readings.observations import ARRAYS, COLUMNS, Observations, last_moves
 from gelforge.mismatch.readings.outliers import without_outliers

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import Session
-from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.recording.checks import RecordingError
 from gelforge.recording.plausibility import forces, positions, spikes, timing
 from gelforge.recording.plausibility.findings import Finding, Findings, collect

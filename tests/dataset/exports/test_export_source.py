@@ -17,7 +17,7 @@ from gelforge.dataset.join import join_shard
 from gelforge.dataset.manifest import describe_dataset
 from gelforge.dataset.schema import DatasetError
 from gelforge.dataset.shard import ShardDataset
-from gelforge.indentation.plan import plan_cells
+from gelforge.indentation.planning.plan import plan_cells
 
 
 def test_splits_are_those_of_training(made_once):

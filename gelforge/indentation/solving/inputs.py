@@ -7,8 +7,8 @@ from pathlib import Path
 
 from gelforge.config import Study
 from gelforge.files import digest, file_sha256, source_digest
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.surface_files import file_digests, surface_digests
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.sensor.surface_files import file_digests, surface_digests
 from gelforge.mechanics.laws.law import PrincipalLaw
 
 

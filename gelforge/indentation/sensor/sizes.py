@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gelforge.config import ConfigError, Indenter, IndenterPart, Sensor, Study
-from gelforge.indentation.indenter_shapes import part_corners
+from gelforge.indentation.sensor.indenter_shapes import part_corners
 from gelforge.mechanics.indenters.closed_surface import SurfaceError
 from gelforge.mechanics.indenters.shapes import rotation_about_axes
 

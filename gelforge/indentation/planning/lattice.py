@@ -10,17 +10,14 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gelforge.config import ConfigError, Study
 from gelforge.files import digest, source_digest
-from gelforge.indentation.indenter_shapes import shape_of
-from gelforge.indentation.symmetry import D4, transform_points
-
-if TYPE_CHECKING:
-    from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.sensor.indenter_shapes import shape_of
+from gelforge.indentation.sensor.symmetry import D4, transform_points
 
 LAST = 4  # level of the finest lattice
 FINEST = 2**LAST
@@ -183,8 +180,6 @@ def interpolable(study: Study, cell: PlannedCell) -> bool:
 
 def solved_site(lattice: Lattice, name: str) -> PlannedCell | None:
     """Return the site to be solved at a place of the lattice, None for a name that is none of its."""
-    from gelforge.indentation.plan import PlannedCell
-
     at = index_of(name)
     if at is None or any(k > end for k, end in zip(at, lattice.ends)):
         return None

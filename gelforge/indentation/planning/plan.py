@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,14 +12,26 @@ import numpy as np
 from gelforge.config import NAME, ConfigError, Sensor, Study, variant_study
 from gelforge.csv_table import read_columns
 from gelforge.indentation.effects.kinematics import touches_a_slope
-from gelforge.indentation.indenter_shapes import check_press, check_widest, real_indenter, shape_of
-from gelforge.indentation.lattice import check_interpolation, interpolable, lattice_digest, lattice_of
-from gelforge.indentation.plan_checks import check_count, check_mesh, check_places, check_steps, check_unit
-from gelforge.indentation.reach import check_reach, planned_reach
-from gelforge.indentation.sizes import check_indenter, check_sensor_size
-from gelforge.indentation.symmetry import D4, transform_points
-from gelforge.indentation.touching import check_over_sensor, check_reaches
-from gelforge.indentation.trajectory import Trajectory
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.paths.trajectory import Trajectory
+from gelforge.indentation.planning.lattice import (
+    check_interpolation,
+    interpolable,
+    lattice_digest,
+    lattice_of,
+)
+from gelforge.indentation.planning.plan_checks import (
+    check_count,
+    check_mesh,
+    check_places,
+    check_steps,
+    check_unit,
+)
+from gelforge.indentation.planning.reach import check_reach, planned_reach
+from gelforge.indentation.planning.touching import check_over_sensor, check_reaches
+from gelforge.indentation.sensor.indenter_shapes import check_press, check_widest, real_indenter, shape_of
+from gelforge.indentation.sensor.sizes import check_indenter, check_sensor_size
+from gelforge.indentation.sensor.symmetry import D4, transform_points
 
 if TYPE_CHECKING:  # pandas takes 0.3 s to import: only those who make or read tables pay for it
     import pandas as pd
@@ -28,42 +40,6 @@ PHASES = ("load", "shear", "tilt", "twist", "dwell", "unload")
 SHEAR_STEP_MM, TWIST_STEP_DEG = 0.1, 1.0  # of a press by hand: friction is followed step by step
 PATH_NUMBERS = ("shear_x_mm", "shear_y_mm", "tilt_x_deg", "tilt_y_deg", "twist_deg")
 POSITION_MATCH_MM = 0.01  # recorded presses join the plan within this distance
-
-
-@dataclass(frozen=True)
-class PlannedCell:
-    """One position [mm] in the sensor's frame with its depths [mm]: increasing, or a path of several phases.
-
-    A path may also shear, tilt and twist the indenter: then every depth has its displacement along x and y from the position
-    and its turns about the sensor's x, y and z axes.
-    """
-
-    name: str
-    x_mm: float
-    y_mm: float
-    depths_mm: tuple[float, ...]
-    source: str | None = None  # the cell that this one mirrors
-    symmetry: str | None = None  # the element of D4 that carries the source here
-    phases: tuple[str, ...] = ()  # one of PHASES per depth; none: all "load"
-    shears_mm: tuple[tuple[float, float], ...] = ()
-    tilts_deg: tuple[tuple[float, float], ...] = ()
-    twists_deg: tuple[float, ...] = ()
-    between: str = (
-        ""  # digest of what decides the label of a site that is not solved, as lattice.lattice_digest
-    )
-
-    @property
-    def solved(self) -> bool:
-        """Whether the site is a finite-element solution of its own."""
-        return self.source is None and not self.between
-
-    @property
-    def deepest_mm(self) -> float:
-        return max(self.depths_mm)
-
-    @property
-    def follows_a_path(self) -> bool:
-        return bool(self.phases)
 
 
 def plan_cells(study: Study) -> dict[str, PlannedCell]:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from gelforge.config import Study
 from gelforge.indentation.effects.material import check_laws, region_laws, stretches_ahead
-from gelforge.indentation.indenter_shapes import real_indenter, shape_of
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.reach import planned_reach
-from gelforge.indentation.trajectory import Trajectory
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.paths.trajectory import Trajectory
+from gelforge.indentation.planning.reach import planned_reach
+from gelforge.indentation.sensor.indenter_shapes import real_indenter, shape_of
 from gelforge.mechanics.laws.law import PrincipalLaw
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gelforge.config import Bins, Mechanics, Sensor
-from gelforge.indentation import binning
-from gelforge.indentation.cut import plane_cut
+from gelforge.indentation.cells import binning
+from gelforge.indentation.cells.cut import plane_cut
 from gelforge.mechanics.contact.state import State
 from gelforge.mechanics.meshes.mesh import Mesh
 

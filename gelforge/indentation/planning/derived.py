@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from gelforge.indentation.plan import PlannedCell
+    from gelforge.indentation.paths.planned_cell import PlannedCell
 
 AT_ONCE = 256  # interpolated sites: their job reads every solved site
 

@@ -8,15 +8,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gelforge.config import ConfigError, Study
-from gelforge.indentation.binning import bin_forces, bin_shares
-from gelforge.indentation.cell_file import Cell
-from gelforge.indentation.error_bars import AMOUNT, COARSER, Companion, error_bars, laws_moved
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.sensitivities import sensitivities, variations_of, with_sensitivities
-from gelforge.indentation.simulate import model_of, simulate_cell
-from gelforge.indentation.stretch_range import Outside
-from gelforge.indentation.touching import untouched
-from gelforge.indentation.trajectory import Trajectory
+from gelforge.indentation.cells.binning import bin_forces, bin_shares
+from gelforge.indentation.cells.cell_file import Cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.paths.trajectory import Trajectory
+from gelforge.indentation.planning.touching import untouched
+from gelforge.indentation.solving.error_bars import AMOUNT, COARSER, Companion, error_bars, laws_moved
+from gelforge.indentation.solving.sensitivities import sensitivities, variations_of, with_sensitivities
+from gelforge.indentation.solving.simulate import model_of, simulate_cell
+from gelforge.indentation.solving.stretch_range import Outside
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.sensitivities.direct import Varied, follow_with_slopes
 from gelforge.mechanics.solving.equilibrium import NotConverged, Press

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from gelforge.config import ConfigError, Study
-
-if TYPE_CHECKING:
-    from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.paths.planned_cell import PlannedCell
 
 MOST_CELLS = 200_000  # of a grid: the article's has 1681; a spacing in metres has a million times as many
 MOST_ELEMENTS = 5e6  # a hundred times those of the article's mesh; their factors alone would need a terabyte

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gelforge.config import ConfigError, Indenter, Study
-from gelforge.indentation.cell_file import Cell
+from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.effects.kinematics import touches_a_slope
 from gelforge.mechanics.indenters.shapes import DOWN, Several, Turned, rotation_of
 from gelforge.mechanics.indenters.shapes import Indenter as Shape
 
 if TYPE_CHECKING:
-    from gelforge.indentation.plan import PlannedCell
+    from gelforge.indentation.paths.planned_cell import PlannedCell
     from gelforge.mechanics.contact.state import State
     from gelforge.mechanics.meshes.mesh import Mesh
 
@@ -61,7 +61,10 @@ def check_over_sensor(study: Study, cells: dict[str, PlannedCell]) -> None:
     if sensor.shape.kind == "block":
         return
     if sensor.shape.kind == "surfaces":
-        from gelforge.indentation.sensor_mesh import sensor_solids, tops_over  # loads the mesher's files
+        from gelforge.indentation.sensor.sensor_mesh import (  # loads the mesher's files
+            sensor_solids,
+            tops_over,
+        )
         from gelforge.mechanics.indenters.closed_surface import SurfaceError
 
         try:

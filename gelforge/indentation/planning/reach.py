@@ -9,7 +9,7 @@ import numpy as np
 from gelforge.config import SOFT_SHARE, ConfigError, Effects, Sensor
 from gelforge.indentation.effects.kinematics import path_over_flat_top
 from gelforge.indentation.effects.surfaces import surface_rises
-from gelforge.indentation.trajectory import Trajectory
+from gelforge.indentation.paths.trajectory import Trajectory
 from gelforge.mechanics.indenters.shapes import DOWN, Turned, rotation_of
 from gelforge.mechanics.indenters.shapes import Indenter as Shape
 

@@ -16,7 +16,7 @@ from glob import escape
 from pathlib import Path
 
 from gelforge.files import atomic
-from gelforge.indentation.cell_file import Cell, CellError, read_cell, timings_path, write_cell
+from gelforge.indentation.cells.cell_file import Cell, CellError, read_cell, timings_path, write_cell
 
 FOLDER = ".solved"
 DIGITS = 16  # of the digest, in the name

@@ -7,10 +7,10 @@ import time
 import numpy as np
 
 from gelforge.config import Study
-from gelforge.indentation.cell_file import ERROR_BARS, TIMINGS, Cell
-from gelforge.indentation.inputs import inputs_digest
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.symmetry import transform_bins, transform_points, transform_vectors
+from gelforge.indentation.cells.cell_file import ERROR_BARS, TIMINGS, Cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.sensor.symmetry import transform_bins, transform_points, transform_vectors
+from gelforge.indentation.solving.inputs import inputs_digest
 from gelforge.mechanics.laws.law import PrincipalLaw
 
 

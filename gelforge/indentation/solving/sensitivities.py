@@ -1,8 +1,9 @@
 """How a cell's forces, and the gel's displacement, follow the effects that the finite elements know, at amount zero.
 
 Effects that leave the elements and the kind of path alone are differentiated along one base run, all together
-(mechanics.sensitivities.direct); a press at another place takes the touched part of the mesh along. For effects that bring
-another mesh or turn every press into a path of its own, and where the base remembers or yields, two solutions are subtracted.
+(mechanics.sensitivities.direct); a press at another place takes the touched part of the mesh along. For effects that
+bring another mesh or turn every press into a path of its own, and where the base remembers or yields, two solutions are
+subtracted.
 """
 
 from __future__ import annotations
@@ -14,13 +15,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gelforge.config import ConfigError, Study
-from gelforge.indentation.binning import bin_forces, bin_shares
-from gelforge.indentation.cell_arrays import gel_arrays, gel_elements
-from gelforge.indentation.cell_file import Cell
+from gelforge.indentation.cells.binning import bin_forces, bin_shares
+from gelforge.indentation.cells.cell_arrays import gel_arrays, gel_elements
+from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.effects.catalogue import CATALOGUE
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.simulate import Model, model_of, simulate_cell
-from gelforge.indentation.trajectory import Trajectory
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.paths.trajectory import Trajectory
+from gelforge.indentation.solving.simulate import Model, model_of, simulate_cell
 from gelforge.mechanics.contact.state import State
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.sensitivities.direct import Varied, follow_with_slopes

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.mechanics.indenters.shapes import DOWN
-
-if TYPE_CHECKING:  # a plan follows its paths too, to check them
-    from gelforge.indentation.plan import PlannedCell
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ import numpy as np
 
 import gelforge
 from gelforge.config import ConfigError, Effects, Indenter, Mechanics, Sensor, Study
-from gelforge.indentation.cell_arrays import force_arrays, gel_arrays, moment_shift, section_arrays
-from gelforge.indentation.cell_file import Cell
+from gelforge.indentation.cells.cell_arrays import force_arrays, gel_arrays, moment_shift, section_arrays
+from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.effects.fields import element_stiffness
 from gelforge.indentation.effects.geometry import carried_mesh, moved_mesh, region_prestretch
 from gelforge.indentation.effects.history import (
@@ -31,16 +31,21 @@ from gelforge.indentation.effects.kinematics import (
     yielding,
 )
 from gelforge.indentation.effects.material import check_laws, region_bulk, region_laws, stretches_ahead
-from gelforge.indentation.indenter_shapes import real_indenter, shape_of
-from gelforge.indentation.inputs import inputs_digest
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.reach import block_tops, check_reach, reach_of, soft_base
-from gelforge.indentation.sensor_mesh import sensor_mesh
-from gelforge.indentation.stretch_range import Outside, element_stretches, stretch_ranges, unstable_shares
-from gelforge.indentation.surface_files import file_digests, surface_digests
-from gelforge.indentation.touchdown import surface_point, touchdown
-from gelforge.indentation.touching import touched_parts
-from gelforge.indentation.trajectory import Trajectory
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.paths.touchdown import surface_point, touchdown
+from gelforge.indentation.paths.trajectory import Trajectory
+from gelforge.indentation.planning.reach import block_tops, check_reach, reach_of, soft_base
+from gelforge.indentation.planning.touching import touched_parts
+from gelforge.indentation.sensor.indenter_shapes import real_indenter, shape_of
+from gelforge.indentation.sensor.sensor_mesh import sensor_mesh
+from gelforge.indentation.sensor.surface_files import file_digests, surface_digests
+from gelforge.indentation.solving.inputs import inputs_digest
+from gelforge.indentation.solving.stretch_range import (
+    Outside,
+    element_stretches,
+    stretch_ranges,
+    unstable_shares,
+)
 from gelforge.mechanics.bodies.body import Body, SmallStrainBody
 from gelforge.mechanics.bodies.memory import RememberingBody
 from gelforge.mechanics.bodies.peak_grid import PeakGrid

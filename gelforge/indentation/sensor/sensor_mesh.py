@@ -11,9 +11,9 @@ import numpy as np
 from gelforge.config import ConfigError, Sensor
 from gelforge.config import Mesh as MeshSizes
 from gelforge.config.effects import Base
-from gelforge.indentation.indenter_shapes import read_triangles
-from gelforge.indentation.sizes import check_fits
-from gelforge.indentation.surface_files import surface_digests
+from gelforge.indentation.sensor.indenter_shapes import read_triangles
+from gelforge.indentation.sensor.sizes import check_fits
+from gelforge.indentation.sensor.surface_files import surface_digests
 from gelforge.mechanics.indenters.closed_surface import SurfaceError, closed_surface
 from gelforge.mechanics.indenters.shapes import rotation_about_axes
 from gelforge.mechanics.meshes.mesh import Block, Mesh, Sizes, layered_block
