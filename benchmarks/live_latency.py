@@ -44,8 +44,8 @@ from gelforge.learning.scaling import Scaling  # noqa: E402
 from gelforge.live.capture import Shot  # noqa: E402
 from gelforge.live.compute import LiveForce  # noqa: E402
 from gelforge.live.messages import of_reading, text_of  # noqa: E402
-from gelforge.recording.flow import grey, read_grey  # noqa: E402
-from gelforge.recording.frames import Frame, frames  # noqa: E402
+from gelforge.recording.imaging.flow import grey, read_grey  # noqa: E402
+from gelforge.recording.imaging.frames import Frame, frames  # noqa: E402
 
 WARM_UP = 20  # frames that are not counted
 IMAGES, IMAGES_STEP = 30, 7  # of a session: so many, one of every so many

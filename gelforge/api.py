@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gelforge.config import ConfigError, Study, load_study, study_from
-from gelforge.config.common import Section
-from gelforge.config.variants import merged
+from gelforge.config.basis.common import Section
+from gelforge.config.basis.variants import merged
 from gelforge.shipped import EXAMPLES
 
 if TYPE_CHECKING:

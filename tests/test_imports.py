@@ -36,7 +36,9 @@ ROOMS = {
         *("readings", "model", "result", "evidence", "effects", "terms", "goodness", "inference"),
         *("fem", "images", "material", "summary", "pipeline"),
     ),
+    "config": ("basis", "parts", "sessions", "studies", "foreign"),
     "indentation": ("sensor", "paths", "effects", "cells", "planning", "solving"),
+    "recording": ("tables", "imaging", "optics", "plausibility"),
     "materials": ("imaging", "readers", "covariates", "fitting"),
     "report": ("figures", "chapters", "verdict"),
 }
@@ -134,7 +136,7 @@ def test_rooms_import_what_is_below_them():
     ("part", "source"),
     [
         ("mechanics", "from gelforge.config import Study"),
-        ("indentation", "from gelforge.recording.camera import project"),
+        ("indentation", "from gelforge.recording.optics.camera import project"),
         ("indentation", "from gelforge.materials import fits"),
         ("dataset", "def f():\n    import gelforge.learning.model_file"),
         ("dataset", "import torch"),

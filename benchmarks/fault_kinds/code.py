@@ -71,7 +71,7 @@ FAULTS = tuple(
         ("forces of a recording", "gelforge/recording/readings.py",
          "return sign * raw @ np.asarray(force.axes, dtype=float).T",
          "return sign * raw @ np.asarray(force.axes, dtype=float)", "tests/recording/test_readings.py"),
-        ("camera", "gelforge/recording/camera.py", "return np.asarray(camera.centre_px) + seen, distance",
+        ("camera", "gelforge/recording/optics/camera.py", "return np.asarray(camera.centre_px) + seen, distance",
          "return np.asarray(camera.centre_px) - seen, distance", "tests/recording/test_camera.py"),
         ("plausibility: silence", "gelforge/recording/plausibility/forces.py", "SILENT_SHARE = 0.1",
          "SILENT_SHARE = 1e-4", "tests/recording/test_plausibility.py -k left_out_and_listed"),

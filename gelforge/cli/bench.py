@@ -171,8 +171,8 @@ def predict(
     from itertools import islice
 
     from gelforge.learning.predictor import Predictor, Timing, predict_frames
-    from gelforge.recording.flow import read_grey
-    from gelforge.recording.frames import frames as frames_of
+    from gelforge.recording.imaging.flow import read_grey
+    from gelforge.recording.imaging.frames import frames as frames_of
 
     zero = read_grey(reference) if reference else None
     timing = Timing(WARM_UP)

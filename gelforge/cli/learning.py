@@ -86,7 +86,7 @@ def known_truth(study: Study, path: Path):
 
     from gelforge.indentation.planning.plan import plan_cells
     from gelforge.learning.true_motion import Truth
-    from gelforge.recording.camera import mm_per_px_at
+    from gelforge.recording.optics.camera import mm_per_px_at
     from gelforge.virtual_lab.particles import gel_boxes
     from gelforge.virtual_lab.session import session_cells
     from gelforge.virtual_lab.true_presses import true_presses

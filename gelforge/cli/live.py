@@ -44,7 +44,7 @@ def live(
     from gelforge.live.messages import about
     from gelforge.live.run import run_live
     from gelforge.live.server import Server
-    from gelforge.recording.flow import read_grey
+    from gelforge.recording.imaging.flow import read_grey
 
     zero = read_grey(reference) if reference else None
     open_source = played(source, fps, loop)

@@ -184,11 +184,11 @@ def check_session(study: Study, name: str, cells: dict) -> tuple[int, set[str]]:
 
     Raises RecordingError or ConfigError for one that cannot be right.
     """
-    from gelforge.recording.camera import CameraError
-    from gelforge.recording.flow import ImageError
-    from gelforge.recording.join import press_table
+    from gelforge.recording.imaging.flow import ImageError
+    from gelforge.recording.optics.camera import CameraError
+    from gelforge.recording.optics.remap import picture_of
     from gelforge.recording.readings import read_recording
-    from gelforge.recording.remap import picture_of
+    from gelforge.recording.tables.join import press_table
 
     folder = study.session_folder(name)
     recording = read_recording(folder, cells, study.sensor)
@@ -212,9 +212,9 @@ def check_session(study: Study, name: str, cells: dict) -> tuple[int, set[str]]:
 
 def print_scale(study: Study, name: str, session: Session) -> None:
     """Print the scale of the images whose flow is searched, on the plane of the particles or else of the top surface."""
-    from gelforge.recording.camera import CameraError
     from gelforge.recording.camera_pose import particle_plane_mm
-    from gelforge.recording.remap import seen_by
+    from gelforge.recording.optics.camera import CameraError
+    from gelforge.recording.optics.remap import seen_by
 
     try:
         plane, of = particle_plane_mm(study.sensor), "the particles' mean"

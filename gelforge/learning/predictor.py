@@ -13,9 +13,9 @@ import pandas as pd
 from gelforge.config import Camera, Features
 from gelforge.learning.onnx_model import open_for_prediction
 from gelforge.recording.features import FlowFeatures
-from gelforge.recording.flow import ImageError, crop, reduced
-from gelforge.recording.frames import Frame
-from gelforge.recording.remap import Picture, remap_to
+from gelforge.recording.imaging.flow import ImageError, crop, reduced
+from gelforge.recording.imaging.frames import Frame
+from gelforge.recording.optics.remap import Picture, remap_to
 
 STEPS = ("read", "flow", "features", "network")
 

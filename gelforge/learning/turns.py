@@ -8,7 +8,7 @@ import numpy as np
 
 from gelforge.config import Camera, Sensor
 from gelforge.indentation.sensor.symmetry import D4
-from gelforge.recording.camera import project
+from gelforge.recording.optics.camera import project
 
 if TYPE_CHECKING:
     import torch

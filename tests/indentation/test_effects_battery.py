@@ -8,7 +8,7 @@ import pytest
 import specimens
 
 from gelforge.config import study_from
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.indentation.effects.catalogue import CATALOGUE, Place, with_keys
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.simulate import simulate_cell

@@ -6,8 +6,8 @@ import specimens
 from numpy.testing import assert_allclose
 
 from gelforge.config import ConfigError, study_from
-from gelforge.config.materials import Material
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
+from gelforge.config.parts.materials import Material
 from gelforge.indentation.effects.catalogue import CATALOGUE, Place, with_keys
 from gelforge.indentation.effects.geometry import moved_mesh
 from gelforge.indentation.effects.kinematics import plane_touch, real_place, yielding

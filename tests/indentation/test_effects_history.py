@@ -5,7 +5,7 @@ import pytest
 import specimens
 from numpy.testing import assert_allclose
 
-from gelforge.config.effects import PressTiming
+from gelforge.config.parts.effects import PressTiming
 from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.indentation.effects.history import in_time, quadrature_points
 from gelforge.indentation.paths.planned_cell import PlannedCell

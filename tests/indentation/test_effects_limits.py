@@ -8,7 +8,7 @@ import specimens
 from numpy.testing import assert_allclose, assert_array_equal
 
 from gelforge.config import study_from
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.paths.trajectory import Trajectory

@@ -7,7 +7,7 @@ import pytest
 import specimens
 
 from gelforge.config import ConfigError, study_from
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.indentation.planning.derived import derived_chunks
 from gelforge.indentation.planning.lattice import (
     LAST,

@@ -6,7 +6,7 @@ import specimens
 
 from gelforge.cli import main
 from gelforge.config import ConfigError, study_from, write_yaml
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.indentation.cells.cell_file import read_cell
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.planning.plan import plan_cells

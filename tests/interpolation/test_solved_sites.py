@@ -8,7 +8,7 @@ import specimens
 from closed_form import LAWS
 
 from gelforge.config import study_from
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.planning.lattice import index_of, lattice_of, name_of, solved_site
 from gelforge.indentation.planning.plan import plan_cells

@@ -15,7 +15,7 @@ from gelforge.live.compute import LiveForce
 from gelforge.live.messages import about
 from gelforge.live.run import run_live
 from gelforge.live.server import Server
-from gelforge.recording.frames import Frame
+from gelforge.recording.imaging.frames import Frame
 
 SETTINGS = {
     "study": "artificial",

@@ -11,8 +11,8 @@ from gelforge.learning.predictor import STEPS, Predictor, Timing, predict_frames
 from gelforge.learning.scaling import ModelError
 from gelforge.learning.training import Run, train
 from gelforge.recording.features import FlowFeatures
-from gelforge.recording.flow import ImageError, reduced
-from gelforge.recording.frames import Frame
+from gelforge.recording.imaging.flow import ImageError, reduced
+from gelforge.recording.imaging.frames import Frame
 
 SMALL = {"network": "paper", "hidden": [24, 16, 12], "batch_size": 8, "epochs": 3, "validation_fraction": 0.2}
 

@@ -5,7 +5,7 @@ import pytest
 import yaml
 
 from gelforge.config import ConfigError
-from gelforge.config.mapping import load_mapping
+from gelforge.config.foreign.mapping import load_mapping
 from gelforge.csv_table import TableError
 from gelforge.materials.fitting.curves import mean_curves
 from gelforge.materials.fitting.sample_scatter import scatter

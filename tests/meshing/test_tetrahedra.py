@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_array_equal
 from small_shapes import SHAPES, SIZES
 
-from gelforge.config.mechanics import Mesh as MeshSizes
+from gelforge.config.parts.mechanics import Mesh as MeshSizes
 from gelforge.indentation.sensor.sensor_mesh import sizes_of
 from gelforge.mechanics.indenters.closed_surface import closed_surface
 from gelforge.mechanics.meshes.elements import element_gradient, lumped_area

@@ -9,7 +9,7 @@ import specimens
 from recorded import DEPTHS, SITES, record
 
 from gelforge.config import study_from
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.indentation.effects.fields import element_stiffness
 from gelforge.indentation.paths.planned_cell import PlannedCell

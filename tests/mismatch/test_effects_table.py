@@ -56,7 +56,7 @@ def test_the_guides_example_is_an_effect(tmp_path, monkeypatch):
 
 
 def test_the_guide_names_every_key_of_the_study():
-    from gelforge.config.mismatch import Mismatch
+    from gelforge.config.parts.mismatch import Mismatch
 
     rows = re.findall(r"^\| `(\w+)` \| (\S.*?) \|", GUIDE.read_text(encoding="utf-8"), re.MULTILINE)
     told = {name: default for name, default in rows if name in Mismatch.model_fields}

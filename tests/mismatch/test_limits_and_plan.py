@@ -12,7 +12,7 @@ from test_verdict import content, effect
 from gelforge.cli import main
 from gelforge.cli.mismatch import solver_of
 from gelforge.config import study_from, write_yaml
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
 from gelforge.indentation.planning.plan import plan_cells
 from gelforge.indentation.solving.simulate import simulate_cell

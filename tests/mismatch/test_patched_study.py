@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from recorded import SITES, record
 
 from gelforge.config import study_from
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.sensitivities import unmirrored

@@ -66,7 +66,7 @@ rule train:
                 "learning/model_file.py",
                 "learning/reliability.py",
                 "learning/familiarity.py",
-                "config/learning.py",
+                "config/parts/learning.py",
             ),
             *("dataset/splits.py", "indentation/sensor/symmetry.py"),
         ),

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from gelforge.config import ConfigError, Effects, Mechanics, Sensor
-from gelforge.config.effects import Circumstances, Delamination, Inclusion, Patch
+from gelforge.config.parts.effects import Circumstances, Delamination, Inclusion, Patch
 from gelforge.indentation.effects.material import by_region, region_bulk
 from gelforge.mechanics.meshes.elements import ELEMENTS
 from gelforge.mechanics.meshes.mesh import Mesh

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gelforge.config import Effects, Sensor
-from gelforge.config.effects import PressTiming
+from gelforge.config.parts.effects import PressTiming
 from gelforge.indentation.effects.material import by_region
 from gelforge.indentation.effects.surfaces import layer_heights
 from gelforge.indentation.paths.trajectory import Trajectory

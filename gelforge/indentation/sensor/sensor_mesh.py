@@ -10,7 +10,7 @@ import numpy as np
 
 from gelforge.config import ConfigError, Sensor
 from gelforge.config import Mesh as MeshSizes
-from gelforge.config.effects import Base
+from gelforge.config.parts.effects import Base
 from gelforge.indentation.sensor.indenter_shapes import read_triangles
 from gelforge.indentation.sensor.sizes import check_fits
 from gelforge.indentation.sensor.surface_files import surface_digests

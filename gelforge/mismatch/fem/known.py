@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gelforge.config import ConfigError
-from gelforge.config.mismatch import Known
+from gelforge.config.parts.mismatch import Known
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed

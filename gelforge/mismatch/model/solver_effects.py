@@ -9,7 +9,7 @@ from operator import attrgetter
 import numpy as np
 
 from gelforge.config import Effects, Mechanics, Study, study_from
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.indentation.effects.catalogue import CATALOGUE, Place, with_keys
 from gelforge.indentation.solving.sensitivities import unmirrored
 from gelforge.mismatch.model.context import Context

@@ -12,7 +12,7 @@ from gelforge.config import Camera, Sensor, Session, Study
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.sensor.indenter_shapes import shape_of
 from gelforge.mechanics.indenters.shapes import DOWN
-from gelforge.recording.camera import CameraError, unproject
+from gelforge.recording.optics.camera import CameraError, unproject
 from gelforge.report.figures.silhouette import draw_indenter
 from gelforge.report.figures.style import (
     INK,
