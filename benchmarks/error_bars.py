@@ -3,7 +3,8 @@
 The truth is a mesh of half the sizes (near and far). Positions are drawn over the paper's grid with a fixed seed; the first
 CALIBRATION of them are those on which the parts in gelforge/indentation/solving/error_bars.py were found, and are left out
 of the tables. Beside the article's gel: gels whose shear moduli, friction or compressibility are far from it (GELS), at the
-first four of the positions that are judged. Solutions are kept in results/error_bars: remove it after a change of the solver.
+first four of the positions that are judged. Solutions are kept in results/error_bars: remove it after a change of the
+solver.
 
 usage: python benchmarks/error_bars.py [--positions 27] [--gels article stiff compressible] [--calibration]
        (one thread; some eight CPU minutes per position, once)

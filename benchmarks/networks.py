@@ -22,9 +22,9 @@ from pathlib import Path  # noqa: E402
 import pandas as pd  # noqa: E402
 
 from gelforge.config import Learning, Study, load_study  # noqa: E402
-from gelforge.learning.evaluation import baselines_table, reliability_table, rmse_table  # noqa: E402
-from gelforge.learning.predictions import LearningSets, Predictions, predict_test_rows  # noqa: E402
-from gelforge.learning.training import Run, train  # noqa: E402
+from gelforge.learning.judging.evaluation import baselines_table, reliability_table, rmse_table  # noqa: E402
+from gelforge.learning.judging.predictions import LearningSets, Predictions, predict_test_rows  # noqa: E402
+from gelforge.learning.training.train import Run, train  # noqa: E402
 
 NETWORKS = {
     "unet": {},

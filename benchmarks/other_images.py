@@ -28,7 +28,7 @@ from gelforge.dataset.splits import planned_split  # noqa: E402
 from gelforge.indentation.cells.cell_file import Cell, read_cell, write_cell  # noqa: E402
 from gelforge.indentation.paths.planned_cell import PlannedCell  # noqa: E402
 from gelforge.indentation.planning.plan import plan_cells  # noqa: E402
-from gelforge.learning.model_file import Model, load_model  # noqa: E402
+from gelforge.learning.models.model_file import Model, load_model  # noqa: E402
 from gelforge.recording.features import FlowFeatures  # noqa: E402
 from gelforge.recording.imaging.flow import reduced  # noqa: E402
 from gelforge.recording.optics.remap import Remapper  # noqa: E402

@@ -39,6 +39,7 @@ ROOMS = {
     "config": ("basis", "parts", "sessions", "studies", "foreign"),
     "indentation": ("sensor", "paths", "effects", "cells", "planning", "solving"),
     "recording": ("tables", "imaging", "optics", "plausibility"),
+    "learning": ("basis", "networks", "models", "training", "judging", "deployment"),
     "materials": ("imaging", "readers", "covariates", "fitting"),
     "report": ("figures", "chapters", "verdict"),
 }
@@ -138,7 +139,7 @@ def test_rooms_import_what_is_below_them():
         ("mechanics", "from gelforge.config import Study"),
         ("indentation", "from gelforge.recording.optics.camera import project"),
         ("indentation", "from gelforge.materials import fits"),
-        ("dataset", "def f():\n    import gelforge.learning.model_file"),
+        ("dataset", "def f():\n    import gelforge.learning.models.model_file"),
         ("dataset", "import torch"),
         ("report", "import cv2"),
         ("learning", "from matplotlib.figure import Figure"),

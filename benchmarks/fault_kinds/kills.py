@@ -21,7 +21,7 @@ from benchmarks.fault_kinds.finished_study import RESULTS, STUDY, copy_of, finis
 
 READ = (
     "gelforge.cli.factory",
-    "gelforge.learning.training",
+    "gelforge.learning.training.train",
     "gelforge.report.page",
     "gelforge.indentation.solving.companion",
 )

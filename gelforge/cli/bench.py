@@ -170,7 +170,7 @@ def predict(
     """Print the total force of each frame, write the distributions, and print how long each step took."""
     from itertools import islice
 
-    from gelforge.learning.predictor import Predictor, Timing, predict_frames
+    from gelforge.learning.deployment.predictor import Predictor, Timing, predict_frames
     from gelforge.recording.imaging.flow import read_grey
     from gelforge.recording.imaging.frames import frames as frames_of
 

@@ -247,9 +247,9 @@ def tables(study: Path) -> None:
         agreed = read_agreement(results / "agreement.csv", inputs)
         write_table(folder, "rmse_gt", rmse_gt_table(agreed, resolution))
     if image_sessions(described):
-        from gelforge.learning import evaluation
-        from gelforge.learning.error_budget import error_budget_table
-        from gelforge.learning.predictions import Predictions  # labels alone need no PyTorch
+        from gelforge.learning.judging import evaluation
+        from gelforge.learning.judging.error_budget import error_budget_table
+        from gelforge.learning.judging.predictions import Predictions  # labels alone need no PyTorch
 
         predictions = Predictions(results / "model" / "predictions.h5")
         predictions.check_model(results / "model" / "model.pt")

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gelforge.config import Camera
-from gelforge.learning.predictor import Predictor
-from gelforge.learning.reliability import centre_of_pressure
+from gelforge.learning.deployment.predictor import Predictor
+from gelforge.learning.models.reliability import centre_of_pressure
 from gelforge.live.capture import Shot
 from gelforge.recording.features import FlowFeatures
 from gelforge.recording.imaging.flow import crop, reduced

@@ -33,9 +33,9 @@ IMPORTS = {
     "join": "gelforge.dataset.join",
     "manifest": "gelforge.dataset.manifest",
     "agreement": "gelforge.dataset.agreement",
-    "train": "gelforge.learning.training",
-    "evaluate": "gelforge.learning.predictions",
-    "tables": "gelforge.learning.evaluation",
+    "train": "gelforge.learning.training.train",
+    "evaluate": "gelforge.learning.judging.predictions",
+    "tables": "gelforge.learning.judging.evaluation",
 }
 NOBODY = "-"  # no address
 COLLECT_S = 1.0  # how often forks that have ended are collected

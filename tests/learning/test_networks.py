@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from gelforge.config import Learning
 from gelforge.learning import networks
-from gelforge.learning.network import Grids
+from gelforge.learning.basis.network import Grids
 from gelforge.learning.networks import make_network, network_of
 from gelforge.registry import stated
 

@@ -7,9 +7,9 @@ import pytest
 from artificial_shards import small_rows, study_of, write_shards
 
 from gelforge.config import Camera
-from gelforge.learning.predictor import STEPS, Predictor, Timing, predict_frames
-from gelforge.learning.scaling import ModelError
-from gelforge.learning.training import Run, train
+from gelforge.learning.basis.scaling import ModelError
+from gelforge.learning.deployment.predictor import STEPS, Predictor, Timing, predict_frames
+from gelforge.learning.training.train import Run, train
 from gelforge.recording.features import FlowFeatures
 from gelforge.recording.imaging.flow import ImageError, reduced
 from gelforge.recording.imaging.frames import Frame

@@ -17,7 +17,7 @@ from gelforge.indentation.cells.cell_file import write_cell
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.planning.plan import plan_cells
 from gelforge.indentation.solving.simulate import simulate_cell
-from gelforge.learning.data import images_of_presses
+from gelforge.learning.basis.data import images_of_presses
 from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.mismatch.readings.sessions import observe
 from gelforge.recording.features import judge_all, session_features

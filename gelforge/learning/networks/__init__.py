@@ -5,7 +5,7 @@ from __future__ import annotations
 from torch import nn
 
 from gelforge.config import Learning
-from gelforge.learning.network import Grids, Network
+from gelforge.learning.basis.network import Grids, Network
 from gelforge.registry import defined
 
 

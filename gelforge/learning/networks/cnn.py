@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import nn
 
-from gelforge.learning.network import Grids, Network, OnGrids, block, seeded
+from gelforge.learning.basis.network import Grids, Network, OnGrids, block, seeded
 
 KEYS = ("channels", "symmetry")
 USUAL = {"learning_rate": 3e-3, "batch_size": 32, "epochs": 35}

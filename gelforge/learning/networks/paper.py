@@ -6,7 +6,7 @@ import torch
 from torch import nn
 
 from gelforge.config import Learning
-from gelforge.learning.network import Grids, Network
+from gelforge.learning.basis.network import Grids, Network
 
 KEYS = ("hidden", "dropout", "input_form")
 USUAL = {"learning_rate": 1e-4, "batch_size": 400, "epochs": 400}  # of the article's table 2

@@ -6,7 +6,7 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from gelforge.learning.network import Grids, Network, OnGrids, block, resized, seeded
+from gelforge.learning.basis.network import Grids, Network, OnGrids, block, resized, seeded
 
 KEYS = ("channels", "symmetry")
 USUAL = {"learning_rate": 3e-3, "batch_size": 32, "epochs": 35}

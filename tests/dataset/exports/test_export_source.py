@@ -22,7 +22,7 @@ from gelforge.indentation.planning.plan import plan_cells
 
 def test_splits_are_those_of_training(made_once):
     """`validation` are the rows that watch the loss; no orbit is on two sides, every row is in one split."""
-    from gelforge.learning.data import training_and_validation
+    from gelforge.learning.basis.data import training_and_validation
 
     source = made_once.source
     rows = ShardDataset(made_once.shards, "train")

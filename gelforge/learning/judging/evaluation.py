@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from gelforge.learning.predictions import Predictions
-from gelforge.learning.reliability import centre_of_pressure
+from gelforge.learning.judging.predictions import Predictions
+from gelforge.learning.models.reliability import centre_of_pressure
 
 AXES = ("x_N", "y_N", "z_N")
 

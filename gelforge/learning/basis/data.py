@@ -11,8 +11,8 @@ import torch
 from gelforge.config import Study
 from gelforge.dataset.shard import ShardDataset, shard_attributes
 from gelforge.dataset.splits import split_training
-from gelforge.learning.scaling import ModelError, Scaling, input_flow
-from gelforge.learning.turns import flow_centre, image_on_sensor
+from gelforge.learning.basis.scaling import ModelError, Scaling, input_flow
+from gelforge.learning.basis.turns import flow_centre, image_on_sensor
 
 FEATURE, LABEL = "feature", "force_distribution_N"
 BLOCK_ROWS = 64  # consecutive rows that are read together; about one cell

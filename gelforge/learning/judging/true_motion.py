@@ -9,8 +9,8 @@ import h5py
 import numpy as np
 
 from gelforge.dataset.shard import ShardDataset
-from gelforge.learning.data import FEATURE
-from gelforge.learning.model_file import Model
+from gelforge.learning.basis.data import FEATURE
+from gelforge.learning.models.model_file import Model
 from gelforge.virtual_lab.true_presses import TruePress
 
 BLOCK = 256  # rows in memory at a time

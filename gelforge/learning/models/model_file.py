@@ -13,11 +13,11 @@ from torch import nn
 from gelforge.config import Learning
 from gelforge.files import atomic, check_seal
 from gelforge.indentation.sensor.symmetry import D4
-from gelforge.learning.familiarity import Familiar
-from gelforge.learning.network import Grids
+from gelforge.learning.basis.network import Grids
+from gelforge.learning.basis.scaling import FORMS, ModelError, Scaling
+from gelforge.learning.models.familiarity import Familiar
+from gelforge.learning.models.reliability import Intervals, Zero
 from gelforge.learning.networks import make_network
-from gelforge.learning.reliability import Intervals, Zero
-from gelforge.learning.scaling import FORMS, ModelError, Scaling
 
 FORMAT = "gelforge-model-3"
 LARGEST_OUTPUT = 1e4  # in units of Scaling.output_scale; trained networks stay below some hundred

@@ -14,7 +14,7 @@ import torch
 from gelforge.config import Learning, Study
 from gelforge.dataset.shard import ShardDataset, shard_attributes
 from gelforge.files import digest, file_sha256, write_product_table
-from gelforge.learning.data import (
+from gelforge.learning.basis.data import (
     BUFFER_ROWS,
     FEATURE,
     LABEL,
@@ -25,14 +25,14 @@ from gelforge.learning.data import (
     orbits_of,
     training_and_validation,
 )
-from gelforge.learning.familiarity import find_familiar
-from gelforge.learning.model_file import Model, load_tensors, save_model, save_tensors
-from gelforge.learning.network import Grids
+from gelforge.learning.basis.network import Grids
+from gelforge.learning.basis.scaling import ModelError, Scaling
+from gelforge.learning.basis.turns import Turner, names_of, seen_by_camera
+from gelforge.learning.models.familiarity import find_familiar
+from gelforge.learning.models.model_file import Model, load_tensors, save_model, save_tensors
+from gelforge.learning.models.reliability import Labels, Zero, find_intervals, find_zero
+from gelforge.learning.models.views import check_scale
 from gelforge.learning.networks import make_network, network_of
-from gelforge.learning.reliability import Labels, Zero, find_intervals, find_zero
-from gelforge.learning.scaling import ModelError, Scaling
-from gelforge.learning.turns import Turner, names_of, seen_by_camera
-from gelforge.learning.views import check_scale
 from gelforge.progress import Progress
 
 USUAL_THREADS = {"paper": 2}

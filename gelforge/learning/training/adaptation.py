@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 
 from gelforge.dataset.shard import ShardDataset
-from gelforge.learning.data import FEATURE
-from gelforge.learning.model_file import Model
-from gelforge.learning.reliability import COVER, Intervals
-from gelforge.learning.scaling import ModelError
+from gelforge.learning.basis.data import FEATURE
+from gelforge.learning.basis.scaling import ModelError
+from gelforge.learning.models.model_file import Model
+from gelforge.learning.models.reliability import COVER, Intervals
 
 LEAST_PRESSES = 5
 BLOCK = 256  # rows in memory at a time

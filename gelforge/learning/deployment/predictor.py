@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import Camera, Features
-from gelforge.learning.onnx_model import open_for_prediction
+from gelforge.learning.deployment.onnx_model import open_for_prediction
 from gelforge.recording.features import FlowFeatures
 from gelforge.recording.imaging.flow import ImageError, crop, reduced
 from gelforge.recording.imaging.frames import Frame

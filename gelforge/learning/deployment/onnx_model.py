@@ -14,9 +14,9 @@ import numpy as np
 import onnxruntime
 
 from gelforge.files import check_seal
-from gelforge.learning.familiarity import unlike
-from gelforge.learning.reliability import Intervals, Zero
-from gelforge.learning.scaling import ModelError
+from gelforge.learning.basis.scaling import ModelError
+from gelforge.learning.models.familiarity import unlike
+from gelforge.learning.models.reliability import Intervals, Zero
 
 FORMAT = "gelforge-onnx-2"
 KEY = "gelforge"  # of the metadata
@@ -90,7 +90,9 @@ def open_for_prediction(path: str | Path, threads: int = 1) -> OnnxModel:
     """Return the model of a .onnx file, or of a model.pt, which is converted in memory (some seconds) and checked."""
     if Path(path).suffix.lower() == ".onnx":
         return load_onnx(path, threads)
-    from gelforge.learning.onnx_export import converted  # PyTorch, which an exported model does without
+    from gelforge.learning.deployment.onnx_export import (
+        converted,  # PyTorch, which an exported model does without
+    )
 
     return converted(path, threads)
 

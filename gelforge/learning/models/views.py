@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gelforge.dataset.shard import shard_attributes
-from gelforge.learning.model_file import Model
-from gelforge.learning.scaling import ModelError
+from gelforge.learning.basis.scaling import ModelError
+from gelforge.learning.models.model_file import Model
 
 
 def views_of(shards: Sequence[str | Path]) -> dict[str, dict]:

@@ -15,9 +15,9 @@ from sklearn.linear_model import Ridge
 from sklearn.neighbors import KNeighborsRegressor
 
 from gelforge.dataset.shard import ShardDataset
-from gelforge.learning.data import FEATURE, LABEL, images_of_presses
-from gelforge.learning.reliability import Zero, find_zero
-from gelforge.learning.scaling import Scaling
+from gelforge.learning.basis.data import FEATURE, LABEL, images_of_presses
+from gelforge.learning.basis.scaling import Scaling
+from gelforge.learning.models.reliability import Zero, find_zero
 from gelforge.progress import tracked
 
 MOST_ROWS = 4000  # that a baseline learns from: a kernel matrix of them is 128 MB

@@ -17,9 +17,9 @@ from torch import nn
 from gelforge import __version__
 from gelforge.files import UNSEALED, atomic, file_sha256
 from gelforge.indentation.sensor.symmetry import D4
-from gelforge.learning.familiarity import Familiar
-from gelforge.learning.model_file import LARGEST_OUTPUT, Model, load_model
-from gelforge.learning.onnx_model import (
+from gelforge.learning.basis.scaling import ModelError, Scaling
+from gelforge.learning.basis.turns import order
+from gelforge.learning.deployment.onnx_model import (
     FORMAT,
     INPUT,
     KEY,
@@ -28,8 +28,8 @@ from gelforge.learning.onnx_model import (
     OnnxModel,
     model_of,
 )
-from gelforge.learning.scaling import ModelError, Scaling
-from gelforge.learning.turns import order
+from gelforge.learning.models.familiarity import Familiar
+from gelforge.learning.models.model_file import LARGEST_OUTPUT, Model, load_model
 
 OPSET = 20  # ONNX 1.15, ONNX Runtime 1.17 and newer
 # Of the largest force of an input, or the labels' standard deviation where that is larger. Single precision in another order

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 if TYPE_CHECKING:  # the report reads the names of parts from here; it needs no torch
-    from gelforge.learning.predictions import Predictions
+    from gelforge.learning.judging.predictions import Predictions
 
 COLUMNS = tuple(f"{what}_{axis}_N" for what in ("bins", "total") for axis in "xyz")
 OPTICS, LEARNING, MECHANICS = PARTS = ("optics", "learning", "mechanics")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gelforge.learning.turns import turned_flow
+from gelforge.learning.basis.turns import turned_flow
 
 FORMS = ("vector", "polar")
 

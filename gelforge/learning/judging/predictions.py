@@ -16,11 +16,11 @@ from gelforge.dataset.schema import COLUMNS, DatasetError
 from gelforge.dataset.shard import ShardDataset, shard_attributes
 from gelforge.files import file_sha256
 from gelforge.hdf5 import opened, writing
-from gelforge.learning.baselines import Baseline, fit_baselines
-from gelforge.learning.data import FEATURE, LABEL, measure_scaling, training_and_validation
-from gelforge.learning.model_file import Model, load_model
-from gelforge.learning.true_motion import Truth, write_truth
-from gelforge.learning.views import check_same_images, views_of
+from gelforge.learning.basis.data import FEATURE, LABEL, measure_scaling, training_and_validation
+from gelforge.learning.judging.baselines import Baseline, fit_baselines
+from gelforge.learning.judging.true_motion import Truth, write_truth
+from gelforge.learning.models.model_file import Model, load_model
+from gelforge.learning.models.views import check_same_images, views_of
 
 FORMAT = "gelforge-predictions-3"
 BLOCK = 256  # rows in memory at a time
