@@ -34,9 +34,9 @@ STAGES = {
     "factorisation": [("sparse.py", "factor", None)],
     "back-substitution": [("sparse.py", "solve", None)],
     "distances and contact": [
-        ("surface_contact.py", "forces", None),
-        ("surface_contact.py", "corrected", None),
-        ("contact.py", "add_node_blocks", None),
+        ("surface.py", "forces", None),
+        ("surface.py", "corrected", None),
+        ("forces.py", "add_node_blocks", None),
     ],
     "arrays of the file": [
         ("cell_arrays.py", "force_arrays", None),
