@@ -24,7 +24,7 @@ from benchmarks.concealed.sets import CONFIG
 from benchmarks.concealed.solves import ORBITS
 from gelforge.cli.mismatch import solver_of
 from gelforge.config import load_study
-from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.mismatch.fem.solutions import fine
 
 

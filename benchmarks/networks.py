@@ -22,16 +22,20 @@ from pathlib import Path  # noqa: E402
 import pandas as pd  # noqa: E402
 
 from gelforge.config import Learning, Study, load_study  # noqa: E402
-from gelforge.learning.evaluation import baselines_table, reliability_table, rmse_table  # noqa: E402
-from gelforge.learning.predictions import LearningSets, Predictions, predict_test_rows  # noqa: E402
-from gelforge.learning.training import Run, train  # noqa: E402
+from gelforge.learning.judging.evaluation import baselines_table, reliability_table, rmse_table  # noqa: E402
+from gelforge.learning.judging.predictions import LearningSets, Predictions, predict_test_rows  # noqa: E402
+from gelforge.learning.training.train import Run, train  # noqa: E402
 
 NETWORKS = {
     "unet": {},
     "unet-turned": {"symmetry": "d4"},
     "cnn": {"network": "cnn"},
     "paper": {"network": "paper", "epochs": 210},  # some 3100 steps of the demo's 400 rows
-    "paper-converged": {"network": "paper", "epochs": 400, "patience": 15},  # for many rows: until validation says so
+    "paper-converged": {
+        "network": "paper",
+        "epochs": 400,
+        "patience": 15,
+    },  # for many rows: until validation says so
 }
 USUAL = [name for name in NETWORKS if name != "paper-converged"]
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from gelforge.api import Pressed, Slopes, press
     from gelforge.cli.notebook import require, run
-    from gelforge.learning.rows import load_dataset
+    from gelforge.learning.basis.rows import load_dataset
 
 __version__ = "0.1.0"
 __all__ = ["Pressed", "Slopes", "load_dataset", "press", "require", "run"]
@@ -20,7 +20,7 @@ __all__ = ["Pressed", "Slopes", "load_dataset", "press", "require", "run"]
 _DEFINED_IN = {
     "Pressed": "gelforge.api",
     "Slopes": "gelforge.api",
-    "load_dataset": "gelforge.learning.rows",
+    "load_dataset": "gelforge.learning.basis.rows",
     "press": "gelforge.api",
     "require": "gelforge.cli.notebook",
     "run": "gelforge.cli.notebook",

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gelforge.config import ConfigError, Study, load_study, study_from
-from gelforge.config.common import Section
-from gelforge.config.variants import merged
+from gelforge.config.basis.common import Section
+from gelforge.config.basis.variants import merged
 from gelforge.shipped import EXAMPLES
 
 if TYPE_CHECKING:
-    from gelforge.indentation.cell_file import Cell
+    from gelforge.indentation.cells.cell_file import Cell
 
 Described = Section | Mapping[str, Any]  # a block of a study: its keys, or the section that they make
 
@@ -55,7 +55,7 @@ class Pressed:
     node_friction_N: np.ndarray  # (D, S, 3) [N]
     node_state: np.ndarray  # (D, S) [1]: 0 open, 1 stick, 2 slip
     slopes: dict[str, Slopes]  # by effect, of those that were asked for
-    cell: Cell  # everything else that is known; gelforge.indentation.cell_file.write_cell writes it
+    cell: Cell  # everything else that is known; gelforge.indentation.cells.cell_file.write_cell writes it
 
     @classmethod
     def of(cls, cell: Cell) -> Pressed:
@@ -169,9 +169,9 @@ def press(
     >>> bool((answer.bin_sigma_N > 0).any())
     True
     """
-    from gelforge.indentation.cell_file import CellError
-    from gelforge.indentation.companion import simulate_label
-    from gelforge.indentation.plan import check_inside, press_path
+    from gelforge.indentation.cells.cell_file import CellError
+    from gelforge.indentation.planning.plan import check_inside, press_path
+    from gelforge.indentation.solving.companion import simulate_label
     from gelforge.laws_of_study import laws_and_doubts, material_laws_of
 
     depths = [float(depth) for depth in depths_mm]

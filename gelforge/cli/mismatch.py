@@ -69,7 +69,7 @@ def plan(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: 
 
 def sensitivities(study: Path, cell: str, laws: list[Path], out: Path) -> None:
     """Solve the derivatives of one site's forces and write them into a file."""
-    from gelforge.indentation.plan import plan_cells
+    from gelforge.indentation.planning.plan import plan_cells
     from gelforge.mismatch.fem.site_slopes import slopes_of_site, write_site_slopes
 
     described = load_study(study)

@@ -18,14 +18,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from gelforge.config import Fitting, LawParameters, Material
+from gelforge.config import Fitting, Material
 from gelforge.files import digest, file_sha256, write_json, write_product_table, write_table, write_text
 from gelforge.materials.covariates.circumstances import CIRCUMSTANCES, circumstance_effects
 from gelforge.materials.covariates.history_effects import cycle_effects, lateral_effects, relaxation_effects
 from gelforge.materials.fitting.bootstrap import bootstrap as bootstrap_samples
 from gelforge.materials.fitting.choice import Comparison, compare_laws
 from gelforge.materials.fitting.curves import MeanCurve, mean_curves, monotonic_loading, sample_curves
-from gelforge.materials.fitting.families import FAMILIES
 from gelforge.materials.fitting.fit import WEIGHTS, FitError, LawFit
 from gelforge.materials.fitting.law_file import MaterialLaw, read_law, rounded, write_law
 from gelforge.materials.fitting.material_table import material_table
@@ -35,7 +34,8 @@ from gelforge.materials.readers.common_form import MaterialTest
 from gelforge.materials.readers.material_source import MaterialSource, source_of
 from gelforge.materials.readers.measured_effects import MeasuredEffects
 from gelforge.materials.readers.small_effects import small_effects
-from gelforge.mechanics.laws import Ogden, PrincipalLaw
+from gelforge.mechanics.laws.law import PrincipalLaw
+from gelforge.mechanics.laws.parameters import GivenParameters
 
 CURVE_COLUMNS = [
     "test",
@@ -102,13 +102,9 @@ def characterise(name: str, material: Material, folder: Path, study: str = "") -
     write_law(folder / "law.json", replace(law, study=study))
 
 
-def given_law(name: str, parameters: LawParameters) -> MaterialLaw:
+def given_law(name: str, parameters: GivenParameters) -> MaterialLaw:
     """Return the law whose parameters are given; nothing is known of its uncertainty."""
-    if parameters.law == "ogden":
-        law = Ogden(tuple(m * 1e-3 for m in parameters.ogden_mu_kPa), tuple(parameters.alpha))
-    else:
-        family = FAMILIES[parameters.law]
-        law = family.law_of(np.array([getattr(parameters, name) for name in family.parameters]))
+    law = parameters.constitutive_model()
     return MaterialLaw(name, law, digest({"parameters": parameters.model_dump()}))
 
 

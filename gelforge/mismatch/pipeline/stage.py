@@ -42,7 +42,7 @@ from gelforge.mismatch.terms.body_map import BOX, body_map, boxes_felt
 from gelforge.mismatch.terms.candidates import candidates_of, effects_of_forces
 from gelforge.mismatch.terms.modules import modules_of
 from gelforge.mismatch.terms.problem import Problem
-from gelforge.recording.images import reference_path
+from gelforge.recording.imaging.images import reference_path
 
 IMAGES_LEFT_OUT = (
     "sessions with a camera are judged by their forces alone (mismatch.images: left_out); `fitted` judges their images too,"

@@ -1,0 +1,26 @@
+"""The constitutive models: every file of this folder is one and defines `MODEL`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gelforge.mechanics.laws.family import Family
+from gelforge.mechanics.laws.law import PrincipalLaw
+from gelforge.mechanics.laws.model import Model
+from gelforge.registry import defined, names_in
+
+MODELS: dict[str, Model] = {name: defined(__name__, name, "MODEL", Model) for name in names_in(__path__)}
+FAMILIES: dict[str, Family] = {family.name: family for model in MODELS.values() for family in model.families}
+
+
+def family_of(law: PrincipalLaw) -> Family:
+    """Return the family of a law. Raises ValueError for a law that cannot be fitted."""
+    family = next((family for family in FAMILIES.values() if family.holds(law)), None)
+    if family is None:
+        raise ValueError(f"{law} is of no family that can be fitted; one of {', '.join(FAMILIES)} is needed")
+    return family
+
+
+def parameters_of(law: PrincipalLaw) -> np.ndarray:
+    """Return the parameters (p,) of a law in the units of files, in the order of its family."""
+    return family_of(law).parameters_of(law)
