@@ -10,12 +10,12 @@ from recorded import record
 from test_verdict import content, effect
 
 from gelforge.cli import main
-from gelforge.cli.mismatch import solver_of
+from gelforge.mismatch.pipeline.stage import solver_of
 from gelforge.config import study_from, write_yaml
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
-from gelforge.indentation.plan import plan_cells
-from gelforge.indentation.simulate import simulate_cell
+from gelforge.indentation.planning.plan import plan_cells
+from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.identifiability import DECISIVE, DETECTED_SNR
 from gelforge.mismatch.evidence.screen import screened
