@@ -31,15 +31,16 @@ import pandas as pd
 import yaml
 
 from gelforge.config import Study, study_from
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.files import digest
 from gelforge.indentation.effects.catalogue import with_keys
-from gelforge.indentation.inputs import inputs_digest
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.sensitivities import unmirrored
-from gelforge.indentation.simulate import simulate_cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.solving.inputs import inputs_digest
+from gelforge.indentation.solving.sensitivities import unmirrored
+from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.laws_of_study import laws_and_doubts, material_laws_of
-from gelforge.mechanics.laws import PrincipalLaw, Yeoh
+from gelforge.mechanics.laws.law import PrincipalLaw
+from gelforge.mechanics.laws.models.yeoh import Yeoh
 from gelforge.mismatch.fem.known import with_known
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import base_of

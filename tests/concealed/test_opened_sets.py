@@ -1,7 +1,20 @@
 """Two judges beside each other on the cases of an opened set."""
 
 import pytest
-from opened_sets import IN_ANSWER, MISSED, SURE, Case, Judged, forms_table, lost_table, reached, strong_table
+
+pytest.importorskip("felupe", reason="FElupe is not installed: pip install -e .[verification]")
+
+from opened_sets import (  # noqa: E402
+    IN_ANSWER,
+    MISSED,
+    SURE,
+    Case,
+    Judged,
+    forms_table,
+    lost_table,
+    reached,
+    strong_table,
+)
 
 
 def judged(state, *answer):

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from test_findings import verdict
 
 from gelforge.csv_table import read_csv
-from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.evidence.alternatives import UNKNOWN
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.inference.discrepancy import modelled, through_solutions
@@ -209,7 +209,9 @@ def test_a_map_is_learnt_through_what_the_solver_makes_of_it(curved):
     assert not failure and missing(first) > 5 and missing(again) < 0.2 * missing(first)
     assert np.std(again.rest) < np.std(hidden.residual)
     z = hidden.labels["axis"].to_numpy() == 2
-    assert np.std((again.change - first.change)[z]) < 0.05 * np.std(first.change[z])  # the readings were met before
+    assert np.std((again.change - first.change)[z]) < 0.05 * np.std(
+        first.change[z]
+    )  # the readings were met before
 
 
 def test_a_map_that_cannot_be_solved_stays_as_it_was_and_that_is_told(curved):

@@ -16,7 +16,7 @@ import pandas as pd
 from scipy.special import logsumexp
 
 from gelforge.config import ConfigError
-from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.evidence.alternatives import WORTH, normalised
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.screen import SCALES, evidence
