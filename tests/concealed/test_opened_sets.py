@@ -4,7 +4,7 @@ import pytest
 
 pytest.importorskip("felupe", reason="FElupe is not installed: pip install -e .[verification]")
 
-from opened_sets import (  # noqa: E402
+from opened_sets import (
     IN_ANSWER,
     MISSED,
     SURE,
