@@ -188,8 +188,9 @@ def _learnt(
         ),
         "after": predictive_scores(after, base.covariance, blocks, problem.labels, columns, spread),
     }
-    mean, covariance = base.posterior(D, np.ones(len(train), bool))
-    p = base.columns.shape[1]
+    every, p = np.ones(len(train), bool), base.columns.shape[1]
+    mean, covariance = base.posterior(D, every)
+    grown = covariance[:p, :p] - base.posterior(D[:, :0], every)[1]
     own = covariance[p:, p:]
     table = problem.observations.table
     return Modelled(
@@ -207,7 +208,7 @@ def _learnt(
         module=manner if isinstance(manner, Module) else None,
         probability=probability,
         spread=np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", D, own, D), 0.0)),
-        fit=base.moved(mean[:p], covariance[:p, :p]),
+        fit=base.moved(mean[:p], grown),
     )
 
 
@@ -234,16 +235,16 @@ class _Beside:
         )
         return cls(left, believed, (fit.columns[:, :p] * widths)[:, ~on], fit, ~on, widths[~on])
 
-    def moved(self, step: np.ndarray, spread: np.ndarray) -> Refitted | None:
-        """Return the fit with its amounts a step (p,) further, in units of their priors, and their covariance (p, p)."""
+    def moved(self, step: np.ndarray, grown: np.ndarray) -> Refitted | None:
+        """Return the fit with its amounts a step (p,) further and their covariance grown by (p, p), in units of priors."""
         if self.fit is None:
             return None
-        amounts, whole = np.concatenate(self.fit.amounts), self.fit.spread.copy()
+        amounts, spread = np.concatenate(self.fit.amounts), self.fit.spread.copy()
         own = np.flatnonzero(self.free)
         amounts[own] += self.widths * step
-        whole[np.ix_(own, own)] = self.widths[:, None] * spread * self.widths
+        spread[np.ix_(own, own)] += self.widths[:, None] * grown * self.widths
         ends = np.cumsum([len(a) for a in self.fit.amounts])[:-1]
-        return replace(self.fit, amounts=tuple(np.split(amounts, ends)), spread=whole)
+        return replace(self.fit, amounts=tuple(np.split(amounts, ends)), spread=spread)
 
     def posterior(self, D: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return mean (p + q,) and covariance of amounts and coefficients, about the fit, by some entries (n,) bool.
