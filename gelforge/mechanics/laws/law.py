@@ -153,7 +153,8 @@ class InvariantLaw(PrincipalLaw):
 
     .. math:: \beta_i = W_1 f_i + W_2 g_i .
 
-    Its point(constants, I1, I2) returns W, W_1, W_2, W_11, W_12, W_22 and the extension over its limit.
+    Its point(constants, x, y), x = I_1 - 3 and y = I_2 - 3, returns W, W_1, W_2, W_11, W_12, W_22 and the extension over its
+    limit.
     """
 
     @abstractmethod
