@@ -181,7 +181,7 @@ def read_law(path: str | Path) -> MaterialLaw:
         states = content.get("valid_states")
         return MaterialLaw(
             content["material"],
-            MODELS[kind].of_file({p["name"]: p["value"] for p in content["parameters"]}),
+            MODELS[kind].of_file(content),
             content["inputs_digest"],
             None if covariance is None else np.array(covariance["matrix"], dtype=float),
             content["r2_nominal"],

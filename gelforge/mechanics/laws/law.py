@@ -57,6 +57,11 @@ class PrincipalLaw(ABC):
         """Return keys of law.json for readers who want the constants by themselves."""
         return {}
 
+    @classmethod
+    def parameters_of_file(cls, content: dict) -> dict[str, float]:
+        """Return the parameters in the content of a law.json by name, in its units."""
+        return {p["name"]: p["value"] for p in content["parameters"]}
+
     def with_exponents(self, factor: float) -> PrincipalLaw:
         """Return the law that stiffens faster by a factor > 0, with the same shear modulus; 1 gives the law itself."""
         if not factor > 0:
