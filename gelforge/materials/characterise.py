@@ -115,6 +115,37 @@ def characterise_source(
 
     law_needed: raise FitError where no test can be fitted; otherwise only the effects are written then.
     """
+    found = fits_of(source, fitting, law_needed)
+    inputs = inputs_of(source, fitting)
+    _clear(folder)
+    others = []
+    if found.comparison:
+        others = _write_laws(folder, source, found.comparison, list(found.notes), inputs)
+        _write_curves(folder, curve_table(found.tests, found.curves, found.comparison.chosen.fit.law))
+        write_table(folder, "laws", found.comparison.table())
+        write_table(folder, "parameters", parameters_table(source.name, found, fitting.bootstrap, workers))
+    _write_effects(folder, found.effects, inputs, source.synthetic)
+    result = Characterised(source.name, found.comparison, found.effects, found.notes, tuple(others))
+    write_text(folder / "notes.txt", result.summary + "\n")
+    return result
+
+
+@dataclass(frozen=True)
+class Fits:
+    """What the tests of a material determine: fitted laws side by side, and sizes of effects."""
+
+    tests: list[MaterialTest]  # their loading
+    curves: list[MeanCurve]
+    comparison: Comparison | None  # None: no test that a law can be fitted to
+    effects: MeasuredEffects
+    notes: tuple[str, ...]
+
+
+def fits_of(source: MaterialSource, fitting: Fitting, law_needed: bool = True) -> Fits:
+    """Return the fits of a material and what its tests measure; nothing is written.
+
+    law_needed: raise FitError where no test can be fitted; otherwise the comparison is None then.
+    """
     tests, notes = monotonic_loading(list(source.tests))
     notes = _gathered(
         [*notes, *(f"{t.test} {t.sample}: {text}" for t in source.tests for text in t.findings)]
@@ -132,23 +163,13 @@ def characterise_source(
     effects = measured_effects(source)
     notes += _cut_short(tests, curves)
     notes += _averaged(tests, effects)
-    inputs = digest(
-        {"files": sorted((p.name, file_sha256(p)) for p in source.files), "fitting": fitting.fitting_keys()}
-    )
-    _clear(folder)
-    others = []
-    if comparison:
-        others = _write_laws(folder, source, comparison, notes, inputs)
-        _write_curves(folder, curve_table(tests, curves, comparison.chosen.fit.law))
-        write_table(folder, "laws", comparison.table())
-        table = _parameters(source.name, comparison)
-        if fitting.bootstrap:
-            table = with_bootstrap(table, curves, comparison.chosen.fit, fitting.bootstrap, workers)
-        write_table(folder, "parameters", table)
-    _write_effects(folder, effects, inputs, source.synthetic)
-    result = Characterised(source.name, comparison, effects, tuple(notes), tuple(others))
-    write_text(folder / "notes.txt", result.summary + "\n")
-    return result
+    return Fits(tests, curves, comparison, effects, tuple(notes))
+
+
+def inputs_of(source: MaterialSource, fitting: Fitting) -> str:
+    """Return the digest of what decides a material's fits: its files and how they are fitted."""
+    files = sorted((path.name, file_sha256(path)) for path in source.files)
+    return digest({"files": files, "fitting": fitting.fitting_keys()})
 
 
 def measured_effects(source: MaterialSource) -> MeasuredEffects:
@@ -195,6 +216,23 @@ def curve_table(samples: list[MaterialTest], means: list[MeanCurve], law: Princi
         content = (c.label, sample, c.stretch, c.cauchy_stress * 1e3, c.nominal_stress * 1e3, model * 1e3)
         parts.append(pd.DataFrame(dict(zip(CURVE_COLUMNS, content))))
     return pd.concat(parts, ignore_index=True)
+
+
+def parameters_table(name: str, found: Fits, bootstrap: int = 0, workers: int = 1) -> pd.DataFrame:
+    """Return the parameters of all fitted laws with their 95 % intervals; found: with a comparison.
+
+    bootstrap: refits over samples for further intervals of the chosen one, 0 for none.
+    """
+    comparison = found.comparison
+    assert comparison is not None, "the caller has checked that something was fitted"
+    tables = []
+    for candidate in (c for c in comparison.candidates if c.fit):
+        table = material_table([material_law(name, candidate.fit, "", False)])
+        tables.append(table.assign(law=candidate.name, chosen=candidate is comparison.chosen))
+    table = pd.concat(tables, ignore_index=True)
+    if bootstrap:
+        return with_bootstrap(table, found.curves, comparison.chosen.fit, bootstrap, workers)
+    return table
 
 
 def with_bootstrap(
@@ -271,14 +309,6 @@ def _write_laws(
         write_law(path, replace(law, study=source.study))
         others += [] if chosen else [path]
     return others
-
-
-def _parameters(name: str, comparison: Comparison) -> pd.DataFrame:
-    tables = []
-    for candidate in (c for c in comparison.candidates if c.fit):
-        table = material_table([material_law(name, candidate.fit, "", False)])
-        tables.append(table.assign(law=candidate.name, chosen=candidate is comparison.chosen))
-    return pd.concat(tables, ignore_index=True)
 
 
 def _write_curves(folder: Path, table: pd.DataFrame) -> None:

@@ -9,8 +9,8 @@ import meshio
 import numpy as np
 import pytest
 
+from gelforge.api.studies import sensors as sensor_names
 from gelforge.cli import main
-from gelforge.cli.shipped_sensors import sensor_names
 from gelforge.config import load_session, load_study
 from gelforge.indentation.planning.plan import plan_cells
 from gelforge.mechanics.meshes.mesh import Block

@@ -10,7 +10,7 @@ from recorded import record
 from test_verdict import content, effect
 
 from gelforge.cli import main
-from gelforge.cli.mismatch import solver_of
+from gelforge.mismatch.pipeline.stage import solver_of
 from gelforge.config import study_from, write_yaml
 from gelforge.config.basis.variants import merged
 from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS

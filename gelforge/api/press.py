@@ -1,19 +1,19 @@
-"""What `import gelforge as gf` offers: a press whose answer is forces with error bars."""
+"""A press whose answer is forces with error bars."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import chdir
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gelforge.api.materials import Fitted
+from gelforge.api.studies import paper_study
 from gelforge.config import ConfigError, Study, load_study, study_from
 from gelforge.config.basis.common import Section
 from gelforge.config.basis.variants import merged
-from gelforge.shipped import EXAMPLES
 
 if TYPE_CHECKING:
     from gelforge.indentation.cells.cell_file import Cell
@@ -101,7 +101,7 @@ def press(
     *,
     sensor: Described | str | Path | None = None,
     indenter: Described | str | Path | None = None,
-    materials: Mapping[str, Described] | None = None,
+    materials: Mapping[str, Described | Fitted] | None = None,
     mechanics: Described | None = None,
     study: Study | str | Path | None = None,
     shear_mm: tuple[float, float] | None = None,
@@ -119,7 +119,7 @@ def press(
         Increasing depths [mm] from the first touch; one load path runs through all of them.
     sensor, indenter, materials, mechanics : mapping, section, or path of a YAML file
         Blocks with the keys of a study's configuration (config/schema.json). Each replaces the study's own but `mechanics`,
-        whose keys change the study's.
+        whose keys change the study's. A material may be what `gelforge.fit` returned; its uncertainty is in the error bars.
     study : Study or path, optional
         What the blocks are not given for; the article's sensor (config/paper.yaml) if there is none.
     shear_mm : (float, float), optional
@@ -181,18 +181,13 @@ def press(
     shear = None if shear_mm is None else list(shear_mm)
     planned = press_path("press", x_mm, y_mm, depths, shear, unload, twist_deg)
     check_inside({planned.name: planned}, described)
-    cell = simulate_label(described, *laws_and_doubts(material_laws_of(described, [])), planned)
+    fitted = {name: one.law for name, one in (materials or {}).items() if isinstance(one, Fitted)}
+    cell = simulate_label(described, *laws_and_doubts(material_laws_of(described, []) | fitted), planned)
     if not cell.converged:
         raise CellError(
             f"the press failed: {cell.attributes['reason']}; last good depth {cell.attributes['last_good_depth_mm']:g} mm"
         )
     return Pressed.of(cell)
-
-
-def paper_study() -> Study:
-    """Return the article's sensor with its published laws, as config/paper.yaml among the examples describes it."""
-    with chdir(EXAMPLES):
-        return load_study("config/paper.yaml")
 
 
 def _described(study, sensor, indenter, materials, mechanics, sensitivities) -> Study:
@@ -210,6 +205,8 @@ def _described(study, sensor, indenter, materials, mechanics, sensitivities) -> 
 
 def _plain(block) -> Any:
     """Return a block's keys, or the path of its YAML file as text."""
+    if isinstance(block, Fitted):
+        return block.block
     if isinstance(block, Section):
         return block.model_dump(mode="json")
     return str(block) if isinstance(block, str | Path) else dict(block)
