@@ -1,7 +1,7 @@
 """SYNTHETIC sessions of a small sensor with an effect that the judge is not told, by the same solver on the same mesh.
 
 Such recordings test that the stage does what it says; that it finds effects made by others is shown elsewhere
-(benchmarks/concealed).
+(validation).
 """
 
 import numpy as np

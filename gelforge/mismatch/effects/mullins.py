@@ -20,7 +20,7 @@ SCALES = (0.1, 1.0)
 BETA = 0.1
 LARGEST = 0.95  # share of the stress
 KNOTS = 65  # of the work over depth
-WIDER = 0.1  # of the height: how far the energy reaches beyond the contact (benchmarks/softening_formula.py)
+WIDER = 0.1  # of the height: how far the energy reaches beyond the contact (validation/checks/softening_formula.py)
 RINGS, SPOKES = 6, 8  # of points about a press
 
 

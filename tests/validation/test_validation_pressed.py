@@ -5,7 +5,8 @@ import pytest
 
 pytest.importorskip("felupe", reason="FElupe is not installed: pip install -e .[verification]")
 import felupe as fem
-from concealed.pressed import ROUNDED, Ball, Setup, _grid, _in_cube, _lines, _rounded
+
+from validation.pressed import ROUNDED, Ball, Setup, _grid, _in_cube, _lines, _rounded
 
 BALL = Ball((3.0, 1.0, -3.0), 1.3, 20.0)
 

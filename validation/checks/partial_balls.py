@@ -1,13 +1,13 @@
 """What a ball in the gel changes: by element size and rule of mixing, by distance, and beside FElupe's mesh bent to it.
 
-usage: python benchmarks/partial_balls.py [--depth 0.8] [--sizes 1.2 0.6 0.4]          (one thread; some minutes)
+usage: python -m validation.checks.partial_balls [--depth 0.8] [--sizes 1.2 0.6 0.4]          (one thread; some minutes)
 
 The base study of the concealed sets, a ball of 1.3 mm in the middle of the gel, empty (a thousandth of the gel's stiffness)
 and hard (20 times), pressed 1.4 mm beside it. Far from the contact elements have the sizes that are asked for, under it half
 of that. Prints the change of Fz [mN] with the rule of the elements (fields.mixed_factor and bulk_factor_of) and with
 the mean of the moduli: as sizes shrink both go to the same change, and the better rule is nearer to it on large elements.
 Then, on elements of the second size, the change [% of Fz] by the distance of the press from the ball; and FElupe's, of the
-concealed sets, where no element is cut (benchmarks/concealed/pressed.py).
+concealed sets, where no element is cut (validation/pressed.py).
 """
 
 from __future__ import annotations
@@ -15,17 +15,11 @@ from __future__ import annotations
 import argparse
 import sys
 from contextlib import nullcontext
-from pathlib import Path
 from unittest import mock
 
 import numpy as np
 import pandas as pd
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
-from benchmarks.concealed.library import load_library
-from benchmarks.concealed.presses import MIDDLE
-from benchmarks.concealed.sets import CONFIG
 from gelforge.cli.bench import material_laws_of
 from gelforge.cli.factory import laws_and_doubts
 from gelforge.config import Study, load_study, study_from
@@ -34,6 +28,9 @@ from gelforge.indentation import simulate
 from gelforge.indentation.effects import fields
 from gelforge.indentation.plan import PlannedCell
 from gelforge.indentation.sensitivities import unmirrored
+from validation.library import load_library
+from validation.presses import MIDDLE
+from validation.sets import CONFIG
 
 BALL = (13.0, 11.0, -3.0)
 PRESSED = [

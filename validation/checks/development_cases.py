@@ -8,17 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.concealed import sealing
-from benchmarks.concealed.draw import DEVELOPMENT, Case, cases
-from benchmarks.concealed.library import Library, load_library
-from benchmarks.concealed.score import session_names
-from benchmarks.concealed.sets import CONFIG
-from benchmarks.concealed.world import World, zeroed
 from gelforge.cli.mismatch import solver_of
 from gelforge.config import load_study
 from gelforge.mismatch.pipeline.stage import observations_of, problem_of
 from gelforge.mismatch.readings.sessions import session_folders
 from gelforge.mismatch.terms.problem import Problem
+from validation import sealing
+from validation.draw import DEVELOPMENT, Case, cases
+from validation.library import Library, load_library
+from validation.score import session_names
+from validation.sets import CONFIG
+from validation.world import World, zeroed
 
 SETS = Path("results/concealed/sets")
 

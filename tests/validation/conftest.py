@@ -5,7 +5,7 @@ import pytest
 
 
 def change(scale: float):
-    from concealed.library import Change
+    from validation.library import Change
 
     log_ratio, horizontal = np.zeros((4, 3)), np.zeros((4, 3))
     log_ratio[0, :2] = scale, 0.1 * scale
@@ -17,9 +17,9 @@ def change(scale: float):
 @pytest.fixture(scope="session")
 def library():
     pytest.importorskip("felupe", reason="FElupe is not installed: pip install -e .[verification]")
-    from concealed import solves
-    from concealed.library import Library, LocalChange
-    from concealed.surface import Surface
+    from validation import solves
+    from validation.library import Library, LocalChange
+    from validation.surface import Surface
 
     shape = np.log([0.2, 0.8, 1.85]), np.log([0.03, 0.2, 1.0])
     nodes, depths = np.array(solves.NODES), np.exp(shape[0])

@@ -1,8 +1,8 @@
 """How well the tool's own model of a hidden effect meets another form of it: what `change_error` has to hold.
 
-usage: python benchmarks/form_errors.py SET [--weakest 8] [--kept results/concealed/sets/kept] [--only c004 ...]
+usage: python -m validation.checks.form_errors SET [--weakest 8] [--kept results/concealed/sets/kept] [--only c004 ...]
 
-Of a development set (`python -m benchmarks.concealed generate SET --seed 7`), as its truths are read: its single effects on
+Of a development set (`python -m validation generate SET --seed 7`), as its truths are read: its single effects on
 the plain base. The effect is given; its amounts are fitted in the tool's own solver to its base and the hidden change,
 without noise: what is left is form and mesh alone. Prints the signal-to-noise of the change and of what is left of it, the
 share that this is of it, and hidden and fitted amounts.
@@ -19,14 +19,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
-from benchmarks.development_cases import SETS, Known, known_singles
 from gelforge.mechanics.equilibrium import NotConverged
 from gelforge.mismatch.inference.fits import forces_of
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.refit import refitted
 from gelforge.mismatch.terms.weighing import unmasked, weighed
+from validation.checks.development_cases import SETS, Known, known_singles
 
 
 def row(known: Known) -> dict:

@@ -7,6 +7,9 @@ import json
 from pathlib import Path
 from typing import Any
 
+SEALED, REGISTER = "sealed.json", "judged.json"  # of a set: published before judging; written case by case
+JUDGED = ("verdict.json", "readings.csv")  # what the seal of a verdict covers
+
 
 class SealBroken(ValueError):
     """A file that is not what was sealed."""

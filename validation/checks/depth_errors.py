@@ -1,8 +1,8 @@
 """Nulls whose depth has both errors, judged by a session.yaml that states one of them, and by one that states both.
 
-usage: python -m benchmarks.depth_errors [--nulls 12] [--out FOLDER]
+usage: python -m validation.checks.depth_errors [--nulls 12] [--out FOLDER]
 
-SYNTHETIC: recordings by FElupe as in benchmarks/concealed, nothing hidden, all on the plain base: solutions are shared
+SYNTHETIC: recordings by FElupe as in validation, nothing hidden, all on the plain base: solutions are shared
 (FOLDER/../kept). Prints by what is stated the false alarms (p below 0.01 of the verdict's four tests) and each null's p.
 """
 
@@ -16,18 +16,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from benchmarks.concealed.draw import base_world
-from benchmarks.concealed.library import Library, load_library
-from benchmarks.concealed.presses import timeline
-from benchmarks.concealed.recording import (
-    STAGE_MM,
-    Instrument,
-    drawn_instrument,
-    recorded,
-    with_circumstances,
-    write_recording,
-)
-from benchmarks.concealed.sets import CONFIG
 from gelforge.cli.mismatch import solver_of
 from gelforge.config import Study, load_study
 from gelforge.mismatch.evidence.covariance import readings_covariance
@@ -38,6 +26,18 @@ from gelforge.mismatch.result.verdict import ALARM_P
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.unknown import manners_of, weighed_unknown
 from gelforge.mismatch.terms.weighing import chance_of_known
+from validation.draw import base_world
+from validation.library import Library, load_library
+from validation.presses import timeline
+from validation.recording import (
+    STAGE_MM,
+    Instrument,
+    drawn_instrument,
+    recorded,
+    with_circumstances,
+    write_recording,
+)
+from validation.sets import CONFIG
 
 SEED = 35
 

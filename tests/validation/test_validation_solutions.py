@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 pytest.importorskip("felupe", reason="FElupe is not installed: pip install -e .[verification]")
-from concealed import solves
-from concealed.library import load_library
-from concealed.pressed import Curve
+from validation import solves
+from validation.library import load_library
+from validation.pressed import Curve
 
 
 def test_every_solution_that_a_set_needs_is_kept():

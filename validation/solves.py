@@ -123,7 +123,7 @@ class Solutions:
         if setup not in self:
             raise KeyError(
                 f"a press at ({setup.x_mm:g}, {setup.y_mm:g}) mm has not been solved; "
-                "run python -m benchmarks.concealed solve"
+                "run python -m validation solve"
             )
         return self._curves[setup.key]
 

@@ -7,9 +7,8 @@ import sys
 import pytest
 
 pytest.importorskip("felupe", reason="FElupe is not installed: pip install -e .[verification]")
-from concealed import archive, left_out, sealing, sets
-
 from gelforge.config import load_study
+from validation import archive, left_out, sealing, sets
 
 NUMBERS = {"nulls": 2, "singles": 1, "pairs": 0, "outside": 1}
 FAKE = (  # a judge that always says null

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from concealed.surface import Surface
 from numpy.testing import assert_allclose
+
+from validation.surface import Surface
 
 NODES, DEPTHS = np.array([0.0, 2.0, 4.0, 5.5, 6.0, 6.4, 6.8]), np.array([0.2, 0.4, 0.8, 1.2, 1.6])
 

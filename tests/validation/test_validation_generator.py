@@ -9,15 +9,15 @@ import pandas as pd
 import pytest
 
 pytest.importorskip("felupe", reason="FElupe is not installed: pip install -e .[verification]")
-from concealed import baselines, body_forms, draw, kinds, presses, recording, sets
-from concealed.ogden import Ogden
-from concealed.world import World, held, zeroed
 from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 
 from gelforge.config import load_session, load_study
 from gelforge.indentation.plan import plan_cells
 from gelforge.recording.readings import read_recording
+from validation import baselines, body_forms, draw, kinds, presses, recording, sets
+from validation.ogden import Ogden
+from validation.world import World, held, zeroed
 
 LAW = Ogden((7.9652e-3, -0.3093e-3), (1.2769, -3.5676), 1.3, 2e-3)
 

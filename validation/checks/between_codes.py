@@ -1,8 +1,8 @@
 """How far the base studies of the proof on concealed effects are from FElupe's presses of the same sensor.
 
-usage: python benchmarks/between_codes.py [--kept results/concealed/sets/kept]
+usage: python -m validation.checks.between_codes [--kept results/concealed/sets/kept]
 
-Needs the solutions of `python -m benchmarks.concealed solve`. Solves twelve presses on the studies' own mesh, some six
+Needs the solutions of `python -m validation solve`. Solves twelve presses on the studies' own mesh, some six
 minutes each; those that a set was judged with are taken from --kept. Prints per base and place the ratio FElupe /
 gelforge of Fz over depth, and the largest difference of all.
 """
@@ -10,22 +10,19 @@ gelforge of Fz over depth, and the largest difference of all.
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
-from benchmarks.concealed.draw import BASES, base_world
-from benchmarks.concealed.library import load_library
-from benchmarks.concealed.presses import DEPTHS, MIDDLE
-from benchmarks.concealed.sets import CONFIG
-from benchmarks.concealed.solves import ORBITS
 from gelforge.cli.mismatch import solver_of
 from gelforge.config import load_study
 from gelforge.indentation.plan import PlannedCell
 from gelforge.mismatch.fem.solutions import fine
+from validation.draw import BASES, base_world
+from validation.library import load_library
+from validation.presses import DEPTHS, MIDDLE
+from validation.sets import CONFIG
+from validation.solves import ORBITS
 
 
 def main() -> None:

@@ -22,13 +22,13 @@ from .draw import DEVELOPMENT, cases
 from .library import Library
 from .pressed import VERSION
 from .recording import write_recording
+from .sealing import JUDGED, REGISTER, SEALED
 
 CONFIG = Path(__file__).parent / "config"
 COMMAND = (
     f"{sys.executable} -m gelforge mismatch {{recording}} --config {{config}} --out {{out}}"
     f" --kept {{kept}} --no-page"
 )
-JUDGED = ("verdict.json", "readings.csv")
 
 
 def generate(library: Library, folder: Path, seed: int, numbers: dict[str, int], commit: str = "") -> dict:
@@ -52,7 +52,7 @@ def generate(library: Library, folder: Path, seed: int, numbers: dict[str, int],
         "numbers": numbers,
         "cases": hashes,
     }
-    sealing.write(folder / "sealed.json", published)
+    sealing.write(folder / SEALED, published)
     return published
 
 
@@ -71,8 +71,8 @@ def judge(
     verdicts/<case>/log.txt. A case whose command fails has a verdict of nothing, which the scores count as a failure.
     workers: cases side by side. base: only the cases that stand on it.
     """
-    published = sealing.read(folder / "sealed.json")
-    register = folder / "judged.json"
+    published = sealing.read(folder / SEALED)
+    register = folder / REGISTER
     judged = sealing.read(register) if register.is_file() else {}
     todo = [name for name in published["cases"] if name not in judged]
     todo = [name for name in todo if base is None or base_config(folder, name).stem == base][:limit]
@@ -123,8 +123,8 @@ def run_judge(folder: Path, name: str, config: Path, out: Path, command: str, li
 
 def opened(folder: Path) -> list[dict]:
     """Return the judged cases with verdict and truth, both seals checked. Raises SealBroken."""
-    published = sealing.read(folder / "sealed.json")
-    judged = sealing.read(folder / "judged.json")
+    published = sealing.read(folder / SEALED)
+    judged = sealing.read(folder / REGISTER)
     found = []
     for name, seal in judged.items():
         out = folder / "verdicts" / name

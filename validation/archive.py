@@ -11,10 +11,10 @@ import tarfile
 from pathlib import Path
 
 from . import sealing
-from .sets import JUDGED
+from .sealing import JUDGED, REGISTER, SEALED
 
 ARCHIVES = Path(__file__).parent / "judged"
-SEALED, REGISTER, KEPT = "sealed.json", "judged.json", "kept"
+KEPT = "kept"
 
 
 def pack(folder: Path, archive: Path, finished: bool = False) -> int:

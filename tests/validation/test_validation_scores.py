@@ -3,8 +3,9 @@
 import numpy as np
 import pandas as pd
 import pytest
-from concealed.score import Judged, Rate, held_out_gain, judged_from, scores, wrong_cases
 from scipy.optimize import brentq
+
+from validation.score import Judged, Rate, held_out_gain, judged_from, scores, wrong_cases
 
 
 @pytest.mark.parametrize(("k", "n"), [(0, 200), (4, 200), (51, 60), (60, 60), (1, 3)])

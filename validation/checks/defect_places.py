@@ -1,8 +1,8 @@
 """How near a hidden defect a refit comes: at the best place that is tried, and with the place fitted between them.
 
-usage: python benchmarks/defect_places.py SET [--kept results/concealed/sets/kept] [--limit 4]
+usage: python -m validation.checks.defect_places SET [--kept results/concealed/sets/kept] [--limit 4]
 
-Of a development set (`python -m benchmarks.concealed generate SET --seed 7`), as its truths are read: the single effects
+Of a development set (`python -m validation generate SET --seed 7`), as its truths are read: the single effects
 that have a place, on the plain base. The effect is given and its place is not: what is asked is where, not what. Prints for
 each the distance from the hidden place and the radii [mm], and what is left in standard deviations of the readings'
 errors (1: only noise), root mean square.
@@ -19,14 +19,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
-from benchmarks.development_cases import SETS, Known, known_singles
 from gelforge.mismatch.inference.fits import forces_of
 from gelforge.mismatch.terms.holdout import split
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.refit import Refitted, refitted
 from gelforge.mismatch.terms.weighing import unmasked, weighed
+from validation.checks.development_cases import SETS, Known, known_singles
 
 
 def row(known: Known) -> dict:

@@ -1,9 +1,9 @@
 """How well the screen's formula of softening meets the solver's own: what a refit starts from.
 
-usage: python benchmarks/softening_formula.py SET [--only c063 ...] [--kept results/concealed/sets/kept] [--amount 0.1]
+usage: python -m validation.checks.softening_formula SET [--only c063 ...] [--kept FOLDER] [--amount 0.1]
 
 On the presses of a development set's single effects, whatever is hidden in them; that of docs/mismatch-method.md is made by
-`python -m benchmarks.concealed generate dev7 --seed 94 --nulls 0 --singles 140 --pairs 0 --outside 0`.
+`python -m validation generate dev7 --seed 94 --nulls 0 --singles 140 --pairs 0 --outside 0`.
 Prints, for each scale m of the softening, the signal-to-noise of the solved change, the amount at which the formula meets
 it best, and the share that it leaves then.
 """
@@ -11,15 +11,12 @@ it best, and the share that it leaves then.
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
-from benchmarks.development_cases import SETS, Known, known_singles
+from validation.checks.development_cases import SETS, Known, known_singles
 
 
 def rows_of(known: Known, amount: float) -> list[dict]:
