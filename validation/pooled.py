@@ -1,7 +1,7 @@
 """Every pooled number of docs/validation.md, from the archived verdicts (judged/SET.tar.xz) and the truths (truths.jsonl).
 
 Nothing is generated, solved or judged for it, and FElupe is not needed. Of every archive the verdicts' seals are checked,
-and that each truth is the one that was sealed. A set whose archive is not there is left out and named. SYNTHETIC.
+and that each truth is the one that was sealed. A set whose archive or truths are not there is left out and named. SYNTHETIC.
 
 Rates of cases have Wilson's 95 % interval. Where a case gives several items (claims, amounts) cases are drawn again with
 replacement, 4000 times, and the 2.5 and 97.5 % quantiles of the rate are printed: items of one case are not independent.
@@ -21,7 +21,7 @@ import pandas as pd
 
 from . import sealing
 from .archive import ARCHIVES
-from .score import CONFIDENT, LEVEL, NO_NAME, SNR_BANDS, STRONG, Judged, Rate, judged_from
+from .score import CONFIDENT, LEVEL, NAMES, NO_NAME, SNR_BANDS, STRONG, Judged, Rate, judged_from
 from .sealing import JUDGED, REGISTER, SEALED
 from .truths import read_truths
 
@@ -105,7 +105,13 @@ def words(rate: Rate, interval: tuple[float, float]) -> str:
     if not rate.n:
         return ""
     low, high = interval
-    return f"{rate.k}/{rate.n} = {100 * rate.value:.3g} % ({100 * low:.3g} to {100 * high:.3g})"
+    return f"{rate.k}/{rate.n} = {100 * rate.value:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
+
+
+def _in_answer(judged: Judged) -> bool:
+    """Return whether the answer of a verdict that names or is ambiguous holds what is hidden."""
+    names = {name for members, _ in judged.answer for name in members}
+    return judged.state in (*NAMES, "ambiguous") and set(judged.true) <= names
 
 
 def scores(cases: list[Scored]) -> dict[str, str]:
@@ -113,39 +119,36 @@ def scores(cases: list[Scored]) -> dict[str, str]:
     of = lambda *contents: [one for one in cases if one.judged.content in contents]  # noqa: E731
     nulls, singles, pairs, outside = of("null"), of("single"), of("pair"), of("outside")
     answered = [one for one in nulls if one.judged.state != "failed"]
+    strong = [one for one in singles if one.judged.snr >= STRONG]
     table = {
         "cases": str(len(cases)),
         "no verdict": _rate(cases, lambda j: j.state == "failed"),
-        "nulls: alarm": _rate(answered, lambda j: j.alarm),
+        "nulls: a mismatch is reported": _rate(answered, lambda j: j.alarm),
         f"nulls: a test below {LEVEL:g}": _rate(
             [one for one in answered if np.isfinite(one.judged.p)], lambda j: j.p < LEVEL
         ),
         f"wrong with {CONFIDENT:g} and more": _rate(cases, lambda j: j.wrong_and_confident),
-        f"single, SNR >= {STRONG:g}: in a claimed group": _rate(
-            [one for one in singles if one.judged.snr >= STRONG], lambda j: all(j.found)
-        ),
-        f"single, SNR >= {STRONG:g}: first of its group": _rate(
-            [one for one in singles if one.judged.snr >= STRONG], lambda j: j.first
-        ),
+        f"single, SNR >= {STRONG:g}: identified": _rate(strong, lambda j: all(j.found)),
+        f"single, SNR >= {STRONG:g}: identified, first of its group": _rate(strong, lambda j: j.first),
+        f"single, SNR >= {STRONG:g}: identified, or in an ambiguous answer": _rate(strong, _in_answer),
     }
     for low, high in reversed(SNR_BANDS):
         band = [one for one in singles if low <= one.judged.snr < high]
         until = f"{low:g} to {high:g}" if np.isfinite(high) else f">= {low:g}"
-        table[f"single, SNR {until}: in a claimed group"] = _rate(band, lambda j: all(j.found))
-    table["pair: both in claimed groups"] = _rate(pairs, lambda j: all(j.found))
-    table["pair: one at least"] = _rate(pairs, lambda j: any(j.found))
+        table[f"single, SNR {until}: identified"] = _rate(band, lambda j: all(j.found))
+    table["pair: both identified"] = _rate(pairs, lambda j: all(j.found))
+    table["pair: one at least identified"] = _rate(pairs, lambda j: any(j.found))
     table[f"outside the catalogue, SNR >= {STRONG:g}: not named"] = _rate(
         [one for one in outside if one.judged.snr >= STRONG], lambda j: j.state in NO_NAME
     )
     table["outside the catalogue, all: not named"] = _rate(outside, lambda j: j.state in NO_NAME)
-    for low, high in ((0.5, CONFIDENT), (CONFIDENT, 1.01)):
-        claims = (
-            [bool(set(m) & set(one.judged.true)) for m, p in one.judged.claims if low <= p < high]
-            for one in cases
-        )
-        until = f"{low:g} to {high:g}" if high < 1 else f"{low:g} and more"
-        table[f"claims of probability {until}: right"] = words(*clustered(claims))
-    table["90 % intervals: hold the truth"] = words(*clustered(list(one.judged.covered) for one in cases))
+    claims = (
+        [bool(set(m) & set(one.judged.true)) for m, p in one.judged.claims if p >= CONFIDENT] for one in cases
+    )
+    table[f"claims of probability {CONFIDENT:g} and more: right"] = words(*clustered(claims))
+    table["90 % intervals of identified effects: hold the truth"] = words(
+        *clustered(list(one.judged.covered) for one in cases)
+    )
     short = [s for one in cases for s in one.judged.short]
     table["values too small by, mean [standard deviations]"] = f"{np.mean(short):.2f}" if short else ""
     away = np.array([one.judged.distance_mm for one in cases if np.isfinite(one.judged.distance_mm)])
@@ -170,14 +173,14 @@ def table(columns: dict[str, list[Scored]]) -> str:
 def report(archives: Path = ARCHIVES, truths: dict[str, dict[str, dict]] | None = None) -> str:
     """Return both tables, the pooled one and that of each set, as Markdown."""
     truths = read_truths() if truths is None else truths
-    there = [name for name in ORDER if (archives / f"{name}.tar.xz").is_file()]
-    by_set = {name: archived(archives / f"{name}.tar.xz", truths.get(name, {})) for name in there}
+    there = [name for name in ORDER if name in truths and (archives / f"{name}.tar.xz").is_file()]
+    by_set = {name: archived(archives / f"{name}.tar.xz", truths[name]) for name in there}
     pools = {
         words: [one for name in names if name in by_set for one in by_set[name]]
         for words, names in POOLS.items()
     }
     missing = [name for name in ORDER if name not in by_set]
     left_out = (
-        f"Left out, as their archives are not in {archives}: {', '.join(missing)}.\n\n" if missing else ""
+        f"Left out, as their archive or their truths are not there: {', '.join(missing)}.\n\n" if missing else ""
     )
     return f"{left_out}Sets pooled\n\n{table(pools)}\n\nSet by set\n\n{table(by_set)}\n"

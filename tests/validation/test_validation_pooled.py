@@ -22,6 +22,7 @@ SAID = {  # state, groups; what is hidden
     "c2": ("named", [(["tilt"], 0.97)], "tilt"),
     "c3": ("group", [(["wedge", "tilt"], 0.93)], "tilt"),
     "c4": ("open", [(["tilt"], 0.99)], "tilt"),
+    "c5": ("group", [(["tilt", "wedge"], 0.7)], "tilt"),
 }
 
 
@@ -56,14 +57,15 @@ TRUTHS = {case: truth_of(case, hidden) for case, (*_, hidden) in SAID.items()}
 
 def test_an_archive_is_scored_as_its_answers_say(tmp_path):
     found = scores(archived(write_archive(tmp_path), TRUTHS))
-    assert found["cases"] == "5"
-    assert found["nulls: alarm"].startswith("1/2 = 50 %")
-    assert found["wrong with 0.9 and more"].startswith("1/5 = 20 %")
-    assert found["single, SNR >= 8: in a claimed group"].startswith("2/3 = 66.7 %")
-    assert found["single, SNR >= 8: first of its group"].startswith("1/3")
+    assert found["cases"] == "6"
+    assert found["nulls: a mismatch is reported"].startswith("1/2 = 50.0 %")
+    assert found["wrong with 0.9 and more"].startswith("1/6 = 16.7 %")
+    assert found["single, SNR >= 8: identified"].startswith("2/4 = 50.0 %")
+    assert found["single, SNR >= 8: identified, first of its group"].startswith("1/4")
+    assert found["single, SNR >= 8: identified, or in an ambiguous answer"].startswith("3/4")
     assert found["claims of probability 0.9 and more: right"].startswith("2/3")
     assert found["seconds, single: median; largest"] == "2; 2"
-    assert found["pair: both in claimed groups"] == ""
+    assert found["pair: both identified"] == ""
 
 
 def test_a_verdict_that_was_changed_is_refused(tmp_path):
@@ -132,4 +134,4 @@ def test_pooled_md_is_what_the_command_prints():
 
 def test_a_table_leaves_out_what_no_column_has(tmp_path):
     found = table({"own": archived(write_archive(tmp_path), TRUTHS)})
-    assert "pair: both" not in found and "nulls: alarm" in found
+    assert "pair: both" not in found and "nulls: a mismatch is reported" in found

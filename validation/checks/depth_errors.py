@@ -19,7 +19,7 @@ import pandas as pd
 from gelforge.cli.mismatch import solver_of
 from gelforge.config import Study, load_study
 from gelforge.mismatch.evidence.covariance import readings_covariance
-from gelforge.mismatch.goodness.remains import remains
+from gelforge.mismatch.goodness.residual_tests import residual_tests
 from gelforge.mismatch.model.context import Context
 from gelforge.mismatch.pipeline.stage import observations_of, problem_of
 from gelforge.mismatch.result.verdict import ALARM_P
@@ -65,7 +65,7 @@ def chance(problem: Problem, study: Study) -> float:
     """Return the p of whether there is a mismatch, as the judge takes it from its four tests."""
     rng, everything = np.random.default_rng([study.seed, 5]), np.ones(len(problem.labels), bool)
     unknown = weighed_unknown(problem, manners_of(problem))
-    found = remains(problem, problem.residual, everything, study.mismatch, rng)
+    found = residual_tests(problem, problem.residual, everything, study.mismatch, rng)
     return replace(found, unknown_p=unknown.p, known_p=chance_of_known(problem)).p
 
 
