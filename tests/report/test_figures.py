@@ -117,7 +117,7 @@ def test_section_draws_ball_at_its_depth(cell):
     colours = top.collections[0]
     assert colours.get_clim()[0] == 0
     words = texts(figure)
-    assert all(name in words for name in (*fake_results.REGION_NAMES, "before the press"))
+    assert all(name in words for name in (*fake_results.REGION_NAMES, "before the indentation"))
 
 
 def test_regions_keep_their_colours():

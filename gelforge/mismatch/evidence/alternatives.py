@@ -15,7 +15,7 @@ NOTHING = frozenset()
 # for it. Of 135 claims of two opened concealed sets 0.4 makes the mean log score largest (-0.27; -0.40 at 1), and of
 # those that it leaves above 0.9 79 of 81 are right (docs/mismatch-method.md, `python -m validation claims`).
 WORTH = 0.4
-UNKNOWN = "unknown"  # something that no known effect is: as likely, before the readings, as any one of them
+UNKNOWN = "unknown"  # what no known effect explains: as likely, before the readings, as any one of them
 
 
 def log_prior(effects: int, known: int) -> float:

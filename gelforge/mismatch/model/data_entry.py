@@ -1,4 +1,4 @@
-"""What blunders of the analyst share: they are there or not, and turn the readings into others by one of a few ways."""
+"""Data-entry errors of the analyst: they are there or not, and turn the readings into others by one of a few ways."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gelforge.mismatch.model.effect import Parameter, Shape
 from gelforge.mismatch.model.solver_effects import ON
 
 
-def blunder(
+def data_entry_error(
     key: str, ways: Iterable[str], default: str, read: Callable[[np.ndarray, str], np.ndarray]
 ) -> dict:
     """Return the fields of an Effect that is on or off; each way is a shape {key: way}.
@@ -27,7 +27,9 @@ def blunder(
     return {
         "family": "analyst",
         "parameters": (
-            Parameter("on", "1", 1.0, ON, "on or off: a blunder of the session, no quantity", sign=1),
+            Parameter(
+                "on", "1", 1.0, ON, "on or off: a data-entry error of the session, no quantity", sign=1
+            ),
         ),
         "to_forces": to_forces,
         "shapes": lambda context: shapes,

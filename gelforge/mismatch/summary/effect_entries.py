@@ -1,4 +1,4 @@
-"""The effects of a verdict: groups of the answer, every effect that was tried, with probability and amounts."""
+"""The effects of a verdict: groups of the answer, every effect that was tried, with probability and values."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Found:
         return self.part.columns @ self.amounts
 
 
-def groups_told(problem: Problem, judgement: Judgement) -> list[form.Group]:
+def group_entries(problem: Problem, judgement: Judgement) -> list[form.Group]:
     """Return the groups that a verdict reports, the most probable first; none where it has no answer."""
     if judgement.answer is None or judgement.state in form.WITHOUT_ANSWER:
         return []
@@ -66,18 +66,18 @@ def of_nothing(judgement: Judgement) -> float:
     return judgement.posterior.probability[NOTHING]
 
 
-def unknown_told(judgement: Judgement) -> form.Unknown | None:
-    """Return what something unknown has for it; None where no effect was fitted."""
+def unknown_entry(judgement: Judgement) -> form.Unknown | None:
+    """Return what a discrepancy has for it; None where no effect was fitted."""
     if judgement.answer is None:
         return None
     chance = judgement.posterior.holding([UNKNOWN])
     return form.Unknown(probability=chance, words=judgement.answer.stranger)
 
 
-def effects_told(problem: Problem, judgement: Judgement) -> list[form.NamedEffect]:
-    """Return every effect that the readings feel: those of the answer first, then the most probable.
+def effect_entries(problem: Problem, judgement: Judgement) -> list[form.NamedEffect]:
+    """Return every effect that the readings can show: those of the answer first, then the most probable.
 
-    What may stand in place of an effect of the answer has the amounts that it has beside the others of the answer.
+    What may stand in place of an effect of the answer has the values that it has beside the others of the answer.
     """
     answer, posterior = judgement.answer, judgement.posterior
     groups = {} if answer is None else {group.members[0]: group for group in answer.groups}
@@ -141,7 +141,7 @@ def _of_screen(judged: Screened, name: str) -> Found:
 
 
 def blocks_of(fit: Refitted) -> list[np.ndarray]:
-    """Return each part's own block of the amounts' covariance."""
+    """Return each part's own block of the values' covariance."""
     ends = np.cumsum([0, *(len(a) for a in fit.amounts)])
     return [fit.covariance[a:b, a:b] for a, b in zip(ends, ends[1:])]
 
@@ -156,7 +156,7 @@ def _profiled(problem: Problem, answer: Answer, effect: form.NamedEffect) -> for
     change = problem.observations.flat(answer.after - problem.base)
     covariance = problem.believing(fit.parts, amounts).covariance
     judged = replace(answer.winner, parts=fit.parts)
-    # The model's own change at the fitted amounts
+    # The model's own change at the fitted values
     offset = problem.residual - change + np.column_stack([part.columns for part in fit.parts]) @ amounts
     first = sum(len(a) for a in fit.amounts[: names.index(effect.name)])
     sds = np.sqrt(np.diag(fit.covariance))
@@ -169,7 +169,7 @@ def _profiled(problem: Problem, answer: Answer, effect: form.NamedEffect) -> for
 
 
 def interval(parameter: Parameter, a: float, sd: float) -> tuple[float, float]:
-    """Return the 90 % interval of an amount, within its physical range."""
+    """Return the 90 % interval of a value, within its physical range."""
     low, high = parameter.bounds
     low, high = (
         (max(low, 0.0) if parameter.sign > 0 else low),
@@ -178,7 +178,7 @@ def interval(parameter: Parameter, a: float, sd: float) -> tuple[float, float]:
     return tuple(np.clip([a - NINETY * sd, a + NINETY * sd], low, high).tolist())
 
 
-def amounts_told(
+def value_entries(
     parameters: Sequence[Parameter], amounts: np.ndarray, spread: np.ndarray
 ) -> list[form.Amount]:
     """Return amounts (p,) of covariance (p, p) with their 90 % intervals."""
@@ -205,7 +205,7 @@ def _effect(problem: Problem, one: Found, chance: float, group: Group | None) ->
         log_bayes_factor=float(one.log_bayes_factor),
         snr=float(np.linalg.norm(problem.covariance.whiten(change))),
         snr_instrument=float(np.linalg.norm(problem.covariance.instrument.whiten(change))),
-        amounts=amounts_told(effect.parameters, one.amounts, one.spread),
+        amounts=value_entries(effect.parameters, one.amounts, one.spread),
         shape=dict(part.shape),
         in_range=part.switch or effect.in_range(one.amounts),
         refitted=one.refitted,

@@ -48,7 +48,7 @@ def test_all_other_axes_are_the_other_seven_ways_to_lay_a_square_on_itself():
         assert_allclose(np.array(way) @ np.array(way).T, np.eye(2))
 
 
-def test_blunders_say_nothing_of_what_the_readings_could_have_seen():
+def test_data_entry_errors_say_nothing_of_what_the_readings_could_have_seen():
     """A unit is seen by any reading; were it counted, readings that see no physics would say that none is missing."""
     loud = artificial.context(3, per_side=3)
     noise = replace(loud.observations, noise_N=60 * loud.observations.noise_N)

@@ -11,14 +11,14 @@ from gelforge.config import DepthZero
 from gelforge.mismatch.readings.noise import LEAST_FREEDOM
 from gelforge.mismatch.readings.observations import Observations
 
-TOUCHDOWN_MM = 0.02  # assumed where neither the session nor repeated presses say how well zero was found
+CONTACT_POINT_MM = 0.02  # assumed where neither the session nor repeated presses say how well zero was found
 
 
 def depth_scatter(zero: DepthZero, instead_mm: float | None = None) -> tuple[float, float]:
     """Return the standard deviations [mm] of the depth from press to press and of the session's contact point; nan: missing.
 
     The one that the session does not find its zero by is 0 where nothing is said of either; where the contact point is
-    stated and the presses are not, repeats may show these. instead_mm stands in place of what is stated of `zero.by`.
+    stated and the indentations are not, repeats may show these. instead_mm stands in place of what is stated of `zero.by`.
     """
     press, session = zero.press_scatter_mm, zero.session_scatter_mm
     if zero.by == "session":
@@ -29,42 +29,43 @@ def depth_scatter(zero: DepthZero, instead_mm: float | None = None) -> tuple[flo
     return np.nan if press is None else press, session or 0.0
 
 
-def with_touchdown(found: Observations) -> Observations:
-    """Fill scatter of the depth that no session states: from repeated presses, or assumed and told.
+def with_contact_point(found: Observations) -> Observations:
+    """Fill scatter of the depth that no session states: from repeated presses, or assumed and reported.
 
-    Repeats show what differs from press to press; a session's contact point, which all its presses share, is assumed.
+    Repeats show what differs from press to press; a session's contact point, which all its indentations share, is assumed.
     """
     press, session = found.press_depth_mm, found.session_depth_mm
     lone, shared = np.isnan(press), np.isnan(session)
     scatter = _repeated_touchdown(found, press != 0) if lone.any() else None
-    beside = session > 0  # with a contact point that is stated, nothing is assumed of presses
-    filled = np.where(beside, 0.0, TOUCHDOWN_MM) if scatter is None else scatter
+    beside = session > 0  # with a contact point that is stated, nothing is assumed of indentations
+    filled = np.where(beside, 0.0, CONTACT_POINT_MM) if scatter is None else scatter
     said, unseen = [], lone & (scatter is None)
     if shared.any() or (unseen & ~beside).any():
         said.append(
-            f"how well depth zero was found is not stated ({_keys(unseen & ~beside, shared)}): {TOUCHDOWN_MM} mm is assumed"
+            f"how well the contact point was found is not stated ({_keys(unseen & ~beside, shared)}):"
+            f" {CONTACT_POINT_MM} mm is assumed"
         )
     if (unseen & beside).any():
         said.append(
-            "the stage's repeatability is not stated (depth_zero.press_scatter_mm) and too few presses are repeated to"
-            " show it: presses are taken to have no depth error of their own"
+            "the stage's repeatability is not stated (depth_zero.press_scatter_mm) and too few indentations are repeated to"
+            " show it: indentations are taken to have no depth error of their own"
         )
     return replace(
         found,
         press_depth_mm=np.where(lone, filled, press),
-        session_depth_mm=np.where(shared, TOUCHDOWN_MM, session),
+        session_depth_mm=np.where(shared, CONTACT_POINT_MM, session),
         cannot_know=(*found.cannot_know, *said),
     )
 
 
 def _keys(*missing: np.ndarray) -> str:
-    """Return the keys of session.yaml that are missing: of presses, of sessions (R,) bool each."""
+    """Return the keys of session.yaml that are missing: of indentations, of sessions (R,) bool each."""
     names = ("depth_zero.press_scatter_mm", "depth_zero.session_scatter_mm")
     return ", ".join(name for name, some in zip(names, missing) if some.any())
 
 
 def _repeated_touchdown(found: Observations, of: np.ndarray) -> float | None:
-    """Return the scatter [mm] of touchdown that repeated presses show in Fz, less the noise; None with few repeats.
+    """Return the scatter [mm] of contact point that repeated presses show in Fz, less the noise; None with few repeats.
 
     of (R,) bool: the readings that count. Of each press the depth by which all its loading readings are off their means, as
     the slope has it; presses less places are the repeats.

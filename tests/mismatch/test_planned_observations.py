@@ -8,7 +8,7 @@ from gelforge.config import study_from
 from gelforge.config.variants import merged
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.identifiability import next_experiment
-from gelforge.mismatch.pipeline.ahead import planned_observations
+from gelforge.mismatch.pipeline.design import planned_observations
 from gelforge.mismatch.pipeline.experiments import survivor, weights
 from gelforge.mismatch.result.verdict import Amount, NamedEffect
 

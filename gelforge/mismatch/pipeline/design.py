@@ -1,4 +1,4 @@
-"""Looking ahead: what a plan could detect before it is recorded, and which experiment would tell survivors apart."""
+"""Experimental design: what a plan could detect before it is recorded, and what would distinguish surviving effects."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.unsolved import base_where_solved
 from gelforge.mismatch.pipeline.experiments import CLEAR_S, of_camera, planned, rivals, survivor, weights
 from gelforge.mismatch.pipeline.stage import problem_of, spread
+from gelforge.mismatch.readings.contact_point import CONTACT_POINT_MM, depth_scatter
 from gelforge.mismatch.readings.observations import COLUMNS, Observations, last_moves
 from gelforge.mismatch.readings.sessions import SPEED_MM_PER_S
-from gelforge.mismatch.readings.touchdown import TOUCHDOWN_MM, depth_scatter
 from gelforge.mismatch.result.verdict import NamedEffect, Verdict
 from gelforge.mismatch.terms.candidates import candidates_of
 from gelforge.mismatch.terms.problem import Problem
 
 DWELL_S = (0.5, 0.6, 0.7, 0.8, 0.9)  # readings beside the images
 LONG_DWELL_S = (1.0, 3.0, 10.0, 30.0, 60.0)
-WAYS_UP = (0.75, 0.5, 0.25)  # of the press's depth
+WAYS_UP = (0.75, 0.5, 0.25)  # of the indentation's depth
 LATER_DAYS = 30.0
 
 
@@ -37,8 +37,8 @@ def planned_observations(
 ) -> Observations:
     """Return the readings that a study's plan would give, force zero: every cell to each of its depths in random order.
 
-    Noise is that of a force sensor as the session's defaults describe it, and so is what shares one depth zero; touchdown's
-    scatter is the study's, or TOUCHDOWN_MM; one session for each age of the sensor.
+    Noise is that of a force sensor as the session's defaults describe it, and so is what shares one depth zero; contact
+    point's scatter is the study's, or CONTACT_POINT_MM; one session for each age of the sensor.
     """
     cells = list(plan_cells(study).values())
     rng, rows, time = np.random.default_rng([study.seed, 7]), [], 0.0
@@ -69,7 +69,7 @@ def planned_observations(
         noise,
         noise / np.sqrt(3),
         np.full(R, press_depth),
-        np.full(R, TOUCHDOWN_MM if np.isnan(session_depth) else session_depth),
+        np.full(R, CONTACT_POINT_MM if np.isnan(session_depth) else session_depth),
         came_along=np.concatenate([last_moves(own) for _, own in table.groupby("session", sort=False)]),
     )
     return spread(found, study)
@@ -81,7 +81,7 @@ def planned_problem(solver: Solver) -> Problem:
 
 
 def limits_table(problem: Problem) -> pd.DataFrame:
-    """Return per effect and parameter the smallest amount that planned readings would show, beside a plausible one."""
+    """Return per effect and parameter the smallest value that planned readings would show, beside a plausible one."""
     rows = []
     for limit in detection_limits(problem.covariance, problem.physics):
         parameter = CATALOGUE[limit.name].parameters[limit.parameter]
@@ -100,7 +100,7 @@ def limits_table(problem: Problem) -> pd.DataFrame:
 
 
 def visibility_table(solver: Solver) -> pd.DataFrame:
-    """Return for each experiment its cost, how many amounts of effects it would show if plausible, and which ones newly.
+    """Return for each experiment its cost, how many values of effects it would show if plausible, and which ones newly.
 
     Newly: beside the first, the same plan again.
     """
@@ -115,9 +115,9 @@ def visibility_table(solver: Solver) -> pd.DataFrame:
 
 
 def experiments_table(solver: Solver, verdict: Verdict) -> pd.DataFrame:
-    """Return for each experiment its cost and the log odds that it is expected to give to the right one of two survivors.
+    """Return for each experiment its cost and the expected log odds of the right one of two surviving effects.
 
-    Where the readings could not tell enough to leave any: what each experiment would show (`visibility_table`). Raises
+    Where the readings could not show enough to leave any: what each experiment would show (`visibility_table`). Raises
     ConfigError for a verdict with nothing left to tell apart, or with effects of the camera alone.
     """
     effects = {effect.name: effect for effect in verdict.effects}
@@ -126,13 +126,14 @@ def experiments_table(solver: Solver, verdict: Verdict) -> pd.DataFrame:
         return visibility_table(solver)
     if not pairs:
         raise ConfigError(
-            f"the verdict is {verdict.state} and leaves no two effects that cannot be told apart; nothing is to be decided"
+            f"the verdict is {verdict.state} and leaves no two effects that cannot be distinguished; nothing is to"
+            " be decided"
         )
     seen_alone = {name for pair in pairs for name in of_camera(pair)}
     pairs = [pair for pair in pairs if not of_camera(pair)]
     if not pairs:
         told = "; ".join(f"{name}: {CATALOGUE[name].separated_by}" for name in sorted(seen_alone))
-        raise ConfigError(f"no press tells what the camera alone sees ({told})")
+        raise ConfigError(f"no indentation shows what the camera alone sees ({told})")
     plans = list(plans_of(solver, [effects[name] for pair in pairs for name in pair]))
     rows = []
     for first, second in pairs:
@@ -155,7 +156,7 @@ def variants_of(study: Study) -> dict[str, Observations]:
     """Return the readings of a study's plan as it is and in other ways, by name."""
     return {
         "the same plan again": planned_observations(study),
-        "the same plan, read on the way up too": planned_observations(study, ways_up=WAYS_UP),
+        "the same plan, read during unloading too": planned_observations(study, ways_up=WAYS_UP),
         f"the same plan with dwells of {LONG_DWELL_S[-1]:g} s": planned_observations(study, LONG_DWELL_S),
         f"the same plan now and in {LATER_DAYS:g} days": planned_observations(
             study, ages_days=(0.0, LATER_DAYS)

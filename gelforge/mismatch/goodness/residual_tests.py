@@ -13,12 +13,12 @@ from gelforge.mismatch.terms.problem import Problem
 
 
 @dataclass(frozen=True, eq=False)
-class Remains:
+class ResidualTests:
     """What a model leaves of some readings, by chance or not."""
 
     test: GlobalTest
     scan: Scan
-    unknown_p: float = 1.0  # bound on that of as much evidence for something unknown, where that was asked
+    unknown_p: float = 1.0  # bound on that of as much evidence for a discrepancy, where that was asked
     known_p: float = 1.0  # and for the known effects
 
     @property
@@ -26,17 +26,17 @@ class Remains:
         return min(self.test.p, self.scan.p, self.unknown_p, self.known_p)
 
 
-def remains(
+def residual_tests(
     problem: Problem,
     residual: np.ndarray,
     mask: np.ndarray,
     settings: Mismatch,
     rng: np.random.Generator,
     fitted: np.ndarray | None = None,
-) -> Remains:
+) -> ResidualTests:
     """Return both tests of a residual (m,) of some entries (n,) bool; fitted (m, p): columns that were fitted to them."""
     covariance = problem.covariance.restricted(mask)
     labels = problem.labels[mask].reset_index(drop=True)
     atoms = patterns(labels, problem.observations.flat(problem.base)[mask]).whitened(covariance, fitted)
     found = scan(covariance.whiten(residual), atoms, rng, settings.draws, covariance.estimated)
-    return Remains(global_test(residual, covariance, fitted), found)
+    return ResidualTests(global_test(residual, covariance, fitted), found)
