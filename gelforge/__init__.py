@@ -10,21 +10,51 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from gelforge.api import Pressed, Slopes, press
+    from gelforge.api.materials import Fitted, fit
+    from gelforge.api.predictions import predict
+    from gelforge.api.press import Pressed, Slopes, press
+    from gelforge.api.recordings import judge, read_recording
+    from gelforge.api.studies import indenters, sensor, sensors
     from gelforge.cli.notebook import require, run
-    from gelforge.learning.rows import load_dataset
+    from gelforge.config import load_study
+    from gelforge.learning.basis.rows import load_dataset
 
 __version__ = "0.1.0"
-__all__ = ["Pressed", "Slopes", "load_dataset", "press", "require", "run"]
 
 _DEFINED_IN = {
-    "Pressed": "gelforge.api",
-    "Slopes": "gelforge.api",
-    "load_dataset": "gelforge.learning.rows",
-    "press": "gelforge.api",
+    "Fitted": "gelforge.api.materials",
+    "Pressed": "gelforge.api.press",
+    "Slopes": "gelforge.api.press",
+    "fit": "gelforge.api.materials",
+    "indenters": "gelforge.api.studies",
+    "judge": "gelforge.api.recordings",
+    "load_dataset": "gelforge.learning.basis.rows",
+    "load_study": "gelforge.config",
+    "predict": "gelforge.api.predictions",
+    "press": "gelforge.api.press",
+    "read_recording": "gelforge.api.recordings",
     "require": "gelforge.cli.notebook",
     "run": "gelforge.cli.notebook",
+    "sensor": "gelforge.api.studies",
+    "sensors": "gelforge.api.studies",
 }
+__all__ = [
+    "Fitted",
+    "Pressed",
+    "Slopes",
+    "fit",
+    "indenters",
+    "judge",
+    "load_dataset",
+    "load_study",
+    "predict",
+    "press",
+    "read_recording",
+    "require",
+    "run",
+    "sensor",
+    "sensors",
+]
 
 
 def __getattr__(name: str):

@@ -181,6 +181,8 @@ def report(archives: Path = ARCHIVES, truths: dict[str, dict[str, dict]] | None 
     }
     missing = [name for name in ORDER if name not in by_set]
     left_out = (
-        f"Left out, as their archive or their truths are not there: {', '.join(missing)}.\n\n" if missing else ""
+        f"Left out, as their archive or their truths are not there: {', '.join(missing)}.\n\n"
+        if missing
+        else ""
     )
     return f"{left_out}Sets pooled\n\n{table(pools)}\n\nSet by set\n\n{table(by_set)}\n"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from gelforge.config import Mesh, Study, load_session, load_virtual_lab, session_study, variant_study
 from gelforge.files import write_text
-from gelforge.indentation.derived import derived_chunks
+from gelforge.indentation.planning.derived import derived_chunks
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -110,7 +110,7 @@ class Costs:
 
 def estimate(study: Study, cells: dict) -> list[str]:
     """Return lines with the number of cells, the minutes of finite elements and the disk that a study takes."""
-    from gelforge.indentation.plan import variant_cells
+    from gelforge.indentation.planning.plan import variant_cells
 
     costs = Costs(study, cells)
     solved = [cell for cell in cells.values() if cell.solved]
@@ -154,7 +154,7 @@ def estimate(study: Study, cells: dict) -> list[str]:
 
 def interpolation_cost(costs: Costs) -> tuple[float, str]:
     """Return the CPU seconds of the sites between which labels are interpolated, if two levels do, and a line about them."""
-    from gelforge.indentation.lattice import lattice_of
+    from gelforge.indentation.planning.lattice import lattice_of
 
     lattice = lattice_of(costs.study, costs.cells)
     first, second = (len(lattice.representatives(lattice.level(n))) for n in (0, SECOND_LEVEL))
@@ -193,7 +193,7 @@ def steps_in_order(study: Study, cells: dict, session: str) -> tuple[int, int]:
     """Return the number of a session's presses and of the steps in which they are followed; none where it is not there."""
     from gelforge.dataset.recorded_presses import read_presses, recorded_presses
     from gelforge.indentation.effects.history import in_time
-    from gelforge.indentation.trajectory import Trajectory
+    from gelforge.indentation.paths.trajectory import Trajectory
     from gelforge.virtual_lab.session import session_cells
 
     if study.virtual_lab:
@@ -221,7 +221,7 @@ def duration(seconds: float) -> str:
 
 def mesh_size(study: Study, sizes: Mesh, cell) -> tuple[int, int]:
     """Return the unknowns and the number of surface nodes of a cell's mesh."""
-    from gelforge.indentation.sensor_mesh import sensor_mesh
+    from gelforge.indentation.sensor.sensor_mesh import sensor_mesh
 
     mesh = sensor_mesh(study.sensor, sizes, cell.x_mm, cell.y_mm)
     return 3 * int((~mesh.hanging).sum()), len(mesh.surface.nodes)

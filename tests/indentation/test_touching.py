@@ -6,10 +6,11 @@ import specimens
 
 from gelforge.cli import main
 from gelforge.config import ConfigError, study_from, write_yaml
-from gelforge.config.variants import merged
-from gelforge.indentation.cell_file import read_cell
-from gelforge.indentation.companion import simulate_label
-from gelforge.indentation.plan import PlannedCell, plan_cells
+from gelforge.config.basis.variants import merged
+from gelforge.indentation.cells.cell_file import read_cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.plan import plan_cells
+from gelforge.indentation.solving.companion import simulate_label
 
 LAWS = specimens.STUDY_LAWS
 MESH = {"near_mm": 1.0, "near_radius_mm": 2.0, "growth": 0.4, "far_mm": 2.0}
@@ -113,7 +114,10 @@ def test_press_without_contact_is_one_line(tmp_path, monkeypatch, capfd):
     at = ["--x", "8", "--y", "8", "--depths", "0.4,0.8"]
     assert main(["press", *at, "--study", "s.yaml"]) == 1
     error = capfd.readouterr().err
-    assert error.startswith("gelforge: the indentation failed: no depth touches") and len(error.splitlines()) == 1
+    assert (
+        error.startswith("gelforge: the indentation failed: no depth touches")
+        and len(error.splitlines()) == 1
+    )
 
 
 def test_a_site_of_the_workflow_that_nothing_touches_is_written_as_failed(tmp_path, monkeypatch, capfd):

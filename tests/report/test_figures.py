@@ -12,7 +12,7 @@ from matplotlib.colors import Normalize
 from matplotlib.text import Text
 
 from gelforge.config import Camera, Indenter, load_session, load_study
-from gelforge.indentation.plan import plan_cells
+from gelforge.indentation.planning.plan import plan_cells
 from gelforge.report.figures.flow_figure import region_flow
 from gelforge.report.figures.force_depth import ForceDepth, deviation_table, force_depth_figure
 from gelforge.report.figures.force_maps import prediction_figure, total_force_figure

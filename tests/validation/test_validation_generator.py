@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 
 from gelforge.config import load_session, load_study
-from gelforge.indentation.plan import plan_cells
+from gelforge.indentation.planning.plan import plan_cells
 from gelforge.recording.readings import read_recording
 from validation import baselines, body_forms, draw, kinds, presses, recording, sets
 from validation.ogden import Ogden

@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gelforge.cli.mismatch import solver_of
 from gelforge.config import load_study
-from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.mismatch.fem.solutions import fine
+from gelforge.mismatch.pipeline.stage import solver_of
 from validation.draw import BASES, base_world
 from validation.library import load_library
 from validation.presses import DEPTHS, MIDDLE

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gelforge.cli.mismatch import solver_of
 from gelforge.config import load_study
-from gelforge.mismatch.pipeline.stage import observations_of, problem_of
+from gelforge.mismatch.pipeline.stage import observations_of, problem_of, solver_of
 from gelforge.mismatch.readings.sessions import session_folders
 from gelforge.mismatch.terms.problem import Problem
 from validation import sealing

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.inference.fits import forces_of
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.refit import refitted
