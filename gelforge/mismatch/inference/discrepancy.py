@@ -119,8 +119,8 @@ def modelled(
 ) -> Modelled:
     """Return the manner that the training readings find likeliest beside a fit, or alone, learnt from these and from all.
 
-    left (n,) [N]: what the fit leaves of all readings; chances: of manners, by all readings. What each press has of its own
-    predicts no other and is not tried. Whether the readings held out confirm it is for the caller to ask (`gain`).
+    left (n,) [N]: what the fit leaves of all readings; chances: of manners, by all readings. What each indentation has of
+    its own predicts no other and is not tried. Whether the readings held out confirm it is for the caller to ask (`gain`).
     """
     base = _Beside.of(problem, fit, left)
     evidence = {
@@ -247,7 +247,7 @@ class _Beside:
         return replace(self.fit, amounts=tuple(np.split(amounts, ends)), spread=spread)
 
     def posterior(self, D: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return mean (p + q,) and covariance of amounts and coefficients, about the fit, by some entries (n,) bool.
+        """Return mean (p + q,) and covariance of values and coefficients, about the fit, by some entries (n,) bool.
 
         Averaged over the scales of a plausible size, whose evidence counts for WORTH as that of all rivals does.
         """
