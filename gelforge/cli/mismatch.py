@@ -6,6 +6,7 @@ from pathlib import Path
 
 from gelforge.config import ConfigError, Study, load_session, load_study
 from gelforge.laws_of_study import laws_and_doubts, material_laws_of
+from gelforge.progress import Stages, stage, tracked
 
 
 def mismatch(
@@ -33,13 +34,23 @@ def judge(
     folders = session_folders(recording, study.sessions if own else ())
     check_matches(folders, study)
     solver = solver_of(study, out, laws, kept, workers, folders)
-    verdict = judge_recording(solver, folders, out, f"{recording.name} against study {study.study}")
-    if page:
-        from gelforge.report.mismatch_page import write_mismatch_page
+    with Stages("verdict", expected_seconds(study, workers)):
+        verdict = judge_recording(solver, folders, out, f"{recording.name} against study {study.study}")
+        if page:
+            from gelforge.report.mismatch_page import write_mismatch_page
 
-        write_mismatch_page(out)
+            stage("page")
+            write_mismatch_page(out)
     print(f"{verdict.state}: {verdict.sentence}")
     print(f"written to {out}")
+
+
+def expected_seconds(study: Study, workers: int) -> float:
+    """Return how long a verdict on a study's sessions is expected to take [s], where nothing of it is solved yet."""
+    from gelforge.cli.cost import Costs
+    from gelforge.indentation.plan import plan_cells
+
+    return Costs(study, plan_cells(study)).mismatch() / workers
 
 
 def limits(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: int) -> None:
@@ -48,8 +59,10 @@ def limits(study: Study, out: Path, laws: list[Path], kept: Path | None, workers
     from gelforge.mismatch.pipeline.ahead import limits_table, planned_problem
     from gelforge.mismatch.summary.words import uncomputed
 
-    problem = planned_problem(solver_of(study, out, laws, kept, workers, []))
-    table = limits_table(problem)
+    with Stages("what the plan could show"):
+        problem = planned_problem(solver_of(study, out, laws, kept, workers, []))
+        stage("detection limits")
+        table = limits_table(problem)
     write_table(out, "limits", table)
     print(table.to_string(index=False, float_format="%.3g"))
     for sentence in [*problem.observations.cannot_know, *uncomputed(problem)]:
@@ -62,7 +75,8 @@ def plan(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: 
     from gelforge.mismatch.pipeline.ahead import experiments_table
     from gelforge.mismatch.result.verdict import read_verdict
 
-    table = experiments_table(solver_of(study, out, laws, kept, workers, []), read_verdict(out))
+    with Stages("experiments that would tell effects apart"):
+        table = experiments_table(solver_of(study, out, laws, kept, workers, []), read_verdict(out))
     write_table(out, "experiments", table)
     print(table.to_string(index=False, float_format="%.3g"))
 
@@ -122,7 +136,7 @@ def published(config: Path, out: Path, workers: int) -> None:
 
     study, verdicts = load_study(config), {}
     solver = replace(solver_of(study, out, [], None, workers, []), cells=None, uncertain={})
-    for case in CASES:
+    for case in tracked(CASES, "cases judged"):
         verdicts[case.name] = judge_case(case, replace(solver, study=study_of(case, study)), out)
         write_mismatch_page(out / case.name)
         print(f"{case.title}: {verdicts[case.name].state}: {verdicts[case.name].sentence}")

@@ -24,6 +24,7 @@ from gelforge.indentation.trajectory import Trajectory
 from gelforge.mechanics.direct import Varied, follow_with_slopes
 from gelforge.mechanics.equilibrium import NotConverged, Press, State
 from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.progress import tracked
 
 LITTLE_WAY = (
     1e-3  # of what carries nodes per unit, by which they are moved to see how their bins share the forces
@@ -165,7 +166,8 @@ def _along(
     carried = [_carried(base, model, amount) for model, amount in varied.values()]
     slopes, motions, reached, forces = [], [], [], []
     seconds: list[float] = []
-    for state, along in follow_with_slopes(press, press.start_at(base.start), base.centres, others, seconds):
+    states = follow_with_slopes(press, press.start_at(base.start), base.centres, others, seconds)
+    for state, along in tracked(states, "steps of the indenter, with derivatives", len(base.centres)):
         forces.append(state.normal_force + state.friction_force)
         slopes.append(along.force)
         if stored:

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from gelforge.config.camera import LARGEST_IMAGE_PX
+from gelforge.progress import tracked
 from gelforge.recording.flow import ImageError, read_grey
 from gelforge.recording.frames import SUFFIXES
 
@@ -94,7 +95,7 @@ def find_boards(folder: str | Path, board: Board) -> Views:
     if not paths:
         raise CalibrationError(f"{folder}: no images ({', '.join(sorted(SUFFIXES))}); name another folder")
     views, first, flips = None, paths[0].name, []
-    for path in paths:
+    for path in tracked(paths, "images searched for the board"):
         try:
             image = read_grey(path)
         except ImageError as error:
