@@ -12,18 +12,35 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from gelforge.api import Pressed, Slopes, press
     from gelforge.cli.notebook import require, run
+    from gelforge.differentiable import PressSlopes, press_slopes
     from gelforge.learning.rows import load_dataset
+    from gelforge.learning.torch_press import TorchForces, torch_press
 
 __version__ = "0.1.0"
-__all__ = ["Pressed", "Slopes", "load_dataset", "press", "require", "run"]
+__all__ = [
+    "PressSlopes",
+    "Pressed",
+    "Slopes",
+    "TorchForces",
+    "load_dataset",
+    "press",
+    "press_slopes",
+    "require",
+    "run",
+    "torch_press",
+]
 
 _DEFINED_IN = {
+    "PressSlopes": "gelforge.differentiable",
     "Pressed": "gelforge.api",
     "Slopes": "gelforge.api",
+    "TorchForces": "gelforge.learning.torch_press",
     "load_dataset": "gelforge.learning.rows",
     "press": "gelforge.api",
+    "press_slopes": "gelforge.differentiable",
     "require": "gelforge.cli.notebook",
     "run": "gelforge.cli.notebook",
+    "torch_press": "gelforge.learning.torch_press",
 }
 
 

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import chdir
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gelforge.config import ConfigError, Study, load_study, study_from
-from gelforge.config.common import Section
-from gelforge.config.variants import merged
-from gelforge.shipped import EXAMPLES
+from gelforge.config import ConfigError, Study
+from gelforge.described import Described, described_study
 
 if TYPE_CHECKING:
     from gelforge.indentation.cell_file import Cell
-
-Described = Section | Mapping[str, Any]  # a block of a study: its keys, or the section that they make
 
 
 @dataclass(frozen=True)
@@ -177,7 +172,7 @@ def press(
     depths = [float(depth) for depth in depths_mm]
     if not depths or depths[0] <= 0 or any(b <= a for a, b in zip(depths, depths[1:])):
         raise ConfigError(f"depths_mm {depths}: one or more depths that are positive and increase are needed")
-    described = _described(study, sensor, indenter, materials, mechanics, sensitivities)
+    described = described_study(study, sensor, indenter, materials, mechanics, sensitivities)
     shear = None if shear_mm is None else list(shear_mm)
     planned = press_path("press", x_mm, y_mm, depths, shear, unload, twist_deg)
     check_inside({planned.name: planned}, described)
@@ -187,29 +182,3 @@ def press(
             f"the press failed: {cell.attributes['reason']}; last good depth {cell.attributes['last_good_depth_mm']:g} mm"
         )
     return Pressed.of(cell)
-
-
-def paper_study() -> Study:
-    """Return the article's sensor with its published laws, as config/paper.yaml among the examples describes it."""
-    with chdir(EXAMPLES):
-        return load_study("config/paper.yaml")
-
-
-def _described(study, sensor, indenter, materials, mechanics, sensitivities) -> Study:
-    """Return a study whose blocks are those that are given, validated as a whole."""
-    base = paper_study() if study is None else study if isinstance(study, Study) else load_study(study)
-    given = {"sensor": sensor, "indenter": indenter, "mechanics": mechanics}
-    given = {key: _plain(block) for key, block in given.items() if block is not None}
-    if materials is not None:
-        given["materials"] = {name: _plain(material) for name, material in materials.items()}
-    content = base.model_dump(mode="json", exclude={"variants", "synthesis"})
-    changes = given.pop("mechanics", {}) | ({"sensitivities": list(sensitivities)} if sensitivities else {})
-    content["mechanics"] = merged(content["mechanics"], changes)
-    return study_from(content | given, "gelforge.press")
-
-
-def _plain(block) -> Any:
-    """Return a block's keys, or the path of its YAML file as text."""
-    if isinstance(block, Section):
-        return block.model_dump(mode="json")
-    return str(block) if isinstance(block, str | Path) else dict(block)

@@ -9,8 +9,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 import gelforge as gf
-from gelforge import api
+from gelforge import api, differentiable
 from gelforge.config import ConfigError
+from gelforge.described import described_study
+from gelforge.learning import torch_press
 
 SMALL = {
     "sensor": {
@@ -27,8 +29,9 @@ SMALL = {
 
 
 def test_examples_are_true():
-    found = doctest.testmod(api)
-    assert found.attempted >= 7 and found.failed == 0
+    for module, least in ((api, 7), (differentiable, 4), (torch_press, 5)):
+        found = doctest.testmod(module)
+        assert found.attempted >= least and found.failed == 0
 
 
 def test_the_package_is_imported_at_once():
@@ -97,9 +100,9 @@ def test_what_cannot_be_pressed_is_refused_before_anything_is_solved(at, blocks,
 
 
 def test_sections_and_a_study_are_taken_as_well_as_their_keys():
-    study = api._described(None, **SMALL, sensitivities=())
-    again = api._described(study, study.sensor, study.indenter, study.materials, study.mechanics, ())
+    study = described_study(None, **SMALL)
+    again = described_study(study, study.sensor, study.indenter, study.materials, study.mechanics, ())
     assert again == study
-    changed = api._described(study, None, None, None, {"friction": 0.1}, ("friction",))
+    changed = described_study(study, None, None, None, {"friction": 0.1}, ("friction",))
     assert changed.mechanics.friction == 0.1 and changed.mechanics.mesh == study.mechanics.mesh
     assert changed.mechanics.sensitivities == ["friction"]

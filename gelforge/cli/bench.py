@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gelforge.api import paper_study
 from gelforge.config import Indenter, Study, load_camera, load_section, load_study
+from gelforge.described import paper_study
 from gelforge.laws_of_study import laws_and_doubts, laws_of, material_laws_of
 from gelforge.progress import tracked
 

@@ -43,6 +43,9 @@ class Variation:
     instead: Variation | None = (
         None  # an `alone` one, in place of this where it has no derivative along the base
     )
+    share: tuple[float, ...] | None = (
+        None  # of how the indenter's path differs, at each step; None: all of it
+    )
 
 
 @dataclass(frozen=True)
@@ -111,6 +114,9 @@ def derivatives(
         varied = None
         if not variation.alone:
             varied = _model(unmirrored(variation.study), variation.laws, planned, base)
+            if variation.share is not None:
+                away = varied.centres - base.centres
+                varied = replace(varied, centres=base.centres + np.array(variation.share)[:, None] * away)
         if varied is None or not _along_it(base, varied):
             others.append(name)
         else:
