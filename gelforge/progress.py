@@ -163,12 +163,10 @@ class Stages:
         """Return in words how long the rest is expected to take, "" where that is not known."""
         if self.expected_s is None:
             return ""
-        left = self.expected_s - (self._clock() - self._start)
-        return (
-            f"about {duration(left)} left"
-            if left >= 1
-            else f"longer than the {duration(self.expected_s)} expected"
-        )
+        passed = self._clock() - self._start
+        if (left := self.expected_s - passed) >= 1:
+            return f"about {duration(left)} left"
+        return f"{duration(passed)} so far, {duration(self.expected_s)} expected"
 
 
 def stage(words: str) -> None:
