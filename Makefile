@@ -5,7 +5,7 @@ BIN := .venv/bin
 ONE_THREAD := OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 READY := .venv/.gelforge-ready
 
-.PHONY: setup demo test test-thorough speed notebooks format lint
+.PHONY: setup demo test test-thorough speed notebooks generated format lint
 
 setup: $(READY)
 
@@ -43,6 +43,12 @@ speed: $(READY)
 notebooks: $(READY)
 	$(BIN)/python -m pip install --quiet --constraint requirements.lock jupytext nbclient ipykernel
 	$(BIN)/python docs/notebooks/render.py
+
+# What is written from the code: the configuration's schema, and the pages of constitutive models and effects.
+generated: $(READY)
+	$(BIN)/python -c 'import json; from gelforge.config import schema; print(json.dumps(schema(), indent=2))' > config/schema.json
+	$(BIN)/python -m gelforge.mechanics.laws.table
+	$(BIN)/python -m gelforge.mismatch.summary.effects_table
 
 format: $(READY)
 	$(BIN)/ruff format . && $(BIN)/ruff check --fix . && $(BIN)/snakefmt Snakefile workflow

@@ -25,11 +25,12 @@ from importlib import import_module
 import numpy as np
 import pandas as pd
 
-from gelforge.mechanics.body import Body
-from gelforge.mechanics.equilibrium import Press, Settings
-from gelforge.mechanics.indenters import Sphere
-from gelforge.mechanics.laws import Ogden
-from gelforge.mechanics.meshes import Block, Mesh, Sizes, layered_block
+from gelforge.mechanics.bodies.body import Body
+from gelforge.mechanics.contact.state import Settings
+from gelforge.mechanics.indenters.shapes import Sphere
+from gelforge.mechanics.laws.models.ogden import Ogden
+from gelforge.mechanics.meshes.mesh import Block, Mesh, Sizes, layered_block
+from gelforge.mechanics.solving.equilibrium import Press
 
 BLOCK = Block(12.0, 12.0, (("gel", 3.0), ("skin", 1.0)))
 MIDDLE, RADIUS = (6.0, 6.0), 5.0

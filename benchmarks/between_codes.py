@@ -22,10 +22,10 @@ from benchmarks.concealed.library import load_library
 from benchmarks.concealed.presses import DEPTHS, MIDDLE
 from benchmarks.concealed.sets import CONFIG
 from benchmarks.concealed.solves import ORBITS
-from gelforge.cli.mismatch import solver_of
 from gelforge.config import load_study
-from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.mismatch.fem.solutions import fine
+from gelforge.mismatch.pipeline.stage import solver_of
 
 
 def main() -> None:

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gelforge.mechanics.laws import Ogden
-from gelforge.mechanics.meshes import Mesh
+from gelforge.mechanics.laws.models.ogden import Ogden
+from gelforge.mechanics.meshes.mesh import Mesh
 
 CAP_THICKNESS = 0.3  # mm
 ELEMENT = "C3D8R"

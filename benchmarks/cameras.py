@@ -13,13 +13,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gelforge.config import Camera, VirtualImaging
-from gelforge.recording.boards import Board, find_boards
-from gelforge.recording.calibration import calibrate
-from gelforge.recording.camera import image_axes, project, unproject
 from gelforge.recording.camera_pose import fit_pose
-from gelforge.recording.expansion import centre_of_expansion
-from gelforge.recording.flow import Flow
-from gelforge.recording.remap import Remapper, places_in
+from gelforge.recording.imaging.flow import Flow
+from gelforge.recording.optics.boards import Board, find_boards
+from gelforge.recording.optics.calibration import calibrate
+from gelforge.recording.optics.camera import image_axes, project, unproject
+from gelforge.recording.optics.expansion import centre_of_expansion
+from gelforge.recording.optics.remap import Remapper, places_in
 from gelforge.virtual_lab.boards import BoardCamera, poses
 from gelforge.virtual_lab.imaging import draw, expose
 

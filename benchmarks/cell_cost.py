@@ -28,8 +28,8 @@ THREADS = {name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_N
 
 def one_cell(x: float, y: float, near: float) -> dict:
     from gelforge.cli.bench import laws_of, paper_study
-    from gelforge.indentation.companion import simulate_label
-    from gelforge.indentation.plan import PlannedCell
+    from gelforge.indentation.paths.planned_cell import PlannedCell
+    from gelforge.indentation.solving.companion import simulate_label
 
     study = paper_study()
     laws = laws_of(study, [])
@@ -61,10 +61,10 @@ def one_cell(x: float, y: float, near: float) -> dict:
 def mirrored_cell_seconds() -> float:
     """Return the CPU seconds of a mirrored cell where many are made: the source is read, the image made and written."""
     from gelforge.cli.bench import laws_of, paper_study
-    from gelforge.indentation.cell_file import read_cell, write_cell
-    from gelforge.indentation.companion import simulate_label
-    from gelforge.indentation.mirror import mirror_cell
-    from gelforge.indentation.plan import plan_cells
+    from gelforge.indentation.cells.cell_file import read_cell, write_cell
+    from gelforge.indentation.planning.plan import plan_cells
+    from gelforge.indentation.solving.companion import simulate_label
+    from gelforge.indentation.solving.mirror import mirror_cell
 
     study = paper_study()
     laws = laws_of(study, [])

@@ -36,10 +36,10 @@ from force_errors import force_errors  # noqa: E402
 
 from gelforge.config import Learning, Study, load_study, load_virtual_lab  # noqa: E402
 from gelforge.dataset.shard import ShardDataset  # noqa: E402
-from gelforge.learning.baselines import fit_baselines  # noqa: E402
-from gelforge.learning.data import FEATURE, LABEL, measure_scaling, training_and_validation  # noqa: E402
-from gelforge.learning.model_file import load_model  # noqa: E402
-from gelforge.learning.training import Run, train  # noqa: E402
+from gelforge.learning.basis.data import FEATURE, LABEL, measure_scaling, training_and_validation  # noqa: E402
+from gelforge.learning.judging.baselines import fit_baselines  # noqa: E402
+from gelforge.learning.models.model_file import load_model  # noqa: E402
+from gelforge.learning.training.train import Run, train  # noqa: E402
 
 Predict = Callable[[np.ndarray], np.ndarray]  # features (n, 2 m) -> forces of bins (n, B, 3) [N]
 BASELINES = ("ridge", "kernel ridge", "nearest neighbours")

@@ -20,11 +20,11 @@ from scipy.stats import t as student
 from gelforge.materials.fitting.bootstrap import bootstrap
 from gelforge.materials.fitting.choice import compare_laws
 from gelforge.materials.fitting.curves import MeanCurve, mean_curves
-from gelforge.materials.fitting.families import FAMILIES
 from gelforge.materials.fitting.fit import LawFit, fit_law
 from gelforge.materials.readers.common_form import MaterialTest
-from gelforge.mechanics.homogeneous import LOAD_CASES, nominal_stress, stress_points
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.laws.homogeneous import LOAD_CASES, nominal_stress, stress_points
+from gelforge.mechanics.laws.models import FAMILIES
+from gelforge.mechanics.laws.models.ogden import Ogden
 
 TRUTH = {  # Sferrazza et al. 2019, table 1, and the largest stretch tested
     "Ecoflex GEL": (Ogden((7.9652e-3, 0.3093e-3), (1.2769, 3.5676)), 3.0),

@@ -15,8 +15,8 @@ import numpy as np
 import pandas as pd
 
 from gelforge.cli.bench import laws_of, paper_study
-from gelforge.indentation.companion import simulate_label
-from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.solving.companion import simulate_label
 
 DEPTHS = (0.5, 1.0, 1.5, 2.0)
 

@@ -21,7 +21,7 @@ from sensors import DEPTHS_MM, SENSORS, WIDTHS_MM
 from speed import MARGIN, write_study
 from two_states import cost_of, state_now
 
-from gelforge.indentation.cell_file import read_cell, read_timings
+from gelforge.indentation.cells.cell_file import read_cell, read_timings
 from gelforge.progress import show, tracked
 from gelforge.report.figures.style import FAINT, MEASURED, SIMULATED, new_figure, styled
 

@@ -28,12 +28,11 @@ from benchmarks.concealed.recording import (
     write_recording,
 )
 from benchmarks.concealed.sets import CONFIG
-from gelforge.cli.mismatch import solver_of
 from gelforge.config import Study, load_study
 from gelforge.mismatch.evidence.covariance import readings_covariance
 from gelforge.mismatch.goodness.remains import remains
 from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.pipeline.stage import observations_of, problem_of
+from gelforge.mismatch.pipeline.stage import observations_of, problem_of, solver_of
 from gelforge.mismatch.result.verdict import ALARM_P
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.unknown import manners_of, weighed_unknown

@@ -14,9 +14,8 @@ from benchmarks.concealed.library import Library, load_library
 from benchmarks.concealed.score import session_names
 from benchmarks.concealed.sets import CONFIG
 from benchmarks.concealed.world import World, zeroed
-from gelforge.cli.mismatch import solver_of
 from gelforge.config import load_study
-from gelforge.mismatch.pipeline.stage import observations_of, problem_of
+from gelforge.mismatch.pipeline.stage import observations_of, problem_of, solver_of
 from gelforge.mismatch.readings.sessions import session_folders
 from gelforge.mismatch.terms.problem import Problem
 

@@ -1,9 +1,10 @@
 """Coverage of the error bars: do the true errors of bins and totals lie inside two standard deviations?
 
 The truth is a mesh of half the sizes (near and far). Positions are drawn over the paper's grid with a fixed seed; the first
-CALIBRATION of them are those on which the parts in gelforge/indentation/error_bars.py were found, and are left out of the
-tables. Beside the article's gel: gels whose shear moduli, friction or compressibility are far from it (GELS), at the first
-four of the positions that are judged. Solutions are kept in results/error_bars: remove it after a change of the solver.
+CALIBRATION of them are those on which the parts in gelforge/indentation/solving/error_bars.py were found, and are left out
+of the tables. Beside the article's gel: gels whose shear moduli, friction or compressibility are far from it (GELS), at the
+first four of the positions that are judged. Solutions are kept in results/error_bars: remove it after a change of the
+solver.
 
 usage: python benchmarks/error_bars.py [--positions 27] [--gels article stiff compressible] [--calibration]
        (one thread; some eight CPU minutes per position, once)
@@ -20,9 +21,9 @@ from scipy.ndimage import binary_erosion
 
 from gelforge.cli.bench import laws_of, paper_study
 from gelforge.config import Study, study_from
-from gelforge.config.variants import merged
-from gelforge.indentation.companion import simulate_label
-from gelforge.indentation.plan import PlannedCell
+from gelforge.config.basis.variants import merged
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.solving.companion import simulate_label
 
 DEPTHS = tuple(0.25 * (k + 1) for k in range(8))
 CALIBRATION = 15  # the last two gave the parts of x and y anew, with the stiff gel at the first of the two

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import felupe as fem
 import numpy as np
 
-from gelforge.mechanics.laws import Ogden
-from gelforge.mechanics.meshes import Mesh
+from gelforge.mechanics.laws.models.ogden import Ogden
+from gelforge.mechanics.meshes.mesh import Mesh
 
 ITERATIONS = 30
 

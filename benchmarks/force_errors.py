@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gelforge.learning.reliability import centre_of_pressure
+from gelforge.learning.models.reliability import centre_of_pressure
 
 
 def force_errors(said: np.ndarray, label: np.ndarray, untouched: np.ndarray, grid: tuple) -> dict[str, float]:

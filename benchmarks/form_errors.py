@@ -22,7 +22,7 @@ import pandas as pd
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.development_cases import SETS, Known, known_singles
-from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.inference.fits import forces_of
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.refit import refitted

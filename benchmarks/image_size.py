@@ -32,9 +32,9 @@ from gelforge.config import Features, Learning, Study, load_study  # noqa: E402
 from gelforge.dataset.schema import columns  # noqa: E402
 from gelforge.dataset.shard import ShardDataset, shard_attributes, writing_shard  # noqa: E402
 from gelforge.recording.features import FlowFeatures, session_features  # noqa: E402
-from gelforge.recording.flow import read_grey  # noqa: E402
-from gelforge.recording.images import image_path, reference_path  # noqa: E402
-from gelforge.recording.remap import picture_of, read_as  # noqa: E402
+from gelforge.recording.imaging.flow import read_grey  # noqa: E402
+from gelforge.recording.imaging.images import image_path, reference_path  # noqa: E402
+from gelforge.recording.optics.remap import picture_of, read_as  # noqa: E402
 
 TIMED = 200  # images
 

@@ -24,10 +24,11 @@ import pandas as pd
 
 from gelforge.cli.bench import laws_of, paper_study
 from gelforge.config import Interpolation, Study
-from gelforge.indentation.cell_file import Cell, read_cell, write_cell
-from gelforge.indentation.companion import simulate_label
-from gelforge.indentation.lattice import Lattice, lattice_of, solved_site
-from gelforge.indentation.plan import PlannedCell, plan_cells
+from gelforge.indentation.cells.cell_file import Cell, read_cell, write_cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.lattice import Lattice, lattice_of, solved_site
+from gelforge.indentation.planning.plan import plan_cells
+from gelforge.indentation.solving.companion import simulate_label
 from gelforge.interpolation.labels import Labels
 from gelforge.interpolation.levels import decide, first_level, known_places
 from gelforge.interpolation.solved_sites import SolvedSites

@@ -32,19 +32,20 @@ import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
 from gelforge.config import Learning  # noqa: E402
-from gelforge.learning.familiarity import find_familiar  # noqa: E402
-from gelforge.learning.model_file import Model  # noqa: E402
-from gelforge.learning.networks import Grids, make_network  # noqa: E402
-from gelforge.learning.onnx_export import onnx_bytes  # noqa: E402
-from gelforge.learning.onnx_model import OnnxModel, model_of, open_for_prediction  # noqa: E402
-from gelforge.learning.predictor import Predictor  # noqa: E402
-from gelforge.learning.reliability import Intervals, Zero  # noqa: E402
-from gelforge.learning.scaling import Scaling  # noqa: E402
+from gelforge.learning.basis.network import Grids  # noqa: E402
+from gelforge.learning.basis.scaling import Scaling  # noqa: E402
+from gelforge.learning.deployment.onnx_export import onnx_bytes  # noqa: E402
+from gelforge.learning.deployment.onnx_model import OnnxModel, model_of, open_for_prediction  # noqa: E402
+from gelforge.learning.deployment.predictor import Predictor  # noqa: E402
+from gelforge.learning.models.familiarity import find_familiar  # noqa: E402
+from gelforge.learning.models.model_file import Model  # noqa: E402
+from gelforge.learning.models.reliability import Intervals, Zero  # noqa: E402
+from gelforge.learning.networks import make_network  # noqa: E402
 from gelforge.live.capture import Shot  # noqa: E402
 from gelforge.live.compute import LiveForce  # noqa: E402
 from gelforge.live.messages import of_reading, text_of  # noqa: E402
-from gelforge.recording.flow import grey, read_grey  # noqa: E402
-from gelforge.recording.frames import Frame, frames  # noqa: E402
+from gelforge.recording.imaging.flow import grey, read_grey  # noqa: E402
+from gelforge.recording.imaging.frames import Frame, frames  # noqa: E402
 
 WARM_UP = 20  # frames that are not counted
 IMAGES, IMAGES_STEP = 30, 7  # of a session: so many, one of every so many

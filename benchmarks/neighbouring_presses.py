@@ -13,10 +13,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gelforge.mechanics.body import Body
-from gelforge.mechanics.equilibrium import Press, Settings, State, unknowns
-from gelforge.mechanics.indenters import Indenter
-from gelforge.mechanics.surface_contact import Iterate, SurfaceContact
+from gelforge.mechanics.bodies.body import Body
+from gelforge.mechanics.contact.state import Settings, State
+from gelforge.mechanics.contact.surface import Iterate, SurfaceContact
+from gelforge.mechanics.indenters.shapes import Indenter
+from gelforge.mechanics.solving.equilibrium import Press, unknowns
 
 # The last correction over all of them: each is a third of the one before or less, so that less than this is left.
 DIFFERENCE_TOLERANCE = 3e-4

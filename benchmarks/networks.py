@@ -1,6 +1,6 @@
 """The networks beside each other on a finished study's dataset, whose test rows are of orbits that none has seen.
 
-usage: python benchmarks/networks.py [results/demo] [--seeds 1 2 3] [--networks unet unet-turned cnn paper]
+usage: python benchmarks/networks.py [results/demo] [--seeds 1 2 3] [--networks unet unet-turned cnn paper paper-converged]
        (one thread; the demo: two minutes a seed for unet, eight for paper)
 
 Prints a Markdown table: medians over seeds, which also draw the orbits that watch the loss. The paper's network is trained
@@ -22,16 +22,22 @@ from pathlib import Path  # noqa: E402
 import pandas as pd  # noqa: E402
 
 from gelforge.config import Learning, Study, load_study  # noqa: E402
-from gelforge.learning.evaluation import baselines_table, reliability_table, rmse_table  # noqa: E402
-from gelforge.learning.predictions import LearningSets, Predictions, predict_test_rows  # noqa: E402
-from gelforge.learning.training import Run, train  # noqa: E402
+from gelforge.learning.judging.evaluation import baselines_table, reliability_table, rmse_table  # noqa: E402
+from gelforge.learning.judging.predictions import LearningSets, Predictions, predict_test_rows  # noqa: E402
+from gelforge.learning.training.train import Run, train  # noqa: E402
 
 NETWORKS = {
     "unet": {},
     "unet-turned": {"symmetry": "d4"},
     "cnn": {"network": "cnn"},
     "paper": {"network": "paper", "epochs": 210},  # some 3100 steps of the demo's 400 rows
+    "paper-converged": {
+        "network": "paper",
+        "epochs": 400,
+        "patience": 15,
+    },  # for many rows: until validation says so
 }
+USUAL = [name for name in NETWORKS if name != "paper-converged"]
 
 
 def judged(study: Study, shards: list[Path], folder: Path) -> dict[str, float]:
@@ -75,7 +81,7 @@ def main() -> None:
     )
     parser.add_argument("results", nargs="?", type=Path, default=Path("results/demo"))
     parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2, 3])
-    parser.add_argument("--networks", nargs="+", choices=NETWORKS, default=list(NETWORKS))
+    parser.add_argument("--networks", nargs="+", choices=NETWORKS, default=USUAL)
     arguments = parser.parse_args()
     study = load_study(arguments.results / "study.yaml")
     shards = sorted((arguments.results / "dataset").glob("shard-*.h5"))

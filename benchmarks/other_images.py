@@ -25,12 +25,13 @@ from force_errors import force_errors  # noqa: E402
 
 from gelforge.config import Camera, Study, VirtualLab, load_study, load_virtual_lab  # noqa: E402
 from gelforge.dataset.splits import planned_split  # noqa: E402
-from gelforge.indentation.cell_file import Cell, read_cell, write_cell  # noqa: E402
-from gelforge.indentation.plan import PlannedCell, plan_cells  # noqa: E402
-from gelforge.learning.model_file import Model, load_model  # noqa: E402
+from gelforge.indentation.cells.cell_file import Cell, read_cell, write_cell  # noqa: E402
+from gelforge.indentation.paths.planned_cell import PlannedCell  # noqa: E402
+from gelforge.indentation.planning.plan import plan_cells  # noqa: E402
+from gelforge.learning.models.model_file import Model, load_model  # noqa: E402
 from gelforge.recording.features import FlowFeatures  # noqa: E402
-from gelforge.recording.flow import reduced  # noqa: E402
-from gelforge.recording.remap import Remapper  # noqa: E402
+from gelforge.recording.imaging.flow import reduced  # noqa: E402
+from gelforge.recording.optics.remap import Remapper  # noqa: E402
 from gelforge.virtual_lab.imaging import draw, expose, focused  # noqa: E402
 from gelforge.virtual_lab.particles import place_particles, true_motion  # noqa: E402
 from gelforge.virtual_lab.session import TRUTH  # noqa: E402

@@ -16,8 +16,9 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import load_study
-from gelforge.indentation.cell_file import CellError, read_cell, read_timings
-from gelforge.indentation.plan import PlannedCell, plan_cells
+from gelforge.indentation.cells.cell_file import CellError, read_cell, read_timings
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.plan import plan_cells
 
 ARRAYS = ["depth_mm", "total_force_N"]
 BARS = ["total_sigma_mesh_N"]

@@ -29,11 +29,11 @@ from benchmarks.concealed.sets import CONFIG
 from gelforge.cli.bench import material_laws_of
 from gelforge.cli.factory import laws_and_doubts
 from gelforge.config import Study, load_study, study_from
-from gelforge.config.variants import merged
-from gelforge.indentation import simulate
+from gelforge.config.basis.variants import merged
 from gelforge.indentation.effects import fields
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.sensitivities import unmirrored
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.solving import simulate
+from gelforge.indentation.solving.sensitivities import unmirrored
 
 BALL = (13.0, 11.0, -3.0)
 PRESSED = [

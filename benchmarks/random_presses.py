@@ -25,9 +25,10 @@ import numpy as np  # noqa: E402  (threads are set before the libraries start th
 
 from gelforge.cli.bench import derivable_effects, laws_of  # noqa: E402
 from gelforge.config import ConfigError, Study, study_from  # noqa: E402
-from gelforge.indentation.cell_file import Cell  # noqa: E402
+from gelforge.indentation.cells.cell_file import Cell  # noqa: E402
 from gelforge.indentation.effects.catalogue import CATALOGUE, Effect, Place  # noqa: E402
-from gelforge.indentation.plan import PlannedCell, check_inside, press_path  # noqa: E402
+from gelforge.indentation.paths.planned_cell import PlannedCell  # noqa: E402
+from gelforge.indentation.planning.plan import check_inside, press_path  # noqa: E402
 
 WEDGE = Path(__file__).parents[1] / "config" / "indenters" / "wedge.stl"
 EDGE_MM = 2.0  # the nearest that a position lies to the sensor's edge
@@ -280,7 +281,7 @@ def path_of(rng: np.random.Generator, sensor: dict, height: float) -> PlannedCel
 # ------------------------------------------------------------------------------------------ pressing
 def outcome(draw: Draw) -> Outcome:
     """Return what becomes of a draw. An exception that is no refusal is an error of ours."""
-    from gelforge.indentation.companion import simulate_label
+    from gelforge.indentation.solving.companion import simulate_label
 
     if draw.study is None:
         return Outcome(draw, "refused", draw.refusal, (), np.nan, 0.0)

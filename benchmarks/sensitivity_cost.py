@@ -30,9 +30,9 @@ from mismatch_cost import DEPTHS, planned, write
 from neighbouring_presses import Neighbour, follow_beside
 
 from gelforge.cli.bench import laws_of, paper_study
-from gelforge.indentation.binning import bin_forces, bin_shares
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.sensitivities import (
+from gelforge.indentation.cells.binning import bin_forces, bin_shares
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.solving.sensitivities import (
     Variation,
     _along_it,
     _model,
@@ -40,8 +40,8 @@ from gelforge.indentation.sensitivities import (
     subtracted,
     unmirrored,
 )
-from gelforge.indentation.simulate import simulate_cell
-from gelforge.mechanics.equilibrium import Press
+from gelforge.indentation.solving.simulate import simulate_cell
+from gelforge.mechanics.solving.equilibrium import Press
 from gelforge.mismatch.effects import with_taken
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import asked_of, felt_by

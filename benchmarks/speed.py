@@ -1,6 +1,7 @@
 """One table of what things cost: a site, all its sensitivities, three studies and memory, beside a state before.
 
-usage: python benchmarks/speed.py [--before TAG] [--rounds 3] [--grid 9] [--presses 30] [--cores 2] [--rows NAME ...]
+usage: python benchmarks/speed.py [--before TAG] [--rounds 3] [--grid 9] [--presses 30] [--tolerance 1] [--cores 2]
+       [--rows NAME ...]
        --grid 41 --presses 2000 is the article's study and the random plan of which the README speaks
 
 The states' files (--before: a tag or commit; now: the present ones, edits too) are copied into temporary folders and run in
@@ -29,7 +30,6 @@ from gelforge.progress import Progress, show
 DEPTHS = DEPTHS_MM["the article's"]
 WIDTH = WIDTHS_MM["the article's"][0]
 MARGIN = 5.0  # mm, of every plan
-TOLERANCE = {"tolerance": 0.5}  # of interpolation: half of a label's own error bar
 APART = 0.02  # mm
 CHECKED_S = 600.0  # at most for what only reads a study
 
@@ -49,6 +49,7 @@ class Measured:
 
     def __init__(self, options: argparse.Namespace):
         self.options = options
+        self.interpolation = {"interpolation": {"tolerance": options.tolerance}}
         self.presses: dict[tuple[Path, bool], list[dict]] = {}
         self.refused: list[str] = []  # why a dash stands in the table
 
@@ -71,7 +72,7 @@ class Measured:
             Row(
                 f"study of {grid} x {grid} sites, interpolated",
                 "s",
-                lambda s: self.study(s, orbits | {"interpolation": TOLERANCE}),
+                lambda s: self.study(s, orbits | self.interpolation),
                 1,
             ),
             Row(f"{count} random presses", "s", lambda s: self.random(s, count), 1),
@@ -118,7 +119,7 @@ class Measured:
     def random(self, state: Path, count: int) -> float | None:
         """Return the CPU seconds of a plan without symmetry, interpolated where the state knows that."""
         plan = random_plan(state, count)
-        interpolated = self.study(state, plan | {"interpolation": TOLERANCE})
+        interpolated = self.study(state, plan | self.interpolation)
         return self.study(state, plan) if interpolated is None else interpolated
 
     def run(self, command: list[str], state: Path) -> Cost:
@@ -202,6 +203,9 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=3, help="of a site; studies run once in each state")
     parser.add_argument("--grid", type=int, default=9, help="sites along an edge")
     parser.add_argument("--presses", type=int, default=30, help="of the random plan")
+    parser.add_argument(
+        "--tolerance", type=float, default=1.0, help="of interpolation, in standard deviations of a label"
+    )
     parser.add_argument("--cores", type=int, default=2)
     parser.add_argument(
         "--limit", type=float, default=7200.0, help="seconds of a command; beyond it is a dash"

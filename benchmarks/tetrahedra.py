@@ -34,9 +34,9 @@ def one_cell(
 ) -> dict:
     """Return what a cell of the paper's sensor cost, its forces (D, 3) and their error bars; no sizes: the default's."""
     from gelforge.cli.bench import laws_of, paper_study
-    from gelforge.indentation.companion import simulate_label
-    from gelforge.indentation.plan import PlannedCell
-    from gelforge.indentation.sensor_mesh import sensor_mesh
+    from gelforge.indentation.paths.planned_cell import PlannedCell
+    from gelforge.indentation.sensor.sensor_mesh import sensor_mesh
+    from gelforge.indentation.solving.companion import simulate_label
 
     study = paper_study()
     laws = laws_of(study, [])
@@ -155,9 +155,10 @@ def dome() -> None:
 
     from gelforge.cli.bench import laws_of
     from gelforge.config import load_study
-    from gelforge.indentation.companion import simulate_label
-    from gelforge.indentation.mirror import mirror_cell
-    from gelforge.indentation.plan import PlannedCell, plan_cells
+    from gelforge.indentation.paths.planned_cell import PlannedCell
+    from gelforge.indentation.planning.plan import plan_cells
+    from gelforge.indentation.solving.companion import simulate_label
+    from gelforge.indentation.solving.mirror import mirror_cell
 
     study = load_study("config/smoke/dome.yaml")
     laws, planned = laws_of(study, []), plan_cells(study)
@@ -196,7 +197,7 @@ def dome() -> None:
 
 def beside_finer(study, laws, planned, cell) -> list[dict]:
     """Return a row per depth: a cell's forces and bars beside a solve with two thirds of its sizes."""
-    from gelforge.indentation.companion import simulate_label
+    from gelforge.indentation.solving.companion import simulate_label
 
     mechanics = study.mechanics.model_copy(
         update={"mesh": study.mechanics.mesh.coarser(2 / 3), "error_bars": False}

@@ -18,10 +18,10 @@ import pandas as pd  # noqa: E402
 
 from gelforge.cli.bench import laws_of, paper_study  # noqa: E402
 from gelforge.config import Study, study_from  # noqa: E402
-from gelforge.config.variants import merged  # noqa: E402
-from gelforge.indentation.companion import simulate_label  # noqa: E402
-from gelforge.indentation.error_bars import PART_OF_BINS  # noqa: E402
-from gelforge.indentation.plan import PlannedCell  # noqa: E402
+from gelforge.config.basis.variants import merged  # noqa: E402
+from gelforge.indentation.paths.planned_cell import PlannedCell  # noqa: E402
+from gelforge.indentation.solving.companion import simulate_label  # noqa: E402
+from gelforge.indentation.solving.error_bars import PART_OF_BINS  # noqa: E402
 
 DEPTHS = (0.2, 0.4, 0.6)
 PLACES = ((4.8, 4.8), (5.5, 3.1), (8.9, 2.3))  # mm

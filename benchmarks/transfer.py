@@ -28,13 +28,13 @@ from force_errors import force_errors  # noqa: E402
 from gelforge.config import Study, load_study  # noqa: E402
 from gelforge.dataset.shard import ShardDataset, shard_attributes  # noqa: E402
 from gelforge.dataset.simulated import synthesise  # noqa: E402
-from gelforge.learning.adaptation import Presses, adapt, measured_presses, press_names  # noqa: E402
-from gelforge.learning.data import FEATURE, LABEL  # noqa: E402
-from gelforge.learning.evaluation import CONTACT_N, LIGHT_N  # noqa: E402
-from gelforge.learning.model_file import Model, load_model  # noqa: E402
-from gelforge.learning.training import Run, train  # noqa: E402
+from gelforge.learning.basis.data import FEATURE, LABEL  # noqa: E402
+from gelforge.learning.judging.evaluation import CONTACT_N, LIGHT_N  # noqa: E402
+from gelforge.learning.models.model_file import Model, load_model  # noqa: E402
+from gelforge.learning.training.adaptation import Presses, adapt, measured_presses, press_names  # noqa: E402
+from gelforge.learning.training.train import Run, train  # noqa: E402
 from gelforge.materials.fitting.law_file import read_law  # noqa: E402
-from gelforge.mechanics.laws import Ogden  # noqa: E402
+from gelforge.mechanics.laws.models.ogden import Ogden  # noqa: E402
 
 STIFFER = 1.12
 NOISE_N = np.array(

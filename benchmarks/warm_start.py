@@ -17,10 +17,11 @@ import pandas as pd
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
 from gelforge.cli.bench import laws_of, paper_study
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.simulate import Model, model_of
-from gelforge.indentation.trajectory import Trajectory
-from gelforge.mechanics.equilibrium import NotConverged, Press, State
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.paths.trajectory import Trajectory
+from gelforge.indentation.solving.simulate import Model, model_of
+from gelforge.mechanics.contact.state import State
+from gelforge.mechanics.solving.equilibrium import NotConverged, Press
 
 DEPTHS = tuple(0.25 * (k + 1) for k in range(8))
 SPACING = 0.55  # mm, of the article's grid

@@ -20,9 +20,9 @@ for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
 import pandas as pd  # noqa: E402
 
 from gelforge.cli.bench import laws_of, paper_study  # noqa: E402
-from gelforge.indentation.companion import solve_companion  # noqa: E402
-from gelforge.indentation.plan import PlannedCell  # noqa: E402
-from gelforge.indentation.simulate import simulate_cell  # noqa: E402
+from gelforge.indentation.paths.planned_cell import PlannedCell  # noqa: E402
+from gelforge.indentation.solving.companion import solve_companion  # noqa: E402
+from gelforge.indentation.solving.simulate import simulate_cell  # noqa: E402
 
 DEPTHS = tuple(0.25 * (k + 1) for k in range(8))
 # stage: (file, function, caller or None for all); none of them calls another one
@@ -34,9 +34,9 @@ STAGES = {
     "factorisation": [("sparse.py", "factor", None)],
     "back-substitution": [("sparse.py", "solve", None)],
     "distances and contact": [
-        ("surface_contact.py", "forces", None),
-        ("surface_contact.py", "corrected", None),
-        ("contact.py", "add_node_blocks", None),
+        ("surface.py", "forces", None),
+        ("surface.py", "corrected", None),
+        ("forces.py", "add_node_blocks", None),
     ],
     "arrays of the file": [
         ("cell_arrays.py", "force_arrays", None),

@@ -10,38 +10,61 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from gelforge.api import Pressed, Slopes, press
+    from gelforge.api.differentiable import PressSlopes, press_slopes, torch_press
+    from gelforge.api.materials import Fitted, fit
+    from gelforge.api.predictions import predict
+    from gelforge.api.press import Pressed, Slopes, press
+    from gelforge.api.recordings import judge, read_recording
+    from gelforge.api.studies import indenters, sensor, sensors
     from gelforge.cli.notebook import require, run
-    from gelforge.differentiable import PressSlopes, press_slopes
-    from gelforge.learning.rows import load_dataset
-    from gelforge.learning.torch_press import TorchForces, torch_press
+    from gelforge.config import load_study
+    from gelforge.learning.basis.rows import load_dataset
+    from gelforge.learning.basis.torch_press import TorchForces
 
 __version__ = "0.1.0"
+
+_DEFINED_IN = {
+    "Fitted": "gelforge.api.materials",
+    "PressSlopes": "gelforge.api.differentiable",
+    "Pressed": "gelforge.api.press",
+    "Slopes": "gelforge.api.press",
+    "TorchForces": "gelforge.learning.basis.torch_press",
+    "fit": "gelforge.api.materials",
+    "indenters": "gelforge.api.studies",
+    "judge": "gelforge.api.recordings",
+    "load_dataset": "gelforge.learning.basis.rows",
+    "load_study": "gelforge.config",
+    "predict": "gelforge.api.predictions",
+    "press": "gelforge.api.press",
+    "press_slopes": "gelforge.api.differentiable",
+    "read_recording": "gelforge.api.recordings",
+    "require": "gelforge.cli.notebook",
+    "run": "gelforge.cli.notebook",
+    "sensor": "gelforge.api.studies",
+    "sensors": "gelforge.api.studies",
+    "torch_press": "gelforge.api.differentiable",
+}
 __all__ = [
+    "Fitted",
     "PressSlopes",
     "Pressed",
     "Slopes",
     "TorchForces",
+    "fit",
+    "indenters",
+    "judge",
     "load_dataset",
+    "load_study",
+    "predict",
     "press",
     "press_slopes",
+    "read_recording",
     "require",
     "run",
+    "sensor",
+    "sensors",
     "torch_press",
 ]
-
-_DEFINED_IN = {
-    "PressSlopes": "gelforge.differentiable",
-    "Pressed": "gelforge.api",
-    "Slopes": "gelforge.api",
-    "TorchForces": "gelforge.learning.torch_press",
-    "load_dataset": "gelforge.learning.rows",
-    "press": "gelforge.api",
-    "press_slopes": "gelforge.differentiable",
-    "require": "gelforge.cli.notebook",
-    "run": "gelforge.cli.notebook",
-    "torch_press": "gelforge.learning.torch_press",
-}
 
 
 def __getattr__(name: str):

@@ -353,7 +353,7 @@ def digest(content) -> str:
 
 
 def source_digest(*parts: str) -> str:
-    """Return the SHA-256 over files of this package: folders or files, e.g. ("mechanics", "learning/data.py").
+    """Return the SHA-256 over files of this package: folders or files, e.g. ("mechanics", "learning/basis/data.py").
 
     Of a folder every file counts, templates, styles and data too, except what Python compiles and hidden files.
     """

@@ -56,7 +56,7 @@ def known_laws(study: Study, files: list[Path]) -> dict:
 
 def laws_and_doubts(read: dict) -> tuple[dict, dict]:
     """Return by material the laws [MPa], and of those with a covariance the laws moved along its directions."""
-    from gelforge.indentation.error_bars import AMOUNT
+    from gelforge.indentation.solving.error_bars import AMOUNT
     from gelforge.materials.fitting.law_file import moved_laws
 
     laws = {name: material.law for name, material in read.items()}

@@ -113,8 +113,9 @@ class Progress:
 class Stages:
     """Work of several kinds, one after the other: `with Stages("verdict", 480.0): ...; stage("fits of effects")`.
 
-    expected_s: how long all of it is expected to take [s]; None where nobody knows. A log has a line of that at once and one
-    for each stage that begins after five seconds; a terminal has the stage that runs. Stages within stages are not shown.
+    expected_s: how long all of it is expected to take [s]; None where nobody knows. A log has a line of that as the first
+    stage begins, and one for each that begins after five seconds; a terminal has the stage that runs. Stages within stages
+    are not shown.
     """
 
     def __init__(
@@ -131,8 +132,6 @@ class Stages:
     def __enter__(self) -> Stages:
         if os.getpid() == _shown_by and not _shown and not _stages:
             _stages.append(self)
-            if self._rewritten or (self.expected_s or 0) >= FIRST_S:
-                self.say()
         return self
 
     def __exit__(self, *error) -> None:
@@ -149,7 +148,8 @@ class Stages:
     def begin(self, stage: str) -> None:
         """Show that a stage begins, in words."""
         self._now = stage
-        if self._rewritten or self._clock() - self._start >= FIRST_S:
+        first = not self._lines and (self.expected_s or 0) >= FIRST_S
+        if self._rewritten or first or self._clock() - self._start >= FIRST_S:
             self.say()
 
     def say(self) -> None:

@@ -1,9 +1,11 @@
-"""Kinds of things of which each is one file of a folder: effects, formats, layouts."""
+"""Kinds of things of which each is one file of a folder: constitutive models, effects, formats, layouts, networks."""
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Iterable
 from importlib import import_module
+from pathlib import Path
 from pkgutil import iter_modules
 
 
@@ -25,4 +27,22 @@ def defined(package: str, name: str, attribute: str, kind: type):
         )
     if found.name != name:
         raise ValueError(f"{file} holds the {kind.__name__.lower()} {found.name!r}; name the file as it")
+    return found
+
+
+def stated(file: Path, *names: str) -> dict:
+    """Return the values of names to which a file assigns plain literals, without importing it.
+
+    Raises TypeError for a file that does not state one of them.
+    """
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    found = {
+        node.targets[0].id: ast.literal_eval(node.value)
+        for node in tree.body
+        if isinstance(node, ast.Assign)
+        and isinstance(node.targets[0], ast.Name)
+        and node.targets[0].id in names
+    }
+    if missing := [name for name in names if name not in found]:
+        raise TypeError(f"{file} states no {' and no '.join(missing)}; every file there does")
     return found

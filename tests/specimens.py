@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from gelforge.config import study_from
-from gelforge.mechanics.body import Body
-from gelforge.mechanics.elements import TET10_FACES, lumped_area, quadratic_tetrahedra
-from gelforge.mechanics.equilibrium import Press, Settings
-from gelforge.mechanics.indenters import Sphere
-from gelforge.mechanics.laws import Ogden
-from gelforge.mechanics.meshes import Block, Mesh, Sizes, Surface, layered_block
+from gelforge.mechanics.bodies.body import Body
+from gelforge.mechanics.contact.state import Settings
+from gelforge.mechanics.indenters.shapes import Sphere
+from gelforge.mechanics.laws.models.ogden import Ogden
+from gelforge.mechanics.meshes.elements import TET10_FACES, lumped_area, quadratic_tetrahedra
+from gelforge.mechanics.meshes.mesh import Block, Mesh, Sizes, Surface, layered_block
+from gelforge.mechanics.solving.equilibrium import Press
 
 GEL = Ogden((7.9652e-3, 0.3093e-3), (1.2769, 3.5676))  # MPa; Sferrazza et al. 2019, table 1
 SKIN = Ogden((85.1168e-3, -0.0020e-3), (2.8991, -8.2915))

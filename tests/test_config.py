@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gelforge.config import ConfigError, load_study, schema, study_from, variant_study, write_yaml
-from gelforge.indentation.plan import plan_cells
+from gelforge.indentation.planning.plan import plan_cells
 
 ROOT = Path(__file__).parents[1]
 STUDIES = ["config/config.yaml", "config/paper.yaml", "config/test.yaml"]

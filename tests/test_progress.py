@@ -140,7 +140,7 @@ def test_stages_in_a_log_say_what_runs_how_far_it_is_and_how_long_all_of_it_take
     staged(Clock(), expected_s=45.0)
     lines = capsys.readouterr().err.splitlines()
     assert lines[:3] == [
-        "verdict, about 45 s left",  # at once: a stage within five seconds has no line
+        "verdict, about 45 s left: readings",  # at once; another stage within five seconds has no line
         "sites: 1 of 6, about 30 s left",
         "sites: 2 of 6, about 24 s left",
     ]
@@ -164,8 +164,7 @@ def test_stages_on_a_terminal_are_one_line(shown, monkeypatch):
     printed = sys.stderr.getvalue()
     assert "\n" not in printed
     shown_lines = printed.split("\r\033[2K")[1:]
-    assert shown_lines[:4] == [
-        "verdict, about 50 s left",
+    assert shown_lines[:3] == [
         "verdict, about 50 s left: readings",
         "verdict, about 46 s left: fits",
         "sites: 0 of 6",

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from gelforge.config import ConfigError, load_session, load_study, study_from
-from gelforge.config.files import load_section
-from gelforge.config.mapping import Microindentation
+from gelforge.config.foreign.mapping import Microindentation
+from gelforge.config.studies.files import load_section
 from gelforge.csv_table import TableError, read_csv
-from gelforge.indentation.plan import plan_cells
+from gelforge.indentation.planning.plan import plan_cells
 
 ROOT = Path(__file__).parents[1]
 

@@ -106,7 +106,7 @@ def element(X, u, p, law, bulk, local=0.0):
 
 
 def contact(gap, normal, slip, pressure, active, area, given, eps_n, weight, hold, mu):
-    """Return the forces of the indenter on the nodes; arguments as in gelforge.mechanics.contact.contact_forces.
+    """Return the forces of the indenter on the nodes; arguments as in gelforge.mechanics.contact.forces.contact_forces.
 
     Keys: f_mixed, f_condensed, f_consistent, friction, wanted, direction (S, 3), spring (S,), state (S,) and the symmetric
     tangent stiffness (S, 3, 3).

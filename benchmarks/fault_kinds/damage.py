@@ -180,7 +180,7 @@ def other_study_model(path: Path, rng: np.random.Generator) -> str:
         return ""
     import torch
 
-    from gelforge.learning.model_file import save_tensors
+    from gelforge.learning.models.model_file import save_tensors
 
     content = torch.load(path, weights_only=True)
     content["settings"]["shards_digest"] = "0123" * 16

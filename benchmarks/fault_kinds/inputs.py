@@ -79,9 +79,9 @@ def _read_exports() -> int:
 def _plan() -> object:
     """Return the digests of all cells' inputs, each as if it were solved and not mirrored."""
     from gelforge.config import load_study
-    from gelforge.indentation.inputs import inputs_digest
-    from gelforge.indentation.plan import plan_cells
-    from gelforge.mechanics.laws import NeoHooke
+    from gelforge.indentation.planning.plan import plan_cells
+    from gelforge.indentation.solving.inputs import inputs_digest
+    from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
 
     study = load_study("study.yaml")
     laws = {name: NeoHooke(0.02) for name in study.materials}  # parameters that are given count by themselves

@@ -21,9 +21,9 @@ from benchmarks.fault_kinds.finished_study import RESULTS, STUDY, copy_of, finis
 
 READ = (
     "gelforge.cli.factory",
-    "gelforge.learning.training",
+    "gelforge.learning.training.train",
     "gelforge.report.page",
-    "gelforge.indentation.companion",
+    "gelforge.indentation.solving.companion",
 )
 KINDS = ("SIGKILL", "SIGTERM", "full disk")
 COLUMNS = (

@@ -16,7 +16,12 @@ from benchmarks.fault_kinds.damage import EXCHANGED, KINDS
 from benchmarks.fault_kinds.finished_study import RESULTS, STUDY, copy_of, finished, in_child
 from benchmarks.fault_kinds.outcomes import Fault, report
 
-READ = ("gelforge.cli.factory", "gelforge.learning.training", "gelforge.report.page", "gelforge.dataset.join")
+READ = (
+    "gelforge.cli.factory",
+    "gelforge.learning.training.train",
+    "gelforge.report.page",
+    "gelforge.dataset.join",
+)
 
 
 @dataclass(frozen=True)

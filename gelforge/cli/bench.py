@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gelforge.api.studies import paper_study
 from gelforge.config import Indenter, Study, load_camera, load_section, load_study
-from gelforge.described import paper_study
 from gelforge.laws_of_study import laws_and_doubts, laws_of, material_laws_of
 from gelforge.progress import tracked
 
 if TYPE_CHECKING:
-    from gelforge.indentation.cell_file import Cell
+    from gelforge.indentation.cells.cell_file import Cell
 
 
 def press(
@@ -33,9 +33,9 @@ def press(
     laws: list[Path],
 ) -> None:
     """Press once, print the force-depth table, and write the cell if asked."""
-    from gelforge.indentation.cell_file import CellError, write_cell
-    from gelforge.indentation.companion import simulate_label
-    from gelforge.indentation.plan import check_inside, press_path
+    from gelforge.indentation.cells.cell_file import CellError, write_cell
+    from gelforge.indentation.planning.plan import check_inside, press_path
+    from gelforge.indentation.solving.companion import simulate_label
     from gelforge.materials.fitting.stiffness import stiffness_words
 
     described = described_press(study, indenter)
@@ -69,9 +69,9 @@ def described_press(study: Path | None, indenter: Path | None) -> Study:
 
 def mesh(x: float, y: float, depth: float, indenter: Path | None, out: Path, study: Path | None) -> None:
     """Write the undeformed mesh on which a press at this place and depth is solved; print which number is which region."""
-    from gelforge.indentation.plan import check_inside, press_path
-    from gelforge.indentation.simulate import meshes_of, shape_of
-    from gelforge.indentation.trajectory import Trajectory
+    from gelforge.indentation.paths.trajectory import Trajectory
+    from gelforge.indentation.planning.plan import check_inside, press_path
+    from gelforge.indentation.solving.simulate import meshes_of, shape_of
     from gelforge.meshing.tetrahedra import write_mesh
 
     described = described_press(study, indenter)
@@ -129,7 +129,7 @@ def torque_about_centre(arrays: dict) -> np.ndarray:
 def derivable_effects() -> list[str]:
     """Return the names of the effects with a derivative."""
     from gelforge.indentation.effects.catalogue import CATALOGUE
-    from gelforge.indentation.sensitivities import derivable
+    from gelforge.indentation.solving.sensitivities import derivable
 
     return [name for name in CATALOGUE if derivable(name)]
 
@@ -170,9 +170,9 @@ def predict(
     """Print the total force of each frame, write the distributions, and print how long each step took."""
     from itertools import islice
 
-    from gelforge.learning.predictor import Predictor, Timing, predict_frames
-    from gelforge.recording.flow import read_grey
-    from gelforge.recording.frames import frames as frames_of
+    from gelforge.learning.deployment.predictor import Predictor, Timing, predict_frames
+    from gelforge.recording.imaging.flow import read_grey
+    from gelforge.recording.imaging.frames import frames as frames_of
 
     zero = read_grey(reference) if reference else None
     timing = Timing(WARM_UP)
@@ -270,8 +270,8 @@ def warm_up() -> None:
 def tiny_press(strain: str) -> Cell:
     """Return the solution of a press on a coarse mesh, which compiles or loads the kernels and the direct solver."""
     from gelforge.config import Mesh
-    from gelforge.indentation.plan import PlannedCell
-    from gelforge.indentation.simulate import simulate_cell
+    from gelforge.indentation.paths.planned_cell import PlannedCell
+    from gelforge.indentation.solving.simulate import simulate_cell
 
     study = paper_study()
     coarse = Mesh(near_mm=2.0, near_radius_mm=2.0, far_mm=4.0)

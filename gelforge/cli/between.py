@@ -14,8 +14,8 @@ from gelforge.progress import tracked
 def level(study: Path, level: int, laws: list[Path], out: Path) -> None:
     """Write which sites are solved after a level, as JSON, and say how far the labels then are from the tolerance."""
     from gelforge.files import write_product_json
-    from gelforge.indentation.lattice import lattice_of
-    from gelforge.indentation.plan import plan_cells
+    from gelforge.indentation.planning.lattice import lattice_of
+    from gelforge.indentation.planning.plan import plan_cells
     from gelforge.interpolation.levels import decide, first_level
 
     described = load_study(study)
@@ -49,10 +49,10 @@ def forget_later(study: Study, cells: dict, level: int, out: Path) -> None:
 
 def derive(study: Path, number: int, laws: list[Path]) -> None:
     """Write the mirrored and interpolated cells of one job, each from the sites that it names."""
-    from gelforge.indentation.cell_file import write_cell
-    from gelforge.indentation.derived import derived_chunks
-    from gelforge.indentation.mirror import mirror_cell
-    from gelforge.indentation.plan import plan_cells
+    from gelforge.indentation.cells.cell_file import write_cell
+    from gelforge.indentation.planning.derived import derived_chunks
+    from gelforge.indentation.planning.plan import plan_cells
+    from gelforge.indentation.solving.mirror import mirror_cell
 
     described = load_study(study)
     cells = plan_cells(described)
@@ -103,7 +103,7 @@ def labels_of(study: Study, cells: dict, read: dict):
 
 def solved_sites(study: Study, cells: dict, names: list[str], read: dict):
     """Return the named solved sites of a study's lattice, each checked against the present settings and laws."""
-    from gelforge.indentation.lattice import index_of, lattice_of
+    from gelforge.indentation.planning.lattice import index_of, lattice_of
     from gelforge.interpolation.solved_sites import SolvedSites
 
     lattice = lattice_of(study, cells)
@@ -122,7 +122,7 @@ def between_site(study: Study, cells: dict, name: str):
     """Return the site that is solved under a name: a place of the lattice, or one of the plan by itself."""
     from dataclasses import replace
 
-    from gelforge.indentation.lattice import lattice_of, solved_site
+    from gelforge.indentation.planning.lattice import lattice_of, solved_site
 
     lattice = lattice_of(study, cells) if study.plan.interpolation else None
     site = solved_site(lattice, name) if lattice else None
@@ -136,8 +136,8 @@ def between_site(study: Study, cells: dict, name: str):
 def checked_cell(study: Study, planned, laws: dict, path: Path | None = None):
     """Return a solved cell after checking that it is the planned one under the present settings."""
     from gelforge.dataset.session_labels import check_digest
-    from gelforge.indentation.cell_file import read_cell
-    from gelforge.indentation.inputs import inputs_digest
+    from gelforge.indentation.cells.cell_file import read_cell
+    from gelforge.indentation.solving.inputs import inputs_digest
 
     path = path or cell_path(study, planned.name)
     cell = read_cell(path)

@@ -19,8 +19,8 @@ def calibrate_camera(
 ) -> None:
     """Calibrate a camera, print how well, write its keys for session.yaml and a picture of what they lean on."""
     from gelforge.files import write_text
-    from gelforge.recording.boards import Board, CalibrationError, find_boards
-    from gelforge.recording.calibration import calibrate
+    from gelforge.recording.optics.boards import Board, CalibrationError, find_boards
+    from gelforge.recording.optics.calibration import calibrate
 
     if charuco != (marker_mm is not None):
         raise CalibrationError(
@@ -33,8 +33,8 @@ def calibrate_camera(
     write_text(out, camera_text(found))
     print(f"written to {out}")
     if report:
-        from gelforge.recording.calibration import without_distortion
-        from gelforge.recording.flow import read_grey
+        from gelforge.recording.imaging.flow import read_grey
+        from gelforge.recording.optics.calibration import without_distortion
         from gelforge.report.figures.calibration_figure import calibration_figure
 
         example = read_grey(folder / found.views.seen[0].name)
@@ -56,7 +56,7 @@ def calibration_lines(found) -> list[str]:
     lines.append(
         f"covered    {found.covered:.0%} of the image; boards up to {found.tilts_deg().max():.0f} deg from their mean"
     )
-    from gelforge.config.camera import LENS
+    from gelforge.config.parts.camera import LENS
 
     names = ["focal u", "focal v", "centre u", "centre v", *LENS[found.model]]
     values = [found.K[0, 0], found.K[1, 1], found.K[0, 2], found.K[1, 2], *found.coefficients]
@@ -147,7 +147,7 @@ def pose_lines(pose, plane_z_mm: float) -> list[str]:
 
 def scale_line(label: str, camera, plane_z_mm: float) -> str:
     """Return the scale of a camera's image in its middle, and of which plane it is."""
-    from gelforge.recording.camera import mm_per_px_at
+    from gelforge.recording.optics.camera import mm_per_px_at
 
     return (
         f"{label:10} {mm_per_px_at(camera, plane_z_mm):.4g} mm/px in the image's middle, on the plane z = {plane_z_mm:g} mm "

@@ -23,7 +23,7 @@ from gelforge.config import (
 )
 from gelforge.dataset.schema import columns
 from gelforge.files import write_text
-from gelforge.indentation.derived import derived_chunks
+from gelforge.indentation.planning.derived import derived_chunks
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -164,7 +164,7 @@ class Costs:
 
 def estimate(study: Study, cells: dict) -> list[str]:
     """Return lines with a study's number of cells, minutes of finite elements, images and training, and disk."""
-    from gelforge.indentation.plan import variant_cells
+    from gelforge.indentation.planning.plan import variant_cells
 
     costs = Costs(study, cells)
     solved = [cell for cell in cells.values() if cell.solved]
@@ -222,7 +222,7 @@ def time_line(costs: Costs, finite_elements: float) -> str:
 
 def interpolation_cost(costs: Costs) -> tuple[float, str]:
     """Return the CPU seconds of the sites between which labels are interpolated, if two levels do, and a line about them."""
-    from gelforge.indentation.lattice import lattice_of
+    from gelforge.indentation.planning.lattice import lattice_of
 
     lattice = lattice_of(costs.study, costs.cells)
     first, second = (len(lattice.representatives(lattice.level(n))) for n in (0, SECOND_LEVEL))
@@ -261,7 +261,7 @@ def steps_in_order(study: Study, cells: dict, session: str) -> tuple[int, int]:
     """Return the number of a session's presses and of the steps in which they are followed; none where it is not there."""
     from gelforge.dataset.recorded_presses import read_presses, recorded_presses
     from gelforge.indentation.effects.history import in_time
-    from gelforge.indentation.trajectory import Trajectory
+    from gelforge.indentation.paths.trajectory import Trajectory
     from gelforge.virtual_lab.session import session_cells
 
     if study.virtual_lab:
@@ -310,7 +310,7 @@ def duration(seconds: float) -> str:
 
 def mesh_size(study: Study, sizes: Mesh, cell) -> tuple[int, int]:
     """Return the unknowns and the number of surface nodes of a cell's mesh."""
-    from gelforge.indentation.sensor_mesh import sensor_mesh
+    from gelforge.indentation.sensor.sensor_mesh import sensor_mesh
 
     mesh = sensor_mesh(study.sensor, sizes, cell.x_mm, cell.y_mm)
     return 3 * int((~mesh.hanging).sum()), len(mesh.surface.nodes)

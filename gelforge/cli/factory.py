@@ -34,7 +34,7 @@ def fit_law(study: Path, material: str, out: Path) -> None:
 def plan(study: Path, out: Path) -> None:
     """Write the study's cells as a table."""
     from gelforge.files import write_text
-    from gelforge.indentation.plan import plan_cells, plan_table
+    from gelforge.indentation.planning.plan import plan_cells, plan_table
 
     write_text(out, plan_table(plan_cells(load_study(study))).to_csv(index=False, lineterminator="\n"))
 
@@ -56,10 +56,10 @@ def simulate(
     which labels are interpolated.
     """
     from gelforge.dataset.session_labels import check_digest
-    from gelforge.indentation.cell_file import read_cell, write_cell
-    from gelforge.indentation.inputs import inputs_digest, solution_digest
-    from gelforge.indentation.kept_solutions import solved_once
-    from gelforge.indentation.mirror import mirror_cell
+    from gelforge.indentation.cells.cell_file import read_cell, write_cell
+    from gelforge.indentation.cells.kept_solutions import solved_once
+    from gelforge.indentation.solving.inputs import inputs_digest, solution_digest
+    from gelforge.indentation.solving.mirror import mirror_cell
 
     described = load_study(study)
     planned = solved_between(described, cell) if between else planned_cell(described, cell)
@@ -119,7 +119,7 @@ def virtual_materials(study: Path, material: str | None) -> None:
 
 def virtual_cell(study: Path, cell: str, out: Path, fresh: bool = False) -> None:
     """Write one cell of the virtual sensor's truth, solved or taken up; fresh: see simulate."""
-    from gelforge.indentation.kept_solutions import solved_once
+    from gelforge.indentation.cells.kept_solutions import solved_once
     from gelforge.virtual_lab.truth import simulate_truth_cell, truth_digest
 
     described = load_study(study)
@@ -131,7 +131,7 @@ def virtual_cell(study: Path, cell: str, out: Path, fresh: bool = False) -> None
 
 def virtual_session(study: Path, session: str, workers: int) -> None:
     """Write one SYNTHETIC session folder of the study's virtual lab."""
-    from gelforge.indentation.plan import plan_cells
+    from gelforge.indentation.planning.plan import plan_cells
     from gelforge.virtual_lab.session import make_session
 
     described = load_study(study)
@@ -173,8 +173,8 @@ def features(study: Path, session: str, out: Path, workers: int) -> None:
 def join(study: Path, shard: int, out: Path) -> None:
     """Write one shard: a fixed chunk of the plan, every cell checked against the present settings and laws."""
     from gelforge.dataset.join import join_shard
-    from gelforge.indentation.inputs import inputs_digest
-    from gelforge.indentation.plan import plan_cells
+    from gelforge.indentation.planning.plan import plan_cells
+    from gelforge.indentation.solving.inputs import inputs_digest
     from gelforge.recording.features import features_digest
 
     described = load_study(study)
@@ -217,7 +217,7 @@ def agreement(study: Path, out: Path) -> None:
     """Write total forces, simulated beside measured, one row per press."""
     from gelforge.dataset.agreement import agreement_table, write_agreement
     from gelforge.files import digest
-    from gelforge.indentation.plan import plan_cells
+    from gelforge.indentation.planning.plan import plan_cells
 
     described = load_study(study)
     recorded = {name: described.results_folder / "recordings" / f"{name}.csv" for name in described.sessions}
@@ -247,9 +247,9 @@ def tables(study: Path) -> None:
         agreed = read_agreement(results / "agreement.csv", inputs)
         write_table(folder, "rmse_gt", rmse_gt_table(agreed, resolution))
     if image_sessions(described):
-        from gelforge.learning import evaluation
-        from gelforge.learning.error_budget import error_budget_table
-        from gelforge.learning.predictions import Predictions  # labels alone need no PyTorch
+        from gelforge.learning.judging import evaluation
+        from gelforge.learning.judging.error_budget import error_budget_table
+        from gelforge.learning.judging.predictions import Predictions  # labels alone need no PyTorch
 
         predictions = Predictions(results / "model" / "predictions.h5")
         predictions.check_model(results / "model" / "model.pt")
@@ -284,7 +284,7 @@ def report(study: Path, out: Path) -> None:
 # ------------------------------------------------------------------------------------- what commands share
 def labelled(study: Study, read: dict, planned):
     """Return a solved cell with its error bars; read: files of laws by material."""
-    from gelforge.indentation.companion import simulate_label  # loads the compiled kernels
+    from gelforge.indentation.solving.companion import simulate_label  # loads the compiled kernels
 
     ranges = {name: law.valid_range for name, law in read.items()}
     outside = {name: valid.outside for name, valid in ranges.items() if valid is not None}
@@ -312,7 +312,7 @@ def feature_path(study: Study, session: str) -> Path:
 
 def shard_paths(study: Study) -> list[Path]:
     """Return the files of every shard of the plan, in order."""
-    from gelforge.indentation.plan import plan_cells
+    from gelforge.indentation.planning.plan import plan_cells
 
     count = -(-len(plan_cells(study)) // study.dataset.cells_per_shard)
     return [study.results_folder / "dataset" / f"shard-{i:05d}.h5" for i in range(count)]
@@ -332,8 +332,8 @@ def image_sessions(study: Study) -> list[str]:
 
 def agreement_inputs(study: Study, laws: dict) -> tuple[dict, dict]:
     """Return what the digests of the study's cells and of its sessions' tables are under its present settings and laws."""
-    from gelforge.indentation.inputs import inputs_digest
-    from gelforge.indentation.plan import plan_cells
+    from gelforge.indentation.planning.plan import plan_cells
+    from gelforge.indentation.solving.inputs import inputs_digest
     from gelforge.recording.readings import raw_digest
 
     cells = {name: inputs_digest(study, laws, cell) for name, cell in plan_cells(study).items()}
@@ -344,7 +344,7 @@ def session_presses(study: Study, session: str) -> list:
     """Return the presses of a session in the order recorded, from its readings."""
     from gelforge.dataset.recorded_presses import recorded_presses
     from gelforge.files import check_table_inputs
-    from gelforge.indentation.plan import plan_cells
+    from gelforge.indentation.planning.plan import plan_cells
     from gelforge.recording.readings import raw_digest, read_readings
 
     path = study.results_folder / "recordings" / f"{session}.csv"
@@ -357,7 +357,7 @@ def own_labels(study: Study, cells: dict, laws: dict | None = None) -> dict:
     """Return by session where labels that are its own are; with laws also what their digests must be."""
     from gelforge.dataset.recorded_presses import presses_digest
     from gelforge.dataset.session_labels import OwnCells, OwnPresses
-    from gelforge.indentation.inputs import inputs_digest
+    from gelforge.indentation.solving.inputs import inputs_digest
 
     found = {}
     for name in study.sessions:
@@ -390,14 +390,14 @@ def virtual_lab_of(study: Study, path: Path):
 def solved_between(study: Study, name: str):
     """Return a site between which labels of the plan are interpolated."""
     from gelforge.cli.between import between_site
-    from gelforge.indentation.plan import plan_cells
+    from gelforge.indentation.planning.plan import plan_cells
 
     return between_site(study, plan_cells(study), name)
 
 
 def planned_cell(study: Study, name: str):
     """Return a cell of the plan by name."""
-    from gelforge.indentation.plan import plan_cells
+    from gelforge.indentation.planning.plan import plan_cells
 
     cells = plan_cells(study)
     if name not in cells:
@@ -456,7 +456,7 @@ def print_findings(recording) -> None:
 
 def recording_of(study: Study, session: str):
     """Return a session of the study, checked and joined to the plan."""
-    from gelforge.indentation.plan import plan_cells
+    from gelforge.indentation.planning.plan import plan_cells
     from gelforge.recording.readings import read_recording
 
     return read_recording(study.session_folder(session), plan_cells(study), study.sensor)

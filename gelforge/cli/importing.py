@@ -13,8 +13,8 @@ from gelforge.importing.public import layout_of
 from gelforge.importing.public.labelled import Options, write_labelled
 from gelforge.importing.refusals import ImportingError
 from gelforge.importing.streams import Stream
-from gelforge.recording.checks import RecordingError
 from gelforge.recording.readings import read_recording
+from gelforge.recording.tables.checks import RecordingError
 from gelforge.report.figures.import_figure import import_figure
 
 

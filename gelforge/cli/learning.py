@@ -26,7 +26,7 @@ def synthesise(study: Path, number: int, laws: list[Path], out: Path) -> None:
 def train(study: Path, model: Path, loss: Path) -> None:
     """Train the study's network, or go on from its checkpoint."""
     from gelforge.dataset.manifest import check_shards
-    from gelforge.learning.training import train
+    from gelforge.learning.training.train import train
 
     described = load_study(study)
     sets = learning_sets(described)
@@ -37,9 +37,9 @@ def train(study: Path, model: Path, loss: Path) -> None:
 
 def evaluate(study: Path, model: Path, out: Path) -> None:
     """Write the predictions of every row of the held-out cells."""
-    from gelforge.learning.model_file import check_trained_on
-    from gelforge.learning.predictions import predict_test_rows
-    from gelforge.learning.training import shards_digest
+    from gelforge.learning.judging.predictions import predict_test_rows
+    from gelforge.learning.models.model_file import check_trained_on
+    from gelforge.learning.training.train import shards_digest
 
     described = load_study(study)
     sets = learning_sets(described)
@@ -51,9 +51,9 @@ def evaluate(study: Path, model: Path, out: Path) -> None:
 def adapt(study: Path, model: Path, presses: int, seed: int, out: Path) -> None:
     """Fit a model's gains to a few recorded presses of another sensor; print its errors on test rows before and after."""
     from gelforge.dataset.shard import ShardDataset
-    from gelforge.learning import adaptation
-    from gelforge.learning.model_file import load_model, save_model
-    from gelforge.learning.views import check_same_images, views_of
+    from gelforge.learning.models.model_file import load_model, save_model
+    from gelforge.learning.models.views import check_same_images, views_of
+    from gelforge.learning.training import adaptation
 
     described = load_study(study)
     shards = shard_paths(described)
@@ -89,9 +89,9 @@ def known_truth(study: Study, path: Path):
     """Return the truth of the study's recordings where a virtual lab made them and its files are there, or say why not."""
     from functools import partial
 
-    from gelforge.indentation.plan import plan_cells
-    from gelforge.learning.true_motion import Truth
-    from gelforge.recording.camera import mm_per_px_at
+    from gelforge.indentation.planning.plan import plan_cells
+    from gelforge.learning.judging.true_motion import Truth
+    from gelforge.recording.optics.camera import mm_per_px_at
     from gelforge.virtual_lab.particles import gel_boxes
     from gelforge.virtual_lab.session import session_cells
     from gelforge.virtual_lab.true_presses import true_presses
@@ -126,7 +126,7 @@ def synthetic_paths(study: Study) -> list[Path]:
 
 def learning_sets(study: Study):
     """Return the shards that the study's network learns from and those that test it."""
-    from gelforge.learning.predictions import LearningSets
+    from gelforge.learning.judging.predictions import LearningSets
 
     recorded, simulated = shard_paths(study), synthetic_paths(study)
     if study.synthesis and study.synthesis.train_on == "simulated":

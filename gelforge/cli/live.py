@@ -7,8 +7,8 @@ from pathlib import Path
 
 def export(model: Path | None = None, out: Path | None = None) -> None:
     """Write a model as an ONNX file, and say how near PyTorch it is."""
-    from gelforge.learning.onnx_export import LIMIT, OPSET, export_onnx
-    from gelforge.learning.scaling import ModelError
+    from gelforge.learning.basis.scaling import ModelError
+    from gelforge.learning.deployment.onnx_export import LIMIT, OPSET, export_onnx
 
     if model is None or out is None:
         raise ModelError("export needs --model and --out, or: gelforge export dataset --help")
@@ -38,13 +38,13 @@ def live(
     import webbrowser
 
     from gelforge.config import load_camera
-    from gelforge.learning.predictor import Predictor
+    from gelforge.learning.deployment.predictor import Predictor
     from gelforge.live.capture import played
     from gelforge.live.compute import LiveForce
     from gelforge.live.messages import about
     from gelforge.live.run import run_live
     from gelforge.live.server import Server
-    from gelforge.recording.flow import read_grey
+    from gelforge.recording.imaging.flow import read_grey
 
     zero = read_grey(reference) if reference else None
     open_source = played(source, fps, loop)

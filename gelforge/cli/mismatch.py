@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gelforge.config import ConfigError, Study, load_session, load_study
-from gelforge.laws_of_study import laws_and_doubts, material_laws_of
+from gelforge.config import ConfigError, Study, load_study
 from gelforge.progress import Stages, stage, tracked
 
 
@@ -27,15 +26,10 @@ def judge(
     study: Study, recording: Path, out: Path, laws: list[Path], kept: Path | None, workers: int, page: bool
 ) -> None:
     """Write verdict.json, its tables, patch and, if asked, page, and print the verdict."""
-    from gelforge.mismatch.pipeline.stage import check_matches, judge_recording
-    from gelforge.mismatch.readings.sessions import session_folders
+    from gelforge.mismatch.pipeline.stage import judge_folder
 
-    own = recording.resolve() == study.data_folder.resolve()  # of its own data a study chooses the sessions
-    folders = session_folders(recording, study.sessions if own else ())
-    check_matches(folders, study)
-    solver = solver_of(study, out, laws, kept, workers, folders)
     with Stages("verdict", expected_seconds(study, workers)):
-        verdict = judge_recording(solver, folders, out, f"{recording.name} against study {study.study}")
+        verdict = judge_folder(study, recording, out, laws, kept, workers)
         if page:
             from gelforge.report.mismatch_page import write_mismatch_page
 
@@ -48,7 +42,7 @@ def judge(
 def expected_seconds(study: Study, workers: int) -> float:
     """Return how long a verdict on a study's sessions is expected to take [s], where nothing of it is solved yet."""
     from gelforge.cli.cost import Costs
-    from gelforge.indentation.plan import plan_cells
+    from gelforge.indentation.planning.plan import plan_cells
 
     return Costs(study, plan_cells(study)).mismatch() / workers
 
@@ -57,6 +51,7 @@ def limits(study: Study, out: Path, laws: list[Path], kept: Path | None, workers
     """Print and write what the study's plan could detect, and print what it could not be asked of."""
     from gelforge.files import write_table
     from gelforge.mismatch.pipeline.ahead import limits_table, planned_problem
+    from gelforge.mismatch.pipeline.stage import solver_of
     from gelforge.mismatch.summary.words import uncomputed
 
     with Stages("what the plan could show"):
@@ -73,6 +68,7 @@ def plan(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: 
     """Print and write the experiments that would tell a verdict's survivors apart, the first one to be made first."""
     from gelforge.files import write_table
     from gelforge.mismatch.pipeline.ahead import experiments_table
+    from gelforge.mismatch.pipeline.stage import solver_of
     from gelforge.mismatch.result.verdict import read_verdict
 
     with Stages("experiments that would tell effects apart"):
@@ -83,8 +79,9 @@ def plan(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: 
 
 def sensitivities(study: Path, cell: str, laws: list[Path], out: Path) -> None:
     """Solve the derivatives of one site's forces and write them into a file."""
-    from gelforge.indentation.plan import plan_cells
+    from gelforge.indentation.planning.plan import plan_cells
     from gelforge.mismatch.fem.site_slopes import slopes_of_site, write_site_slopes
+    from gelforge.mismatch.pipeline.stage import solver_of
 
     described = load_study(study)
     cells = plan_cells(described)
@@ -99,39 +96,12 @@ def sensitivities(study: Path, cell: str, laws: list[Path], out: Path) -> None:
         print(f"no derivative along {line}")
 
 
-def solver_of(
-    study: Study, out: Path, laws: list[Path], kept: Path | None, workers: int, folders: list[Path]
-):
-    """Return the finite elements of a study; where every session calls the constants exact, its laws are certain."""
-    from gelforge.mismatch.fem.solutions import Solver
-
-    if workers < 1:
-        raise ConfigError(f"--workers {workers}: 1 or more are needed")
-    by_material, uncertain = laws_and_doubts(material_laws_of(study, laws))
-    sessions = [load_session(folder / "session.yaml") for folder in folders]
-    if sessions and all(session.base_parameters == "exact" for session in sessions):
-        uncertain = {}
-    study = study.model_copy(update={"variants": {}})  # an effect need not go together with them
-    cells = study.results_folder / "cells"
-    zeroed = {session.depth_zero.by for session in sessions}
-    stored = study.results_folder / "sensitivities"
-    return Solver(
-        study,
-        by_material,
-        uncertain,
-        kept or out / "solves",
-        cells if cells.is_dir() else None,
-        workers,
-        zeroed.pop() if len(zeroed) == 1 else "press",
-        stored if stored.is_dir() else None,
-    )
-
-
 def published(config: Path, out: Path, workers: int) -> None:
     """Judge the article's own readings against its two curves and against our cells, and print the verdicts."""
     from dataclasses import replace
 
     from gelforge.mismatch.pipeline.published import CASES, judge_case, study_of, write_summary
+    from gelforge.mismatch.pipeline.stage import solver_of
     from gelforge.report.mismatch_page import write_mismatch_page
 
     study, verdicts = load_study(config), {}

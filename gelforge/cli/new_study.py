@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from gelforge.config import LAW_NAMES
+
 CONFIG = """\
 # Study {study}. Keys, units and limits: config/schema.json. Units: mm, N, kPa, s.
 #   gelforge check {study}                                      validates and draws everything
@@ -14,7 +16,7 @@ seed: 1
 materials: # one entry for each material that the sensor's layers name
   gel:
     tests: data/{study}/materials/gel # raw tests, to be fitted
-    laws: [ogden2] # more of neo_hooke, mooney_rivlin, yeoh, gent, ogden1 ... ogden4: all fitted, the best one is used
+    laws: [ogden2] # more of {laws}: all fitted, the best one is used
   skin:
     parameters: # or a law that is known: W = sum mu/alpha (l1^alpha + l2^alpha + l3^alpha - 3)
       mu_kPa: [85.1168, -0.0020] # mu and alpha of one term have the same sign
@@ -126,7 +128,7 @@ def new_study_files(study: str) -> dict[Path, str]:
     """Return the files of a new study with their text, by path."""
     data = Path("data") / study
     return {
-        Path("config") / f"{study}.yaml": CONFIG.format(study=study),
+        Path("config") / f"{study}.yaml": CONFIG.format(study=study, laws=", ".join(LAW_NAMES)),
         data / "sensor.yaml": SENSOR,
         data / "plan.csv": PLAN,
         data / "materials" / "gel" / "samples.csv": SAMPLES,

@@ -3,34 +3,17 @@
 from __future__ import annotations
 
 from contextlib import chdir, nullcontext
-from difflib import get_close_matches
 from pathlib import Path
 
+from gelforge.api.studies import SMOKE
+from gelforge.api.studies import sensor as shipped_study
+from gelforge.api.studies import sensors as sensor_names
 from gelforge.cli.new_study import SESSION, session_path
-from gelforge.config import ConfigError, Study, load_study
+from gelforge.config import Study, load_study
 from gelforge.shipped import EXAMPLES
 
-SMOKE, CAMERAS = Path("config/smoke"), Path("config/cameras")
+CAMERAS = Path("config/cameras")
 NO_CAMERA = "camera: null # none is known of this sensor; docs/cameras.md has how to describe yours\n"
-
-
-def sensor_names() -> list[str]:
-    """Return the names of the shipped sensors."""
-    return sorted(path.stem for path in (EXAMPLES / SMOKE).glob("*.yaml"))
-
-
-def shipped_study(sensor: str) -> Study:
-    """Return the smoke study of a shipped sensor; its paths are relative to EXAMPLES.
-
-    Raises ConfigError for an unknown name, with the nearest that there is.
-    """
-    names = sensor_names()
-    if sensor not in names:
-        near = get_close_matches(sensor.lower().replace("-", "_"), names, n=1, cutoff=0.4)
-        hint = f"did you mean {near[0]}? " if near else ""
-        raise ConfigError(f"{sensor!r} is no sensor that is shipped; {hint}there are {', '.join(names)}")
-    with chdir(EXAMPLES):
-        return load_study(SMOKE / f"{sensor}.yaml")
 
 
 def sensor_files(sensor: str) -> list[Path]:

@@ -80,9 +80,9 @@ def check(study: Path, picture: Path | None) -> None:
     Raises CheckFailed with everything that is wrong, not the first alone. A study is called valid where its data are there
     and nothing in them is doubtful.
     """
-    from gelforge.indentation.plan import plan_cells
-    from gelforge.indentation.sizes import indenter_words
-    from gelforge.indentation.stability_ahead import check_stable_ahead
+    from gelforge.indentation.planning.plan import plan_cells
+    from gelforge.indentation.planning.stability_ahead import check_stable_ahead
+    from gelforge.indentation.sensor.sizes import indenter_words
     from gelforge.materials.fitting.stiffness import stiffness_words
     from gelforge.report.figures.sensor_figure import sensor_figure
 
@@ -184,11 +184,11 @@ def check_session(study: Study, name: str, cells: dict) -> tuple[int, set[str]]:
 
     Raises RecordingError or ConfigError for one that cannot be right.
     """
-    from gelforge.recording.camera import CameraError
-    from gelforge.recording.flow import ImageError
-    from gelforge.recording.join import press_table
+    from gelforge.recording.imaging.flow import ImageError
+    from gelforge.recording.optics.camera import CameraError
+    from gelforge.recording.optics.remap import picture_of
     from gelforge.recording.readings import read_recording
-    from gelforge.recording.remap import picture_of
+    from gelforge.recording.tables.join import press_table
 
     folder = study.session_folder(name)
     recording = read_recording(folder, cells, study.sensor)
@@ -212,9 +212,9 @@ def check_session(study: Study, name: str, cells: dict) -> tuple[int, set[str]]:
 
 def print_scale(study: Study, name: str, session: Session) -> None:
     """Print the scale of the images whose flow is searched, on the plane of the particles or else of the top surface."""
-    from gelforge.recording.camera import CameraError
     from gelforge.recording.camera_pose import particle_plane_mm
-    from gelforge.recording.remap import seen_by
+    from gelforge.recording.optics.camera import CameraError
+    from gelforge.recording.optics.remap import seen_by
 
     try:
         plane, of = particle_plane_mm(study.sensor), "the particles' mean"

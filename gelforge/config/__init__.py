@@ -4,11 +4,36 @@ This is the only package that names configuration keys and the only one that rea
 converted here. An unknown or out-of-range key is refused with its full path, the value found and the limit.
 """
 
-from gelforge.config.camera import Camera, Distortion, Port, Remap
-from gelforge.config.circumstances import session_study
-from gelforge.config.common import NAME, ConfigError, Fraction, Name, NonNegative, OldKey, Positive, Section
-from gelforge.config.effects import Effects
-from gelforge.config.files import (
+from gelforge.config.basis.common import (
+    NAME,
+    ConfigError,
+    Fraction,
+    Name,
+    NonNegative,
+    OldKey,
+    Positive,
+    Section,
+)
+from gelforge.config.basis.variants import Variant
+from gelforge.config.parts.camera import Camera, Distortion, Port, Remap
+from gelforge.config.parts.effects import Effects
+from gelforge.config.parts.learning import Dataset, Features, Learning
+from gelforge.config.parts.materials import LAW_NAMES, Fitting, LawParameters, Material
+from gelforge.config.parts.mechanics import Contact, Mechanics, Mesh, Solver
+from gelforge.config.parts.plan import Grid, Interpolation, Plan
+from gelforge.config.parts.sensor import Bins, Flange, Indenter, IndenterPart, Layer, Sensor, Shape
+from gelforge.config.sessions.session import DepthZero, ForceSensor, Session, StageToSensor
+from gelforge.config.sessions.synthesis import Synthesis
+from gelforge.config.sessions.virtual_lab import (
+    VirtualForce,
+    VirtualImaging,
+    VirtualLab,
+    VirtualParticles,
+    VirtualSample,
+    VirtualSession,
+)
+from gelforge.config.studies.circumstances import session_study
+from gelforge.config.studies.files import (
     load_camera,
     load_section,
     load_session,
@@ -20,23 +45,8 @@ from gelforge.config.files import (
     variant_study,
     write_yaml,
 )
-from gelforge.config.learning import Dataset, Features, Learning
-from gelforge.config.materials import LAW_NAMES, Fitting, LawParameters, Material, OgdenParameters
-from gelforge.config.mechanics import Contact, Mechanics, Mesh, Solver
-from gelforge.config.plan import Grid, Interpolation, Plan
-from gelforge.config.sensor import Bins, Flange, Indenter, IndenterPart, Layer, Sensor, Shape
-from gelforge.config.session import DepthZero, ForceSensor, Session, StageToSensor
-from gelforge.config.study import SOFT_SHARE, Study
-from gelforge.config.synthesis import Synthesis
-from gelforge.config.variants import Variant
-from gelforge.config.virtual_lab import (
-    VirtualForce,
-    VirtualImaging,
-    VirtualLab,
-    VirtualParticles,
-    VirtualSample,
-    VirtualSession,
-)
+from gelforge.config.studies.study import SOFT_SHARE, Study
+from gelforge.mechanics.laws.models.ogden import OgdenParameters
 
 __all__ = [
     "SOFT_SHARE",

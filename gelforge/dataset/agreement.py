@@ -11,8 +11,8 @@ import pandas as pd
 from gelforge.dataset.schema import DatasetError
 from gelforge.dataset.session_labels import OwnCells, OwnPresses, check_digest
 from gelforge.files import check_table_inputs, read_product_table, write_product_table
-from gelforge.indentation.cell_file import Cell, read_cell
-from gelforge.indentation.plan import POSITION_MATCH_MM
+from gelforge.indentation.cells.cell_file import Cell, read_cell
+from gelforge.indentation.planning.plan import POSITION_MATCH_MM
 from gelforge.recording.readings import AXES, FORCE
 
 COLUMNS = [

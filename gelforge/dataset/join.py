@@ -26,8 +26,9 @@ from gelforge.dataset.shard import writing_shard
 from gelforge.dataset.splits import planned_split
 from gelforge.files import digest, file_sha256
 from gelforge.hdf5 import opened
-from gelforge.indentation.cell_file import ERROR_BARS, Cell, read_cell
-from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell, plan_cells
+from gelforge.indentation.cells.cell_file import ERROR_BARS, Cell, read_cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.plan import POSITION_MATCH_MM, plan_cells
 from gelforge.progress import tracked
 
 FEATURE_FORMAT = "gelforge-features-1"

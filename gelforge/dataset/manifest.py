@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gelforge import __version__
 from gelforge.config import Study
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.dataset.card import card, croissant
 from gelforge.dataset.join import shard_settings_digest
 from gelforge.dataset.schema import DatasetError

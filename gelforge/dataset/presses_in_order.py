@@ -24,14 +24,14 @@ from gelforge.dataset.recorded_presses import Laws, RecordedPress, presses_diges
 from gelforge.dataset.session_labels import FORMAT, PRESS_DATASETS
 from gelforge.files import atomic, digest
 from gelforge.hdf5 import writing
-from gelforge.indentation.cell_file import Cell, check_finite, write_timings
-from gelforge.indentation.companion import solve_companion
-from gelforge.indentation.error_bars import COARSER, Companion, error_bars
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.simulate import simulate_in_order
-from gelforge.mechanics.equilibrium import NotConverged
-from gelforge.mechanics.laws import PrincipalLaw
-from gelforge.mechanics.peak_grid import Box, PeakGrid
+from gelforge.indentation.cells.cell_file import Cell, check_finite, write_timings
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.solving.companion import solve_companion
+from gelforge.indentation.solving.error_bars import COARSER, Companion, error_bars
+from gelforge.indentation.solving.simulate import simulate_in_order
+from gelforge.mechanics.bodies.peak_grid import Box, PeakGrid
+from gelforge.mechanics.laws.law import PrincipalLaw
+from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.progress import tracked
 
 ROWS = ("force", "sigma_mesh", "sigma_material")  # of a label, each the total and then the bins (1 + B, 3)

@@ -12,14 +12,15 @@ import pandas as pd
 from gelforge.config import Study, load_session
 from gelforge.csv_table import read_csv
 from gelforge.files import digest, source_digest
-from gelforge.indentation.inputs import inputs_digest
-from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell
-from gelforge.indentation.trajectory import Trajectory
-from gelforge.mechanics.laws import PrincipalLaw
-from gelforge.recording.checks import RecordingError
-from gelforge.recording.join import cells_of_presses, press_table
-from gelforge.recording.path_through import path_through
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.paths.trajectory import Trajectory
+from gelforge.indentation.planning.plan import POSITION_MATCH_MM
+from gelforge.indentation.solving.inputs import inputs_digest
+from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.recording.readings import stage_to_sensor
+from gelforge.recording.tables.checks import RecordingError
+from gelforge.recording.tables.join import cells_of_presses, press_table
+from gelforge.recording.tables.path_through import path_through
 
 Laws = Mapping[str, PrincipalLaw]  # by material
 
@@ -83,7 +84,7 @@ def presses_digest(study: Study, laws: Laws, presses: Sequence[RecordedPress]) -
     """Return the digest of everything that decides the labels of a session's presses; study: as it was in the session."""
     paths = [[p.name, p.cell, p.path.x_mm, p.path.y_mm, p.path.depths_mm, p.path.times_s] for p in presses]
     sources = source_digest(
-        "dataset/presses_in_order.py", "dataset/recorded_presses.py", "recording/path_through.py"
+        "dataset/presses_in_order.py", "dataset/recorded_presses.py", "recording/tables/path_through.py"
     )
     return digest([inputs_digest(study, laws, PlannedCell("", 0.0, 0.0, ())), paths, sources])
 

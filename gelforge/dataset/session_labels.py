@@ -12,7 +12,7 @@ import numpy as np
 
 from gelforge.dataset.schema import DatasetError
 from gelforge.hdf5 import opened
-from gelforge.indentation.cell_file import Cell
+from gelforge.indentation.cells.cell_file import Cell
 
 FORMAT = "gelforge-presses-1"
 CLOSURE = (

@@ -12,12 +12,12 @@ import numpy as np
 
 from gelforge.config import Camera, Study, VirtualImaging
 from gelforge.dataset.shard import writing_shard
-from gelforge.indentation.cell_file import Cell
-from gelforge.indentation.companion import simulate_label
+from gelforge.indentation.cells.cell_file import Cell
+from gelforge.indentation.solving.companion import simulate_label
 from gelforge.progress import tracked
 from gelforge.recording.features import FlowFeatures
-from gelforge.recording.flow import reduced
-from gelforge.recording.remap import scale_of_view
+from gelforge.recording.imaging.flow import reduced
+from gelforge.recording.optics.remap import scale_of_view
 from gelforge.virtual_lab.drawn_indentations import DrawnIndentation, draw_indentation
 from gelforge.virtual_lab.imaging import as_read, draw, expose, focused
 from gelforge.virtual_lab.particles import interpolation, place_particles

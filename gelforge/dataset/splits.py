@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from gelforge.config import Sensor
-from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.paths.planned_cell import PlannedCell
 
 
 def orbits(planned: Mapping[str, PlannedCell], sensor: Sensor) -> dict[str, str]:

@@ -10,14 +10,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from gelforge.config.importing import CameraSource
+from gelforge.config.foreign.importing import CameraSource
 from gelforge.csv_table import read_csv
 from gelforge.importing.message_images import decoded, message_images
 from gelforge.importing.messages import is_bag
 from gelforge.importing.refusals import ImportingError, refuse_pickle
 from gelforge.importing.streams import refuse_gaps, refuse_other_unit, stamps
 from gelforge.progress import Progress
-from gelforge.recording.frames import SUFFIXES
+from gelforge.recording.imaging.frames import SUFFIXES
 from gelforge.units import UNITS, unit_named
 
 SMALL_PX = 80  # width to which frames are reduced before they are compared

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from gelforge.config.importing import GCode
+from gelforge.config.foreign.importing import GCode
 from gelforge.importing.refusals import ImportingError
 
 AXES = "XYZ"

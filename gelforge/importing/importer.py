@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import Session, section_from
-from gelforge.config.importing import Clock, ImportMapping, Surface, load_import
+from gelforge.config.foreign.importing import Clock, ImportMapping, Surface, load_import
 from gelforge.importing.camera import Film, read_film
 from gelforge.importing.clocks import Match, coarse_match
 from gelforge.importing.presses import Presses, depth_zero_mm, find_presses

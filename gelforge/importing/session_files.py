@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import Session, write_yaml
-from gelforge.config.importing import ImportMapping
+from gelforge.config.foreign.importing import ImportMapping
 from gelforge.importing.camera import Film, write_frames
 from gelforge.importing.presses import Press
 from gelforge.importing.refusals import ImportingError

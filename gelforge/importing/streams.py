@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from gelforge.config.importing import ForceSource, StageSource, Stamp
-from gelforge.config.mapping import TableForm
+from gelforge.config.foreign.importing import ForceSource, StageSource, Stamp
+from gelforge.config.foreign.mapping import TableForm
 from gelforge.csv_table import TableError, read_columns, read_csv
 from gelforge.importing.gcode import gcode_table
 from gelforge.importing.messages import is_bag, message_table

@@ -10,14 +10,14 @@ import numpy as np
 
 import gelforge
 from gelforge.config import Study
-from gelforge.indentation.binning import without_dust
-from gelforge.indentation.cell_file import TIMINGS, Cell
-from gelforge.indentation.inputs import inputs_digest
-from gelforge.indentation.lattice import name_of
-from gelforge.indentation.mirror import mirror_cell
-from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.cells.binning import without_dust
+from gelforge.indentation.cells.cell_file import TIMINGS, Cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.lattice import name_of
+from gelforge.indentation.solving.inputs import inputs_digest
+from gelforge.indentation.solving.mirror import mirror_cell
 from gelforge.interpolation.solved_sites import OWN, SolvedSites
-from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.mechanics.laws.law import PrincipalLaw
 
 # attributes of the nearest solved site that tell of a label between as well: ranges of stretch, what was touched
 OF_SITE = (

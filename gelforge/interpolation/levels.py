@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gelforge.config import Interpolation
-from gelforge.indentation.lattice import LAST, Index, Lattice, index_of, name_of
-from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.lattice import LAST, Index, Lattice, index_of, name_of
 from gelforge.interpolation.solved_sites import OWN, SolvedSites
 
 

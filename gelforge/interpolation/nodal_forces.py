@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gelforge.config import Sensor
-from gelforge.indentation.cell_file import Cell
-from gelforge.indentation.symmetry import D4, transform_vectors
+from gelforge.indentation.cells.cell_file import Cell
+from gelforge.indentation.sensor.symmetry import D4, transform_vectors
 
 
 @dataclass(frozen=True)

@@ -16,13 +16,13 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from gelforge.config import Indenter, Sensor
-from gelforge.indentation.cell_file import Cell
-from gelforge.indentation.indenter_shapes import shape_of
-from gelforge.indentation.lattice import LAST, Index, Lattice, name_of
-from gelforge.indentation.symmetry import transform_bins, transform_vectors
+from gelforge.indentation.cells.cell_file import Cell
+from gelforge.indentation.planning.lattice import LAST, Index, Lattice, name_of
+from gelforge.indentation.sensor.indenter_shapes import shape_of
+from gelforge.indentation.sensor.symmetry import transform_bins, transform_vectors
 from gelforge.interpolation.nodal_forces import NodalForces, moved_map
 from gelforge.interpolation.weights import depth_weights, nearest, place_weights, positive_weights
-from gelforge.mechanics.indenters import Sphere
+from gelforge.mechanics.indenters.shapes import Sphere
 
 SITE_PART = 1.0  # of the difference of a site that is left out alone
 LINE_PART = {

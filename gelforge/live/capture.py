@@ -7,8 +7,8 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
-from gelforge.recording.flow import ImageError
-from gelforge.recording.frames import Frame, frames
+from gelforge.recording.imaging.flow import ImageError
+from gelforge.recording.imaging.frames import Frame, frames
 
 
 class LiveError(ValueError):

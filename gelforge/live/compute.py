@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gelforge.config import Camera
-from gelforge.learning.predictor import Predictor
-from gelforge.learning.reliability import centre_of_pressure
+from gelforge.learning.deployment.predictor import Predictor
+from gelforge.learning.models.reliability import centre_of_pressure
 from gelforge.live.capture import Shot
 from gelforge.recording.features import FlowFeatures
-from gelforge.recording.flow import crop, reduced
-from gelforge.recording.frames import Frame
-from gelforge.recording.remap import remap_to
+from gelforge.recording.imaging.flow import crop, reduced
+from gelforge.recording.imaging.frames import Frame
+from gelforge.recording.optics.remap import remap_to
 
 STEPS = ("crop", "flow", "features", "network", "intervals", "camera check")
 # Presses of the demo change its mean grey level by 0.5 and its sharpness by 2 % at most. A blur of one pixel takes 36 % of

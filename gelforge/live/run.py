@@ -13,7 +13,7 @@ from gelforge.live.compute import LiveForce, Reading
 from gelforge.live.messages import Rates, of_reading
 from gelforge.live.record import Recorder
 from gelforge.live.server import Server
-from gelforge.recording.frames import Frame
+from gelforge.recording.imaging.frames import Frame
 
 SILENT_S = 2.0  # without a frame, after which clients are warned
 RECORDINGS = "live-recordings"  # folder for the page's record button, where --record names none

@@ -18,14 +18,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from gelforge.config import Fitting, LawParameters, Material
+from gelforge.config import Fitting, Material
 from gelforge.files import digest, file_sha256, write_json, write_product_table, write_table, write_text
 from gelforge.materials.covariates.circumstances import CIRCUMSTANCES, circumstance_effects
 from gelforge.materials.covariates.history_effects import cycle_effects, lateral_effects, relaxation_effects
 from gelforge.materials.fitting.bootstrap import bootstrap as bootstrap_samples
 from gelforge.materials.fitting.choice import Comparison, compare_laws
 from gelforge.materials.fitting.curves import MeanCurve, mean_curves, monotonic_loading, sample_curves
-from gelforge.materials.fitting.families import FAMILIES
 from gelforge.materials.fitting.fit import WEIGHTS, FitError, LawFit
 from gelforge.materials.fitting.law_file import MaterialLaw, read_law, rounded, write_law
 from gelforge.materials.fitting.material_table import material_table
@@ -35,7 +34,8 @@ from gelforge.materials.readers.common_form import MaterialTest
 from gelforge.materials.readers.material_source import MaterialSource, source_of
 from gelforge.materials.readers.measured_effects import MeasuredEffects
 from gelforge.materials.readers.small_effects import small_effects
-from gelforge.mechanics.laws import Ogden, PrincipalLaw
+from gelforge.mechanics.laws.law import PrincipalLaw
+from gelforge.mechanics.laws.parameters import GivenParameters
 
 CURVE_COLUMNS = [
     "test",
@@ -102,13 +102,9 @@ def characterise(name: str, material: Material, folder: Path, study: str = "") -
     write_law(folder / "law.json", replace(law, study=study))
 
 
-def given_law(name: str, parameters: LawParameters) -> MaterialLaw:
+def given_law(name: str, parameters: GivenParameters) -> MaterialLaw:
     """Return the law whose parameters are given; nothing is known of its uncertainty."""
-    if parameters.law == "ogden":
-        law = Ogden(tuple(m * 1e-3 for m in parameters.ogden_mu_kPa), tuple(parameters.alpha))
-    else:
-        family = FAMILIES[parameters.law]
-        law = family.law_of(np.array([getattr(parameters, name) for name in family.parameters]))
+    law = parameters.constitutive_model()
     return MaterialLaw(name, law, digest({"parameters": parameters.model_dump()}))
 
 
@@ -118,6 +114,37 @@ def characterise_source(
     """Write the results of a material into a folder and return them.
 
     law_needed: raise FitError where no test can be fitted; otherwise only the effects are written then.
+    """
+    found = fits_of(source, fitting, law_needed)
+    inputs = inputs_of(source, fitting)
+    _clear(folder)
+    others = []
+    if found.comparison:
+        others = _write_laws(folder, source, found.comparison, list(found.notes), inputs)
+        _write_curves(folder, curve_table(found.tests, found.curves, found.comparison.chosen.fit.law))
+        write_table(folder, "laws", found.comparison.table())
+        write_table(folder, "parameters", parameters_table(source.name, found, fitting.bootstrap, workers))
+    _write_effects(folder, found.effects, inputs, source.synthetic)
+    result = Characterised(source.name, found.comparison, found.effects, found.notes, tuple(others))
+    write_text(folder / "notes.txt", result.summary + "\n")
+    return result
+
+
+@dataclass(frozen=True)
+class Fits:
+    """What the tests of a material determine: fitted laws side by side, and sizes of effects."""
+
+    tests: list[MaterialTest]  # their loading
+    curves: list[MeanCurve]
+    comparison: Comparison | None  # None: no test that a law can be fitted to
+    effects: MeasuredEffects
+    notes: tuple[str, ...]
+
+
+def fits_of(source: MaterialSource, fitting: Fitting, law_needed: bool = True) -> Fits:
+    """Return the fits of a material and what its tests measure; nothing is written.
+
+    law_needed: raise FitError where no test can be fitted; otherwise the comparison is None then.
     """
     tests, notes = monotonic_loading(list(source.tests))
     notes = _gathered(
@@ -136,23 +163,13 @@ def characterise_source(
     effects = measured_effects(source)
     notes += _cut_short(tests, curves)
     notes += _averaged(tests, effects)
-    inputs = digest(
-        {"files": sorted((p.name, file_sha256(p)) for p in source.files), "fitting": fitting.fitting_keys()}
-    )
-    _clear(folder)
-    others = []
-    if comparison:
-        others = _write_laws(folder, source, comparison, notes, inputs)
-        _write_curves(folder, curve_table(tests, curves, comparison.chosen.fit.law))
-        write_table(folder, "laws", comparison.table())
-        table = _parameters(source.name, comparison)
-        if fitting.bootstrap:
-            table = with_bootstrap(table, curves, comparison.chosen.fit, fitting.bootstrap, workers)
-        write_table(folder, "parameters", table)
-    _write_effects(folder, effects, inputs, source.synthetic)
-    result = Characterised(source.name, comparison, effects, tuple(notes), tuple(others))
-    write_text(folder / "notes.txt", result.summary + "\n")
-    return result
+    return Fits(tests, curves, comparison, effects, tuple(notes))
+
+
+def inputs_of(source: MaterialSource, fitting: Fitting) -> str:
+    """Return the digest of what decides a material's fits: its files and how they are fitted."""
+    files = sorted((path.name, file_sha256(path)) for path in source.files)
+    return digest({"files": files, "fitting": fitting.fitting_keys()})
 
 
 def measured_effects(source: MaterialSource) -> MeasuredEffects:
@@ -199,6 +216,23 @@ def curve_table(samples: list[MaterialTest], means: list[MeanCurve], law: Princi
         content = (c.label, sample, c.stretch, c.cauchy_stress * 1e3, c.nominal_stress * 1e3, model * 1e3)
         parts.append(pd.DataFrame(dict(zip(CURVE_COLUMNS, content))))
     return pd.concat(parts, ignore_index=True)
+
+
+def parameters_table(name: str, found: Fits, bootstrap: int = 0, workers: int = 1) -> pd.DataFrame:
+    """Return the parameters of all fitted laws with their 95 % intervals; found: with a comparison.
+
+    bootstrap: refits over samples for further intervals of the chosen one, 0 for none.
+    """
+    comparison = found.comparison
+    assert comparison is not None, "the caller has checked that something was fitted"
+    tables = []
+    for candidate in (c for c in comparison.candidates if c.fit):
+        table = material_table([material_law(name, candidate.fit, "", False)])
+        tables.append(table.assign(law=candidate.name, chosen=candidate is comparison.chosen))
+    table = pd.concat(tables, ignore_index=True)
+    if bootstrap:
+        return with_bootstrap(table, found.curves, comparison.chosen.fit, bootstrap, workers)
+    return table
 
 
 def with_bootstrap(
@@ -275,14 +309,6 @@ def _write_laws(
         write_law(path, replace(law, study=source.study))
         others += [] if chosen else [path]
     return others
-
-
-def _parameters(name: str, comparison: Comparison) -> pd.DataFrame:
-    tables = []
-    for candidate in (c for c in comparison.candidates if c.fit):
-        table = material_table([material_law(name, candidate.fit, "", False)])
-        tables.append(table.assign(law=candidate.name, chosen=candidate is comparison.chosen))
-    return pd.concat(tables, ignore_index=True)
 
 
 def _write_curves(folder: Path, table: pd.DataFrame) -> None:

@@ -11,7 +11,7 @@ from itertools import combinations
 
 import numpy as np
 
-from gelforge.mechanics.closed_surface import SurfaceError
+from gelforge.mechanics.indenters.closed_surface import SurfaceError
 from gelforge.meshing.solids import Solids
 
 SAME_PLACE = 5e-4  # of the body's largest extent: surfaces this near coincide, 0.01 mm of 20 mm

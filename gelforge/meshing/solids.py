@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gelforge.mechanics.closed_surface import ClosedSurface, SurfaceError, closed_surface
-from gelforge.mechanics.meshes import Block, Sizes
+from gelforge.mechanics.indenters.closed_surface import ClosedSurface, SurfaceError, closed_surface
+from gelforge.mechanics.meshes.mesh import Block, Sizes
 
 DOME_STEP = (
     0.3  # mm between the points of a dome's surface: its faces lie 1e-3 mm inside a dome of radius 11 mm

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gelforge.mechanics.closed_surface import ClosedSurface
-from gelforge.mechanics.elements import (
+from gelforge.mechanics.indenters.closed_surface import ClosedSurface
+from gelforge.mechanics.meshes.elements import (
     TET10,
     TET10_EDGES,
     TET10_FACES,
@@ -20,7 +20,7 @@ from gelforge.mechanics.elements import (
     lumped_area,
     quadratic_tetrahedra,
 )
-from gelforge.mechanics.meshes import Mesh, Sizes, Surface
+from gelforge.mechanics.meshes.mesh import Mesh, Sizes, Surface
 from gelforge.meshing.solids import Solids, area, enclosed_volume
 from gelforge.meshing.tetwild import tetrahedralize
 

@@ -8,11 +8,11 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from gelforge.config import Camera, Sensor
-from gelforge.recording.camera import CameraError, image_axes, project
-from gelforge.recording.expansion import centre_of_expansion
-from gelforge.recording.flow import Flow, read_grey
-from gelforge.recording.image_measures import PRESET
-from gelforge.recording.images import image_path, reference_path
+from gelforge.recording.imaging.flow import Flow, read_grey
+from gelforge.recording.imaging.image_measures import PRESET
+from gelforge.recording.imaging.images import image_path, reference_path
+from gelforge.recording.optics.camera import CameraError, image_axes, project
+from gelforge.recording.optics.expansion import centre_of_expansion
 from gelforge.recording.readings import Recording, at_commanded_depth
 
 LEAST_POSITIONS = 4  # three determine the four unknowns twice over only with a fourth's residual

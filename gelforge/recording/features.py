@@ -21,16 +21,16 @@ from gelforge.config import Features, Session
 from gelforge.files import digest
 from gelforge.hdf5 import writing
 from gelforge.progress import Progress
-from gelforge.recording.checks import before_shear
-from gelforge.recording.flow import Flow, ImageError
-from gelforge.recording.image_measures import Measurer, Measures, add_measures
-from gelforge.recording.images import image_path, reference_path
+from gelforge.recording.imaging.flow import Flow, ImageError
+from gelforge.recording.imaging.image_measures import Measurer, Measures, add_measures
+from gelforge.recording.imaging.images import image_path, reference_path
+from gelforge.recording.optics.remap import picture_of, read_as, seen_by, view_of
 from gelforge.recording.plausibility.findings import Findings, collect
 from gelforge.recording.plausibility.image_series import series_of
 from gelforge.recording.plausibility.images import IMAGE_TESTS, flow_lost_of
 from gelforge.recording.plausibility.session import refuse
 from gelforge.recording.readings import Recording, raw_digest, sample_rows
-from gelforge.recording.remap import picture_of, read_as, seen_by, view_of
+from gelforge.recording.tables.checks import before_shear
 
 FORMAT = "gelforge-features-1"
 BATCH = 64  # images in memory at a time

@@ -13,15 +13,15 @@ import pandas as pd
 from gelforge.config import ForceSensor, Sensor, Session, StageToSensor, load_session
 from gelforge.csv_table import read_csv
 from gelforge.files import check_seal, digest, file_sha256, write_product_table
-from gelforge.indentation.plan import PlannedCell
-from gelforge.recording import checks
-from gelforge.recording.checks import RecordingError
-from gelforge.recording.images import check_images
-from gelforge.recording.join import cells_of_presses, path_steps
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.recording.imaging.images import check_images
 from gelforge.recording.plausibility.findings import Finding, Findings
 from gelforge.recording.plausibility.indentations import at_commanded_depth, scatter_N
 from gelforge.recording.plausibility.session import SessionData, apply_findings, examine, refuse
 from gelforge.recording.plausibility.streams import ForceLog, check_ends, gap_findings, read_force_log
+from gelforge.recording.tables import checks
+from gelforge.recording.tables.checks import RecordingError
+from gelforge.recording.tables.join import cells_of_presses, path_steps
 
 AXES = ("x", "y", "z")
 FORCE = ["fx_N", "fy_N", "fz_N"]

@@ -8,11 +8,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 
 from gelforge.config import Sensor, Study
-from gelforge.indentation.indenter_shapes import shape_of
-from gelforge.indentation.sensor_mesh import sensor_solids
+from gelforge.indentation.sensor.indenter_shapes import shape_of
+from gelforge.indentation.sensor.sensor_mesh import sensor_solids
 from gelforge.laws_of_study import known_laws
-from gelforge.mechanics.closed_surface import ClosedSurface
-from gelforge.mechanics.indenters import DOWN
+from gelforge.mechanics.indenters.closed_surface import ClosedSurface
+from gelforge.mechanics.indenters.shapes import DOWN
 from gelforge.meshing.solids import Solids
 from gelforge.report.figures.silhouette import draw_indenter
 from gelforge.report.figures.style import INK, SURROUND, new_figure, region_colours, styled

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from datetime import UTC, datetime
 from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 import gelforge
 from gelforge.config import Study
@@ -24,6 +25,7 @@ from gelforge.report.chapters.chapter import Chapter
 from gelforge.report.chapters.results_reader import StudyResults
 from gelforge.report.verdict import mismatch_chapters
 
+BACKTICKS = re.compile(r"`([^`]+)`")
 CHAPTERS = (
     study_chapters.glance,
     material_chapter.materials,
@@ -72,13 +74,20 @@ def write_report(
 
 def environment() -> Environment:
     """Return the templates of all pages: text is escaped, a name that is not there is an error."""
-    return Environment(
+    templates = Environment(
         loader=PackageLoader("gelforge.report", "templates"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    templates.filters["code"] = code
+    return templates
+
+
+def code(value: object) -> Markup:
+    """Return a text for a page: escaped, with what stands between backticks as code."""
+    return Markup(BACKTICKS.sub(r"<code>\1</code>", str(escape(str(value)))))
 
 
 def render(

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from gelforge.mechanics.body import Body
-from gelforge.mechanics.laws import Ogden
-from gelforge.mechanics.meshes import Mesh
+from gelforge.mechanics.bodies.body import Body
+from gelforge.mechanics.laws.models.ogden import Ogden
+from gelforge.mechanics.meshes.mesh import Mesh
 from gelforge.mechanics.reference_solutions import ogden_uniaxial
 from gelforge.verification.check import Check, absolute, relative, vanishing
 from gelforge.verification.manufactured import (

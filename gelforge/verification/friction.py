@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from gelforge.mechanics.body import Body, SmallStrainBody
-from gelforge.mechanics.contact import SLIP, STICK
-from gelforge.mechanics.equilibrium import Press, Settings, State
-from gelforge.mechanics.indenters import Cylinder, Sphere
-from gelforge.mechanics.meshes import Block, Sizes, layered_block
+from gelforge.mechanics.bodies.body import Body, SmallStrainBody
+from gelforge.mechanics.contact.forces import SLIP, STICK
+from gelforge.mechanics.contact.state import Settings, State
+from gelforge.mechanics.indenters.shapes import Cylinder, Sphere
+from gelforge.mechanics.meshes.mesh import Block, Sizes, layered_block
 from gelforge.mechanics.reference_solutions import (
     cattaneo_mindlin,
     cattaneo_mindlin_traction,
@@ -20,6 +20,7 @@ from gelforge.mechanics.reference_solutions import (
     pressed_with_friction,
     sliding_shift,
 )
+from gelforge.mechanics.solving.equilibrium import Press
 from gelforge.verification.check import Check, absolute, relative, vanishing
 from gelforge.verification.presses import (
     BULK_TO_SHEAR,

@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gelforge.mechanics.body import Body
-from gelforge.mechanics.elements import ELEMENTS, Element, quadratic_tetrahedra
-from gelforge.mechanics.laws import Ogden
-from gelforge.mechanics.meshes import Block, Mesh, Sizes, layered_block
-from gelforge.mechanics.sparse import direct_solver, refined_solve
+from gelforge.mechanics.bodies.body import Body
+from gelforge.mechanics.laws.models.ogden import Ogden
+from gelforge.mechanics.linear.sparse import direct_solver, refined_solve
+from gelforge.mechanics.meshes.elements import ELEMENTS, Element, quadratic_tetrahedra
+from gelforge.mechanics.meshes.mesh import Block, Mesh, Sizes, layered_block
 
 AMPLITUDE = 0.08  # mm on a cube of 1 mm: strains of 0.25
 PRESSURE = 0.3  # over mu

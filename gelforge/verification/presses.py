@@ -6,19 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from gelforge.mechanics.balances import force_balance, moment_balance
-from gelforge.mechanics.body import Body, SmallStrainBody
-from gelforge.mechanics.elements import lumped_area
-from gelforge.mechanics.equilibrium import Press, Settings, State
-from gelforge.mechanics.indenters import Cylinder, Sphere
-from gelforge.mechanics.laws import Ogden
-from gelforge.mechanics.meshes import Block, Mesh, Sizes, layered_block
+from gelforge.mechanics.bodies.body import Body, SmallStrainBody
+from gelforge.mechanics.contact.state import Settings, State
+from gelforge.mechanics.indenters.shapes import Cylinder, Sphere
+from gelforge.mechanics.laws.models.ogden import Ogden
+from gelforge.mechanics.meshes.elements import lumped_area
+from gelforge.mechanics.meshes.mesh import Block, Mesh, Sizes, layered_block
 from gelforge.mechanics.reference_solutions import (
     bonded_layer_at_radius,
     contact_modulus,
     hertz,
     poissons_ratio,
 )
+from gelforge.mechanics.solving.balances import force_balance, moment_balance
+from gelforge.mechanics.solving.equilibrium import Press
 from gelforge.verification.check import Check, absolute, relative, vanishing
 from gelforge.verification.elements import GEL, distorted
 

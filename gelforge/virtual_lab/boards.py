@@ -7,8 +7,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gelforge.config import Camera
-from gelforge.recording.boards import Board
-from gelforge.recording.camera import unproject
+from gelforge.recording.optics.boards import Board
+from gelforge.recording.optics.camera import unproject
 
 PX_PER_SQUARE, MARGIN = 60, 1.0  # of the drawn board; white around it, in squares
 FINER = 2  # rays per pixel along each axis

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gelforge.config import ConfigError, Indenter, Study
-from gelforge.indentation.plan import PlannedCell, check_inside
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.plan import check_inside
 
 TRIES = 200  # until one fits the sensor
 SHEAR_STEP_MM, TILT_STEP_DEG, TWIST_STEP_DEG = 0.2, 1.0, 2.0  # friction is followed step by step

@@ -7,7 +7,7 @@ import numba
 import numpy as np
 
 from gelforge.config import Camera, VirtualImaging
-from gelforge.recording.camera import project, px_per_mm
+from gelforge.recording.optics.camera import project, px_per_mm
 
 AMBIENT = 0.45  # share of light that reaches a ball's rim; the lamps stand around the lens, so its middle is brightest
 FADE = 0.35  # share of brightness lost from the nearest to the farthest particle

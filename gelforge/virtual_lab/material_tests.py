@@ -15,8 +15,8 @@ import pandas as pd
 
 from gelforge.config import VirtualLab, VirtualSample
 from gelforge.files import write_text
-from gelforge.mechanics.homogeneous import LOAD_CASES, cauchy_stress, principal_stretches
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.laws.homogeneous import LOAD_CASES, cauchy_stress, principal_stretches
+from gelforge.mechanics.laws.models.ogden import Ogden
 
 GAUGE_MM = {
     "uniaxial": (40.0, 10.0),
@@ -41,7 +41,7 @@ def make_material_tests(lab: VirtualLab, folder: str | Path) -> None:
     The same lab gives the same bytes; a material's files do not depend on the other materials.
     """
     for material, parameters in lab.materials.items():
-        law = Ogden(tuple(m * 1e-3 for m in parameters.ogden_mu_kPa), tuple(parameters.alpha))
+        law = parameters.constitutive_model()
         largest = 1 + LARGEST_STRAIN.get(material, LARGEST_STRAIN_ELSEWHERE)
         samples = []
         for test in LOAD_CASES:

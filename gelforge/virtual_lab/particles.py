@@ -12,9 +12,9 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from gelforge.config import Sensor, VirtualParticles
-from gelforge.indentation.cell_file import Cell
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.symmetry import transform_points, transform_vectors
+from gelforge.indentation.cells.cell_file import Cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.sensor.symmetry import transform_points, transform_vectors
 
 SAME_MM = 1e-4  # coordinates this close are one: cell files may hold float32, and no element is that thin
 

@@ -27,10 +27,10 @@ from gelforge.config import (
     write_yaml,
 )
 from gelforge.files import remove_orphans, temporary_beside, write_text
-from gelforge.indentation.cell_file import Cell, read_cell
-from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.cells.cell_file import Cell, read_cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.progress import tracked
-from gelforge.recording.images import reference_path
+from gelforge.recording.imaging.images import reference_path
 from gelforge.recording.readings import FORCE
 from gelforge.virtual_lab.imaging import expose, focused, picture
 from gelforge.virtual_lab.particles import (

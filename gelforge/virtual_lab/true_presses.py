@@ -12,11 +12,11 @@ from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import distance_transform_edt
 
 from gelforge.config import Camera, Study, VirtualLab, VirtualSession
-from gelforge.indentation.cell_file import Cell
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.symmetry import transform_bins
-from gelforge.recording.camera import project
+from gelforge.indentation.cells.cell_file import Cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.sensor.symmetry import transform_bins
 from gelforge.recording.features import flow_features
+from gelforge.recording.optics.camera import project
 from gelforge.virtual_lab.imaging import discs
 from gelforge.virtual_lab.particles import VirtualLabError, place_particles, true_motion
 from gelforge.virtual_lab.session import (

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from gelforge.config import Study, VirtualLab
 from gelforge.files import digest, source_digest
-from gelforge.indentation.cell_file import Cell
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.simulate import Trajectory, simulate_trajectory
-from gelforge.mechanics.laws import Ogden
+from gelforge.indentation.cells.cell_file import Cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.solving.simulate import Trajectory, simulate_trajectory
+from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.virtual_lab.particles import VirtualLabError
 
 KPA = 1e-3  # MPa

@@ -26,16 +26,16 @@ SOLVING = {
 # What the others import, most of it used by several.
 IMPORTS = {
     "fit-law": "gelforge.materials.characterise",
-    "plan": "gelforge.indentation.plan",
+    "plan": "gelforge.indentation.planning.plan",
     "virtual-session": "gelforge.virtual_lab.session",
     "readings": "gelforge.recording.readings",
     "features": "gelforge.recording.features",
     "join": "gelforge.dataset.join",
     "manifest": "gelforge.dataset.manifest",
     "agreement": "gelforge.dataset.agreement",
-    "train": "gelforge.learning.training",
-    "evaluate": "gelforge.learning.predictions",
-    "tables": "gelforge.learning.evaluation",
+    "train": "gelforge.learning.training.train",
+    "evaluate": "gelforge.learning.judging.predictions",
+    "tables": "gelforge.learning.judging.evaluation",
 }
 NOBODY = "-"  # no address
 GRACE_S = 4.0  # that a job has to end after Ctrl-C; compiled code may not look up for longer

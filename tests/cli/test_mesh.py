@@ -8,7 +8,7 @@ import yaml
 from numpy.testing import assert_allclose
 
 from gelforge.cli import main
-from gelforge.indentation.simulate import Trajectory, model_of
+from gelforge.indentation.solving.simulate import Trajectory, model_of
 
 
 @pytest.fixture

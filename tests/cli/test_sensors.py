@@ -9,11 +9,11 @@ import meshio
 import numpy as np
 import pytest
 
+from gelforge.api.studies import sensors as sensor_names
 from gelforge.cli import main
-from gelforge.cli.shipped_sensors import sensor_names
 from gelforge.config import load_session, load_study
-from gelforge.indentation.plan import plan_cells
-from gelforge.mechanics.meshes import Block
+from gelforge.indentation.planning.plan import plan_cells
+from gelforge.mechanics.meshes.mesh import Block
 from gelforge.meshing.solids import block_solids
 from gelforge.report.cross_section import cross_section, section_loops
 

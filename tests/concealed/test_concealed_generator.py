@@ -16,7 +16,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 
 from gelforge.config import load_session, load_study
-from gelforge.indentation.plan import plan_cells
+from gelforge.indentation.planning.plan import plan_cells
 from gelforge.recording.readings import read_recording
 
 LAW = Ogden((7.9652e-3, -0.3093e-3), (1.2769, -3.5676), 1.3, 2e-3)

@@ -6,7 +6,7 @@ import pytest
 from small_dataset import small_study, write_all_features, write_cells
 
 from gelforge.dataset.join import join_shard
-from gelforge.indentation.plan import plan_cells
+from gelforge.indentation.planning.plan import plan_cells
 
 
 @pytest.fixture

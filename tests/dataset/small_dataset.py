@@ -11,8 +11,9 @@ import pandas as pd
 from gelforge.config import Study, study_from
 from gelforge.files import write_product_table
 from gelforge.hdf5 import writing
-from gelforge.indentation.cell_file import Cell, write_cell
-from gelforge.indentation.plan import PlannedCell, plan_cells
+from gelforge.indentation.cells.cell_file import Cell, write_cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.plan import plan_cells
 
 REGIONS, DWELL = 4, 3  # features of 2 x 16; images per press at depth
 FEATURES = 2 * REGIONS**2

@@ -8,8 +8,8 @@ from small_dataset import label, sample_table, small_study, write_cells, write_r
 from gelforge.dataset.agreement import agreement_table, read_agreement, rmse_gt_table, write_agreement
 from gelforge.dataset.schema import DatasetError
 from gelforge.files import write_product_table
-from gelforge.indentation.cell_file import CellError
-from gelforge.indentation.plan import plan_cells
+from gelforge.indentation.cells.cell_file import CellError
+from gelforge.indentation.planning.plan import plan_cells
 
 
 @pytest.fixture

@@ -25,8 +25,8 @@ from small_dataset import (
 from gelforge.dataset.join import join_shard
 from gelforge.dataset.schema import COLUMNS, DatasetError
 from gelforge.dataset.shard import ShardDataset, lineage, shard_attributes
-from gelforge.indentation.cell_file import Cell, CellError, write_cell
-from gelforge.indentation.plan import plan_cells
+from gelforge.indentation.cells.cell_file import Cell, CellError, write_cell
+from gelforge.indentation.planning.plan import plan_cells
 
 
 def rows_of(path, *names):

@@ -11,7 +11,7 @@ from small_dataset import sample_table, small_study, write_cells, write_features
 from gelforge.dataset.join import join_shard
 from gelforge.dataset.manifest import describe_dataset, read_manifest, verify
 from gelforge.dataset.schema import DatasetError
-from gelforge.indentation.plan import plan_cells
+from gelforge.indentation.planning.plan import plan_cells
 
 
 @pytest.fixture

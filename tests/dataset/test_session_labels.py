@@ -19,9 +19,9 @@ from gelforge.dataset.schema import DatasetError
 from gelforge.dataset.session_labels import OwnPresses
 from gelforge.dataset.shard import ShardDataset, lineage, shard_attributes
 from gelforge.files import write_product_table
-from gelforge.indentation.cell_file import CellError
+from gelforge.indentation.cells.cell_file import CellError
 from gelforge.indentation.effects.catalogue import with_keys
-from gelforge.indentation.plan import plan_cells
+from gelforge.indentation.planning.plan import plan_cells
 
 LAWS = specimens.STUDY_LAWS
 RATE, AGE = 0.002, 100.0  # per day of both layers; of a session whose study is 10 days old, as the laws are
@@ -253,7 +253,7 @@ def test_each_press_has_its_own_row_and_a_failed_one_is_listed(pressed, tmp_path
 def write_failed_cell(path, planned):
     from small_dataset import cell_of
 
-    from gelforge.indentation.cell_file import write_cell
+    from gelforge.indentation.cells.cell_file import write_cell
 
     write_cell(path, cell_of(planned, failed=True))
 

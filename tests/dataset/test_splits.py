@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from gelforge.config import Sensor
 from gelforge.dataset.shard import ShardDataset
 from gelforge.dataset.splits import orbits, planned_split, split_orbits
-from gelforge.indentation.plan import PlannedCell, plan_cells
-from gelforge.indentation.symmetry import D4, transform_points
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.plan import plan_cells
+from gelforge.indentation.sensor.symmetry import D4, transform_points
 
 NAMES = [f"x{i}_y{j}" for i in range(9) for j in range(9)]
 ALONE = {name: name for name in NAMES}

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from gelforge.config import ConfigError
-from gelforge.config.files import section_from
-from gelforge.config.importing import CameraSource, ForceSource, GCode, StageSource
+from gelforge.config.foreign.importing import CameraSource, ForceSource, GCode, StageSource
+from gelforge.config.studies.files import section_from
 from gelforge.importing import camera, message_images
 from gelforge.importing.camera import read_film, write_frames
 from gelforge.importing.gcode import gcode_table

@@ -7,7 +7,7 @@ import pytest
 from raw_logs import MAPPING, Lab, generate
 
 from gelforge.config import ConfigError
-from gelforge.config.importing import ForceSource, StageSource, load_import
+from gelforge.config.foreign.importing import ForceSource, StageSource, load_import
 from gelforge.csv_table import TableError
 from gelforge.importing.importer import import_logs
 from gelforge.importing.refusals import ImportingError

@@ -7,14 +7,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 from gelforge.config import Bins, Layer, Sensor
-from gelforge.indentation.binning import (
+from gelforge.indentation.cells.binning import (
     bin_centres,
     bin_forces,
     node_shares,
     surface_shares,
     without_dust,
 )
-from gelforge.mechanics.meshes import Block, Sizes, layered_block
+from gelforge.mechanics.meshes.mesh import Block, Sizes, layered_block
 
 WIDTH, DEPTH, NX, NY = 8.0, 6.0, 5, 4
 SENSOR = Sensor(

@@ -9,10 +9,10 @@ from numpy.testing import assert_allclose
 
 from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.indentation.effects.geometry import carried_mesh
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.sensitivities import Variation, derivatives, unmirrored
-from gelforge.indentation.simulate import simulate_cell
-from gelforge.mechanics.meshes import layered_block
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.solving.sensitivities import Variation, derivatives, unmirrored
+from gelforge.indentation.solving.simulate import simulate_cell
+from gelforge.mechanics.meshes.mesh import layered_block
 
 LAWS = specimens.STUDY_LAWS
 FINE = {"mesh": {"near_mm": 0.5, "near_radius_mm": 2.5, "growth": 0.3, "far_mm": 1.0}}

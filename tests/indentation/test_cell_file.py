@@ -5,7 +5,15 @@ import numpy as np
 import pytest
 from edited_file import edited
 
-from gelforge.indentation.cell_file import DATASETS, OPTIONAL, SECTION, Cell, CellError, read_cell, write_cell
+from gelforge.indentation.cells.cell_file import (
+    DATASETS,
+    OPTIONAL,
+    SECTION,
+    Cell,
+    CellError,
+    read_cell,
+    write_cell,
+)
 
 rng = np.random.default_rng(1)
 

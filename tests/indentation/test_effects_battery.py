@@ -8,10 +8,10 @@ import pytest
 import specimens
 
 from gelforge.config import study_from
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.indentation.effects.catalogue import CATALOGUE, Place, with_keys
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.simulate import simulate_cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.solving.simulate import simulate_cell
 
 LAWS = specimens.STUDY_LAWS
 # Pressed off every line of symmetry, so that yaw, tilt and gradient change the total force at first order too.

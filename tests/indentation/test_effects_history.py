@@ -5,14 +5,14 @@ import pytest
 import specimens
 from numpy.testing import assert_allclose
 
-from gelforge.config.effects import PressTiming
+from gelforge.config.parts.effects import PressTiming
 from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.indentation.effects.history import in_time, quadrature_points
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.simulate import simulate_cell, simulate_in_order, simulate_trajectory
-from gelforge.indentation.trajectory import Trajectory
-from gelforge.mechanics.meshes import Block, Sizes, layered_block
-from gelforge.mechanics.peak_grid import PeakGrid
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.paths.trajectory import Trajectory
+from gelforge.indentation.solving.simulate import simulate_cell, simulate_in_order, simulate_trajectory
+from gelforge.mechanics.bodies.peak_grid import PeakGrid
+from gelforge.mechanics.meshes.mesh import Block, Sizes, layered_block
 
 LAWS = specimens.STUDY_LAWS
 BY_LAYER = {"gel": specimens.GEL, "skin": specimens.SKIN}

@@ -8,14 +8,15 @@ import specimens
 from numpy.testing import assert_allclose, assert_array_equal
 
 from gelforge.config import study_from
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.indentation.effects.catalogue import with_keys
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.simulate import model_of, simulate_cell, simulate_trajectory
-from gelforge.indentation.trajectory import Trajectory
-from gelforge.mechanics.body import Body
-from gelforge.mechanics.equilibrium import Press
-from gelforge.mechanics.laws import NeoHooke, Ogden
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.paths.trajectory import Trajectory
+from gelforge.indentation.solving.simulate import model_of, simulate_cell, simulate_trajectory
+from gelforge.mechanics.bodies.body import Body
+from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
+from gelforge.mechanics.laws.models.ogden import Ogden
+from gelforge.mechanics.solving.equilibrium import Press
 
 LAWS = specimens.STUDY_LAWS
 BY_LAYER = {"gel": specimens.GEL, "skin": specimens.SKIN}

@@ -10,10 +10,10 @@ from numpy.testing import assert_allclose
 from gelforge.config import ConfigError
 from gelforge.indentation.effects.catalogue import CATALOGUE, with_keys
 from gelforge.indentation.effects.fields import element_stiffness, eshelby_factor, mixed_factor
-from gelforge.indentation.sensor_mesh import sensor_mesh
-from gelforge.mechanics.body import Body
-from gelforge.mechanics.laws import NeoHooke
-from gelforge.mechanics.sparsity import build_pattern
+from gelforge.indentation.sensor.sensor_mesh import sensor_mesh
+from gelforge.mechanics.bodies.body import Body
+from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
+from gelforge.mechanics.linear.sparsity import build_pattern
 
 
 def factors(**families):

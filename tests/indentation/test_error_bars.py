@@ -8,9 +8,11 @@ import specimens
 from numpy.testing import assert_allclose
 
 from gelforge.config import ConfigError
-from gelforge.indentation import companion
-from gelforge.indentation.companion import simulate_label, solve_companion
-from gelforge.indentation.error_bars import (
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.plan import plan_cells
+from gelforge.indentation.solving import companion
+from gelforge.indentation.solving.companion import simulate_label, solve_companion
+from gelforge.indentation.solving.error_bars import (
     AMOUNT,
     COARSER,
     LEAST_BINS,
@@ -21,12 +23,11 @@ from gelforge.indentation.error_bars import (
     error_bars,
     mesh_totals,
 )
-from gelforge.indentation.mirror import mirror_cell
-from gelforge.indentation.plan import PlannedCell, plan_cells
-from gelforge.indentation.simulate import simulate_cell
+from gelforge.indentation.solving.mirror import mirror_cell
+from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.materials.fitting.law_file import MaterialLaw, moved_laws
-from gelforge.mechanics.equilibrium import NotConverged
-from gelforge.mechanics.homogeneous import principal_stretches
+from gelforge.mechanics.laws.homogeneous import principal_stretches
+from gelforge.mechanics.solving.equilibrium import NotConverged
 
 # mu [kPa], alpha of the soft material: correlated, as two terms of one law always are
 DEVIATION = np.array([0.16, 0.03, 0.05, 0.1])

@@ -10,10 +10,11 @@ from numpy.testing import assert_allclose
 
 from gelforge.cli.bench import torque_about_centre
 from gelforge.config import ConfigError
-from gelforge.indentation.plan import PlannedCell, plan_cells, press_path
-from gelforge.indentation.simulate import simulate_cell
-from gelforge.mechanics.contact import OPEN, SLIP, STICK
-from gelforge.mechanics.laws import Yeoh
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.plan import plan_cells, press_path
+from gelforge.indentation.solving.simulate import simulate_cell
+from gelforge.mechanics.contact.forces import OPEN, SLIP, STICK
+from gelforge.mechanics.laws.models.yeoh import Yeoh
 
 LAWS = specimens.STUDY_LAWS
 CENTRE = specimens.CENTRE
@@ -287,7 +288,7 @@ def test_a_law_that_is_unstable_where_it_is_used_is_refused_before_solving():
 
 
 def test_an_indenter_that_starts_inside_the_gel_is_refused(monkeypatch):
-    from gelforge.indentation import simulate
+    from gelforge.indentation.solving import simulate
 
     lower = simulate.model_of
 

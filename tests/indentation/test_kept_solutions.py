@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from test_cell_file import invented_cell
 
-from gelforge.indentation import kept_solutions
-from gelforge.indentation.cell_file import read_cell
-from gelforge.indentation.kept_solutions import entries, forget, solved_once, tidy
+from gelforge.indentation.cells import kept_solutions
+from gelforge.indentation.cells.cell_file import read_cell
+from gelforge.indentation.cells.kept_solutions import entries, forget, solved_once, tidy
 
 INPUTS, OTHER = "a" * 64, "b" * 64
 

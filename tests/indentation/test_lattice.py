@@ -7,11 +7,18 @@ import pytest
 import specimens
 
 from gelforge.config import ConfigError, study_from
-from gelforge.config.variants import merged
-from gelforge.indentation.derived import derived_chunks
-from gelforge.indentation.lattice import LAST, index_of, interpolable, lattice_of, name_of, solved_site
-from gelforge.indentation.plan import plan_cells
-from gelforge.indentation.symmetry import transform_points
+from gelforge.config.basis.variants import merged
+from gelforge.indentation.planning.derived import derived_chunks
+from gelforge.indentation.planning.lattice import (
+    LAST,
+    index_of,
+    interpolable,
+    lattice_of,
+    name_of,
+    solved_site,
+)
+from gelforge.indentation.planning.plan import plan_cells
+from gelforge.indentation.sensor.symmetry import transform_points
 
 STUDY = specimens.BETWEEN | {
     "plan": {

@@ -7,7 +7,7 @@ import pytest
 import random_presses  # benchmarks/random_presses.py
 from random_presses import BALANCE, Draw, Outcome, drawn, is_clear, not_finite, outcome
 
-from gelforge.indentation.cell_file import Cell
+from gelforge.indentation.cells.cell_file import Cell
 
 SEED = 1
 # The wedge under tilt; a ball taken back, with two effects; a box on one layer with a wall; a flat box taken back to where

@@ -6,14 +6,15 @@ import specimens
 from numpy.testing import assert_allclose
 
 from gelforge.config import ConfigError, Variant
-from gelforge.indentation import simulate
 from gelforge.indentation.effects.material import stretches_ahead
-from gelforge.indentation.plan import PlannedCell, check_inside, plan_cells, variant_cells
-from gelforge.indentation.reach import planned_reach
-from gelforge.indentation.simulate import Trajectory, model_of, simulate_cell
-from gelforge.indentation.touchdown import surface_point
-from gelforge.mechanics.indenters import Sphere
-from gelforge.mechanics.laws import Yeoh
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.paths.touchdown import surface_point
+from gelforge.indentation.planning.plan import check_inside, plan_cells, variant_cells
+from gelforge.indentation.planning.reach import planned_reach
+from gelforge.indentation.solving import simulate
+from gelforge.indentation.solving.simulate import Trajectory, model_of, simulate_cell
+from gelforge.mechanics.indenters.shapes import Sphere
+from gelforge.mechanics.laws.models.yeoh import Yeoh
 
 LAWS = specimens.STUDY_LAWS
 BY_LAYER = {"gel": specimens.GEL, "skin": specimens.SKIN}

@@ -5,8 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from gelforge.cli.bench import laws_of, paper_study
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.simulate import simulate_cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.solving.simulate import simulate_cell
 
 EDGE, CORNER = (2.0, 16.0), (2.0, 2.0)
 

@@ -12,13 +12,14 @@ import pytest
 import specimens
 from numpy.testing import assert_allclose
 
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.simulate import simulate_cell
-from gelforge.mechanics.body import Body
-from gelforge.mechanics.equilibrium import Press, Settings
-from gelforge.mechanics.indenters import Sphere
-from gelforge.mechanics.laws import Ogden
-from gelforge.mechanics.meshes import Sizes, layered_block
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.solving.simulate import simulate_cell
+from gelforge.mechanics.bodies.body import Body
+from gelforge.mechanics.contact.state import Settings
+from gelforge.mechanics.indenters.shapes import Sphere
+from gelforge.mechanics.laws.models.ogden import Ogden
+from gelforge.mechanics.meshes.mesh import Sizes, layered_block
+from gelforge.mechanics.solving.equilibrium import Press
 
 CENTRE = specimens.CENTRE
 INDENTERS = {

@@ -7,11 +7,11 @@ import specimens
 from numpy.testing import assert_allclose
 
 from gelforge.config import ConfigError
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.sensor_mesh import sensor_mesh
-from gelforge.indentation.simulate import simulate_cell
-from gelforge.indentation.touchdown import surface_point, touchdown
-from gelforge.mechanics.indenters import DOWN, Sphere
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.paths.touchdown import surface_point, touchdown
+from gelforge.indentation.sensor.sensor_mesh import sensor_mesh
+from gelforge.indentation.solving.simulate import simulate_cell
+from gelforge.mechanics.indenters.shapes import DOWN, Sphere
 from gelforge.mechanics.reference_solutions import contact_modulus, hertz, poissons_ratio
 from gelforge.meshing.solids import block_solids
 

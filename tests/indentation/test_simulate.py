@@ -7,14 +7,14 @@ import pytest
 import specimens
 from numpy.testing import assert_allclose
 
-from gelforge.indentation.cell_file import DATASETS, OPTIONAL, read_cell, read_timings, write_cell
-from gelforge.indentation.companion import simulate_label
-from gelforge.indentation.inputs import inputs_digest
-from gelforge.indentation.mirror import mirror_cell
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.simulate import Trajectory, simulate_cell, simulate_trajectory
-from gelforge.indentation.symmetry import D4, transform_bins, transform_points
-from gelforge.mechanics.laws import Ogden
+from gelforge.indentation.cells.cell_file import DATASETS, OPTIONAL, read_cell, read_timings, write_cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.sensor.symmetry import D4, transform_bins, transform_points
+from gelforge.indentation.solving.companion import simulate_label
+from gelforge.indentation.solving.inputs import inputs_digest
+from gelforge.indentation.solving.mirror import mirror_cell
+from gelforge.indentation.solving.simulate import Trajectory, simulate_cell, simulate_trajectory
+from gelforge.mechanics.laws.models.ogden import Ogden
 
 LAWS = specimens.STUDY_LAWS
 PLANNED = PlannedCell("x0_y0", *specimens.CORNER, (0.4, 0.8))

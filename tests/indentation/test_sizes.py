@@ -10,11 +10,11 @@ import yaml
 
 from gelforge.cli import main
 from gelforge.config import ConfigError, write_yaml
-from gelforge.indentation.plan import plan_cells
-from gelforge.indentation.sensor_mesh import sensor_solids
-from gelforge.indentation.sizes import check_sensor_size
-from gelforge.mechanics.closed_surface import SurfaceError
-from gelforge.mechanics.indenters import rotation_about_axes
+from gelforge.indentation.planning.plan import plan_cells
+from gelforge.indentation.sensor.sensor_mesh import sensor_solids
+from gelforge.indentation.sensor.sizes import check_sensor_size
+from gelforge.mechanics.indenters.closed_surface import SurfaceError
+from gelforge.mechanics.indenters.shapes import rotation_about_axes
 from gelforge.meshing.solids import _box, block_solids
 
 PLAN = {"grid": {"spacing_mm": 3.0, "margin_mm": 6.0}, "depths_mm": [0.4, 0.8]}

@@ -8,12 +8,13 @@ import specimens
 from numpy.testing import assert_allclose
 
 from gelforge.config import ConfigError
-from gelforge.indentation.cell_file import read_cell, write_cell
-from gelforge.indentation.companion import simulate_label
+from gelforge.indentation.cells.cell_file import read_cell, write_cell
 from gelforge.indentation.effects.catalogue import CATALOGUE
-from gelforge.indentation.plan import PlannedCell, press_path
-from gelforge.indentation.sensitivities import derivable, derivatives, sensitivities, variations_of
-from gelforge.indentation.simulate import simulate_cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.plan import press_path
+from gelforge.indentation.solving.companion import simulate_label
+from gelforge.indentation.solving.sensitivities import derivable, derivatives, sensitivities, variations_of
+from gelforge.indentation.solving.simulate import simulate_cell
 
 # An aged, warm session: else ageing and temperature have nothing to act on.
 SESSION = {"material": {"circumstances": {"age_days": 10.0, "temperature_C": 33.0}}}

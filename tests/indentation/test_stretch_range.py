@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gelforge.indentation.stretch_range import element_stretches, stretch_ranges, unstable_shares
+from gelforge.indentation.solving.stretch_range import element_stretches, stretch_ranges, unstable_shares
 from gelforge.materials.fitting.valid_range import ValidRange
-from gelforge.mechanics.elements import element_gradient
-from gelforge.mechanics.homogeneous import principal_stretches
-from gelforge.mechanics.laws import NeoHooke, Yeoh
-from gelforge.mechanics.meshes import Block, Sizes, layered_block
+from gelforge.mechanics.laws.homogeneous import principal_stretches
+from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
+from gelforge.mechanics.laws.models.yeoh import Yeoh
+from gelforge.mechanics.meshes.elements import element_gradient
+from gelforge.mechanics.meshes.mesh import Block, Sizes, layered_block
 
 
 @pytest.fixture(scope="module")

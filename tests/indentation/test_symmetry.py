@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gelforge.indentation.binning import bin_centres
-from gelforge.indentation.symmetry import D4, transform_bins, transform_points, transform_vectors
+from gelforge.indentation.cells.binning import bin_centres
+from gelforge.indentation.sensor.symmetry import D4, transform_bins, transform_points, transform_vectors
 
 WIDTH, N = 12.0, 5
 rng = np.random.default_rng(0)

@@ -6,10 +6,11 @@ import specimens
 
 from gelforge.cli import main
 from gelforge.config import ConfigError, study_from, write_yaml
-from gelforge.config.variants import merged
-from gelforge.indentation.cell_file import read_cell
-from gelforge.indentation.companion import simulate_label
-from gelforge.indentation.plan import PlannedCell, plan_cells
+from gelforge.config.basis.variants import merged
+from gelforge.indentation.cells.cell_file import read_cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.plan import plan_cells
+from gelforge.indentation.solving.companion import simulate_label
 
 LAWS = specimens.STUDY_LAWS
 MESH = {"near_mm": 1.0, "near_radius_mm": 2.0, "growth": 0.4, "far_mm": 2.0}

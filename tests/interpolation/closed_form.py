@@ -7,11 +7,11 @@ import numpy as np
 import specimens
 
 from gelforge.config import study_from
-from gelforge.indentation.cell_file import Cell
-from gelforge.indentation.lattice import Lattice
+from gelforge.indentation.cells.cell_file import Cell
+from gelforge.indentation.planning.lattice import Lattice
 from gelforge.interpolation.nodal_forces import NodalForces
 from gelforge.interpolation.solved_sites import SolvedSites
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.laws.models.ogden import Ogden
 
 LAWS = {"gel": Ogden((0.008,), (2.0,))}
 RADIUS, SIZE = 5.0, 0.25  # of the ball, and between nodes [mm]
@@ -104,7 +104,7 @@ def solved(level=1) -> SolvedSites:
 
 def anew(level=1, lattice=LATTICE, failed=(), between_depths=False, **keys) -> SolvedSites:
     """Return a level's sites in closed form; failed: places that did not converge."""
-    from gelforge.indentation.lattice import name_of
+    from gelforge.indentation.planning.lattice import name_of
 
     cells = {
         at: site(name_of(at), lattice.place(at), lattice.depths_mm, **keys)

@@ -7,11 +7,11 @@ import pytest
 from closed_form import DEPTHS, LATTICE, LAWS, STUDY, anew, pull, site, solved
 
 from gelforge.config import Interpolation
-from gelforge.indentation.cell_file import read_cell, write_cell
-from gelforge.indentation.lattice import lattice_digest, name_of
-from gelforge.indentation.mirror import mirror_cell
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.symmetry import D4, transform_bins, transform_points
+from gelforge.indentation.cells.cell_file import read_cell, write_cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.lattice import lattice_digest, name_of
+from gelforge.indentation.sensor.symmetry import D4, transform_bins, transform_points
+from gelforge.indentation.solving.mirror import mirror_cell
 from gelforge.interpolation import levels
 from gelforge.interpolation.labels import Labels
 from gelforge.interpolation.nodal_forces import NodalForces

@@ -6,7 +6,7 @@ import specimens
 from gelforge.cli import between
 from gelforge.config import write_yaml
 from gelforge.files import write_product_json
-from gelforge.indentation.plan import plan_cells
+from gelforge.indentation.planning.plan import plan_cells
 from gelforge.interpolation import levels
 from gelforge.interpolation.levels import Decision
 

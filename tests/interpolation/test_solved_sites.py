@@ -8,10 +8,11 @@ import specimens
 from closed_form import LAWS
 
 from gelforge.config import study_from
-from gelforge.config.variants import merged
-from gelforge.indentation.companion import simulate_label
-from gelforge.indentation.lattice import index_of, lattice_of, name_of, solved_site
-from gelforge.indentation.plan import PlannedCell, plan_cells
+from gelforge.config.basis.variants import merged
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.lattice import index_of, lattice_of, name_of, solved_site
+from gelforge.indentation.planning.plan import plan_cells
+from gelforge.indentation.solving.companion import simulate_label
 from gelforge.interpolation.nodal_forces import NodalForces
 from gelforge.interpolation.solved_sites import SolvedSites
 

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from gelforge.learning.predictor import Predictor
-from gelforge.learning.reliability import Intervals
-from gelforge.learning.scaling import ModelError
+from gelforge.learning.basis.scaling import ModelError
+from gelforge.learning.deployment.predictor import Predictor
+from gelforge.learning.models.reliability import Intervals
 from gelforge.live.compute import LiveForce
 from gelforge.live.messages import about
 from gelforge.live.run import run_live
 from gelforge.live.server import Server
-from gelforge.recording.frames import Frame
+from gelforge.recording.imaging.frames import Frame
 
 SETTINGS = {
     "study": "artificial",

@@ -7,7 +7,11 @@ import pytest
 from artificial_shards import small_rows, study_of, write_shards
 
 from gelforge.dataset.shard import ShardDataset
-from gelforge.learning.adaptation import (
+from gelforge.learning.basis.scaling import ModelError
+from gelforge.learning.models.model_file import load_model, save_model
+from gelforge.learning.models.reliability import Intervals
+from gelforge.learning.models.views import check_same_images, check_scale
+from gelforge.learning.training.adaptation import (
     Presses,
     adapt,
     drawn_presses,
@@ -15,11 +19,7 @@ from gelforge.learning.adaptation import (
     measured_presses,
     press_names,
 )
-from gelforge.learning.model_file import load_model, save_model
-from gelforge.learning.reliability import Intervals
-from gelforge.learning.scaling import ModelError
-from gelforge.learning.training import Run, train
-from gelforge.learning.views import check_same_images, check_scale
+from gelforge.learning.training.train import Run, train
 from gelforge.progress import show
 
 SMALL = {"network": "paper", "hidden": [24, 16, 12], "batch_size": 8, "epochs": 30, "learning_rate": 1e-3}
@@ -72,7 +72,7 @@ def test_gains_are_found_and_the_simplest_form_taken(trained, gain, form):
 
 def test_predictions_of_many_rows_say_how_far_they_are(trained, capsys, monkeypatch):
     monkeypatch.setattr("gelforge.progress.FIRST_S", -1.0)  # as if they took long
-    monkeypatch.setattr("gelforge.learning.adaptation.BLOCK", 8)
+    monkeypatch.setattr("gelforge.learning.training.adaptation.BLOCK", 8)
     show()
     model, presses = trained
     adapt(model, some_of(presses, 5))

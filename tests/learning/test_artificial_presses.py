@@ -5,9 +5,9 @@ import pytest
 from artificial_presses import presses
 from artificial_shards import study_of, write_shards
 
-from gelforge.learning.evaluation import baselines_table
-from gelforge.learning.predictions import LearningSets, Predictions, predict_test_rows
-from gelforge.learning.training import Run, train
+from gelforge.learning.judging.evaluation import baselines_table
+from gelforge.learning.judging.predictions import LearningSets, Predictions, predict_test_rows
+from gelforge.learning.training.train import Run, train
 
 PAPER = {"network": "paper", "hidden": [120, 100, 80], "learning_rate": 1e-3, "epochs": 50, "batch_size": 50}
 UNET = {"network": "unet", "channels": 8, "epochs": 25}

@@ -8,7 +8,7 @@ from artificial_shards import small_rows, study_of, write_shards
 
 from gelforge.cli.cost import Costs, row_bytes, time_line
 from gelforge.config import load_study
-from gelforge.indentation.plan import plan_cells
+from gelforge.indentation.planning.plan import plan_cells
 
 ROOT = Path(__file__).parents[2]
 

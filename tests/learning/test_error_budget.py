@@ -7,11 +7,11 @@ from numpy.testing import assert_allclose
 from test_evaluation import SMALL
 
 from gelforge.dataset.shard import ShardDataset
-from gelforge.learning.error_budget import budget_of, error_budget_table, shared_out
-from gelforge.learning.evaluation import rmse_table
-from gelforge.learning.predictions import LearningSets, Predictions, predict_test_rows
-from gelforge.learning.training import Run, train
-from gelforge.learning.true_motion import FlowMap, Truth, components, features
+from gelforge.learning.judging.error_budget import budget_of, error_budget_table, shared_out
+from gelforge.learning.judging.evaluation import rmse_table
+from gelforge.learning.judging.predictions import LearningSets, Predictions, predict_test_rows
+from gelforge.learning.judging.true_motion import FlowMap, Truth, components, features
+from gelforge.learning.training.train import Run, train
 from gelforge.virtual_lab.true_presses import TruePress
 
 # three patterns over four rows, orthogonal to each other

@@ -10,16 +10,16 @@ from artificial_shards import small_rows, study_of, write_shards
 from gelforge.dataset.ranges import force_ranges_table, label_ranges
 from gelforge.dataset.schema import DatasetError
 from gelforge.dataset.shard import ShardDataset
-from gelforge.learning.evaluation import (
+from gelforge.learning.judging.evaluation import (
     baselines_table,
     errors_by_table,
     reliability_table,
     rmse_table,
 )
-from gelforge.learning.model_file import load_model, save_model
-from gelforge.learning.predictions import LearningSets, Predictions, predict_test_rows
-from gelforge.learning.reliability import Intervals, centre_of_pressure
-from gelforge.learning.training import Run, train
+from gelforge.learning.judging.predictions import LearningSets, Predictions, predict_test_rows
+from gelforge.learning.models.model_file import load_model, save_model
+from gelforge.learning.models.reliability import Intervals, centre_of_pressure
+from gelforge.learning.training.train import Run, train
 
 SMALL = {
     "network": "paper",

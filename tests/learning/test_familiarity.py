@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gelforge.learning.familiarity import find_familiar
+from gelforge.learning.models.familiarity import find_familiar
 
 N = 12  # regions along a side
 

@@ -18,8 +18,8 @@ from websockets.sync.client import connect
 from gelforge.live.capture import Capture, LiveError, Shot, played
 from gelforge.live.messages import of_reading, text_of
 from gelforge.live.server import Server, why_refused
-from gelforge.recording.flow import ImageError
-from gelforge.recording.frames import Frame
+from gelforge.recording.imaging.flow import ImageError
+from gelforge.recording.imaging.frames import Frame
 
 WAIT_S = 5  # until a test gives up; what it waits for takes milliseconds
 

@@ -1,11 +1,17 @@
 """Convolutional networks of any grids, and their keys in a study."""
 
+import re
+from pathlib import Path
+
 import pytest
 import torch
 from pydantic import ValidationError
 
 from gelforge.config import Learning
-from gelforge.learning.networks import Grids, make_network
+from gelforge.learning import networks
+from gelforge.learning.basis.network import Grids
+from gelforge.learning.networks import make_network, network_of
+from gelforge.registry import stated
 
 
 @pytest.mark.parametrize("name", ["unet", "cnn"])
@@ -49,7 +55,7 @@ def test_keys_of_another_network_are_refused():
     ):
         Learning(network="unet", hidden=[10])
     with pytest.raises(
-        ValidationError, match="channels is a key of network unet and cnn, found network paper"
+        ValidationError, match="channels is a key of network cnn and unet, found network paper"
     ):
         Learning(network="paper", channels=8)
 
@@ -66,3 +72,17 @@ def test_a_study_that_gives_widths_of_layers_means_the_papers_network():
     assert Learning(hidden=[32, 16], epochs=5).network == "paper"
     assert Learning(input_form="vector").usual.epochs == 400
     assert Learning(epochs=5).network == "unet"
+
+
+def test_the_guides_example_is_a_network(tmp_path, monkeypatch):
+    text = Path("docs/adding/network.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    file = tmp_path / "linear.py"
+    file.write_text(code, encoding="utf-8")
+    monkeypatch.setattr(networks, "__path__", [*networks.__path__, str(tmp_path)])
+    network = network_of("linear").make(Learning(), Grids(7, 5, 3), 1)
+    assert network(torch.randn(2, 98)).shape == (2, 45)
+    about = stated(file, "KEYS", "USUAL")
+    assert about == {"KEYS": ("symmetry",), "USUAL": {"learning_rate": 1e-3, "batch_size": 32, "epochs": 20}}
+    with pytest.raises(TypeError, match=r"linear.py states no WORDS"):
+        stated(file, "KEYS", "WORDS")

@@ -10,13 +10,14 @@ import torch
 from torch import nn
 
 from gelforge.config import Learning
-from gelforge.learning.familiarity import find_familiar
-from gelforge.learning.model_file import Model, save_model
-from gelforge.learning.networks import Grids, make_network
-from gelforge.learning.onnx_export import check_equal, export_onnx, trial_features
-from gelforge.learning.onnx_model import KEY, load_onnx, model_of
-from gelforge.learning.reliability import Intervals, Zero
-from gelforge.learning.scaling import ModelError, Scaling
+from gelforge.learning.basis.network import Grids
+from gelforge.learning.basis.scaling import ModelError, Scaling
+from gelforge.learning.deployment.onnx_export import check_equal, export_onnx, trial_features
+from gelforge.learning.deployment.onnx_model import KEY, load_onnx, model_of
+from gelforge.learning.models.familiarity import find_familiar
+from gelforge.learning.models.model_file import Model, save_model
+from gelforge.learning.models.reliability import Intervals, Zero
+from gelforge.learning.networks import make_network
 
 # name: settings of the network, grids, how flow is fed
 NETWORKS = {

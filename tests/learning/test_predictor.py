@@ -7,12 +7,12 @@ import pytest
 from artificial_shards import small_rows, study_of, write_shards
 
 from gelforge.config import Camera
-from gelforge.learning.predictor import STEPS, Predictor, Timing, predict_frames
-from gelforge.learning.scaling import ModelError
-from gelforge.learning.training import Run, train
+from gelforge.learning.basis.scaling import ModelError
+from gelforge.learning.deployment.predictor import STEPS, Predictor, Timing, predict_frames
+from gelforge.learning.training.train import Run, train
 from gelforge.recording.features import FlowFeatures
-from gelforge.recording.flow import ImageError, reduced
-from gelforge.recording.frames import Frame
+from gelforge.recording.imaging.flow import ImageError, reduced
+from gelforge.recording.imaging.frames import Frame
 
 SMALL = {"network": "paper", "hidden": [24, 16, 12], "batch_size": 8, "epochs": 3, "validation_fraction": 0.2}
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gelforge.learning.reliability import Labels, Zero, centre_of_pressure, find_intervals, find_zero
+from gelforge.learning.models.reliability import Labels, Zero, centre_of_pressure, find_intervals, find_zero
 
 GRID = (6, 6, np.array([32.0, 32.0]))
 PLACE = (np.stack([np.arange(36) % 6, np.arange(36) // 6], axis=-1) + 0.5) * 32 / 6

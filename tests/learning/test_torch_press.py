@@ -104,7 +104,7 @@ def test_names_along_which_no_derivative_is_asked_are_refused():
 
 
 def test_effects_that_have_derivatives_are_those_of_one_mesh_and_one_path():
-    from gelforge.differentiable import effects_with_slopes
+    from gelforge.api.differentiable import effects_with_slopes
 
     names = set(effects_with_slopes())
     assert {"gel_stiffness", "friction", "indenter_radius", "tilt", "layer_thickness"} <= names

@@ -10,7 +10,7 @@ from artificial_shards import small_rows, study_of, write_shards
 
 from gelforge.config import Learning, study_from
 from gelforge.dataset.shard import ShardDataset
-from gelforge.learning.data import (
+from gelforge.learning.basis.data import (
     Batches,
     TactileRows,
     images_of_presses,
@@ -18,10 +18,10 @@ from gelforge.learning.data import (
     positions_of,
     training_and_validation,
 )
-from gelforge.learning.model_file import load_model, load_tensors, save_tensors
-from gelforge.learning.networks import paper_network
-from gelforge.learning.scaling import ModelError, Scaling
-from gelforge.learning.training import CHECKPOINT_FORMAT, Run, mean_loss, plan_of, train
+from gelforge.learning.basis.scaling import ModelError, Scaling
+from gelforge.learning.models.model_file import load_model, load_tensors, save_tensors
+from gelforge.learning.networks.paper import paper_network
+from gelforge.learning.training.train import CHECKPOINT_FORMAT, Run, mean_loss, plan_of, train
 
 QUIET = Run(threads=1, checkpoint_every=3)
 SMALL = {

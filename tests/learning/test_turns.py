@@ -6,8 +6,8 @@ import torch
 from numpy.testing import assert_allclose, assert_array_equal
 
 from gelforge.config import Camera, Sensor
-from gelforge.indentation.symmetry import D4, transform_bins
-from gelforge.learning.turns import (
+from gelforge.indentation.sensor.symmetry import D4, transform_bins
+from gelforge.learning.basis.turns import (
     Turner,
     flow_centre,
     image_on_sensor,

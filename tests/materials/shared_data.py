@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from gelforge.config.mapping import load_mapping
+from gelforge.config.foreign.mapping import load_mapping
 
 ROOT = Path(__file__).parents[2]
 SHARED = Path(os.environ.get("GELFORGE_SHARED", ROOT.parent / "shared")) / "data"

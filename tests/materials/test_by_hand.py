@@ -14,12 +14,12 @@ from gelforge.csv_table import TableError
 from gelforge.files import write_product_json
 from gelforge.materials.characterise import characterise_source, material_law
 from gelforge.materials.fitting.curves import mean_curves
-from gelforge.materials.fitting.families import FAMILIES, parameters_of
 from gelforge.materials.fitting.fit import FitError, fit_law
 from gelforge.materials.fitting.law_file import leaves_valid_range, read_law, write_law
 from gelforge.materials.fitting.material_table import material_table
 from gelforge.materials.readers.material_source import read_sources
-from gelforge.mechanics.homogeneous import principal_stretches
+from gelforge.mechanics.laws.homogeneous import principal_stretches
+from gelforge.mechanics.laws.models import FAMILIES, parameters_of
 
 ROOT = Path(__file__).parents[2]
 MAPPING = """

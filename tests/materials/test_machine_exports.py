@@ -5,7 +5,7 @@ import pytest
 import yaml
 
 from gelforge.config import ConfigError
-from gelforge.config.mapping import load_mapping
+from gelforge.config.foreign.mapping import load_mapping
 from gelforge.csv_table import TableError
 from gelforge.materials.fitting.curves import mean_curves
 from gelforge.materials.fitting.sample_scatter import scatter
@@ -13,7 +13,7 @@ from gelforge.materials.readers.mapped_files import read_mapped
 from gelforge.materials.readers.material_source import read_sources
 from gelforge.materials.readers.microindentation import fit_modulus
 from gelforge.materials.readers.small_effects import small_effects
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.units import UNITS, unit_named
 
 G = 0.05  # MPa

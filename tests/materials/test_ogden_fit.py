@@ -18,8 +18,8 @@ from gelforge.materials.fitting.law_file import LawFileError, MaterialLaw, read_
 from gelforge.materials.fitting.material_table import material_table
 from gelforge.materials.readers.common_form import MaterialTest
 from gelforge.materials.readers.material_tests import read_material_tests
-from gelforge.mechanics.homogeneous import LOAD_CASES, nominal_stress
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.laws.homogeneous import LOAD_CASES, nominal_stress
+from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.virtual_lab.material_tests import make_material_tests
 
 ROOT = Path(__file__).parents[2]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from shared_data import MAPPINGS, SHARED, files_of, needs_shared
 
-from gelforge.config.mapping import load_mapping
+from gelforge.config.foreign.mapping import load_mapping
 from gelforge.csv_table import TableError
 from gelforge.materials.covariates.effects import first_loading, rate_effect, scatter_between
 from gelforge.materials.covariates.hysteresis import loops

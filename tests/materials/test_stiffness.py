@@ -8,11 +8,12 @@ from pydantic import ValidationError
 
 from gelforge.cli import main
 from gelforge.config import ConfigError, Material, write_yaml
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.stability_ahead import check_stable_ahead
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.stability_ahead import check_stable_ahead
 from gelforge.materials.characterise import characterise, given_law
 from gelforge.materials.fitting.stiffness import check_stiffness, stiffness_words
-from gelforge.mechanics.laws import Ogden, Yeoh
+from gelforge.mechanics.laws.models.ogden import Ogden
+from gelforge.mechanics.laws.models.yeoh import Yeoh
 
 
 def law(**parameters):

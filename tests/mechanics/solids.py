@@ -19,7 +19,7 @@ def prism(polygon, low, high):
 
 
 def block(x, y, z):
-    """Return the block of these sizes on its lower face, like mechanics.indenters.Box."""
+    """Return the block of these sizes on its lower face, like mechanics.indenters.shapes.Box."""
     return prism(np.array([[-x, -y], [x, -y], [x, y], [-x, y]]) / 2, 0.0, z)
 
 

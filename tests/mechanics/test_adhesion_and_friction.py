@@ -7,12 +7,13 @@ import pytest
 import specimens
 from numpy.testing import assert_allclose
 
-from gelforge.mechanics.body import Body
-from gelforge.mechanics.contact import SLIP, STICK
-from gelforge.mechanics.equilibrium import Press, Settings
-from gelforge.mechanics.indenters import Cylinder, Sphere
-from gelforge.mechanics.laws import NeoHooke
-from gelforge.mechanics.meshes import Block, Sizes, layered_block
+from gelforge.mechanics.bodies.body import Body
+from gelforge.mechanics.contact.forces import SLIP, STICK
+from gelforge.mechanics.contact.state import Settings
+from gelforge.mechanics.indenters.shapes import Cylinder, Sphere
+from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
+from gelforge.mechanics.meshes.mesh import Block, Sizes, layered_block
+from gelforge.mechanics.solving.equilibrium import Press
 
 WORK, RANGE = 1e-4, 0.2  # N/mm, mm
 STIFF = {

@@ -5,8 +5,8 @@ import pytest
 import twins
 from numpy.testing import assert_allclose
 
-from gelforge.mechanics.contact import OPEN, SLIP, STICK, add_node_blocks, contact_forces
-from gelforge.mechanics.indenters import Sphere
+from gelforge.mechanics.contact.forces import OPEN, SLIP, STICK, add_node_blocks, contact_forces
+from gelforge.mechanics.indenters.shapes import Sphere
 
 rng = np.random.default_rng(5)
 NODES = 200

@@ -7,7 +7,7 @@ import twins
 from numpy.testing import assert_allclose
 from scipy.spatial import ConvexHull
 
-from gelforge.mechanics.elements import (
+from gelforge.mechanics.meshes.elements import (
     ELEMENTS,
     HEX8_CORNERS,
     TET10_EDGES,

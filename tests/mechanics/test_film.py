@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gelforge.mechanics.body import Body
-from gelforge.mechanics.contact import film_given
-from gelforge.mechanics.equilibrium import Press, Settings
-from gelforge.mechanics.indenters import Cylinder, Sphere
-from gelforge.mechanics.laws import NeoHooke
-from gelforge.mechanics.meshes import Block, Sizes, layered_block
+from gelforge.mechanics.bodies.body import Body
+from gelforge.mechanics.contact.forces import film_given
+from gelforge.mechanics.contact.state import Settings
+from gelforge.mechanics.indenters.shapes import Cylinder, Sphere
+from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
+from gelforge.mechanics.meshes.mesh import Block, Sizes, layered_block
+from gelforge.mechanics.solving.equilibrium import Press
 
 SOFT, RIGID = {"gel": NeoHooke(0.02)}, {"gel": NeoHooke(500.0)}  # MPa
 THICK = 0.05  # mm

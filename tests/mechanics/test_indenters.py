@@ -4,14 +4,18 @@ The normal is the gradient of the gap and the turn that of the normal, by rates;
 inside and outside, found by looking everywhere.
 """
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 import solids
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize
 
-from gelforge.mechanics.closed_surface import ClosedSurface, SurfaceError, closed_surface
-from gelforge.mechanics.indenters import (
+from gelforge.mechanics.indenters import shapes
+from gelforge.mechanics.indenters.closed_surface import ClosedSurface, SurfaceError, closed_surface
+from gelforge.mechanics.indenters.shapes import (
     Box,
     Cylinder,
     Several,
@@ -20,6 +24,16 @@ from gelforge.mechanics.indenters import (
     rotation_about_axes,
     rotation_of,
 )
+
+
+def guides_example():
+    """Return the capsule that docs/adding/indenter.md shows."""
+    text = Path("docs/adding/indenter.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    names = dict(vars(shapes))
+    exec(code, names)
+    return names["Capsule"](2.0, 7.0)
+
 
 TILT = rotation_about_axes((12.0, -7.0, 30.0))
 INDENTERS = {
@@ -30,6 +44,7 @@ INDENTERS = {
     "tilted cylinder": Turned(Cylinder(3.0, 8.0, 0.5), TILT),
     "box": Box((6.0, 3.0, 4.0), 0.4),
     "tilted box": Turned(Box((6.0, 3.0, 4.0), 0.4), TILT),
+    "capsule of the guide": guides_example(),
     "two balls": Several((Sphere(2.0), Sphere(3.0)), np.array([[-4.0, 0.0, 2.0], [3.0, 1.0, 3.2]])),
     "ball and box": Several(
         (Sphere(2.0), Turned(Box((3.0, 3.0, 3.0), 0.3), TILT)), np.array([[-4.0, 0.0, 2.0], [3.0, 1.0, 0.5]])

@@ -13,14 +13,25 @@ from numba.extending import is_jitted
 from numpy.testing import assert_allclose
 
 import gelforge
-from gelforge.mechanics.body import Body, bulk_to_shear_of
-from gelforge.mechanics.elements import ELEMENTS
-from gelforge.mechanics.laws import Gent, MooneyRivlin, NeoHooke, Ogden, Yeoh
-from gelforge.mechanics.sparsity import build_pattern
+from gelforge.mechanics.bodies.body import Body, bulk_to_shear_of
+from gelforge.mechanics.bodies.kernels import ASSEMBLE, ASSEMBLE_WITH_MEMORY
+from gelforge.mechanics.laws.models.gent import Gent
+from gelforge.mechanics.laws.models.mooney_rivlin import MooneyRivlin
+from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
+from gelforge.mechanics.laws.models.ogden import Ogden
+from gelforge.mechanics.laws.models.yeoh import Yeoh
+from gelforge.mechanics.laws.points import FINGERPRINT
+from gelforge.mechanics.linear.sparsity import build_pattern
+from gelforge.mechanics.meshes.elements import ELEMENTS
 
 COMPILED = (
-    *("mechanics.kernels", "mechanics.point_laws", "mechanics.contact", "mechanics.closed_surface"),
-    *("mechanics.sparsity", "recording.features", "virtual_lab.imaging"),
+    *("mechanics.bodies.kernels", "mechanics.laws.points", "mechanics.contact.forces"),
+    *(
+        "mechanics.indenters.closed_surface",
+        "mechanics.linear.sparsity",
+        "recording.features",
+        "virtual_lab.imaging",
+    ),
 )
 rng = np.random.default_rng(11)
 LAWS = {
@@ -209,11 +220,18 @@ def test_bulk_to_shear_is_that_of_poissons_ratio():
 
 
 def compiled_functions():
-    """Return the compiled functions of gelforge by their names; those of a table by their number of nodes too."""
+    """Return the compiled functions that are kept on disk by their names; those of a table by their number of nodes too.
+
+    Others are compiled into those that call them.
+    """
     modules = (import_module(f"gelforge.{name}") for name in COMPILED)
     named = [(module.__name__, *item) for module in modules for item in vars(module).items()]
     tables = [(m, f"{name}[{key}]", f) for m, name, v in named if isinstance(v, dict) for key, f in v.items()]
-    return {f"{m}.{name}": function for m, name, function in named + tables if is_jitted(function)}
+    return {
+        f"{m}.{name}": function
+        for m, name, function in named + tables
+        if is_jitted(function) and function.stats.cache_path
+    }
 
 
 @pytest.mark.parametrize("name", compiled_functions())
@@ -221,6 +239,12 @@ def test_what_is_compiled_is_found_again_by_the_next_process(name):
     """On disk it is known by its code and what it closes over: a compiled function is another one in every process."""
     cells = compiled_functions()[name].py_func.__closure__ or ()
     assert all(type(cell.cell_contents) in (int, bool, float) for cell in cells)
+
+
+def test_a_kernel_on_disk_is_that_of_these_laws():
+    """What a law's routine computes is not in the code of the kernel that holds it: what tells them apart is closed over."""
+    for kernel in (*ASSEMBLE.values(), *ASSEMBLE_WITH_MEMORY.values()):
+        assert FINGERPRINT in [cell.cell_contents for cell in kernel.py_func.__closure__]
 
 
 def test_every_module_that_compiles_is_among_them():

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 import specimens
 
-from gelforge.mechanics.body import Body
-from gelforge.mechanics.contact import OPEN
-from gelforge.mechanics.equilibrium import PATIENCE, NotConverged, Press, Settings
-from gelforge.mechanics.indenters import Box
-from gelforge.mechanics.laws import NeoHooke
-from gelforge.mechanics.meshes import Block, Sizes, layered_block
+from gelforge.mechanics.bodies.body import Body
+from gelforge.mechanics.contact.forces import OPEN
+from gelforge.mechanics.contact.state import Settings
+from gelforge.mechanics.indenters.shapes import Box
+from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
+from gelforge.mechanics.meshes.mesh import Block, Sizes, layered_block
+from gelforge.mechanics.solving.equilibrium import PATIENCE, NotConverged, Press
 
 BLOCK = Block(12.0, 12.0, (("gel", 3.0),), wall=1.0)
 LAWS = {"gel": NeoHooke(0.01)}

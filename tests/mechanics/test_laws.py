@@ -8,8 +8,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gelforge.mechanics.homogeneous import LOAD_CASES, cauchy_stress, nominal_stress, principal_stretches
-from gelforge.mechanics.laws import Gent, MooneyRivlin, NeoHooke, Ogden, Yeoh
+from gelforge.mechanics.laws.homogeneous import LOAD_CASES, cauchy_stress, nominal_stress, principal_stretches
+from gelforge.mechanics.laws.models.gent import Gent
+from gelforge.mechanics.laws.models.mooney_rivlin import MooneyRivlin
+from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
+from gelforge.mechanics.laws.models.ogden import Ogden
+from gelforge.mechanics.laws.models.yeoh import Yeoh
 
 LAWS = {
     "ecoflex_gel": Ogden((7.9652e-3, 0.3093e-3), (1.2769, 3.5676)),

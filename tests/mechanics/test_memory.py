@@ -6,9 +6,9 @@ import specimens
 from numpy.testing import assert_allclose
 from scipy.special import erf
 
-from gelforge.mechanics.laws import NeoHooke
-from gelforge.mechanics.memory import Relaxation, RememberingBody, Softening
-from gelforge.mechanics.sparsity import build_pattern
+from gelforge.mechanics.bodies.memory import Relaxation, RememberingBody, Softening
+from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
+from gelforge.mechanics.linear.sparsity import build_pattern
 
 rng = np.random.default_rng(3)
 CUBE = specimens.box(1)
@@ -156,7 +156,7 @@ def test_the_softened_energy_is_that_of_the_forces():
 
 
 def test_nothing_remembered_is_the_plain_body():
-    from gelforge.mechanics.body import Body
+    from gelforge.mechanics.bodies.body import Body
 
     mesh = MESHES["hexahedron"]
     u, p = 0.05 * rng.uniform(-1, 1, mesh.X.shape), np.array([0.1])
@@ -168,7 +168,7 @@ def test_nothing_remembered_is_the_plain_body():
 
 def test_prestretch_is_a_stretch_from_the_state_without_stress():
     """An element held at its shape with prestretch F has the forces of one that was stretched by F, over its own area."""
-    from gelforge.mechanics.body import Body
+    from gelforge.mechanics.bodies.body import Body
 
     F = np.diag([1.2, 0.9, 1 / (1.2 * 0.9)])
     free = build_pattern(CUBE.elements, np.zeros(8, bool))

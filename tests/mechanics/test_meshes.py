@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gelforge.mechanics.elements import element_gradient, hex8_shape
-from gelforge.mechanics.meshes import Block, Sizes, layered_block
+from gelforge.mechanics.meshes.elements import element_gradient, hex8_shape
+from gelforge.mechanics.meshes.mesh import Block, Sizes, layered_block
 
 PLAIN = Block(32.0, 32.0, (("gel", 4.5), ("skin", 1.5)), wall=1.5)
 FLANGE = Block(32.0, 30.0, (("gel", 4.5), ("skin", 1.5)), wall=1.1, flange_width=6.5, flange_height=1.5)

@@ -9,8 +9,14 @@ import specimens
 from numpy.testing import assert_allclose
 from scipy.sparse.linalg import spsolve
 
-from gelforge.mechanics import sparse
-from gelforge.mechanics.sparse import NotPositiveDefinite, Pardiso, SuperLU, direct_solver, refined_solve
+from gelforge.mechanics.linear import sparse
+from gelforge.mechanics.linear.sparse import (
+    NotPositiveDefinite,
+    Pardiso,
+    SuperLU,
+    direct_solver,
+    refined_solve,
+)
 
 rng = np.random.default_rng(8)
 

@@ -6,8 +6,7 @@ import scipy.sparse as sp
 import specimens
 from numpy.testing import assert_allclose
 
-from gelforge.mechanics.kernels import symmetric_product
-from gelforge.mechanics.sparsity import build_pattern
+from gelforge.mechanics.linear.sparsity import build_pattern, symmetric_product
 
 MESH = specimens.box(2)
 

@@ -1,6 +1,6 @@
 """A small layered dome and a small block to be meshed in seconds."""
 
-from gelforge.mechanics.meshes import Block, Sizes
+from gelforge.mechanics.meshes.mesh import Block, Sizes
 from gelforge.meshing.solids import block_solids, dome_solids
 
 # name: (solids, the point that is touched)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from small_shapes import SHAPES
 
-from gelforge.mechanics.closed_surface import SurfaceError, closed_surface
+from gelforge.mechanics.indenters.closed_surface import SurfaceError, closed_surface
 from gelforge.meshing.layout import check_layout
 from gelforge.meshing.solids import _box, given_solids
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from gelforge.mechanics.closed_surface import SurfaceError
-from gelforge.mechanics.meshes import Block
+from gelforge.mechanics.indenters.closed_surface import SurfaceError
+from gelforge.mechanics.meshes.mesh import Block
 from gelforge.meshing.solids import area, block_solids, dome_solids, enclosed_volume
 
 

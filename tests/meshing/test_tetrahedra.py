@@ -5,11 +5,11 @@ import pytest
 from numpy.testing import assert_array_equal
 from small_shapes import SHAPES, SIZES
 
-from gelforge.config.mechanics import Mesh as MeshSizes
-from gelforge.indentation.sensor_mesh import sizes_of
-from gelforge.mechanics.closed_surface import closed_surface
-from gelforge.mechanics.elements import element_gradient, lumped_area
-from gelforge.mechanics.meshes import Block, Sizes
+from gelforge.config.parts.mechanics import Mesh as MeshSizes
+from gelforge.indentation.sensor.sensor_mesh import sizes_of
+from gelforge.mechanics.indenters.closed_surface import closed_surface
+from gelforge.mechanics.meshes.elements import element_gradient, lumped_area
+from gelforge.mechanics.meshes.mesh import Block, Sizes
 from gelforge.meshing import tetrahedra
 from gelforge.meshing.solids import Solids, area, block_solids, dome_solids, enclosed_volume
 from gelforge.meshing.tetrahedra import MeshingError, faces_between, read_mesh, tetrahedral_mesh, write_mesh

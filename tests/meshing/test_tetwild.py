@@ -6,7 +6,7 @@ import specimens
 from small_shapes import SHAPES
 
 from gelforge.config import ConfigError
-from gelforge.indentation.sensor_mesh import sensor_mesh
+from gelforge.indentation.sensor.sensor_mesh import sensor_mesh
 from gelforge.meshing import tetwild
 from gelforge.meshing.tetwild import TetwildError, tetrahedralize
 

@@ -6,7 +6,7 @@ from functools import cache
 import artificial
 import numpy as np
 
-from gelforge.config.mismatch import Mismatch
+from gelforge.config.parts.mismatch import Mismatch
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.covariance import readings_covariance
 from gelforge.mismatch.inference.judge import _state, judge

@@ -6,8 +6,8 @@ Such recordings test that the stage does what it says; that it finds effects mad
 
 import numpy as np
 
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.simulate import simulate_cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.solving.simulate import simulate_cell
 
 HEADER = "press,cell,order,time_s,phase,x_mm,y_mm,depth_mm,speed_mm_per_s,dwell_s,fx_N,fy_N,fz_N,image"
 SITES = [(8.0, 8.0), (5.0, 8.0), (11.0, 8.0), (8.0, 5.0), (8.0, 11.0), (5.0, 5.0)]

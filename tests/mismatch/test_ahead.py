@@ -5,7 +5,7 @@ import pytest
 import specimens
 
 from gelforge.config import study_from
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.identifiability import next_experiment
 from gelforge.mismatch.pipeline.ahead import planned_observations

@@ -9,13 +9,13 @@ import specimens
 from recorded import DEPTHS, SITES, record
 
 from gelforge.config import study_from
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.indentation.effects.fields import element_stiffness
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.sensitivities import Variation, derivatives
-from gelforge.indentation.sensor_mesh import sensor_mesh
-from gelforge.indentation.simulate import simulate_cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.sensor.sensor_mesh import sensor_mesh
+from gelforge.indentation.solving.sensitivities import Variation, derivatives
+from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.fem.solutions import Solver

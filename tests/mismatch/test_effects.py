@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 
 import gelforge.mismatch.effects as effects
 from gelforge.config import study_from
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.indentation.effects.catalogue import CATALOGUE as KNOWN
 from gelforge.indentation.effects.catalogue import Place, middle_of
 from gelforge.mismatch.evidence import places

@@ -1,4 +1,4 @@
-"""docs/effects.md is what the catalogue says, and the effect that docs/mismatch.md shows is a whole one."""
+"""docs/effects.md is what the catalogue says, and the effect that docs/adding/effect.md shows is a whole one."""
 
 import re
 from dataclasses import replace
@@ -12,6 +12,7 @@ import gelforge.mismatch.effects as effects
 from gelforge.mismatch.summary.effects_table import PAGE, page, parameters
 
 GUIDE = Path("docs/mismatch.md")
+ADDING = Path("docs/adding/effect.md")
 CATALOGUE = effects.CATALOGUE
 
 
@@ -40,7 +41,7 @@ def test_parameters_that_differ_by_name_only_are_told_once():
 
 def test_the_guides_example_is_an_effect(tmp_path, monkeypatch):
     """As printed it enters by its file; nothing of it is the base bit for bit, and it acts as the guide says."""
-    (text,) = re.findall(r"```python\n(.*?)```", GUIDE.read_text(encoding="utf-8"), re.DOTALL)
+    (text,) = re.findall(r"```python\n(.*?)```", ADDING.read_text(encoding="utf-8"), re.DOTALL)
     (tmp_path / "depth_scale.py").write_text(text)
     monkeypatch.setattr(effects, "__path__", [*effects.__path__, str(tmp_path)])
     effect = effects.found()["depth_scale"]
@@ -55,7 +56,7 @@ def test_the_guides_example_is_an_effect(tmp_path, monkeypatch):
 
 
 def test_the_guide_names_every_key_of_the_study():
-    from gelforge.config.mismatch import Mismatch
+    from gelforge.config.parts.mismatch import Mismatch
 
     rows = re.findall(r"^\| `(\w+)` \| (\S.*?) \|", GUIDE.read_text(encoding="utf-8"), re.MULTILINE)
     told = {name: default for name, default in rows if name in Mismatch.model_fields}

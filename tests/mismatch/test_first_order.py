@@ -14,10 +14,10 @@ import pytest
 import specimens
 
 from gelforge.config import study_from
-from gelforge.config.variants import merged
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.sensitivities import Variation, derivatives, unmirrored
-from gelforge.indentation.simulate import simulate_cell
+from gelforge.config.basis.variants import merged
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.solving.sensitivities import Variation, derivatives, unmirrored
+from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.places import FirstOrderAt
 from gelforge.mismatch.fem.solver import key_of

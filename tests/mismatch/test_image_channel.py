@@ -9,10 +9,10 @@ import yaml
 from numpy.testing import assert_allclose
 
 from gelforge.config import Camera, VirtualImaging
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
-from gelforge.indentation.plan import PlannedCell
-from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.screen import screened
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed
@@ -38,7 +38,7 @@ from gelforge.mismatch.pipeline.stage import IMAGES_LEFT_OUT, judge_recording, o
 from gelforge.mismatch.result.verdict import read_verdict
 from gelforge.mismatch.result.verdict_tables import read_flow, read_readings
 from gelforge.mismatch.summary.flow_told import after_of, flow_section, region_middles
-from gelforge.recording.camera import project
+from gelforge.recording.optics.camera import project
 from gelforge.report.verdict.mismatch_flow import flow_residual_figure
 from gelforge.report.verdict.mismatch_reader import MismatchResults
 from gelforge.virtual_lab.particles import gel_boxes

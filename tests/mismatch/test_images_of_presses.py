@@ -6,8 +6,8 @@ import specimens
 from recorded import record
 
 from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.symmetry import D4, transform_points
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.sensor.symmetry import D4, transform_points
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.fem import solver as solver_module
 from gelforge.mismatch.fem.solutions import Solver

@@ -9,7 +9,7 @@ import pytest
 from artificial_problem import LOCATED, SETTINGS, identified, judged, problem_of
 from numpy.testing import assert_allclose
 
-from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.screen import screened
 from gelforge.mismatch.goodness.scan import Finding

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from gelforge.config import ConfigError, study_from
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.effects.force_frame import READ
 from gelforge.mismatch.fem.known import with_known

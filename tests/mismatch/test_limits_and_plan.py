@@ -10,19 +10,18 @@ from recorded import record
 from test_verdict import content, effect
 
 from gelforge.cli import main
-from gelforge.cli.mismatch import solver_of
 from gelforge.config import study_from, write_yaml
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
-from gelforge.indentation.plan import plan_cells
-from gelforge.indentation.simulate import simulate_cell
+from gelforge.indentation.planning.plan import plan_cells
+from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.identifiability import DECISIVE, DETECTED_SNR
 from gelforge.mismatch.evidence.screen import screened
 from gelforge.mismatch.fem import solutions
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.pipeline.ahead import limits_table, planned_observations, planned_problem
-from gelforge.mismatch.pipeline.stage import problem_of
+from gelforge.mismatch.pipeline.stage import problem_of, solver_of
 from gelforge.mismatch.result.verdict import Verdict, write_verdict
 
 TRIED = ("contact_zero", "force_gain", "gel_stiffness")

@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from gelforge.cli.bench import material_laws_of
 from gelforge.cli.factory import laws_and_doubts
 from gelforge.config import load_study, study_from
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.identifiability import next_experiment
 from gelforge.mismatch.evidence.screen import Candidate, screened

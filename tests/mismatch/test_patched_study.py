@@ -11,11 +11,11 @@ from numpy.testing import assert_allclose
 from recorded import SITES, record
 
 from gelforge.config import study_from
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.sensitivities import unmirrored
-from gelforge.indentation.simulate import simulate_cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.solving.sensitivities import unmirrored
+from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import REACH_MM, base_of, forces_with

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from gelforge.config import load_study
-from gelforge.indentation.plan import plan_cells
+from gelforge.indentation.planning.plan import plan_cells
 from gelforge.mismatch.pipeline.stage import observations_of
 
 

@@ -11,7 +11,7 @@ from recorded import DEPTHS, SITES, record
 from test_patched_study import after_of
 
 from gelforge.config import ConfigError, study_from
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.fem.solutions import Solver

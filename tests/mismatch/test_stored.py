@@ -7,7 +7,8 @@ import pytest
 import specimens
 from numpy.testing import assert_allclose
 
-from gelforge.indentation.plan import PlannedCell, plan_cells
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.plan import plan_cells
 from gelforge.mismatch.fem import solutions
 from gelforge.mismatch.fem.site_slopes import slopes_of_site, write_site_slopes
 from gelforge.mismatch.fem.solutions import Solver, follow

@@ -7,7 +7,7 @@ import pytest
 import specimens
 
 from gelforge.config import study_from
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.mismatch.effects import CATALOGUE, with_taken
 from gelforge.mismatch.evidence.covariance import readings_covariance
 from gelforge.mismatch.evidence.identifiability import ALIKE, cosines

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from gelforge.cli import main
 from gelforge.config import Camera, load_camera
-from gelforge.recording.boards import Board, CalibrationError, View, Views, find_boards
-from gelforge.recording.calibration import calibrate, coverage, intrinsics_sd
-from gelforge.recording.camera import project, unproject
+from gelforge.recording.optics.boards import Board, CalibrationError, View, Views, find_boards
+from gelforge.recording.optics.calibration import calibrate, coverage, intrinsics_sd
+from gelforge.recording.optics.camera import project, unproject
 from gelforge.virtual_lab.boards import BoardCamera, poses
 
 SIZE = {"width_px": 320, "height_px": 240, "centre_px": [164.0, 117.0], "position_mm": [0, 0, 0]}

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from gelforge.config import Camera
-from gelforge.recording.camera import CameraError, mm_per_px_at, project, px_per_mm, unproject
+from gelforge.recording.optics.camera import CameraError, mm_per_px_at, project, px_per_mm, unproject
 
 PINHOLE = {
     "width_px": 640,

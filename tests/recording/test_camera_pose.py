@@ -9,9 +9,9 @@ from session_folder import HEADER
 from gelforge.cli import main
 from gelforge.cli.studies import print_scale
 from gelforge.config import Camera, Session, VirtualImaging, load_camera, study_from, write_yaml
-from gelforge.recording.camera import CameraError, project
 from gelforge.recording.camera_pose import fit_pose, particle_plane_mm
-from gelforge.recording.expansion import centre_of_expansion
+from gelforge.recording.optics.camera import CameraError, project
+from gelforge.recording.optics.expansion import centre_of_expansion
 from gelforge.virtual_lab.imaging import draw, expose
 
 KEYS = {"width_px": 300, "height_px": 280, "focal_px": 400.0, "centre_px": [152.0, 138.0]}

@@ -13,7 +13,7 @@ from session_folder import write_session
 
 from gelforge.config import Features
 from gelforge.recording.features import FlowFeatures, flow_features, session_features
-from gelforge.recording.flow import ImageError
+from gelforge.recording.imaging.flow import ImageError
 from gelforge.recording.readings import read_recording
 
 

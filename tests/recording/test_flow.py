@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from gelforge.config import Features
-from gelforge.recording.flow import Flow, ImageError, crop, grey, read_grey
+from gelforge.recording.imaging.flow import Flow, ImageError, crop, grey, read_grey
 
 SHARED = Path(os.environ.get("GELFORGE_SHARED", Path(__file__).parents[3] / "shared"))
 PRESET = Features().flow_preset

@@ -10,10 +10,10 @@ from drawn import photograph
 from image_session import PLACES, write_image_session
 
 from gelforge.config import Features
-from gelforge.recording import image_measures
 from gelforge.recording.features import found_in, session_features
-from gelforge.recording.flow import Flow
-from gelforge.recording.image_measures import flow_lost
+from gelforge.recording.imaging import image_measures
+from gelforge.recording.imaging.flow import Flow
+from gelforge.recording.imaging.image_measures import flow_lost
 from gelforge.recording.plausibility.images import MOST_LOST
 from gelforge.recording.readings import read_recording
 

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from gelforge.recording.flow import ImageError
-from gelforge.recording.frames import frames
+from gelforge.recording.imaging.flow import ImageError
+from gelforge.recording.imaging.frames import frames
 
 
 def test_a_folder_gives_its_images_by_name(tmp_path):

@@ -7,10 +7,10 @@ import pytest
 from drawn import MIDDLE, SIZE, dots, photograph, speckle
 from image_session import DEPTHS, PLACES, indentations, write_image_session
 
-from gelforge.recording.checks import RecordingError
-from gelforge.recording.image_measures import RUN_LENGTH, RUNS, sample
-from gelforge.recording.images import image_size
+from gelforge.recording.imaging.image_measures import RUN_LENGTH, RUNS, sample
+from gelforge.recording.imaging.images import image_size
 from gelforge.recording.readings import read_recording
+from gelforge.recording.tables.checks import RecordingError
 
 
 def found(folder):

@@ -11,9 +11,9 @@ from session_folder import write_session
 
 from gelforge.config import Camera, Features, Session
 from gelforge.recording.features import FlowFeatures, features_digest, flow_features, session_features
-from gelforge.recording.flow import ImageError, reduced
+from gelforge.recording.imaging.flow import ImageError, reduced
+from gelforge.recording.optics.remap import Remapper, picture_of, remap_to, view_of
 from gelforge.recording.readings import read_recording
-from gelforge.recording.remap import Remapper, picture_of, remap_to, view_of
 
 SCALES = [1.0, 0.9, 0.8, 0.6, 0.5]
 SIZE = (391, 403)  # no scale but 1 divides it

@@ -13,9 +13,9 @@ from numpy.testing import assert_allclose
 
 from gelforge.config import Sensor, load_study
 from gelforge.dataset.agreement import _measured
-from gelforge.indentation.plan import PlannedCell, plan_cells
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.plan import plan_cells
 from gelforge.mismatch.readings.sessions import observe
-from gelforge.recording.checks import RecordingError
 from gelforge.recording.features import sample_rows
 from gelforge.recording.plausibility.findings import (
     Finding,
@@ -26,6 +26,7 @@ from gelforge.recording.plausibility.findings import (
 )
 from gelforge.recording.plausibility.streams import read_force_log, spread_stamps
 from gelforge.recording.readings import read_readings, read_recording, write_readings
+from gelforge.recording.tables.checks import RecordingError
 
 SHARED = Path(os.environ.get("GELFORGE_SHARED", Path(__file__).parents[3] / "shared"))
 CASES = SHARED / "field_cases"

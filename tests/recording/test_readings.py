@@ -12,9 +12,7 @@ from session_folder import HEADER, OFFSET, press_lines, write_session
 
 from gelforge.config import ConfigError, ForceSensor, Sensor, StageToSensor
 from gelforge.csv_table import TableError
-from gelforge.indentation.plan import PlannedCell
-from gelforge.recording.checks import RecordingError
-from gelforge.recording.join import cells_from_presses, press_table
+from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.recording.readings import (
     COLUMNS,
     FORCE,
@@ -27,6 +25,8 @@ from gelforge.recording.readings import (
     stage_to_sensor,
     write_readings,
 )
+from gelforge.recording.tables.checks import RecordingError
+from gelforge.recording.tables.join import cells_from_presses, press_table
 
 SENSOR = Sensor.model_validate({"layers": [{"name": "gel", "thickness_mm": 6.0, "material": "m"}]})
 CELLS = {

@@ -10,11 +10,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from session_folder import write_session
 
 from gelforge.config import Camera, ConfigError, Features, Session, VirtualImaging, load_camera, write_yaml
-from gelforge.recording.camera import project
 from gelforge.recording.features import FlowFeatures, features_digest, session_features
-from gelforge.recording.flow import ImageError
+from gelforge.recording.imaging.flow import ImageError
+from gelforge.recording.optics.camera import project
+from gelforge.recording.optics.remap import Remapper, differences, picture_of, places_in, remap_to, view_of
 from gelforge.recording.readings import read_recording
-from gelforge.recording.remap import Remapper, differences, picture_of, places_in, remap_to, view_of
 from gelforge.virtual_lab.imaging import draw
 
 KEYS = {"width_px": 400, "height_px": 400, "focal_px": 545.0, "centre_px": [199.5, 199.5]}

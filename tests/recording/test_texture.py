@@ -6,8 +6,8 @@ import pytest
 from drawn import photograph, still
 from numpy.testing import assert_allclose, assert_array_equal
 
-from gelforge.recording.flow import Flow, ImageError
-from gelforge.recording.texture import Texture, noise_grey, textured
+from gelforge.recording.imaging.flow import Flow, ImageError
+from gelforge.recording.imaging.texture import Texture, noise_grey, textured
 
 SIZE, MIDDLE = (240, 320), (160, 120)
 DOTS, SPECKLE = drawn.dots(size=SIZE), drawn.speckle(size=SIZE)

@@ -17,13 +17,14 @@ from matplotlib.image import imsave
 from gelforge.config import Camera, ForceSensor, Session, Study, study_from, write_yaml
 from gelforge.files import write_product_json, write_product_table, write_table
 from gelforge.hdf5 import writing
-from gelforge.indentation.cell_file import Cell, write_cell
-from gelforge.indentation.plan import PlannedCell, plan_cells, variant_cells
+from gelforge.indentation.cells.cell_file import Cell, write_cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.plan import plan_cells, variant_cells
 from gelforge.materials.fitting.law_file import MaterialLaw, write_law
 from gelforge.materials.fitting.material_table import material_table
 from gelforge.materials.readers.measured_effects import MeasuredEffect, MeasuredEffects
-from gelforge.mechanics.homogeneous import cauchy_stress
-from gelforge.mechanics.laws import Ogden
+from gelforge.mechanics.laws.homogeneous import cauchy_stress
+from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.recording.plausibility.findings import Finding, Findings, write_findings
 from gelforge.report.mismatch_page import write_mismatch_page
 

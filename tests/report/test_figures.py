@@ -12,7 +12,7 @@ from matplotlib.colors import Normalize
 from matplotlib.text import Text
 
 from gelforge.config import Camera, Indenter, load_session, load_study
-from gelforge.indentation.plan import plan_cells
+from gelforge.indentation.planning.plan import plan_cells
 from gelforge.report.figures.flow_figure import region_flow
 from gelforge.report.figures.force_depth import ForceDepth, deviation_table, force_depth_figure
 from gelforge.report.figures.force_maps import prediction_figure, total_force_figure
@@ -118,6 +118,9 @@ def test_section_draws_ball_at_its_depth(cell):
     assert colours.get_clim()[0] == 0
     words = texts(figure)
     assert all(name in words for name in (*fake_results.REGION_NAMES, "before the press"))
+    figure.draw_without_rendering()
+    titles = [axes.title.get_window_extent() for axes in (side, top)]
+    assert max(title.y1 for title in titles) <= figure.bbox.y1  # no title is cut
 
 
 def test_regions_keep_their_colours():

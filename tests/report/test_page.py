@@ -17,7 +17,7 @@ from gelforge.report.chapters.chapter import Chapter, cell_text, heading
 from gelforge.report.chapters.learning_chapters import TABLES
 from gelforge.report.chapters.material_chapter import _unstable
 from gelforge.report.chapters.results_reader import StudyResults
-from gelforge.report.page import CHAPTERS, write_report
+from gelforge.report.page import CHAPTERS, code, write_report
 
 FETCHING = {"src", "href", "srcset", "data", "poster", "action"}
 
@@ -330,3 +330,8 @@ def test_tables_have_the_papers_numbers_beside_them(whole):
 
 def test_glance_counts_rows_of_the_dataset(page):
     assert "124 rows (100 for training, 24 held out) in 1 shard" in page[0]
+
+
+def test_what_stands_between_backticks_is_code_and_all_else_is_escaped():
+    assert code("`a < b` or <i>, 5`") == "<code>a &lt; b</code> or &lt;i&gt;, 5`"
+    assert code(3) == "3"

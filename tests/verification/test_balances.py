@@ -6,9 +6,9 @@ import specimens
 from numpy.testing import assert_allclose
 from specimens import CENTRE, CORNER, TO_ROUNDING
 
-from gelforge.mechanics.balances import force_balance, moment_balance
-from gelforge.mechanics.body import Body, SmallStrainBody
-from gelforge.mechanics.equilibrium import Settings
+from gelforge.mechanics.bodies.body import Body, SmallStrainBody
+from gelforge.mechanics.contact.state import Settings
+from gelforge.mechanics.solving.balances import force_balance, moment_balance
 
 DEPTHS = [0.4, 0.8, 1.2]
 

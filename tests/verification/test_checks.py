@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
-from gelforge.config.study import Check as CheckName
+from gelforge.config.studies.study import Check as CheckName
 from gelforge.verification.check import Check, absolute, check_table, relative, vanishing
 from gelforge.verification.run import CHECKS
 

@@ -8,8 +8,9 @@ import specimens
 from numpy.testing import assert_allclose
 from specimens import CENTRE, CORNER, TO_ROUNDING
 
-from gelforge.mechanics.body import SmallStrainBody
-from gelforge.mechanics.equilibrium import NotConverged, Press, Settings
+from gelforge.mechanics.bodies.body import SmallStrainBody
+from gelforge.mechanics.contact.state import Settings
+from gelforge.mechanics.solving.equilibrium import NotConverged, Press
 
 DEPTHS = [0.4, 0.8]
 

@@ -9,9 +9,9 @@ from neighbouring_presses import Neighbour, follow_beside
 from numpy.testing import assert_allclose
 from test_sensitivities import AMOUNT, PARAMETERS, binned, model, nodal
 
-from gelforge.mechanics.body import Body, SmallStrainBody
-from gelforge.mechanics.direct import Varied, follow_with_slopes
-from gelforge.mechanics.equilibrium import Press
+from gelforge.mechanics.bodies.body import Body, SmallStrainBody
+from gelforge.mechanics.sensitivities.direct import Varied, follow_with_slopes
+from gelforge.mechanics.solving.equilibrium import Press
 
 LITTLE = 1e-4  # beside which few nodes change between open, stick and slip: there differences jump, derivatives do not
 SHEAR = np.array([[0.0, 0.0, -0.4], [0.0, 0.0, -0.8], [0.1, 0.0, -0.8], [0.25, 0.05, -0.8], [0.1, 0.0, -0.7]])

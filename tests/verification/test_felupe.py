@@ -7,10 +7,10 @@ import pytest
 import specimens
 from numpy.testing import assert_allclose
 
-from gelforge.mechanics.body import Body
-from gelforge.mechanics.equilibrium import Press
-from gelforge.mechanics.laws import Ogden
-from gelforge.mechanics.meshes import Block, Sizes, layered_block
+from gelforge.mechanics.bodies.body import Body
+from gelforge.mechanics.laws.models.ogden import Ogden
+from gelforge.mechanics.meshes.mesh import Block, Sizes, layered_block
+from gelforge.mechanics.solving.equilibrium import Press
 
 pytest.importorskip("felupe", reason="FElupe is not installed: pip install -e .[verification]")
 pytest.importorskip("tensortrax", reason="tensortrax is not installed: pip install -e .[verification]")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import specimens
 
-from gelforge.indentation.companion import simulate_label
-from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.solving.companion import simulate_label
 
 NEAR = 0.4  # mm
 # All lengths are multiples of 1.6 mm, so that halved cells of 0.8 and 1.6 mm fall on the even mesh's lines; layers and sizes

@@ -8,11 +8,11 @@ import scipy.sparse as sp
 import specimens
 from scipy.sparse.linalg import splu
 
-from gelforge.mechanics.body import Body
-from gelforge.mechanics.elements import ELEMENTS
-from gelforge.mechanics.laws import NeoHooke
-from gelforge.mechanics.meshes import Block, Sizes, layered_block
-from gelforge.mechanics.sparse import SuperLU, direct_solver, refined_solve
+from gelforge.mechanics.bodies.body import Body
+from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
+from gelforge.mechanics.linear.sparse import SuperLU, direct_solver, refined_solve
+from gelforge.mechanics.meshes.elements import ELEMENTS
+from gelforge.mechanics.meshes.mesh import Block, Sizes, layered_block
 from gelforge.verification.manufactured import PRESSURE, cube, isochoric_field, solve_manufactured
 
 

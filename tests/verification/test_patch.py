@@ -7,9 +7,12 @@ import pytest
 import specimens
 from numpy.testing import assert_allclose
 
-from gelforge.mechanics.body import Body
-from gelforge.mechanics.laws import Gent, MooneyRivlin, NeoHooke, Yeoh
-from gelforge.mechanics.sparse import SuperLU, refined_solve
+from gelforge.mechanics.bodies.body import Body
+from gelforge.mechanics.laws.models.gent import Gent
+from gelforge.mechanics.laws.models.mooney_rivlin import MooneyRivlin
+from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
+from gelforge.mechanics.laws.models.yeoh import Yeoh
+from gelforge.mechanics.linear.sparse import SuperLU, refined_solve
 
 LAWS = {
     "gel": specimens.GEL,

@@ -6,11 +6,15 @@ import specimens
 from numpy.testing import assert_allclose
 from specimens import BALL, CENTRE, LAWS, TO_ROUNDING
 
-from gelforge.mechanics.balances import force_balance
-from gelforge.mechanics.body import Body, bulk_to_shear_of
-from gelforge.mechanics.equilibrium import NotConverged, Press, Settings
-from gelforge.mechanics.laws import Gent, MooneyRivlin, NeoHooke, Yeoh
-from gelforge.mechanics.meshes import Block, Sizes, layered_block
+from gelforge.mechanics.bodies.body import Body, bulk_to_shear_of
+from gelforge.mechanics.contact.state import Settings
+from gelforge.mechanics.laws.models.gent import Gent
+from gelforge.mechanics.laws.models.mooney_rivlin import MooneyRivlin
+from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
+from gelforge.mechanics.laws.models.yeoh import Yeoh
+from gelforge.mechanics.meshes.mesh import Block, Sizes, layered_block
+from gelforge.mechanics.solving.balances import force_balance
+from gelforge.mechanics.solving.equilibrium import NotConverged, Press
 
 MU = specimens.GEL.shear_modulus
 GELS = {

@@ -7,8 +7,8 @@ import pytest
 import specimens
 from numpy.testing import assert_allclose
 
-from gelforge.mechanics.body import Body, SmallStrainBody
-from gelforge.mechanics.meshes import Block, Sizes, layered_block
+from gelforge.mechanics.bodies.body import Body, SmallStrainBody
+from gelforge.mechanics.meshes.mesh import Block, Sizes, layered_block
 
 FLANGED = Block(4.0, 4.0, (("gel", 1.0), ("skin", 0.5)), wall=0.7, flange_width=1.0, flange_height=0.5)
 

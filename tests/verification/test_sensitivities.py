@@ -8,12 +8,13 @@ import specimens
 from neighbouring_presses import Neighbour, follow_beside
 from numpy.testing import assert_allclose
 
-from gelforge.indentation.binning import bin_forces, surface_shares
-from gelforge.mechanics.body import Body
-from gelforge.mechanics.equilibrium import Press, Settings
-from gelforge.mechanics.indenters import Sphere
-from gelforge.mechanics.laws import Ogden
-from gelforge.mechanics.meshes import layered_block
+from gelforge.indentation.cells.binning import bin_forces, surface_shares
+from gelforge.mechanics.bodies.body import Body
+from gelforge.mechanics.contact.state import Settings
+from gelforge.mechanics.indenters.shapes import Sphere
+from gelforge.mechanics.laws.models.ogden import Ogden
+from gelforge.mechanics.meshes.mesh import layered_block
+from gelforge.mechanics.solving.equilibrium import Press
 
 SETTINGS = Settings(force_tolerance=1e-9, gap_tolerance=1e-8, volume_tolerance=1e-9)
 DEPTHS = np.array([0.25, 0.5, 0.75, 1.0])

@@ -7,11 +7,11 @@ import pytest
 import specimens
 from numpy.testing import assert_allclose
 
-from gelforge.mechanics.body import Body
-from gelforge.mechanics.contact import STICK
-from gelforge.mechanics.kernels import symmetric_product
-from gelforge.mechanics.meshes import layered_block
-from gelforge.mechanics.surface_contact import Iterate
+from gelforge.mechanics.bodies.body import Body
+from gelforge.mechanics.contact.forces import STICK
+from gelforge.mechanics.contact.surface import Iterate
+from gelforge.mechanics.linear.sparsity import symmetric_product
+from gelforge.mechanics.meshes.mesh import layered_block
 
 
 def halving_rates(remainder, steps):

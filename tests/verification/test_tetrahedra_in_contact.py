@@ -5,13 +5,14 @@ import pytest
 import specimens
 from numpy.testing import assert_allclose
 
-from gelforge.indentation.binning import node_areas
-from gelforge.mechanics.body import Body, SmallStrainBody
-from gelforge.mechanics.equilibrium import Press, Settings
-from gelforge.mechanics.indenters import Cylinder, Sphere
-from gelforge.mechanics.laws import Ogden
-from gelforge.mechanics.meshes import Block, Sizes, layered_block
+from gelforge.indentation.cells.binning import node_areas
+from gelforge.mechanics.bodies.body import Body, SmallStrainBody
+from gelforge.mechanics.contact.state import Settings
+from gelforge.mechanics.indenters.shapes import Cylinder, Sphere
+from gelforge.mechanics.laws.models.ogden import Ogden
+from gelforge.mechanics.meshes.mesh import Block, Sizes, layered_block
 from gelforge.mechanics.reference_solutions import bonded_layer_at_radius, poissons_ratio
+from gelforge.mechanics.solving.equilibrium import Press
 from gelforge.verification.presses import spread_out
 
 MU = 0.02  # MPa

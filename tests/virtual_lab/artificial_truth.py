@@ -3,7 +3,7 @@
 import numpy as np
 
 from gelforge.config import VirtualLab, study_from
-from gelforge.indentation.cell_file import Cell
+from gelforge.indentation.cells.cell_file import Cell
 
 DEPTHS, UNLOAD = [0.5, 1.0], [0.6]
 

@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from pydantic import ValidationError
 
 from gelforge.config import Camera, Features, VirtualImaging, VirtualParticles
-from gelforge.recording.camera import project
-from gelforge.recording.flow import Flow, grey, read_grey
+from gelforge.recording.imaging.flow import Flow, grey, read_grey
+from gelforge.recording.optics.camera import project
 from gelforge.virtual_lab.imaging import as_read, draw, expose, picture
 from gelforge.virtual_lab.particles import place_particles
 

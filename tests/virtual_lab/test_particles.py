@@ -7,10 +7,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
 
 from gelforge.config import VirtualParticles
-from gelforge.indentation.cell_file import Cell
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.symmetry import D4, transform_points, transform_vectors
-from gelforge.mechanics.meshes import Block, Sizes, layered_block
+from gelforge.indentation.cells.cell_file import Cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.sensor.symmetry import D4, transform_points, transform_vectors
+from gelforge.mechanics.meshes.mesh import Block, Sizes, layered_block
 from gelforge.virtual_lab.particles import VirtualLabError, interpolation, place_particles, true_motion
 
 SENSOR = small_study().sensor

@@ -12,10 +12,10 @@ from numpy.testing import assert_allclose
 
 from gelforge.cli.factory import virtual_lab_of
 from gelforge.config import ConfigError, load_session
-from gelforge.indentation.cell_file import write_cell
-from gelforge.indentation.plan import plan_cells
-from gelforge.indentation.symmetry import transform_vectors
-from gelforge.recording.flow import read_grey
+from gelforge.indentation.cells.cell_file import write_cell
+from gelforge.indentation.planning.plan import plan_cells
+from gelforge.indentation.sensor.symmetry import transform_vectors
+from gelforge.recording.imaging.flow import read_grey
 from gelforge.recording.readings import at_commanded_depth, read_recording, stage_to_sensor
 from gelforge.virtual_lab.particles import VirtualLabError
 from gelforge.virtual_lab.session import (

@@ -13,17 +13,18 @@ from gelforge.dataset.agreement import agreement_table
 from gelforge.dataset.join import join_shard
 from gelforge.dataset.recorded_presses import recorded_presses
 from gelforge.dataset.shard import ShardDataset, shard_attributes
-from gelforge.indentation.cell_file import write_cell
-from gelforge.indentation.plan import PlannedCell, plan_cells
-from gelforge.indentation.simulate import simulate_cell
-from gelforge.learning.data import images_of_presses
-from gelforge.mechanics.laws import Ogden
+from gelforge.indentation.cells.cell_file import write_cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.plan import plan_cells
+from gelforge.indentation.solving.simulate import simulate_cell
+from gelforge.learning.basis.data import images_of_presses
+from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.mismatch.readings.sessions import observe
-from gelforge.recording.checks import RecordingError
 from gelforge.recording.features import judge_all, session_features
-from gelforge.recording.image_measures import Measures, add_measures
-from gelforge.recording.join import steps_of_path
+from gelforge.recording.imaging.image_measures import Measures, add_measures
 from gelforge.recording.readings import read_recording, sample_rows, write_readings
+from gelforge.recording.tables.checks import RecordingError
+from gelforge.recording.tables.join import steps_of_path
 from gelforge.virtual_lab.particles import PathMotion, VirtualLabError
 from gelforge.virtual_lab.session import make_session
 from gelforge.virtual_lab.truth import check_recordable, simulate_truth_cell

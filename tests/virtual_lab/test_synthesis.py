@@ -7,8 +7,8 @@ from artificial_truth import small_study
 from gelforge.config import ConfigError, study_from
 from gelforge.dataset.shard import ShardDataset, shard_attributes
 from gelforge.dataset.simulated import synthesise
-from gelforge.indentation.binning import bin_centres
-from gelforge.mechanics.laws import Ogden
+from gelforge.indentation.cells.binning import bin_centres
+from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.virtual_lab.drawn_indentations import draw_indentation
 
 LAWS = {"soft": Ogden((0.01,), (2.0,))}

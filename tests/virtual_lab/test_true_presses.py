@@ -5,9 +5,9 @@ import pytest
 from artificial_truth import DEPTHS, small_lab, small_study, truth_cell
 from numpy.testing import assert_allclose
 
-from gelforge.indentation.cell_file import write_cell
-from gelforge.indentation.plan import plan_cells
-from gelforge.indentation.symmetry import transform_bins
+from gelforge.indentation.cells.cell_file import write_cell
+from gelforge.indentation.planning.plan import plan_cells
+from gelforge.indentation.sensor.symmetry import transform_bins
 from gelforge.recording.features import session_features
 from gelforge.recording.readings import at_commanded_depth, read_recording
 from gelforge.virtual_lab.particles import VirtualLabError

@@ -14,7 +14,7 @@ from conftest import ROOT
 from gelforge.cli import unlock
 from gelforge.cli.cost import JOB_S, Costs
 from gelforge.config import load_study
-from gelforge.indentation.plan import plan_cells
+from gelforge.indentation.planning.plan import plan_cells
 from gelforge.workflow import patient_slurm
 
 

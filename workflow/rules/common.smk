@@ -18,9 +18,9 @@ from gelforge.config import (
     write_yaml,
 )
 from gelforge.files import atomic, digest, source_digest
-from gelforge.indentation.derived import derived_chunks
-from gelforge.indentation.lattice import lattice_of, solved_site
-from gelforge.indentation.plan import plan_cells, variant_cells
+from gelforge.indentation.planning.derived import derived_chunks
+from gelforge.indentation.planning.lattice import lattice_of, solved_site
+from gelforge.indentation.planning.plan import plan_cells, variant_cells
 from gelforge.workflow import fork_server
 
 

@@ -60,14 +60,16 @@ rule train:
         learning=block("seed", "learning", "sensor"),
         simulated=ONLY_SIMULATED,
         source=source_digest(
-            *(f"learning/{name}.py" for name in ("data", "networks", "scaling", "training", "turns")),
+            *(f"learning/basis/{name}.py" for name in ("data", "network", "scaling", "turns")),
             *(
-                "learning/model_file.py",
-                "learning/reliability.py",
-                "learning/familiarity.py",
-                "config/learning.py",
+                "learning/networks",
+                "learning/training/train.py",
+                "learning/models/model_file.py",
+                "learning/models/reliability.py",
+                "learning/models/familiarity.py",
+                "config/parts/learning.py",
             ),
-            *("dataset/splits.py", "indentation/symmetry.py"),
+            *("dataset/splits.py", "indentation/sensor/symmetry.py"),
         ),
     shell:
         "{GELFORGE:q} train --study {STUDY_FILE:q} --model {output.model:q} --loss {output.loss:q} &> {log:q}"
@@ -92,13 +94,9 @@ rule evaluate:
         mem_mb=2000,
     params:
         source=source_digest(
-            *(
-                f"learning/{name}.py"
-                for name in (
-                    *("baselines", "familiarity", "model_file", "networks", "predictions"),
-                    *("reliability", "scaling", "true_motion"),
-                )
-            ),
+            *(f"learning/models/{name}.py" for name in ("familiarity", "model_file", "reliability")),
+            *(f"learning/judging/{name}.py" for name in ("baselines", "predictions", "true_motion")),
+            *("learning/basis/network.py", "learning/basis/scaling.py", "learning/networks"),
         ),
         lab=[digest(LAB.model_dump(mode="json")), source_digest("virtual_lab", "recording")] if LAB else [],
     shell:
@@ -121,10 +119,10 @@ rule tables:
             "materials/fitting/law_file.py",
             "dataset/agreement.py",
             "dataset/ranges.py",
-            "learning/error_budget.py",
-            "learning/evaluation.py",
-            "learning/predictions.py",
-            "learning/reliability.py",
+            "learning/judging/error_budget.py",
+            "learning/judging/evaluation.py",
+            "learning/judging/predictions.py",
+            "learning/models/reliability.py",
             "files.py",
         ),
     shell:

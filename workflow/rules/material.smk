@@ -26,7 +26,7 @@ rule characterise:
         runtime=asks(fit_seconds),
     params:
         material=lambda wildcards: STUDY.materials[wildcards.material].model_dump(mode="json"),
-        source=source_digest("materials"),
+        source=source_digest("materials", "mechanics/laws"),
     shell:
         "{GELFORGE:q} fit-law --study {STUDY_FILE:q} --material {wildcards.material:q}"
         " --out {RESULTS:q}/materials/{wildcards.material:q} &> {log:q}"

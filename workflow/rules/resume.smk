@@ -1,11 +1,11 @@
-"""What an interrupted run has solved, and when it is not used: see gelforge/indentation/kept_solutions.py."""
+"""What an interrupted run has solved, and when it is not used: see gelforge/indentation/cells/kept_solutions.py."""
 
 import shutil
 
 from snakemake.logging import logger
 
 from gelforge.dataset.presses_in_order import part_of
-from gelforge.indentation.kept_solutions import forget, tidy
+from gelforge.indentation.cells.kept_solutions import forget, tidy
 from gelforge.workflow.run_progress import show_stages
 
 # CPU seconds of a job by rule, roughly, for the time left: to know them of this study takes a mesh

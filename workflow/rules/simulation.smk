@@ -110,7 +110,7 @@ for number, names in DERIVED.items():
     rule:
         name:
             f"derive_{number}"
-        # The cells of one job that mirror solved ones or lie between them (gelforge/indentation/derived.py).
+        # The cells of one job that mirror solved ones or lie between them (gelforge/indentation/planning/derived.py).
         input:
             laws=law_files(),
             sources=lambda wildcards, names=names: derived_sources(names),

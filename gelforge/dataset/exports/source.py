@@ -16,7 +16,7 @@ from gelforge.dataset.schema import DatasetError, columns
 from gelforge.dataset.shard import ShardDataset
 from gelforge.dataset.splits import split_training
 from gelforge.files import file_sha256
-from gelforge.indentation.binning import bin_centres
+from gelforge.indentation.cells.binning import bin_centres
 from gelforge.progress import tracked
 
 SPLITS = ("train", "validation", "test")

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gelforge.config import Study, study_from
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.indentation.effects.fields import (
     LOST,
     RIGID,

@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from gelforge.config import ConfigError, Effects, Mechanics, Sensor
-from gelforge.config.effects import Circumstances, Delamination, Inclusion, Patch
+from gelforge.config.parts.effects import Circumstances, Delamination, Inclusion, Patch
 from gelforge.indentation.effects.material import by_region, region_bulk
-from gelforge.mechanics.elements import ELEMENTS
-from gelforge.mechanics.meshes import Mesh
+from gelforge.mechanics.meshes.elements import ELEMENTS
+from gelforge.mechanics.meshes.mesh import Mesh
 
 LEAST = 1e-3  # share of its stiffness that what is wholly lost keeps, so that every node is held
 CONSTRAINT = 0.4  # Eshelby's 6 (K + 2 G) / (5 (3 K + 4 G)) of a ball, K >> G

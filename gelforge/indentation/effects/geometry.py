@@ -9,7 +9,7 @@ import numpy as np
 from gelforge.config import ConfigError, Effects, Sensor
 from gelforge.indentation.effects.material import by_region
 from gelforge.indentation.effects.surfaces import layer_heights, surface_rises
-from gelforge.mechanics.meshes import Mesh
+from gelforge.mechanics.meshes.mesh import Mesh
 
 LEAST_ROOM = 0.3  # mm, from the contact to an edge
 LEAST_SHARE = 0.5  # of the way from a contact's middle to the wall, over which what is under it stays behind

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from gelforge.config import Effects, Sensor
-from gelforge.config.effects import PressTiming
+from gelforge.config.parts.effects import PressTiming
 from gelforge.indentation.effects.material import by_region
 from gelforge.indentation.effects.surfaces import layer_heights
-from gelforge.indentation.trajectory import Trajectory
-from gelforge.mechanics.elements import ELEMENTS
-from gelforge.mechanics.memory import Relaxation, Softening
-from gelforge.mechanics.meshes import Mesh
-from gelforge.mechanics.peak_grid import PeakGrid
+from gelforge.indentation.paths.trajectory import Trajectory
+from gelforge.mechanics.bodies.memory import Relaxation, Softening
+from gelforge.mechanics.bodies.peak_grid import PeakGrid
+from gelforge.mechanics.meshes.elements import ELEMENTS
+from gelforge.mechanics.meshes.mesh import Mesh
 
 DWELL_GROWTH = 2.0  # of a wait's steps: relaxation slows down
 

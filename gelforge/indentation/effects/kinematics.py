@@ -6,9 +6,9 @@ import numpy as np
 
 from gelforge.config import Effects, Sensor
 from gelforge.indentation.effects.surfaces import top_slope
-from gelforge.indentation.trajectory import Trajectory
-from gelforge.mechanics.indenters import DOWN, Sphere, Turned, rotation_about_axes
-from gelforge.mechanics.indenters import Indenter as Shape
+from gelforge.indentation.paths.trajectory import Trajectory
+from gelforge.mechanics.indenters.shapes import DOWN, Sphere, Turned, rotation_about_axes
+from gelforge.mechanics.indenters.shapes import Indenter as Shape
 
 
 def real_place(sensor: Sensor, effects: Effects, x: float, y: float) -> tuple[float, float]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from gelforge.config import ConfigError, Effects, Mechanics, Sensor
-from gelforge.mechanics.body import bulk_to_shear_of
-from gelforge.mechanics.law_changes import neo_hookean, with_exponents
-from gelforge.mechanics.laws import NeoHooke, PrincipalLaw
-from gelforge.mechanics.stability import UnstableLaw, check_stable
+from gelforge.mechanics.bodies.body import bulk_to_shear_of
+from gelforge.mechanics.laws.law import PrincipalLaw
+from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
+from gelforge.mechanics.laws.stability import UnstableLaw, check_stable
 
 OF_TOP = ("wall", "flange")  # regions of the top layer's material
 # Logarithmic strain of an element over the compression that layers in series take: the most that was found with balls of
@@ -35,10 +35,10 @@ def region_laws(
     chosen = {name: laws.get(name, laws[top]) for name in regions if name != "base"}
     if "base" in regions:  # rigid: held itself, its law is never felt
         chosen["base"] = NeoHooke((base.youngs_modulus_MPa or 1.0) / 3)
-    if material.linear_law:
-        chosen = {name: neo_hookean(law) for name, law in chosen.items()}
+    if material.linear_law:  # its stress is linear in b: nothing stiffens or softens
+        chosen = {name: NeoHooke(law.shear_modulus) for name, law in chosen.items()}
     factors = by_region(material.exponent_factor, regions, top, 1.0)
-    return {name: with_exponents(law, factors[name]) for name, law in chosen.items()}
+    return {name: law.with_exponents(factors[name]) for name, law in chosen.items()}
 
 
 def region_bulk(sensor: Sensor, mechanics: Mechanics, regions: tuple[str, ...]) -> dict[str, float]:

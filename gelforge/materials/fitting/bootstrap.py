@@ -10,8 +10,8 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from gelforge.materials.fitting.curves import MeanCurve
-from gelforge.materials.fitting.families import Family
 from gelforge.materials.fitting.fit import FitError, LawFit, Problem
+from gelforge.mechanics.laws.family import Family
 from gelforge.workers import each
 
 CHUNK = 125  # refits per task

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 
 from gelforge.materials.fitting.curves import MeanCurve
-from gelforge.materials.fitting.families import FAMILIES
 from gelforge.materials.fitting.fit import FitError, LawFit, Problem, effective_points, fit_law
 from gelforge.materials.fitting.identifiability import PredictionWidth, prediction_widths
+from gelforge.mechanics.laws.models import FAMILIES
 
 SAME_ERROR = 1.1  # ratio of errors of prediction that are called equal
 POOR_R2 = 0.98  # of the nominal stress: residuals of 14 % of the curve's spread, several times the scatter of samples

@@ -9,7 +9,7 @@ import numpy as np
 
 from gelforge.materials.covariates.effects import first_loading
 from gelforge.materials.readers.common_form import LOAD_CASE_OF, MaterialTest
-from gelforge.mechanics.homogeneous import StressPoints, stress_points
+from gelforge.mechanics.laws.homogeneous import StressPoints, stress_points
 
 LEAST_RAMP = 0.02  # of stretch: less does not tell a law from a straight line
 GRID_POINTS = 120  # per test; twice as many change the stress fitted to the demo by 0.01 %

@@ -16,10 +16,11 @@ from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from gelforge.materials.fitting.curves import MeanCurve
-from gelforge.materials.fitting.families import FAMILIES, Family
 from gelforge.materials.fitting.valid_range import ValidRange, unstable_from
-from gelforge.mechanics.homogeneous import StressPoints
-from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.mechanics.laws.family import Family
+from gelforge.mechanics.laws.homogeneous import StressPoints
+from gelforge.mechanics.laws.law import PrincipalLaw
+from gelforge.mechanics.laws.models import FAMILIES
 
 WEIGHTS = "sum over the kinds of tests of 1 - R2 of the nominal stress: each kind counts the same"
 LEAST_SPREAD = 0.1  # of a test's sum of squares: a short piece of a curve must not count for its flatness

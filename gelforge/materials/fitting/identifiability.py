@@ -8,10 +8,11 @@ import numpy as np
 from scipy.stats import f as f_distribution
 
 from gelforge.materials.fitting.curves import MeanCurve
-from gelforge.materials.fitting.families import FAMILIES, Family
 from gelforge.materials.fitting.fit import LawFit, Problem, effective_points
-from gelforge.mechanics.homogeneous import LOAD_CASES, StressPoints, stress_points
-from gelforge.mechanics.laws import NeoHooke
+from gelforge.mechanics.laws.family import Family
+from gelforge.mechanics.laws.homogeneous import LOAD_CASES, StressPoints, stress_points
+from gelforge.mechanics.laws.models import FAMILIES
+from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
 
 TOLERANCE = 0.01  # of the spread of stress: real samples cannot tell laws apart that are closer than that
 WIDTH_TO_WARN = 0.10  # high over low - 1 of a prediction

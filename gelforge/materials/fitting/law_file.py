@@ -8,20 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from gelforge.files import read_product_json, write_product_json
-from gelforge.materials.fitting.families import FAMILIES, Family, family_of, parameters_of
 from gelforge.materials.fitting.valid_range import ValidRange
-from gelforge.mechanics.homogeneous import LOAD_CASES, principal_stretches
-from gelforge.mechanics.laws import Gent, MooneyRivlin, NeoHooke, Ogden, PrincipalLaw, Yeoh
+from gelforge.mechanics.laws.family import Family
+from gelforge.mechanics.laws.homogeneous import LOAD_CASES, principal_stretches
+from gelforge.mechanics.laws.law import PrincipalLaw
+from gelforge.mechanics.laws.models import MODELS, family_of, parameters_of
 
 FORMAT = "gelforge-law-1"
-CONVENTIONS = {
-    Ogden: "W = sum_k mu_k/alpha_k (l1^alpha_k + l2^alpha_k + l3^alpha_k - 3), l1 l2 l3 = 1;"
-    " E = 1.5 sum_k mu_k alpha_k",
-    NeoHooke: "W = mu/2 (I1 - 3), I1 = l1^2 + l2^2 + l3^2, l1 l2 l3 = 1; E = 3 mu",
-    MooneyRivlin: "W = C10 (I1 - 3) + C01 (I2 - 3), I2 = l1^-2 + l2^-2 + l3^-2, l1 l2 l3 = 1; E = 6 (C10 + C01)",
-    Yeoh: "W = C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3, l1 l2 l3 = 1; E = 6 C10",
-    Gent: "W = -mu Jm/2 ln(1 - (I1 - 3)/Jm), l1 l2 l3 = 1; E = 3 mu",
-}
 # As a press strains gel and skin, and half as far again.
 STATES = np.concatenate(
     [
@@ -139,8 +132,8 @@ def write_law(path: str | Path, material: MaterialLaw) -> None:
     content = {
         "format": FORMAT,
         "material": material.material,
-        "law": "ogden" if isinstance(law, Ogden) else family.name,
-        "convention": CONVENTIONS[type(law)],
+        "law": law.name,
+        "convention": MODELS[law.name].formula,
         "parameters": [
             {"name": name, "unit": family.unit(name), "value": float(value)}
             for name, value in zip(family.parameters, material.values)
@@ -166,9 +159,7 @@ def write_law(path: str | Path, material: MaterialLaw) -> None:
         "inputs_digest": material.inputs_digest,
         "study": material.study,
     }
-    if isinstance(law, Ogden):
-        content |= {"mu_kPa": [m * 1e3 for m in law.mu], "alpha": list(law.alpha)}
-    write_product_json(path, rounded(content))
+    write_product_json(path, rounded(content | law.file_keys()))
 
 
 def read_law(path: str | Path) -> MaterialLaw:
@@ -183,14 +174,14 @@ def read_law(path: str | Path) -> MaterialLaw:
     if found != FORMAT:
         raise LawFileError(f"{path}: format {found!r}, expected {FORMAT!r}; {remedy}")
     kind = content.get("law")
-    if kind != "ogden" and kind not in FAMILIES:
-        raise LawFileError(f"{path}: law {kind!r}; one of {['ogden', *FAMILIES]} can be read")
+    if kind not in MODELS:
+        raise LawFileError(f"{path}: law {kind!r}; one of {list(MODELS)} can be read")
     try:
         covariance, valid = content["covariance"], content["valid_stretch"]
         states = content.get("valid_states")
         return MaterialLaw(
             content["material"],
-            _read_parameters(kind, content),
+            MODELS[kind].of_file(_values(kind, content)),
             content["inputs_digest"],
             None if covariance is None else np.array(covariance["matrix"], dtype=float),
             content["r2_nominal"],
@@ -209,11 +200,12 @@ def read_law(path: str | Path) -> MaterialLaw:
         raise LawFileError(f"{path}: {type(error).__name__} {error}; {remedy}") from None
 
 
-def _read_parameters(kind: str, content: dict) -> PrincipalLaw:
-    if kind == "ogden":
-        return Ogden(tuple(m / 1e3 for m in content["mu_kPa"]), tuple(content["alpha"]))
-    values = {p["name"]: p["value"] for p in content["parameters"]}
-    return FAMILIES[kind].law_of([values[name] for name in FAMILIES[kind].parameters])
+def _values(kind: str, content: dict) -> dict[str, float]:
+    """Return the parameters by name; Ogden's stand as lists too, and in the first files as lists alone."""
+    if kind != "ogden":
+        return {parameter["name"]: parameter["value"] for parameter in content["parameters"]}
+    lists = {"mu_{}_kPa": content["mu_kPa"], "alpha_{}": content["alpha"]}
+    return {name.format(k): value for name, values in lists.items() for k, value in enumerate(values, 1)}
 
 
 def rounded(content):

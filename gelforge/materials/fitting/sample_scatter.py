@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gelforge.materials.fitting.curves import MeanCurve
-from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.mechanics.laws.law import PrincipalLaw
 
 LEAST_RATIO = (
     1.1  # between the stiffest and the softest: samples of one mould scatter by 2 to 5 % about their mean

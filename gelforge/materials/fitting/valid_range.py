@@ -13,9 +13,9 @@ from itertools import permutations
 
 import numpy as np
 
-from gelforge.mechanics.homogeneous import principal_stretches
-from gelforge.mechanics.laws import PrincipalLaw
-from gelforge.mechanics.stability import PLANE, drucker_margin
+from gelforge.mechanics.laws.homogeneous import principal_stretches
+from gelforge.mechanics.laws.law import PrincipalLaw
+from gelforge.mechanics.laws.stability import PLANE, drucker_margin
 
 SMALLEST_STRAIN = 1e-6  # states below are at rest
 STATES = (13, 40)  # directions from uniaxial to equibiaxial and steps along each, where stability is checked

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-# kind of test -> load case of the law (`mechanics.homogeneous`), None where there is no such closed form
+# kind of test -> load case of the law (`mechanics.laws.homogeneous`), None where there is no such closed form
 LOAD_CASE_OF = {
     "uniaxial": "uniaxial",
     "compression": "uniaxial",

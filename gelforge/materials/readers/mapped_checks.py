@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gelforge.config.mapping import Strain
+from gelforge.config.foreign.mapping import Strain
 from gelforge.csv_table import TableError
 from gelforge.materials.readers.common_form import MaterialTest, Segment
 from gelforge.materials.readers.mapped_columns import nominal_stress_of, stretch_of

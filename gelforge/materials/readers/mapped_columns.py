@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from gelforge.config.mapping import Column, Strain, Stress, TestMapping
+from gelforge.config.foreign.mapping import Column, Strain, Stress, TestMapping
 from gelforge.csv_table import TableError
 from gelforge.materials.readers.stresses import (
     LEAST_RADIUS_TO_THICKNESS,

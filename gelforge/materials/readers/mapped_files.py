@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from gelforge.config.common import ConfigError
-from gelforge.config.mapping import (
+from gelforge.config.basis.common import ConfigError
+from gelforge.config.foreign.mapping import (
     Column,
     Corrections,
     Mapping,

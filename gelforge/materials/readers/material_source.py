@@ -7,7 +7,7 @@ from collections import Counter
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from gelforge.config.mapping import Mapping, load_mapping
+from gelforge.config.foreign.mapping import Mapping, load_mapping
 from gelforge.csv_table import TableError
 from gelforge.materials.readers.common_form import ForcePair, IndentationTest, MaterialTest
 from gelforge.materials.readers.mapped_files import Read, read_mapped, read_mapped_folder

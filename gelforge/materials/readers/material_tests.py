@@ -31,7 +31,7 @@ from gelforge.materials.readers.segments import find_segments, first_reversal
 from gelforge.materials.readers.small_effects import THICKNESS, small_test_files
 from gelforge.materials.readers.small_tests import Mean, sheet_thickness
 from gelforge.materials.readers.stresses import LEAST_RADIUS_TO_THICKNESS, membrane_cauchy, too_thick
-from gelforge.mechanics.homogeneous import LOAD_CASES, principal_stretches
+from gelforge.mechanics.laws.homogeneous import LOAD_CASES, principal_stretches
 
 RELAXATION = "relaxation"  # as a `test` in samples.csv: a strip in uniaxial tension whose stretch is held
 KEEP = "keep_odd_rows"  # confirms what odd_rows.py would refuse

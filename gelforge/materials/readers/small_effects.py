@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from gelforge.config import ConfigError
-from gelforge.config.mapping import load_microindentation
+from gelforge.config.foreign.mapping import load_microindentation
 from gelforge.materials.readers.common_form import ForcePair, IndentationTest
 from gelforge.materials.readers.mapped_files import read_microindentation
 from gelforge.materials.readers.measured_effects import MeasuredEffect

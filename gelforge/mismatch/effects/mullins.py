@@ -10,7 +10,7 @@ from scipy.special import erf
 
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import gel_layers, with_keys
-from gelforge.indentation.sensitivities import unmirrored
+from gelforge.indentation.solving.sensitivities import unmirrored
 from gelforge.mismatch.model.context import Context
 from gelforge.mismatch.model.effect import Effect, Shape
 from gelforge.mismatch.model.solver_effects import amount, has_none_of, solver

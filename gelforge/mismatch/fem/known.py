@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from gelforge.config import ConfigError
-from gelforge.config.mismatch import Known
-from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.config.parts.mismatch import Known
+from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed
 from gelforge.mismatch.fem.solver import Amounts, Base, forces_with

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from gelforge.indentation.cell_file import Cell
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.sensitivities import Derivative, Variation
-from gelforge.indentation.simulate import simulate_cell
-from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.indentation.cells.cell_file import Cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.solving.sensitivities import Derivative, Variation
+from gelforge.indentation.solving.simulate import simulate_cell
+from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.effects import with_taken
 from gelforge.mismatch.fem.solutions import Solver, along_laws, each_derivative
 from gelforge.mismatch.fem.solver import asked_of, felt_by, forgetting

@@ -14,17 +14,24 @@ import numpy as np
 
 from gelforge.config import ConfigError, Study
 from gelforge.files import FileError, atomic, check_seal, digest, source_digest
-from gelforge.indentation.cell_file import Cell, CellError, read_cell
+from gelforge.indentation.cells.cell_file import Cell, CellError, read_cell
 from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.indentation.effects.surfaces import top_slope
-from gelforge.indentation.error_bars import AMOUNT as LAW_AMOUNT
-from gelforge.indentation.inputs import inputs_digest
-from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell, plan_cells
-from gelforge.indentation.sensitivities import Derivative, Variation, derivatives, subtracted, unmirrored
-from gelforge.indentation.simulate import simulate_cell, simulate_in_order, simulate_trajectory
-from gelforge.indentation.trajectory import Trajectory
-from gelforge.mechanics.equilibrium import NotConverged
-from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.paths.trajectory import Trajectory
+from gelforge.indentation.planning.plan import POSITION_MATCH_MM, plan_cells
+from gelforge.indentation.solving.error_bars import AMOUNT as LAW_AMOUNT
+from gelforge.indentation.solving.inputs import inputs_digest
+from gelforge.indentation.solving.sensitivities import (
+    Derivative,
+    Variation,
+    derivatives,
+    subtracted,
+    unmirrored,
+)
+from gelforge.indentation.solving.simulate import simulate_cell, simulate_in_order, simulate_trajectory
+from gelforge.mechanics.laws.law import PrincipalLaw
+from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.fem.stored import described, path_at, place_digest, read_stored, slope_digest
 from gelforge.workers import each
 

@@ -15,10 +15,10 @@ import numpy as np
 
 from gelforge.config import ConfigError, Study
 from gelforge.indentation.effects.catalogue import with_keys
-from gelforge.indentation.error_bars import COARSER, PART_TOTALS, mesh_totals
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.sensitivities import Variation, unmirrored
-from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.solving.error_bars import COARSER, PART_TOTALS, mesh_totals
+from gelforge.indentation.solving.sensitivities import Variation, unmirrored
+from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.evidence.places import FirstOrderAt
 from gelforge.mismatch.fem.solutions import (
     Solver,

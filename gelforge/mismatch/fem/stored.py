@@ -17,11 +17,12 @@ from scipy.interpolate import PchipInterpolator
 
 from gelforge.files import FileError, digest, source_digest
 from gelforge.hdf5 import opened, writing
-from gelforge.indentation.cell_file import write_timings
-from gelforge.indentation.inputs import inputs_digest
-from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell, plan_cells
-from gelforge.indentation.sensitivities import Derivative, Variation
-from gelforge.mechanics.laws import PrincipalLaw
+from gelforge.indentation.cells.cell_file import write_timings
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.plan import POSITION_MATCH_MM, plan_cells
+from gelforge.indentation.solving.inputs import inputs_digest
+from gelforge.indentation.solving.sensitivities import Derivative, Variation
+from gelforge.mechanics.laws.law import PrincipalLaw
 
 FORMAT = "gelforge-sensitivities-1"
 REMEDY = "solve it again (`gelforge sensitivities`, or snakemake -R on the file)"

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.plan import POSITION_MATCH_MM
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed, Unsolved
 from gelforge.mismatch.fem.solver import Base, base_of, forgetting
 from gelforge.mismatch.model.effect import Effect

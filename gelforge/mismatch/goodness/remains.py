@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gelforge.config.mismatch import Mismatch
+from gelforge.config.parts.mismatch import Mismatch
 from gelforge.mismatch.goodness.flow_scan import patterns
 from gelforge.mismatch.goodness.scan import GlobalTest, Scan, global_test, scan
 from gelforge.mismatch.terms.problem import Problem

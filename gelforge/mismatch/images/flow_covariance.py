@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 
-from gelforge.indentation.error_bars import PART_TOTALS
+from gelforge.indentation.solving.error_bars import PART_TOTALS
 from gelforge.mismatch.evidence.covariance import Covariance, Draws, estimated_noise
 from gelforge.mismatch.images.flow_images import REGIONS
 from gelforge.mismatch.images.flow_model import LOOKS, OTHER_BLUR_PX, OTHER_DIAMETER, FlowModel

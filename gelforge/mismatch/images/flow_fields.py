@@ -10,11 +10,11 @@ from scipy.sparse import csr_array
 
 from gelforge.config import Study
 from gelforge.files import digest, source_digest
-from gelforge.indentation.inputs import inputs_digest
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.sensitivities import Variation, unmirrored
-from gelforge.indentation.simulate import simulate_cell
-from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.solving.inputs import inputs_digest
+from gelforge.indentation.solving.sensitivities import Variation, unmirrored
+from gelforge.indentation.solving.simulate import simulate_cell
+from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.fem.solutions import (
     Solver,
     SolverFailed,

@@ -21,9 +21,9 @@ from scipy.stats import qmc
 
 from gelforge.config import Camera, Sensor, VirtualImaging, VirtualParticles
 from gelforge.mismatch.readings.observations import Observations
-from gelforge.recording.camera import image_axes, project
-from gelforge.recording.flow import Flow, crop, read_grey
-from gelforge.recording.images import image_path, reference_path
+from gelforge.recording.imaging.flow import Flow, crop, read_grey
+from gelforge.recording.imaging.images import image_path, reference_path
+from gelforge.recording.optics.camera import image_axes, project
 from gelforge.recording.readings import Recording, read_recording
 from gelforge.virtual_lab.imaging import draw, expose
 from gelforge.virtual_lab.particles import gel_boxes, place_particles

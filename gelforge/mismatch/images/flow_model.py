@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from gelforge.config import Camera
-from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.places import FirstOrderAt
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed, way_down

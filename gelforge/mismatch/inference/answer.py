@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gelforge.config import ConfigError
-from gelforge.config.mismatch import Mismatch
-from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.config.parts.mismatch import Mismatch
+from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.evidence.alternatives import UNKNOWN
 from gelforge.mismatch.evidence.identifiability import cosines
 from gelforge.mismatch.evidence.screen import Screened

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gelforge.config import ConfigError
-from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.evidence.screen import Candidate, Screened
 from gelforge.mismatch.inference.posterior import Effects, Posterior
 from gelforge.mismatch.terms.problem import Problem, secant

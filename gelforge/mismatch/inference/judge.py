@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gelforge.config.mismatch import Mismatch
+from gelforge.config.parts.mismatch import Mismatch
 from gelforge.mismatch.evidence.alternatives import NOTHING, UNKNOWN
 from gelforge.mismatch.evidence.identifiability import DETECTED_SNR
 from gelforge.mismatch.evidence.screen import Screened

@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 from gelforge.materials.fitting.choice import compare_laws
 from gelforge.materials.fitting.curves import MeanCurve
 from gelforge.materials.fitting.fit import LawFit, Problem, effective_points
-from gelforge.mechanics.homogeneous import stress_points
+from gelforge.mechanics.laws.homogeneous import stress_points
 
 SOLIDS = ("neo_hooke", "mooney_rivlin", "yeoh", "gent", "ogden1", "ogden2")
 FOAM_EXPONENTS = (-8.0, 2.0, 8.0, 25.0)  # where the search begins: densifies, or gives in

@@ -9,9 +9,9 @@ from typing import TypeVar
 import numpy as np
 
 from gelforge.config import Study
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.symmetry import D4, transform_points, transform_vectors
-from gelforge.indentation.trajectory import Trajectory
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.paths.trajectory import Trajectory
+from gelforge.indentation.sensor.symmetry import D4, transform_points, transform_vectors
 from gelforge.mismatch.model.effect import Effect, Shape
 from gelforge.mismatch.readings.observations import PLACE_DIGITS
 

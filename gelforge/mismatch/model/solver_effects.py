@@ -9,9 +9,9 @@ from operator import attrgetter
 import numpy as np
 
 from gelforge.config import Effects, Mechanics, Study, study_from
-from gelforge.config.variants import merged
+from gelforge.config.basis.variants import merged
 from gelforge.indentation.effects.catalogue import CATALOGUE, Place, with_keys
-from gelforge.indentation.sensitivities import unmirrored
+from gelforge.indentation.solving.sensitivities import unmirrored
 from gelforge.mismatch.model.context import Context
 from gelforge.mismatch.model.effect import Parameter, Shape
 

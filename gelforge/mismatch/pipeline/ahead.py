@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import ConfigError, DepthZero, ForceSensor, Study
-from gelforge.indentation.plan import plan_cells
+from gelforge.indentation.planning.plan import plan_cells
 from gelforge.mismatch.effects import CATALOGUE, with_taken
 from gelforge.mismatch.evidence.covariance import readings_covariance
 from gelforge.mismatch.evidence.identifiability import Plan, detection_limits, next_experiment

@@ -222,8 +222,8 @@ def at_first_order(problem: Problem):
 def study_of(case: Case, study: Study) -> Study:
     """Return the study with a curve's own assumptions, for single presses."""
     from gelforge.config import study_from
-    from gelforge.config.variants import merged
-    from gelforge.indentation.sensitivities import unmirrored
+    from gelforge.config.basis.variants import merged
+    from gelforge.indentation.solving.sensitivities import unmirrored
 
     return unmirrored(study_from(merged(study.model_dump(mode="json"), case.changes)))
 

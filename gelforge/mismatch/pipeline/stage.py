@@ -11,6 +11,7 @@ import numpy as np
 
 from gelforge.config import ConfigError, Study, load_session, write_yaml
 from gelforge.files import digest, file_sha256
+from gelforge.laws_of_study import laws_and_doubts, material_laws_of
 from gelforge.mismatch.effects import with_taken
 from gelforge.mismatch.evidence.covariance import readings_covariance
 from gelforge.mismatch.evidence.spread import spread_out
@@ -25,7 +26,7 @@ from gelforge.mismatch.pipeline.experiments import with_experiments
 from gelforge.mismatch.pipeline.patch import patch_of
 from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.readings.runs import DEPTH_DIGITS
-from gelforge.mismatch.readings.sessions import observe
+from gelforge.mismatch.readings.sessions import observe, session_folders
 from gelforge.mismatch.result.verdict import PATCH, Provenance, Verdict, write_verdict
 from gelforge.mismatch.result.verdict_tables import (
     BODY_MAP,
@@ -43,13 +44,59 @@ from gelforge.mismatch.terms.candidates import candidates_of, effects_of_forces
 from gelforge.mismatch.terms.modules import modules_of
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.progress import stage
-from gelforge.recording.images import reference_path
+from gelforge.recording.imaging.images import reference_path
 
 IMAGES_LEFT_OUT = (
     "sessions with a camera are judged by their forces alone (mismatch.images: left_out); `fitted` judges their images too,"
     " which takes longer and tells gel stiffness from force gain"
 )
 NUMBER = r"\d+(?:\.\d+)?"
+
+
+def judge_folder(
+    study: Study,
+    recording: Path,
+    out: Path,
+    laws: Sequence[Path] = (),
+    kept: Path | None = None,
+    workers: int = 1,
+) -> Verdict:
+    """Judge the sessions in a folder against a study, write the stage's files into `out` and return the verdict.
+
+    laws: files of fitted materials in place of the study's own; kept: folder of what is solved on the way, out/solves if not
+    given. Raises ConfigError for sessions of another sensor, and what `judge_recording` raises.
+    """
+    own = recording.resolve() == study.data_folder.resolve()  # of its own data a study chooses the sessions
+    folders = session_folders(recording, study.sessions if own else ())
+    check_matches(folders, study)
+    solver = solver_of(study, out, list(laws), kept, workers, folders)
+    return judge_recording(solver, folders, out, f"{recording.name} against study {study.study}")
+
+
+def solver_of(
+    study: Study, out: Path, laws: list[Path], kept: Path | None, workers: int, folders: Sequence[Path]
+) -> Solver:
+    """Return the finite elements of a study; where every session calls the constants exact, its laws are certain."""
+    if workers < 1:
+        raise ConfigError(f"--workers {workers}: 1 or more are needed")
+    by_material, uncertain = laws_and_doubts(material_laws_of(study, laws))
+    sessions = [load_session(folder / "session.yaml") for folder in folders]
+    if sessions and all(session.base_parameters == "exact" for session in sessions):
+        uncertain = {}
+    study = study.model_copy(update={"variants": {}})  # an effect need not go together with them
+    cells = study.results_folder / "cells"
+    zeroed = {session.depth_zero.by for session in sessions}
+    stored = study.results_folder / "sensitivities"
+    return Solver(
+        study,
+        by_material,
+        uncertain,
+        kept or out / "solves",
+        cells if cells.is_dir() else None,
+        workers,
+        zeroed.pop() if len(zeroed) == 1 else "press",
+        stored if stored.is_dir() else None,
+    )
 
 
 def judge_recording(solver: Solver, folders: Sequence[Path], out: Path, title: str) -> Verdict:

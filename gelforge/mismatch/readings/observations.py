@@ -8,7 +8,7 @@ from dataclasses import KW_ONLY, dataclass, field, replace
 import numpy as np
 import pandas as pd
 
-from gelforge.indentation.plan import POSITION_MATCH_MM
+from gelforge.indentation.planning.plan import POSITION_MATCH_MM
 
 COLUMNS = [
     *("session", "press", "order", "site", "phase", "time_s", "press_time_s", "x_mm", "y_mm", "depth_mm"),

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gelforge.indentation.plan import PlannedCell
-from gelforge.indentation.trajectory import Trajectory
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.paths.trajectory import Trajectory
 from gelforge.mismatch.readings.observations import PLACE_DIGITS, Observations
-from gelforge.recording.path_through import path_through
+from gelforge.recording.tables.path_through import path_through
 
 DEPTH_DIGITS = 4  # depths that agree so far [mm] are one
 TIME_DIGITS = 2  # [s]

@@ -10,15 +10,15 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import ConfigError, Sensor, Session
-from gelforge.indentation.plan import POSITION_MATCH_MM
+from gelforge.indentation.planning.plan import POSITION_MATCH_MM
 from gelforge.input_files import another_kind
 from gelforge.mismatch.readings.noise import reading_noise
 from gelforge.mismatch.readings.observations import ARRAYS, COLUMNS, Observations, last_moves
 from gelforge.mismatch.readings.outliers import without_outliers
 from gelforge.mismatch.readings.touchdown import depth_scatter, with_touchdown
 from gelforge.mismatch.readings.zeros import zeros_together
-from gelforge.recording.checks import before_shear
 from gelforge.recording.readings import AXES, FORCE, Recording, axes_of_stage, read_recording
+from gelforge.recording.tables.checks import before_shear
 
 SPEED_MM_PER_S = 1.0  # assumed where a press has one moving row only
 RASTER = 0.9  # |rank correlation| of order with x or y above which time and place are one

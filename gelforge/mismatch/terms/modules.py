@@ -15,7 +15,7 @@ import pandas as pd
 
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import with_keys
-from gelforge.indentation.sensitivities import unmirrored
+from gelforge.indentation.solving.sensitivities import unmirrored
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.model.context import Context

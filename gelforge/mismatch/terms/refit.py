@@ -10,7 +10,7 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import lsq_linear
 from scipy.special import log_ndtr
 
-from gelforge.mechanics.equilibrium import NotConverged
+from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.screen import Candidate, Screened
 from gelforge.mismatch.terms.problem import SEATED_SNR, Problem, secant

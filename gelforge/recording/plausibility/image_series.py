@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import Camera
-from gelforge.recording.flow import ImageError, read_grey
-from gelforge.recording.image_measures import measured, pixel_digest, sample
-from gelforge.recording.images import reference_path
+from gelforge.recording.imaging.flow import ImageError, read_grey
+from gelforge.recording.imaging.image_measures import measured, pixel_digest, sample
+from gelforge.recording.imaging.images import reference_path
 
 LEAST_TEXTURE = 0.1  # of the reference's textured pixels; black, white and badly blurred images show none
 LEAST_LIGHT = 0.1  # of the reference frame's mean grey level

@@ -9,7 +9,7 @@ import pandas as pd
 from scipy.spatial import cKDTree
 from scipy.stats import theilslopes
 
-from gelforge.indentation.plan import POSITION_MATCH_MM
+from gelforge.indentation.planning.plan import POSITION_MATCH_MM
 from gelforge.recording.plausibility.streams import FORCE
 
 NORMAL_MAD = 1.4826  # standard deviation of a normal variable over its median absolute deviation

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gelforge.indentation.plan import POSITION_MATCH_MM, PlannedCell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.plan import POSITION_MATCH_MM
 from gelforge.recording.plausibility.findings import Finding
 
 if TYPE_CHECKING:

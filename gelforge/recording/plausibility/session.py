@@ -11,8 +11,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import Session
-from gelforge.indentation.plan import PlannedCell
-from gelforge.recording.checks import RecordingError
+from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.recording.plausibility import forces, positions, spikes, timing
 from gelforge.recording.plausibility.findings import Finding, Findings, collect
 from gelforge.recording.plausibility.image_series import ImageSeries, image_series
@@ -20,6 +19,7 @@ from gelforge.recording.plausibility.images import IMAGE_TESTS
 from gelforge.recording.plausibility.indentations import floor_N, indentation_table
 from gelforge.recording.plausibility.repeats import Run, repeats
 from gelforge.recording.plausibility.streams import ForceLog
+from gelforge.recording.tables.checks import RecordingError
 
 
 @dataclass(frozen=True)

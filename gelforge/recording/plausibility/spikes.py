@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from gelforge.indentation.plan import POSITION_MATCH_MM
+from gelforge.indentation.planning.plan import POSITION_MATCH_MM
 from gelforge.recording.plausibility.findings import Finding, mostly
 from gelforge.recording.plausibility.indentations import isolated_floors
 from gelforge.recording.plausibility.streams import FORCE

@@ -10,8 +10,8 @@ import pandas as pd
 
 from gelforge.config import Session
 from gelforge.csv_table import read_csv
-from gelforge.recording.checks import RecordingError
 from gelforge.recording.plausibility.findings import Finding, mostly
+from gelforge.recording.tables.checks import RecordingError
 
 FORCE = ["fx_N", "fy_N", "fz_N"]
 WINDOW_S = 0.02  # samples this far from a reading are averaged: less than a camera's frame time

@@ -7,8 +7,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gelforge.indentation.cell_file import read_cell
-from gelforge.indentation.plan import PlannedCell
+from gelforge.indentation.cells.cell_file import read_cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.report.chapters.chapter import Chapter, count
 from gelforge.report.chapters.results_reader import StudyResults
 from gelforge.report.figures.style import MEASURED, SIMULATED, new_figure, styled

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from gelforge.learning.error_budget import AGAINST_TRUTH, LEARNING, MECHANICS, OPTICS, PARTS
+from gelforge.learning.judging.error_budget import AGAINST_TRUTH, LEARNING, MECHANICS, OPTICS, PARTS
 from gelforge.report.chapters.chapter import Chapter
 from gelforge.report.chapters.results_reader import StudyResults
 from gelforge.report.figures.style import FAINT, MEASURED, PREDICTED, PUBLISHED, SIMULATED, new_figure, styled

@@ -9,7 +9,7 @@ import pandas as pd
 
 from gelforge.files import read_product_table
 from gelforge.materials.fitting.law_file import MaterialLaw
-from gelforge.mechanics.homogeneous import LOAD_CASES
+from gelforge.mechanics.laws.homogeneous import LOAD_CASES
 from gelforge.report.chapters.beside_paper import beside_paper, said_beside
 from gelforge.report.chapters.chapter import Chapter, count
 from gelforge.report.chapters.results_reader import StudyResults

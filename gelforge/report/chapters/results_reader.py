@@ -17,8 +17,9 @@ from gelforge.dataset.join import open_features
 from gelforge.dataset.manifest import read_manifest
 from gelforge.files import read_product_table
 from gelforge.hdf5 import opened
-from gelforge.indentation.cell_file import Cell, CellError, read_cell
-from gelforge.indentation.plan import PlannedCell, landmarks, plan_cells
+from gelforge.indentation.cells.cell_file import Cell, CellError, read_cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.plan import landmarks, plan_cells
 from gelforge.materials.fitting.law_file import MaterialLaw, read_law
 from gelforge.recording.plausibility.findings import read_findings
 

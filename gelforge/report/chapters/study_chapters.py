@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from gelforge.indentation.cell_file import read_timings
-from gelforge.recording.remap import picture_of
+from gelforge.indentation.cells.cell_file import read_timings
+from gelforge.recording.optics.remap import picture_of
 from gelforge.report.chapters.chapter import Chapter, Facts, count
 from gelforge.report.chapters.flow_floor import tell_flow_floor
 from gelforge.report.chapters.results_reader import StudyResults, is_papers_sensor

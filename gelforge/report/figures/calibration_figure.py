@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from gelforge.recording.calibration import CELLS, Calibration
+from gelforge.recording.optics.calibration import CELLS, Calibration
 from gelforge.report.figures.style import FAINT, MEASURED, PREDICTED, SIMULATED, new_figure, styled
 
 

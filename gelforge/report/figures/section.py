@@ -115,7 +115,7 @@ def draw_pressure(ax: Axes, node_xy_mm, displacement_mm, pressure_kPa, centre_mm
 def section_figure(arrays: dict, row: int, names: list[str], position_mm, indenter: Indenter) -> Figure:
     """Return the deformed section beside the contact pressure from above, for a depth (row) of a cell."""
     depth = float(arrays["depth_mm"][row])
-    figure, axes = new_figure(9.6, 3.4, nrows=1, ncols=2, width_ratios=[2.1, 1])
+    figure, axes = new_figure(9.6, 3.8, nrows=1, ncols=2, width_ratios=[2.1, 1])
     side, top = axes[0]
     nodes = np.asarray(arrays["section_node_mm"])
     entries = draw_section(
@@ -127,7 +127,7 @@ def section_figure(arrays: dict, row: int, names: list[str], position_mm, indent
         names,
     )
     # Below the drawing: above it the indenter may stand anywhere.
-    side.legend(handles=entries, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=len(entries))
+    figure.legend(handles=entries, loc="outside lower left", ncols=len(entries))
     x, _, z = arrays["indenter_mm"][row]
     turned = np.append(arrays["tilt_deg"][row], arrays["twist_deg"][row] if "twist_deg" in arrays else 0.0)
     top_mm = draw_indenter(side, indenter, x, z, turned)

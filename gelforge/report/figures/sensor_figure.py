@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 
 from gelforge.config import Camera, Sensor, Session, Study
-from gelforge.indentation.indenter_shapes import shape_of
-from gelforge.indentation.plan import PlannedCell
-from gelforge.mechanics.indenters import DOWN
-from gelforge.recording.camera import CameraError, unproject
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.sensor.indenter_shapes import shape_of
+from gelforge.mechanics.indenters.shapes import DOWN
+from gelforge.recording.optics.camera import CameraError, unproject
 from gelforge.report.figures.silhouette import draw_indenter
 from gelforge.report.figures.style import (
     INK,
@@ -129,7 +129,7 @@ def _draw_block_above(ax: Axes, sensor: Sensor) -> None:
 
 def _draw_surface_above(ax: Axes, sensor: Sensor) -> None:
     """Draw the surfaces of a sensor that is no block, seen from above."""
-    from gelforge.indentation.sensor_mesh import sensor_solids  # loads the mesher's files
+    from gelforge.indentation.sensor.sensor_mesh import sensor_solids  # loads the mesher's files
 
     surfaces = sensor_solids(sensor).surfaces
     triangles = np.concatenate([surface.vertices[surface.triangles][:, :, :2] for surface in surfaces])
@@ -139,7 +139,7 @@ def _draw_surface_above(ax: Axes, sensor: Sensor) -> None:
 
 def _draw_surfaces_cut(ax: Axes, sensor: Sensor) -> None:
     """Draw the solids of a sensor that is no block, cut at the middle of y."""
-    from gelforge.indentation.sensor_mesh import sensor_solids
+    from gelforge.indentation.sensor.sensor_mesh import sensor_solids
 
     solids, colours = sensor_solids(sensor), region_colours([layer.name for layer in sensor.layers])
     low, high = solids.bounds

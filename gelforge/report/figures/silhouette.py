@@ -8,9 +8,9 @@ from matplotlib.patches import Polygon
 from scipy.spatial import ConvexHull
 
 from gelforge.config import Indenter
-from gelforge.indentation.indenter_shapes import shape_of
-from gelforge.mechanics.indenters import Indenter as Shape
-from gelforge.mechanics.indenters import Several, rotation_of
+from gelforge.indentation.sensor.indenter_shapes import shape_of
+from gelforge.mechanics.indenters.shapes import Indenter as Shape
+from gelforge.mechanics.indenters.shapes import Several, rotation_of
 from gelforge.report.figures.style import INK
 
 

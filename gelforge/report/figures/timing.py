@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from gelforge.indentation.cell_file import read_timings
+from gelforge.indentation.cells.cell_file import read_timings
 from gelforge.report.figures.style import SIMULATED, new_figure, styled
 
 WAITING_MB = 40.0  # at most, of a process that waits for its fork (11 MB) and has imported no numerical library (60 MB)

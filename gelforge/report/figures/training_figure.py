@@ -20,9 +20,9 @@ def loss_figure(loss: pd.DataFrame) -> Figure:
     ax.annotate(
         f"best: epoch {int(best.epoch)}",
         (best.epoch, best.validation),
-        (0, -14),
+        (0, 7),
         textcoords="offset points",
-        ha="center",
+        ha="right" if best.epoch > loss.epoch.max() / 2 else "left",
     )
     ax.set_yscale("log")
     ax.set_xlabel("epoch")

@@ -12,7 +12,7 @@ from gelforge.dataset.exports.export import Options, export_dataset
 from gelforge.dataset.exports.source import SPLITS, open_source
 from gelforge.dataset.join import join_shard
 from gelforge.dataset.manifest import describe_dataset
-from gelforge.indentation.plan import plan_cells
+from gelforge.indentation.planning.plan import plan_cells
 
 
 @pytest.fixture(scope="session")

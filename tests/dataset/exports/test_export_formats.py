@@ -4,6 +4,8 @@ import base64
 import hashlib
 import io
 import json
+import re
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -11,10 +13,11 @@ import pytest
 from numpy.testing import assert_array_equal
 from PIL import Image
 
-from gelforge.dataset.exports import NAMES, format_of
+from gelforge.dataset.exports import NAMES, format_of, formats
 from gelforge.dataset.exports.images import pixels
 from gelforge.dataset.exports.source import SPLITS, wrench
 
+GUIDE = Path("docs/adding/export.md")
 PARQUET = ("huggingface", "croissant", "lerobot", "rocrate")
 
 
@@ -38,6 +41,28 @@ def test_a_file_is_a_format_and_its_sums_hold(name, exported):
         assert line[:64] == hashlib.sha256((folder / line[66:]).read_bytes()).hexdigest()
     assert "SYNTHETIC" in (folder / "README.md").read_text()
     assert "FOLDER" in (folder / "README.md").read_text()
+
+
+def test_the_guides_example_is_a_format(exported, expected, tmp_path, monkeypatch):
+    (text,) = re.findall(r"```python\n(.*?)```", GUIDE.read_text(encoding="utf-8"), re.DOTALL)
+    (tmp_path / "npz.py").write_text(text, encoding="utf-8")
+    monkeypatch.setattr(formats, "__path__", [*formats.__path__, str(tmp_path)])
+    folder = exported("npz")
+    for split in SPLITS:
+        with np.load(folder / f"{split}.npz") as found:
+            assert set(expected[split]) - set(found) == {
+                "session",
+                "press",
+                "cell",
+                "phase",
+                "image_file",
+                "image",
+                "split",
+            }
+            for name in found:
+                assert_array_equal(found[name], expected[split][name])
+    assert "SYNTHETIC" in (folder / "README.md").read_text()
+    assert len((folder / "SHA256SUMS").read_text().splitlines()) == 4
 
 
 # ------------------------------------------------------------------------------------------- huggingface

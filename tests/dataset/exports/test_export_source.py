@@ -17,12 +17,12 @@ from gelforge.dataset.join import join_shard
 from gelforge.dataset.manifest import describe_dataset
 from gelforge.dataset.schema import DatasetError
 from gelforge.dataset.shard import ShardDataset
-from gelforge.indentation.plan import plan_cells
+from gelforge.indentation.planning.plan import plan_cells
 
 
 def test_splits_are_those_of_training(made_once):
     """`validation` are the rows that watch the loss; no orbit is on two sides, every row is in one split."""
-    from gelforge.learning.data import training_and_validation
+    from gelforge.learning.basis.data import training_and_validation
 
     source = made_once.source
     rows = ShardDataset(made_once.shards, "train")

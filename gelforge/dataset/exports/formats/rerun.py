@@ -12,7 +12,7 @@ from gelforge.dataset.exports.export import Export, Options, library
 from gelforge.dataset.exports.source import IMAGE, Press, Source, bin_points
 from gelforge.files import write_text
 from gelforge.progress import tracked
-from gelforge.recording.camera import project
+from gelforge.recording.optics.camera import project
 
 PACKAGE = "rerun-sdk"  # of 170 MB: not in the extra
 FULL = 0.05  # N of a bin that is drawn as long as a bin is wide

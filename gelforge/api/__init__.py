@@ -1,0 +1,1 @@
+"""What `import gelforge as gf` offers, one file for each kind of thing."""

@@ -1,0 +1,120 @@
+"""Material tests to a fitted constitutive model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from gelforge.config import ConfigError, Fitting, section_from
+
+if TYPE_CHECKING:
+    from gelforge.materials.fitting.law_file import MaterialLaw
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A constitutive model that was fitted to material tests; `gelforge.press(materials={"gel": fitted})` takes it.
+
+    `law` holds the model [MPa], the covariance of its parameters and the range that was tested. A row of `parameters` is
+    a parameter of one of the models that were tried, with its 95 % interval; a row of `comparison` is a model.
+    """
+
+    law: MaterialLaw
+    parameters: pd.DataFrame
+    comparison: pd.DataFrame
+    effects: pd.DataFrame  # what the tests say of rate, cycles, age, temperature
+    warnings: tuple[str, ...]  # what must be known before the model is used
+
+    @property
+    def model(self) -> str:
+        """The name of the chosen constitutive model."""
+        return str(self.law.law.name)
+
+    @property
+    def youngs_modulus_kPa(self) -> float:
+        """Young's modulus of the undeformed state [kPa]."""
+        return self.law.law.youngs_modulus * 1e3
+
+    @property
+    def block(self) -> dict[str, Any]:
+        """The keys of a study's `materials` that give this model, without its uncertainty."""
+        from gelforge.mechanics.laws.models import section_of
+
+        return {"parameters": section_of(self.law.law).model_dump(mode="json")}
+
+    def save(self, path: str | Path) -> None:
+        """Write the file that `--laws` of the commands takes."""
+        from gelforge.materials.fitting.law_file import write_law
+
+        write_law(Path(path), self.law)
+
+
+def fit(
+    tests: str | Path,
+    *,
+    models: Sequence[str] = ("ogden2",),
+    mapping: str | Path | None = None,
+    choose: str = "aicc",
+    loss: str = "linear",
+) -> Fitted:
+    """Return the constitutive model that describes the tests of one material best, with its uncertainty.
+
+    Parameters
+    ----------
+    tests : path
+        A folder with samples.csv and one CSV per specimen (docs/file-formats.md), or, with a mapping, other files.
+    models : sequence of str
+        Models to be fitted: neo_hooke, mooney_rivlin, yeoh, gent, ogden1 to ogden4.
+    mapping : path, optional
+        YAML file that says what files of another form hold (docs/material-characterisation.md).
+    choose : str
+        How one is chosen: aicc (information criterion), held_out (prediction of tests left out) or first.
+    loss : str
+        linear, or soft_l1, which forgives outliers.
+
+    Raises
+    ------
+    ConfigError
+        An unknown model or setting, or files that hold several materials.
+    FitError
+        Tests to which nothing can be fitted; MaterialError names a file, row and value that cannot be read.
+
+    Examples
+    --------
+    SYNTHETIC tests of the demo, made from the article's parameters (E = 16.9 kPa):
+
+    >>> import gelforge as gf
+    >>> from gelforge.shipped import EXAMPLES
+    >>> gel = gf.fit(EXAMPLES / "data/demo/materials/ecoflex_gel", models=["neo_hooke", "ogden1"])
+    >>> gel.model
+    'neo_hooke'
+    >>> 15 < gel.youngs_modulus_kPa < 18
+    True
+    """
+    from gelforge.materials.characterise import fits_of, inputs_of, material_law, parameters_table
+    from gelforge.materials.readers.material_source import read_sources
+
+    keys = {"laws": list(models), "choose": choose, "loss": loss}
+    fitting = section_from(Fitting, keys, "gelforge.fit")
+    sources = read_sources([Path(tests)], None if mapping is None else Path(mapping))
+    if len(sources) != 1:
+        names = ", ".join(source.name for source in sources) or "none"
+        raise ConfigError(f"{tests}: tests of one material are needed, found {names}; name the folder of one")
+    source = sources[0]
+    found = fits_of(source, fitting)
+    comparison = found.comparison
+    assert comparison is not None, "fits_of raises where nothing is fitted"
+    law = material_law(
+        source.name, comparison.chosen.fit, inputs_of(source, fitting), source.synthetic, found.notes
+    )
+    return Fitted(
+        law,
+        parameters_table(source.name, found),
+        comparison.table(),
+        found.effects.table(),
+        (*comparison.warnings, *found.notes),
+    )

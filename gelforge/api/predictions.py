@@ -1,0 +1,45 @@
+"""Force distributions from images, by a trained model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gelforge.learning.deployment.predictor import Prediction
+
+
+def predict(
+    model: str | Path, images: str | Path | int, *, reference: str | Path | None = None, threads: int = 1
+) -> Iterator[Prediction]:
+    """Yield the force distribution of each image.
+
+    Parameters
+    ----------
+    model : path
+        model.onnx, or model.pt, which takes some seconds more to open.
+    images : path or int
+        A folder of images (in the order of their names), a video, or the number of a camera.
+    reference : path, optional
+        The image of the untouched sensor; the first image if there is none.
+    threads : int
+        Of the network.
+
+    Yields
+    ------
+    Prediction
+        `force_N` (B, 3) on the sensor [N], `time_s`, and `unlike`: beyond 1 the image is unlike those that the model learnt
+        from.
+
+    Raises
+    ------
+    ImageError
+        Images that are missing or of another size than the model's.
+    """
+    from gelforge.learning.deployment.predictor import Predictor, predict_frames
+    from gelforge.recording.imaging.flow import read_grey
+    from gelforge.recording.imaging.frames import frames
+
+    untouched = None if reference is None else read_grey(Path(reference))
+    return predict_frames(Predictor(model, threads), frames(images), untouched)

@@ -1,0 +1,76 @@
+"""Recorded sessions: reading them, and judging them against a study."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gelforge.config import Study, load_study
+
+if TYPE_CHECKING:
+    from gelforge.mismatch.result.verdict import Verdict
+    from gelforge.recording.readings import Recording
+
+
+def read_recording(folder: str | Path, study: Study | str | Path | None = None) -> Recording:
+    """Return a checked session: positions in the sensor's frame [mm], forces on the sensor [N], zero subtracted.
+
+    Parameters
+    ----------
+    folder : path
+        A session: session.yaml, indentations.csv and what they name (docs/file-formats.md).
+    study : Study or path, optional
+        Then positions are checked against its sensor, and indentations joined to the sites of its plan.
+
+    Returns
+    -------
+    Recording
+        `readings` (a table with a row per reading), `session` (its description), `findings` (what was found doubtful).
+
+    Raises
+    ------
+    RecordingError
+        What cannot be read or cannot be true: file, row, value and remedy.
+    """
+    from gelforge.indentation.planning.plan import plan_cells
+    from gelforge.recording.readings import read_recording as read
+
+    if study is None:
+        return read(folder)
+    described = study if isinstance(study, Study) else load_study(study)
+    return read(folder, plan_cells(described), described.sensor)
+
+
+def judge(recording: str | Path, study: Study | str | Path, out: str | Path, *, workers: int = 1) -> Verdict:
+    """Return what a simulation leaves out of recorded sessions, as `gelforge mismatch` does.
+
+    Parameters
+    ----------
+    recording : path
+        A session's folder, or one that holds some.
+    study : Study or path
+        What was simulated. Its fitted materials, solved sites and stored derivatives are used where they exist.
+    out : path
+        Folder for verdict.json, its tables, the patch of the study, and what was solved on the way.
+    workers : int
+        Processes that solve side by side.
+
+    Returns
+    -------
+    Verdict
+        `state` (consistent, identified, form_free, modelled, ambiguous, inconclusive, unexplained), `sentence`, groups of
+        effects with probabilities, and the rest of verdict.json (docs/mismatch.md).
+
+    Raises
+    ------
+    ConfigError
+        A material without a model, or a session of another sensor.
+    RecordingError
+        A session that cannot be read.
+    SolverFailed
+        The simulation cannot be solved at the recorded sites.
+    """
+    from gelforge.mismatch.pipeline.stage import judge_folder
+
+    described = study if isinstance(study, Study) else load_study(study)
+    return judge_folder(described, Path(recording), Path(out), workers=workers)

@@ -1,0 +1,67 @@
+"""Studies and what they are made of: those in files, the sensors that are shipped, the shapes that press."""
+
+from __future__ import annotations
+
+from contextlib import chdir
+from difflib import get_close_matches
+from pathlib import Path
+from typing import get_args
+
+from gelforge.config import ConfigError, Indenter, Study, load_study
+from gelforge.shipped import EXAMPLES
+
+SMOKE = Path("config/smoke")
+
+
+def sensors() -> list[str]:
+    """Return the names of the shipped sensors (docs/sensors.md); `sensor(name)` is the study of one.
+
+    Examples
+    --------
+    >>> import gelforge as gf
+    >>> gf.sensors()
+    ['9dtact', 'digit', 'dome', 'gelsight_mini', 'paper', 'tactip']
+    """
+    return sorted(path.stem for path in (EXAMPLES / SMOKE).glob("*.yaml"))
+
+
+def sensor(name: str) -> Study:
+    """Return the smoke study of a shipped sensor: its geometry, materials, indenter, mesh and a small plan.
+
+    Raises
+    ------
+    ConfigError
+        An unknown name, with the nearest that there is.
+
+    Examples
+    --------
+    >>> import gelforge as gf
+    >>> mini = gf.sensor("gelsight_mini")
+    >>> mini.sensor.width_x_mm, mini.sensor.width_y_mm
+    (20.75, 25.25)
+    """
+    names = sensors()
+    if name not in names:
+        near = get_close_matches(name.lower().replace("-", "_"), names, n=1, cutoff=0.4)
+        hint = f"did you mean {near[0]}? " if near else ""
+        raise ConfigError(f"{name!r} is no sensor that is shipped; {hint}there are {', '.join(names)}")
+    with chdir(EXAMPLES):
+        return load_study(SMOKE / f"{name}.yaml")
+
+
+def paper_study() -> Study:
+    """Return the article's sensor with its published laws, as config/paper.yaml among the examples describes it."""
+    with chdir(EXAMPLES):
+        return load_study("config/paper.yaml")
+
+
+def indenters() -> list[str]:
+    """Return the kinds of indenters; the keys of each are in config/schema.json.
+
+    Examples
+    --------
+    >>> import gelforge as gf
+    >>> gf.indenters()
+    ['sphere', 'cylinder', 'box', 'mesh', 'several']
+    """
+    return list(get_args(Indenter.model_fields["kind"].annotation))

@@ -1,0 +1,1 @@
+"""What every section shares, and YAML as text."""

@@ -1,0 +1,49 @@
+"""What every section of a configuration shares: names, ranges, and the refusal of unknown keys."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from typing import Annotated
+
+from pydantic import AfterValidator
+
+from gelforge.section import Fraction, NonNegative, Positive, Section
+
+__all__ = [
+    "NAME",
+    "ConfigError",
+    "Fraction",
+    "Name",
+    "NonNegative",
+    "OldKey",
+    "Positive",
+    "Section",
+    "without_former",
+]
+NAME = re.compile(r"[A-Za-z0-9_-]+")
+
+
+class ConfigError(ValueError):
+    """A configuration that cannot be used: where, what was found, what is allowed."""
+
+
+class OldKey(FutureWarning):
+    """A key of an earlier version that is still read: as what, and what to write in its place."""
+
+
+def _check_name(name: str) -> str:
+    if not NAME.fullmatch(name):
+        raise ValueError(f"{name!r} is not a name; use letters, digits, '_' and '-'")
+    return name
+
+
+Name = Annotated[str, AfterValidator(_check_name)]
+
+
+def without_former(value: object, former: set[str], instead: str) -> object:
+    """Return a section's raw keys without former ones that decide nothing any more, with a warning that says so."""
+    if not isinstance(value, dict) or not (found := sorted(former & set(value))):
+        return value
+    warnings.warn(f"{', '.join(found)}: no longer read, leave out: {instead}", OldKey, stacklevel=2)
+    return {key: item for key, item in value.items() if key not in former}

@@ -1,0 +1,233 @@
+"""An import: a declared description of a laboratory's raw logs of one session, YAML in, a validated model out.
+
+`gelforge.config` does not import this module: a study does not contain an import (see `mapping`).
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field, model_validator
+
+from gelforge.config.basis.common import NonNegative, Positive, Section
+from gelforge.config.foreign.mapping import TableForm
+from gelforge.config.studies.files import load_section
+from gelforge.units import UNITS, unit_named
+
+
+def _known(unit: str, quantity: str, key: str) -> str:
+    """Return a unit as UNITS spells it. Raises ValueError unless it is known and belongs to the quantity."""
+    found = unit_named(unit)
+    if found is None or UNITS[found][0] != quantity:
+        fitting = [name for name, (q, _, _) in UNITS.items() if q == quantity]
+        raise ValueError(f"{key}: unit {unit!r} is no {quantity}; one of {fitting}")
+    return found
+
+
+class Stamp(Section):
+    """The column that holds the time of a row."""
+
+    column: str = Field(description="name in the header, or the number from 1 where there is none")
+    unit: str = Field(description="unit of the stamps (s, ms, us, ns, min), or iso: date and time, ISO 8601")
+
+    @model_validator(mode="after")
+    def _unit_known(self):
+        if self.unit != "iso":
+            _known(self.unit, "time", "unit (or iso)")
+        return self
+
+
+class Clock(Section):
+    """When the rows or frames of one source were taken, and how its clock stands to the stage's."""
+
+    time: Stamp | None = Field(None, description="column of time stamps")
+    rate_hz: Positive | None = Field(None, description="in place of stamps: taken evenly at this rate [1/s]")
+    even: bool = Field(
+        False, description="taken evenly; the stamps are replaced by the straight line through them"
+    )
+    lag_s: float | None = Field(
+        None,
+        description="how much later this clock shows the same moment than the stage's; null: found by correlation [s]",
+    )
+    drift: bool = Field(
+        False, description="this clock gains or loses in proportion to time; the rate is found"
+    )
+
+    @model_validator(mode="after")
+    def _one_time(self):
+        if self.time and self.rate_hz:
+            raise ValueError("time beside rate_hz; keep the one that says when rows were taken")
+        if self.even and not self.time:
+            raise ValueError("even is about time stamps; name their column under `time`")
+        return self
+
+
+class ForceSource(Clock):
+    """The log of the force/torque sensor."""
+
+    file: str = Field(description="CSV, ROS bag or MCAP, from the mapping's folder")
+    topic: str | None = Field(None, description="of a bag or MCAP file: the topic whose messages are rows")
+    frame_id: str | None = Field(
+        None, description="of such a topic: only the messages of this frame are read"
+    )
+    table: TableForm = Field(TableForm(), description="how the table is written")
+    columns: list[str] = Field(
+        min_length=3, max_length=3, description="columns of the force along the sensor's x, y and z"
+    )
+    unit: str = Field(description="unit of the force: N, mN, lbf, ...")
+
+    @model_validator(mode="after")
+    def _complete(self):
+        _known(self.unit, "force", "force.unit")
+        if not (self.time or self.rate_hz):
+            raise ValueError("no time: name the column of stamps under `time`, or give rate_hz")
+        return self
+
+
+class GCode(Section):
+    """How a stage runs G-code: every motion begins and ends at rest."""
+
+    acceleration_mm_s2: Positive | None = Field(
+        None, description="of every motion along its way; null: at full speed at once [mm/s2]"
+    )
+    rapid_mm_s: Positive | None = Field(None, description="speed of G0; null: the last F, as of G1 [mm/s]")
+    rate_hz: Positive = Field(100.0, description="rows per second of the log that is made of it [1/s]")
+
+
+class StageSource(Section):
+    """The log of the stage or robot; its clock is that of the session."""
+
+    file: str = Field(description="CSV, ROS bag, MCAP or G-code, from the mapping's folder")
+    topic: str | None = Field(None, description="of a bag or MCAP file: the topic whose messages are rows")
+    frame_id: str | None = Field(
+        None, description="of such a topic: only the messages of this frame are read"
+    )
+    table: TableForm = Field(TableForm(), description="how the table is written")
+    gcode: GCode | None = Field(
+        None,
+        description="the file is G-code that the stage ran; x, y, z are axes, X, Y, Z; its clock starts at 0",
+    )
+    time: Stamp | None = Field(None, description="column of time stamps")
+    rate_hz: Positive | None = Field(None, description="in place of stamps: taken evenly at this rate [1/s]")
+    even: bool = Field(
+        False, description="taken evenly; the stamps are replaced by the straight line through them"
+    )
+    x: str | float = Field(description="column of x, or the position itself where it does not change [mm]")
+    y: str | float = Field(description="column of y, or the position itself where it does not change [mm]")
+    z: str = Field(description="column of the axis that presses")
+    unit: str = Field(description="unit of the positions: mm, um, m, in")
+    pressing: Literal["+z", "-z"] = Field(description="direction along that axis that presses deeper")
+
+    @model_validator(mode="after")
+    def _complete(self):
+        _known(self.unit, "length", "stage.unit")
+        if self.gcode:
+            if self.time or self.rate_hz or self.even or self.topic or self.unit != "mm":
+                raise ValueError(
+                    "gcode makes times from feed rates, in mm; leave out time, rate_hz, even, topic; unit: mm"
+                )
+            return self
+        if bool(self.time) == bool(self.rate_hz):
+            raise ValueError("name the column of stamps under `time`, or give rate_hz")
+        if self.even and not self.time:
+            raise ValueError("even is about time stamps; name their column under `time`")
+        return self
+
+
+class CameraSource(Clock):
+    """A video file, a topic of images in a bag or MCAP file, or a folder of frames."""
+
+    video: str | None = Field(None, description="video file, from the mapping's folder")
+    topic: str | None = Field(
+        None, description="of a bag or MCAP file named by `video`: the topic whose messages are images"
+    )
+    frames: str | None = Field(None, description="folder of frames, taken in the order of their names")
+    times: str | None = Field(
+        None, description="CSV with one row per frame, in their order, whose column is named by `time`"
+    )
+    table: TableForm = Field(TableForm(), description="how that table is written")
+    from_name: str | None = Field(
+        None,
+        description="regular expression whose only group is the stamp in a frame's name; unit: name_unit",
+    )
+    name_unit: str = Field("s", description="unit of the stamps in the names")
+    container: bool = Field(False, description="the stamps that the video or bag itself holds are right")
+
+    @model_validator(mode="after")
+    def _complete(self):
+        if (self.video is None) == (self.frames is None):
+            raise ValueError("give either video (a file) or frames (a folder)")
+        if (self.times is None) != (self.time is None):
+            raise ValueError("times (a CSV) and time (its column) go together; give both or neither")
+        if self.from_name is not None:
+            _known(self.name_unit, "time", "name_unit")
+            try:
+                groups = re.compile(self.from_name).groups
+            except re.error as error:
+                raise ValueError(f"from_name {self.from_name!r} is no regular expression ({error})") from None
+            if groups != 1 or self.frames is None:
+                raise ValueError(
+                    "from_name has one group, the stamp in the name of a frame; it goes with frames"
+                )
+        if self.container and self.video is None:
+            raise ValueError("container is about the stamps of a video; a folder of frames has none")
+        ways = [bool(self.times), bool(self.from_name), self.container, self.rate_hz is not None]
+        if sum(ways) != 1:
+            raise ValueError(
+                "say once when frames were taken: times and time (a CSV of stamps), from_name (stamps in names), rate_hz "
+                "(evenly, none dropped), or container: true (the video's own stamps)"
+            )
+        return self
+
+
+class Surface(Section):
+    """Where the laboratory's own depth zero lies."""
+
+    at_mm: float = Field(description="position of the pressing axis at depth zero, as the log has it, in mm")
+
+
+class ImportMapping(Section):
+    """Raw logs of one session: which column is what, in which unit, and what makes the numbers readable."""
+
+    describes: str = Field(description="whose logs these are, in words")
+    force: ForceSource
+    stage: StageSource
+    camera: CameraSource | None = None
+    depth_zero: Literal["session", "press"] | Surface = Field(
+        description="session: the median contact point; press: each indentation's own; at_mm: the laboratory's own zero"
+    )
+    session: dict[str, Any] = Field(
+        description="keys of session.yaml as they are: sensor, indenter, force.acts_on, stage_to_sensor, camera, ..."
+    )
+    skip: list[int] = Field(
+        [], description="numbers of indentations, as the page shows them, that are left out"
+    )
+    incomplete: Literal["refuse", "drop"] = Field(
+        "refuse", description="indentations that a log begins or ends within"
+    )
+    least_retreat_mm: Positive = Field(
+        0.2, description="the stage leaves by at least this between indentations [mm]"
+    )
+    least_dwell_s: Positive = Field(0.3, description="a stage that stands still for so long waits [s]")
+    frames_per_dwell: int = Field(3, ge=1, le=1000, description="readings, with a frame each, of a wait [-]")
+    settle_s: NonNegative = Field(0.1, description="after arrival, before the first of these [s]")
+
+    @model_validator(mode="after")
+    def _session_keys(self):
+        force = self.session.get("force")
+        if not isinstance(force, dict) or "acts_on" not in force:
+            raise ValueError(
+                "session.force.acts_on is missing: the recorded force acts on the sensor, or on the indenter"
+            )
+        if "session" in self.session:
+            raise ValueError("session.session is the name of the folder that is written; leave it out")
+        if "by" in (self.session.get("depth_zero") or {}):
+            raise ValueError("session.depth_zero.by follows from depth_zero; leave it out")
+        return self
+
+
+def load_import(path: str | Path) -> ImportMapping:
+    """Return the validated import described by a YAML file."""
+    return load_section(path, ImportMapping)

@@ -1,0 +1,371 @@
+"""Mappings: a declared description of somebody else's files of mechanical tests, YAML in, validated models out.
+
+A mapping says how the table is written and which column is what, in which unit, sign and measure; the readers
+need no code for a new machine. `gelforge.config` does not import this module: a study does not contain a mapping, and
+the table reader behind it loads pandas, which a cell's job does without.
+"""
+
+from __future__ import annotations
+
+import codecs
+import re
+from fnmatch import fnmatch
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from gelforge.config.basis.common import ConfigError, Name, Positive, Section
+from gelforge.config.studies.files import load_section
+from gelforge.csv_table import CsvForm, RowFilter
+from gelforge.units import UNITS, unit_named
+
+STRAIN_QUANTITY = {
+    "stretch": "number",
+    "engineering": "number",
+    "true": "number",
+    "shear": "number",
+    "displacement": "length",
+    "gap": "length",
+}
+STRESS_QUANTITY = {
+    "nominal": "pressure",
+    "cauchy": "pressure",
+    "cauchy_difference": "pressure",
+    "force": "force",
+    "inflation": "pressure",
+}
+
+
+def _file_name(name: str) -> str:
+    if not name or set(name) & set("/\\\0*?[") or name in (".", ".."):
+        raise ValueError(f"{name!r} is not the name of a file; name a file without its folder")
+    return name
+
+
+FileName = Annotated[str, AfterValidator(_file_name)]
+
+
+class TableForm(Section):
+    """How the table is written."""
+
+    separator: Literal[",", ";", "tab", "space"] = Field(",", description="between the values of a row")
+    decimal: Literal[".", ","] = Field(".", description="decimal sign; the other one is refused")
+    encoding: str = Field("utf-8-sig", description="text encoding, e.g. latin-1")
+    comment: str = Field("#%", description="each of these signs begins a comment line above the header")
+    skip_rows: int = Field(0, ge=0, description="lines above the header that are not part of the table [-]")
+    header: bool = Field(True, description="a header names the columns; else they are called 1, 2, 3, ...")
+    header_begins_with: str | None = Field(
+        None,
+        min_length=1,
+        description="text with which the header line begins, wherever it stands; null: the line after comments and "
+        "`skip_rows`, or, where that lacks the columns, the only line that names them all",
+    )
+    units_row: bool | None = Field(
+        None, description="the line below the header holds units; null: where it can be nothing else"
+    )
+    columns: int | None = Field(None, ge=1, description="number of columns, where there is no header [-]")
+
+    @model_validator(mode="after")
+    def _columns(self):
+        if self.header == (self.columns is not None):
+            raise ValueError("`columns` (their number) goes with `header: false`, and only with it")
+        if self.header_begins_with and (not self.header or self.skip_rows):
+            raise ValueError(
+                "`header_begins_with` finds the header by itself; leave `skip_rows` and `header` out"
+            )
+        try:
+            codecs.lookup(self.encoding)
+        except (LookupError, ValueError):  # ValueError: a name with a null character
+            raise ValueError(
+                f"encoding {self.encoding!r} is not known; e.g. utf-8, latin-1, cp1252, utf-16"
+            ) from None
+        return self
+
+    def csv_form(self, units: dict[str, str], rows: tuple[RowFilter, ...] = ()) -> CsvForm:
+        """Return the form as the CSV reader takes it, with the units declared by column and the filter of rows."""
+        signs = {"tab": "\t", "space": " "}
+        changed = {"separator": signs.get(self.separator, self.separator), "units": units, "rows": rows}
+        return CsvForm(**(self.model_dump() | changed), find_header=True)
+
+
+class Column(Section):
+    """A column, its unit and sign."""
+
+    column: str = Field(description="name in the header, or the number from 1 where there is none")
+    unit: str = Field(description="unit of the values in the file")
+    sign: Literal[-1, 1] = Field(1, description="-1 turns the sign (compression is negative here)")
+
+    @model_validator(mode="after")
+    def _unit_known(self):
+        if unit_named(self.unit) is None:
+            raise ValueError(f"unit {self.unit!r} is not known; one of {sorted(UNITS)}")
+        return self
+
+    @property
+    def known_unit(self) -> str:
+        """Return the unit as UNITS spells it."""
+        return unit_named(self.unit)
+
+    def require(self, quantity: str, what: str) -> None:
+        """Raise ValueError unless the unit belongs to the quantity."""
+        if UNITS[self.known_unit][0] != quantity:
+            fitting = [unit for unit, (q, _, _) in UNITS.items() if q == quantity]
+            raise ValueError(f"{what}: unit {self.unit!r} is no {quantity}; one of {fitting}")
+
+
+class Strain(Column):
+    """What the file calls a strain."""
+
+    unit: str = "1"
+    measure: Literal["stretch", "engineering", "true", "shear", "displacement", "gap"] = Field(
+        description="gap: distance between the plates, its first value is the gauge length unless that is given"
+    )
+
+    @model_validator(mode="after")
+    def _quantity(self):
+        self.require(STRAIN_QUANTITY[self.measure], f"measure {self.measure}")
+        return self
+
+
+class Stress(Column):
+    """What the file calls a stress."""
+
+    measure: Literal["nominal", "cauchy", "cauchy_difference", "force", "inflation"] = Field(
+        description="cauchy_difference: sigma_1 - sigma_2; inflation: pressure inside a membrane"
+    )
+    at: Strain | None = Field(None, description="own stretch of this stress, where it is not that of the row")
+
+    @model_validator(mode="after")
+    def _quantity(self):
+        self.require(STRESS_QUANTITY[self.measure], f"measure {self.measure}")
+        return self
+
+
+class Time(Column):
+    """The time column."""
+
+    unit: str = "s"
+    restarts_with: str | None = Field(
+        None, description="column in whose every new value the time begins at 0 again"
+    )
+
+
+class Lateral(Section):
+    """The second in-plane direction of a biaxial test; one way of giving its stretch."""
+
+    strain: Strain | None = Field(None, description="its own column")
+    extension_ratio: float | None = Field(None, description="lam_2 - 1 = ratio (lam_1 - 1)")
+    stress: Stress | None = Field(None, description="its stress, where measured")
+
+
+class FromName(Section):
+    """Values that a file's name holds; read only where this is declared."""
+
+    pattern: str = Field(description="regular expression on the name without suffix, with named groups")
+    decimal: str = Field(".", description="stands for the decimal point in the name, e.g. d in 0d05")
+
+    @model_validator(mode="after")
+    def _groups(self):
+        try:
+            groups = set(re.compile(self.pattern).groupindex)
+        except re.error as error:
+            raise ValueError(f"pattern {self.pattern!r} is no regular expression ({error})") from None
+        known = {"sample", "material", "rate_per_s", "age_days", "temperature_C", "dose", "cycle"}
+        if not groups or groups - known:
+            raise ValueError(f"pattern names {sorted(groups)}; groups may be {sorted(known)}")
+        return self
+
+
+class Corrections(Section):
+    """What is changed only when it is asked for here; otherwise it is reported."""
+
+    toe: Literal["keep", "remove"] = Field(
+        "keep", description="move the origin of stretch to the zero of stress"
+    )
+    zero_force: bool = Field(False, description="subtract the stress of the rows at rest")
+    zero_strain: bool = Field(False, description="let the first row be at rest")
+    time: Literal["refuse", "sort", "set_aside"] = Field(
+        "refuse",
+        description="a time that goes back: refuse the file, sort its rows, or read it without a time",
+    )
+    odd_rows: Literal["refuse", "keep"] = Field(
+        "refuse",
+        description="single rows far off their curve, and a start under load: refuse, or keep as right",
+    )
+    repeated_time: Literal["keep", "average"] = Field("keep", description="rows with the same time stamp")
+
+
+class Rows(Section):
+    """Rows that are read, by the value of a column; all of several conditions must hold."""
+
+    column: str = Field(description="name in the header, or the number from 1 where there is none")
+    equals: list[str | int | float] | None = Field(None, min_length=1, description="values that are kept")
+    at_least: float | None = Field(None, description="smallest number that is kept, in the file's unit")
+    at_most: float | None = Field(None, description="largest number that is kept, in the file's unit")
+
+    @model_validator(mode="after")
+    def _asks(self):
+        if self.equals is None and self.at_least is None and self.at_most is None:
+            raise ValueError("a filter of rows needs `equals`, `at_least` or `at_most`")
+        return self
+
+    @property
+    def filter(self) -> RowFilter:
+        """Return the filter as the CSV reader takes it."""
+        equals = None if self.equals is None else tuple(map(str, self.equals))
+        return RowFilter(self.column, equals, self.at_least, self.at_most)
+
+
+class TestMapping(Section):
+    """Files of one kind."""
+
+    __test__ = False  # not a test case for pytest
+
+    files: list[str] = Field(min_length=1, description="patterns of file names, e.g. '*__UT.csv'")
+    kind: Literal[
+        "uniaxial",
+        "compression",
+        "pure_shear",
+        "equibiaxial",
+        "biaxial",
+        "simple_shear",
+        "indentation",
+        "force_pair",
+    ] = Field(description="what was done to the material")
+    history: Literal["monotonic", "cyclic", "relaxation"] = Field("monotonic", description="in which order")
+    table: TableForm = Field(TableForm(), description="how the table is written")
+    rows: list[Rows] = Field([], description="which rows are read, e.g. those of one cycle; none: all")
+    material: Name | None = Field(None, description="name of the material")
+    strain: Strain | None = None
+    stress: Stress | None = None
+    lateral: Lateral | None = None
+    time: Time | None = None
+    radius: Column | None = Field(None, description="radius of curvature at the apex of a membrane")
+    height: Column | None = Field(None, description="indentation: position, growing with depth once signed")
+    force: Column | None = Field(None, description="indentation or first load cell")
+    force_2: Column | None = Field(None, description="second load cell")
+    rate: Column | None = Field(None, description="column with the stretch rate of the loading")
+    temperature: Column | None = None
+    also: list[Strain | Stress] = Field([], description="the same test in other measures: must agree")
+    split: str | None = Field(None, description="column whose every value is a sample of its own")
+    segment: str | None = Field(None, description="column that names the segments, or places of a force pair")
+    from_name: FromName | None = None
+    gauge_length_mm: Positive | None = None
+    cross_section_mm2: Positive | None = None
+    thickness_mm: Positive | None = Field(None, description="membrane: undeformed thickness")
+    ball_radius_mm: Positive | None = None
+    layer_thickness_mm: Positive | None = Field(
+        None, description="indentation: thickness on a rigid base; null: half space"
+    )
+    rigid_board: FileName | None = Field(
+        None,
+        description="indentation: name of the file of the same press on a rigid board (the machine's own give)",
+    )
+    spring_constant_N_per_m: Positive | None = Field(None, description="AFM: bending F/k leaves the depth")
+    rate_per_s: Positive | None = Field(None, description="stretch rate of the loading, as declared")
+    age_days: float | None = None
+    temperature_C: float | None = None
+    plausible_shear_modulus_kPa: tuple[Positive, Positive] = Field(
+        (0.5, 5000.0), description="outside, a unit must be wrong; narrow it where the material is known"
+    )
+    plausible_stiffness_N_per_m: tuple[Positive, Positive] = Field(
+        (1e-5, 1e6), description="indentation: range of force over travel; outside, a unit must be wrong"
+    )
+    plausible_force_N: tuple[Positive, Positive] = Field((1e-3, 1e4), description="load cells: largest force")
+    corrections: Corrections = Corrections()
+
+    @model_validator(mode="after")
+    def _complete(self):
+        needed = {"indentation": ("height", "force"), "force_pair": ("force", "force_2")}
+        for name in needed.get(self.kind, ("strain", "stress")):
+            if getattr(self, name) is None:
+                raise ValueError(f"kind {self.kind} needs `{name}`; declare its column")
+        quantities = {
+            "time": "time",
+            "rate": "rate",
+            "temperature": "temperature",
+            "force": "force",
+            "force_2": "force",
+            "height": "length",
+            "radius": "length",
+        }
+        for name, quantity in quantities.items():
+            if getattr(self, name) is not None:
+                getattr(self, name).require(quantity, name)
+        if self.strain and (self.strain.measure == "shear") != (self.kind == "simple_shear"):
+            raise ValueError(
+                f"measure {self.strain.measure} in a test of kind {self.kind}; shear goes with shear"
+            )
+        if self.strain and self.strain.measure == "displacement" and self.gauge_length_mm is None:
+            raise ValueError("measure displacement needs gauge_length_mm; give the length between the clamps")
+        if self.stress and self.stress.measure == "force" and self.cross_section_mm2 is None:
+            raise ValueError(
+                "measure force needs cross_section_mm2; give the undeformed width times thickness"
+            )
+        if self.stress and self.stress.measure == "inflation":
+            if self.kind != "equibiaxial" or self.radius is None or self.thickness_mm is None:
+                raise ValueError("measure inflation needs kind equibiaxial, `radius` and `thickness_mm`")
+        return self
+
+
+class Mapping(Section):
+    """A folder's files: each is read by the first entry one of whose patterns fits its name."""
+
+    describes: str = Field(description="whose files these are, in words")
+    ignore: list[str] = Field(
+        ["LICENSE*", "License*", "README*"], description="patterns of files that are no tests"
+    )
+    common: dict[str, Any] = Field({}, description="keys that every entry has unless it gives its own")
+    tests: Annotated[list[TestMapping], Field(min_length=1)]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_common(cls, content):
+        if isinstance(content, dict) and isinstance(content.get("tests"), list):
+            common = content.get("common") or {}
+            tests = [{**common, **entry} if isinstance(entry, dict) else entry for entry in content["tests"]]
+            content = {**content, "tests": tests}
+        return content
+
+    def entry_for(self, name: str) -> TestMapping | None:
+        """Return the entry that reads a file of this name (relative to the folder), None for an ignored one."""
+        short = name.rsplit("/", 1)[-1]
+        if any(fnmatch(short, pattern) for pattern in self.ignore):
+            return None
+        for entry in self.tests:
+            if any(fnmatch(name, pattern) or fnmatch(short, pattern) for pattern in entry.files):
+                return entry
+        patterns = [pattern for entry in self.tests for pattern in entry.files]
+        raise ConfigError(f"{name}: no entry of the mapping fits this file; its patterns are {patterns}")
+
+
+LARGEST_BALL_MM = 200.0
+
+
+class Microindentation(Section):
+    """The sidecar <name>.yaml of a microindentation <name>.csv (depth_mm, force_N)."""
+
+    ball_radius_mm: Positive = Field(
+        le=LARGEST_BALL_MM, description="radius of the ball; a larger one is given in another unit [mm]"
+    )
+    layer_thickness_mm: Positive | None = Field(
+        None, description="thickness on a rigid base; null: half space [mm]"
+    )
+    rigid_board: FileName | None = Field(
+        None, description="CSV beside it of the same press on a rigid board: the machine's own give"
+    )
+    odd_rows: Literal["refuse", "keep"] = Field(
+        "refuse",
+        description="single rows far off their curve, and a modulus that no gel has: refuse, or keep as right",
+    )
+
+
+def load_microindentation(path: str | Path) -> Microindentation:
+    """Return the validated sidecar of a microindentation."""
+    return load_section(path, Microindentation)
+
+
+def load_mapping(path: str | Path) -> Mapping:
+    """Return the validated mapping described by a YAML file."""
+    return load_section(path, Mapping)

@@ -1,0 +1,73 @@
+"""Materials: raw tests to be fitted, or parameters that are given."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal, Union
+
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from gelforge.config.basis.common import Section
+from gelforge.mechanics.laws.models import FAMILIES, MODELS
+
+
+def _law_of(content) -> str:
+    """Return the law that given parameters are of; those without a name are Ogden's."""
+    return content.get("law", "ogden") if isinstance(content, dict) else getattr(content, "law", "ogden")
+
+
+# Of the files in mechanics/laws/models: the sections of given parameters, the names of what can be fitted.
+LawParameters = Annotated[
+    Union[tuple(Annotated[model.parameters, Tag(name)] for name, model in MODELS.items())],  # noqa: UP007
+    Discriminator(_law_of),
+]
+LAW_NAMES: tuple[str, ...] = tuple(FAMILIES)
+LawName = Literal[LAW_NAMES]  # type: ignore[valid-type]
+
+
+class Fitting(Section):
+    """Which laws are fitted to tests, how, and how one is chosen."""
+
+    laws: Annotated[list[LawName], Field(min_length=1)] = Field(
+        ["ogden2"], description="laws to be fitted; ogden2: Ogden's law with two terms"
+    )
+    choose: Literal["aicc", "held_out", "first"] = Field(
+        "aicc",
+        description="law.json is the law of lowest AICc among those that describe the tests, the one that predicts"
+        " tests left out best, or the first named",
+    )
+    loss: Literal["linear", "soft_l1"] = Field("linear", description="soft_l1 forgives outliers")
+    bootstrap: int = Field(0, ge=0, le=100_000, description="refits over samples for further intervals [-]")
+
+    @model_validator(mode="after")
+    def _once(self):
+        if len(set(self.laws)) < len(self.laws):
+            raise ValueError(f"laws {self.laws}: each law once")
+        return self
+
+    def fitting_keys(self) -> dict:
+        """Return what decides a fit besides its files."""
+        return {name: getattr(self, name) for name in Fitting.model_fields}
+
+
+class Material(Fitting):
+    """One material: either raw tests to be fitted or parameters that are given."""
+
+    tests: Path | None = Field(None, description="folder with samples.csv and one CSV per sample")
+    mapping: Path | None = Field(
+        None, description="YAML that says what other people's files in `tests` hold; null: samples.csv"
+    )
+    parameters: LawParameters | None = Field(None, description="a law that is given; nothing is fitted")
+    stiffness_confirmed: bool = Field(
+        False, description="true: the initial Young's modulus is meant, also outside 0.5 to 5000 kPa"
+    )
+
+    @model_validator(mode="after")
+    def _one_source(self):
+        if (self.tests is None) == (self.parameters is None):
+            raise ValueError(
+                "give either `tests` (a folder to fit) or `parameters` (a law), not both or neither"
+            )
+        if self.mapping and self.parameters:
+            raise ValueError("`mapping` describes the files of `tests`; with `parameters` nothing is read")
+        return self

@@ -1,0 +1,69 @@
+"""How a recording is judged against the study: places, effects, errors."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import Field, model_serializer
+
+from gelforge.config.basis.common import Name, NonNegative, Section
+
+
+class Known(Section):
+    """An effect of force sensor, clock, camera or single presses that is taken as known: the judge adds it to the base."""
+
+    effect: Name = Field(description="name in the catalogue")
+    amounts: dict[str, float] = Field(description="amount by parameter, in the parameter's unit")
+    shape: dict[str, float | str] = Field({}, description="what is scanned and not fitted")
+
+
+class Mismatch(Section):
+    """How the judge looks for missing physics."""
+
+    judged: bool = Field(
+        True,
+        description="a run of the study makes the verdict on its sessions: minutes to an hour, `gelforge check` estimates"
+        " them; false: it does not, and no derivatives are stored for it",
+    )
+    sites: int = Field(
+        25, ge=2, description="positions that are judged at most, spread over those recorded [-]"
+    )
+    depths: int | None = Field(
+        None, ge=3, description="depths that are judged at most, spread over those pressed to; null: all [-]"
+    )
+    coarser: float = Field(
+        2.0,
+        ge=1.5,
+        le=6.0,
+        description="changes by effects are solved on a mesh of so many times the study's sizes [-]",
+    )
+    draws: int = Field(2000, ge=1000, description="draws of the maximum statistic of the scan [-]")
+    known: list[Known] = Field([], description="effects that belong to the base")
+    leave_out: list[Name] = Field([], description="effects of the catalogue that are not tried")
+    discretisation: NonNegative | None = Field(
+        None,
+        description="error of the base's mesh, a standard deviation as a share of the force, where it is known better"
+        " than a mesh of twice the sizes tells it [-]",
+    )
+    change_error: NonNegative = Field(
+        0.1,
+        description="error of a change by an effect that is solved, a standard deviation as a share of it; at least what is"
+        " known of the effect's other forms, with a place 0.5; 0: none for any effect [-]",
+    )
+    sensitivities: Literal["auto", "stored", "none"] = Field(
+        "auto",
+        description="derivatives of the forces at every solved site are stored, so that a verdict solves little: in"
+        " studies with sessions (auto), always, or not at all",
+    )
+    touchdown_mm: NonNegative | None = Field(
+        None, description="scatter of depth zero in place of what the sessions say [mm]"
+    )
+    images: Literal["fitted", "predicted", "left_out"] = Field(
+        "left_out",
+        description="images of sessions with a camera are judged with the forces, predicted from them, or left out",
+    )
+
+    @model_serializer(mode="wrap")
+    def _as_written(self, write) -> dict[str, Any]:
+        """Return the keys; judged only where it is false, so that digests of older studies stay."""
+        return {key: value for key, value in write(self).items() if key != "judged" or not value}

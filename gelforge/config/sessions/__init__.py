@@ -1,0 +1,1 @@
+"""Sessions of recordings, measured and virtual."""

@@ -1,0 +1,115 @@
+"""A training set from simulated sensors: which indentations are drawn, and how their images vary."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Field, model_serializer, model_validator
+
+from gelforge.config.basis.common import NonNegative, Section
+from gelforge.config.parts.camera import Camera
+from gelforge.config.parts.mechanics import Mesh
+from gelforge.config.sessions.virtual_lab import VirtualImaging, VirtualParticles
+
+
+def _increasing(given: list[float]) -> list[float]:
+    if len(given) != 2 or given[0] > given[1]:
+        raise ValueError(f"{given} must be two numbers, least and greatest")
+    return given
+
+
+Range = Annotated[list[NonNegative], AfterValidator(_increasing)]
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class DrawnShapes(Section):
+    """Indenters that are drawn, each as often as its weight says beside the others'."""
+
+    own: NonNegative = Field(4.0, description="weight of the study's own indenter [-]")
+    ball: NonNegative = Field(4.0, description="weight of balls [-]")
+    punch: NonNegative = Field(2.0, description="weight of flat, round punches [-]")
+    edge: NonNegative = Field(1.0, description="weight of straight edges, turned about z [-]")
+    pair: NonNegative = Field(1.0, description="weight of pairs of balls, turned about z [-]")
+    mesh: NonNegative = Field(0.0, description="weight of the surfaces of `files`, turned about z [-]")
+    ball_radius_mm: Range = Field([2.0, 7.0], description="radii of balls, least and greatest [mm]")
+    punch_radius_mm: Range = Field([2.0, 5.0], description="radii of punches [mm]")
+    edge_length_mm: Range = Field([6.0, 14.0], description="lengths of edges [mm]")
+    pair_gap_mm: Range = Field(
+        [4.0, 9.0], description="distances of a pair's middles; radii are 2 to 3 mm [mm]"
+    )
+    files: list[Path] = Field(
+        [], description="closed surfaces: STL, PLY or OBJ, in mm, origin over the position"
+    )
+
+    @model_validator(mode="after")
+    def _something(self):
+        if self.mesh and not self.files:
+            raise ValueError("mesh has a weight, but files names no surface; name some or set mesh: 0")
+        if not any((self.own, self.ball, self.punch, self.edge, self.pair, self.mesh)):
+            raise ValueError("no shape has a weight; give one to own, ball, punch, edge, pair or mesh")
+        return self
+
+
+class DrawnViews(Section):
+    """Standard deviations of what differs from one image series to the next; each has its own particles.
+
+    Those of the camera are what a calibration and a remap leave. A network cannot tell a camera that looks 1 px aside from a
+    press aside, so larger ones blur what it says of places.
+    """
+
+    focal_share: NonNegative = Field(0.002, description="focal length, share of it [-]")
+    centre_px: NonNegative = Field(0.5, description="principal point, each of u and v [px]")
+    rotation_deg: NonNegative = Field(0.05, description="turns of the camera about each axis [deg]")
+    brightness_share: NonNegative = Field(
+        0.1, description="grey levels of particles and background, share [-]"
+    )
+    blur_share: NonNegative = Field(0.2, description="blur of the optics, share [-]")
+    noise_share: NonNegative = Field(0.2, description="noise of the camera, share [-]")
+
+
+class Synthesis(Section):
+    """A training set of simulated sensors: drawn indentations, solved by the study's model, and drawn images of each."""
+
+    indentations: int = Field(200, ge=2, le=100_000, description="drawn indentations, one job each [-]")
+    seed: int = Field(0, ge=0, description="seed of all draws [-]")
+    train_on: Literal["simulated", "both"] = Field(
+        "simulated",
+        description="simulated: all rows of recordings are for testing; both: their training rows are learnt from too",
+    )
+    shapes: DrawnShapes = Field(DrawnShapes(), description="indenters")
+    depth_mm: Range = Field([0.3, 2.0], description="deepest depths, least and greatest [mm]")
+    steps: int = Field(5, ge=1, le=50, description="depths of each indentation, evenly spaced [-]")
+    sheared: Share = Field(0.5, description="share that is then moved sideways [-]")
+    shear_mm: Range = Field([0.2, 1.2], description="how far, any direction [mm]")
+    tilted: Share = Field(0.15, description="share of those not sheared that is tilted at depth [-]")
+    tilt_deg: Range = Field([1.0, 4.0], description="how far, about any axis in the plane [deg]")
+    twisted: Share = Field(
+        0.0, description="share of those neither sheared nor tilted that is twisted at depth [-]"
+    )
+    twist_deg: Range = Field([3.0, 15.0], description="how far, about z, either way [deg]")
+    unloaded: Share = Field(0.3, description="share that is unloaded step by step [-]")
+    margin_mm: NonNegative = Field(3.0, description="least distance of a position from the sides [mm]")
+    mesh: Mesh = Field(
+        Mesh(near_mm=0.42, far_mm=1.5),
+        description="mesh of these indentations; coarser than the labels' is faster",
+    )
+    patterns: int = Field(
+        2, ge=1, le=20, description="image series of each indentation, with other particles [-]"
+    )
+    particles: VirtualParticles = Field(VirtualParticles(), description="particles")
+    camera: Camera = Field(description="camera, a pinhole; that of the recordings, or its reference view")
+    imaging: VirtualImaging = Field(VirtualImaging(), description="how the camera draws")
+    views: DrawnViews = Field(DrawnViews(), description="how image series differ")
+
+    @model_serializer(mode="wrap")
+    def _as_written(self, write) -> dict[str, Any]:
+        """Return the keys; later ones only where they are not as usual, so that digests of older sets stay."""
+        usual = {key: type(self).model_fields[key].default for key in ("twisted", "twist_deg")}
+        return {key: value for key, value in write(self).items() if key not in usual or value != usual[key]}
+
+    @model_validator(mode="after")
+    def _pinhole(self):
+        if self.camera.focal_px is None:
+            raise ValueError("camera: images are drawn by a pinhole; give focal_px")
+        return self

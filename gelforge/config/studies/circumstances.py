@@ -1,0 +1,25 @@
+"""The study as it was in one session: at the age and temperature that its session.yaml states."""
+
+from __future__ import annotations
+
+from gelforge.config.basis.variants import merged
+from gelforge.config.sessions.session import Session
+from gelforge.config.studies.files import study_from
+from gelforge.config.studies.study import Study
+
+
+def session_study(study: Study, session: Session) -> Study:
+    """Return the study at the age and temperature that a session states; the study itself where that changes nothing.
+
+    Nothing changes where the study has no rate for what the session states, or states the same itself.
+    """
+    known = study.mechanics.effects.material.circumstances
+    stated = {}
+    if any(known.ageing_per_day.values()) and session.sensor_age_days is not None:
+        stated["age_days"] = session.sensor_age_days
+    if any(known.stiffening_per_K.values()) and session.temperature_C is not None:
+        stated["temperature_C"] = session.temperature_C
+    if all(getattr(known, name) == value for name, value in stated.items()):
+        return study
+    changes = {"mechanics": {"effects": {"material": {"circumstances": stated}}}}
+    return study_from(merged(study.model_dump(mode="json"), changes), f"session {session.session}")

@@ -1,0 +1,205 @@
+"""YAML files in and out; the only module that reads YAML."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from difflib import get_close_matches
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Any, Union, get_args, get_origin
+
+import yaml
+from pydantic import ValidationError
+
+from gelforge.config.basis.common import ConfigError, OldKey, Section
+from gelforge.config.basis.variants import merged
+from gelforge.config.basis.yaml_text import NoYaml, parsed, short
+from gelforge.config.parts.camera import Camera
+from gelforge.config.sessions.session import Session, old_scatter
+from gelforge.config.sessions.virtual_lab import VirtualLab
+from gelforge.config.studies.study import Study
+from gelforge.input_files import NotAFile, another_kind, read_bytes
+
+LONGEST_REMEDY = 600
+MOST_ERRORS = 5  # that a file is said to have
+LARGEST = 1e12  # squares and cubes of what is below stay numbers
+
+
+def _read_yaml(path: Path) -> dict[str, Any]:
+    try:
+        content = parsed(read_bytes(path).decode("utf-8-sig"))
+    except NotAFile as error:
+        remedy = "; name a YAML file that exists" if "no such file" in str(error) else ""
+        raise ConfigError(str(error).replace("; name one that exists", "") + remedy) from None
+    except (UnicodeDecodeError, NoYaml) as error:
+        words = another_kind(path, "a YAML file")
+        if not words and isinstance(error, UnicodeDecodeError):
+            words = f": byte {error.start} is not UTF-8; save the file as UTF-8 text"
+        raise ConfigError(f"{path}{words or error}") from None
+    if not isinstance(content, dict):
+        raise ConfigError(f"{path}: a mapping of keys is expected, found {type(content).__name__}")
+    return content
+
+
+def _validated(model: type[Section], content: dict[str, Any], source: str):
+    try:
+        section = model.model_validate(content)
+    except ValidationError as error:
+        lines = []
+        for item in error.errors():
+            key = ".".join(str(part) for part in item["loc"]) or "(whole file)"
+            found = "" if isinstance(item["input"], dict) else f", found {short(repr(item['input']))}"
+            unknown = item["type"] == "extra_forbidden"
+            remedy = (
+                _unknown_key(model, item["loc"]) if unknown else item["msg"].removeprefix("Value error, ")
+            )
+            lines.append(f"{source}: {short(key)}{found}: {short(remedy, LONGEST_REMEDY)}")
+        more = len(lines) - MOST_ERRORS
+        if more > 0:  # a file of another kind has nothing but errors
+            lines = [*lines[:MOST_ERRORS], f"{source}: and {more} errors more; is it a file of this kind?"]
+        raise ConfigError("\n".join(lines)) from None
+    except RecursionError:
+        raise ConfigError(f"{source}: nested too deeply; remove sections inside sections") from None
+    if key := _first(content, section, _truth_as_number):
+        raise ConfigError(f"{source}: {key}: true or false where a number belongs; write the number")
+    if key := _first(content, section, _beyond_measure):
+        raise ConfigError(
+            f"{source}: {key}: nothing is larger than {LARGEST:g}, or smaller than {1 / LARGEST:g} and not 0; correct it"
+        )
+    return section
+
+
+def _first(content: Any, read: Any, wrong: Callable[[Any, Any], bool]) -> str:
+    """Return the key of the first value of a content that is wrong, given how it was read; empty: there is none."""
+    if isinstance(content, dict):
+        pairs = ((key, part, _part(read, key)) for key, part in content.items())
+    elif isinstance(content, (list, tuple)) and isinstance(read, (list, tuple)):
+        pairs = ((number, *both) for number, both in enumerate(zip(content, read)))
+    else:
+        return "." if wrong(content, read) else ""
+    for key, part, own in pairs:
+        if found := _first(part, own, wrong):
+            return f"{key}.{found}".rstrip(".")
+    return ""
+
+
+def _truth_as_number(content: Any, read: Any) -> bool:
+    """Return whether a truth value was read as a number, as Python's True is 1."""
+    return isinstance(content, bool) and isinstance(read, (int, float)) and not isinstance(read, bool)
+
+
+def _beyond_measure(content: Any, read: Any) -> bool:
+    """Return whether a number is of no size that anything has; whole ones, such as seeds, may fill 63 bits."""
+    if isinstance(read, bool) or not isinstance(read, (int, float)):
+        return False
+    size = abs(read)
+    return size >= 2**63 if isinstance(read, int) else size > LARGEST or 0 < size < 1 / LARGEST
+
+
+def _part(read: Any, key: Any) -> Any:
+    return read.get(key) if isinstance(read, dict) else getattr(read, str(key), None)
+
+
+def _unknown_key(model: type[Section], location: tuple[str | int, ...]) -> str:
+    """Return what to do about a key that its section does not have: the nearest key, or all that there are."""
+    keys = _keys_of(model, location[:-1])
+    near = get_close_matches(str(location[-1]), keys, n=1)
+    if near:
+        return f"unknown key; did you mean {near[0]}?"
+    return f"unknown key; the keys here are {', '.join(keys)}" if keys else "unknown key; remove it"
+
+
+def _keys_of(kind: Any, location: tuple[str | int, ...]) -> list[str]:
+    """Return the keys of the section at a location below a type; none where several sections are possible."""
+    if get_origin(kind) in (Union, UnionType):
+        sections = [part for part in get_args(kind) if part is not NoneType]
+        return _keys_of(sections[0], location) if len(sections) == 1 else []
+    if isinstance(kind, type) and issubclass(kind, Section):
+        fields = kind.model_fields
+        if not location:
+            return list(fields)
+        return _keys_of(fields[location[0]].annotation, location[1:]) if location[0] in fields else []
+    inner = get_args(kind)
+    return _keys_of(inner[-1], location[1:]) if inner and location else []
+
+
+def study_from(content: dict[str, Any], source: str = "config") -> Study:
+    """Return the validated study of a configuration mapping; `sensor` and `indenter` may name YAML files."""
+    content = dict(content)
+    for key in ("sensor", "indenter"):
+        if isinstance(content.get(key), str):
+            content[key] = _read_yaml(Path(content[key]))
+    study = _validated(Study, content, source)
+    for name in study.variants:
+        variant_study(study, name, source)
+    return study
+
+
+def variant_study(study: Study, name: str, source: str = "config") -> Study:
+    """Return the study as a variant changes it, without variants of its own."""
+    if name not in study.variants:
+        raise ConfigError(f"{source}: no variant {name!r}; the study has {sorted(study.variants)}")
+    changes = study.variants[name].model_dump(include={"sensor", "indenter", "mechanics"})
+    content = merged(study.model_dump(mode="json", exclude={"variants"}), changes)
+    return _validated(Study, content, f"{source}: variants.{name}")
+
+
+def load_study(path: str | Path) -> Study:
+    """Return the validated study described by a YAML file."""
+    return study_from(_read_yaml(Path(path)), str(path))
+
+
+def load_session(path: str | Path) -> Session:
+    """Return the validated session described by a session.yaml; an old key is read with a warning (OldKey)."""
+    content = _read_yaml(Path(path))
+    session = _validated(Session, content, str(path))
+    old = old_scatter(content)
+    if old:
+        warnings.warn(f"{path}: {old}", OldKey, stacklevel=1)  # one place: told once, whoever loads it
+    return session
+
+
+def load_camera(path: str | Path, **completed: Any) -> Camera:
+    """Return the camera of a YAML file: its keys, or those under `camera`, as in session.yaml.
+
+    completed: keys that the file may lack, such as a pose; what the file says holds.
+    """
+    content = _read_yaml(Path(path))
+    nested = isinstance(content.get("camera"), dict)
+    if not nested and ("camera" in content or "session" in content):
+        raise ConfigError(f"{path}: the session describes no camera; give the YAML of a calibration")
+    keys = content["camera"] if nested else content
+    source = f"{path}: camera" if nested else str(path)
+    if "position_mm" not in keys and "position_mm" not in completed:
+        raise ConfigError(
+            f"{source}: no position_mm: a calibration finds no pose; add position_mm, rotation_deg and mirrored by hand, or "
+            "by `gelforge camera-pose`"
+        )
+    return _validated(Camera, completed | keys, source)
+
+
+def load_virtual_lab(path: str | Path) -> VirtualLab:
+    """Return the validated virtual lab described by a YAML file."""
+    return _validated(VirtualLab, _read_yaml(Path(path)), str(path))
+
+
+def section_from(model: type[Section], content: dict[str, Any], source: str) -> Any:
+    """Return the validated section of a mapping of keys, e.g. of a command's arguments."""
+    return _validated(model, content, source)
+
+
+def load_section(path: str | Path, model: type[Section]) -> Any:
+    """Return the validated section of another kind (a mapping of columns, a small test) that a YAML file holds."""
+    return _validated(model, _read_yaml(Path(path)), str(path))
+
+
+def write_yaml(path: str | Path, content: Section | dict[str, Any]) -> None:
+    """Write a section, or some of its keys, as YAML in the order of the model."""
+    keys = content.model_dump(mode="json") if isinstance(content, Section) else content
+    Path(path).write_text(yaml.safe_dump(keys, sort_keys=False), encoding="utf-8")
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON schema of a study's configuration; config/schema.json holds it."""
+    return Study.model_json_schema()

@@ -1,0 +1,1 @@
+"""Files of solved positions, and what goes into them."""

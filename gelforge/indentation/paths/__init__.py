@@ -1,0 +1,1 @@
+"""Positions, and the poses that an indenter visits there."""

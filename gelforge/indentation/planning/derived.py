@@ -1,0 +1,24 @@
+"""Sites whose label is made from that of others, mirrored or interpolated: made in bulk, as one takes milliseconds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gelforge.indentation.paths.planned_cell import PlannedCell
+
+AT_ONCE = 256  # interpolated sites: their job reads every solved site
+
+
+def derived_chunks(cells: Mapping[str, PlannedCell], per_shard: int) -> dict[int, list[str]]:
+    """Return the names of derived sites that one job makes, by the number of the job.
+
+    A job makes those of whole shards of the dataset, of one where no site is interpolated: a site that is made again brings
+    those of its job with it, and these are of shards that are built again anyway.
+    """
+    shards = -(-AT_ONCE // per_shard) if any(cell.between for cell in cells.values()) else 1
+    size, names = shards * per_shard, list(cells)
+    chunks = [names[first : first + size] for first in range(0, len(names), size)]
+    derived = [[name for name in chunk if not cells[name].solved] for chunk in chunks]
+    return {number: chunk for number, chunk in enumerate(derived) if chunk}

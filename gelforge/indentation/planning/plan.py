@@ -1,0 +1,341 @@
+"""The plan of a study: its cells, each one position with all its depths."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gelforge.config import NAME, ConfigError, Sensor, Study, variant_study
+from gelforge.csv_table import read_columns
+from gelforge.indentation.effects.kinematics import touches_a_slope
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.paths.trajectory import Trajectory
+from gelforge.indentation.planning.lattice import (
+    check_interpolation,
+    interpolable,
+    lattice_digest,
+    lattice_of,
+)
+from gelforge.indentation.planning.plan_checks import (
+    check_count,
+    check_mesh,
+    check_places,
+    check_steps,
+    check_unit,
+)
+from gelforge.indentation.planning.reach import check_reach, planned_reach
+from gelforge.indentation.planning.touching import check_over_sensor, check_reaches
+from gelforge.indentation.sensor.indenter_shapes import check_press, check_widest, real_indenter, shape_of
+from gelforge.indentation.sensor.sizes import check_indenter, check_sensor_size
+from gelforge.indentation.sensor.symmetry import D4, transform_points
+
+if TYPE_CHECKING:  # pandas takes 0.3 s to import: only those who make or read tables pay for it
+    import pandas as pd
+
+PHASES = ("load", "shear", "tilt", "twist", "dwell", "unload")
+SHEAR_STEP_MM, TWIST_STEP_DEG = 0.1, 1.0  # of a press by hand: friction is followed step by step
+PATH_NUMBERS = ("shear_x_mm", "shear_y_mm", "tilt_x_deg", "tilt_y_deg", "twist_deg")
+POSITION_MATCH_MM = 0.01  # recorded presses join the plan within this distance
+
+
+def plan_cells(study: Study) -> dict[str, PlannedCell]:
+    """Return the study's cells by name, in the order of the plan, with mirrored cells naming their source."""
+    plan = study.plan
+    cells = _from_file(plan.file, plan.mm_per_unit or 1.0) if plan.file else _from_grid(study)
+    check_unit(cells, study)
+    check_places(cells, POSITION_MATCH_MM)
+    check_inside(cells, study)
+    if study.mirrors_cells:
+        cells = _with_sources(cells, study.sensor)
+        if study.plan.symmetry == "d4":
+            _check_mirrored(cells, study.sensor)
+    return cells if study.plan.interpolation is None else _between_sites(cells, study)
+
+
+def _between_sites(cells: dict[str, PlannedCell], study: Study) -> dict[str, PlannedCell]:
+    """Return the cells with those marked whose label is interpolated between solved sites."""
+    check_interpolation(study)
+    lattice = lattice_of(study, cells)
+    if lattice is None:
+        return cells
+    decides = lattice_digest(study, lattice)
+    return {
+        name: replace(cell, between=decides) if interpolable(study, cell) else cell
+        for name, cell in cells.items()
+    }
+
+
+CORNER_MM = 5.0  # the article's "corner": this far from two edges
+
+
+def landmarks(cells: dict[str, PlannedCell], study: Study) -> dict[str, PlannedCell]:
+    """Return the cells at "centre" and "corner" (5 mm from two edges, that of large x and y first) that exist."""
+    wx, wy = study.sensor.width_x_mm, study.sensor.width_y_mm
+    corners = [(x, y) for x in (wx - CORNER_MM, CORNER_MM) for y in (wy - CORNER_MM, CORNER_MM)]
+    found = {}
+    for name, places in (("centre", [(wx / 2, wy / 2)]), ("corner", corners)):
+        there = (
+            cell
+            for x, y in places
+            for cell in cells.values()
+            if max(abs(cell.x_mm - x), abs(cell.y_mm - y)) <= POSITION_MATCH_MM
+        )
+        if cell := next(there, None):
+            found[name] = cell
+    return found
+
+
+def variant_cells(cells: dict[str, PlannedCell], study: Study, variant: str) -> dict[str, PlannedCell]:
+    """Return the cells of a variant, each to be solved itself: a variant need not have the plan's symmetry."""
+    names = study.variants[variant].cells or [cell.name for cell in landmarks(cells, study).values()]
+    unknown = [name for name in names if name not in cells]
+    if unknown:
+        raise ConfigError(f"variants.{variant}.cells: {unknown} are not in the plan; name cells of the plan")
+    if not names:
+        raise ConfigError(
+            f"variants.{variant}: the plan has no cell at the centre or {CORNER_MM:g} mm from two edges; name `cells`"
+        )
+    chosen = {name: replace(cells[name], source=None, symmetry=None, between="") for name in names}
+    check_inside(chosen, variant_study(study, variant))
+    return chosen
+
+
+def plan_table(cells: dict[str, PlannedCell]) -> pd.DataFrame:
+    """Return the plan as a table, one row per cell and depth."""
+    import pandas as pd
+
+    rows = [
+        (c.name, c.x_mm, c.y_mm, depth, c.source or "", c.symmetry or "")
+        for c in cells.values()
+        for depth in c.depths_mm
+    ]
+    table = pd.DataFrame(rows, columns=["cell", "x_mm", "y_mm", "depth_mm", "source", "symmetry"])
+    if any(c.between for c in cells.values()):
+        table["interpolated"] = [bool(c.between) for c in cells.values() for _ in c.depths_mm]
+    if any(c.follows_a_path for c in cells.values()):
+        path = [step for c in cells.values() for step in _steps(c)]
+        table = table.join(pd.DataFrame(path, columns=["phase", *PATH_NUMBERS]))
+    return table
+
+
+def _steps(cell: PlannedCell) -> list[tuple]:
+    """Return phase, shears, tilts and twist of each depth of a cell."""
+    count = len(cell.depths_mm)
+    phases, none = cell.phases or ("load",) * count, ((0.0, 0.0),) * count
+    moves = zip(phases, cell.shears_mm or none, cell.tilts_deg or none, cell.twists_deg or (0.0,) * count)
+    return [(phase, *shear, *tilt, twist) for phase, shear, tilt, twist in moves]
+
+
+def _axis(width: float, spacing: float, margin: float) -> np.ndarray:
+    span = width - 2 * margin
+    if span < 0:
+        raise ConfigError(
+            f"plan.grid.margin_mm {margin} exceeds half the sensor's width {width} mm; make it smaller"
+        )
+    count = int(np.floor(span / spacing + 1e-9)) + 1
+    check_count(count)
+    return width / 2 + spacing * (np.arange(count) - (count - 1) / 2)
+
+
+def _from_grid(study: Study) -> dict[str, PlannedCell]:
+    grid, sensor = study.plan.grid, study.sensor
+    xs = _axis(sensor.width_x_mm, grid.spacing_mm, grid.margin_mm)
+    ys = _axis(sensor.width_y_mm, grid.spacing_mm, grid.margin_mm)
+    check_count(len(xs) * len(ys))
+    digits = len(str(max(len(xs), len(ys)) - 1))
+    depths = tuple(study.plan.depths_mm)
+    cells = {}
+    for iy, y in enumerate(ys):
+        for ix, x in enumerate(xs):
+            name = f"x{ix:0{digits}d}_y{iy:0{digits}d}"
+            cells[name] = PlannedCell(name, round(float(x), 6), round(float(y), 6), depths)
+    return cells
+
+
+def _from_file(path: Path, mm_per_unit: float) -> dict[str, PlannedCell]:
+    _, columns = read_columns(
+        path,
+        numbers=("x_mm", "y_mm", "depth_mm"),
+        optional_numbers=PATH_NUMBERS,
+        texts=("cell",),
+        optional_texts=("phase",),
+    )
+    names, phases = columns["cell"], columns["phase"]
+    places = np.column_stack([columns[name] for name in ("x_mm", "y_mm", "depth_mm")])
+    moves = np.nan_to_num(np.column_stack([columns[name] for name in PATH_NUMBERS]))
+    places, moves[:, :2] = places * mm_per_unit, moves[:, :2] * mm_per_unit  # the others are angles
+    rows_of: dict[str, list[int]] = {}
+    for row, name in enumerate(names):
+        rows_of.setdefault(name, []).append(row)
+    cells = {}
+    for name, rows in rows_of.items():
+        if not NAME.fullmatch(name):
+            raise ConfigError(f"{path}: cell {name!r} is not a name; use letters, digits, '_' and '-'")
+        numbers, turns = places[rows], moves[rows]
+        if not np.isfinite(numbers).all():
+            raise ConfigError(
+                f"{path}: cell {name} has an empty or non-finite number; fill x_mm, y_mm and depth_mm"
+            )
+        if np.ptp(numbers[:, :2], axis=0).max() > 1e-9:
+            raise ConfigError(f"{path}: cell {name} has several positions; give each position its own cell")
+        place = (name, float(numbers[0, 0]), float(numbers[0, 1]))
+        phased = [phases[row] for row in rows]
+        if turns.any() or any(phased):
+            cells[name] = _path(path, place, numbers[:, 2], turns, phased)
+            continue
+        depths = tuple(sorted(numbers[:, 2]))
+        if depths[0] <= 0 or len(set(depths)) < len(depths):
+            raise ConfigError(
+                f"{path}: cell {name} has depths {depths}; they must be positive and differ, unless phase or shear_x_mm, "
+                "shear_y_mm make its rows a path"
+            )
+        cells[name] = PlannedCell(*place, depths)
+    return cells
+
+
+def _path(file: Path, place: tuple, depths: np.ndarray, turns: np.ndarray, phases: list[str]) -> PlannedCell:
+    """Return a cell whose rows are followed in the order of the file; an empty phase is told from what moves."""
+    if depths[0] <= 0:
+        raise ConfigError(
+            f"{file}: cell {place[0]}: its path begins at depth {depths[0]:g} mm; begin with a positive depth"
+        )
+    before = np.vstack([np.zeros(6), np.column_stack([depths, turns])[:-1]])
+    moves = np.column_stack([depths, turns]) - before
+    for row, move in enumerate(moves):
+        phases[row] = phases[row] or _phase(move)
+        if phases[row] not in PHASES:
+            raise ConfigError(
+                f"{file}: cell {place[0]}: phase {phases[row]!r} is not one of {', '.join(PHASES)}"
+            )
+    shears, tilts = ([tuple(map(float, pair)) for pair in turns[:, k : k + 2]] for k in (0, 2))
+    return PlannedCell(
+        *place,
+        tuple(map(float, depths)),
+        phases=tuple(phases),
+        shears_mm=tuple(shears) if turns[:, :2].any() else (),
+        tilts_deg=tuple(tilts) if turns[:, 2:4].any() else (),
+        twists_deg=tuple(map(float, turns[:, 4])) if turns[:, 4].any() else (),
+    )
+
+
+def press_path(
+    name: str,
+    x: float,
+    y: float,
+    depths: list[float],
+    shear: list[float] | None,
+    unload: bool,
+    twist: float = 0.0,
+) -> PlannedCell:
+    """Return a cell that is pressed by increasing depths, then, if asked, moved by shear (2,) [mm], twisted and unloaded.
+
+    twist [deg]: about z, through the indenter's centre.
+    """
+    if shear is None and not twist and not unload:
+        return PlannedCell(name, x, y, tuple(depths))
+    move = (0.0, 0.0) if shear is None else (float(shear[0]), float(shear[1]))
+    steps = [("load", depth, (0.0, 0.0), 0.0) for depth in depths]
+    if shear is not None:
+        shares = _shares(math.hypot(*move), SHEAR_STEP_MM)
+        steps += [("shear", depths[-1], (move[0] * part, move[1] * part), 0.0) for part in shares]
+    if twist:
+        steps += [("twist", depths[-1], move, twist * part) for part in _shares(abs(twist), TWIST_STEP_DEG)]
+    if unload:
+        steps += [("unload", depth, move, twist) for depth in [*reversed(depths[:-1]), 0.0]]
+    phases, path, shears, twists = zip(*steps)
+    return PlannedCell(
+        name,
+        x,
+        y,
+        path,
+        phases=phases,
+        shears_mm=shears if any(move) else (),
+        twists_deg=twists if twist else (),
+    )
+
+
+def _shares(length: float, step: float) -> list[float]:
+    """Return the shares, increasing to 1, at which a move of this length stops to be in steps of at most `step`."""
+    parts = max(1, math.ceil(length / step - 1e-9))
+    return [k / parts for k in range(1, parts + 1)]
+
+
+def _phase(move: np.ndarray) -> str:
+    """Return what a step (depth, shear x, y, tilt x, y, twist) is called."""
+    if move[0]:
+        return "load" if move[0] > 0 else "unload"
+    return "shear" if move[1:3].any() else "tilt" if move[3:5].any() else "twist" if move[5] else "dwell"
+
+
+def check_inside(cells: dict[str, PlannedCell], study: Study) -> None:
+    """Refuse positions outside the sensor, and presses that would pierce it, sink the indenter or pass between nodes."""
+    sensor, effects = study.sensor, study.mechanics.effects
+    check_sensor_size(sensor)
+    check_mesh(study)
+    check_steps(cells, study)
+    check_indenter(study)
+    described = shape_of(study.indenter)
+    real = real_indenter(described, effects)
+    same_everywhere = not touches_a_slope(effects)  # then most cells of a plan press equally deep
+    checked = set()
+    check_over_sensor(study, cells)
+    for cell in cells.values():
+        where = f"cell {cell.name}"
+        for shear in cell.shears_mm or ((0.0, 0.0),):
+            x, y = cell.x_mm + shear[0], cell.y_mm + shear[1]
+            if not (0 <= x <= sensor.width_x_mm and 0 <= y <= sensor.width_y_mm):
+                raise ConfigError(
+                    f"{where}: position ({x:g}, {y:g}) mm lies outside the sensor "
+                    f"({sensor.width_x_mm} x {sensor.width_y_mm} mm); correct the plan"
+                )
+        kind = cell.deepest_mm if same_everywhere and not cell.follows_a_path else cell.name
+        if kind not in checked:
+            reach = planned_reach(sensor, effects, real, Trajectory.of(cell, study.plan.approach))
+            check_reach(reach, cell.deepest_mm, where)
+            check_widest(real, study.indenter.words, reach.depth_mm, where)
+            check_press(study, described, cell.deepest_mm, where)
+            checked.add(kind)
+    check_reaches(study, real, cells)
+
+
+def _check_mirrored(related: dict[str, PlannedCell], sensor: Sensor) -> None:
+    """Refuse symmetry that was asked for and does not hold, or saves nothing."""
+    if sensor.width_x_mm != sensor.width_y_mm or sensor.bins.nx != sensor.bins.ny:
+        raise ConfigError(
+            f"plan.symmetry: d4 needs a square sensor and square bins; found {sensor.width_x_mm} x {sensor.width_y_mm} mm, "
+            f"{sensor.bins.nx} x {sensor.bins.ny} bins; use symmetry: auto"
+        )
+    if len(related) > 1 and all(cell.source is None for cell in related.values()):
+        raise ConfigError(
+            "plan.symmetry: d4, but no two positions of the plan are mirror images; use symmetry: auto"
+        )
+
+
+def _with_sources(cells: dict[str, PlannedCell], sensor: Sensor) -> dict[str, PlannedCell]:
+    """Return the cells of a square sensor, each with the first of the plan that it is an image of, if there is one."""
+    names = list(cells)
+    positions = np.array([(cell.x_mm, cell.y_mm) for cell in cells.values()]).reshape(-1, 2)
+    images = np.stack([transform_points(s, positions, sensor.width_x_mm) for s in D4])  # (8, cells, 2)
+    places = [list(map(tuple, row)) for row in np.round(images, 6).swapaxes(0, 1).tolist()]
+    solved: dict[tuple, int] = {}  # number of the cell solved at a place, to some depths
+    related = {}
+    for number, cell in enumerate(cells.values()):
+        if cell.follows_a_path:  # solved itself: its moves have directions of their own
+            related[cell.name] = cell
+            continue
+        known = (
+            solved[place, cell.depths_mm] for place in places[number] if (place, cell.depths_mm) in solved
+        )
+        source = next(known, None)
+        if source is None:
+            solved[places[number][0], cell.depths_mm] = number  # D4 begins with the identity
+            related[cell.name] = cell
+            continue
+        fits = np.abs(images[:, source] - positions[number]).max(axis=-1) < 1e-6
+        symmetry = list(D4)[int(np.argmax(fits))]
+        related[cell.name] = replace(cell, source=names[source], symmetry=symmetry)
+    return related

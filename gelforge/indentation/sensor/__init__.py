@@ -1,0 +1,1 @@
+"""The sensor and the indenter from their descriptions: shapes, meshes, sizes, symmetry."""

@@ -1,0 +1,162 @@
+"""Indenters from their descriptions, and what is checked of a press before anything is solved."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from gelforge.config import ConfigError, Effects, Indenter, IndenterPart, Study
+from gelforge.mechanics.indenters.shapes import (
+    DOWN,
+    Box,
+    Cylinder,
+    Several,
+    Sphere,
+    Turned,
+    rotation_about_axes,
+)
+from gelforge.mechanics.indenters.shapes import Indenter as Shape
+
+# An edge rounded by less than this share of the element size is a jump for Newton's method: at a tenth it still converges,
+# in two to three times the iterations.
+EDGE_SHARE = 0.2
+
+
+def shape_of(section: Indenter) -> Shape:
+    """Return the rigid body that a section describes. Raises ConfigError for a file that bounds no body."""
+    shapes = [_part(part) for part in section.shapes]
+    if not section.parts:
+        return shapes[0]
+    offsets = [
+        [part.offset_mm[0], part.offset_mm[1], part.offset_mm[2] + shape.support(DOWN)]
+        for part, shape in zip(section.parts, shapes)
+    ]
+    return _turned(Several(tuple(shapes), np.array(offsets)), section)
+
+
+def real_indenter(shape: Shape, effects: Effects) -> Shape:
+    """Return the indenter as it really is; the mesh is made for the one that is described."""
+    change = effects.geometry.indenter_radius_change_mm
+    if not change:
+        return shape
+    if not isinstance(shape, Sphere):
+        raise ConfigError(
+            f"mechanics.effects.geometry.indenter_radius_change_mm is for a ball, found a {type(shape).__name__.lower()};"
+            " change the indenter's own sizes instead"
+        )
+    if shape.radius + change <= 0:
+        raise ConfigError(
+            f"mechanics.effects.geometry.indenter_radius_change_mm {change:g} leaves no ball of radius"
+            f" {shape.radius:g} mm; make it smaller"
+        )
+    return Sphere(shape.radius + change)
+
+
+def _part(part: IndenterPart) -> Shape:
+    if part.kind == "sphere":
+        return Sphere(part.radius_mm)
+    if part.kind == "cylinder":
+        return _turned(Cylinder(part.radius_mm, part.length_mm, part.edge_radius_mm), part)
+    if part.kind == "box":
+        return _turned(Box(tuple(part.size_mm), part.edge_radius_mm), part)
+    return _turned(_surface(part), part)
+
+
+def _turned(shape: Shape, part: IndenterPart) -> Shape:
+    return Turned(shape, rotation_about_axes(part.orientation_deg)) if any(part.orientation_deg) else shape
+
+
+def _surface(part: IndenterPart) -> Shape:
+    """Return the body inside the closed surface of a file."""
+    from gelforge.mechanics.indenters.closed_surface import (  # loads compiled kernels
+        SurfaceError,
+        closed_surface,
+    )
+
+    vertices, triangles = read_triangles(part.file)
+    try:
+        return closed_surface(_about_origin(part, vertices), triangles, part.edge_radius_mm)
+    except SurfaceError as error:
+        raise ConfigError(f"{part.file}: {error}") from None
+
+
+def _about_origin(part: IndenterPart, vertices: np.ndarray) -> np.ndarray:
+    """Return a file's vertices (V, 3) in mm about the point that is the shape's origin."""
+    return part.mm_per_unit * vertices - np.array(part.origin_mm or (0.0, 0.0, 0.0))
+
+
+def part_corners(part: IndenterPart) -> np.ndarray:
+    """Return the vertices (V, 3) [mm] of a file about its origin, turned; else two corners of its box."""
+    if part.kind == "mesh":
+        vertices, triangles = read_triangles(part.file)
+        used = _about_origin(part, vertices[np.unique(triangles)])
+        return used @ rotation_about_axes(part.orientation_deg).T
+    shape = _part(part)
+    return np.array([[sign * shape.support(sign * axis) for axis in np.eye(3)] for sign in (-1, 1)])
+
+
+def read_triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Return vertices (V, 3) in the file's unit and triangles (T, 3) of an STL, PLY or OBJ file, quads cut in two."""
+    import meshio
+
+    if not path.is_file():
+        raise ConfigError(f"{path}: no such file; name an STL, PLY or OBJ file that exists")
+    try:
+        with np.errstate(
+            over="ignore"
+        ):  # meshio takes the text of an ASCII STL for a number of triangles first
+            read = meshio.read(path)
+    except (
+        meshio.ReadError,
+        ValueError,
+        IndexError,
+        KeyError,
+        SystemExit,
+    ) as error:  # meshio exits where it gives up
+        raise ConfigError(
+            f"{path}: meshio cannot read it ({error or 'unknown format'}); save it as STL, PLY or OBJ"
+        ) from None
+    faces = [np.empty((0, 3), int)]
+    for block in read.cells:
+        if block.type == "triangle":
+            faces.append(block.data)
+        elif block.type == "quad":
+            faces += [block.data[:, [0, 1, 2]], block.data[:, [0, 2, 3]]]
+    triangles = np.concatenate(faces).astype(np.int64)
+    if not len(triangles):
+        found = sorted({block.type for block in read.cells}) or "nothing"
+        raise ConfigError(f"{path}: no triangles, found {found}; save the body's surface as triangles")
+    return np.asarray(read.points, dtype=float), triangles
+
+
+def check_widest(shape: Shape, words: str, depth_mm: float, where: str) -> None:
+    """Refuse a press that would sink the indenter; the depth is the real one, words those of the indenter."""
+    if depth_mm > shape.reach + 1e-9:
+        raise ConfigError(
+            f"{where}: depth {depth_mm:.4g} mm is beyond the widest part of the {words}, {shape.reach:.3g} mm above its "
+            "lowest point: the gel would close over it; press less deep or take a larger indenter"
+        )
+
+
+def check_press(study: Study, shape: Shape, depth_mm: float, where: str) -> None:
+    """Refuse a commanded depth that the mesh cannot resolve."""
+    near, words = study.mechanics.mesh.near_mm, study.indenter.words
+    for part in study.indenter.shapes:
+        if part.kind != "sphere" and part.edge_radius_mm < EDGE_SHARE * near - 1e-12:
+            raise ConfigError(
+                f"{where}: edge_radius_mm {part.edge_radius_mm:g} of the {part.kind} is sharp for elements of "
+                f"mechanics.mesh.near_mm {near:g} mm (limit {EDGE_SHARE * near:.3g} mm); round the edge more or refine"
+            )
+    touched = shape.footprint(depth_mm)[:, 2].min()
+    if touched < near:
+        turned = any(any(part.orientation_deg) for part in (study.indenter, *study.indenter.parts))
+        raise ConfigError(
+            f"{where}: at its deepest, {depth_mm:g} mm, the {words} touches only {touched:.2g} mm to each side, less than "
+            f"one element (mechanics.mesh.near_mm {near:g} mm); take a finer mesh"
+            + (
+                ", or an orientation_deg in which no edge or corner comes first"
+                if turned
+                else " or press deeper"
+            )
+        )

@@ -1,0 +1,1 @@
+"""Solutions of positions, with error bars and sensitivities."""

@@ -1,0 +1,157 @@
+"""A cell with its error bars: the press itself, and a coarser companion that says how sure its forces are."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from gelforge.config import ConfigError, Study
+from gelforge.indentation.cells.binning import bin_forces, bin_shares
+from gelforge.indentation.cells.cell_file import Cell
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.paths.trajectory import Trajectory
+from gelforge.indentation.planning.touching import untouched
+from gelforge.indentation.solving.error_bars import AMOUNT, COARSER, Companion, error_bars, laws_moved
+from gelforge.indentation.solving.sensitivities import sensitivities, variations_of, with_sensitivities
+from gelforge.indentation.solving.simulate import model_of, simulate_cell
+from gelforge.indentation.solving.stretch_range import Outside
+from gelforge.mechanics.laws.law import PrincipalLaw
+from gelforge.mechanics.sensitivities.direct import Varied, follow_with_slopes
+from gelforge.mechanics.solving.equilibrium import NotConverged, Press
+from gelforge.progress import tracked
+
+
+def simulate_label(
+    study: Study,
+    laws: dict[str, PrincipalLaw],
+    uncertain: Mapping[str, Sequence[PrincipalLaw]],
+    planned: PlannedCell,
+    outside: dict[str, Outside] | None = None,
+) -> Cell:
+    """Return the solved cell of a plan with the error bars of its forces, unless mechanics.error_bars is false.
+
+    laws by material; uncertain: by material, its law moved by error_bars.AMOUNT of a standard deviation along each
+    independent direction of its parameters (materials.fitting.law_file.moved_laws); outside: see simulate_cell. A site that
+    the indenter, or one of its parts, never touches has failed.
+    """
+    variations_of(study, laws, study.mechanics.sensitivities)  # refused before anything is solved
+    cell = _with_derivatives(simulate_cell(study, laws, planned, outside), study, laws, planned)
+    if cell.converged and (reason := untouched(cell, study.indenter)):
+        return Cell(cell.arrays, cell.attributes | {"status": "failed", "reason": reason})
+    if not study.mechanics.error_bars or not len(cell.arrays["depth_mm"]):
+        return cell
+    wall_clock, cpu_clock = time.perf_counter(), time.process_time()
+    bins = study.sensor.bins
+    try:
+        companion, reason, unknowns = solve_companion(study, laws, planned, uncertain)
+    except (
+        ConfigError,
+        NotConverged,
+    ) as failure:  # the cell itself is solved: its bars are as large as its force
+        companion, reason, unknowns = _unknown(bins.nx * bins.ny), str(failure), 0
+    done = min(len(companion.total), len(cell.arrays["depth_mm"]))  # either may have ended early
+    companion = Companion(
+        companion.total[:done],
+        companion.bins[:done],
+        companion.total_slopes[:, :done],
+        companion.bin_slopes[:, :done],
+    )
+    bars = error_bars(cell.arrays["total_force_N"], cell.arrays["bin_force_N"], (bins.ny, bins.nx), companion)
+    known = sorted(uncertain)
+    attributes = {
+        "companion_unknowns": unknowns,
+        "companion_reason": reason,
+        "uncertain_materials": known,  # a law that was given, and not fitted, has no covariance: its share is zero
+        "error_bar_seconds": time.perf_counter() - wall_clock,
+        "seconds": cell.attributes["seconds"] + time.perf_counter() - wall_clock,
+        "cpu_seconds": cell.attributes["cpu_seconds"] + time.process_time() - cpu_clock,
+    }
+    return Cell(cell.arrays | bars, cell.attributes | attributes)
+
+
+def _with_derivatives(cell: Cell, study: Study, laws: dict[str, PrincipalLaw], planned: PlannedCell) -> Cell:
+    """Return a cell with the derivatives asked for, or with the reason why they could not be followed."""
+    names = study.mechanics.sensitivities
+    if not (names and cell.converged):
+        return cell
+    try:
+        return with_sensitivities(cell, sensitivities(study, laws, planned, names))
+    except (ConfigError, NotConverged) as failure:  # the cell itself is solved
+        return Cell(cell.arrays, cell.attributes | {"sensitivity_reason": str(failure)})
+
+
+def _unknown(bins: int) -> Companion:
+    """Return the companion that reached no depth."""
+    return Companion(np.empty((0, 3)), np.empty((0, bins, 3)), np.empty((0, 0, 3)), np.empty((0, 0, bins, 3)))
+
+
+def solve_companion(
+    study: Study,
+    laws: dict[str, PrincipalLaw],
+    planned: PlannedCell,
+    uncertain: Mapping[str, Sequence[PrincipalLaw]],
+) -> tuple[Companion, str, int]:
+    """Return the coarser solution as far as it got, why it ended early, and its number of unknowns.
+
+    Effects that make the path another than a plain one (history, residual stretch, a machine that yields) are in its forces;
+    how the forces follow the laws is taken from the plain path, of which they change little.
+    """
+    mechanics, effects = study.mechanics, study.mechanics.effects
+    coarser = study.model_copy(
+        update={"mechanics": mechanics.model_copy(update={"mesh": mechanics.mesh.coarser(COARSER)})}
+    )
+    kinematics = effects.kinematics
+    yields = kinematics.frame_compliance_mm_per_N or kinematics.base_bending_mm_per_N
+    if not (effects.history.any or effects.geometry.prestretch or yields):
+        return _plain_companion(coarser, laws, planned, uncertain)
+    cell = simulate_cell(coarser, laws, planned)
+    total, bins = cell.arrays["total_force_N"], cell.arrays["bin_force_N"]
+    plain, _, _ = _plain_companion(_without_path_effects(coarser), laws, planned, uncertain)
+    done = min(len(total), len(plain.total))
+    slopes = plain.total_slopes[:, :done], plain.bin_slopes[:, :done]
+    unknowns = int(cell.attributes["degrees_of_freedom"])
+    return Companion(total[:done], bins[:done], *slopes), cell.attributes["reason"], unknowns
+
+
+def _without_path_effects(study: Study) -> Study:
+    effects = study.mechanics.effects
+    nothing = type(effects)()
+    still = {"frame_compliance_mm_per_N": 0.0, "base_bending_mm_per_N": 0.0}
+    plain = effects.model_copy(
+        update={
+            "history": nothing.history,
+            "geometry": effects.geometry.model_copy(update={"prestretch": {}}),
+            "kinematics": effects.kinematics.model_copy(update=still),
+        }
+    )
+    return study.model_copy(update={"mechanics": study.mechanics.model_copy(update={"effects": plain})})
+
+
+def _plain_companion(study: Study, laws, planned, uncertain) -> tuple[Companion, str, int]:
+    mechanics, layers = study.mechanics, study.sensor.layers
+    materials = {layer.name: layer.material for layer in layers}
+    by_layer = {layer.name: laws[layer.material] for layer in layers}
+    trajectory = Trajectory.of(planned, study.plan.approach)
+    model = model_of(study.sensor, study.indenter, mechanics, by_layer, trajectory)
+    press = Press(model.body, model.shape, model.settings, mechanics.solver.linear_solver)
+    varied = []
+    for moved in laws_moved(uncertain, by_layer, materials):
+        other = model_of(study.sensor, study.indenter, mechanics, moved, trajectory, model)
+        varied.append(Varied(other.body, other.shape, other.settings, other.start, other.centres, AMOUNT))
+    forces, slopes, reason = [], [], ""
+    try:
+        states = follow_with_slopes(press, press.start_at(model.start), model.centres, varied)
+        for state, along in tracked(states, "steps of the indenter, on the coarser mesh", len(model.centres)):
+            forces.append(state.normal_force + state.friction_force)
+            slopes.append(along.force)
+    except NotConverged as failure:
+        reason = str(failure)
+    D, n, S = len(forces), len(varied), len(model.mesh.surface.nodes)
+    nodal = np.array(forces).reshape(D, S, 3)
+    along = np.moveaxis(np.array(slopes).reshape(D, n, S, 3), 1, 0)
+    shares = bin_shares(model.mesh, study.sensor, mechanics.binning)
+    binned = bin_forces(along.reshape(n * D, S, 3), shares).reshape(n, D, shares.shape[0], 3)
+    companion = Companion(nodal.sum(axis=1), bin_forces(nodal, shares), along.sum(axis=2), binned)
+    return companion, reason, model.body.pattern.size

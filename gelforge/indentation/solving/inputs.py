@@ -1,0 +1,45 @@
+"""What decides a cell's numbers, as one digest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from gelforge.config import Study
+from gelforge.files import digest, file_sha256, source_digest
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.sensor.surface_files import file_digests, surface_digests
+from gelforge.mechanics.laws.law import PrincipalLaw
+
+
+def inputs_digest(study: Study, laws: dict[str, PrincipalLaw], planned: PlannedCell) -> str:
+    """Return the digest of everything that decides a cell's numbers: settings, laws, position, depths, sources."""
+    materials = {layer.material for layer in study.sensor.layers}
+    return digest(
+        {
+            "sensor": study.sensor.model_dump(mode="json"),
+            "sensor_files": surface_digests(study.sensor),
+            "approach": study.plan.approach,
+            "indenter": study.indenter.model_dump(mode="json"),
+            "indenter_files": file_digests(study.indenter),
+            "mechanics": study.mechanics.model_dump(mode="json"),
+            "laws": {name: laws[name].description() for name in materials},
+            "cell": [planned.x_mm, planned.y_mm, planned.depths_mm, planned.source, planned.symmetry],
+            **({"between": planned.between} if planned.between else {}),
+            "path": [planned.phases, planned.shears_mm, planned.tilts_deg, planned.twists_deg],
+            "sources": source_digest("mechanics", "meshing", "indentation"),
+        }
+    )
+
+
+def solution_digest(
+    study: Study, laws: dict[str, PrincipalLaw], planned: PlannedCell, law_files: Iterable[Path]
+) -> str:
+    """Return the digest of everything that decides a solved cell's file, its error bars and warnings too.
+
+    These follow the covariances and tested ranges in the files of the laws.
+    """
+    files = sorted(file_sha256(path) for path in law_files)
+    return digest(
+        [inputs_digest(study, laws, planned), files, source_digest("materials/fitting/law_file.py")]
+    )

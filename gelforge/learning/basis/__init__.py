@@ -1,0 +1,1 @@
+"""Rows, their scaling and symmetry, and what a network is."""

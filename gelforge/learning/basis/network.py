@@ -1,0 +1,79 @@
+"""What a network is, and what networks on grids share.
+
+Every network takes inputs (n, 2 r^2), the two components of the flow (or its magnitudes and directions) by region, row by
+row, and returns (n, 3 B), the three components of each bin, as Scaling has them. The networks are in `networks`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import torch
+from torch import nn
+from torch.nn import functional
+
+from gelforge.config import Learning
+
+
+class Grids(NamedTuple):
+    """The grid of image regions that a network reads, and that of bins which it writes."""
+
+    regions: int  # along each side
+    bins_x: int
+    bins_y: int
+
+
+@dataclass(frozen=True)
+class Network:
+    """One network: `make(learning, grids, seed)` returns it with seeded weights."""
+
+    name: str
+    make: Callable[[Learning, Grids, int], nn.Module]
+    # Trained as the article did: inputs by their mean and deviation, every image in each pass, a steady step size without
+    # weight decay, nothing turned or mirrored.
+    as_article: bool = False
+
+
+def seeded(kind: type[OnGrids]) -> Callable[[Learning, Grids, int], nn.Module]:
+    """Return the `make` of a network on grids with learning.channels channels."""
+
+    def make(learning, grids, seed):
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            return kind(grids, learning.channels).to(memory_format=torch.channels_last)  # faster on a CPU
+
+    return make
+
+
+class OnGrids(nn.Module):
+    """Vectors of regions in, vectors of bins out, grids between."""
+
+    def __init__(self, grids: Grids):
+        super().__init__()
+        self.grids = grids
+
+    def forward(self, inputs: torch.Tensor) -> torch.Tensor:
+        regions = self.grids.regions
+        maps = self.on_grids(inputs.reshape(-1, 2, regions, regions))  # (n, 3, ny, nx)
+        return maps.permute(0, 2, 3, 1).flatten(1)
+
+    def to_bins(self, maps: torch.Tensor) -> torch.Tensor:
+        """Return maps on the grid of bins, where they are on another."""
+        return resized(maps, (self.grids.bins_y, self.grids.bins_x))
+
+
+def block(before: int, after: int) -> nn.Sequential:
+    """Return two convolutions; nothing is normalised, as the size of the flow tells the size of the force."""
+    first, second = nn.Conv2d(before, after, 3, padding=1), nn.Conv2d(after, after, 3, padding=1)
+    return nn.Sequential(first, nn.ReLU(), second, nn.ReLU())
+
+
+def resized(maps: torch.Tensor, size: tuple[int, int]) -> torch.Tensor:
+    """Return maps (n, c, y, x) on a grid of another size (y, x)."""
+    if tuple(maps.shape[-2:]) == tuple(size):
+        return maps
+    if all(there <= here for there, here in zip(size, maps.shape[-2:])):
+        return functional.adaptive_avg_pool2d(maps, tuple(size))  # no place is left out
+    return functional.interpolate(maps, size=tuple(size), mode="bilinear", align_corners=False)

@@ -1,0 +1,1 @@
+"""Models outside PyTorch: ONNX, and prediction in real time."""

@@ -1,0 +1,194 @@
+"""A trained model as an ONNX file: written from PyTorch, and compared with it before anybody uses it."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import logging
+import warnings
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import nn
+
+from gelforge import __version__
+from gelforge.files import UNSEALED, atomic, file_sha256
+from gelforge.indentation.sensor.symmetry import D4
+from gelforge.learning.basis.scaling import ModelError, Scaling
+from gelforge.learning.basis.turns import order
+from gelforge.learning.deployment.onnx_model import (
+    FORMAT,
+    INPUT,
+    KEY,
+    OUTPUT,
+    STATISTICS,
+    OnnxModel,
+    model_of,
+)
+from gelforge.learning.models.familiarity import Familiar
+from gelforge.learning.models.model_file import LARGEST_OUTPUT, Model, load_model
+
+OPSET = 20  # ONNX 1.15, ONNX Runtime 1.17 and newer
+# Of the largest force of an input, or the labels' standard deviation where that is larger. Single precision in another order
+# of sums gives 1e-6; a wrong sign, axis or padding gives 1e-1.
+LIMIT = 1e-4
+UNITS = {
+    "features": "magnitudes [px], then directions [rad], regions row by row from the image's top left",
+    "force_N": "on the sensor [N], bins k = nx iy + ix, axes x, y, z (z up: a press is negative)",
+}
+
+
+class FeaturesToNewtons(nn.Module):
+    """The network with its scaling: features (n, F) to forces of the bins (n, B, 3) [N], as `Scaling` and `Model` do it."""
+
+    def __init__(self, network: nn.Module, scaling: Scaling, familiar: Familiar | None):
+        super().__init__()
+        self.network, self.form, self.turn = network, scaling.form, scaling.turn
+        half = len(scaling.input_mean) // 2
+        n = round(half**0.5)
+        keep = {"input_mean": scaling.input_mean, "output_mean": scaling.output_mean}
+        keep |= {"input_scale": np.repeat(scaling.input_scale, half), "output_scale": scaling.output_scale}
+        self.familiar = familiar is not None
+        if familiar:
+            keep |= {name: getattr(familiar, name) for name in ("mean", "components", "deviation")}
+        for name, values in keep.items():
+            self.register_buffer(name, torch.from_numpy(np.asarray(values, np.float32)))
+        if self.turn != "identity":
+            self.register_buffer("places", torch.from_numpy(order(self.turn, n, n)))
+            self.register_buffer("plane", torch.tensor(D4[self.turn], dtype=torch.float32))
+
+    def forward(self, features: torch.Tensor) -> tuple[torch.Tensor, ...]:
+        flow = features
+        if self.form != "polar":
+            magnitude, direction = features.unflatten(1, (2, -1)).unbind(1)
+            flow = torch.stack([magnitude * torch.cos(direction), magnitude * torch.sin(direction)], dim=1)
+            if self.turn != "identity":
+                flow = torch.matmul(self.plane, flow[:, :, self.places])
+            flow = flow.flatten(1)
+        inputs = (flow - self.input_mean) / self.input_scale
+        force = self.network(inputs).unflatten(1, (-1, 3)) * self.output_scale + self.output_mean
+        return (force, self._statistics(inputs)) if self.familiar else (force,)
+
+    def _statistics(self, inputs: torch.Tensor) -> torch.Tensor:
+        """Return what `Familiar.statistics` does (n, 3)."""
+        away = inputs - self.mean
+        along = away @ self.components.T
+        rest = torch.sqrt(torch.clamp((away**2).sum(dim=1) - (along**2).sum(dim=1), min=0.0))
+        size, squared = torch.sqrt((inputs**2).sum(dim=1)), ((along / self.deviation) ** 2).sum(dim=1)
+        return torch.stack([size, rest, squared], dim=1)
+
+
+def export_onnx(model_path: str | Path, out: str | Path) -> float:
+    """Write a model.pt as an ONNX file; return the largest difference from PyTorch, as a share (see LIMIT).
+
+    Raises ModelError where that is above LIMIT, and writes nothing.
+    """
+    model = load_model(model_path)
+    content = onnx_bytes(model, file_sha256(model_path))
+    difference = check_equal(model, model_of(content, str(out)), str(model_path))
+    with atomic(out, sealed=True) as temporary:
+        temporary.write_bytes(content)
+    return difference
+
+
+def converted(path: str | Path, threads: int = 1) -> OnnxModel:
+    """Return a model.pt as its ONNX model, made in memory (some seconds) and checked."""
+    model = load_model(path)
+    found = model_of(onnx_bytes(model, file_sha256(path)), str(path), threads)
+    check_equal(model, found, str(path))
+    return found
+
+
+def onnx_bytes(model: Model, sha256: str) -> bytes:
+    """Return a model as the bytes of an ONNX file, which keeps a place for its own checksum; any number of rows n."""
+    whole = FeaturesToNewtons(model.network, model.scaling, model.familiar).eval()
+    example = torch.zeros(2, len(model.scaling.input_mean))
+    logs = logging.getLogger("torch.onnx")
+    level = logs.level
+    logs.setLevel(logging.ERROR)  # it tells of torchvision, which nothing here needs
+    try:
+        with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
+            warnings.simplefilter("ignore")
+            program = torch.onnx.export(
+                whole,
+                (example,),
+                dynamo=True,
+                opset_version=OPSET,
+                input_names=[INPUT],
+                output_names=[OUTPUT, STATISTICS] if model.familiar else [OUTPUT],
+                dynamic_shapes=({0: torch.export.Dim("n")},),
+                verbose=False,
+            )
+    finally:
+        logs.setLevel(level)
+    proto = program.model_proto
+    proto.producer_name, proto.producer_version = "gelforge", __version__
+    proto.doc_string = UNSEALED.decode()  # stands before the graph, where a checksum is looked for
+    entry = proto.metadata_props.add()
+    entry.key, entry.value = KEY, json.dumps(metadata(model, sha256), sort_keys=True, allow_nan=False)
+    return proto.SerializeToString(deterministic=True)
+
+
+def metadata(model: Model, sha256: str) -> dict:
+    """Return what an ONNX file tells of itself; numbers and text only."""
+    plain = {k: v.tolist() for k, v in asdict(model.intervals).items()} if model.intervals else None
+    return {
+        "format": FORMAT,
+        "version": __version__,
+        "model_sha256": sha256,
+        "settings": model.settings,
+        "units": UNITS,
+        "zero": asdict(model.zero),
+        "intervals": plain,
+        "familiar": _limits(model.familiar),
+        "largest_N": (LARGEST_OUTPUT * model.scaling.output_scale.astype(float)).tolist(),
+    }
+
+
+def _limits(familiar: Familiar | None) -> dict | None:
+    if familiar is None:
+        return None
+    return {
+        "edges": familiar.edges.tolist(),
+        "rest_limit": familiar.rest_limit.tolist(),
+        "squared_limit": familiar.squared_limit,
+    }
+
+
+def check_equal(model: Model, converted: OnnxModel, where: str) -> float:
+    """Return the largest difference of raw forces on trial inputs as a share; raise ModelError above LIMIT."""
+    worst = 0.0
+    for feature in trial_features(model.scaling):
+        expected, found = model.predict_raw(feature), converted.predict_raw(feature)
+        size = np.maximum(np.abs(expected).max(axis=(1, 2)), model.scaling.output_scale.max())
+        share = float((np.abs(found - expected).max(axis=(1, 2)) / size).max())
+        worst = max(worst, share if np.isfinite(share) else np.inf)
+        if model.familiar:
+            known, now = model.unlike(feature), converted.answer(feature)[1]
+            worst = max(worst, float((np.abs(now - known) / np.maximum(known, 1.0)).max()))
+    if worst > LIMIT:
+        raise ModelError(
+            f"{where}: in ONNX its forces differ from PyTorch's by {worst:.2g} of their size, limit {LIMIT:g}; nothing is "
+            "written: update torch, onnx and onnxruntime, or report the network's settings"
+        )
+    return worst
+
+
+def trial_features(scaling: Scaling) -> list[np.ndarray]:
+    """Return batches of features (n, F): at rest, on the branch cut of directions, far out, and drawn by seed."""
+    half = len(scaling.input_mean) // 2
+    rng, size = np.random.default_rng(0), float(scaling.input_scale[0])
+
+    def features(magnitude, direction):
+        parts = np.broadcast_to(magnitude, (half,)), np.broadcast_to(direction, (half,))
+        return np.concatenate(parts).astype(np.float32)
+
+    edges = [(0.0, 0.0), (0.0, np.pi), (size, np.pi), (size, -np.pi), (size, np.pi / 2), (30 * size, 0.3)]
+    drawn = [
+        features(scale * size * np.abs(rng.normal(size=half)), rng.uniform(-np.pi, np.pi, half))
+        for scale in (0.1, 1, 1, 3, 10)
+    ]
+    return [np.array([features(*edge) for edge in edges]), np.array(drawn[:1]), np.array(drawn)]

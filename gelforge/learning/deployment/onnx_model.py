@@ -1,0 +1,151 @@
+"""A trained model in ONNX Runtime: from features to newtons in one graph, with what the file says of itself.
+
+The graph takes features (n, F) [px, rad] and gives what the network says (n, B, 3) [N]. Exact zeros and intervals are worked
+out here by the classes that PyTorch's model uses; their numbers travel in the file's metadata, under the key `gelforge`.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+
+from gelforge.files import check_seal
+from gelforge.learning.basis.scaling import ModelError
+from gelforge.learning.models.familiarity import unlike
+from gelforge.learning.models.reliability import Intervals, Zero
+
+FORMAT = "gelforge-onnx-2"
+KEY = "gelforge"  # of the metadata
+INPUT, OUTPUT, STATISTICS = "features", "force_N", "familiarity"
+REMEDY = "export the model again (gelforge export --model model.pt --out model.onnx)"
+
+
+@dataclass(frozen=True)
+class OnnxModel:
+    """A network in ONNX Runtime that answers as `Model` does."""
+
+    session: onnxruntime.InferenceSession
+    settings: dict  # as Model.settings
+    zero: Zero
+    intervals: Intervals | None
+    familiar: dict | None  # limits of `familiarity.unlike`
+    largest_N: np.ndarray  # (3,) forces that no training gives
+    model_sha256: str  # of the model.pt that it comes from
+    where: str = field(default="the model")  # named in messages
+
+    def predict(self, feature: np.ndarray) -> np.ndarray:
+        """Return force distributions (n, B, 3) [N] of features (n, F): exactly zero where nothing touches.
+
+        Raises ModelError for features or forces that are not finite, or forces that no training gives.
+        """
+        return self.answer(feature)[0]
+
+    def predict_raw(self, feature: np.ndarray) -> np.ndarray:
+        """Return the same as the network says it, small forces where nothing touches included."""
+        return self._run(feature)[0]
+
+    def answer(self, feature: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return what predict does, and how unlike the training images those of features are (n,); NaN: not known."""
+        force, *statistics = self._run(feature)
+        force = self.zero.applied(force)
+        if not self.familiar:
+            return force, np.full(len(force), np.nan)
+        return force, unlike(statistics[0].astype(float), **self.familiar)
+
+    def _run(self, feature: np.ndarray) -> list[np.ndarray]:
+        feature = np.atleast_2d(np.asarray(feature, np.float32))
+        if not np.isfinite(feature).all():
+            bad = int((~np.isfinite(feature)).sum())
+            raise ModelError(f"the predicted force is not finite, {bad} features are not; check the images")
+        force, *statistics = self.session.run(None, {INPUT: feature})
+        if not np.isfinite(force).all():
+            raise ModelError(f"the predicted force is not finite though all features are; {REMEDY}")
+        if (np.abs(force) > self.largest_N).any():
+            raise ModelError(
+                f"a predicted force is {np.abs(force).max():.3g} N, limit {self.largest_N.max():.3g} N; check the images, "
+                "and the model's file"
+            )
+        return [force, *statistics]
+
+
+def load_onnx(path: str | Path, threads: int = 1) -> OnnxModel:
+    """Return an exported model. Raises ModelError, in one line, for a file that is missing, damaged, foreign or of
+    another version."""
+    path = Path(path)
+    try:
+        check_seal(path, REMEDY, ModelError)
+        content = path.read_bytes()
+    except ModelError as error:
+        if "no checksum" not in str(error):
+            raise
+        raise ModelError(f"{path}: cut short, or no model that gelforge has exported; {REMEDY}") from None
+    return model_of(content, str(path), threads)
+
+
+def open_for_prediction(path: str | Path, threads: int = 1) -> OnnxModel:
+    """Return the model of a .onnx file, or of a model.pt, which is converted in memory (some seconds) and checked."""
+    if Path(path).suffix.lower() == ".onnx":
+        return load_onnx(path, threads)
+    from gelforge.learning.deployment.onnx_export import (
+        converted,  # PyTorch, which an exported model does without
+    )
+
+    return converted(path, threads)
+
+
+def model_of(content: bytes, where: str, threads: int = 1) -> OnnxModel:
+    """Return the model of a file's bytes; where names it in messages."""
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
+    options.log_severity_level = 4  # what goes wrong is said by our own messages
+    try:
+        session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # ONNX Runtime raises a class of its own for each kind of damage
+        raise ModelError(f"{where}: ONNX Runtime cannot read it ({type(error).__name__}); {REMEDY}") from None
+    told = session.get_modelmeta().custom_metadata_map.get(KEY)
+    if told is None:
+        raise ModelError(f"{where}: an ONNX file, but not one that gelforge has exported; {REMEDY}")
+    try:
+        return _from_metadata(session, json.loads(told), where)
+    except (KeyError, TypeError, ValueError) as error:
+        if isinstance(error, ModelError):
+            raise
+        what = str(error).splitlines()[0][:200]
+        raise ModelError(
+            f"{where}: its metadata lack or spoil {type(error).__name__} {what}; {REMEDY}"
+        ) from None
+
+
+def _from_metadata(session, told: dict, where: str) -> OnnxModel:
+    if told.get("format") != FORMAT:
+        raise ModelError(
+            f"{where}: of format {told.get('format')!r}, this version reads {FORMAT!r}; {REMEDY}"
+        )
+    settings, bins = told["settings"], told["settings"]["bins"]
+    taken, given = session.get_inputs(), session.get_outputs()
+    count = 2 * settings["features"]["regions"] ** 2
+    shape = [bins["nx"] * bins["ny"], 3]
+    if [i.name for i in taken] != [INPUT] or taken[0].shape[1:] != [count]:
+        raise ModelError(
+            f"{where}: takes {[(i.name, i.shape) for i in taken]}, not {count} features; {REMEDY}"
+        )
+    limits = told["familiar"]
+    if [o.name for o in given] != ([OUTPUT, STATISTICS] if limits else [OUTPUT]) or given[0].shape[
+        1:
+    ] != shape:
+        raise ModelError(f"{where}: gives {[(o.name, o.shape) for o in given]}, not forces {shape}; {REMEDY}")
+    intervals = told["intervals"]
+    return OnnxModel(
+        session,
+        settings,
+        Zero(**told["zero"]),
+        Intervals(**{name: np.array(values) for name, values in intervals.items()}) if intervals else None,
+        {name: np.array(values) for name, values in limits.items()} if limits else None,
+        np.array(told["largest_N"]),
+        told["model_sha256"],
+        where,
+    )

@@ -1,0 +1,1 @@
+"""Predictions of held-out cells, and what they are worth."""

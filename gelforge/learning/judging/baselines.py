@@ -1,0 +1,109 @@
+"""Baselines of scikit-learn beside the network: ridge, kernel ridge and nearest neighbours, on the same rows and inputs."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from scipy.linalg import LinAlgWarning
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.kernel_ridge import KernelRidge
+from sklearn.linear_model import Ridge
+from sklearn.neighbors import KNeighborsRegressor
+
+from gelforge.dataset.shard import ShardDataset
+from gelforge.learning.basis.data import FEATURE, LABEL, images_of_presses
+from gelforge.learning.basis.scaling import Scaling
+from gelforge.learning.models.reliability import Zero, find_zero
+from gelforge.progress import tracked
+
+MOST_ROWS = 4000  # that a baseline learns from: a kernel matrix of them is 128 MB
+MOST_WATCHED = 2000  # validation rows that choose its settings
+
+RIDGE = [Ridge(alpha=alpha) for alpha in (1.0, 10.0, 100.0, 1000.0)]
+NEIGHBOURS = [KNeighborsRegressor(count, weights="distance") for count in (1, 3, 5, 10, 20)]
+
+
+def _choices(inputs: int) -> dict[str, list[RegressorMixin]]:
+    """Return the settings among which the validation rows choose, by baseline; inputs: their number, each of unit size."""
+    kernels = [
+        KernelRidge(kernel="rbf", gamma=width / inputs, alpha=alpha)
+        for width, alpha in product((0.03, 0.1, 0.3, 1.0), (1e-3, 1e-2))
+    ]
+    return {"ridge": RIDGE, "kernel ridge": kernels, "nearest neighbours": NEIGHBOURS}
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """A fitted baseline that says newtons, with exact zeros found as the network's are."""
+
+    name: str
+    estimator: BaseEstimator
+    scaling: Scaling
+    zero: Zero
+
+    @property
+    def settings(self) -> str:
+        """What the validation rows chose."""
+        return f"{self.estimator!r}".replace("\n", " ")
+
+    def predict(self, feature: np.ndarray) -> np.ndarray:
+        """Return force distributions (n, B, 3) [N] of features (n, F)."""
+        return self.zero.applied(self.predict_raw(feature))
+
+    def predict_raw(self, feature: np.ndarray) -> np.ndarray:
+        """Return the same without zeros."""
+        return self.scaling.newtons(self.estimator.predict(self.scaling.inputs(feature)))
+
+
+def fit_baselines(
+    rows: ShardDataset, training: np.ndarray, validation: np.ndarray, scaling: Scaling, grid: tuple, seed: int
+) -> Iterator[Baseline]:
+    """Yield each baseline, fitted to one image of each press of rows training (n,), chosen by those of validation (m,).
+
+    Inputs and targets are the network's. At most MOST_ROWS presses are taken, drawn by seed: kernel ridge keeps them all.
+    The choice is that of the least mean squared error; zeros are found as `find_zero` does. grid: bins nx, ny, widths [mm].
+    """
+    inputs, targets, _ = _read(rows, _one_of_each_press(rows, training, seed), scaling)
+    watched, wanted, untouched = _read(rows, _at_most(validation, MOST_WATCHED, seed), scaling)
+    for name, choices in tracked(_choices(inputs.shape[1]).items(), "baselines fitted"):
+        fitted = [_fitted(choice, inputs, targets) for choice in choices]
+        if not len(wanted):  # nothing to choose by
+            yield Baseline(name, fitted[0], scaling, Zero())
+            continue
+        said = [estimator.predict(watched) for estimator in fitted]
+        best = int(np.argmin([np.mean((found - wanted) ** 2) for found in said]))
+        zero = find_zero(scaling.newtons(said[best]), scaling.newtons(wanted), untouched, grid)
+        yield Baseline(name, fitted[best], scaling, zero)
+
+
+def _fitted(estimator: RegressorMixin, inputs: np.ndarray, targets: np.ndarray) -> RegressorMixin:
+    if isinstance(estimator, KNeighborsRegressor) and estimator.n_neighbors > len(inputs):
+        estimator = KNeighborsRegressor(len(inputs), weights=estimator.weights)
+    with warnings.catch_warnings():  # little regularisation is one of the choices; validation decides
+        warnings.simplefilter("ignore", LinAlgWarning)
+        return estimator.fit(inputs, targets)
+
+
+def _read(
+    rows: ShardDataset, index: np.ndarray, scaling: Scaling
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return inputs (n, F), targets (n, 3 B) and which rows are untouched (n,)."""
+    if not len(index):
+        bins = len(scaling.output_mean)
+        return np.empty((0, len(scaling.input_mean))), np.empty((0, 3 * bins)), np.empty(0, bool)
+    block = rows.read(index, (FEATURE, LABEL, "untouched"))
+    return scaling.inputs(block[FEATURE]), scaling.targets(block[LABEL]), block["untouched"]
+
+
+def _one_of_each_press(rows: ShardDataset, index: np.ndarray, seed: int) -> np.ndarray:
+    """Return one row of each press and depth among the rows index (n,), untouched ones too, at most MOST_ROWS."""
+    _, first = np.unique(images_of_presses(rows, index), return_index=True)
+    return _at_most(index[first], MOST_ROWS, seed)
+
+
+def _at_most(index: np.ndarray, count: int, seed: int) -> np.ndarray:
+    return np.sort(np.random.default_rng(seed).permutation(index)[:count])

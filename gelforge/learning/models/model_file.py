@@ -1,0 +1,187 @@
+"""A trained network with its scaling and settings, and the file that keeps them."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import nn
+
+from gelforge.config import Learning
+from gelforge.files import atomic, check_seal
+from gelforge.indentation.sensor.symmetry import D4
+from gelforge.learning.basis.network import Grids
+from gelforge.learning.basis.scaling import FORMS, ModelError, Scaling
+from gelforge.learning.models.familiarity import Familiar
+from gelforge.learning.models.reliability import Intervals, Zero
+from gelforge.learning.networks import make_network
+
+FORMAT = "gelforge-model-3"
+LARGEST_OUTPUT = 1e4  # in units of Scaling.output_scale; trained networks stay below some hundred
+
+
+@dataclass(frozen=True)
+class Model:
+    """A network with its scaling, the settings it was trained with and what its features need."""
+
+    network: nn.Module
+    scaling: Scaling
+    settings: dict  # learning, features and bins of the study, seed, digest of the dataset
+    zero: Zero = field(default_factory=Zero)
+    intervals: Intervals | None = None  # None: too few validation rows
+    familiar: Familiar | None = None  # the same
+
+    def predict(self, feature: np.ndarray) -> np.ndarray:
+        """Return force distributions (n, B, 3) [N] of features (n, F): exactly zero where nothing touches.
+
+        Raises ModelError for features or forces that are not finite, or forces that no training gives.
+        """
+        return self.zero.applied(self.predict_raw(feature))
+
+    def predict_raw(self, feature: np.ndarray) -> np.ndarray:
+        """Return the same as the network says it, small forces where nothing touches included."""
+        feature = np.atleast_2d(feature)
+        if bad := int((~np.isfinite(feature)).sum()):
+            raise ModelError(f"the predicted force is not finite, {bad} features are not; check the images")
+        self.network.eval()
+        with torch.inference_mode():
+            outputs = self.network(torch.from_numpy(self.scaling.inputs(feature))).numpy()
+        newtons = self.scaling.newtons(outputs)
+        if not np.isfinite(newtons).all():
+            raise ModelError(
+                "the predicted force is not finite though all features are; check the model's file"
+            )
+        if np.abs(outputs).max(initial=0) > LARGEST_OUTPUT:
+            raise ModelError(
+                f"a predicted force is {np.abs(outputs).max():.3g} times the labels' standard deviation, limit "
+                f"{LARGEST_OUTPUT:g}; check the images, and the model's file"
+            )
+        return newtons
+
+    def unlike(self, feature: np.ndarray) -> np.ndarray:
+        """Return how unlike the training images those of features (n, F) are (n,), beyond 1 flagged; NaN: not known."""
+        feature = np.atleast_2d(feature)
+        if self.familiar is None:
+            return np.full(len(feature), np.nan)
+        return self.familiar.unlike(self.scaling.inputs(feature))
+
+
+def save_model(path: str | Path, model: Model) -> None:
+    """Write weights, scaling and settings as one file, whole or not at all; it holds tensors, numbers and text only."""
+    content = {
+        "format": FORMAT,
+        "weights": model.network.state_dict(),
+        "scaling": _tensors(model.scaling),
+        "settings": model.settings,
+        "zero": _tensors(model.zero),
+        "intervals": _tensors(model.intervals) if model.intervals else None,
+        "familiar": _tensors(model.familiar) if model.familiar else None,
+    }
+    save_tensors(path, content)
+
+
+def _tensors(values) -> dict:
+    return {k: torch.from_numpy(v) if isinstance(v, np.ndarray) else v for k, v in asdict(values).items()}
+
+
+def _arrays(values: dict) -> dict:
+    return {k: v.numpy() if isinstance(v, torch.Tensor) else v for k, v in values.items()}
+
+
+def save_tensors(path: str | Path, content: dict) -> None:
+    """Write tensors, numbers and text; the same content gives the same bytes under any file name."""
+    buffer = io.BytesIO()  # torch.save puts the name of a file that it opens itself into the archive
+    torch.save(content, buffer)
+    with atomic(path, sealed=True) as temporary:
+        temporary.write_bytes(buffer.getvalue())
+
+
+def load_tensors(path: str | Path, kind: str) -> dict:
+    """Return what save_tensors wrote, refusing anything but tensors, numbers and text (no code is run)."""
+    remedy = f"train the model again (snakemake -R {path})"
+    check_seal(path, remedy, ModelError)
+    try:
+        content = torch.load(path, map_location="cpu", weights_only=True)
+    except Exception as error:  # torch raises several kinds for what is no archive of tensors
+        raise ModelError(f"{path}: no tensors can be read ({type(error).__name__}); {remedy}") from None
+    if not isinstance(content, dict) or content.get("format") != kind:
+        raise ModelError(f"{path}: not a file of format {kind!r}; {remedy}")
+    return content
+
+
+def check_trained_on(path: str | Path, shards_digest: str) -> None:
+    """Raise ModelError for a model that was trained on other shards than those of this digest."""
+    if load_model(path).settings.get("shards_digest") != shards_digest:
+        raise ModelError(
+            f"{path}: was trained on other shards than the study's; train the model again (snakemake -R {path})"
+        )
+
+
+def load_model(path: str | Path) -> Model:
+    """Return a saved model, ready to predict.
+
+    Raises ModelError naming the file for one that is damaged, or whose numbers are no trained network's.
+    """
+    content = load_tensors(path, FORMAT)
+    try:
+        model = _model_from(content)
+    except (KeyError, TypeError, ValueError, RuntimeError, AttributeError) as error:  # torch: RuntimeError
+        what = str(error).splitlines()[0][:200]
+        raise ModelError(f"{path}: {type(error).__name__} {what}; train the model again") from None
+    if wrong := implausible(model):
+        raise ModelError(f"{path}: {wrong}; train the model again (snakemake -R {path})")
+    return model
+
+
+def implausible(model: Model) -> str:
+    """Return why a network cannot be one that was trained; "" where nothing speaks against it.
+
+    A wrong exponent is seen where inputs of unit size give outputs that no training gives.
+    """
+    scaling, state = model.scaling, model.network.state_dict()
+    numbers = {f"weights {name}": values.numpy() for name, values in state.items()}
+    kept = [part for part in (scaling, model.zero, model.intervals, model.familiar) if part]
+    numbers |= {k: v for part in kept for k, v in vars(part).items() if isinstance(v, np.ndarray)}
+    for name, values in numbers.items():
+        if not np.isfinite(values).all():
+            return f"{name}: {(~np.isfinite(values)).sum()} of {values.size} numbers are not finite"
+    if scaling.form not in FORMS or scaling.turn not in D4:
+        return f"scaling of form {scaling.form!r} and turn {scaling.turn!r}"
+    if min(scaling.input_scale.min(), scaling.output_scale.min()) <= 0:
+        return f"scales {scaling.input_scale} and {scaling.output_scale}, which are not positive"
+    largest = LARGEST_OUTPUT * scaling.output_scale.max()
+    if not all(0 <= threshold <= largest for threshold in (model.zero.contact_N, model.zero.bin_N)):
+        return f"thresholds of {model.zero.contact_N:g} and {model.zero.bin_N:g} N"
+    if model.familiar and not 0 < model.familiar.squared_limit < np.inf:
+        return f"a limit of unlike images of {model.familiar.squared_limit:g}"
+    for ending in ("half_N", "sigma_N", "rest_limit", "deviation"):
+        if any(values.min(initial=0) < 0 for name, values in numbers.items() if name.endswith(ending)):
+            return f"a number of {ending} is negative"
+    reach = max(
+        np.abs(values).max(initial=0) for name, values in numbers.items() if name.startswith("weights")
+    )
+    with torch.inference_mode():
+        signs = torch.tensor([[1.0], [-1.0]]).expand(-1, len(scaling.input_mean))
+        reach = max(reach, model.network(signs).abs().max().item())
+    if not reach <= LARGEST_OUTPUT:
+        return f"a weight or an output is {reach:.3g} times the usual, limit {LARGEST_OUTPUT:g}"
+    size = float(np.abs(scaling.output_mean).max() / scaling.output_scale.max())
+    if size > LARGEST_OUTPUT:
+        return f"a mean label is {size:.3g} times the labels' standard deviation, limit {LARGEST_OUTPUT:g}"
+    return ""
+
+
+def _model_from(content: dict) -> Model:
+    settings = content["settings"]
+    scaling = Scaling(**_arrays(content["scaling"]))
+    bins = settings["bins"]
+    grids = Grids(settings["features"]["regions"], bins["nx"], bins["ny"])
+    network = make_network(Learning.model_validate(settings["learning"]), grids, seed=0)
+    network.load_state_dict(content["weights"])
+    network.eval()
+    intervals = Intervals(**_arrays(content["intervals"])) if content["intervals"] else None
+    familiar = Familiar(**_arrays(content["familiar"])) if content["familiar"] else None
+    return Model(network, scaling, settings, Zero(**_arrays(content["zero"])), intervals, familiar)

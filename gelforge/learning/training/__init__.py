@@ -1,0 +1,1 @@
+"""Training, and adapting to another sensor."""

@@ -1,0 +1,326 @@
+"""Training: Adam on the mean squared error, the best epoch by validation, with checkpoints to go on from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import torch
+
+from gelforge.config import Learning, Study
+from gelforge.dataset.shard import ShardDataset, shard_attributes
+from gelforge.files import digest, file_sha256, write_product_table
+from gelforge.learning.basis.data import (
+    BUFFER_ROWS,
+    FEATURE,
+    LABEL,
+    Batches,
+    images_of_presses,
+    lie_of_images,
+    measure_scaling,
+    orbits_of,
+    training_and_validation,
+)
+from gelforge.learning.basis.network import Grids
+from gelforge.learning.basis.scaling import ModelError, Scaling
+from gelforge.learning.basis.turns import Turner, names_of, seen_by_camera
+from gelforge.learning.models.familiarity import find_familiar
+from gelforge.learning.models.model_file import Model, load_tensors, save_model, save_tensors
+from gelforge.learning.models.reliability import Labels, Zero, find_intervals, find_zero
+from gelforge.learning.models.views import check_scale
+from gelforge.learning.networks import make_network, network_of
+from gelforge.progress import Progress
+
+USUAL_THREADS = {"paper": 2}
+CHECKPOINT_FORMAT = "gelforge-checkpoint-2"
+WARM_UP = 0.15  # share of the steps in which the step size grows
+LAST_RATE = 1e-3  # of the largest step size, at the end
+WEIGHT_DECAY = 1e-4
+ROWS_SET_ASIDE = 4000  # at most, for thresholds and intervals
+SIGMAS = ("force_sigma_N", "total_force_fem_sigma_N")
+
+
+@dataclass(frozen=True)
+class Run:
+    """How a training is run; nothing here changes what is learnt but for rounding."""
+
+    # of torch, sums of another number of threads differ in rounding; None: two for the article's wide layers, one for small
+    # networks, whose second thread gains little and waits in a loop where other work has the core
+    threads: int | None = None
+    checkpoint_every: int = 20  # epochs
+    buffer_rows: int = BUFFER_ROWS
+    stop_after: int | None = None  # epochs in this run; the next run goes on from there
+
+
+@contextmanager
+def _without_denormals() -> Iterator[None]:
+    """Flush denormal numbers to zero meanwhile: Adam's moments of silent inputs decay into them, and they are slow.
+
+    The mode belongs to the whole process, so it is taken back for whoever computes next.
+    """
+    torch.set_flush_denormal(True)
+    try:
+        yield
+    finally:
+        torch.set_flush_denormal(False)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a training does with its network, beside the network."""
+
+    learning: Learning  # with nothing left open
+    grids: Grids
+    turns: tuple[str, ...]  # elements of D4 that sensor and camera have
+
+    @property
+    def as_article(self) -> bool:
+        return network_of(self.learning.network).as_article
+
+
+@_without_denormals()
+def train(
+    study: Study,
+    shards: Sequence[str | Path],
+    model_path: str | Path,
+    loss_path: str | Path,
+    run: Run = Run(),
+) -> bool:
+    """Train the study's network and write model.pt and loss.csv; return False if the run stopped before the last epoch.
+
+    A checkpoint `<model>.checkpoint.pt` beside the model holds weights, the best weights, Adam's moments and losses; random
+    numbers depend on seed and epoch only. A run that finds one of the same settings and shards goes on from it, with the
+    same result as an uninterrupted run on the same machine and number of threads; one of other settings is discarded. It is
+    removed at the end. The model is that of the epoch whose validation loss is least; thresholds and intervals are found on
+    the validation rows too, whose orbits are neither trained on nor tested.
+    """
+    _check_has_images(shards)
+    torch.set_num_threads(run.threads or USUAL_THREADS.get(study.learning.network, 1))
+    checkpoint_path = Path(model_path).with_name(Path(model_path).stem + ".checkpoint.pt")
+    settings = _settings(study, shards)
+
+    rows = ShardDataset(shards, "train")
+    training, validation = training_and_validation(rows, shards, study)
+    plan, scaling = plan_of(study, rows, training)
+    learning = plan.learning
+    network = make_network(learning, plan.grids, study.seed)
+    adam = _optimiser(network, learning)
+    losses, best = _resume(checkpoint_path, settings, network, adam)
+    groups = None if plan.as_article else images_of_presses(rows, training)
+    batches = Batches(rows, training, scaling, learning.batch_size, study.seed, run.buffer_rows, groups)
+    watched = Batches(rows, validation, scaling, max(learning.batch_size, 256), study.seed, run.buffer_rows)
+
+    last = min(learning.epochs, len(losses) + run.stop_after) if run.stop_after else learning.epochs
+    finished = _out_of_patience(losses, learning.patience)
+    with Progress("epochs", last, len(losses)) as progress:
+        for epoch in range(len(losses), last) if not finished else ():
+            training_loss = one_epoch(network, adam, batches, epoch, plan)
+            if not np.isfinite(training_loss):
+                raise ModelError(
+                    f"the training loss of epoch {epoch + 1} is not finite; give a smaller learning.learning_rate "
+                    f"(now {learning.learning_rate:g}), and check the features"
+                )
+            losses.append((epoch + 1, training_loss, mean_loss(network, watched)))
+            if _best_epoch(losses) == epoch + 1:
+                best = {name: values.clone() for name, values in network.state_dict().items()}
+            progress.advance(note=f"loss {losses[-1][1]:.4f}, of validation {losses[-1][2]:.4f}")
+            finished = _out_of_patience(losses, learning.patience)
+            if (epoch + 1) % run.checkpoint_every == 0 or epoch + 1 == last or finished:
+                _save_checkpoint(checkpoint_path, settings, network, adam, losses, best)
+            if finished:
+                break
+    if last < learning.epochs and not finished:
+        rows.close()
+        return False
+    network.load_state_dict(best)
+    model = Model(network, scaling, settings)
+    model = _with_reliability(model, rows, training, validation, orbits_of(shards))
+    rows.close()
+    columns = ["epoch", "training", "validation"]
+    write_product_table(loss_path, pd.DataFrame(losses, columns=columns), "%.9g")
+    save_model(model_path, model)
+    checkpoint_path.unlink(missing_ok=True)
+    return True
+
+
+def plan_of(study: Study, rows: ShardDataset, training: np.ndarray) -> tuple[Plan, Scaling]:
+    """Return how a study's network is trained on the rows numbered by training (n,), and the scaling of these."""
+    learning, bins = study.learning.usual, study.sensor.bins
+    width = study.sensor.width_x_mm, study.sensor.width_y_mm
+    grids = Grids(study.features.regions, bins.nx, bins.ny)
+    if network_of(learning.network).as_article:
+        scaling = measure_scaling(rows, training, learning.form)
+        return Plan(learning, grids, ("identity",)), scaling
+    if study.synthesis:  # flow follows an edge or a sheared ball too loosely to tell
+        turn, along_axis = seen_by_camera(study.synthesis.camera, study.sensor)
+    else:
+        turn, along_axis = lie_of_images(rows, training, np.array(width))
+    scaling = measure_scaling(rows, training, learning.form, turn, centred=False)
+    symmetric = study.sensor_has_symmetry_of_square if study.synthesis else study.has_symmetry_of_square
+    holds = along_axis and symmetric and bins.nx == bins.ny
+    has_images = study.mirrors_cells and not study.synthesis  # the plan holds the mirror images of its sites
+    turned = learning.symmetry == "d4" or (learning.symmetry == "auto" and holds and not has_images)
+    turns = names_of(bins.nx == bins.ny and width[0] == width[1]) if turned else ("identity",)
+    return Plan(learning, grids, turns), scaling
+
+
+def _optimiser(network: torch.nn.Module, learning: Learning) -> torch.optim.Optimizer:
+    if network_of(learning.network).as_article:
+        return torch.optim.Adam(network.parameters(), lr=learning.learning_rate)
+    return torch.optim.AdamW(network.parameters(), lr=learning.learning_rate, weight_decay=WEIGHT_DECAY)
+
+
+def _rate(learning: Learning, step: int, steps: int) -> float:
+    """Return the step size: steady for the article's network, else up along a line and down along a cosine."""
+    if network_of(learning.network).as_article:
+        return learning.learning_rate
+    done = step / max(steps - 1, 1)
+    if done < WARM_UP:
+        return learning.learning_rate * max(done / WARM_UP, 0.04)
+    fallen = 0.5 + 0.5 * np.cos(np.pi * (done - WARM_UP) / (1 - WARM_UP))
+    return float(
+        learning.learning_rate * (LAST_RATE + (1 - LAST_RATE) * fallen)
+    )  # a plain number: it is saved
+
+
+def one_epoch(
+    network: torch.nn.Module, adam: torch.optim.Optimizer, batches: Batches, epoch: int, plan: Plan
+) -> float:
+    """Take one pass over the training rows and return the mean loss, with dropout, per row."""
+    network.train()
+    # dropout's masks depend on seed and epoch only, so that a resumed run draws what an uninterrupted one does
+    torch.manual_seed(int(np.random.SeedSequence([batches.seed, epoch]).generate_state(1)[0]))
+    rng, turner = np.random.default_rng([batches.seed, epoch, 1]), Turner(plan.turns, *plan.grids)
+    total, count, steps = 0.0, 0, batches.steps()
+    for number, (inputs, targets) in enumerate(batches.epoch(epoch)):
+        for group in adam.param_groups:
+            group["lr"] = _rate(plan.learning, epoch * steps + number, plan.learning.epochs * steps)
+        if len(plan.turns) > 1:
+            inputs, targets = turner(rng.integers(len(plan.turns), size=len(inputs)), inputs, targets)
+        adam.zero_grad(set_to_none=True)
+        loss = torch.nn.functional.mse_loss(network(inputs), targets)
+        loss.backward()
+        adam.step()
+        total, count = total + loss.item() * len(inputs), count + len(inputs)
+    return total / count
+
+
+def mean_loss(network: torch.nn.Module, batches: Batches) -> float:
+    """Return the mean squared error of bins per row without dropout; NaN where there is no row."""
+    network.eval()
+    total, count = 0.0, 0
+    with torch.inference_mode():
+        for inputs, targets in batches.in_order():
+            total += torch.nn.functional.mse_loss(network(inputs), targets).item() * len(inputs)
+            count += len(inputs)
+    return total / count if count else float("nan")
+
+
+def _best_epoch(losses: list[tuple]) -> int:
+    """Return the number, from 1, of the epoch of the least validation loss; the last one without validation rows."""
+    validation = [row[2] for row in losses]
+    return len(losses) if np.isnan(validation).all() else int(np.nanargmin(validation)) + 1
+
+
+def _out_of_patience(losses: list[tuple], patience: int | None) -> bool:
+    return bool(losses) and patience is not None and len(losses) - _best_epoch(losses) >= patience
+
+
+def _with_reliability(
+    model: Model, rows: ShardDataset, training: np.ndarray, validation: np.ndarray, orbit: dict[str, str]
+) -> Model:
+    """Return a model with its thresholds and intervals, found on validation rows, and what images are like its own."""
+    watched = _drawn(rows, validation, (FEATURE, LABEL, "untouched", "cell", *SIGMAS))
+    if watched is None:
+        return model
+    force = np.concatenate(
+        [
+            model.predict_raw(part)
+            for part in np.array_split(watched[FEATURE], -(-len(watched[FEATURE]) // 256))
+        ]
+    )
+    zero = Zero()
+    if model.settings["learning"]["network"] != "paper":  # the article's says what it says
+        bins = model.settings["bins"]
+        grid = bins["nx"], bins["ny"], np.array(model.settings["sensor_width_mm"])
+        zero = find_zero(force, watched[LABEL].astype(float), watched["untouched"], grid)
+    labels = Labels(*(watched[name].astype(float) for name in (LABEL, *SIGMAS)))
+    known = [_drawn(rows, training, (FEATURE, "cell")), watched]
+    inputs = np.concatenate([model.scaling.inputs(part[FEATURE]) for part in known])
+    familiar = find_familiar(inputs, np.array([orbit[name] for part in known for name in part["cell"]]))
+    groups = np.array([orbit[name] for name in watched["cell"]])
+    intervals = find_intervals(zero.applied(force), labels, groups)
+    return replace(model, zero=zero, intervals=intervals, familiar=familiar)
+
+
+def _drawn(rows: ShardDataset, index: np.ndarray, names: tuple[str, ...]) -> dict[str, np.ndarray] | None:
+    """Return columns of at most ROWS_SET_ASIDE of the rows index (n,), None where there is none."""
+    draw = np.random.default_rng(0).permutation(len(index))[:ROWS_SET_ASIDE]
+    return rows.read(index[np.sort(draw)], names) if len(index) else None
+
+
+def _check_has_images(shards: Sequence[str | Path]) -> None:
+    for path in shards:
+        if shard_attributes(path)["labels_only"]:
+            raise ModelError(
+                f"{path}: holds labels only; add sessions with images to the study before training"
+            )
+
+
+def shards_digest(shards: Sequence[str | Path]) -> str:
+    """Return the digest of the shards that a model is trained on, after checking that they are whole."""
+    for path in shards:
+        shard_attributes(path)
+    return digest([file_sha256(path) for path in shards])
+
+
+def _settings(study: Study, shards: Sequence[str | Path]) -> dict:
+    """Return what the model file tells about its making; plain numbers and text."""
+    dump = study.model_dump(mode="json", include={"study", "seed", "features", "dataset"})
+    attributes = [shard_attributes(path) for path in shards]
+    sessions = {name: about for one in attributes for name, about in one["sessions"].items()}
+    views = {name: about["view"] for name, about in sorted(sessions.items()) if about.get("view")}
+    check_scale(study.features.image_scale, views)
+    return {
+        **dump,
+        "learning": study.learning.usual.model_dump(mode="json"),
+        "bins": study.sensor.bins.model_dump(mode="json"),
+        "sensor_width_mm": [study.sensor.width_x_mm, study.sensor.width_y_mm],
+        "synthetic": any(one["synthetic"] for one in attributes),
+        "views": views,
+        "shards_digest": shards_digest(shards),
+    }
+
+
+def _save_checkpoint(
+    path: Path, settings: dict, network, adam, losses: list[tuple], best: dict[str, torch.Tensor]
+) -> None:
+    content = {
+        "format": CHECKPOINT_FORMAT,
+        "settings": settings,
+        "weights": network.state_dict(),
+        "best": best,
+        "adam": adam.state_dict(),
+        "losses": [list(row) for row in losses],
+    }
+    save_tensors(path, content)
+
+
+def _resume(path: Path, settings: dict, network, adam) -> tuple[list[tuple], dict[str, torch.Tensor]]:
+    """Load a checkpoint of the same settings into network and optimiser; return the losses so far and the best weights."""
+    if not path.is_file():
+        return [], {}
+    try:
+        content = load_tensors(path, CHECKPOINT_FORMAT)
+    except ModelError:  # a checkpoint is a convenience; a damaged one costs time, not the run
+        return [], {}
+    if content["settings"] != settings:
+        return [], {}
+    network.load_state_dict(content["weights"])
+    adam.load_state_dict(content["adam"])
+    losses = [(int(epoch), training, validation) for epoch, training, validation in content["losses"]]
+    return losses, content["best"]

@@ -1,0 +1,1 @@
+"""Bodies of elements: internal forces, tangents, and what their material remembers."""

@@ -1,0 +1,1 @@
+"""The contact of a body's surface with an indenter."""

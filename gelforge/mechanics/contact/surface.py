@@ -1,0 +1,259 @@
+"""The contact of a body's surface nodes with an indenter during one step: gaps, slips, forces, and the next iterate.
+
+Every constant of the iteration is a pure number here, of a node's shear modulus over its element size, of that size or of a
+force: forces then follow moduli and lengths in proportion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gelforge.mechanics.bodies.body import Body
+from gelforge.mechanics.contact.forces import OPEN, SLIP, adhesive_traction, contact_forces, film_given
+from gelforge.mechanics.contact.state import Settings, State
+from gelforge.mechanics.indenters.shapes import Indenter, rotation_of
+
+# A contact force below this share of shear modulus times area of a node is measured by it: after release there is none,
+# only rounding.
+LEAST_FORCE = 1e-3
+# A gap below this share of the body's extent closes an open node; what lies between is the rounding of a flat face that
+# stands on the surface.
+TOUCHES = 3e-14
+# The weight of slip beside the friction force that decides between stick and slip, of shear modulus over element size.
+# Above the stiffness of a node it takes nodes from one slip to the opposite one, past the stick between them. It is in no
+# solution.
+SLIP_WEIGHT = 1.0
+FINE = 0.1  # share of the surface's nodes whose elements are the smallest
+SAME_WAY = 0.999  # cosine between two steps of the indenter along which the body's motion is extrapolated
+
+
+@dataclass(frozen=True)
+class Iterate:
+    """Unknowns of an iteration, and the gaps at them."""
+
+    u: np.ndarray  # (N, 3) [mm]
+    pressure: np.ndarray  # (E,) of the elements [MPa]
+    contact_pressure: np.ndarray  # (S,) [MPa]
+    friction: np.ndarray  # (S, 3) [N]
+    active: np.ndarray  # (S,) bool, nodes in contact
+    gap: np.ndarray  # (S,) [mm]
+    normal: np.ndarray  # (S, 3)
+    turn: np.ndarray  # (S, 3, 3) [1/mm]
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step of the indenter from a converged state."""
+
+    old: State
+    centre: np.ndarray  # (3,) or (6,) at its end
+    touch_share: np.ndarray  # (S,) share of the step after which a node is in contact: 0 for those that are
+    moved_free: np.ndarray  # (S, 3) [mm] motion of the node up to then
+
+
+@dataclass(frozen=True)
+class ContactForces:
+    """What contact_forces fills, by its names, and what else the next iterate needs."""
+
+    f_mixed: np.ndarray  # (S, 3) [N]
+    f_condensed: np.ndarray
+    f_consistent: np.ndarray
+    friction: np.ndarray
+    wanted: np.ndarray
+    held: np.ndarray  # the part of f_condensed in the tangent plane
+    direction: np.ndarray
+    spring: np.ndarray  # (S,) [N/mm]
+    stiffness: np.ndarray  # (S, 3, 3) [N/mm]
+    stiffness_consistent: np.ndarray
+    state: np.ndarray  # (S,) open, stick, slip
+    touched: np.ndarray  # (S,) bool, nodes that are or have been in contact
+
+
+class SurfaceContact:
+    """The surface of a body and an indenter with the constants of their contact."""
+
+    def __init__(self, body: Body, indenter: Indenter, settings: Settings):
+        self.indenter, self.settings = indenter, settings
+        surface = body.mesh.surface
+        self.nodes, self.area = surface.nodes, surface.area
+        self.X = body.mesh.X[self.nodes]
+        self.size = np.sqrt(self.area)  # (S,) [mm] of the elements at a node
+        self.element_size = float(np.quantile(self.size, FINE))  # [mm] where they are fine
+        shear = _shear_modulus(body)
+        self.eps_n = settings.normal_augmentation * shear / self.size  # (S,) [N/mm^3]
+        self.hold = settings.tangential_augmentation * shear / self.size
+        self.slip_weight = SLIP_WEIGHT * shear / self.size
+        self.least_force = LEAST_FORCE * float(np.median(shear * self.area))  # N
+        self.touches = -TOUCHES * float(np.abs(body.mesh.X).max())  # mm
+
+    # -------------------------------------------------------------------------------------------------- kinematics
+    def gap(self, u: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return gaps (S,) [mm], normals (S, 3) and their turn (S, 3, 3) [1/mm] at a displacement (N, 3) [mm]."""
+        return self._gap_at(self.X + u[self.nodes], centre)
+
+    def _gap_at(self, points: np.ndarray, centre: np.ndarray):
+        if self.settings.initial_normals:
+            return self.indenter.vertical_gap(np.concatenate([self.X[:, :2], points[:, 2:]], axis=1), centre)
+        return self.indenter.gap(points, centre)
+
+    def step(self, old: State, centre: np.ndarray) -> Step:
+        """Return the step to a centre, with the share of it after which open nodes touch.
+
+        Up to then they move as in the step before, if that led the same way: a node that has touched counts its slip from
+        where it has touched, not from where it was at the last converged state.
+        """
+        points = self.X + old.u[self.nodes]
+        free = old.moved * _ratio(centre - old.centre, old.travel) if old.moved is not None else 0.0 * points
+        before, after = old.gap, self._gap_at(points + free, centre)[0]
+        closes = after < before
+        share = np.where(closes, before / np.where(closes, before - after, 1.0), 1.0)
+        share = np.where(old.contact_state == OPEN, np.clip(share, 0.0, 1.0), 0.0)
+        return Step(old, centre, share, share[:, None] * free)
+
+    def _slip(self, u: np.ndarray, step: Step) -> np.ndarray:
+        """Return the motion (S, 3) [mm] of nodes relative to the indenter since they were in contact."""
+        moved = (u - step.old.u)[self.nodes] - step.moved_free
+        return moved - (1 - step.touch_share)[:, None] * self._carried(step)
+
+    def _carried(self, step: Step) -> np.ndarray:
+        """Return the motion (S, 3) or (3,) [mm] of the indenter's points at the surface nodes in a step."""
+        old, centre = step.old, step.centre
+        shift = (centre - old.centre)[:3]
+        if len(centre) == 3 or np.array_equal(centre[3:], old.centre[3:]):
+            return shift
+        arm = self.X + old.u[self.nodes] - old.centre[:3]
+        turned = rotation_of(centre[3:]) @ rotation_of(old.centre[3:]).T
+        return shift + arm @ (turned - np.eye(3)).T
+
+    # ------------------------------------------------------------------------------------------------------ forces
+    def begin(self, u, pressure, contact_pressure, friction, centre: np.ndarray) -> Iterate:
+        """Return the first iterate of a step from a prediction: in contact is what has pressure or lies inside."""
+        gap, normal, turn = self.gap(u, centre)
+        active = (contact_pressure > 0) | ((contact_pressure == 0) & (gap < self.touches))
+        lam = np.where(active, contact_pressure, 0.0)
+        return Iterate(u, pressure, lam, friction, active, gap, normal, turn)
+
+    def forces(self, at: Iterate, step: Step, weight: float = 1.0) -> ContactForces:
+        """Return the contact's forces and tangents at an iterate; weight multiplies the weight of slip."""
+        s, S = self.settings, len(self.nodes)
+        vectors = ("f_mixed", "f_condensed", "f_consistent", "friction", "wanted", "direction")
+        out = {name: np.empty((S, 3)) for name in vectors}
+        out |= {"spring": np.empty(S)}
+        out |= {name: np.empty((S, 3, 3)) for name in ("stiffness", "stiffness_consistent")}
+        out["state"] = np.empty(S, np.int8)
+        closing, eps_n = self._closing(at)
+        contact_forces(
+            closing, at.normal, at.turn, self._slip(at.u, step), at.contact_pressure, at.active, self.area, at.friction,
+            eps_n, weight * self.slip_weight, self.hold, s.friction, *out.values(), s.friction_exponent,
+            s.friction_pressure,
+        )  # fmt: skip
+        normal_part = np.where(at.active, self.area * (at.contact_pressure - eps_n * closing), 0.0)
+        held = out["f_condensed"] - normal_part[:, None] * at.normal
+        old = step.old
+        touched = out["state"] != OPEN
+        if old.touched is not None:
+            touched |= old.touched
+        if max(s.adhesion_work, s.adhesion_approach) > 0:
+            self._adhere(out, at, old)
+        return ContactForces(held=held, touched=touched, **out)
+
+    def _adhere(self, out: dict, at: Iterate, old: State) -> None:
+        """Add the cohesive pull to the contact's forces; its tangent is not positive and enters the consistent one only."""
+        s = self.settings
+        touched = np.zeros(len(at.gap), bool) if old.touched is None else old.touched
+        work = np.where(touched, s.adhesion_work, s.adhesion_approach)
+        traction, slope = adhesive_traction(at.gap, at.active, work, s.adhesion_range)
+        pull = -(self.area * traction)[:, None] * at.normal
+        for name in ("f_mixed", "f_condensed", "f_consistent"):
+            out[name] += pull
+        out["stiffness_consistent"] += (self.area * slope)[:, None, None] * (
+            at.normal[:, :, None] * at.normal[:, None, :]
+        ) + (self.area * traction)[:, None, None] * at.turn
+
+    def _closing(self, at: Iterate) -> tuple[np.ndarray, np.ndarray]:
+        """Return the gap that contact has to close (S,) [mm], less what a film gives, and the augmentation (S,) [N/mm^3]."""
+        given, slope = film_given(
+            at.contact_pressure, self.settings.film_thickness, self.settings.film_pressure
+        )
+        return at.gap + given, self.eps_n / (1 + self.eps_n * slope)
+
+    # ------------------------------------------------------------------------------------------------ next iterate
+    def corrected(
+        self, at: Iterate, forces: ContactForces, du: np.ndarray, new_pressure: np.ndarray, centre, length=1.0
+    ) -> Iterate:
+        """Return the iterate after a share `length` of a correction du (N, 3) and its element pressures."""
+        closing, eps_n = self._closing(at)
+        moved = du[self.nodes]
+        lam = np.where(
+            at.active,
+            at.contact_pressure - eps_n * (closing + np.einsum("si,si->s", at.normal, moved)),
+            0.0,
+        )
+        friction = self._next_friction(at, forces, lam, moved)
+        u = at.u + length * du
+        lam = at.contact_pressure + length * (lam - at.contact_pressure)
+        gap, normal, turn = self.gap(u, centre)
+        active = np.where(at.active, lam > 0, gap < self.touches)
+        return Iterate(
+            u=u,
+            pressure=at.pressure + length * (new_pressure - at.pressure),
+            contact_pressure=np.where(active, lam, 0.0),
+            friction=at.friction + length * (friction - at.friction),
+            active=active,
+            gap=gap,
+            normal=normal,
+            turn=turn,
+        )
+
+    def _next_friction(
+        self, at: Iterate, forces: ContactForces, lam: np.ndarray, moved: np.ndarray
+    ) -> np.ndarray:
+        """Return the friction forces (S, 3) [N] that the springs hold after the nodes have moved (S, 3) [mm]."""
+        n, e = at.normal, forces.direction
+        across = (
+            moved - n * (n * moved).sum(axis=1, keepdims=True) - e * (e * moved).sum(axis=1, keepdims=True)
+        )
+        t = forces.held - forces.spring[:, None] * across
+        size = np.linalg.norm(t, axis=1)
+        slips = (forces.state == SLIP) & (size > 0)
+        share = np.where(slips, self._limit(lam) / np.where(slips, size, 1.0), 1.0)
+        return np.where(forces.state[:, None] == OPEN, 0.0, share[:, None] * t)
+
+    def _limit(self, lam: np.ndarray) -> np.ndarray:
+        """Return the limit of friction (S,) [N] at contact pressures (S,) [MPa]."""
+        s, p = self.settings, np.maximum(lam, 0.0)
+        return s.friction * (1 + p / s.friction_pressure) ** -s.friction_exponent * p * self.area
+
+    # ------------------------------------------------------------------------------------------------------ errors
+    def size_of(self, forces: ContactForces) -> float:
+        """Return the norm of the contact forces [N], by which errors of forces are measured."""
+        return max(float(np.linalg.norm(forces.f_mixed)), self.least_force)
+
+    def friction_error(self, forces: ContactForces) -> float:
+        """Return the norm of what the friction forces are off their law, over that of the contact forces."""
+        return float(np.linalg.norm(forces.friction - forces.wanted)) / self.size_of(forces)
+
+    def penetration(self, at: Iterate) -> float:
+        """Return the largest gap that contact has not closed, over the element size of its node."""
+        return float(np.abs(self._closing(at)[0] / self.size)[at.active].max(initial=0.0))
+
+
+def _ratio(move: np.ndarray, last: np.ndarray) -> float:
+    """Return how long a step of the indenter is over the last one, 0 where it leads another way or rests."""
+    last = np.concatenate([last, np.zeros(len(move) - len(last))])
+    size, before = np.linalg.norm(move), np.linalg.norm(last)
+    return size / before if move @ last > SAME_WAY * size * before else 0.0
+
+
+def _shear_modulus(body: Body) -> np.ndarray:
+    """Return the shear modulus (S,) [MPa] at the surface nodes, the mean of the elements there by volume."""
+    elements, volume = body.mesh.elements, body.element_volume
+    N = len(body.mesh.X)
+    weight, modulus = np.zeros(N), np.zeros(N)
+    for corner in elements.T:
+        weight += np.bincount(corner, volume, N)
+        modulus += np.bincount(corner, volume * body.element_shear, N)
+    nodes = body.mesh.surface.nodes
+    return modulus[nodes] / weight[nodes]

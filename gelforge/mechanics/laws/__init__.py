@@ -1,0 +1,1 @@
+"""Constitutive models, and what is computed from them alone."""

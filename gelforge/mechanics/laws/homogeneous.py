@@ -1,0 +1,89 @@
+r"""Homogeneous deformations of an incompressible body: what a material test measures, computed from a law.
+
+With the pressure eliminated by a direction whose stress is known to be zero, every test measures
+
+.. math:: s (\beta_1 - \beta_3), \qquad \beta_i = \lambda_i \partial W / \partial\lambda_i,
+
+with axis 1 the measured direction and axis 3 the one that fixes the pressure. beta_1 - beta_3 is the Cauchy stress
+in direction 1, and s = 1 / lam_1 makes it nominal (Ogden 1997, sec. 7.2; Sferrazza et al. 2019, eq. 2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gelforge.mechanics.laws.law import PrincipalLaw
+
+# exponents of lam in (lam_1, lam_2, lam_3)
+LOAD_CASES = {
+    "uniaxial": (1.0, -0.5, -0.5),
+    "pure_shear": (1.0, 0.0, -1.0),
+    "equibiaxial": (1.0, 1.0, -2.0),
+}
+COMPONENTS = ("1", "2", "1-2")  # along the load, across it, and the Cauchy difference of the two
+
+
+@dataclass(frozen=True)
+class StressPoints:
+    """Measured states: lam (n, 3) as (measured axis, other axis, axis that fixes the pressure), scale s (n,)."""
+
+    lam: np.ndarray
+    scale: np.ndarray
+
+    @cached_property
+    def logarithms(self) -> np.ndarray:
+        """Return ln lam (n, 3)."""
+        return np.log(self.lam)
+
+    @cached_property
+    def I1(self) -> np.ndarray:
+        """Return the first invariant (n,)."""
+        return (self.lam**2).sum(axis=-1)
+
+    def measured_stress(self, law: PrincipalLaw) -> np.ndarray:
+        """Return the nominal stress (n,) [MPa] of a law, NaN beyond the law's limiting stretch."""
+        stress = np.full(len(self.lam), np.nan)
+        has = law.admissible(self.lam)
+        beta = law.principal_stress(self.lam[has])
+        stress[has] = self.scale[has] * (beta[:, 0] - beta[:, 2])
+        return stress
+
+
+def stress_points(
+    case: str, stretch: np.ndarray, stretch_2: np.ndarray | None = None, component: str = "1"
+) -> StressPoints:
+    """Return the states of a test at stretch (n,), and stretch_2 (n,) where the case is `biaxial`.
+
+    component 1 is the nominal stress along the load, 2 that across it, 1-2 the difference of the Cauchy stresses
+    divided by lam_1. In `simple_shear` stretch is the amount of shear gamma and the stress the shear stress.
+    """
+    stretch = np.asarray(stretch, dtype=float)
+    if case == "simple_shear":
+        # principal stretches l and 1/l with l - 1/l = gamma; sigma_12 = dW/dgamma = (beta_1 - beta_3) / (l + 1/l)
+        l = (stretch + np.sqrt(stretch**2 + 4)) / 2
+        return StressPoints(np.column_stack([l, np.ones_like(l), 1 / l]), 1 / (l + 1 / l))
+    if case == "biaxial":
+        lam = np.column_stack([stretch, stretch_2, 1 / (stretch * stretch_2)])
+    else:
+        lam = principal_stretches(case, stretch)
+    lam = lam[:, {"1": [0, 1, 2], "2": [1, 0, 2], "1-2": [0, 2, 1]}[component]]
+    return StressPoints(lam, 1 / lam[:, 0])
+
+
+def principal_stretches(case: str, lam: np.ndarray) -> np.ndarray:
+    """Return the principal stretches (..., 3) of a load case at the stretch lam (...), volume preserved."""
+    return np.asarray(lam, dtype=float)[..., None] ** np.array(LOAD_CASES[case])
+
+
+def cauchy_stress(law: PrincipalLaw, case: str, lam: np.ndarray) -> np.ndarray:
+    """Return the Cauchy stress [MPa] in the loading direction at the stretch lam, any shape."""
+    beta = law.principal_stress(principal_stretches(case, lam))
+    return beta[..., 0] - beta[..., 2]
+
+
+def nominal_stress(law: PrincipalLaw, case: str, lam: np.ndarray) -> np.ndarray:
+    """Return the nominal stress [MPa], force over undeformed area, in the loading direction, any shape."""
+    return cauchy_stress(law, case, lam) / np.asarray(lam, dtype=float)

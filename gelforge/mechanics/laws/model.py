@@ -1,0 +1,32 @@
+"""A constitutive model as one file of `models` defines it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gelforge.mechanics.laws.family import Family
+from gelforge.mechanics.laws.law import PrincipalLaw
+from gelforge.mechanics.laws.parameters import GivenParameters
+
+
+@dataclass(frozen=True)
+class Model:
+    """All that the package knows about a constitutive model, under the name of its law."""
+
+    law: type[PrincipalLaw]
+    parameters: type[GivenParameters]  # the section of a configuration that gives them
+    families: tuple[Family, ...]  # what can be fitted
+    formula: str  # energy and Young's modulus, as law.json states them
+
+    @property
+    def name(self) -> str:
+        """Return the name in files and configurations, which is also that of its file."""
+        return self.law.name
+
+    def of_file(self, values: dict[str, float]) -> PrincipalLaw:
+        """Return the law [MPa] of parameters by name, in the units of files. Raises ValueError for those of no family."""
+        family = next((f for f in self.families if set(f.parameters) == set(values)), None)
+        if family is None:
+            known = " or ".join(str(list(f.parameters)) for f in self.families)
+            raise ValueError(f"parameters {list(values)}; {self.name} has {known}")
+        return family.law_of([values[name] for name in family.parameters])

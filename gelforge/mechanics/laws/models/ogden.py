@@ -1,0 +1,278 @@
+"""Ogden's law: powers of the principal stretches."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+from math import exp, log
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from gelforge.mechanics.laws.family import Family
+from gelforge.mechanics.laws.homogeneous import StressPoints
+from gelforge.mechanics.laws.law import PrincipalLaw, sinhc
+from gelforge.mechanics.laws.model import Model
+from gelforge.mechanics.laws.parameters import GivenParameters
+
+START_EXPONENTS = (-16.0, -8.0, -4.0, -2.0, 1.0, 2.0, 3.0, 4.0, 8.0, 16.0)
+STARTS = 8  # the best combinations of start exponents are refined
+LARGEST_EXPONENT = 30.0
+SMALLEST_SHARE = 1e-9  # of a term in the stiffness
+MOST_TERMS = 4
+
+# By convention: the energy's factor of the term k, the initial shear modulus, who writes it so.
+OGDEN_CONVENTIONS = {
+    "ogden": ("mu_k/alpha_k", "sum mu_k alpha_k / 2", "Ogden, ANSYS, LS-DYNA, COMSOL"),
+    "ansys": ("mu_k/alpha_k", "sum mu_k alpha_k / 2", "Ogden, ANSYS, LS-DYNA, COMSOL"),
+    "abaqus": ("2 mu_k/alpha_k^2", "sum mu_k", "Abaqus, Radioss law 82"),
+}
+
+
+def ogden_point(constants, lam, beta, gamma):
+    """Fill beta (3,) and gamma (3, 3) [MPa] at lam (3,); constants mu_1 [MPa], alpha_1, ...; mu = 0: no term."""
+    energy = 0.0
+    log0, log1, log2 = log(lam[0]), log(lam[1]), log(lam[2])  # one logarithm serves all powers
+    for i in range(3):
+        beta[i] = 0.0
+        for j in range(3):
+            gamma[i, j] = 0.0
+    for k in range(constants.shape[0] // 2):
+        m = constants[2 * k]
+        if m == 0.0:
+            continue
+        a = constants[2 * k + 1]
+        p0 = exp(a * log0)
+        p1 = exp(a * log1)
+        p2 = exp(a * log2)
+        mean = (p0 + p1 + p2) / 3.0
+        energy += m / a * (3.0 * mean - 3.0)
+        beta[0] += m * (p0 - mean)
+        beta[1] += m * (p1 - mean)
+        beta[2] += m * (p2 - mean)
+        c = m * a / 3.0
+        gamma[0, 0] += c * (p0 + mean)
+        gamma[1, 1] += c * (p1 + mean)
+        gamma[2, 2] += c * (p2 + mean)
+        gamma[0, 1] += c * (mean - p0 - p1)
+        gamma[0, 2] += c * (mean - p0 - p2)
+        gamma[1, 2] += c * (mean - p1 - p2)
+    gamma[1, 0] = gamma[0, 1]
+    gamma[2, 0] = gamma[0, 2]
+    gamma[2, 1] = gamma[1, 2]
+    return energy, 0.0
+
+
+@dataclass(frozen=True)
+class Ogden(PrincipalLaw):
+    r"""Ogden's law in the convention of Sferrazza et al. 2019 (doi 10.1109/ACCESS.2019.2956882), eq. 1.
+
+    .. math::
+        W = \sum_k \frac{\mu_k}{\alpha_k}
+            (\lambda_1^{\alpha_k} + \lambda_2^{\alpha_k} + \lambda_3^{\alpha_k} - 3)
+
+    The ground-state shear modulus is sum(mu * alpha) / 2 [MPa]; mu_k alpha_k > 0 for every k. (The other
+    convention, 2 mu_k / alpha_k^2, has the shear modulus sum(mu): convert with mu_k -> 2 mu_k / alpha_k.)
+    """
+
+    mu: tuple[float, ...]  # MPa
+    alpha: tuple[float, ...]
+
+    name = "ogden"
+    point = staticmethod(ogden_point)
+
+    def __post_init__(self):
+        object.__setattr__(self, "mu", tuple(float(m) for m in self.mu))
+        object.__setattr__(self, "alpha", tuple(float(a) for a in self.alpha))
+        if not self.mu or len(self.mu) != len(self.alpha):
+            raise ValueError(
+                f"Ogden: {len(self.mu)} mu but {len(self.alpha)} alpha; give one alpha per mu, at least one"
+            )
+        for k, (m, a) in enumerate(zip(self.mu, self.alpha), start=1):
+            if not (np.isfinite(m * a) and m * a > 0):
+                raise ValueError(
+                    f"Ogden: mu_{k} {m} MPa and alpha_{k} {a}; mu_k alpha_k > 0 is needed, give both one sign"
+                )
+
+    @property
+    def point_constants(self):
+        return tuple(value for term in zip(self.mu, self.alpha) for value in term)
+
+    @property
+    def shear_modulus(self) -> float:
+        return sum(m * a for m, a in zip(self.mu, self.alpha)) / 2
+
+    def file_keys(self):
+        return {"mu_kPa": [m * 1e3 for m in self.mu], "alpha": list(self.alpha)}
+
+    def stiffening_faster(self, factor):
+        """Exponents are multiplied; mu_k alpha_k stay."""
+        return Ogden(tuple(m / factor for m in self.mu), tuple(a * factor for a in self.alpha))
+
+    def principal_energy(self, lam):
+        return sum(m / a * (lam**a - 1).sum(axis=-1) for m, a in zip(self.mu, self.alpha))
+
+    def principal_stress(self, lam):
+        return sum(m * lam**a for m, a in zip(self.mu, self.alpha))
+
+    def principal_tangent(self, lam):
+        return sum(m * a * lam**a for m, a in zip(self.mu, self.alpha))[..., None] * np.eye(3)
+
+    def principal_slope(self, lam):
+        li, lj = lam[..., :, None], lam[..., None, :]
+        mean, d = np.sqrt(li * lj), np.log(li / lj)  # li^a - lj^a = 2 mean^a sinh(a d / 2)
+        return sum(m * a * mean**a * sinhc(a * d / 2) for m, a in zip(self.mu, self.alpha))
+
+
+class OgdenFamily(Family):
+    r"""Ogden's law with K terms; theta = (ln g_1, alpha_1, ln g_2, ...), g_k = mu_k alpha_k > 0 by construction.
+
+    .. math:: \beta_1 - \beta_3 = \sum_k g_k (\lambda_1^{\alpha_k} - \lambda_3^{\alpha_k}) / \alpha_k
+
+    passes smoothly through alpha_k = 0, so that no sign has to be chosen beforehand.
+    """
+
+    kind = Ogden
+
+    def __init__(self, terms: int):
+        self.terms = terms
+        self.name = f"ogden{terms}"
+        self.title = f"Ogden, K = {terms}"
+        self.parameters = tuple(n for k in range(1, terms + 1) for n in (f"mu_{k}_kPa", f"alpha_{k}"))
+        self.logarithmic = (True, False) * terms
+        self.bound_means = (
+            "the curves do not determine that many terms; take fewer or add a test"
+            if terms > 1
+            else "check the curves"
+        )
+
+    def holds(self, law):
+        return isinstance(law, Ogden) and len(law.mu) == self.terms
+
+    def law(self, theta):
+        g, alpha = np.exp(theta[0::2]), theta[1::2]
+        return Ogden(tuple(g / alpha), tuple(alpha))
+
+    def modulus_gradient(self, values):
+        return 1.5 * np.column_stack([values[1::2], values[0::2]]).ravel()  # E = 1.5 sum mu alpha
+
+    def ordered(self, theta):
+        pairs = theta.reshape(-1, 2)
+        return pairs[np.argsort(-pairs[:, 0], kind="stable")].ravel()  # largest stiffness first
+
+    def law_of(self, values):
+        return Ogden(tuple(np.asarray(values)[0::2] / 1e3), tuple(np.asarray(values)[1::2]))
+
+    def parameters_of(self, law):
+        return np.column_stack([np.array(law.mu) * 1e3, law.alpha]).ravel()
+
+    def values(self, theta):
+        alpha = theta[1::2]
+        mu = np.exp(theta[0::2]) / alpha * 1e3
+        T = np.eye(2 * self.terms)
+        for k in range(self.terms):
+            T[2 * k, 2 * k : 2 * k + 2] = mu[k], -mu[k] / alpha[k]
+        return np.column_stack([mu, alpha]).ravel(), T
+
+    def unknowns(self, values):
+        mu, alpha = values[0::2] / 1e3, values[1::2]
+        return np.column_stack([np.log(mu * alpha), alpha]).ravel()
+
+    def stress(self, points, theta):
+        phi, slope = ogden_terms(points, theta[1::2])
+        g = np.exp(theta[0::2])
+        return phi @ g, np.stack([phi * g, slope * g], axis=-1).reshape(len(phi), -1)
+
+    def bounds(self, points, stiffness):
+        low = [np.log(stiffness * SMALLEST_SHARE), -LARGEST_EXPONENT] * self.terms
+        high = [np.log(stiffness * 1e2), LARGEST_EXPONENT] * self.terms
+        return np.array(low), np.array(high)
+
+    def starts(self, points, weight, stress, stiffness):
+        """Try all combinations of start exponents: at fixed exponents the g_k >= 0 are a linear problem."""
+        from scipy import optimize  # slow to import: jobs that only read a law do without
+
+        phi = ogden_terms(points, np.array(START_EXPONENTS))[0]
+        # the triangle of the weighted columns keeps all their inner products
+        R = np.linalg.qr(weight[:, None] * np.column_stack([phi, stress]), mode="r")
+        found = []
+        for chosen in combinations(range(len(START_EXPONENTS)), self.terms):
+            g, misfit = optimize.nnls(R[:, list(chosen)], R[:, -1])
+            found.append((misfit, chosen, g))
+        starts = []
+        for _, chosen, g in sorted(found, key=lambda f: f[:2])[:STARTS]:
+            g = np.maximum(g, 1e-4 * g.sum())  # a term that starts at nothing could not grow in ln g
+            theta = np.column_stack([np.log(g), np.array(START_EXPONENTS)[list(chosen)]]).ravel()
+            starts.append(np.clip(theta, *self.bounds(points, stiffness)))
+        return starts
+
+
+def ogden_terms(points: StressPoints, alpha: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return phi = s (lam_1^a - lam_3^a) / a and d phi / d a, both (n, K), finite at a = 0."""
+    e1, e3 = points.logarithms[:, :1], points.logarithms[:, 2:]
+    small = np.abs(alpha) < 1e-3  # the series is exact to 1e-12 there, the quotient to 1e-10 from there on
+    a = np.where(small, 1.0, alpha)
+    p1, p3 = np.exp(a * e1), np.exp(a * e3)
+    phi = (p1 - p3) / a
+    slope = (e1 * p1 - e3 * p3 - phi) / a
+    if small.any():
+        powers = [e1**k - e3**k for k in (1, 2, 3, 4)]
+        series = powers[0] + alpha * (powers[1] / 2 + alpha * (powers[2] / 6 + alpha * powers[3] / 24))
+        derivative = powers[1] / 2 + alpha * (powers[2] / 3 + alpha * powers[3] / 8)
+        phi, slope = np.where(small, series, phi), np.where(small, derivative, slope)
+    return points.scale[:, None] * phi, points.scale[:, None] * slope
+
+
+class OgdenParameters(GivenParameters):
+    """Ogden's model W = sum c_k (l1^alpha_k + l2^alpha_k + l3^alpha_k - 3), c_k as its convention says."""
+
+    law: Literal["ogden"] = Field("ogden", description="constitutive model")
+    mu_kPa: list[float] = Field(min_length=1, max_length=MOST_TERMS, description="moduli mu_k [kPa]")
+    alpha: list[float] = Field(min_length=1, max_length=MOST_TERMS, description="exponents alpha_k [-]")
+    convention: Literal["ogden", "ansys", "abaqus"] = Field(
+        "ogden",
+        description="what mu_kPa means: ogden, ansys: c_k = mu_k/alpha_k, initial shear modulus sum mu_k alpha_k / 2; "
+        "abaqus: c_k = 2 mu_k/alpha_k^2, initial shear modulus sum mu_k",
+    )
+
+    @model_validator(mode="after")
+    def _signs(self):
+        if len(self.mu_kPa) != len(self.alpha):
+            raise ValueError(f"{len(self.mu_kPa)} mu_kPa but {len(self.alpha)} alpha; give one alpha per mu")
+        for mu, alpha in zip(self.mu_kPa, self.alpha):
+            if alpha == 0:
+                raise ValueError("alpha 0: the term has no energy; leave it out")
+            if not (mu > 0 if self.convention == "abaqus" else mu * alpha > 0):
+                raise ValueError(self._softening(mu, alpha))
+        return self
+
+    def _softening(self, mu: float, alpha: float) -> str:
+        """Return why a term is refused, and how the other convention writes it."""
+        other = "ogden" if self.convention == "abaqus" else "abaqus"
+        own, meant = OGDEN_CONVENTIONS[self.convention], OGDEN_CONVENTIONS[other]
+        needed = "mu_k > 0" if self.convention == "abaqus" else "mu_k alpha_k > 0, both of the same sign,"
+        return (
+            f"mu_kPa {mu:g} with alpha {alpha:g} is a term of negative stiffness: {needed} is needed in convention: "
+            f"{self.convention}, energy factor {own[0]}, initial shear modulus {own[1]} ({own[2]}); for parameters written "
+            f"with {meant[0]}, initial shear modulus {meant[1]} ({meant[2]}), set convention: {other}"
+        )
+
+    @property
+    def ogden_mu_kPa(self) -> tuple[float, ...]:
+        """The moduli in Ogden's own convention, c_k = mu_k/alpha_k [kPa]."""
+        if self.convention == "abaqus":
+            return tuple(2 * mu / alpha for mu, alpha in zip(self.mu_kPa, self.alpha))
+        return tuple(self.mu_kPa)
+
+    def constitutive_model(self):
+        return Ogden(tuple(m * 1e-3 for m in self.ogden_mu_kPa), tuple(self.alpha))
+
+
+MODEL = Model(
+    law=Ogden,
+    parameters=OgdenParameters,
+    families=tuple(OgdenFamily(terms) for terms in range(1, MOST_TERMS + 1)),
+    formula="W = sum_k mu_k/alpha_k (l1^alpha_k + l2^alpha_k + l3^alpha_k - 3), l1 l2 l3 = 1;"
+    " E = 1.5 sum_k mu_k alpha_k",
+)

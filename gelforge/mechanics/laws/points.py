@@ -1,0 +1,116 @@
+r"""The compiled form of the laws: principal stresses and their slopes at one point.
+
+Given the isochoric stretches, the routine of a law fills
+
+.. math:: \beta_i = \mathrm{dev}\, \frac{\partial W}{\partial\ln\lambda_i}, \qquad
+    \gamma_{ij} = \frac{\partial\beta_i}{\partial\ln\lambda_j} \text{ (both indices without their mean)}
+
+and returns the energy and how far the point is on its way to the law's limit of extension (1: reached; 0: no limit). A law
+of the invariants gives the derivatives of its energy alone. The routines are those of the files in `models`; laws may share
+one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import reduce
+from inspect import getsource
+from pathlib import Path
+from zlib import crc32
+
+import numba as nb
+
+from gelforge.mechanics.laws.law import InvariantLaw, PrincipalLaw
+from gelforge.mechanics.laws.models import MODELS
+
+_LAWS: list[type[PrincipalLaw]] = [model.law for model in MODELS.values()]
+_OF_STRETCHES = list(dict.fromkeys(law.point for law in _LAWS if not issubclass(law, InvariantLaw)))
+_OF_INVARIANTS = list(dict.fromkeys(law.point for law in _LAWS if issubclass(law, InvariantLaw)))
+_ROUTINES = [*_OF_STRETCHES, *_OF_INVARIANTS]
+STRETCHES = len(_OF_STRETCHES)  # routines below this number are of the stretches
+# What the compiled kernels on disk are known by: another one once a routine is another, or there is one more.
+FINGERPRINT = crc32("".join([*map(getsource, _ROUTINES), Path(__file__).read_text("utf-8")]).encode())
+
+
+def point_number(law: PrincipalLaw) -> int:
+    """Return the number by which principal_stress knows a law's routine."""
+    return _ROUTINES.index(type(law).point)
+
+
+def _inlined(routine: Callable):
+    return nb.njit(inline="always")(routine)
+
+
+def _stretches_by_number(others, numbered):
+    number, own = numbered[0], _inlined(numbered[1])
+
+    def choice(law, constants, lam, beta, gamma):
+        if law == number:
+            return own(constants, lam, beta, gamma)
+        return others(law, constants, lam, beta, gamma)
+
+    return _inlined(choice)
+
+
+def _invariants_by_number(others, numbered):
+    number, own = numbered[0], _inlined(numbered[1])
+
+    def choice(law, constants, I1, I2):
+        if law == number:
+            return own(constants, I1, I2)
+        return others(law, constants, I1, I2)
+
+    return _inlined(choice)
+
+
+def _last_of_stretches(routine: Callable):
+    own = _inlined(routine)
+    return _inlined(lambda law, constants, lam, beta, gamma: own(constants, lam, beta, gamma))
+
+
+def _last_of_invariants(routine: Callable):
+    own = _inlined(routine)
+    return _inlined(lambda law, constants, I1, I2: own(constants, I1, I2))
+
+
+_of_stretches = reduce(
+    _stretches_by_number, enumerate(_OF_STRETCHES[:-1]), _last_of_stretches(_OF_STRETCHES[-1])
+)
+_of_invariants = reduce(
+    _invariants_by_number,
+    enumerate(_OF_INVARIANTS[:-1], start=STRETCHES),
+    _last_of_invariants(_OF_INVARIANTS[-1]),
+)
+
+
+@nb.njit(cache=True, inline="always")
+def principal_stress(law, constants, lam, beta, gamma):
+    """Fill beta (3,) [MPa] and gamma (3, 3) [MPa] at lam (3,); return (energy [MPa], extension over its limit)."""
+    if law < STRETCHES:
+        return _of_stretches(law, constants, lam, beta, gamma)
+    I1 = 0.0
+    I2 = 0.0
+    for i in range(3):
+        square = lam[i] * lam[i]
+        beta[i] = square  # until the invariants' slopes need the place
+        I1 += square
+        I2 += 1.0 / square
+    energy, W1, W2, W11, W12, W22, extension = _of_invariants(law, constants, I1, I2)
+    # f_i, g_i: dI1/d ln lam_i and dI2/d ln lam_i without their means; their own slopes are 2 f and -2 g before that.
+    for i in range(3):
+        fi = 2.0 * (beta[i] - I1 / 3.0)
+        gi = -2.0 * (1.0 / beta[i] - I2 / 3.0)
+        di = 4.0 * (W1 * beta[i] + W2 / beta[i])
+        for j in range(i, 3):
+            fj = 2.0 * (beta[j] - I1 / 3.0)
+            gj = -2.0 * (1.0 / beta[j] - I2 / 3.0)
+            dj = 4.0 * (W1 * beta[j] + W2 / beta[j])
+            slope = 4.0 * (W1 * I1 + W2 * I2) / 9.0 - (di + dj) / 3.0 + W11 * fi * fj
+            slope += W12 * (fi * gj + gi * fj) + W22 * gi * gj
+            if i == j:
+                slope += di
+            gamma[i, j] = slope
+            gamma[j, i] = slope
+    for i in range(3):
+        beta[i] = 2.0 * W1 * (beta[i] - I1 / 3.0) - 2.0 * W2 * (1.0 / beta[i] - I2 / 3.0)
+    return energy, extension

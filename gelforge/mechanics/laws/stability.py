@@ -1,0 +1,56 @@
+r"""Drucker stability of a law: work is needed for every further isochoric increment of strain.
+
+With e = ln lam and the Kirchhoff stress conjugate to it, an incompressible material is stable where
+
+.. math:: d\tau : de = de^T \frac{\partial^2 W}{\partial e^2} de > 0 \quad \text{for all } de_1 + de_2 + de_3 = 0
+
+(Drucker 1959; Ogden 1997, sec. 6.2; the check that finite-element codes make of a hyperelastic law).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gelforge.mechanics.laws.law import PrincipalLaw
+
+# columns span the plane de_1 + de_2 + de_3 = 0; first: uniaxial extension
+PLANE = np.array([[2.0, 0.0], [-1.0, 1.0], [-1.0, -1.0]]) / np.sqrt([6.0, 2.0])
+
+
+def drucker_margin(law: PrincipalLaw, lam: np.ndarray) -> np.ndarray:
+    """Return the smallest stiffness (...) [MPa] against isochoric increments at the stretches lam (..., 3).
+
+    It is 2 mu at rest and negative where the law is unstable; NaN beyond the law's limiting stretch.
+    """
+    lam = np.asarray(lam, dtype=float)
+    lam = lam / np.cbrt(lam.prod(axis=-1, keepdims=True))
+    has = law.admissible(lam)
+    margin = np.full(lam.shape[:-1], np.nan)
+    margin[has] = np.linalg.eigvalsh(PLANE.T @ law.principal_tangent(lam[has]) @ PLANE)[..., 0]
+    return margin
+
+
+class UnstableLaw(ValueError):
+    """A law that is unstable, or has no stress, within the stretches that it is used at."""
+
+
+def check_stable(law: PrincipalLaw, smallest: float, largest: float, name: str) -> None:
+    """Refuse a law that is not Drucker-stable down to the smallest and up to the largest principal stretch.
+
+    Tried are extension and pure shear up to the largest, and compression (equibiaxial extension) down to the smallest.
+    Raises UnstableLaw with the first stretch at which it is unstable.
+    """
+    for case, end, exponents in (
+        ("extension", largest, (1.0, -0.5, -0.5)),
+        ("compression", smallest, (1.0, -0.5, -0.5)),
+        ("pure shear", largest, (1.0, 0.0, -1.0)),
+    ):
+        lam = np.geomspace(1.0, end, 101)
+        margin = drucker_margin(law, lam[:, None] ** np.array(exponents))
+        bad = ~(margin > 0)
+        if bad.any():
+            reason = "has no stress" if np.isnan(margin[bad][0]) else "is unstable (Drucker)"
+            raise UnstableLaw(
+                f"the law of {name} {reason} in {case} from stretch {lam[np.argmax(bad)]:.3g}; this press may use it up to"
+                f" {end:.3g}: press less deep or fit another law"
+            )

@@ -1,0 +1,1 @@
+"""The sparsity of the tangent, and the solvers of its linear systems."""

@@ -1,0 +1,187 @@
+"""Sparse direct solvers of the symmetric tangent, chosen in one place.
+
+PARDISO (Intel MKL, x86-64 only) factorises in single precision, which halves its time and memory; the caller restores
+double precision with conjugate gradients (`refined_solve`). SuperLU (SciPy) works on every machine and is slower.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+
+from gelforge.mechanics.linear.sparsity import Pattern, symmetric_product
+
+
+class NotPositiveDefinite(ArithmeticError):
+    """The tangent could not be factorised as a positive definite matrix."""
+
+
+class DirectSolver(Protocol):
+    """Factorises the upper-triangular values of a fixed pattern and solves with them."""
+
+    name: str
+
+    def factor(self, values: np.ndarray) -> None: ...
+
+    def solve(self, rhs: np.ndarray) -> np.ndarray: ...
+
+
+@cache
+def _math_kernel_library() -> ctypes.CDLL:
+    """Return MKL, which pypardiso only finds and opens: its own interface is float64 and one-shot.
+
+    Left to itself it searches every folder of the environment at its import and for every solver, a second each time.
+    """
+    own = sorted(Path(sys.prefix, "lib").glob("libmkl_rt.so*"))
+    if own:
+        os.environ.setdefault("PYPARDISO_MKL_RT", str(own[0]))
+    from pypardiso import PyPardisoSolver
+
+    return PyPardisoSolver().libmkl
+
+
+class Pardiso:
+    """Cholesky in float32 by MKL PARDISO; the symbolic analysis is done once per pattern."""
+
+    name = "pardiso"
+    ANALYSE, FACTOR, SOLVE, RELEASE = 11, 22, 33, -1
+    KIND, PIVOT, NUMBER = 2, 8, np.float32  # positive definite; perturbed pivots are 10^-PIVOT
+
+    def __init__(self, pattern: Pattern, threads: int = 1):
+        mkl = _math_kernel_library()
+        mkl.MKL_Set_Num_Threads(threads)
+        self._pardiso = mkl["pardiso"]  # by index: a fresh handle without pypardiso's argument types
+        self._indptr, self._indices, self._n = pattern.indptr, pattern.indices, pattern.size
+        self._handle = np.zeros(64, dtype=np.int64)
+        self._permutation = np.zeros(self._n, dtype=np.int32)
+        iparm = np.zeros(64, dtype=np.int32)
+        iparm[0] = 1  # no defaults
+        iparm[1] = 2  # METIS nested dissection
+        iparm[9] = self.PIVOT
+        iparm[27] = self.NUMBER == np.float32
+        iparm[34] = 1  # zero-based
+        self._iparm = iparm
+        self._values = np.zeros(len(self._indices), dtype=self.NUMBER)
+        self._call(self.ANALYSE, self._zeros(), self._zeros())
+
+    def _zeros(self) -> np.ndarray:
+        return np.zeros(self._n, dtype=self.NUMBER)
+
+    def _call(self, phase: int, rhs: np.ndarray, solution: np.ndarray) -> None:
+        def integer(value):
+            return ctypes.byref(ctypes.c_int32(value))
+
+        def pointer(array):
+            return array.ctypes.data_as(ctypes.c_void_p)
+
+        error = ctypes.c_int32(0)
+        self._pardiso(
+            pointer(self._handle), integer(1), integer(1), integer(self.KIND), integer(phase), integer(self._n),
+            pointer(self._values), pointer(self._indptr), pointer(self._indices), pointer(self._permutation),
+            integer(rhs.size // self._n), pointer(self._iparm), integer(0), pointer(rhs), pointer(solution),
+            ctypes.byref(error),
+        )  # fmt: skip
+        if error.value == -4:
+            raise NotPositiveDefinite("zero or negative pivot in PARDISO's factorisation")
+        if error.value:
+            raise RuntimeError(f"PARDISO phase {phase} returned error {error.value}")
+
+    def factor(self, values: np.ndarray) -> None:
+        """Factorise; values (nnz,) float64 in the pattern's order. Raises NotPositiveDefinite."""
+        self._values[:] = values
+        self._call(self.FACTOR, self._zeros(), self._zeros())
+
+    def solve(self, rhs: np.ndarray) -> np.ndarray:
+        """Return the solution (n,) to single precision."""
+        # Scaled to unit size: forces of 1e-12 N and squares of them would leave the range of float32.
+        size = np.abs(rhs).max()
+        if size == 0:
+            return np.zeros(self._n)
+        b, x = (rhs / size).astype(np.float32), self._zeros()
+        self._call(self.SOLVE, b, x)
+        return x.astype(np.float64) * size
+
+    def __del__(self):
+        if hasattr(self, "_values") and not sys.is_finalizing():
+            self._call(self.RELEASE, self._zeros(), self._zeros())
+
+
+class SuperLU:
+    """LU in float64 by SciPy's SuperLU, for machines without MKL: slower than PARDISO."""
+
+    name = "superlu"
+
+    def __init__(self, pattern: Pattern):
+        self._indptr, self._indices, self._n = pattern.indptr, pattern.indices, pattern.size
+
+    def factor(self, values: np.ndarray) -> None:
+        """Factorise; values (nnz,) in the pattern's order. Raises NotPositiveDefinite for a singular matrix."""
+        upper = sp.csr_matrix((values, self._indices, self._indptr), shape=(self._n, self._n))
+        full = upper + sp.triu(upper, 1).T
+        try:
+            self._lu = splu(
+                full.tocsc(),
+                permc_spec="MMD_AT_PLUS_A",
+                diag_pivot_thresh=0.0,
+                options={"SymmetricMode": True},
+            )
+        except RuntimeError as error:
+            raise NotPositiveDefinite(str(error)) from None
+
+    def solve(self, rhs: np.ndarray) -> np.ndarray:
+        """Return the solution (n,)."""
+        return self._lu.solve(rhs)
+
+
+def direct_solver(pattern: Pattern, choice: str = "auto") -> DirectSolver:
+    """Return the solver of this name; "auto" takes PARDISO where MKL can be loaded and SuperLU elsewhere."""
+    if choice in ("auto", "pardiso"):
+        try:
+            return Pardiso(pattern)
+        except ImportError as error:
+            if choice == "pardiso":
+                raise ImportError(
+                    f"PARDISO cannot be loaded ({error}); set linear_solver: superlu"
+                ) from error
+    return SuperLU(pattern)
+
+
+def refined_solve(
+    solver: DirectSolver, pattern: Pattern, values: np.ndarray, rhs: np.ndarray, tolerance: float, limit: int
+) -> tuple[np.ndarray, int]:
+    """Return the solution of A x = rhs and the number of conjugate-gradient steps, preconditioned by the factorisation.
+
+    Stops when the preconditioned residual has fallen by tolerance or after limit steps. With a fresh float32 factor one
+    step is enough; with an older factor it takes more.
+    """
+    x = np.zeros_like(rhs)
+    r = rhs.copy()
+    z = solver.solve(r)
+    p = z.copy()
+    rz = start = r @ z
+    Ap = np.empty_like(rhs)
+    steps = 0
+    while steps < limit and rz > 0:
+        symmetric_product(pattern.indptr, pattern.indices, values, p, Ap)
+        curvature = p @ Ap
+        if not curvature > 0:
+            break
+        x += rz / curvature * p
+        r -= rz / curvature * Ap
+        steps += 1
+        if steps == limit:
+            break
+        z = solver.solve(r)
+        rz, previous = r @ z, rz
+        if rz <= tolerance**2 * start:
+            break
+        p = z + rz / previous * p
+    return x, steps

@@ -1,0 +1,1 @@
+"""Elements, and meshes of them."""

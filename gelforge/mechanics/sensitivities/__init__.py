@@ -1,0 +1,1 @@
+"""How a solution follows changes of what it was made of."""

@@ -1,0 +1,1 @@
+"""Equilibrium along a path of the indenter."""

@@ -1,0 +1,354 @@
+"""Quasi-static equilibrium of a body pressed by a rigid indenter: mixed Newton iteration along a path of the indenter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+from scipy.sparse.linalg import LinearOperator, gmres
+
+from gelforge.mechanics.bodies.body import NO_TANGENT, Body, Response
+from gelforge.mechanics.contact.forces import add_node_blocks
+from gelforge.mechanics.contact.state import Settings, State
+from gelforge.mechanics.contact.surface import SAME_WAY, ContactForces, Iterate, SurfaceContact
+from gelforge.mechanics.indenters.shapes import Indenter
+from gelforge.mechanics.linear.sparse import DirectSolver, NotPositiveDefinite, direct_solver, refined_solve
+from gelforge.mechanics.linear.sparsity import symmetric_product
+
+STEP_LENGTHS = (1.0, 0.5, 0.25, 0.125, 0.0625)
+# A factorisation is kept while no node changes between open, stick and slip, the residual is this small and each correction
+# with it halves the residual at least.
+CHORD_RESIDUAL = 2e-2
+CHORD_RATE = 0.5
+# Below this a symmetric iteration that wins less than CHORD_RATE only creeps to the limit of slipping nodes: the consistent
+# tangent ends it. Further from the solution that one cycles between stick and slip, unless no node has changed between
+# open, stick and slip in this many iterations.
+CREEP_RESIDUAL = 1e-4
+STEADY = 2
+# From this iteration on the weight that decides between stick and slip is halved in each: a step that cycles between them
+# comes to rest.
+PATIENT = 10
+# With friction the first step after the first touch is at most this share of the element size, and each further one at most
+# twice as long: of a node that touches within a step, only the step before says how it has moved until then.
+FIRST_STEP = 0.25
+# A step that is not to be halved any more may take this many times max_iterations: friction creeps, and gets there.
+PATIENCE = 3
+ROUNDING = 1e-9  # of a number of steps
+USUAL = Settings()
+GMRES_TOLERANCE = 1e-3  # of a correction with the kept factorisation
+
+
+class NotConverged(ArithmeticError):
+    """A step of the indenter for which no equilibrium was found."""
+
+
+Watch = Callable[[State, State], None]
+
+
+class Press:
+    """A body and an indenter; finds equilibrium for positions of the indenter."""
+
+    def __init__(
+        self, body: Body, indenter: Indenter, settings: Settings = USUAL, linear_solver: str = "auto"
+    ):
+        self.body, self.indenter, self.settings = body, indenter, settings
+        self.contact = SurfaceContact(body, indenter, settings)
+        self.surface, self.area = self.contact.nodes, self.contact.area
+        self.free = body.pattern.equation >= 0
+        self.slots = body.pattern.node_slots(self.surface)
+        self.solver: DirectSolver = direct_solver(body.pattern, linear_solver)
+        self._values = np.empty(len(body.pattern.indices))
+        self._tangent_at: Iterate | None = None  # the iterate whose body tangent the values hold
+
+    def start(self, x: float, y: float) -> State:
+        """Return the undeformed state with the indenter touching the plane z = 0 at (x, y) [mm]."""
+        return self.start_at(self.indenter.start(x, y))
+
+    def start_at(self, centre: np.ndarray) -> State:
+        """Return the undeformed state with the indenter at a centre (3,) [mm]."""
+        S = len(self.surface)
+        u = np.zeros_like(self.body.mesh.X)
+        gap = self.contact.gap(u, centre)[0]
+        none = np.zeros((S, 3))
+        return State(
+            centre=centre,
+            u=u,
+            pressure=np.zeros(len(self.body.mesh.elements)),
+            contact_pressure=np.zeros(S),
+            gap=gap,
+            normal_force=none,
+            friction_force=none,
+            contact_state=np.zeros(S, np.int8),
+            fixed_force=np.zeros((self.body.mesh.fixed.sum(), 3)),
+            memory=self.body.initial if self.body.remembers else None,
+        )
+
+    def follow(
+        self, start: State, centres: np.ndarray, watch: Watch | None = None, times: np.ndarray | None = None
+    ) -> Iterator[State]:
+        """Yield the state at each centre (n, 3) [mm] in turn, by the steps of `parts`; a step that fails is halved.
+
+        Centres (n, 6) hold a rotation vector [rad] too: the indenter turns about its centre. watch is called with the
+        states before and after every step, halves included. times (n,) [s]: when it is there, for a body that remembers.
+        Raises NotConverged, with the position reached, after max_halvings.
+        """
+        previous, state = None, replace(start, centre=padded(start.centre, np.shape(centres)[-1]))
+        for number, centre in enumerate(centres):
+            iterations = factorisations = 0
+            centre, end = np.asarray(centre, dtype=float), None if times is None else float(times[number])
+            shares = self.parts(state, centre - state.centre)
+            pending = [
+                (
+                    state.centre + share * (centre - state.centre) if share < 1 else centre,
+                    0,
+                    None if end is None else state.memory.time + share * (end - state.memory.time),
+                )
+                for share in shares[::-1]
+            ]
+            while pending:
+                target, halvings, time = pending[-1]
+                limit = self.iterations_allowed(halvings)
+                try:
+                    new = self.step(
+                        previous, state, target, limit=limit, **({} if time is None else {"time": time})
+                    )
+                except NotConverged as failure:
+                    if halvings == self.settings.max_halvings:
+                        raise NotConverged(f"{failure}; step halved {halvings} times") from None
+                    pending[-1] = (target, halvings + 1, time)
+                    between = None if time is None else (state.memory.time + time) / 2
+                    pending.append(((state.centre + target) / 2, halvings + 1, between))
+                    continue
+                pending.pop()
+                if watch is not None:
+                    watch(state, new)
+                previous, state = state, new
+                iterations += new.iterations
+                factorisations += new.factorisations
+            state = replace(state, iterations=iterations, factorisations=factorisations)
+            yield state
+
+    def parts(self, state: State, move: np.ndarray) -> list[float]:
+        """Return the shares, increasing to 1, of a move (3,) or (6,) [mm, rad] of the indenter at which to stop on the way.
+
+        Without friction only the end matters. With it a step is no longer than longest_step element sizes, and the first
+        ones after the first touch grow from FIRST_STEP of one, each by two.
+        """
+        s, size = self.settings, self.contact.element_size
+        length = float(np.linalg.norm(move[:3]) + np.linalg.norm(move[3:]) * self.indenter.size)
+        if s.friction == 0 or length == 0:
+            return [1.0]
+        stops = [1.0]
+        if state.contact_pressure.max(initial=0.0) == 0:
+            lead = min(max(float(state.gap.min()), 0.0), length)
+            while (length * stops[0] - lead) > FIRST_STEP * size * (1 + ROUNDING):
+                stops.insert(0, (length * stops[0] + lead) / 2 / length)
+        found, last = [], 0.0
+        for stop in stops:
+            n = max(1, math.ceil(length * (stop - last) / (s.longest_step * size) - ROUNDING))
+            found += [last + (stop - last) * k / n for k in range(1, n)] + [stop]
+            last = stop
+        return found
+
+    def iterations_allowed(self, halvings: int) -> int:
+        """Return how many iterations a step may take that has been halved so often: the last one has more patience."""
+        s = self.settings
+        return s.max_iterations * (PATIENCE if halvings == s.max_halvings else 1)
+
+    # ------------------------------------------------------------------------------------------ one step
+    def step(
+        self,
+        previous: State | None,
+        state: State,
+        centre: np.ndarray,
+        guess: State | None = None,
+        time: float | None = None,
+        limit: int | None = None,
+    ) -> State:
+        """Return the equilibrium with the indenter at centre, from state; previous gives the predictor its slope.
+
+        guess: a state to begin the iteration at instead of the prediction. time [s]: the end of the step, for a body that
+        remembers; without, the step takes no time. limit: iterations, max_iterations if not given.
+        """
+        s, contact = self.settings, self.contact
+        limit = s.max_iterations if limit is None else limit
+        if self.body.remembers:
+            self.body.begin(state.memory, state.memory.time if time is None else time)
+        move = contact.step(state, centre)
+        at = contact.begin(*(unknowns(guess) if guess else self._predict(previous, state, centre)), centre)
+        factored_for, last_residual, changes, factorisations = None, np.inf, 0, 0
+        last_contact, steady = None, 0
+        response, forces = self._evaluate(at, tangent=True), contact.forces(at, move)
+        for iteration in range(limit + 1):
+            residual, slipped = self._residual(response, forces), contact.friction_error(forces)
+            penetration = contact.penetration(at)
+            volume_error = self.body.pressure_error(response, at.pressure)
+            if not np.isfinite(residual):
+                raise NotConverged(f"no finite residual at centre {np.round(centre, 4)} mm")
+            if (
+                iteration > 0
+                and max(residual, slipped) < s.force_tolerance
+                and penetration < s.gap_tolerance
+                and volume_error < s.volume_tolerance
+                and changes == 0
+                and response.admissible
+            ):
+                return self._converged(
+                    state, centre, at, response, forces, iteration, factorisations, residual
+                )
+            if iteration == limit:
+                break
+            chord = (
+                factored_for is not None
+                and self._tangent_at is None  # else a newer one is at hand
+                and np.array_equal(forces.state, factored_for)
+                and residual < CHORD_RESIDUAL
+                and residual < CHORD_RATE * last_residual
+            )
+            if not chord:
+                self._factor(at, forces)
+                factored_for, factorisations = forces.state, factorisations + 1
+            same = changes == 0 and residual <= last_residual and np.array_equal(forces.state, last_contact)
+            steady, last_contact = (steady + 1 if same else 0), forces.state
+            settled = residual < CREEP_RESIDUAL or (steady >= STEADY and residual < CHORD_RESIDUAL)
+            creeps = settled and residual > CHORD_RATE * last_residual
+            last_residual = residual
+            exact = chord or creeps
+            du = self._correction(response, forces, consistent=exact)
+            new_pressure = self.body.linearised_pressure(response, du)
+            weight = 0.5 ** max(0, iteration - PATIENT)
+            far = residual > CHORD_RESIDUAL  # the next iterate will want a factorisation of its own
+            for length in STEP_LENGTHS:
+                trial = contact.corrected(at, forces, du, new_pressure, centre, length)
+                trial_response = self._evaluate(trial, tangent=far)
+                trial_forces = contact.forces(trial, move, weight)
+                # A consistent step across the limit of friction may overshoot, and cycle with the symmetric ones.
+                allowed = max(residual, CREEP_RESIDUAL) if exact else np.inf
+                if trial_response.admissible and self._residual(trial_response, trial_forces) < allowed:
+                    break  # else the iterate is shortened
+            changes = int((trial.active != at.active).sum())
+            at, response, forces = trial, trial_response, trial_forces
+        raise NotConverged(
+            f"no equilibrium at centre {np.round(centre, 4)} mm after {limit} iterations: unbalanced force "
+            f"{residual:.1e} and friction {slipped:.1e} of the contact force (limit {s.force_tolerance:.0e}), penetration "
+            f"{penetration:.1e} of an element (limit {s.gap_tolerance:.0e}), {changes} nodes still changing contact, "
+            f"smallest J {response.smallest_J:.3f}"
+            + (
+                f", a point at {response.largest_extension:.3g} of its law's limit of extension"
+                if response.largest_extension
+                else ""
+            )
+        )
+
+    def _predict(self, previous: State | None, state: State, centre: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return the unknowns extrapolated along a straight path of the indenter."""
+        if previous is None or previous.contact_pressure.max() == 0:
+            return unknowns(state)
+        move, last = centre - state.centre, state.centre - previous.centre
+        # The path turns or rests: no slope to follow.
+        if move @ last <= SAME_WAY * np.linalg.norm(move) * np.linalg.norm(last):
+            return unknowns(state)
+        ratio = np.linalg.norm(move) / np.linalg.norm(last)
+        return tuple(now + ratio * (now - then) for now, then in zip(unknowns(state), unknowns(previous)))
+
+    def _evaluate(self, at: Iterate, tangent: bool = False) -> Response:
+        if tangent:
+            self._tangent_at = at
+        return self.body.response(at.u, at.pressure, self._values if tangent else NO_TANGENT)
+
+    def _residual(self, response: Response, forces: ContactForces) -> float:
+        """Return the norm of the unbalanced forces at the free nodes over that of the contact forces."""
+        unbalanced = response.f_mixed.copy()
+        unbalanced[self.surface] -= forces.f_mixed
+        return float(np.linalg.norm(unbalanced[self.free])) / self.contact.size_of(forces)
+
+    def _factor(self, at: Iterate, forces: ContactForces) -> None:
+        if self._tangent_at is not at:
+            self._evaluate(at, tangent=True)
+        self._tangent_at = None  # the contact's is added
+        add_node_blocks(self.slots, forces.stiffness, self._values)
+        self._factored_blocks = forces.stiffness
+        try:
+            self.solver.factor(self._values)
+        except NotPositiveDefinite as error:
+            raise NotConverged(
+                f"the tangent lost its positive definiteness ({error}); smaller steps of depth or a smaller bulk_to_shear "
+                "may keep it"
+            ) from None
+
+    def _correction(self, response: Response, forces: ContactForces, consistent: bool) -> np.ndarray:
+        """Return du (N, 3) of the condensed system: with the symmetric factorisation at hand, or consistent through it."""
+        force = response.f_condensed.copy()
+        force[self.surface] -= forces.f_consistent if consistent else forces.f_condensed
+        rhs = -force[self.free]
+        du = np.zeros_like(force)
+        if consistent:
+            du[self.free] = self._consistent_solve(rhs, forces.stiffness_consistent - self._factored_blocks)
+        else:
+            du[self.free], _ = refined_solve(self.solver, self.body.pattern, self._values, rhs, 0.0, 1)
+        return self.body.spread(du)
+
+    def _consistent_solve(self, rhs: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+        """Return the solution with the factorised tangent plus unsymmetric blocks (S, 3, 3) at the surface nodes."""
+        pattern, full = self.body.pattern, np.zeros_like(self.body.mesh.X)
+        touched = np.flatnonzero(np.abs(blocks).max(axis=(1, 2)) > 0)
+        nodes, blocks = self.surface[touched], blocks[touched]
+
+        def product(x):
+            y = np.empty(pattern.size)
+            symmetric_product(pattern.indptr, pattern.indices, self._values, x, y)
+            full[self.free] = x
+            extra = np.zeros_like(full)
+            extra[nodes] = np.einsum("sij,sj->si", blocks, full[nodes])
+            return y + extra[self.free]
+
+        shape = (pattern.size, pattern.size)
+        operator = LinearOperator(shape, product, dtype=float)
+        preconditioner = LinearOperator(shape, self.solver.solve, dtype=float)
+        solution, _ = gmres(operator, rhs, M=preconditioner, rtol=GMRES_TOLERANCE, restart=20, maxiter=1)
+        return solution
+
+    def _converged(
+        self,
+        old: State,
+        centre: np.ndarray,
+        at: Iterate,
+        response: Response,
+        forces: ContactForces,
+        iterations: int,
+        factorisations: int,
+        residual: float,
+    ) -> State:
+        centre = np.asarray(centre, dtype=float)
+        return State(
+            centre=centre,
+            u=at.u,
+            pressure=at.pressure,
+            contact_pressure=at.contact_pressure,
+            gap=at.gap,
+            normal_force=forces.f_mixed - forces.friction,
+            friction_force=forces.friction,
+            contact_state=forces.state,
+            fixed_force=response.f_mixed[self.body.mesh.fixed],
+            energy=response.energy,
+            iterations=iterations,
+            factorisations=factorisations,
+            residual=residual,
+            smallest_J=response.smallest_J,
+            touched=forces.touched,
+            travel=centre - padded(old.centre, len(centre)),
+            moved=(at.u - old.u)[self.surface],
+            memory=self.body.remember(at.u) if self.body.remembers else None,
+        )
+
+
+def unknowns(state: State) -> tuple[np.ndarray, ...]:
+    """Return displacement, element pressures, contact pressures and friction forces of a state."""
+    return state.u, state.pressure, state.contact_pressure, state.friction_force
+
+
+def padded(centre: np.ndarray, length: int) -> np.ndarray:
+    """Return a centre with zeros for the rotation vector where a path has one."""
+    return np.concatenate([centre, np.zeros(length - len(centre))])

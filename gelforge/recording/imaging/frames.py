@@ -1,0 +1,85 @@
+"""Frames one after the other: from a folder of images, a video file or a camera."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from gelforge.input_files import what_it_is
+from gelforge.recording.imaging.flow import ImageError, grey, read_grey
+
+SUFFIXES = {".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg"}
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One grey image (H, W) uint8 with its name and time [s]."""
+
+    name: str
+    time_s: float  # since the first frame; NaN for a folder of images, which knows no times
+    image: np.ndarray
+
+
+def frames(source: str | Path | int) -> Iterator[Frame]:
+    """Return the frames of a folder of images (sorted by name), a video file, or a camera given by its number.
+
+    Raises ImageError for a source that is missing, empty or cannot be decoded, before the first frame is asked for.
+    """
+    if isinstance(source, int) or str(source).isdecimal():
+        return _camera_frames(_opened(int(source), f"camera {source}"), int(source))
+    path = Path(source)
+    if path.is_dir():
+        names = sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES)
+        if not names:
+            raise ImageError(
+                f"{path}: no images ({', '.join(sorted(SUFFIXES))}) in this folder; give another"
+            )
+        return (Frame(p.name, float("nan"), read_grey(p)) for p in names)
+    if not path.is_file():
+        raise ImageError(
+            f"{path}: no such folder or video; give a folder of images, a video or a camera's number"
+        )
+    what = what_it_is(path)
+    if what and not what.startswith(("a video", "an image")):
+        raise ImageError(f"{path}: is {what}; give a folder of images, a video or a camera's number")
+    return _video_frames(_opened(str(path), str(path)), path)
+
+
+def _opened(source: str | int, label: str) -> cv2.VideoCapture:
+    capture = cv2.VideoCapture(source)
+    if not capture.isOpened():
+        raise ImageError(f"{label}: cannot be opened; check that it exists and that OpenCV reads this kind")
+    return capture
+
+
+def _video_frames(capture: cv2.VideoCapture, path: Path) -> Iterator[Frame]:
+    try:
+        index = 0
+        while True:
+            ok, image = capture.read()
+            if not ok:
+                break
+            yield Frame(f"{path.name}#{index}", capture.get(cv2.CAP_PROP_POS_MSEC) / 1000, grey(image))
+            index += 1
+        if index == 0:
+            raise ImageError(f"{path}: the video has no frame that can be decoded; convert it (MJPG, H.264)")
+    finally:
+        capture.release()
+
+
+def _camera_frames(capture: cv2.VideoCapture, number: int) -> Iterator[Frame]:
+    try:
+        start, index = time.monotonic(), 0
+        while True:
+            ok, image = capture.read()
+            if not ok:
+                raise ImageError(f"camera {number}: no frame after {index}; is it still connected?")
+            yield Frame(f"camera{number}#{index}", time.monotonic() - start, grey(image))
+            index += 1
+    finally:
+        capture.release()

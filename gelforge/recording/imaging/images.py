@@ -1,0 +1,91 @@
+"""Checks of a session's image files from their headers, without decoding them."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pandas as pd
+from PIL import Image, UnidentifiedImageError
+
+from gelforge.config import Session
+from gelforge.input_files import NotAFile, regular_file
+from gelforge.recording.tables.checks import RecordingError
+
+PNG_END = b"IEND\xaeB`\x82"  # the last chunk's name and checksum; a truncated PNG lacks it
+JPEG_END, JPEG_TAIL = b"\xff\xd9", 4096  # the end marker; cameras pad what follows
+
+
+def image_path(folder: str | Path, name: str) -> Path:
+    """Return the path of a session's image."""
+    return Path(folder) / "images" / name
+
+
+def reference_path(folder: str | Path) -> Path:
+    """Return the path of a session's zero-force frame."""
+    return Path(folder) / "reference.png"
+
+
+def check_images(folder: Path, images: pd.Series, session: Session) -> None:
+    """Raise RecordingError unless the reference frame and all named images exist, are whole and have one size.
+
+    images holds file names in folder/images, "" where a reading has none; its index is the line of indentations.csv. A
+    recording without images needs no reference frame.
+    """
+    named = images[images != ""]
+    if named.empty:
+        return
+    table = folder / "indentations.csv"
+    reference = folder / "reference.png"
+    if not reference.is_file():
+        raise RecordingError(
+            f"{reference}: the reference frame is missing; save the image at zero force there"
+        )
+    if named.duplicated().any():
+        line = named.index[named.duplicated()][0]
+        raise RecordingError(
+            f"{table}, row {line}: image {named[line]} is named twice; every reading has its own image"
+        )
+    size = image_size(reference)
+    if session.camera and size != (session.camera.width_px, session.camera.height_px):
+        raise RecordingError(
+            f"{reference}: {size[0]} x {size[1]} px, but session.yaml has a camera of "
+            f"{session.camera.width_px} x "
+            f"{session.camera.height_px} px; correct camera.width_px and height_px"
+        )
+    present = set(os.listdir(folder / "images")) if (folder / "images").is_dir() else set()
+    for line, name in named.items():
+        if name not in present:
+            raise RecordingError(
+                f"{table}, row {line}: image {name} is not in {folder / 'images'}; copy it there"
+            )
+        found = image_size(folder / "images" / name)
+        if found != size:
+            raise RecordingError(
+                f"{folder / 'images' / name}: {found[0]} x {found[1]} px, but the reference frame has "
+                f"{size[0]} x {size[1]} "
+                "px; record both with the same camera settings"
+            )
+
+
+def image_size(path: Path) -> tuple[int, int]:
+    """Return width and height [px] from an image's header. Raises RecordingError if it is no image or was cut short."""
+    try:
+        regular_file(path)
+    except NotAFile as error:
+        raise RecordingError(str(error)) from None
+    try:
+        with open(path, "rb") as file:
+            with Image.open(file) as image:
+                size, kind = image.size, image.format
+            if kind == "PNG":
+                file.seek(-len(PNG_END), os.SEEK_END)
+                if file.read() != PNG_END:
+                    raise RecordingError(f"{path}: the PNG was cut short; copy it again")
+            if kind == "JPEG":
+                file.seek(-min(JPEG_TAIL, os.fstat(file.fileno()).st_size), os.SEEK_END)
+                if JPEG_END not in file.read():  # a decoder fills the missing part with grey and says nothing
+                    raise RecordingError(f"{path}: the JPEG was cut short; copy it again")
+    except (UnidentifiedImageError, OSError) as error:
+        raise RecordingError(f"{path}: not a readable image ({error}); copy it again") from None
+    return size

@@ -1,0 +1,1 @@
+"""The camera: lens, refraction, calibration."""

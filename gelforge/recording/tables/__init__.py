@@ -1,0 +1,1 @@
+"""The tables of a session: errors that a recording raises, checks and joins."""

@@ -1,0 +1,266 @@
+"""Checks of a session's readings at the edge: each error names file, row, value found, limit and remedy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from gelforge.config import ForceSensor, Sensor
+from gelforge.indentation.planning.plan import POSITION_MATCH_MM
+
+# A press runs through its phases in this order; approach and touch may alternate, and so may load and dwell.
+PHASES = {"zero": 0, "approach": 1, "touch": 1, "load": 2, "dwell": 2, "shear": 3, "unload": 4}
+DEPTH_MM = (0.02, 30.0)  # deepest press of a session: below it is metres, above it micrometres
+FORCE_N = 100.0  # no soft gel bears more at these depths; above it is millinewtons
+# Resolutions, with the scatter of readings, by which a force has to grow where depth does, to be stuck if it does not
+STUCK_STEPS = 3.0
+# Between time_s and dwell_s: a dwell rounded to seconds stays within, milliseconds do not
+CLOCK_RATIO = 30.0
+
+
+class RecordingError(ValueError):
+    """A recording that cannot be used: where, what was found, what to do."""
+
+
+def check_finite(path: Path, table: pd.DataFrame, names: list[str]) -> None:
+    """Raise RecordingError for an empty or non-finite number in the named columns."""
+    for name in names:
+        wrong = ~np.isfinite(table[name].to_numpy())
+        if wrong.any():
+            line = table.index[wrong.argmax()]
+            raise RecordingError(
+                f"{path}, row {line}: {name} is empty or not finite; fill it or remove the row"
+            )
+
+
+def check_rows(path: Path, table: pd.DataFrame) -> None:
+    """Raise RecordingError unless the rows are complete presses in the order taken, with depths in millimetres."""
+    unknown = ~table["phase"].isin(PHASES)
+    if unknown.any():
+        line = unknown.idxmax()
+        raise RecordingError(
+            f"{path}, row {line}: phase {table.at[line, 'phase']!r} is none of {list(PHASES)}"
+        )
+    _check_order(path, table)
+    _check_phases(path, table)
+    _check_depths(path, table)
+
+
+def _check_order(path: Path, table: pd.DataFrame) -> None:
+    whole = table["order"] == np.round(table["order"])
+    if not whole.all():
+        line = (~whole).idxmax()
+        raise RecordingError(
+            f"{path}, row {line}: order {table.at[line, 'order']} is not a whole number; count presses"
+        )
+    for name, what in (("order", "presses"), ("time_s", "readings")):
+        backward = np.flatnonzero(np.diff(table[name]) < 0)
+        if len(backward):
+            line = table.index[backward[0] + 1]
+            before = table[name].iloc[backward[0]]
+            raise RecordingError(
+                f"{path}, row {line}: {name} {table.at[line, name]:.9g} after {before:.9g}; "
+                f"{what} stand in the order taken, sort the file"
+            )
+    new_press = (table["press"] != table["press"].shift()).to_numpy()
+    new_order = (table["order"] != table["order"].shift()).to_numpy()
+    again = table["press"].duplicated().to_numpy() & new_press
+    if again.any() or (new_press != new_order).any():
+        line = table.index[(again | (new_press != new_order)).argmax()]
+        raise RecordingError(
+            f"{path}, row {line}: press {table.at[line, 'press']} with order "
+            f"{table.at[line, 'order']:.0f}; every press "
+            "has one order and its rows stand together, give repeated presses names of their own"
+        )
+
+
+def _check_phases(path: Path, table: pd.DataFrame) -> None:
+    rank = table["phase"].map(PHASES).to_numpy()
+    same_press = (table["press"] == table["press"].shift()).to_numpy()
+    backward = same_press[1:] & (np.diff(rank) < 0)
+    if backward.any():
+        line = table.index[backward.argmax() + 1]
+        raise RecordingError(
+            f"{path}, row {line}: phase {table.at[line, 'phase']} after "
+            f"{table['phase'].iloc[backward.argmax()]} in press "
+            f"{table.at[line, 'press']}; a press runs zero, approach or touch, load or dwell, shear, unload"
+        )
+    held = table["phase"].isin(["load", "dwell"]).groupby(table["press"], sort=False).any()
+    if not held.all():
+        press = held.index[~held.to_numpy()][0]
+        line = (table["press"] == press).idxmax()
+        raise RecordingError(
+            f"{path}, row {line}: press {press} has no load or dwell row; record one or remove the press"
+        )
+
+
+def _check_depths(path: Path, table: pd.DataFrame) -> None:
+    held = table["phase"].isin(["load", "dwell", "shear"])
+    check_finite(path, table[held], ["depth_mm"])
+    shallow = held & (table["depth_mm"] <= 0)
+    if shallow.any():
+        line = shallow.idxmax()
+        raise RecordingError(
+            f"{path}, row {line}: depth_mm {table.at[line, 'depth_mm']} in phase {table.at[line, 'phase']}; "
+            "it must be positive, call rows before touch `zero`"
+        )
+    deep_zero = (table["phase"] == "zero") & (table["depth_mm"] > 0)
+    if deep_zero.any():
+        line = deep_zero.idxmax()
+        raise RecordingError(
+            f"{path}, row {line}: depth_mm {table.at[line, 'depth_mm']} in phase zero; it must be empty, "
+            "negative or 0"
+        )
+    line = table["depth_mm"].where(held).idxmax()
+    deepest, (low, high) = table.at[line, "depth_mm"], DEPTH_MM
+    if not low <= deepest <= high:
+        unit = "metres" if deepest < low else "micrometres"
+        raise RecordingError(
+            f"{path}, row {line}: the deepest press has depth_mm {deepest:.6g}; {low} to {high} mm is "
+            "expected, "
+            f"is it in {unit}?"
+        )
+
+
+def before_shear(readings: pd.DataFrame) -> np.ndarray:
+    """Return (N,) bool: the readings of a press before it moves sideways; all of a press that does not."""
+    return ~(readings["phase"] == "shear").groupby(readings["press"]).cummax().to_numpy()
+
+
+def check_repeated_rows(path: Path, table: pd.DataFrame) -> None:
+    """Raise RecordingError for a row that repeats the one before in everything, force and time included."""
+    known = table[["fx_N", "fy_N", "fz_N"]].notna().all(axis=1)
+    again = known & (table == table.shift()).where(table.notna() | table.shift().notna(), True).all(axis=1)
+    if again.any():
+        line = again.idxmax()
+        raise RecordingError(
+            f"{path}, row {line}: press {table.at[line, 'press']}: the row stands twice, time_s {table.at[line, 'time_s']:g}"
+            " and force included; remove one"
+        )
+
+
+def check_clock(path: Path, table: pd.DataFrame) -> None:
+    """Raise RecordingError where time_s runs much faster or slower than the times that dwell_s states."""
+    held = table[(table["phase"] == "dwell") & table["dwell_s"].notna()]
+    press = held["press"]
+    waited = held["dwell_s"] - held.groupby("press")["dwell_s"].transform("first")
+    passed = held["time_s"] - held.groupby("press")["time_s"].transform("first")
+    known = (waited > 0) & (passed > 0)
+    if known.sum() < 2 or press[known].nunique() < 2:
+        return
+    ratio = float(np.median(passed[known] / waited[known]))
+    if not 1 / CLOCK_RATIO <= ratio <= CLOCK_RATIO:
+        line = known.idxmax()
+        raise RecordingError(
+            f"{path}, row {line}: time_s passes {ratio:.3g} times as fast as dwell_s (median of the dwells); within a factor"
+            f" of {CLOCK_RATIO:g} is expected, are both in seconds? Correct one, or leave dwell_s empty"
+        )
+
+
+def check_positions(path: Path, readings: pd.DataFrame, sensor: Sensor | None) -> None:
+    """Raise RecordingError for a press that moves sideways before its `shear` rows, or lies outside the sensor.
+
+    readings: positions in the sensor's frame.
+    """
+    xy = readings[["x_mm", "y_mm"]]
+    drift = (xy - xy.groupby(readings["press"]).transform("first")).abs().max(axis=1)
+    drift = drift.where(before_shear(readings), 0.0)
+    if drift.max() > POSITION_MATCH_MM:
+        line = drift.idxmax()
+        raise RecordingError(
+            f"{path}, row {line}: press {readings.at[line, 'press']} moves {drift[line]:.4g} mm sideways; "
+            f"commanded positions stay within {POSITION_MATCH_MM} mm before phase `shear`: give each position its own press,"
+            " or call the rows of a sideways motion `shear`"
+        )
+    if sensor is None:
+        return
+    width = np.array([sensor.width_x_mm, sensor.width_y_mm])
+    outside = ((xy < 0) | (xy > width)).any(axis=1)
+    # no one presses the very corner, but positions in metres all land there
+    corner = (xy < 0.1).all(axis=1)
+    wrong = outside if outside.any() else corner
+    if wrong.any():
+        line = wrong.idxmax()
+        unit = "is it in micrometres?" if outside.any() else "is it in metres?"
+        raise RecordingError(
+            f"{path}, row {line}: position ({xy.at[line, 'x_mm']:.6g}, {xy.at[line, 'y_mm']:.6g}) mm in "
+            "the sensor frame, "
+            f"the sensor is {width[0]} x {width[1]} mm; correct x_mm, y_mm or stage_to_sensor, {unit}"
+        )
+
+
+def check_raw_force(path: Path, table: pd.DataFrame, raw: np.ndarray, force: ForceSensor) -> None:
+    """Raise RecordingError for a missing reading or one beyond the force sensor's range."""
+    range_N = np.array(force.range_N or [FORCE_N] * 3)
+    for axis, name in enumerate(("fx_N", "fy_N", "fz_N")):
+        wrong = ~np.isfinite(raw[:, axis])
+        if wrong.any():
+            line = table.index[wrong.argmax()]
+            raise RecordingError(
+                f"{path}, row {line}: {name} is empty or not finite; fill it or remove the row"
+            )
+        beyond = np.abs(raw[:, axis]) > range_N[axis]
+        if beyond.any():
+            line = table.index[beyond.argmax()]
+            source = "force.range_N" if force.range_N else "the limit for a soft gel"
+            raise RecordingError(
+                f"{path}, row {line}: {name} {raw[beyond.argmax(), axis]:.6g} N beyond {range_N[axis]:g} N "
+                f"({source}); "
+                "correct the reading or the range, is it in millinewtons?"
+            )
+
+
+def check_saturation(
+    path: Path, table: pd.DataFrame, raw: np.ndarray, force: ForceSensor, scatter_N: np.ndarray
+) -> None:
+    """Raise RecordingError for an axis whose largest reading stays the same, to the last digit, while presses go deeper.
+
+    A gel's force grows at least in proportion to depth, so between two depths of one place it should grow by their ratio.
+    What rounding and the scatter of a reading (3,) [N] may hide is let pass, and rounded readings that noise made equal: of
+    a saturated sensor every depth of the place from some one to the deepest reaches the end of its range, and no reading
+    without load does.
+    """
+    held, before = (table["phase"].isin(names).to_numpy() for names in (["load", "dwell"], ["zero"]))
+    for axis, name in enumerate(("fx_N", "fy_N", "fz_N")):
+        zero = raw[before, axis] if before.any() else np.zeros(1)
+        for extreme in (raw[held, axis].min(), raw[held, axis].max()):
+            depth = _stuck_to_the_deepest(table[held], raw[held, axis] == extreme)
+            growth = np.abs(extreme - zero).min() * (depth["max"] / depth["min"] - 1)
+            if growth.max() > STUCK_STEPS * np.hypot(force.resolution_N[axis], scatter_N[axis]):
+                (x, y), (low, high) = growth.idxmax(), depth.loc[growth.idxmax()]
+                raise RecordingError(
+                    f"{path}: {name} is {extreme:.6g} N at {low:g} and at {high:g} mm of ({x:g}, {y:g}) and never beyond: "
+                    "the force sensor is saturated; remove the presses that reach it, or record with a larger range"
+                )
+
+
+def _stuck_to_the_deepest(table: pd.DataFrame, stuck: np.ndarray) -> pd.DataFrame:
+    """Return by place the least (`min`) and largest (`max`) of the deepest depths that all have a stuck reading."""
+    depths = (
+        table.assign(stuck=stuck, depth_mm=table["depth_mm"].round(2))
+        .groupby(["x_mm", "y_mm", "depth_mm"])["stuck"]
+        .any()
+    )
+    from_below = depths[::-1].groupby(["x_mm", "y_mm"]).cumprod().astype(bool)
+    return from_below[from_below].reset_index().groupby(["x_mm", "y_mm"])["depth_mm"].agg(["min", "max"])
+
+
+def check_force(path: Path, readings: pd.DataFrame, force: ForceSensor) -> None:
+    """Raise RecordingError for corrected forces in kilonewtons or of the wrong sign: a pressing ball gives negative Fz."""
+    held = readings[readings["phase"].isin(["load", "dwell"])]
+    deep = held[held["depth_mm"] >= 0.5 * held["depth_mm"].max()]
+    line = deep["fz_N"].abs().idxmax()
+    largest = deep.at[line, "fz_N"]
+    if abs(largest) < 0.5 * force.resolution_N[2]:
+        raise RecordingError(
+            f"{path}, row {line}: the largest fz_N is {largest:.3g} N, below half of the resolution "
+            f"{force.resolution_N[2]} N; correct force.resolution_N, is it in kilonewtons?"
+        )
+    if deep["fz_N"].median() > force.resolution_N[2]:
+        raise RecordingError(
+            f"{path}: pressing gives fz_N {deep['fz_N'].median():.3g} N (median of the deep presses); it "
+            "must be negative "
+            "on the sensor, z up: correct force.acts_on or force.axes in session.yaml"
+        )

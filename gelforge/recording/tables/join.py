@@ -1,0 +1,174 @@
+"""Presses and the planned cells that they belong to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.spatial import cKDTree
+
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.plan import POSITION_MATCH_MM
+from gelforge.recording.tables.checks import RecordingError
+
+
+def press_table(readings: pd.DataFrame) -> pd.DataFrame:
+    """Return one row per press: press, order, cell, x_mm, y_mm (sensor frame), depth_mm commanded, row."""
+    held = readings[readings["phase"].isin(["load", "dwell"])]
+    presses = held.groupby("press", sort=False).agg(
+        order=("order", "first"),
+        cell=("cell", "first"),
+        x_mm=("x_mm", "first"),
+        y_mm=("y_mm", "first"),
+        depth_mm=("depth_mm", "max"),
+    )
+    lines = pd.Series(readings.index, index=readings["press"].to_numpy())
+    presses["row"] = lines.groupby(level=0).first()
+    return presses.reset_index()
+
+
+def cells_of_presses(path: Path, readings: pd.DataFrame, cells: Mapping[str, PlannedCell]) -> np.ndarray:
+    """Return the name of the planned cell (N,) of each reading, by position within 0.01 mm and by depth.
+
+    A press that moves sideways joins a path that passes where its last `shear` row stands. Raises RecordingError for a press
+    without its cell, or one whose recorded cell is another.
+    """
+    presses = press_table(readings)
+    names = list(cells)
+    tree = cKDTree([(cells[name].x_mm, cells[name].y_mm) for name in names])
+    places = presses[["x_mm", "y_mm"]].to_numpy()
+    distance, nearest = tree.query(places)
+    around = tree.query_ball_point(places, POSITION_MATCH_MM)
+    ends = readings[readings["phase"] == "shear"].groupby("press").last()
+    joined = {}
+    for press, gap, index, near in zip(presses.itertuples(), distance, nearest, around):
+        where = f"{path}, row {press.row}: press {press.press}"
+        end = ends.loc[press.press] if press.press in ends.index else None
+        here = [cells[names[k]] for k in sorted(near)] or [cells[names[index]]]
+        cell = _cell_of(press, end, here, where)
+        if gap > POSITION_MATCH_MM:
+            raise RecordingError(
+                f"{where} at ({press.x_mm:.4f}, {press.y_mm:.4f}) mm has no planned cell within "
+                f"{POSITION_MATCH_MM} mm; "
+                f"the nearest is {cell.name} at ({cell.x_mm}, {cell.y_mm}) mm: add the position to the "
+                "plan or correct "
+                "stage_to_sensor"
+            )
+        if min(abs(depth - press.depth_mm) for depth in cell.depths_mm) > POSITION_MATCH_MM:
+            raise RecordingError(
+                f"{where}: depth_mm {press.depth_mm:.4f} is not among the depths {list(cell.depths_mm)} of "
+                f"cell {cell.name}; "
+                "add it to the plan"
+            )
+        if end is not None and not _passes(cell, end):
+            raise RecordingError(
+                f"{where} moves sideways to {_offset(cell, end)} mm at depth {end.depth_mm:g} mm, which is no step of cell "
+                f"{cell.name}, within {POSITION_MATCH_MM} mm; add such a path to the plan (shear_x_mm, shear_y_mm)"
+            )
+        if press.cell not in ("", cell.name):
+            raise RecordingError(
+                f"{where} names cell {press.cell!r} but lies at cell {cell.name!r}; correct or empty the "
+                "column `cell`"
+            )
+        joined[press.press] = cell.name
+    return readings["press"].map(joined).to_numpy(object)
+
+
+def _cell_of(press, end: pd.Series | None, here: list[PlannedCell], where: str) -> PlannedCell:
+    """Return the cell of those at a press's position that it joins: the one it names, else the one that it fits.
+
+    end: its last reading while it moved sideways, None of a straight press, which fits any of these cells; a cell without a
+    path comes first then. Where none fits the first is returned, which is refused afterwards.
+    """
+    named = [cell for cell in here if cell.name == press.cell]
+    if named:
+        return named[0]
+    if end is None:
+        deep = [c for c in here if min(abs(d - press.depth_mm) for d in c.depths_mm) <= POSITION_MATCH_MM]
+        return min(deep or here, key=lambda cell: cell.follows_a_path)
+    fitting = [cell for cell in here if _passes(cell, end)]
+    if len(fitting) > 1:
+        raise RecordingError(
+            f"{where} fits the paths of cells {[cell.name for cell in fitting]}; name its cell in the column `cell`"
+        )
+    return (fitting or here)[0]
+
+
+def _offset(cell: PlannedCell, row: pd.Series) -> str:
+    """Return where a reading was taken from a cell's position, in words."""
+    return f"({row.x_mm - cell.x_mm:.4g}, {row.y_mm - cell.y_mm:.4g})"
+
+
+def _passes(cell: PlannedCell, end: pd.Series) -> bool:
+    """Return whether a reading (phase, x_mm, y_mm, depth_mm) was taken at a step of a cell's path."""
+    return bool((steps_of_path(cell, pd.DataFrame([end])) >= 0).all())
+
+
+# Phases of a plan at whose steps a reading of a phase may have been taken; a wait has the forces of the step before it.
+PLANNED = {
+    "load": {"load", "dwell"},
+    "dwell": {"load", "dwell"},
+    "shear": {"shear", "dwell"},
+    "unload": {"unload", "dwell"},
+}
+
+
+def steps_of_path(cell: PlannedCell, rows: pd.DataFrame) -> np.ndarray:
+    """Return the step (n,) of a cell's path at which each reading of one press was taken, -1 where at none.
+
+    rows: phase, x_mm, y_mm (sensor frame), depth_mm in the order taken. A reading belongs to the first step, not before that
+    of an earlier reading, whose depth and sideways displacement are its own within 0.01 mm. Steps that turn are no
+    reading's: a recording does not tell them.
+    """
+    count = len(cell.depths_mm)
+    shears = np.array(cell.shears_mm or np.zeros((count, 2)))
+    pose = np.column_stack([cell.depths_mm, shears + [cell.x_mm, cell.y_mm]])  # (D, 3)
+    upright = ~np.array(cell.tilts_deg or np.zeros((count, 2))).any(axis=1)
+    upright &= ~np.array(cell.twists_deg or np.zeros(count)).astype(bool)
+    phases = np.array(cell.phases or ("load",) * count)
+    read = rows[["depth_mm", "x_mm", "y_mm"]].to_numpy()
+    found, first = np.full(len(rows), -1), 0
+    for number, phase in enumerate(rows["phase"]):
+        same = upright & np.isin(phases, list(PLANNED.get(phase, ())))
+        same &= (np.abs(pose - read[number]) <= POSITION_MATCH_MM).all(axis=1)
+        later = np.flatnonzero(same[first:])
+        if len(later):
+            first += later[0]
+            found[number] = first
+    return found
+
+
+def path_steps(readings: pd.DataFrame, cells: Mapping[str, PlannedCell]) -> np.ndarray:
+    """Return for each reading (N,) the step of its cell's path, see `steps_of_path`; -1 elsewhere."""
+    steps = np.full(len(readings), -1)
+    paths = {name for name, cell in cells.items() if cell.follows_a_path}
+    followed = np.flatnonzero(readings["cell"].isin(paths))
+    for _, rows in readings.iloc[followed].groupby("press", sort=False):
+        at = readings.index.get_indexer(rows.index)
+        steps[at] = steps_of_path(cells[rows["cell"].iloc[0]], rows)
+    return steps
+
+
+def cells_from_presses(readings: list[pd.DataFrame]) -> dict[str, PlannedCell]:
+    """Return a plan derived from recordings: one cell per position (within 0.01 mm) with the depths pressed there.
+
+    A cell takes the recorded name where there is one, else p0000, p0001, ... in the order of first pressing.
+    """
+    presses = pd.concat([press_table(one) for one in readings], ignore_index=True)
+    xy = presses[["x_mm", "y_mm"]].to_numpy()
+    first = [min(near) for near in cKDTree(xy).query_ball_point(xy, POSITION_MATCH_MM)]
+    cells: dict[str, PlannedCell] = {}
+    for number, (index, group) in enumerate(presses.groupby(first)):
+        recorded = [name for name in group["cell"].unique() if name]
+        name = recorded[0] if recorded else f"p{number:04d}"
+        if len(recorded) > 1 or name in cells:
+            raise RecordingError(
+                f"position ({xy[index][0]:.4f}, {xy[index][1]:.4f}) mm: recorded cells "
+                f"{recorded or [name]} do not name "
+                "one position each; correct or empty the column `cell`"
+            )
+        depths = tuple(float(depth) for depth in np.unique(group["depth_mm"].round(6)))
+        cells[name] = PlannedCell(name, float(xy[index][0]), float(xy[index][1]), depths)
+    return cells

@@ -1,0 +1,32 @@
+"""The file in docs/adding/constitutive-model.md is a whole model, and docs/constitutive-models.md is up to date."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from gelforge.mechanics.laws.models import MODELS
+from gelforge.mechanics.laws.table import PAGE, page
+
+HERE = Path(__file__).parent
+GUIDE = Path("docs/adding/constitutive-model.md")
+
+
+def test_file_and_models_agree():
+    assert PAGE.read_text(encoding="utf-8") == page(MODELS), "python -m gelforge.mechanics.laws.table"
+
+
+def test_the_guides_example_is_a_model(tmp_path):
+    """As printed it enters by its file: given, fitted, kept in law.json, and in an element as compiled loops see it.
+
+    Beside it two laws whose routines are of other kinds: of the stretches, and with mixed derivatives.
+    """
+    (text,) = re.findall(r"```python\n(.*?)```", GUIDE.read_text(encoding="utf-8"), re.DOTALL)
+    (tmp_path / "demiray.py").write_text(text, encoding="utf-8")
+    paths = os.pathsep.join([os.getcwd(), str(HERE.parent), os.environ.get("PYTHONPATH", "")])
+    # NUMBA_DISABLE_JIT: the same loops in plain Python; compiling them takes a minute
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": paths}
+    command = [sys.executable, str(HERE / "one_more_model.py"), str(tmp_path), str(HERE / "more_models")]
+    run = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
