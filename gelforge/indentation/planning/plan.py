@@ -198,7 +198,7 @@ def _from_file(path: Path, mm_per_unit: float) -> dict[str, PlannedCell]:
 
 
 def _path(file: Path, place: tuple, depths: np.ndarray, turns: np.ndarray, phases: list[str]) -> PlannedCell:
-    """Return a cell whose rows are followed in the order of the file; an empty phase is told from what moves."""
+    """Return a cell whose rows are followed in the order of the file; an empty phase is found from what moves."""
     if depths[0] <= 0:
         raise ConfigError(
             f"{file}: cell {place[0]}: its path begins at depth {depths[0]:g} mm; begin with a positive depth"

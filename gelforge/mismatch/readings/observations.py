@@ -38,12 +38,13 @@ class SetAside:
 class Observations:
     """R readings of the force on the sensor, zero subtracted; rows before touch are not among them.
 
-    noise_N, rounding_N and zero_N are standard deviations; zero_N is of the subtracted zero, one draw per press and axis.
-    So are press_depth_mm (the stage's repeatability, a zero that each press finds by itself) and session_depth_mm (the
-    session's contact point): of the depth, one draw per press and one per session. drift_N and trend_N are those of the
-    zero's change since it was read, one draw per press and axis, and one per session and axis.
-    table: columns as in COLUMNS, index 0..R-1. `press` is unique over all sessions, `site` counts distinct positions,
-    `press_time_s` runs from the press's first touch (its commanded depth 0), `deepest_mm` is the press's deepest depth.
+    noise_N, rounding_N and zero_N are standard deviations; zero_N is of the subtracted zero, one draw per indentation and
+    axis. So are press_depth_mm (the stage's repeatability, a zero that each indentation finds by itself) and
+    session_depth_mm (the session's contact point): of the depth, one draw per indentation and one per session. drift_N and
+    trend_N are those of the zero's change since it was read, one draw per indentation and axis, and one per session and
+    axis. table: columns as in COLUMNS, index 0..R-1. `press` is unique over all sessions, `site` counts distinct positions,
+    `press_time_s` runs from the indentation's first touch (its commanded depth 0), `deepest_mm` is the indentation's
+    deepest depth.
     """
 
     table: pd.DataFrame
@@ -54,11 +55,13 @@ class Observations:
     press_depth_mm: np.ndarray  # (R,)
     session_depth_mm: np.ndarray  # (R,)
     _: KW_ONLY
-    rounding_N: np.ndarray = 0.0  # (R, 3) standard deviation of rounding, shared at one depth of a press
+    rounding_N: np.ndarray = (
+        0.0  # (R, 3) standard deviation of rounding, shared at one depth of an indentation
+    )
     drift_N: np.ndarray = 0.0  # (R, 3)
     trend_N: np.ndarray = 0.0  # (R, 3)
     came_along: np.ndarray = (
-        0.0  # (R, 2, 2) the stage's last moves before the press, see last_moves; 0: not known
+        0.0  # (R, 2, 2) the stage's last moves before the indentation, see last_moves; 0: not known
     )
     repeats: np.ndarray = np.inf  # (R,) degrees of freedom behind noise_N; inf: it is known
     tails: np.ndarray = 1.0  # (R,) variance of a squared reading's noise over that of normal noise
@@ -112,9 +115,9 @@ class Observations:
 def last_moves(table: pd.DataFrame, axes: np.ndarray | None = None) -> np.ndarray:
     """Return the directions (R, 2, 2) of the stage's last move along each of its axes before each row's press.
 
-    table: columns press, x_mm and y_mm of one session, its presses in the order taken. axes: the stage's axes in the sensor
-    frame as columns (2, 2), those of the frame where none are given. Row by row one column for each axis, 0 before its
-    first move; moves below POSITION_MATCH_MM are none.
+    table: columns press, x_mm and y_mm of one session, its indentations in the order taken. axes: the stage's axes in the
+    sensor frame as columns (2, 2), those of the frame where none are given. Row by row one column for each axis, 0 before
+    its first move; moves below POSITION_MATCH_MM are none.
     """
     axes = np.eye(2) if axes is None else axes
     at = table.groupby("press", sort=False)[["x_mm", "y_mm"]].first()
