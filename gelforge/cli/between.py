@@ -8,6 +8,7 @@ from pathlib import Path
 
 from gelforge.cli.factory import cell_path, print_outcome, study_laws
 from gelforge.config import ConfigError, Study, load_study
+from gelforge.progress import tracked
 
 
 def level(study: Path, level: int, laws: list[Path], out: Path) -> None:
@@ -73,7 +74,7 @@ def derive(study: Path, number: int, laws: list[Path]) -> None:
             return mirror_cell(made(planned.source), described, by_material, planned)
         return labels.cell(planned) if planned.between else checked_cell(described, cells[name], by_material)
 
-    for name in chunks[number]:
+    for name in tracked(chunks[number], "mirrored and interpolated sites"):
         write_cell(cell_path(described, name), made(name))
         print_outcome(name, made(name), words_of(made(name)))
 
