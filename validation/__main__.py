@@ -9,6 +9,8 @@ usage: python -m validation pooled                                   every poole
        python -m validation claims SET [SET ...]                     how sure claims should have been: tempering exponent
        python -m validation pack SET [--finished]                    verdicts into validation/judged
        python -m validation unpack SET                               and from there into a set generated again
+       python -m validation judge-again SET [SET ...] [--limit 10]   opened sets (SET_again), strong effects first
+       python -m validation again SET [SET ...]                      today's judge beside the former one on those cases
        python -m validation truths SET                               what was hidden in a judged set, into truths.jsonl
 
 Run from the repository's root. SET is a name; sets lie in results/concealed/sets.
@@ -54,6 +56,11 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("set")
     one.add_argument("--limit", type=int)
     one.add_argument("--workers", type=int, default=1, help="cases side by side")
+    one = steps.add_parser("judge-again", help="judge cases of opened sets once more, strong effects first")
+    one.add_argument("sets", nargs="+")
+    one.add_argument("--limit", type=int)
+    one = steps.add_parser("again", help="score today's judge beside the former one on opened sets")
+    one.add_argument("sets", nargs="+")
     one = steps.add_parser("claims", help="score archived claims by tempering exponent")
     one.add_argument("sets", nargs="+")
     one = steps.add_parser("pack", help="keep the verdicts in the repository")
@@ -130,6 +137,18 @@ def _left_out(asked: argparse.Namespace) -> None:
 
     judge_left_out(SETS / asked.set, limit=asked.limit, workers=asked.workers)
     print(table_of_left_out(SETS / asked.set))
+
+
+def _judge_again(asked: argparse.Namespace) -> None:
+    from .again import judge_again
+
+    judge_again(SETS, asked.sets, asked.limit, partial(print, flush=True))
+
+
+def _again(asked: argparse.Namespace) -> None:
+    from .again import both_of, report
+
+    print(report(both_of(asked.sets)))
 
 
 def _claims(asked: argparse.Namespace) -> None:
@@ -231,6 +250,8 @@ STEPS = {
     "generate": _generate,
     "judge": _judge,
     "left-out": _left_out,
+    "judge-again": _judge_again,
+    "again": _again,
     "claims": _claims,
     "pack": _pack,
     "unpack": _unpack,

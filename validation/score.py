@@ -14,6 +14,15 @@ SNR_BANDS = ((2.0, 4.0), (4.0, 8.0), (8.0, 16.0), (16.0, np.inf))
 SAYS_NOTHING = ("consistent", "inconclusive")
 NAMES = ("identified", "form_free")
 NO_NAME = ("unexplained", "modelled")
+# Effects of one amount that a cause with a free form has as its even part, or as a map of one kind: it is right of these.
+GENERALISED = {
+    "modulus_map": (
+        *("gel_stiffness", "skin_stiffness", "body_stiffness", "wall_stiffness", "wall_gap"),
+        *("void", "inclusion"),
+    ),
+    "depth_map": ("contact_zero", "tilt"),
+    "gain_in_time": ("force_gain", "body_stiffness"),
+}
 # States of verdicts of format 1, which sets of before have; a group was identified where it was as probable as a name.
 FORMER = {"null": "consistent", "named": "identified", "open": "unexplained", "insufficient": "inconclusive"}
 
@@ -96,11 +105,23 @@ def state_of(verdict: dict) -> str:
 
 
 def answer_of(verdict: dict) -> tuple[tuple[tuple[str, ...], float], ...]:
-    """Return the groups of a verdict of any format with their probability: members, then what may be there instead."""
-    return tuple(
+    """Return the groups of a verdict of any format with their probability: members, then what may be there instead.
+
+    A cause with a free form that is claimed is the first group: its name, then the effects that it generalises.
+    """
+    return cause_of(verdict) + tuple(
         ((*group["members"], *group.get("or_else", ())), float(group["probability"]))
         for group in verdict.get("answer", [])
     )
+
+
+def cause_of(verdict: dict) -> tuple[tuple[tuple[str, ...], float], ...]:
+    """Return the cause with a free form that a verdict claims, as a group; none where it claims none."""
+    model = verdict.get("model") or {}
+    cause, p = model.get("cause"), float(model.get("probability") or 0.0)
+    if cause is None or p < CONFIDENT or verdict["state"] not in NAMES:
+        return ()
+    return (((cause, *GENERALISED.get(cause, ())), p),)
 
 
 def judged_from(truth: dict, verdict: dict | None, readings: pd.DataFrame | None) -> Judged:

@@ -13,7 +13,7 @@ import shlex
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
@@ -64,17 +64,18 @@ def judge(
     limit_s: int = 7200,
     workers: int = 1,
     base: str | None = None,
+    names: Collection[str] | None = None,
 ) -> int:
     """Judge cases that have not been judged yet, at most `limit`, and return how many were; truths stay closed.
 
     The command may hold {recording}, {config}, {out} and {kept} (a folder that all cases share). What it says goes to
     verdicts/<case>/log.txt. A case whose command fails has a verdict of nothing, which the scores count as a failure.
-    workers: cases side by side. base: only the cases that stand on it.
+    workers: cases side by side. base: only the cases that stand on it. names: only these cases.
     """
     published = sealing.read(folder / SEALED)
     register = folder / REGISTER
     judged = sealing.read(register) if register.is_file() else {}
-    todo = [name for name in published["cases"] if name not in judged]
+    todo = [name for name in published["cases"] if name not in judged and (names is None or name in names)]
     todo = [name for name in todo if base is None or base_config(folder, name).stem == base][:limit]
     with ThreadPoolExecutor(workers) as pool:
         running = {pool.submit(_judged, folder, name, command, limit_s): name for name in todo}

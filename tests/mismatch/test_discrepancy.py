@@ -5,9 +5,11 @@ from dataclasses import replace
 import artificial
 import numpy as np
 import pytest
-from artificial_problem import problem_of
+from artificial_problem import identified, problem_of
+from numpy.testing import assert_allclose
 
-from gelforge.mismatch.inference.discrepancy import FARTHEST_MM, modelled
+from gelforge.mismatch.inference.discrepancy import FARTHEST_MM, _Beside, modelled
+from gelforge.mismatch.inference.judge import _beside_cause
 from gelforge.mismatch.terms.holdout import split
 from gelforge.mismatch.terms.unknown import manners_of
 
@@ -47,6 +49,21 @@ def test_noise_is_not_modelled(base):
     assert not found_in(problem_of(base)).gain.clear
 
 
+def test_the_size_of_a_change_is_averaged_over(base):
+    """Second moments are those of the scales' own posteriors, weighted by 0.4 of their log evidence."""
+    problem, _ = bends(base)
+    beside, few = _Beside.of(problem, None, None), np.arange(len(problem.labels)) % 40 == 0
+    D = next(one for one in problem.modules if one.name == "depth_map").directions
+    mean, covariance = beside.posterior(D, few)
+    own = [(scale, *beside._learnt_by(scale * D, few)) for scale in (1.0, 0.3, 0.1)]
+    weights = np.exp(0.4 * np.array([evidence for _, evidence, *_ in own]))
+    assert weights.max() < 0.9 * weights.sum()  # so few readings leave the size open
+    parts = [s**2 * (np.outer(m, m) + c) for s, _, m, c in own]
+    together = np.tensordot(weights / weights.sum(), parts, 1)
+    assert_allclose(np.outer(mean, mean) + covariance, together, rtol=0, atol=1e-9)
+    assert_allclose(mean, np.tensordot(weights / weights.sum(), [s * m for s, _, m, _ in own], 1), atol=1e-9)
+
+
 def test_it_is_not_extrapolated(base):
     problem, _ = bends(base)
     model, table = found_in(problem), problem.observations.table
@@ -59,3 +76,26 @@ def test_it_is_not_extrapolated(base):
     for place in ((x, y, np.array([deeper, deeper])), (x + 100 * FARTHEST_MM, y, depth)):
         change, sigma, holds = model.at(*place, problem.base[:2])
         assert not holds.any() and np.isnan(change).all() and np.isnan(sigma).all()
+
+
+def test_effects_beside_a_cause_that_is_sure_have_the_amounts_that_they_have_beside_it():
+    """Amounts and map are learnt together: what is told, and patched, adds up to the figure after."""
+    problem, found, _ = identified()
+    answer, flat = found.answer, problem.observations.flat
+    left = flat(problem.observations.force - answer.after)
+    (cause,) = [one for one in problem.modules if one.name == "depth_map"]
+    model = modelled(problem, [cause], found.blocks, answer.fit, left, {cause.words: 0.99})
+    assert model.sure and model.beside
+    again = _beside_cause(problem, answer, model)
+    step = np.concatenate(again.fit.amounts) - np.concatenate(answer.fit.amounts)
+    effects = answer.fit.columns[:, : len(step)] @ step
+    assert np.abs(effects).max() > 1e-4  # N
+    assert_allclose(flat(again.after - answer.after), effects, rtol=0, atol=1e-9)
+    assert_allclose(
+        flat(problem.observations.force - again.after) - model.change, model.rest, rtol=0, atol=1e-9
+    )
+    grown, before = (np.diag(one.covariance) for one in (again.fit, answer.fit))
+    assert (grown >= before).all() and (grown > before).any()  # a map beside them leaves the amounts no surer
+    unphysical = replace(model, fit=replace(model.fit, amounts=tuple(1e3 + a for a in model.fit.amounts)))
+    for other in (replace(model, probability=0.5), unphysical, None):
+        assert _beside_cause(problem, answer, other) is answer

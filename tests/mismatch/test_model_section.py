@@ -7,11 +7,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from artificial_problem import CATALOGUE, SETTINGS, problem_of
+from numpy.testing import assert_allclose
 from test_findings import verdict
 
 from gelforge.csv_table import read_csv
 from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.result.verdict_tables import CORRECTION, write_correction
+from gelforge.mismatch.summary.findings import readings_table
 from gelforge.mismatch.summary.model_section import correction_table, model_section
 
 TRIED = {"force_offset", "tilt", "yaw"}  # none of them follows a share that falls and rises with depth
@@ -80,6 +82,19 @@ def test_the_correction_has_every_judged_place_and_depth_while_loading(modelled,
     pd.testing.assert_frame_equal(written[table.columns].reset_index(drop=True), table, rtol=1e-6)
     write_correction(tmp_path, None)
     assert not (tmp_path / CORRECTION).exists()
+
+
+def test_tables_and_figures_after_hold_the_model(modelled):
+    """It stands alone: what was fitted without it is in none of them."""
+    problem, found = modelled
+    table, said = readings_table(problem, found), verdict(problem, found)
+    assert_allclose(table["after_N"], table["base_N"] + found.model.change, rtol=0, atol=1e-9)
+    assert_allclose(table["predicted_N"], table["measured_N"] - found.model.left, rtol=0, atol=1e-9)
+    z = (table["axis"] == "z").to_numpy()
+    left = (table["measured_N"] - table["after_N"])[z]
+    assert said.fit.after.rmse_N[2] == pytest.approx(np.sqrt(np.mean(left**2)))
+    assert said.fit.after.rmse_N[2] < 0.7 * said.fit.before.rmse_N[2]
+    assert said.fit.held_out == said.model.held_out and not said.fit.held_out_blocks
 
 
 def test_nothing_modelled_has_no_section_and_no_correction(modelled):

@@ -164,3 +164,14 @@ def test_what_may_be_there_instead_counts_as_part_of_a_group():
     verdict = {"state": "identified", "answer": answer, "effects": []}
     found = judged_from(truth_of([[0, 0, 0]] * 2), verdict, None)
     assert found.found == [True] and not found.first and not found.wrong_and_confident
+
+
+def test_a_cause_with_a_free_form_is_a_claim_and_right_of_what_it_generalises():
+    model = {"cause": "depth_map", "probability": 0.97}
+    verdict = {"state": "form_free", "answer": [], "effects": [], "model": model}
+    tilted = truth_of([[0, 0, 0]] * 2)
+    assert judged_from(tilted, verdict, None).found == [True]
+    other = tilted | {"effects": [tilted["effects"][0] | {"name": "yaw"}]}
+    assert judged_from(other, verdict, None).wrong_and_confident
+    for changed in ({"state": "modelled"}, {"model": model | {"probability": 0.6}}, {"model": None}):
+        assert judged_from(other, verdict | changed, None).claims == ()

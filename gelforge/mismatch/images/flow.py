@@ -113,6 +113,7 @@ def _joined(problem: Problem, model: FlowModel, effects: Mapping[str, Effect]) -
         },
         forces_with=_Both(channel, rows, {}, effects),
         read_with=None,
+        with_map=None,
         failed=failed,
         flow=channel,
     )
@@ -254,6 +255,7 @@ def force_part(problem: Problem, judgement: Judgement) -> tuple[Problem, Judgeme
         )
     model = judgement.model
     if model is not None:
-        model = replace(model, left=model.left[:n], change=model.change[:n], spread=model.spread[:n])
+        own = {name: getattr(model, name)[:n] for name in ("left", "rest", "change", "spread")}
+        model = replace(model, **own)
     blocks = cut(judgement.blocks)
     return problem.flow.forces, replace(judgement, blocks=blocks, answer=answer, model=model)

@@ -8,22 +8,27 @@ simulated forces too: a numeric correction with a range of validity, not a cause
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
 from scipy.special import logsumexp
 
+from gelforge.config import ConfigError
+from gelforge.mechanics.solving.equilibrium import NotConverged
+from gelforge.mismatch.evidence.alternatives import WORTH, normalised
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.screen import SCALES, evidence
+from gelforge.mismatch.inference.fits import CURVED_SNR
 from gelforge.mismatch.result.verdict import SURE
 from gelforge.mismatch.terms.holdout import Blocks, Gain, gain, predictive_scores
 from gelforge.mismatch.terms.modules import Module
-from gelforge.mismatch.terms.problem import Problem
+from gelforge.mismatch.terms.problem import Problem, secant
 from gelforge.mismatch.terms.refit import Refitted
 from gelforge.mismatch.terms.unknown import FROM_PLACE_TO_PLACE, WITH_DEPTH, Manner, Span, manners
 
+MOST_SOLUTIONS = 2  # of the study with the map of a cause
 FARTHEST_MM = 6.0  # from the nearest site that it was learnt from, beyond which a change from place to place is not known
 
 
@@ -32,11 +37,13 @@ class Modelled:
     """A smooth change of unknown cause, beside the fitted effects or alone."""
 
     manner: str  # in words
-    scale: float  # of its plausible size
-    mean: np.ndarray  # (q,) posterior mean of its coefficients, by all readings
+    mean: (
+        np.ndarray
+    )  # (q,) posterior mean of its coefficients, by all readings and averaged over scales of its size
     covariance: np.ndarray  # (q, q)
     change: np.ndarray  # (n,) [N] of the readings at the mean
     left: np.ndarray  # (n,) [N] measured less the prediction by the training readings
+    rest: np.ndarray  # (n,) [N] measured less what is learnt from all readings, with the fitted effects
     gain: Gain  # on what was held out, over the fitted effects alone
     scores: Mapping[str, pd.DataFrame]  # "before" and "after"
     span: Span
@@ -45,6 +52,9 @@ class Modelled:
     module: Module | None = None  # the cause, where it is physics with a free form
     probability: float = 0.0  # of that cause, by all readings
     spread: np.ndarray | None = None  # (n,) [N] standard deviation of the change
+    fit: Refitted | None = (
+        None  # the fitted effects with the amounts that they have beside it, by all readings
+    )
 
     @property
     def sure(self) -> bool:
@@ -60,7 +70,7 @@ class Modelled:
 
     def map(self) -> pd.DataFrame | None:
         """Return the rows of module.csv; None where it is no cause."""
-        return None if self.module is None else self.module.values(self.scale, self.mean, self.covariance)
+        return None if self.module is None else self.module.values(self.mean, self.covariance)
 
     def at(self, x_mm: np.ndarray, y_mm: np.ndarray, depth_mm: np.ndarray, force: np.ndarray) -> tuple:
         """Return the change (m, 3) [N] of forces (m, 3) [N] at places and depths (m,), its deviation, where it holds.
@@ -87,7 +97,7 @@ class Modelled:
             for one in manners(rows, force.ravel(), pressing, self.span, np.zeros(3 * m, int))
             if one.words == self.manner
         )
-        D = self.scale * own.directions
+        D = own.directions
         change = (D @ self.mean).reshape(m, 3)
         sd = np.sqrt(np.einsum("ij,jk,ik->i", D, self.covariance, D)).reshape(m, 3)
         holds = self._holds(np.asarray(x_mm, float), np.asarray(y_mm, float), np.asarray(depth_mm, float))
@@ -113,17 +123,61 @@ def modelled(
     its own predicts no other and is not tried. Whether the readings held out confirm it is for the caller to ask (`gain`).
     """
     base = _Beside.of(problem, fit, left)
-    train = blocks.train
     evidence = {
-        (k, scale): base.evidence(scale * manner.directions, train)
+        (k, scale): base.evidence(scale * manner.directions, blocks.train)
         for k, manner in enumerate(tried)
         if manner.each is None
         for scale in SCALES
     }
     by_manner = {k: logsumexp([v for (j, _), v in evidence.items() if j == k]) for k, _ in evidence}
-    k = max(by_manner, key=by_manner.get)
-    scale = max(SCALES, key=lambda s: evidence[k, s])
-    D = scale * tried[k].directions
+    likeliest = tried[max(by_manner, key=by_manner.get)]
+    chance = min(chances.get(likeliest.words, 0.0), 1.0)
+    return _learnt(problem, base, blocks, likeliest, likeliest.directions, chance)
+
+
+def through_solutions(
+    problem: Problem,
+    model: Modelled,
+    blocks: Blocks,
+    fit: Refitted | None = None,
+    left: np.ndarray | None = None,
+) -> tuple[Modelled, str]:
+    """Return a cause whose map a study can have learnt once more by what the finite elements make of it, and what failed.
+
+    fit, left: as it was learnt beside. The directions are put through the solved change at the map (Broyden's secant, in
+    units of the prior) until both agree within noise.
+    """
+    if problem.with_map is None or model.module.to_study is None:
+        return model, ""
+    base = _Beside.of(problem, fit, left)
+    parts, amounts = ((), ()) if fit is None else (fit.parts, fit.amounts)
+    flat, D = problem.observations.flat, model.module.directions
+    without = (
+        problem.observations.force[problem.observations.read] - base.left
+    )  # the base, or it with the fit
+    for _ in range(MOST_SOLUTIONS):
+        try:
+            forces = problem.with_map(parts, amounts, model.module, model.map()["mean"].to_numpy())
+        except (NotConverged, ConfigError) as failure:
+            return model, f"{model.module.name.replace('_', ' ')} is known to first order: {failure}"
+        missing = flat(forces) - without - D @ model.mean
+        if np.linalg.norm(base.covariance.whiten(missing)) < CURVED_SNR:
+            break
+        D = secant(D, missing, model.mean, np.ones(D.shape[1]))
+        model = _learnt(problem, base, blocks, model.module, D, model.probability)
+    return model, ""
+
+
+def _learnt(
+    problem: Problem,
+    base: _Beside,
+    blocks: Blocks,
+    manner: Manner,
+    D: np.ndarray,
+    probability: float,
+) -> Modelled:
+    """Return a manner of directions D (n, q) learnt from the training readings, for its gain, and from all."""
+    train = blocks.train
     before, spread_before = base.learnt(np.zeros((len(D), 0)), train)
     after, spread = base.learnt(D, train)
     change = before - after
@@ -134,35 +188,40 @@ def modelled(
         ),
         "after": predictive_scores(after, base.covariance, blocks, problem.labels, columns, spread),
     }
-    mean, covariance = base.posterior(D, np.ones(len(train), bool))
-    p = base.columns.shape[1]
+    every, p = np.ones(len(train), bool), base.columns.shape[1]
+    mean, covariance = base.posterior(D, every)
+    grown = covariance[:p, :p] - base.posterior(D[:, :0], every)[1]
     own = covariance[p:, p:]
     table = problem.observations.table
     return Modelled(
-        manner=tried[k].words,
-        scale=scale,
+        manner=manner.words,
         mean=mean[p:],
         covariance=own,
         change=D @ mean[p:],
         left=after,
+        rest=base.left - columns @ mean,
         gain=gain(scores["before"], scores["after"]),
         scores=scores,
         span=Span.of(problem.labels),
         sites=table[["x_mm", "y_mm"]].drop_duplicates().to_numpy(float),
-        beside=fit is not None,
-        module=tried[k] if isinstance(tried[k], Module) else None,
-        probability=min(chances.get(tried[k].words, 0.0), 1.0),
+        beside=base.fit is not None,
+        module=manner if isinstance(manner, Module) else None,
+        probability=probability,
         spread=np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", D, own, D), 0.0)),
+        fit=base.moved(mean[:p], grown),
     )
 
 
 @dataclass(frozen=True, eq=False)
 class _Beside:
-    """Fitted effects, linear about their fit, beside which a smooth change is learnt."""
+    """Fitted effects, linear about their fit, beside which a smooth change is learnt; or none."""
 
     left: np.ndarray  # (n,) [N] what the fit leaves
     covariance: Covariance
-    columns: np.ndarray  # (n, p) of the fit, in units of what all readings leave open of the values' priors
+    columns: np.ndarray  # (n, p) of the fit's amounts that are not switched on, in units of their priors
+    fit: Refitted | None = None
+    free: np.ndarray | None = None  # (a,) bool, amounts that are not switched on
+    widths: np.ndarray | None = None  # (p,) of the priors
 
     @classmethod
     def of(cls, problem: Problem, fit: Refitted | None, left: np.ndarray | None) -> _Beside:
@@ -174,11 +233,39 @@ class _Beside:
         widths = np.concatenate(
             [np.broadcast_to(part.widths, len(a)) for part, a in zip(fit.parts, fit.amounts)]
         )
-        return cls(left, believed, (fit.columns[:, :p] * widths)[:, ~on])
+        return cls(left, believed, (fit.columns[:, :p] * widths)[:, ~on], fit, ~on, widths[~on])
+
+    def moved(self, step: np.ndarray, grown: np.ndarray) -> Refitted | None:
+        """Return the fit with its amounts a step (p,) further and their covariance grown by (p, p), in units of priors."""
+        if self.fit is None:
+            return None
+        amounts, spread = np.concatenate(self.fit.amounts), self.fit.spread.copy()
+        own = np.flatnonzero(self.free)
+        amounts[own] += self.widths * step
+        spread[np.ix_(own, own)] += self.widths[:, None] * grown * self.widths
+        ends = np.cumsum([len(a) for a in self.fit.amounts])[:-1]
+        return replace(self.fit, amounts=tuple(np.split(amounts, ends)), spread=spread)
 
     def posterior(self, D: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return mean (p + q,) and covariance of values and coefficients, about the fit, by some entries (n,) bool."""
-        return self._learnt_by(D, mask)[1:]
+        """Return mean (p + q,) and covariance of values and coefficients, about the fit, by some entries (n,) bool.
+
+        Averaged over the scales of a plausible size, whose evidence counts for WORTH as that of all rivals does.
+        """
+        p, q = self.columns.shape[1], D.shape[1]
+        found = [(scale, *self._learnt_by(scale * D, mask)) for scale in SCALES]
+        weights = normalised({scale: WORTH * evidence for scale, evidence, *_ in found})
+        units = {scale: np.r_[np.ones(p), np.full(q, scale)] for scale in SCALES}
+        means = {scale: units[scale] * own for scale, _, own, _ in found}
+        mean = sum(weights[scale] * own for scale, own in means.items())
+        covariance = sum(
+            weights[scale]
+            * (
+                np.outer(units[scale], units[scale]) * own
+                + np.outer(means[scale] - mean, means[scale] - mean)
+            )
+            for scale, _, _, own in found
+        )
+        return mean, covariance
 
     def learnt(self, D: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the residual (n,) [N] of all entries by what some teach, and the covariance of what was learnt."""

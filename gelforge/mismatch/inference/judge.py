@@ -13,7 +13,7 @@ from gelforge.mismatch.evidence.identifiability import DETECTED_SNR
 from gelforge.mismatch.evidence.screen import Screened
 from gelforge.mismatch.goodness.residual_tests import ResidualTests, residual_tests
 from gelforge.mismatch.inference.answer import Answer, explained
-from gelforge.mismatch.inference.discrepancy import Modelled, modelled
+from gelforge.mismatch.inference.discrepancy import Modelled, modelled, through_solutions
 from gelforge.mismatch.inference.posterior import Posterior, posterior_of
 from gelforge.mismatch.result.verdict import ALARM_P, LEFT_P
 from gelforge.mismatch.terms.holdout import Blocks, split
@@ -64,10 +64,12 @@ def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Jud
     answer, notes = explained(problem, posterior, manners, blocks, settings, rng)
     found = posterior if answer is None else answer.posterior
     out = answer is not None and not in_range(problem, answer.fit)
-    model = None
+    model, note = None, ""
     if blocks.held_out.any() and (answer is None or out or _wanting(answer)):
         stage("a model of what no known effect explains")
-        model = _modelled(problem, manners, blocks, None if out else answer, found.manners)
+        model, note = _modelled(problem, manners, blocks, None if out else answer, found.manners)
+        answer = answer if out else _beside_cause(problem, answer, model)
+    notes += [note] if note else []
     return Judgement(_state(answer, out, model), blocks, mismatch, found, answer, model, tuple(notes), out)
 
 
@@ -77,8 +79,8 @@ def _modelled(
     blocks: Blocks,
     answer: Answer | None,
     chances: Mapping[str, float],
-) -> Modelled | None:
-    """Return what is modelled with a free form, where it predicts: beside the sure effects of an answer, if they lead.
+) -> tuple[Modelled | None, str]:
+    """Return what is modelled with a free form, where it predicts, and what failed: beside the sure effects, if they lead.
 
     An effect that changes the readings by less than what is modelled beside it is no form of what is missing; beside a cause
     of its own it is another one. chances: of the manners.
@@ -89,9 +91,27 @@ def _modelled(
         both = problem.covariance.whiten(np.column_stack([found.change, problem.residual - left]))
         more, own = np.linalg.norm(both, axis=0)
         if more < own or found.sure:
-            return found if found.gain.clear else None
-    found = modelled(problem, manners, blocks, chances=chances)
-    return found if found.gain.clear else None
+            return _where_it_predicts(problem, found, blocks, answer.fit, left)
+    return _where_it_predicts(problem, modelled(problem, manners, blocks, chances=chances), blocks)
+
+
+def _beside_cause(problem: Problem, answer: Answer | None, model: Modelled | None) -> Answer | None:
+    """Return an answer whose effects have the amounts that they have beside a cause that is sure, if these are physical."""
+    if model is None or not (model.sure and model.beside) or not in_range(problem, model.fit):
+        return answer
+    observations, after = problem.observations, answer.after.copy()
+    after[observations.read] = observations.flat(observations.force) - model.rest - model.change
+    return replace(answer, fit=model.fit, after=after)
+
+
+def _where_it_predicts(
+    problem: Problem, found: Modelled, blocks: Blocks, *beside: Refitted | np.ndarray
+) -> tuple[Modelled | None, str]:
+    """Return a model, solved where it is a sure cause, and what failed; none where it does not predict."""
+    if not found.gain.clear:
+        return None, ""
+    found, note = through_solutions(problem, found, blocks, *beside) if found.sure else (found, "")
+    return (found if found.gain.clear else None), note
 
 
 def _could_have_seen(singles: Sequence[Screened]) -> bool:

@@ -14,10 +14,11 @@ from gelforge.files import digest, file_sha256
 from gelforge.laws_of_study import laws_and_doubts, material_laws_of
 from gelforge.mismatch.effects import with_taken
 from gelforge.mismatch.evidence.covariance import readings_covariance
+from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.evidence.spread import spread_out
 from gelforge.mismatch.fem.known import with_known
 from gelforge.mismatch.fem.solutions import Solver
-from gelforge.mismatch.fem.solver import Base, forces_with, read_with
+from gelforge.mismatch.fem.solver import Amounts, Base, forces_with, read_with
 from gelforge.mismatch.fem.unsolved import base_where_solved
 from gelforge.mismatch.goodness.spikes import without_spikes
 from gelforge.mismatch.images.flow import force_part, with_flow
@@ -216,6 +217,10 @@ def problem_of(solver: Solver, observations: Observations, recorded: bool = True
     stage("changes of the readings by each effect")
     candidates = candidates_of(base.context, effects, failed)
     boxes = boxes_felt(base.context) if recorded else ()
+
+    def chosen(parts: Sequence[Candidate], amounts: Sequence[np.ndarray]) -> list[Amounts]:
+        return [(effects[part.name], part.shape, a) for part, a in zip(parts, amounts)]
+
     return (
         Problem(
             observations,
@@ -223,17 +228,16 @@ def problem_of(solver: Solver, observations: Observations, recorded: bool = True
             covariance,
             candidates,
             effects,
-            lambda parts, amounts, rows: forces_with(
-                solver, base, [(effects[p.name], p.shape, a) for p, a in zip(parts, amounts)], rows
-            ),
+            lambda parts, amounts, rows: forces_with(solver, base, chosen(parts, amounts), rows),
             failed,
             solver.study.mismatch.change_error,
             boxes,
             modules_of(base.context, boxes) if recorded else (),
             lambda parts, amounts, change: read_with(
-                base,
-                [(effects[p.name], p.shape, a) for p, a in zip(parts, amounts)],
-                base.context.force + change,
+                base, chosen(parts, amounts), base.context.force + change
+            ),
+            lambda parts, amounts, module, map_: forces_with(
+                solver, base, [*chosen(parts, amounts), (module.effect, {}, map_)]
             ),
         ),
         base,

@@ -39,10 +39,10 @@ def write_readings(folder: str | Path, table: pd.DataFrame) -> None:
     """Write readings.csv: one row per reading and axis, in the order taken.
 
     session, press, site (text), x_mm, y_mm, depth_mm, phase, time_s (of the session, empty where not known), axis (x, y, z);
-    measured_N, base_N, after_N (with the answer in the base, empty where there is none), predicted_N (the same with values
-    fitted without the readings held out); sigma_N (standard deviation of measured minus base that all allowed errors give
-    together); after_sigma_N (the same of measured minus after, values
-    included; may be left out); held_out (no, or the name of the block).
+    measured_N, base_N, after_N (with the answer and the model in the base, empty where there is neither), predicted_N (the
+    same fitted without the readings held out); sigma_N (standard deviation of measured minus base that all allowed errors
+    give together); after_sigma_N (the same of measured minus after, values included; may be left out); held_out (no, or the
+    name of the block).
     """
     _write_table(Path(folder) / READINGS, table, [*READINGS_TEXTS, *READINGS_NUMBERS], READINGS_OPTIONAL)
 

@@ -96,22 +96,35 @@ def readings_table(problem: Problem, judgement: Judgement) -> pd.DataFrame:
     held = np.full(len(labels), "no", dtype=object)
     for name, mask in judgement.blocks.held.items():
         held[mask] = name
-    after = predicted = np.full(len(labels), np.nan)
-    answer = judgement.answer
-    if answer is not None:
-        after = observations.flat(answer.after)
-        if answer.proof is not None:
-            predicted = observations.flat(observations.force) - answer.proof.left
+    measured, nothing = observations.flat(observations.force), np.full(len(labels), np.nan)
+    rest, unseen = rest_of(problem, judgement), unseen_of(judgement)
     return labels[["session", "press", "x_mm", "y_mm", "depth_mm", "phase", "time_s"]].assign(
         site=labels["site"].astype(str),
         axis=np.array(AXES)[labels["axis"]],
-        measured_N=observations.flat(observations.force),
+        measured_N=measured,
         base_N=observations.flat(problem.base),
-        after_N=after,
-        predicted_N=predicted,
+        after_N=nothing if rest is None else measured - rest,
+        predicted_N=nothing if unseen is None else measured - unseen,
         sigma_N=problem.covariance.standard_deviation,
         held_out=held,
     )
+
+
+def rest_of(problem: Problem, judgement: Judgement) -> np.ndarray | None:
+    """Return measured less answer and model (n,) [N], fitted to all readings; None where there is neither."""
+    answer, model = judgement.answer, judgement.model
+    if model is not None:
+        return model.rest
+    observations = problem.observations
+    return None if answer is None else observations.flat(observations.force - answer.after)
+
+
+def unseen_of(judgement: Judgement) -> np.ndarray | None:
+    """Return measured less the prediction (n,) [N] by what the training readings alone say; None where there is none."""
+    answer, model = judgement.answer, judgement.model
+    if model is not None:
+        return model.left
+    return None if answer is None or answer.proof is None else answer.proof.left
 
 
 def _where(mismatch: ResidualTests) -> list[form.Where]:
@@ -160,20 +173,22 @@ def located(answer: Answer, sensor: Sensor | None) -> list[form.Where]:
 
 
 def _fit(problem: Problem, judgement: Judgement) -> form.Fit:
-    observations, answer = problem.observations, judgement.answer
+    answer, model = judgement.answer, judgement.model
     everything = np.ones(len(problem.labels), bool)
-    before = score_of(problem, problem.residual, everything)
-    if answer is None:
-        return form.Fit(before=before)
+    before, rest = score_of(problem, problem.residual, everything), rest_of(problem, judgement)
+    after = None if rest is None else score_of(problem, rest, everything)
     held, blocks = None, []
-    if answer.proof is not None:
+    if model is not None and not model.beside:
+        held = model_section(
+            problem, judgement
+        ).held_out  # effects that were fitted without it are not in `after`
+    elif answer is not None and answer.proof is not None:
         held = _held_out(problem, "all", answer.proof).model_copy(update={"paid": answer.proof.gain.paid})
         for name, mask in judgement.blocks.held.items():
             if mask.any():
                 blocks.append(_held_out(problem, name, answer.proof, mask))
-    blocks += [_held_out(problem, name, proof) for name, proof in answer.folds.items()]
-    left = observations.flat(observations.force - answer.after)
-    after = score_of(problem, left, everything)
+    if answer is not None:
+        blocks += [_held_out(problem, name, proof) for name, proof in answer.folds.items()]
     return form.Fit(before=before, after=after, held_out=held, held_out_blocks=blocks)
 
 

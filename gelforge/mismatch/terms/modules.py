@@ -19,6 +19,7 @@ from gelforge.indentation.solving.sensitivities import unmirrored
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.model.context import Context
+from gelforge.mismatch.model.effect import Effect
 from gelforge.mismatch.model.solver_effects import per_depth
 from gelforge.mismatch.terms.body_map import LEVELS, WIDTH, box_at
 from gelforge.mismatch.terms.unknown import MODES, Manner, modes, of_each, product
@@ -42,11 +43,24 @@ class Module(Manner):
     tells: bool = True  # no other cause that is known changes the readings in such a manner
     instead: str = ""  # words of the manner of unknown.py that is this cause without its name
 
-    def values(self, scale: float, mean: np.ndarray, covariance: np.ndarray) -> pd.DataFrame:
+    @property
+    def effect(self) -> Effect:
+        """Return the map as an effect of the finite elements: its amounts are the map (G,)."""
+        return Effect(
+            self.name,
+            "material",
+            (),
+            enters="geometry.patches",
+            signature=self.words,
+            confused_with=(),
+            separated_by="",
+            to_study=lambda study, shape, amounts: self.to_study(study, np.asarray(amounts)),
+        )
+
+    def values(self, mean: np.ndarray, covariance: np.ndarray) -> pd.DataFrame:
         """Return the rows of module.csv: the map with columns mean and sigma, of coefficients (q,) and (q, q)."""
-        basis = scale * self.basis
-        sigma = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", basis, covariance, basis), 0.0))
-        return self.map.assign(unit=self.unit, mean=basis @ mean, sigma=sigma)
+        sigma = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", self.basis, covariance, self.basis), 0.0))
+        return self.map.assign(unit=self.unit, mean=self.basis @ mean, sigma=sigma)
 
 
 def modules_of(context: Context, boxes: Sequence[Candidate]) -> tuple[Module, ...]:

@@ -45,6 +45,8 @@ class Problem:
     ] = ()  # modules.Module: physics with a free form, its changes of the n entries of force
     # Forces (R, 3) [N] of effects that are not solved, on the base and a change (R, 3) of it; None: not known apart.
     read_with: ForcesWith | None = None
+    # Forces (R, 3) [N] with parts at amounts and the map (G,) of a module, solved; raises NotConverged. None: not known.
+    with_map: Callable[[Sequence[Candidate], Sequence[np.ndarray], Any, np.ndarray], np.ndarray] | None = None
     flow: Any = None  # flow.FlowChannel where images are judged with the forces
 
     @property
