@@ -95,7 +95,8 @@ class LiveForce:
         self.remapped = remap_to(self.settings.get("views") or {}, camera, plane_z_mm, crop_px, self.scale)
         bins = self.settings["bins"]
         self.grid = bins["nx"], bins["ny"], np.array(self.settings["sensor_width_mm"])
-        self.zero, self.extract, self.look = -1, None, None
+        self.zero = -1
+        self._untouched: tuple[FlowFeatures, Look] | None = None  # of the frame of zero force
         if reference is not None:
             self.take_reference(Frame("reference", 0.0, reference))
 
@@ -106,7 +107,7 @@ class LiveForce:
         self.predictor(
             extract(image)
         )  # so that no frame pays for what is set up once; says too what cannot be used
-        self.extract, self.look = extract, Look.of(image)
+        self._untouched = extract, Look.of(image)
         self.zero += 1
 
     def image_of(self, frame: Frame) -> np.ndarray:
@@ -124,7 +125,7 @@ class LiveForce:
         The first frame becomes the reference where there is none.
         """
         try:
-            if self.extract is None:
+            if self._untouched is None:
                 self.take_reference(shot.frame)
             return self._measured(shot)
         except ValueError as error:
@@ -139,10 +140,12 @@ class LiveForce:
             marks.append(time.perf_counter())
             return value
 
+        assert self._untouched is not None  # __call__ has taken it
+        extract, look = self._untouched
         model = self.predictor.model
         image = mark(self.image_of(shot.frame))
-        flow = mark(self.extract.flow(image))
-        feature = mark(self.extract.of_flow(flow))
+        flow = mark(extract.flow(image))
+        feature = mark(extract.of_flow(flow))
         force, unlike = mark(self.predictor.answer(feature))
         batch = force[None]
         bars = (
@@ -152,7 +155,7 @@ class LiveForce:
         )
         place = centre_of_pressure(batch, *self.grid)[0] if force[:, 2].any() else np.array([np.nan, np.nan])
         mark(place)
-        warnings = mark(self.look.warnings(image))
+        warnings = mark(look.warnings(image))
         if unlike > 1:
             told = f"the image is unlike those that the model learnt from ({unlike:.1f} times the limit): distrust its force"
             warnings = (*warnings, told)

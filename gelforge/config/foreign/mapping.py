@@ -105,7 +105,9 @@ class Column(Section):
     @property
     def known_unit(self) -> str:
         """Return the unit as UNITS spells it."""
-        return unit_named(self.unit)
+        unit = unit_named(self.unit)
+        assert unit is not None  # _unit_known has refused others
+        return unit
 
     def require(self, quantity: str, what: str) -> None:
         """Raise ValueError unless the unit belongs to the quantity."""

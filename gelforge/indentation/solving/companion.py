@@ -141,9 +141,9 @@ def _plain_companion(study: Study, laws, planned, uncertain) -> tuple[Companion,
         varied.append(Varied(other.body, other.shape, other.settings, other.start, other.centres, AMOUNT))
     forces, slopes, reason = [], [], ""
     try:
-        for state, along in follow_with_slopes(press, press.start_at(model.start), model.centres, varied):
+        for state, slope in follow_with_slopes(press, press.start_at(model.start), model.centres, varied):
             forces.append(state.normal_force + state.friction_force)
-            slopes.append(along.force)
+            slopes.append(slope.force)
     except NotConverged as failure:
         reason = str(failure)
     D, n, S = len(forces), len(varied), len(model.mesh.surface.nodes)
