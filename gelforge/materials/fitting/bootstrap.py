@@ -62,7 +62,8 @@ def bootstrap(
             f"{', '.join(single)}: one sample; a bootstrap over samples needs two of each test at least, add samples"
             " or use the sandwich covariance"
         )
-    chunks = np.array_split(np.random.SeedSequence(seed).spawn(replicates), -(-replicates // CHUNK))
+    seeds = np.array(np.random.SeedSequence(seed).spawn(replicates), object)
+    chunks = np.array_split(seeds, -(-replicates // CHUNK))
     refit = partial(_refits, curves, fit.family, fit.theta)
     if workers == 1:
         theta = [refit(chunk) for chunk in tracked(chunks, CHUNKS)]

@@ -88,7 +88,7 @@ class Flow:
                 "the flow needs a larger image, crop_px or features.image_scale"
             )
         self.reference = reference
-        self.search = cv2.DISOpticalFlow_create(PRESETS[preset])
+        self.search = cv2.DISOpticalFlow.create(PRESETS[preset])
         if preset in FINEST_SCALE:
             self.search.setFinestScale(FINEST_SCALE[preset])
             self.search.setVariationalRefinementIterations(0)

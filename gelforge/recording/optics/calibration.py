@@ -151,11 +151,11 @@ def _fitted(views: Views, board: Board, model: str) -> Calibration:
     try:
         if model == "pinhole":
             rms, K, k, turns, shifts, *_ = cv2.calibrateCameraExtended(
-                objects, images, views.size, None, None
+                objects, images, views.size, np.eye(3), np.zeros(5)
             )
         else:
             rms, K, k, turns, shifts = cv2.fisheye.calibrate(
-                [o[None] for o in objects], [i[None] for i in images], views.size, None, None,
+                [o[None] for o in objects], [i[None] for i in images], views.size, np.eye(3), np.zeros(4),
                 flags=cv2.CALIB_RECOMPUTE_EXTRINSIC | cv2.CALIB_FIX_SKEW,
             )  # fmt: skip
     except cv2.error as error:
@@ -226,4 +226,5 @@ def _projected(model: str, board: np.ndarray, turn, shift, K: np.ndarray, k: np.
 def without_distortion(found: Calibration, image: np.ndarray) -> np.ndarray:
     """Return an image (H, W) as a pinhole of the same focal lengths and principal point would show it."""
     straight = found.camera.model_copy(update={"distortion": None})
-    return cv2.remap(image, places_in(found.camera, straight, 1.0).astype(np.float32), None, cv2.INTER_LINEAR)
+    places = places_in(found.camera, straight, 1.0).astype(np.float32)
+    return cv2.remap(image, places, np.empty(0, np.float32), cv2.INTER_LINEAR)
