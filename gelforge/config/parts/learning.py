@@ -129,7 +129,16 @@ class Learning(Section):
         return self.input_form if self.network in networks_of("input_form") else "vector"
 
     @property
-    def usual(self) -> Learning:
+    def usual(self) -> CompleteLearning:
         """These settings with what is not given as usual for the network."""
         usual = NETWORKS[self.network]["USUAL"]
-        return self.model_copy(update={name: getattr(self, name) or value for name, value in usual.items()})
+        chosen = {name: getattr(self, name) or value for name, value in usual.items()}
+        return CompleteLearning.model_construct(self.model_fields_set | set(chosen), **(dict(self) | chosen))
+
+
+class CompleteLearning(Learning):
+    """The same with nothing left open; made by Learning.usual."""
+
+    learning_rate: Positive
+    batch_size: int
+    epochs: int
