@@ -28,7 +28,7 @@ def import_figure(imported: Imported, folder: Path) -> Figure:
     heights = [2.6, 3.4, 2.4, 1.5 * contact_rows] + ([2.0] if imported.frames else [])
     figure = Figure(figsize=(15, sum(heights) + 1.0), layout="constrained", facecolor="white")
     figure.suptitle(title(imported), x=0.01, ha="left", fontsize=11)
-    parts = np.ravel(figure.subfigures(len(heights), 1, height_ratios=heights))
+    parts = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
     signals = 3 if imported.frames else 2
     span = (0.0, float(imported.stage.time_s[-1]))
     _signals(imported, parts[0].subplots(signals, 1, sharex=True), span, "All presses (number above)")

@@ -117,7 +117,11 @@ def _load_case(
     stretch = np.linspace(*(valid or (SHOWN_STRETCH[0], reach)), 200)
     mean = curves[(curves["sample"] == MEAN) & (curves.test == test)]
     for number, (m, colour, line) in enumerate(_drawn(laws)):
-        style = {"color": colour, "ls": line if valid or number else "--", "lw": 1.1 if number else 1.8}
+        style: Style = {
+            "color": colour,
+            "ls": line if valid or number else "--",
+            "lw": 1.1 if number else 1.8,
+        }
         label = _label(m, len(laws))
         model = _cauchy(test, _nominal(m.law, test, stretch), stretch)
         ax.plot(stretch, model, label=label, zorder=3 - 0.1 * number, **style)
@@ -126,8 +130,8 @@ def _load_case(
             residual.plot(mean.stretch, 100 * error / mean.nominal_stress_kPa.abs().max(), **style)
     if len(mean):
         mean = mean.iloc[np.linspace(0, len(mean) - 1, MEAN_MARKS).round().astype(int)]
-        style: Style = {"ls": "", "marker": "o", "ms": 4.2, "mfc": "white", "mec": MEASURED, "mew": 1.5}
-        ax.plot(mean.stretch, mean.cauchy_stress_kPa, label="mean of samples", **style)
+        marks: Style = {"ls": "", "marker": "o", "ms": 4.2, "mfc": "white", "mec": MEASURED, "mew": 1.5}
+        ax.plot(mean.stretch, mean.cauchy_stress_kPa, label="mean of samples", **marks)
     if stretch[0] >= 1:
         ax.set_xlim(left=1.0)
     r2 = (laws[0].r2_nominal or {}).get(test)

@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import base64
 import io
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+if TYPE_CHECKING:
+    from matplotlib.typing import RcKeyType
 
 SIMULATED = "#0072B2"  # our finite elements, the label
 MEASURED = "#E69F00"  # force/torque readings
@@ -35,7 +38,7 @@ SIGNED = "RdBu_r"  # signed quantities, white at zero
 MAGNITUDE = "PuBu"  # magnitudes from zero up, light at zero
 
 Style = dict[str, Any]  # keywords of Matplotlib's functions, each of its own type
-SETTINGS: Style = {
+SETTINGS: dict[RcKeyType, Any] = {
     "font.size": 9,
     "font.family": "sans-serif",
     "axes.titlesize": 10,
