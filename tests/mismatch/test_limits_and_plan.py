@@ -10,7 +10,6 @@ from recorded import record
 from test_verdict import content, effect
 
 from gelforge.cli import main
-from gelforge.mismatch.pipeline.stage import solver_of
 from gelforge.config import study_from, write_yaml
 from gelforge.config.basis.variants import merged
 from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
@@ -22,7 +21,7 @@ from gelforge.mismatch.evidence.screen import screened
 from gelforge.mismatch.fem import solutions
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.pipeline.ahead import limits_table, planned_observations, planned_problem
-from gelforge.mismatch.pipeline.stage import problem_of
+from gelforge.mismatch.pipeline.stage import problem_of, solver_of
 from gelforge.mismatch.result.verdict import Verdict, write_verdict
 
 TRIED = ("contact_zero", "force_gain", "gel_stiffness")

@@ -140,10 +140,9 @@ def _observations(forces: Observations, seen: Sequence[Seen], shown: np.ndarray)
         zero_N=np.concatenate([forces.zero_N, np.zeros((len(table), 3))]),
         press_depth_mm=np.concatenate([forces.press_depth_mm, forces.press_depth_mm[numbers]]),
         session_depth_mm=np.concatenate([forces.session_depth_mm, forces.session_depth_mm[numbers]]),
-        **{
-            name: np.concatenate([getattr(forces, name), np.zeros((len(table), 3))])
-            for name in ("rounding_N", "drift_N", "trend_N")
-        },
+        rounding_N=np.concatenate([forces.rounding_N, np.zeros((len(table), 3))]),
+        drift_N=np.concatenate([forces.drift_N, np.zeros((len(table), 3))]),
+        trend_N=np.concatenate([forces.trend_N, np.zeros((len(table), 3))]),
         came_along=np.concatenate([forces.came_along, forces.came_along[numbers]]),
         repeats=np.concatenate([forces.repeats, np.full(len(table), np.inf)]),
         tails=np.concatenate([forces.tails, np.ones(len(table))]),
@@ -256,6 +255,7 @@ def force_part(problem: Problem, judgement: Judgement) -> tuple[Problem, Judgeme
         )
     model = judgement.model
     if model is not None:
-        model = replace(model, left=model.left[:n], change=model.change[:n], spread=model.spread[:n])
+        spread = None if model.spread is None else model.spread[:n]
+        model = replace(model, left=model.left[:n], change=model.change[:n], spread=spread)
     blocks = cut(judgement.blocks)
     return problem.flow.forces, replace(judgement, blocks=blocks, answer=answer, model=model)

@@ -121,7 +121,7 @@ def modelled(
         for scale in SCALES
     }
     by_manner = {k: logsumexp([v for (j, _), v in evidence.items() if j == k]) for k, _ in evidence}
-    k = max(by_manner, key=by_manner.get)
+    k = max(by_manner, key=by_manner.__getitem__)
     scale = max(SCALES, key=lambda s: evidence[k, s])
     D = scale * tried[k].directions
     before, spread_before = base.learnt(np.zeros((len(D), 0)), train)
@@ -138,8 +138,9 @@ def modelled(
     p = base.columns.shape[1]
     own = covariance[p:, p:]
     table = problem.observations.table
+    best = tried[k]
     return Modelled(
-        manner=tried[k].words,
+        manner=best.words,
         scale=scale,
         mean=mean[p:],
         covariance=own,
@@ -150,8 +151,8 @@ def modelled(
         span=Span.of(problem.labels),
         sites=table[["x_mm", "y_mm"]].drop_duplicates().to_numpy(float),
         beside=fit is not None,
-        module=tried[k] if isinstance(tried[k], Module) else None,
-        probability=min(chances.get(tried[k].words, 0.0), 1.0),
+        module=best if isinstance(best, Module) else None,
+        probability=min(chances.get(best.words, 0.0), 1.0),
         spread=np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", D, own, D), 0.0)),
     )
 
@@ -166,7 +167,7 @@ class _Beside:
 
     @classmethod
     def of(cls, problem: Problem, fit: Refitted | None, left: np.ndarray | None) -> _Beside:
-        if fit is None:
+        if fit is None or left is None:
             return cls(problem.residual, problem.covariance, np.zeros((len(problem.labels), 0)))
         believed = problem.believing(fit.parts, np.concatenate(fit.amounts)).covariance
         p = sum(len(a) for a in fit.amounts)

@@ -38,6 +38,20 @@ class Judgement:
     notes: tuple[str, ...]  # what went wrong on the way
     out_of_range: bool = False  # an amount of the answer is not physical, or on its bounds
 
+    @property
+    def answered(self) -> Answer:
+        """The answer, of a state that has one. Raises ValueError for another."""
+        if self.answer is None:
+            raise ValueError(f"a judgement that is {self.state} has no answer")
+        return self.answer
+
+    @property
+    def modelled(self) -> Modelled:
+        """The model, of a state that has one. Raises ValueError for another."""
+        if self.model is None:
+            raise ValueError(f"a judgement that is {self.state} has no model")
+        return self.model
+
 
 def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Judgement:
     """Return the judgement on a problem.

@@ -65,7 +65,7 @@ def verdict_of(
         ),
         where=[
             *(_where(judgement.mismatch) if judgement.mismatch.p < form.ALARM_P else []),
-            *(located(answer, sensor) if groups else []),
+            *(located(judgement.answered, sensor) if groups else []),
         ],
         answer=groups,
         effects=effects_told(problem, judgement),
@@ -115,7 +115,8 @@ def readings_table(problem: Problem, judgement: Judgement) -> pd.DataFrame:
 
 
 def _where(mismatch: Remains) -> list[form.Where]:
-    kinds, found = set(), []
+    kinds: set[str] = set()
+    found: list[form.Where] = []
     for finding in mismatch.scan.ranked:
         if finding.kind in kinds or len(found) == PLACES:
             continue
@@ -143,7 +144,7 @@ def located(answer: Answer, sensor: Sensor | None) -> list[form.Where]:
     for part in answer.fit.parts:
         if "z_mm" not in part.shape:
             continue
-        x, y, z, radius = (part.shape[key] for key in ("x_mm", "y_mm", "z_mm", "radius_mm"))
+        x, y, z, radius = (float(part.shape[key]) for key in ("x_mm", "y_mm", "z_mm", "radius_mm"))
         half = 0.0 if part.name == "delamination" else radius
         layer = next((one.name for one in _layers(sensor) if one.z_mm[0] <= z < one.z_mm[1]), None)
         found.append(
@@ -201,7 +202,7 @@ def score_of(problem: Problem, left: np.ndarray, mask: np.ndarray) -> form.Score
 
 
 def _adequacy(judgement: Judgement) -> form.Adequacy:
-    adequacy = judgement.answer.adequacy
+    adequacy = judgement.answered.adequacy
     return form.Adequacy(p=adequacy.test.p, scan_p=adequacy.scan.p, remains=plain(adequacy.scan.best))
 
 
