@@ -10,7 +10,8 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gelforge.config import ConfigError, given, load_study, schema, study_from, variant_study, write_yaml
+from gelforge.config import ConfigError, load_study, schema, study_from, variant_study, write_yaml
+from gelforge.config import given as needed
 from gelforge.indentation.planning.plan import plan_cells
 
 ROOT = Path(__file__).parents[1]
@@ -50,9 +51,9 @@ def test_demo_has_at_least_25_positions_and_8_depths():
 
 def test_a_part_that_is_needed_and_not_given_is_named():
     study = load_study("config/config.yaml")
-    assert given(study.plan.grid, "plan.grid") is study.plan.grid
+    assert needed(study.plan.grid, "plan.grid") is study.plan.grid
     with pytest.raises(ConfigError, match=r"synthesis is not given.*give it"):
-        given(None, "synthesis")
+        needed(None, "synthesis")
 
 
 def test_schema_file_is_current():
