@@ -96,7 +96,8 @@ class LiveForce:
         bins = self.settings["bins"]
         self.grid = bins["nx"], bins["ny"], np.array(self.settings["sensor_width_mm"])
         self.zero = -1
-        self._untouched: tuple[FlowFeatures, Look] | None = None  # of the frame of zero force
+        self.extract: FlowFeatures | None = None  # from the frame of zero force
+        self.look: Look | None = None  # of that frame
         if reference is not None:
             self.take_reference(Frame("reference", 0.0, reference))
 
@@ -107,7 +108,7 @@ class LiveForce:
         self.predictor(
             extract(image)
         )  # so that no frame pays for what is set up once; says too what cannot be used
-        self._untouched = extract, Look.of(image)
+        self.extract, self.look = extract, Look.of(image)
         self.zero += 1
 
     def image_of(self, frame: Frame) -> np.ndarray:
@@ -125,7 +126,7 @@ class LiveForce:
         The first frame becomes the reference where there is none.
         """
         try:
-            if self._untouched is None:
+            if self.extract is None:
                 self.take_reference(shot.frame)
             return self._measured(shot)
         except ValueError as error:
@@ -140,12 +141,11 @@ class LiveForce:
             marks.append(time.perf_counter())
             return value
 
-        assert self._untouched is not None  # __call__ has taken it
-        extract, look = self._untouched
+        assert self.extract is not None and self.look is not None  # __call__ has taken the frame of zero force
         model = self.predictor.model
         image = mark(self.image_of(shot.frame))
-        flow = mark(extract.flow(image))
-        feature = mark(extract.of_flow(flow))
+        flow = mark(self.extract.flow(image))
+        feature = mark(self.extract.of_flow(flow))
         force, unlike = mark(self.predictor.answer(feature))
         batch = force[None]
         bars = (
@@ -155,7 +155,7 @@ class LiveForce:
         )
         place = centre_of_pressure(batch, *self.grid)[0] if force[:, 2].any() else np.array([np.nan, np.nan])
         mark(place)
-        warnings = mark(look.warnings(image))
+        warnings = mark(self.look.warnings(image))
         if unlike > 1:
             told = f"the image is unlike those that the model learnt from ({unlike:.1f} times the limit): distrust its force"
             warnings = (*warnings, told)
