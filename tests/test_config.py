@@ -51,7 +51,7 @@ def test_demo_has_at_least_25_positions_and_8_depths():
 
 def test_a_part_that_is_needed_and_not_given_is_named():
     study = load_study("config/config.yaml")
-    assert needed(study.plan.grid, "plan.grid") is study.plan.grid
+    assert needed(study.plan.file, "plan.file") is study.plan.file
     with pytest.raises(ConfigError, match=r"synthesis is not given.*give it"):
         needed(None, "synthesis")
 
