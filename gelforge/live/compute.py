@@ -141,7 +141,9 @@ class LiveForce:
             marks.append(time.perf_counter())
             return value
 
-        assert self.extract is not None and self.look is not None  # __call__ has taken the frame of zero force
+        assert (
+            self.extract is not None and self.look is not None
+        )  # __call__ has taken the frame of zero force
         model = self.predictor.model
         image = mark(self.image_of(shot.frame))
         flow = mark(self.extract.flow(image))
