@@ -56,7 +56,7 @@ def test_cells_without_error_bars_are_told(whole, tmp_path, lacking):
             del file[lacking]
     results = replace(StudyResults(*whole), folder=tmp_path)
     (note,) = error_bars(results).blocks
-    assert note.missing and "no solved cell holds any" in note.words
+    assert note.missing and "no solved site holds any" in note.words
 
 
 def test_a_study_without_error_bars_says_so(whole):

@@ -112,8 +112,9 @@ def _moved(material: MaterialLaw, move: np.ndarray) -> PrincipalLaw:
         return material.family.law_of(material.values + move)
     except ValueError as error:
         raise LawFileError(
-            f"{material.material}: the covariance of its law reaches parameters that are no law ({error}); repeat the tests"
-            " or choose a law with fewer parameters"
+            f"{material.material}: the covariance of its constitutive model reaches parameters that are not"
+            f" possible ({error}); repeat the tests"
+            " or choose a constitutive model with fewer parameters"
         ) from None
 
 
@@ -175,7 +176,7 @@ def read_law(path: str | Path) -> MaterialLaw:
         raise LawFileError(f"{path}: format {found!r}, expected {FORMAT!r}; {remedy}")
     kind = content.get("law")
     if kind not in MODELS:
-        raise LawFileError(f"{path}: law {kind!r}; one of {list(MODELS)} can be read")
+        raise LawFileError(f"{path}: constitutive model {kind!r}; one of {list(MODELS)} can be read")
     try:
         covariance, valid = content["covariance"], content["valid_stretch"]
         states = content.get("valid_states")
