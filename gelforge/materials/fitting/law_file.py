@@ -182,7 +182,7 @@ def read_law(path: str | Path) -> MaterialLaw:
         states = content.get("valid_states")
         return MaterialLaw(
             content["material"],
-            MODELS[kind].of_file(_values(kind, content)),
+            MODELS[kind].of_file(content),
             content["inputs_digest"],
             None if covariance is None else np.array(covariance["matrix"], dtype=float),
             content["r2_nominal"],
@@ -199,14 +199,6 @@ def read_law(path: str | Path) -> MaterialLaw:
         )
     except (KeyError, TypeError, ValueError) as error:
         raise LawFileError(f"{path}: {type(error).__name__} {error}; {remedy}") from None
-
-
-def _values(kind: str, content: dict) -> dict[str, float]:
-    """Return the parameters by name; Ogden's stand as lists too, and in the first files as lists alone."""
-    if kind != "ogden":
-        return {parameter["name"]: parameter["value"] for parameter in content["parameters"]}
-    lists = {"mu_{}_kPa": content["mu_kPa"], "alpha_{}": content["alpha"]}
-    return {name.format(k): value for name, values in lists.items() for k, value in enumerate(values, 1)}
 
 
 def rounded(content):
