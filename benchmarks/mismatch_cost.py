@@ -35,7 +35,7 @@ from gelforge.mismatch.readings.sessions import observe
 from gelforge.mismatch.terms.weighing import those_felt
 
 SPACING, DEPTHS = 4.0, 0.25 * np.arange(1, 9)  # mm
-NOISE_N, TOUCHDOWN_MM = 0.01, 0.01
+NOISE_N, CONTACT_POINT_MM = 0.01, 0.01
 HIDDEN = {  # factor of the force at places x, y [mm]
     "gain": lambda x, y: np.full(len(x), 1.12),
     "waves": lambda x, y: 1 + 0.12 * np.sin(2 * np.pi * x / 9.0) * np.sin(2 * np.pi * y / 13.0),
@@ -102,7 +102,7 @@ def with_forces(
     force = rng.normal(0, NOISE_N, (len(rows), 3))
     factor = HIDDEN[hidden](rows["x_mm"][under].to_numpy(), rows["y_mm"][under].to_numpy())
     force[under] += factor[:, None] * (
-        loaded + rng.normal(0, TOUCHDOWN_MM, press.max() + 1)[press][:, None] * slope
+        loaded + rng.normal(0, CONTACT_POINT_MM, press.max() + 1)[press][:, None] * slope
     )
     return rows.assign(**dict(zip(FORCES, force.round(5).T)))
 

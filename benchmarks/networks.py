@@ -82,6 +82,7 @@ def main() -> None:
     parser.add_argument("results", nargs="?", type=Path, default=Path("results/demo"))
     parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2, 3])
     parser.add_argument("--networks", nargs="+", choices=NETWORKS, default=USUAL)
+    parser.add_argument("--epochs", type=int, help="in place of each network's own number")
     arguments = parser.parse_args()
     study = load_study(arguments.results / "study.yaml")
     shards = sorted((arguments.results / "dataset").glob("shard-*.h5"))
@@ -91,6 +92,7 @@ def main() -> None:
         for seed in arguments.seeds:
             learning = Learning(
                 **{"validation_fraction": study.learning.validation_fraction, **NETWORKS[name]}
+                | ({"epochs": arguments.epochs} if arguments.epochs else {})
             )
             changed = study.model_copy(update={"learning": learning, "seed": seed})
             with tempfile.TemporaryDirectory() as folder:

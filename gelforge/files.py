@@ -344,11 +344,14 @@ def digest(content) -> str:
 def source_digest(*parts: str) -> str:
     """Return the SHA-256 over files of this package: folders or files, e.g. ("mechanics", "learning/basis/data.py").
 
-    Of a folder every file counts, templates, styles and data too, except what Python compiles and hidden files.
+    Of a folder every file counts, templates, styles and data too, except what Python compiles and hidden files. Raises
+    ValueError for a part that does not exist: a rule that names a file which has moved would not see its changes.
     """
     package = Path(__file__).parent
     lines = []
     for part in parts:
+        if not (package / part).exists():
+            raise ValueError(f"{part} is no file or folder of gelforge; name it where it is now")
         found = sorted((package / part).rglob("*")) if (package / part).is_dir() else [package / part]
         for path in found:
             hidden = any(name.startswith((".", "__pycache__")) for name in path.relative_to(package).parts)

@@ -29,7 +29,8 @@ def material_laws_of(study: Study, files: list[Path]) -> dict:
     for name in study.materials:
         if name not in laws:
             raise ConfigError(
-                f"material {name} has tests but no law yet; run `snakemake {law_path(study, name)}` or give --laws"
+                f"material {name} has tests but no constitutive model yet; run `snakemake {law_path(study, name)}`"
+                " or give --laws"
             )
     return laws
 

@@ -45,3 +45,8 @@ def test_a_single_file_is_a_part(package):
     assert source_digest("report/page.py") == before
     (package / "report/page.py").write_text("edited")
     assert source_digest("report/page.py") != before
+
+
+def test_a_source_that_is_not_there_is_no_source():
+    with pytest.raises(ValueError, match=r"report/moved.py is no file or folder"):
+        source_digest("report/page.py", "report/moved.py")

@@ -21,7 +21,7 @@ os.chdir(tempfile.mkdtemp())  # a folder of its own; take one of yours to keep t
 # %% [markdown]
 # ## One indentation
 #
-# A ball of 4 mm radius on a block of soft silicone. Units are mm and N; forces act on the sensor, so that a press has negative Fz.
+# A ball of 4 mm radius on a block of soft silicone. Units are mm and N; forces act on the sensor, so that an indentation has negative Fz.
 
 # %%
 sensor = {

@@ -88,7 +88,7 @@ gf.run("gelforge import logs.yaml --out monday")
 # %% [markdown]
 # ## The page
 #
-# Look at it: signals with the presses marked, the lag, force over depth about each contact point.
+# Look at it: signals with the indentations marked, the lag, force over depth about each contact point.
 
 # %%
 picture = plt.imread(next(Path(".").rglob("import.png")))
@@ -99,7 +99,7 @@ plt.axis("off")
 # %% [markdown]
 # ## What was found
 #
-# Contact point and interval per press, on the stage's axis; the lag stands in `session.yaml`. The true ones: 31.37 mm and 0.43 s.
+# Contact point and interval per indentation, on the stage's axis; the lag stands in `session.yaml`. The true ones: 31.37 mm and 0.43 s.
 
 # %%
 found = pd.read_csv("monday/import.csv")
@@ -108,7 +108,7 @@ print(found.iloc[:, :8].to_string(index=False))
 # %% [markdown]
 # ## Beside a simulation
 #
-# The readings of the session and a press of a block of silicone. Nobody fitted one to the other: that they differ is what
+# The readings of the session and an indentation of a block of silicone. Nobody fitted one to the other: that they differ is what
 # [What is missing in my simulation](missing_physics.md) is about.
 
 # %%

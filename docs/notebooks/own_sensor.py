@@ -1,7 +1,7 @@
 # %% [markdown]
 # # Own sensor
 #
-# Material tests to a law, a sensor of two layers, a look at the geometry, one indentation, and what the force would do if the sensor were
+# A constitutive model fitted to material tests, a sensor of two layers, a look at the geometry, one indentation, and what the force would do if the sensor were
 # a little different. The tests here are those of the demo and SYNTHETIC; put yours in their place. Mesh and bootstrap are small, to be quick.
 
 # %%
@@ -24,10 +24,10 @@ def show(picture, width=9):
 
 
 # %% [markdown]
-# ## Tests to a law
+# ## Fit a constitutive model
 #
 # A folder of tests has one CSV per specimen and `samples.csv`, which says what each one is. Files of other machines need a mapping
-# (`config/mappings` has ten). Two laws are fitted, the better one is used.
+# (`config/mappings` has ten). Two constitutive models are fitted, the better one is used.
 
 # %%
 gf.run("gelforge examples", quiet=True)  # the demo's tests
@@ -41,7 +41,7 @@ show(next(Path("skin").rglob("*.png")))
 # %% [markdown]
 # ## The sensor
 #
-# Layers are named from the rigid base up. The skin takes the law that was just fitted, the gel one that is known.
+# Layers are named from the rigid base up. The skin takes the model that was just fitted, the gel one that is known.
 
 # %%
 Path("config/mine.yaml").write_text("""
@@ -73,7 +73,7 @@ show("results/mine/check.png")
 # %% [markdown]
 # ## One indentation of it
 #
-# A cylinder, upright, that then moves 0.3 mm along x: friction appears. `--laws` names the law of the material that has tests.
+# A cylinder, upright, that then moves 0.3 mm along x: friction appears. `--laws` names the constitutive model of the material that has tests.
 
 # %%
 gf.run(

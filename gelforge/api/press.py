@@ -23,7 +23,7 @@ Described = Section | Mapping[str, Any]  # a block of a study: its keys, or the 
 
 @dataclass(frozen=True)
 class Slopes:
-    """How forces follow the amount of one effect: derivatives [N per `unit`]."""
+    """How forces follow the value of one effect: derivatives [N per `unit`]."""
 
     unit: str
     total: np.ndarray  # (D, 3)
@@ -185,7 +185,8 @@ def press(
     cell = simulate_label(described, *laws_and_doubts(material_laws_of(described, []) | fitted), planned)
     if not cell.converged:
         raise CellError(
-            f"the press failed: {cell.attributes['reason']}; last good depth {cell.attributes['last_good_depth_mm']:g} mm"
+            f"the indentation failed: {cell.attributes['reason']}; last good depth"
+            f" {cell.attributes['last_good_depth_mm']:g} mm"
         )
     return Pressed.of(cell)
 

@@ -56,7 +56,7 @@ def press(
         write_cell(out, cell)
         print(f"written to {out}")
     if not cell.converged:
-        raise CellError(f"the press failed: {cell.attributes['reason']}; the depths above are good")
+        raise CellError(f"the indentation failed: {cell.attributes['reason']}; the depths above are good")
 
 
 def described_press(study: Path | None, indenter: Path | None) -> Study:
@@ -98,13 +98,24 @@ def print_force_depth(study: Study, cell) -> None:
         padding=(0, 1, 0, 0),  # ten columns in 80 characters
         title=f"Force on the sensor, {study.indenter.words} at ({a['x_mm']:g}, {a['y_mm']:g}) mm",
         caption=f"{a['degrees_of_freedom']} degrees of freedom, {a['linear_solver']}, {a['seconds']:.1f} s; mm, N; "
-        "± standard deviations of Fz from the mesh and from the law"
+        "± standard deviations of Fz from the mesh and from the constitutive model"
         + ("; Mz torque about the indenter's axis [N mm]" if twisted else ""),
     )
     state, arrays = cell.arrays["node_state"], cell.arrays
     torque = torque_about_centre(arrays) if twisted else None
     last = "steps" if torque is None else "Mz"  # in 80 characters
-    for name in ("phase", "depth", "Fx [N]", "Fy [N]", "Fz [N]", "± mesh", "± law", "touch", "slip", last):
+    for name in (
+        "phase",
+        "depth",
+        "Fx [N]",
+        "Fy [N]",
+        "Fz [N]",
+        "± mesh",
+        "± constitutive model",
+        "touch",
+        "slip",
+        last,
+    ):
         table.add_column(name, justify="right", no_wrap=True)
     bars = [arrays.get(f"total_sigma_{part}_N") for part in ("mesh", "material")]
     for i, (depth, force) in enumerate(zip(cell.arrays["depth_mm"], cell.arrays["total_force_N"])):

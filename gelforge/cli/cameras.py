@@ -74,7 +74,7 @@ def camera_text(found) -> str:
     keys, views = found.keys, found.views
     lens = keys["distortion"]
     mirrored = (
-        "true # or false: a checkerboard does not tell"
+        "true # or false: a checkerboard does not show it"
         if views.mirrored is None
         else str(views.mirrored).lower()
     )

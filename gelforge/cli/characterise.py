@@ -1,4 +1,4 @@
-"""`gelforge characterise`: anybody's test files to a law, its figure, its tables, and the effects they measure."""
+"""`gelforge characterise`: fits a constitutive model to test files; its figure and tables, and the effects they measure."""
 
 from __future__ import annotations
 

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 MEASURED = Path(__file__).with_name("cell_cost.csv")
 DEPTHS = 8  # of every measured cell
-# A press on a sensor that softens, companion included, measured on the article's sensor with 5556 degrees of freedom: a step
-# takes 1.6 times that of a plain cell, and what is left behind 3.2 s on 0.44 million points of both grids.
+# A press on a sensor that softens, coarse-mesh solution included, measured on the article's sensor with 5556 degrees of
+# freedom: a step takes 1.6 times that of a plain cell, and what is left behind 3.2 s on 0.44 million points of both grids.
 SOFTENING_STEP = 1.6
 GRID_POINT_S = 7e-6
 INTERPOLATED_S = 0.1  # a label between solved sites, with what decides which they are

@@ -426,7 +426,8 @@ def study_laws(study: Study, paths: list[Path]) -> dict:
     missing = sorted({layer.material for layer in study.sensor.layers} - read.keys())
     if missing:
         raise LawFileError(
-            f"{', '.join(map(str, paths))}: no law of {missing} among those of {sorted(read)}; run the material stage again"
+            f"{', '.join(map(str, paths))}: no constitutive model of {missing} among those of {sorted(read)}; run"
+            " the material stage again"
         )
     return read
 
@@ -441,7 +442,8 @@ def study_law(study: Study, path: Path, material: str | None = None):
         study.study,
     ):
         raise LawFileError(
-            f"{path}: the law of {law.material!r} of study {law.study!r}, expected {material or sorted(study.materials)}"
+            f"{path}: the constitutive model of {law.material!r} of study {law.study!r}, expected"
+            f" {material or sorted(study.materials)}"
             f" of study {study.study!r}; run the material stage again (snakemake -R {path})"
         )
     return law

@@ -39,7 +39,7 @@ def judge(
 def limits(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: int) -> None:
     """Print and write what the study's plan could detect, and print what it could not be asked of."""
     from gelforge.files import write_table
-    from gelforge.mismatch.pipeline.ahead import limits_table, planned_problem
+    from gelforge.mismatch.pipeline.design import limits_table, planned_problem
     from gelforge.mismatch.pipeline.stage import solver_of
     from gelforge.mismatch.summary.words import uncomputed
 
@@ -52,9 +52,9 @@ def limits(study: Study, out: Path, laws: list[Path], kept: Path | None, workers
 
 
 def plan(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: int) -> None:
-    """Print and write the experiments that would tell a verdict's survivors apart, the first one to be made first."""
+    """Print and write the experiments that would distinguish a verdict's surviving effects, the first to be made first."""
     from gelforge.files import write_table
-    from gelforge.mismatch.pipeline.ahead import experiments_table
+    from gelforge.mismatch.pipeline.design import experiments_table
     from gelforge.mismatch.pipeline.stage import solver_of
     from gelforge.mismatch.result.verdict import read_verdict
 

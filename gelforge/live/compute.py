@@ -26,7 +26,7 @@ SPARSE = 4  # every so many pixels are looked at
 
 @dataclass(frozen=True)
 class Reading:
-    """What one frame says; force_N is None where it says nothing, and problem tells why."""
+    """What one frame says; force_N is None where it says nothing, and problem says why."""
 
     number: int
     t_capture: float  # s since 1970
@@ -47,7 +47,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class Look:
-    """What tells that light, exposure or focus have changed."""
+    """What shows that light, exposure or focus have changed."""
 
     grey: float  # mean [grey levels]
     sharp: float  # mean step between neighbouring pixels over the mean [-]

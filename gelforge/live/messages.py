@@ -98,5 +98,5 @@ def text_of(message: dict) -> str:
 
 
 def _numbers(values: np.ndarray | None, decimals: int = 6) -> list | None:
-    """Return numbers rounded to micronewtons (or micrometres), which no network tells apart."""
+    """Return numbers rounded to micronewtons (or micrometres), which no network distinguishes."""
     return None if values is None else np.round(np.asarray(values, float), decimals).tolist()

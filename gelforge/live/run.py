@@ -71,7 +71,7 @@ class Run:
         return self.force(shot)
 
     def state(self, capture: Capture, rates: Rates) -> dict:
-        """Return what every message tells beside the forces."""
+        """Return what every message holds beside the forces."""
         if self.recorder and self.recorder.problem:
             self.stop_recording()
         return {
@@ -126,5 +126,5 @@ def run_live(
 
 
 def _kind(text: str) -> str:
-    """Return a text without its numbers: what changes from frame to frame is not told again."""
+    """Return a text without its numbers: what changes from frame to frame is not repeated."""
     return re.sub(r"[0-9.]+", "", text)

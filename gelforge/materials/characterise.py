@@ -153,7 +153,9 @@ def fits_of(source: MaterialSource, fitting: Fitting, law_needed: bool = True) -
         + [f"{t.sample}: {text}" for t in source.small.contacts for text in t.findings]
     )
     if not tests and law_needed:
-        raise FitError(f"{source.name}: no loading to fit a law to; {'; '.join(notes) or 'add samples.csv'}")
+        raise FitError(
+            f"{source.name}: no loading to fit a constitutive model to; {'; '.join(notes) or 'add samples.csv'}"
+        )
     curves, comparison = mean_curves(tests), None
     if tests:
         try:

@@ -132,7 +132,7 @@ class Motion:
 
     displacement: Callable[[float], np.ndarray]
     force: Callable[[float], np.ndarray]
-    unload_force: Callable[[float], np.ndarray]  # on the way up from the deepest depth
+    unload_force: Callable[[float], np.ndarray]  # during unloading from the deepest depth
     deepest_mm: float
 
 

@@ -224,8 +224,8 @@ def press_rows(
 ) -> tuple[pd.DataFrame, np.ndarray]:
     """Return the rows of a press without forces, and the true force (R, 3) [N] on the sensor at each.
 
-    The stage goes to the commanded depth from a touchdown that is off by touchdown_mm. A press to the cell's deepest
-    depth is followed on its way up; the way up from other depths has not been simulated and is not read.
+    The stage goes to the commanded depth from a contact point that is off by touchdown_mm. A press to the cell's deepest
+    depth is followed during unloading; unloading from other depths has not been simulated and is not read.
     """
     deepest = np.isclose(press.depth_mm, truth.deepest_mm)
     unload = [d for d in bench.lab.unload_depths_mm if d < press.depth_mm] if deepest else []

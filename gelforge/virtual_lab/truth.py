@@ -43,16 +43,16 @@ def _down_and_up(lab: VirtualLab, planned: PlannedCell) -> Trajectory:
     return Trajectory(planned.x_mm, planned.y_mm, planned.depths_mm + unload, phases)
 
 
-COURSE = ("load", "shear", "unload")  # of a press that a recording can tell
+COURSE = ("load", "shear", "unload")  # of a press that a recording can show
 
 
 def check_recordable(planned: PlannedCell) -> None:
-    """Raise VirtualLabError for a path that no indentations.csv can tell: it turns nothing, and has one order of phases."""
+    """Raise VirtualLabError for a path that no indentations.csv can show: it turns nothing, and has one order of phases."""
     moves = [phase for phase in planned.phases if phase != "dwell"]
     others = sorted(set(moves) - set(COURSE))
     down = [depth for depth, phase in zip(planned.depths_mm, planned.phases) if phase == "load"]
     if others or any(map(any, planned.tilts_deg)) or any(planned.twists_deg):
-        why = f"has phases {others or ['tilt or twist']}; recordings tell depth and position only"
+        why = f"has phases {others or ['tilt or twist']}; recordings hold depth and position only"
     elif moves != sorted(moves, key=COURSE.index):
         why = f"has phases in the order {', '.join(dict.fromkeys(moves))}; a recorded press runs load, shear, unload"
     elif planned.phases and (not down or any(b <= a for a, b in zip(down, down[1:]))):

@@ -282,7 +282,8 @@ def test_a_law_that_is_unstable_where_it_is_used_is_refused_before_solving():
     """Yeoh with a negative second term, as a fit to small strains may give it."""
     bad = Yeoh(0.05, -0.15, 0.0)
     with pytest.raises(
-        ConfigError, match=r"skin.*unstable.*from stretch 1\.\d+.*press less deep or fit another law"
+        ConfigError,
+        match=r"skin.*unstable.*from stretch 1\.\d+.*press less deep or fit another constitutive model",
     ):
         simulate_cell(specimens.study(), LAWS | {"stiff": bad}, PlannedCell("a", *CENTRE, (0.5, 1.0)))
 

@@ -114,7 +114,10 @@ def test_press_without_contact_is_one_line(tmp_path, monkeypatch, capfd):
     at = ["--x", "8", "--y", "8", "--depths", "0.4,0.8"]
     assert main(["press", *at, "--study", "s.yaml"]) == 1
     error = capfd.readouterr().err
-    assert error.startswith("gelforge: the press failed: no depth touches") and len(error.splitlines()) == 1
+    assert (
+        error.startswith("gelforge: the indentation failed: no depth touches")
+        and len(error.splitlines()) == 1
+    )
 
 
 def test_a_site_of_the_workflow_that_nothing_touches_is_written_as_failed(tmp_path, monkeypatch, capfd):

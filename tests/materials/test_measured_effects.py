@@ -340,7 +340,7 @@ def test_small_tests_alone_need_no_law_by_hand_but_a_study_does(folder, tmp_path
     assert not (tmp_path / "out" / "law.json").exists()
     for name in ("samples.csv", *(p.name for p in folder.glob("u*.csv"))):
         (folder / name).unlink()
-    with pytest.raises(FitError, match="gel: no loading to fit a law to"):
+    with pytest.raises(FitError, match="gel: no loading to fit a constitutive model to"):
         characterise("gel", Material(tests=folder), tmp_path / "study")
 
 

@@ -134,7 +134,9 @@ def test_yeoh_that_softens_is_accepted_as_far_as_it_is_stable(tmp_path, monkeypa
     assert main(["check", study_file(tmp_path / "s.yaml", {"parameters": mild})]) == 0
     assert main(["check", study_file(tmp_path / "s.yaml", {"parameters": steep})]) == 1
     message = capsys.readouterr().err
-    assert "the law of skin is unstable (Drucker) in" in message and "press less deep" in message
+    assert (
+        "the constitutive model of skin is unstable (Drucker) in" in message and "press less deep" in message
+    )
 
 
 def test_stability_ahead_is_that_of_the_deepest_site():

@@ -1,7 +1,7 @@
 """SYNTHETIC sessions of a small sensor with an effect that the judge is not told, by the same solver on the same mesh.
 
 Such recordings test that the stage does what it says; that it finds effects made by others is shown elsewhere
-(benchmarks/concealed).
+(validation).
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from gelforge.indentation.solving.simulate import simulate_cell
 HEADER = "press,cell,order,time_s,phase,x_mm,y_mm,depth_mm,speed_mm_per_s,dwell_s,fx_N,fy_N,fz_N,image"
 SITES = [(8.0, 8.0), (5.0, 8.0), (11.0, 8.0), (8.0, 5.0), (8.0, 11.0), (5.0, 5.0)]
 DEPTHS = (0.4, 0.8, 1.2)
-TOUCHDOWN_MM, ZERO_ROWS, DWELLS = 0.01, 4, 4
+CONTACT_POINT_MM, ZERO_ROWS, DWELLS = 0.01, 4, 4
 
 
 def record(
@@ -34,7 +34,7 @@ def record(
         depth, at = DEPTHS[k], 20.0 * number
         curve = np.vstack([np.zeros(3), truth[site]])
         slope = np.gradient(curve, np.array([0.0, *DEPTHS]), axis=0)[k + 1]
-        held = truth[site][k] + rng.normal(0, TOUCHDOWN_MM) * slope
+        held = truth[site][k] + rng.normal(0, CONTACT_POINT_MM) * slope
         course = [("zero", at + 0.1 * z, -1.0, np.zeros(3)) for z in range(ZERO_ROWS)]
         course += [("load", at + 4.0, depth, held)]
         course += [("dwell", at + 4.5 + 0.5 * d, depth, held) for d in range(DWELLS)]
@@ -50,6 +50,6 @@ def record(
     (folder / "session.yaml").write_text(
         f"session: {folder.name}\nsynthetic: true\nbase_parameters: exact\n"
         f"force: {{acts_on: sensor, resolution_N: [0.001, 0.001, 0.001]}}\n"
-        f"depth_zero: {{by: press, press_scatter_mm: {TOUCHDOWN_MM}}}\n"
+        f"depth_zero: {{by: press, press_scatter_mm: {CONTACT_POINT_MM}}}\n"
     )
     return folder

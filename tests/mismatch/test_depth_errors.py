@@ -17,7 +17,7 @@ from gelforge.config import DepthZero
 from gelforge.mismatch.evidence.covariance import _indicators, readings_covariance
 from gelforge.mismatch.goodness.scan import global_test
 from gelforge.mismatch.images.flow_covariance import _touchdown
-from gelforge.mismatch.readings.touchdown import TOUCHDOWN_MM, depth_scatter, with_touchdown
+from gelforge.mismatch.readings.contact_point import CONTACT_POINT_MM, depth_scatter, with_contact_point
 
 STAGE_MM, CONTACT_MM = 0.02, 0.04
 DRAWS = 400
@@ -136,21 +136,21 @@ def test_repeats_show_the_stage_beside_a_stated_contact_point():
     """400 presses of 4 places know the scatter to 4 %; that of the session is not in it."""
     off = np.random.default_rng(8).normal(0, 0.02, 400) + 0.05
     found = pressed("press", off, (0.5, 0.6, 0.7, 0.8), 0.002, sites=4)
-    found = with_touchdown(unsaid(found, np.nan, 0.05))
+    found = with_contact_point(unsaid(found, np.nan, 0.05))
     assert found.press_depth_mm == pytest.approx(np.full(1600, 0.02), rel=0.15)
     assert (found.session_depth_mm == 0.05).all() and not found.cannot_know
 
 
 def test_a_stage_that_nothing_tells_of_is_told():
-    found = with_touchdown(unsaid(pressed("press", [0.0, 0.01]), np.nan, 0.05))
+    found = with_contact_point(unsaid(pressed("press", [0.0, 0.01]), np.nan, 0.05))
     assert not found.press_depth_mm.any() and (found.session_depth_mm == 0.05).all()
     assert len(found.cannot_know) == 1 and "depth_zero.press_scatter_mm" in found.cannot_know[0]
 
 
 @pytest.mark.parametrize(("by", "key"), [("press", "press_scatter_mm"), ("session", "session_scatter_mm")])
 def test_what_is_assumed_is_told_by_its_key(by, key):
-    found = with_touchdown(pressed(by, [0.0, 0.01]))
-    assert (found.press_depth_mm + found.session_depth_mm == TOUCHDOWN_MM).all()
+    found = with_contact_point(pressed(by, [0.0, 0.01]))
+    assert (found.press_depth_mm + found.session_depth_mm == CONTACT_POINT_MM).all()
     assert f"(depth_zero.{key})" in found.cannot_know[0]
 
 

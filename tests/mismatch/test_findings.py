@@ -16,7 +16,7 @@ from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.model.effect_words import PHRASES, in_general, with_amount
 from gelforge.mismatch.pipeline.experiments import with_experiments
 from gelforge.mismatch.result.verdict import Provenance
-from gelforge.mismatch.summary.effects_told import effects_told
+from gelforge.mismatch.summary.effect_entries import effect_entries
 from gelforge.mismatch.summary.findings import _noise, located, verdict_of
 from gelforge.mismatch.summary.words import uncomputed
 from gelforge.mismatch.terms.refit import End
@@ -89,7 +89,7 @@ def test_what_an_answer_leaves_is_reported_below_one_per_cent_and_doubts_it_belo
     assert now == ("unexplained" if p == 0.002 else "identified")
     said = verdict(problem, replace(found, state=now, answer=replace(found.answer, adequacy=left)))
     assert any(f"p = {p:.2g}" in sentence for sentence in said.cannot_know) == (p == 0.0045)
-    assert ("leaves something" in said.sentence) == (now == "unexplained")
+    assert ("leaves a residual" in said.sentence) == (now == "unexplained")
     assert said.adequacy.words == words
 
 
@@ -138,7 +138,7 @@ def test_amounts_in_place_of_an_effect_are_those_beside_the_others():
     found = judge(problem, SETTINGS, seed=1)
     first = next(group for group in found.answer.groups if "tilt" in group.members)
     other = next(name for name in first.members if name != first.members[0])
-    said = {effect.name: effect for effect in effects_told(problem, found)}
+    said = {effect.name: effect for effect in effect_entries(problem, found)}
     pair = effects_of(found.answer.winner) - {first.members[0]} | {other}
     assert said[other].log_bayes_factor == pytest.approx(
         found.answer.refits[pair].log_bayes_factor

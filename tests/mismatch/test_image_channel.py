@@ -37,7 +37,7 @@ from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.pipeline.stage import IMAGES_LEFT_OUT, judge_recording, observations_of, problem_of
 from gelforge.mismatch.result.verdict import read_verdict
 from gelforge.mismatch.result.verdict_tables import read_flow, read_readings
-from gelforge.mismatch.summary.flow_told import after_of, flow_section, region_middles
+from gelforge.mismatch.summary.flow_section import after_of, flow_section, region_middles
 from gelforge.recording.optics.camera import project
 from gelforge.report.verdict.mismatch_flow import flow_residual_figure
 from gelforge.report.verdict.mismatch_reader import MismatchResults

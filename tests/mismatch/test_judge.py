@@ -41,7 +41,7 @@ CASES = [
 ]
 
 
-@pytest.mark.thorough  # of a tilt below, of a yaw in test_alarms, of turned axes in test_blunders
+@pytest.mark.thorough  # of a tilt below, of a yaw in test_alarms, of turned axes in test_data_entry
 @pytest.mark.parametrize(("name", "amounts"), CASES)
 def test_one_effect_is_identified_and_predicts_what_was_held_out(name, amounts):
     base = artificial.context(7, per_side=3)

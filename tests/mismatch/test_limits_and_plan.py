@@ -20,7 +20,7 @@ from gelforge.mismatch.evidence.identifiability import DECISIVE, DETECTED_SNR
 from gelforge.mismatch.evidence.screen import screened
 from gelforge.mismatch.fem import solutions
 from gelforge.mismatch.fem.solutions import Solver
-from gelforge.mismatch.pipeline.ahead import limits_table, planned_observations, planned_problem
+from gelforge.mismatch.pipeline.design import limits_table, planned_observations, planned_problem
 from gelforge.mismatch.pipeline.stage import problem_of, solver_of
 from gelforge.mismatch.result.verdict import Verdict, write_verdict
 
@@ -252,7 +252,7 @@ def test_what_the_camera_alone_sees_is_not_for_presses_to_tell(home, capsys, tmp
     found = content(state="identified", answer=answer, effects=[effect(name, 0.5) for name in names])
     write_verdict(tmp_path, Verdict.model_validate(found))
     printed = refusal(home, capsys, "plan", "--out", tmp_path)
-    assert "no press tells what the camera alone sees" in printed
+    assert "no indentation shows what the camera alone sees" in printed
     assert "camera_scale: a ruler or a checkerboard" in printed
 
 

@@ -50,7 +50,7 @@ def test_what_no_effect_explains_is_modelled_with_its_range_and_what_it_predicts
     assert model.held_out.after.rmse_N[2] == pytest.approx(np.sqrt(np.mean(left**2)))
     assert model.held_out.after.rmse_N[2] < 0.7 * model.held_out.before.rmse_N[2]
     assert model.largest_N[2] == pytest.approx(np.abs(found.model.change[axis == 2]).max())
-    assert "something that no known effect is" in said.sentence
+    assert "something that no known effect explains" in said.sentence
     assert "modelled as a smooth function, its cause unknown (correction.csv has it)" in said.sentence
 
 
@@ -62,7 +62,7 @@ def test_a_sure_effect_stands_beside_what_is_modelled():
     assert said.model.beside == ["tilt"]
     # before it stands the effect alone, whose amounts follow the training readings
     assert said.model.held_out.before.rmse_N == said.fit.held_out.after.rmse_N
-    assert "in a form of its own or with something unknown beside it" in said.sentence
+    assert "in a form of its own or with a discrepancy beside it" in said.sentence
 
 
 def test_the_correction_has_every_judged_place_and_depth_while_loading(modelled, tmp_path):

@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from gelforge.mismatch.readings.contact_point import with_contact_point
 from gelforge.mismatch.readings.noise import reading_noise
 from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.readings.outliers import without_outliers
 from gelforge.mismatch.readings.sessions import _table
-from gelforge.mismatch.readings.touchdown import with_touchdown
 
 FORCE = ["fx_N", "fy_N", "fz_N"]
 SIGMA = np.array([0.002, 0.003, 0.006])
@@ -125,20 +125,20 @@ def pressed(by, off, depths=(0.5, 1.0), sigma=0.0, sites=1):
 def test_the_scatter_of_touchdown_is_seen_in_repeats_that_found_it_themselves():
     """400 presses of 4 places know a scatter to 4 %; the slope is a difference over 0.1 mm."""
     off = np.random.default_rng(8).normal(0, 0.02, 400)
-    found = with_touchdown(pressed("press", off, (0.5, 0.6, 0.7, 0.8), 0.002, sites=4))
+    found = with_contact_point(pressed("press", off, (0.5, 0.6, 0.7, 0.8), 0.002, sites=4))
     assert found.press_depth_mm == pytest.approx(np.full(1600, 0.02), rel=0.12) and not found.cannot_know
-    none = with_touchdown(pressed("press", 0 * off, (0.5, 0.6, 0.7, 0.8), 0.002, sites=4))
+    none = with_contact_point(pressed("press", 0 * off, (0.5, 0.6, 0.7, 0.8), 0.002, sites=4))
     assert (none.press_depth_mm < 0.001).all()
 
 
 def test_one_zero_for_all_presses_is_not_seen_in_repeats():
-    found = with_touchdown(pressed("session", np.full(40, 0.05)))
+    found = with_contact_point(pressed("session", np.full(40, 0.05)))
     assert (found.session_depth_mm == 0.02).all() and not found.press_depth_mm.any()
     assert "0.02 mm is assumed" in found.cannot_know[0]
 
 
 def test_two_presses_are_one_repeat_however_many_depths_they_have():
-    found = with_touchdown(pressed("press", [0.0, 0.01], np.linspace(0.2, 1.0, 12)))
+    found = with_contact_point(pressed("press", [0.0, 0.01], np.linspace(0.2, 1.0, 12)))
     assert (found.press_depth_mm == 0.02).all() and "assumed" in found.cannot_know[0]
 
 
@@ -163,7 +163,7 @@ def test_touch_is_where_its_row_its_speed_or_else_the_study_says():
         ({}, 12.0, ""),
         ({"speed_mm_per_s": slow}, 12.0, ""),
         ({"speed_mm_per_s": slow, "phase": untouched}, 10.0, ""),
-        ({"phase": untouched}, 2.0, "1 presses have neither a touch row nor a speed"),
+        ({"phase": untouched}, 2.0, "1 indentations have neither a touch row nor a speed"),
     ):
         found, told = timed(**columns)
         assert found == pytest.approx([since, since + 5.0])

@@ -19,7 +19,7 @@ from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import REACH_MM, base_of, forces_with
-from gelforge.mismatch.pipeline.ahead import planned_observations
+from gelforge.mismatch.pipeline.design import planned_observations
 from gelforge.mismatch.pipeline.patch import patch_of
 from gelforge.mismatch.pipeline.stage import judge_recording, with_known
 from gelforge.mismatch.result.verdict_tables import read_readings

@@ -187,11 +187,13 @@ def test_several_sessions_are_told_apart():
     }  # age goes with it
 
 
-def test_presses_whose_order_nobody_told_have_no_presses_before():
+def test_presses_whose_order_nobody_stated_have_no_presses_before():
     labels = readings(grid(2)).observations.labels()
     base = flat_base(readings(grid(2)))
-    told = [name for name in dictionary(labels, base).names if "presses before" in name]
-    assert told and not [n for n in dictionary(labels.assign(order=0), base).names if "presses before" in n]
+    told = [name for name in dictionary(labels, base).names if "indentations before" in name]
+    assert told and not [
+        n for n in dictionary(labels.assign(order=0), base).names if "indentations before" in n
+    ]
 
 
 def test_one_site_and_one_depth_can_be_scanned():
@@ -211,7 +213,7 @@ def test_nothing_to_scan_is_said():
     context = readings(grid(1))
     labels, base = context.observations.labels(), flat_base(context)
     atoms = dictionary(labels, base)
-    with pytest.raises(ValueError, match="no atom"):
+    with pytest.raises(ValueError, match="no pattern"):
         scan(
             base,
             type(atoms)(atoms.names, atoms.kinds, atoms.regions, 0 * atoms.values),

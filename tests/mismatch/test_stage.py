@@ -198,7 +198,9 @@ def test_the_stage_s_moves_are_known_from_the_presses_before(session):
 
 def test_missing_repeats_and_unloading_are_told(session, tmp_path):
     said = observed(session).cannot_know
-    assert any("twice to one depth" in s for s in said) and any("way up" in s for s in said)
+    assert any("two indentations to one depth" in s for s in said) and any(
+        "during unloading" in s for s in said
+    )
     once = changed(session, tmp_path, lambda t: t[t["phase"] != "dwell"].drop_duplicates(["press", "phase"]))
     assert any("repeated readings" in s for s in observed(once).cannot_know)
 

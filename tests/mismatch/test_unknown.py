@@ -69,8 +69,8 @@ def test_a_manner_is_as_large_as_is_plausible():
         if "pressing" in m.words
     }
     assert {words.split(" ", 3)[3] for words in sizes} == {
-        "with depth", "from place to place", "from press to press", "over the session's time",
-        "along a press's path",
+        "with depth", "from place to place", "from one indentation to the next", "over the session's time",
+        "along an indentation's path",
     }  # fmt: skip
     assert all(0.5 * PLAUSIBLE < size < 1.5 * PLAUSIBLE for size in sizes.values()), sizes
 
@@ -116,10 +116,13 @@ def test_what_differs_from_press_to_press_has_no_name_and_its_manner_is_reported
     problem, found = judged(displaced())
     assert found.state in ("unexplained", "modelled")
     assert found.posterior.holding([UNKNOWN]) > 0.9
-    assert "from press to press" in found.answer.stranger
+    assert "from one indentation to the next" in found.answer.stranger
     words = sentence_of(problem, replace(found, state="unexplained", model=None))
-    assert "something that no known effect is, a change of the sideways forces from press to press" in words
-    assert "something that no known effect is" in sentence_of(problem, found)
+    assert (
+        "something that no known effect explains, a change of the sideways forces from one indentation to the next"
+        in words
+    )
+    assert "something that no known effect explains" in sentence_of(problem, found)
 
 
 @pytest.mark.thorough

@@ -59,7 +59,7 @@ def test_where_only_a_way_up_is_not_solved_the_way_down_stays(solver):
     kept = without(solver, found, [Unsolved(14.5, 8.0, "its mesh", "it snaps", way_up_from_mm=2.0)])
     assert list(kept.table["phase"]) == ["load", "load", "dwell", "load", "dwell", "unload"]
     assert list(kept.table["deepest_mm"]) == [2.0] * 3 + [1.0] * 3
-    assert "on the way up from 2 mm on its mesh: it snaps" in kept.cannot_know[0]
+    assert "during unloading from 2 mm on its mesh: it snaps" in kept.cannot_know[0]
 
 
 def test_a_place_without_readings_is_no_place(solver):
@@ -109,7 +109,7 @@ def test_what_stopped_is_not_solved_again(solver, monkeypatch):
 
 def test_a_failure_without_a_place_ends_the_verdict(solver, monkeypatch):
     def nowhere(*_):
-        raise SolverFailed("the base, followed in the time of the readings, does not converge")
+        raise SolverFailed("the nominal model, followed in the time of the readings, does not converge")
 
     monkeypatch.setattr(unsolved, "base_of", nowhere)
     with pytest.raises(SolverFailed, match="in the time of the readings"):

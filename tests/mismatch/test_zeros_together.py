@@ -76,7 +76,7 @@ def test_heavy_tails_are_seen_in_them():
         noise, rounding, (freedom, found), said = reading_noise(one, zeros_together(one).repeats)
         assert noise == pytest.approx([SIGMA] * 3, rel=0.12) and not rounding.any()
         assert low <= found <= high and freedom > 400
-        assert len(said) == 1 and "all presses together" in said[0]
+        assert len(said) == 1 and "all indentations together" in said[0]
 
 
 def test_presses_with_zero_rows_of_their_own_are_not_taken_together():
@@ -163,7 +163,7 @@ def test_a_session_folder_with_one_zero_row_each_tells_its_noise_and_drift(tmp_p
     )
     found = observe([folder], SENSOR)
     assert found.noise_N[0] == pytest.approx([SIGMA] * 3, rel=0.4)
-    told = any("all presses together" in said for said in found.cannot_know)
+    told = any("all indentations together" in said for said in found.cannot_know)
     assert told == (zeros == 1)
     drifts = zeros == 1 and not tared  # that of a tared session is not subtracted: force_drift stands for it
     assert found.drift_N.any() == drifts and found.trend_N.any() == drifts

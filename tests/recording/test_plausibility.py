@@ -85,7 +85,7 @@ HONEST = {
         **{"relaxes": 0.8, "relaxes_s": 0.1, "pull_off_N": 0.1, "lateral": 0.8, "unload_share": 0.4},
         **{"unload_rows": (0.9, 0.7, 0.5, 0.3, 0.1), "dwells": (0.2, 0.4, 0.8, 1.6)},
     },
-    "no reading on the way up": {"unload_rows": ()},
+    "no reading during unloading": {"unload_rows": ()},
 }
 
 

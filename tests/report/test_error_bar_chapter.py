@@ -43,7 +43,10 @@ def test_band_is_two_sigma_of_both_parts_to_each_side():
 def test_chapter_names_the_laws_of_which_nothing_is_known(whole):
     chapter = error_bars(StudyResults(*whole))
     picture, table = chapter.blocks
-    assert "the laws of ecoflex_gel are is not known" in picture.words and "elastosil" not in picture.words
+    assert (
+        "the constitutive models of ecoflex_gel are is not known" in picture.words
+        and "elastosil" not in picture.words
+    )
     # 24 of 25 cells converged; sigmas are 1 % and 0.4 % of the force in all of them
     assert table.rows[0] == ["0.5", "24", "1", "1", "0.4", "0.4"]
 
@@ -56,7 +59,7 @@ def test_cells_without_error_bars_are_told(whole, tmp_path, lacking):
             del file[lacking]
     results = replace(StudyResults(*whole), folder=tmp_path)
     (note,) = error_bars(results).blocks
-    assert note.missing and "no solved cell holds any" in note.words
+    assert note.missing and "no solved site holds any" in note.words
 
 
 def test_a_study_without_error_bars_says_so(whole):

@@ -117,7 +117,7 @@ def test_section_draws_ball_at_its_depth(cell):
     colours = top.collections[0]
     assert colours.get_clim()[0] == 0
     words = texts(figure)
-    assert all(name in words for name in (*fake_results.REGION_NAMES, "before the press"))
+    assert all(name in words for name in (*fake_results.REGION_NAMES, "before the indentation"))
     figure.draw_without_rendering()
     titles = [axes.title.get_window_extent() for axes in (side, top)]
     assert max(title.y1 for title in titles) <= figure.bbox.y1  # no title is cut

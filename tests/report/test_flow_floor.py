@@ -48,6 +48,6 @@ def test_a_report_says_false_flow_and_what_was_lost(touched_only, tmp_path):
     said = " ".join(
         block if isinstance(block, str) else getattr(block, "words", "") for block in chapter.blocks
     )
-    assert ("no image before touch" in said) == touched_only
-    assert ("before touch move by 0.02 px" in said) != touched_only
+    assert ("no image before contact" in said) == touched_only
+    assert ("before contact move by 0.02 px" in said) != touched_only
     assert "the flow lost the surface in" in said

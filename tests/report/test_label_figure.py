@@ -86,5 +86,5 @@ def test_files_that_hold_no_label(tmp_path, whole):
     (tmp_path / "cut.h5").write_bytes(b"\x89HDF cut")
     with pytest.raises(LabelError, match="(holds no checksum|damaged or edited)"):
         read_label(tmp_path / "cut.h5")
-    with pytest.raises(LabelError, match="neither a cell"):
+    with pytest.raises(LabelError, match="neither a site"):
         read_label(whole[1] / "features" / "day1.h5")

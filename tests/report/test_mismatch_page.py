@@ -75,7 +75,7 @@ def test_what_people_want_to_read_is_there(html):
     names = [effect["name"].replace("_", " ") for effect in fake_verdict.fake_content()["effects"]]
     assert not [name for name in names if name not in effects]  # the table ends earlier, names do not vanish
     undecided = section(html, "undecided").replace("\u00a0", " ")
-    assert "cannot tell apart gel stiffness, force gain, particle settling" in undecided
+    assert "cannot distinguish gel stiffness, force gain, particle settling" in undecided
     assert "dead weights" in undecided and "10 min" in undecided
     unknown = section(html, "cannot-know")
     assert "No site was pressed twice" in unknown and "2 of 4 would stay hidden" in unknown
@@ -193,7 +193,7 @@ def test_what_may_be_there_instead_and_what_is_not_sure_is_said(tmp_path):
     assert "gel stiffness or force gain, or else layer thickness (probability 97 %" in short
     assert "Perhaps also" in short and "tilt (probability 60 %)" in short
     undecided = section(html, "undecided")
-    assert "cannot tell apart gel stiffness, force gain (their" in undecided
+    assert "cannot distinguish gel stiffness, force gain (their" in undecided
     assert "In place of gel stiffness it may be layer thickness, of another pattern" in undecided
 
 

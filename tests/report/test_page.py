@@ -69,9 +69,9 @@ def test_materials_show_effects_laws_and_the_cells_beyond_the_tested_range(page)
     text = " ".join(parsed(page[0]).text)
     assert "significant stiffening with age" in text
     assert "not judged by these tests, which is no proof of absence. friction: no friction.csv" in text
-    assert "laws compared" in text and "12.5" in text
+    assert "constitutive models compared" in text and "12.5" in text
     assert "tested at stretches 1 to 1.8 in equibiaxial" in text and "Drucker-stable in all of it" in text
-    assert "leave the range in which a law was tested" in text and "share of volume" in text
+    assert "leave the range in which a constitutive model was tested" in text and "share of volume" in text
 
 
 def test_cells_with_a_law_that_proved_unstable_are_listed():
@@ -83,7 +83,7 @@ def test_cells_with_a_law_that_proved_unstable_are_listed():
     cells = {"x1_y1": attributes, "x0_y0": {}}
     _unstable(chapter, SimpleNamespace(converged=lambda: [cell, older], cell_attributes=cells))
     (table,) = chapter.blocks
-    assert "1 cell reach" in table.words and "not Drucker-stable" in table.words
+    assert "1 site reach" in table.words and "not Drucker-stable" in table.words
     assert table.rows == [["x1_y1", "1", "skin", "0.03"]]
 
 
@@ -263,7 +263,7 @@ def test_empty_results_folder_still_gives_a_page(tmp_path):
     study = fake_results.fake_study(tmp_path)
     missing = write_report(study, tmp_path / "nothing", tmp_path / "page.html", tmp_path / "paper")
     assert len(missing) >= 8
-    assert "25 cells failed or missing" in (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "25 sites failed or missing" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
 def test_same_inputs_give_the_same_bytes(tmp_path):

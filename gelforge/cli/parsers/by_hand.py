@@ -69,7 +69,10 @@ def add(commands) -> None:
     add_laws(press, nargs="*", default=[])
 
     mesh = add_command(
-        commands, "mesh", "bench.mesh", "write the mesh of a press for ParaView or Gmsh, nothing is solved"
+        commands,
+        "mesh",
+        "bench.mesh",
+        "write the mesh of an indentation for ParaView or Gmsh, nothing is solved",
     )
     mesh.add_argument("--x", type=float, required=True, help="position along x [mm], origin at the corner")
     mesh.add_argument("--y", type=float, required=True, help="position along y [mm]")
@@ -86,7 +89,7 @@ def add(commands) -> None:
         commands,
         "characterise",
         "characterise.characterise_command",
-        "anybody's material tests to a law, its figure and measured effects",
+        "fit a constitutive model to material tests; its figure and measured effects",
     )
     characterise.add_argument(
         "sources", type=Path, nargs="+", help="folders with samples.csv or small tests, or files"
@@ -94,12 +97,12 @@ def add(commands) -> None:
     characterise.add_argument(
         "--mapping", type=Path, help="YAML that describes the files, see config/mappings"
     )
-    characterise.add_argument("--laws", default="ogden2", help="laws to fit, e.g. ogden2,yeoh")
+    characterise.add_argument("--laws", default="ogden2", help="constitutive models to fit, e.g. ogden2,yeoh")
     characterise.add_argument(
         "--choose",
         choices=("aicc", "held_out", "first"),
         default="aicc",
-        help="which of the laws is law.json",
+        help="which of them is law.json",
     )
     characterise.add_argument("--out", type=Path, required=True, help="folder to write")
     characterise.add_argument(
@@ -154,7 +157,7 @@ def add(commands) -> None:
         commands,
         "mismatch-materials",
         "mismatch_materials.mismatch_materials",
-        "what a law fitted to the fastest loading leaves out of a material's other tests",
+        "what a constitutive model fitted to the fastest loading leaves out of a material's other tests",
     )
     tests.add_argument(
         "sources", type=Path, nargs="+", help="folders with samples.csv or small tests, or files"
@@ -176,7 +179,7 @@ def add(commands) -> None:
     mismatch.add_argument("--out", type=Path, help="folder to write; results/<study>/mismatch if not given")
     add_laws(mismatch, nargs="*", default=[])
     mismatch.add_argument("--kept", type=Path, help="folder of kept solutions; solves in --out if not given")
-    mismatch.add_argument("--workers", type=int, default=1, help="presses that are solved side by side")
+    mismatch.add_argument("--workers", type=int, default=1, help="indentations that are solved side by side")
     mismatch.add_argument(
         "--no-page", dest="page", action="store_false", help="verdict and tables only, no report.html"
     )
@@ -185,10 +188,10 @@ def add(commands) -> None:
         commands,
         "mismatch-published",
         "mismatch.published",
-        "judge the article's own readings against its two curves and against our cells",
+        "judge the article's own readings against its two curves and against our own solutions",
     )
     add_study(published, "--study", "--config", dest="config", required=True, text="the article's study")
     published.add_argument("--out", type=Path, required=True, help="folder to write")
-    published.add_argument("--workers", type=int, default=1, help="presses that are solved side by side")
+    published.add_argument("--workers", type=int, default=1, help="indentations that are solved side by side")
 
     add_command(commands, "warm-up", "bench.warm_up", "compile the kernels and keep them for later runs")

@@ -48,7 +48,7 @@ def add(commands) -> None:
         commands,
         "camera-pose",
         "cameras.camera_pose",
-        "a camera's position and its turn about z from four presses or more at known places",
+        "a camera's position and its turn about z from four indentations or more at known places",
     )
     pose.add_argument("session", type=Path, help="a session's folder with images")
     pose.add_argument(

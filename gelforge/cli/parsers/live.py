@@ -69,7 +69,7 @@ def _export(commands) -> None:
         "--sample-mb",
         type=float,
         metavar="MB",
-        help="a part of at most this size: presses drawn by the study's seed, of every split its share",
+        help="a part of at most this size: indentations drawn by the study's seed, of every split its share",
     )
     dataset.add_argument(
         "--fps",

@@ -10,7 +10,10 @@ from gelforge.cli.parsers.common import FRESH, add_laws, study_command
 def add(commands) -> None:
     """Add the commands that the workflow runs."""
     law = study_command(
-        commands, "fit-law", "factory.fit_law", "material tests, or parameters, to a law and measured effects"
+        commands,
+        "fit-law",
+        "factory.fit_law",
+        "material tests, or parameters, to a constitutive model and measured effects",
     )
     law.add_argument("--material", required=True, help="name of the material in the study")
     law.add_argument("--out", type=Path, required=True, help="folder to write")
@@ -66,7 +69,7 @@ def add(commands) -> None:
         commands,
         "simulate-session",
         "factory.simulate_session",
-        "a session's presses in recorded order on a sensor that softens; goes on where it was broken off",
+        "a session's indentations in recorded order on a sensor that softens; goes on where it was broken off",
     )
     in_order.add_argument("--session", required=True, help="name of the session")
     add_laws(in_order, nargs="+", required=True)
@@ -90,7 +93,7 @@ def add(commands) -> None:
     study_command(commands, "manifest", "factory.manifest", "checksums, provenance and card of the dataset")
 
     agreement = study_command(
-        commands, "agreement", "factory.agreement", "simulated beside measured total force, per press"
+        commands, "agreement", "factory.agreement", "simulated beside measured total force, per indentation"
     )
     agreement.add_argument("--out", type=Path, required=True, help="CSV to write")
 
@@ -111,11 +114,11 @@ def add(commands) -> None:
         commands,
         "adapt",
         "learning.adapt",
-        "gains of a model for another sensor, from a few presses with measured forces",
+        "gains of a model for another sensor, from a few indentations with measured forces",
     )
     adapt.add_argument("--model", type=Path, required=True, help="model.pt as trained")
     adapt.add_argument(
-        "--presses", type=int, default=20, help="recorded presses to fit, drawn from those that train"
+        "--presses", type=int, default=20, help="recorded indentations to fit, drawn from those that train"
     )
     adapt.add_argument("--seed", type=int, default=0, help="seed of the draw")
     adapt.add_argument("--out", type=Path, required=True, help="model.pt to write")

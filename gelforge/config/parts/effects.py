@@ -36,10 +36,12 @@ class Circumstances(Section):
 
     ageing_per_day: dict[Name, float] = Field({}, description="growth of the stiffness per day [1/d]")
     age_days: NonNegative = Field(0.0, description="age of the sensor in the session [d]")
-    reference_age_days: NonNegative = Field(0.0, description="age at which the laws hold [d]")
+    reference_age_days: NonNegative = Field(0.0, description="age at which the constitutive models hold [d]")
     stiffening_per_K: dict[Name, float] = Field({}, description="growth of the stiffness per kelvin [1/K]")
     temperature_C: float = Field(23.0, description="temperature of the session [degC]")
-    reference_temperature_C: float = Field(23.0, description="temperature at which the laws hold [degC]")
+    reference_temperature_C: float = Field(
+        23.0, description="temperature at which the constitutive models hold [degC]"
+    )
 
 
 class MaterialEffects(Section):
@@ -50,9 +52,12 @@ class MaterialEffects(Section):
     )
     exponent_factor: dict[Name, Positive] = Field(
         {},
-        description="factor on a law's exponents (Ogden), its growth with I1 - 3 (Yeoh) or 1/Jm (Gent), modulus kept [-]",
+        description="factor on a constitutive model's exponents (Ogden), its growth with I1 - 3 (Yeoh) or 1/Jm"
+        " (Gent), modulus kept [-]",
     )
-    linear_law: bool = Field(False, description="true: neo-Hookean laws of the same shear moduli")
+    linear_law: bool = Field(
+        False, description="true: neo-Hookean constitutive models of the same shear moduli"
+    )
     bulk_to_shear: dict[Name, Positive] = Field(
         {}, description="bulk modulus over shear modulus of a region instead of mechanics.bulk_to_shear [-]"
     )
@@ -171,7 +176,7 @@ class Adhesion(Section):
         0.0, description="work of separation per area; 1e-3 N/mm = 1 J/m2 [N/mm]"
     )
     approach_N_per_mm: NonNegative = Field(0.0, description="work of approach per area, not larger [N/mm]")
-    range_mm: Positive = Field(0.05, description="gap beyond which nothing is felt [mm]")
+    range_mm: Positive = Field(0.05, description="gap beyond which there is no adhesion [mm]")
 
 
 class Film(Section):
@@ -207,7 +212,7 @@ class KinematicEffects(Section):
     )
     zero_by: Annotated[str, Field(pattern="^(press|session)$")] = Field(
         "press",
-        description="depth from each press's own first touch, or from that of the sensor's middle (session)",
+        description="depth from each indentation's own first touch, or from that of the sensor's middle (session)",
     )
     frame_compliance_mm_per_N: NonNegative = Field(
         0.0, description="yielding of the frame along z per force; the gel is pressed less deep [mm/N]"
@@ -221,7 +226,7 @@ class Prony(Section):
     """Relaxing overstresses beside the law, which holds at rest: moduli over that of the law, and their times."""
 
     relative_moduli: list[NonNegative] = Field(
-        min_length=1, description="overstress moduli over the law's [-]"
+        min_length=1, description="overstress moduli over the constitutive model's [-]"
     )
     times_s: list[Positive] = Field(min_length=1, description="relaxation times [s]")
 

@@ -90,7 +90,8 @@ class Learning(Section):
     epochs: int | None = Field(
         None,
         ge=1,
-        description="passes over the training rows, one image of each press in a pass but for paper, which takes all; as "
+        description="passes over the training rows, one image of each indentation in a pass but for paper, which"
+        " takes all; as "
         "usual for the network: 400 for paper, else 35 [-]",
     )
     patience: int | None = Field(

@@ -34,11 +34,12 @@ class Fitting(Section):
     """Which laws are fitted to tests, how, and how one is chosen."""
 
     laws: Annotated[list[LawName], Field(min_length=1)] = Field(
-        ["ogden2"], description="laws to be fitted; ogden2: Ogden's law with two terms"
+        ["ogden2"], description="constitutive models to be fitted; ogden2: Ogden's model with two terms"
     )
     choose: Literal["aicc", "held_out", "first"] = Field(
         "aicc",
-        description="law.json is the law of lowest AICc among those that describe the tests, the one that predicts"
+        description="law.json is the constitutive model of lowest AICc among those that describe the tests, the one"
+        " that predicts"
         " tests left out best, or the first named",
     )
     loss: Literal["linear", "soft_l1"] = Field("linear", description="soft_l1 forgives outliers")
@@ -47,7 +48,7 @@ class Fitting(Section):
     @model_validator(mode="after")
     def _once(self):
         if len(set(self.laws)) < len(self.laws):
-            raise ValueError(f"laws {self.laws}: each law once")
+            raise ValueError(f"laws {self.laws}: each constitutive model once")
         return self
 
     def fitting_keys(self) -> dict:
@@ -62,7 +63,9 @@ class Material(Fitting):
     mapping: Path | None = Field(
         None, description="YAML that says what other people's files in `tests` hold; null: samples.csv"
     )
-    parameters: LawParameters | None = Field(None, description="a law that is given; nothing is fitted")
+    parameters: LawParameters | None = Field(
+        None, description="a constitutive model that is given; nothing is fitted"
+    )
     stiffness_confirmed: bool = Field(
         False, description="true: the initial Young's modulus is meant, also outside 0.5 to 5000 kPa"
     )
@@ -71,7 +74,7 @@ class Material(Fitting):
     def _one_source(self):
         if (self.tests is None) == (self.parameters is None):
             raise ValueError(
-                "give either `tests` (a folder to fit) or `parameters` (a law), not both or neither"
+                "give either `tests` (a folder to fit) or `parameters` (a constitutive model), not both or neither"
             )
         if self.mapping and self.parameters:
             raise ValueError("`mapping` describes the files of `tests`; with `parameters` nothing is read")

@@ -115,7 +115,8 @@ class Mechanics(Section):
     contact: Contact = Field(Contact(), description="contact constants")
     solver: Solver = Field(Solver(), description="stopping rules")
     error_bars: bool = Field(
-        True, description="store the error bars of forces, from a companion on a mesh of twice the sizes"
+        True,
+        description="store the error bars of forces, from a coarse-mesh solution on a mesh of twice the sizes",
     )
     sensitivities: list[Name] = Field(
         [],

@@ -13,7 +13,7 @@ class Known(Section):
     """An effect of force sensor, clock, camera or single presses that is taken as known: the judge adds it to the base."""
 
     effect: Name = Field(description="name in the catalogue")
-    amounts: dict[str, float] = Field(description="amount by parameter, in the parameter's unit")
+    amounts: dict[str, float] = Field(description="value by parameter, in the parameter's unit")
     shape: dict[str, float | str] = Field({}, description="what is scanned and not fitted")
 
 
@@ -43,7 +43,7 @@ class Mismatch(Section):
     discretisation: NonNegative | None = Field(
         None,
         description="error of the base's mesh, a standard deviation as a share of the force, where it is known better"
-        " than a mesh of twice the sizes tells it [-]",
+        " than from a mesh of twice the sizes [-]",
     )
     change_error: NonNegative = Field(
         0.1,

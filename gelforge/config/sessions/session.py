@@ -34,7 +34,7 @@ class ForceSensor(Section):
         description="3x3 rotation from the recorded axes to the sensor frame [-]",
     )
     tared: bool = Field(
-        False, description="zero already subtracted; if false each press's zero rows are used"
+        False, description="zero already subtracted; if false each indentation's zero rows are used"
     )
     resolution_N: list[Positive] = Field([0.03, 0.03, 0.06], description="resolution of x, y, z [N]")
     range_N: list[Positive] | None = Field(None, description="largest force of x, y, z [N]")
@@ -83,16 +83,18 @@ class DepthZero(Section):
     `scatter_mm`, the old key for either, is read until version 0.2: as that of `by`, the other is 0 (see `old_scatter`).
     """
 
-    by: Literal["session", "press"] = Field("session", description="once per session or at every press")
+    by: Literal["session", "press"] = Field("session", description="once per session or at every indentation")
     how: str = Field("", description="procedure in words")
     press_scatter_mm: NonNegative | None = Field(
         None,
-        description="standard deviation of the depth from press to press, one draw each: the stage's repeatability and, "
-        "with by: press, how well each press finds its zero; null: not known [mm]",
+        description="standard deviation of the depth from one indentation to the next, one draw each: the stage's"
+        " repeatability and, "
+        "with by: press, how well each indentation finds its zero; null: not known [mm]",
     )
     session_scatter_mm: NonNegative | None = Field(
         None,
-        description="standard deviation of the session's contact point, one draw for all its presses; null: not known [mm]",
+        description="standard deviation of the session's contact point, one draw for all its indentations; null:"
+        " not known [mm]",
     )
 
     @property

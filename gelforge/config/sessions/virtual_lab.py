@@ -49,7 +49,7 @@ class VirtualImaging(Section):
         None, description="plane in focus, sensor frame; null: the mean height of the particles [mm]"
     )
     exposure_drift: float = Field(
-        0.0, gt=-1, le=1, description="brightness of the last press over that of the first, less 1 [-]"
+        0.0, gt=-1, le=1, description="brightness of the last indentation over that of the first, less 1 [-]"
     )
 
     background_rgb: Colour | None = Field(
@@ -94,7 +94,7 @@ class VirtualForce(Section):
         max_length=3,
         description="scatter of the untared zero of a session [N]",
     )
-    touchdown_mm: NonNegative = Field(0.01, description="scatter of the touchdown of a press [mm]")
+    touchdown_mm: NonNegative = Field(0.01, description="scatter of the contact point of an indentation [mm]")
 
 
 class VirtualSession(Section):
@@ -107,7 +107,7 @@ class VirtualSession(Section):
         le=1,
         description="share of the plan's cells pressed in this session, relative to the others [-]",
     )
-    seed: int = Field(ge=0, description="seed of order, noise and touchdown [-]")
+    seed: int = Field(ge=0, description="seed of order, noise and contact point [-]")
     acts_on: Literal["sensor", "indenter"] = Field(
         "indenter", description="body on which the recorded force acts"
     )
@@ -131,7 +131,7 @@ class VirtualLab(Section):
     """A sensor whose true physics is known: makes synthetic recordings and material tests."""
 
     serial: Name = Field(description="serial of the virtual sensor; seeds its particles")
-    materials: dict[Name, OgdenParameters] = Field(description="true laws of the coupons")
+    materials: dict[Name, OgdenParameters] = Field(description="true constitutive models of the coupons")
     stiffness_scale: dict[Name, Positive] = Field(
         {}, description="concealed factor on a layer's stiffness, by layer"
     )
@@ -140,7 +140,7 @@ class VirtualLab(Section):
         description="the virtual sensor's own model, on another mesh",
     )
     unload_depths_mm: list[Positive] = Field(
-        [1.5, 1.0, 0.5], description="depths visited after the deepest press [mm]"
+        [1.5, 1.0, 0.5], description="depths visited after the deepest indentation [mm]"
     )
     particles: VirtualParticles = Field(VirtualParticles(), description="tracer particles")
     camera: Camera = Field(description="camera")

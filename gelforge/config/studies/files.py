@@ -155,7 +155,7 @@ def load_session(path: str | Path) -> Session:
     session = _validated(Session, content, str(path))
     old = old_scatter(content)
     if old:
-        warnings.warn(f"{path}: {old}", OldKey, stacklevel=1)  # one place: told once, whoever loads it
+        warnings.warn(f"{path}: {old}", OldKey, stacklevel=1)  # one place: said once, whoever loads it
     return session
 
 

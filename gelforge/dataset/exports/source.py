@@ -62,7 +62,7 @@ class Source:
 
     @cached_property
     def manifest_sha256(self) -> str:
-        """What tells this dataset from any other."""
+        """What distinguishes this dataset from any other."""
         return file_sha256(self.folder / "manifest.json")
 
     def of_split(self, split: str) -> tuple[Press, ...]:

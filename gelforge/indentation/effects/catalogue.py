@@ -1,6 +1,6 @@
 """The effects that the finite elements know, by the names that a verdict uses: parameter, unit, plausible width, entry.
 
-`apply(study, amount, place)` returns the study with an amount of the effect; amount 0 gives the plain study's forces bit
+`apply(study, amount, place)` returns the study with a value of the effect; amount 0 gives the plain study's forces bit
 for bit (where the mesh changes: those of the plain study on the same mesh). Effects of the force sensor, the clock and the
 camera are no matter of the finite elements and not here.
 """
@@ -37,24 +37,24 @@ class Place:
 
 @dataclass(frozen=True)
 class Effect:
-    """One effect with one amount."""
+    """One effect with one value."""
 
     name: str
     family: str  # material, history, contact, geometry or kinematics
-    parameter: str  # what the amount is
+    parameter: str  # what the value is
     unit: str
-    width: float  # a plausible amount
+    width: float  # a plausible value
     enters: str  # the keys of the configuration
     apply: Callable[[Study, float, Place], Study]
     mesh_changes: bool = False
     history: bool = False  # every press is a path of its own
     located: bool = False  # the place counts
-    switch: bool = False  # amounts are 0 and 1 only
-    unloading: bool = False  # seen on the way up only
-    step: float = 1e-2  # of the width: the amount by which derivatives are taken
+    switch: bool = False  # values are 0 and 1 only
+    unloading: bool = False  # seen during unloading only
+    step: float = 1e-2  # of the width: the value by which derivatives are taken
 
     def __call__(self, study: Study, amount: float, place: Place | None = None) -> Study:
-        """Return the study with this amount of the effect, located ones by default in the middle of the soft layers."""
+        """Return the study with this value of the effect, located ones by default in the middle of the soft layers."""
         if self.switch and amount not in (0, 1):
             raise ValueError(f"{self.name} is on (1) or off (0), found {amount:g}")
         return self.apply(study, amount, place or middle_of(study))

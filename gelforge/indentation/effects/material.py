@@ -33,7 +33,7 @@ def region_laws(
     """Return the law [MPa] of each region of the mesh; laws are given by layer."""
     top, material, base = sensor.layers[-1].name, effects.material, effects.geometry.base
     chosen = {name: laws.get(name, laws[top]) for name in regions if name != "base"}
-    if "base" in regions:  # rigid: held itself, its law is never felt
+    if "base" in regions:  # rigid: held itself, its law never matters
         assert base is not None  # it has made the region
         chosen["base"] = NeoHooke((base.youngs_modulus_MPa or 1.0) / 3)
     if material.linear_law:  # its stress is linear in b: nothing stiffens or softens

@@ -205,7 +205,7 @@ def _path(
     turns: np.ndarray,
     phases: list[str],
 ) -> PlannedCell:
-    """Return a cell whose rows are followed in the order of the file; an empty phase is told from what moves."""
+    """Return a cell whose rows are followed in the order of the file; an empty phase is found from what moves."""
     if depths[0] <= 0:
         raise ConfigError(
             f"{file}: cell {name}: its path begins at depth {depths[0]:g} mm; begin with a positive depth"

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def check_reaches(study: Study, shape: Shape, cells: dict[str, PlannedCell]) -> None:
     """Refuse sites that the indenter, or a part of it that must touch, cannot reach. Raises ConfigError.
 
-    Of a block whose flat top the indenter meets squarely all is known beforehand; elsewhere what was solved tells
+    Of a block whose flat top the indenter meets squarely all is known beforehand; elsewhere what was solved decides
     (`untouched`).
     """
     sensor, effects = study.sensor, study.mechanics.effects

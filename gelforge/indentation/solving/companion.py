@@ -1,4 +1,4 @@
-"""A cell with its error bars: the press itself, and a coarser companion that says how sure its forces are."""
+"""A cell with its error bars: the press itself, and a coarse-mesh solution that says how sure its forces are."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def _with_derivatives(cell: Cell, study: Study, laws: dict[str, PrincipalLaw], p
 
 
 def _unknown(bins: int) -> Companion:
-    """Return the companion that reached no depth."""
+    """Return the coarse-mesh solution that reached no depth."""
     return Companion(np.empty((0, 3)), np.empty((0, bins, 3)), np.empty((0, 0, 3)), np.empty((0, 0, bins, 3)))
 
 

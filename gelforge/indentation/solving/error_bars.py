@@ -1,12 +1,12 @@
-"""The error bar of every label: discretisation from a coarser companion, material from the covariance of the laws.
+"""The error bar of every label: discretisation from a coarse-mesh solution, material from the covariance of the laws.
 
-Both are standard deviations per force component, of bins and of the total. The companion is the same press on a mesh with
-all sizes doubled. What it differs by is no error bar yet: near the contact's rim the difference of a bin changes sign from
-place to place. Its mean square over a bin, its neighbours and the depths before and after does not, and the true error is
-a stable part of its root, beside a small share of the bin's own force. In a total the errors of near and far size can
-cancel, at other depths than in the companion's difference: a part of the bins' bars stands beside that. The parts below were
-found on some positions of the article's sensor, that one on a small sensor (benchmarks/total_bars.py), and checked on
-others (benchmarks/error_bars.py, docs/accuracy.md).
+Both are standard deviations per force component, of bins and of the total. The coarse-mesh solution is the same press on a
+mesh with all sizes doubled. What it differs by is no error bar yet: near the contact's rim the difference of a bin changes
+sign from place to place. Its mean square over a bin, its neighbours and the depths before and after does not, and the true
+error is a stable part of its root, beside a small share of the bin's own force. In a total the errors of near and far size
+can cancel, at other depths than in the coarse-mesh solution's difference: a part of the bins' bars stands beside that. The
+parts below were found on some positions of the article's sensor, that one on a small sensor (benchmarks/total_bars.py),
+and checked on others (benchmarks/error_bars.py, docs/accuracy.md).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from scipy.ndimage import gaussian_filter
 
 from gelforge.mechanics.laws.law import PrincipalLaw
 
-COARSER = 2.0  # the companion's sizes over the cell's
+COARSER = 2.0  # the coarse-mesh solution's sizes over the cell's
 SMOOTHING = 0.6  # standard deviation of the weights of the mean square: of bins along x and y, and of depths
 PART_BINS = np.array([0.30, 0.30, 0.34])  # x, y, z: of the root mean square difference of bins
 SHARE_BINS = 0.007  # of the force of the bin itself
@@ -48,7 +48,7 @@ def error_bars(
 ) -> dict[str, np.ndarray]:
     """Return the error bars of a cell's totals (D, 3) and bins (D, B, 3) [N] on a grid of (ny, nx) bins.
 
-    Depths that the companion did not reach take its last depth's bars, grown with the force.
+    Depths that the coarse-mesh solution did not reach take its last depth's bars, grown with the force.
     """
     reached = len(companion.total)
     if reached == 0:
@@ -74,7 +74,7 @@ def error_bars(
 
 
 def _mesh_bins(bins: np.ndarray, coarse: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """Return the discretisation error bars (D, B, 3) [N] of bins from those of the companion."""
+    """Return the discretisation error bars (D, B, 3) [N] of bins from those of the coarse-mesh solution."""
     square = ((bins - coarse) ** 2).reshape(len(bins), *shape, 3)
     borders = ("nearest", "constant", "constant", "nearest")  # no force beyond the surface
     mean = gaussian_filter(square, (SMOOTHING, SMOOTHING, SMOOTHING, 0), mode=borders).reshape(bins.shape)

@@ -1,4 +1,4 @@
-"""How a cell's forces, and the gel's displacement, follow the effects that the finite elements know, at amount zero.
+"""How a cell's forces, and the gel's displacement, follow the effects that the finite elements know, at value zero.
 
 Effects that leave the elements and the kind of path alone are differentiated along one base run, all together
 (mechanics.sensitivities.direct); a press at another place takes the touched part of the mesh along. For effects that
@@ -72,7 +72,7 @@ def sensitivities(
 
 
 def variations_of(study: Study, laws: dict[str, PrincipalLaw], names: Sequence[str]) -> dict[str, Variation]:
-    """Return a small amount of each named effect of the catalogue.
+    """Return a small value of each named effect of the catalogue.
 
     Raises ConfigError for a name that is not there, has no derivative, or is of no meaning for this study.
     """

@@ -118,7 +118,7 @@ def onnx_bytes(model: Model, sha256: str) -> bytes:
     example = torch.zeros(2, len(model.scaling.input_mean))
     logs = logging.getLogger("torch.onnx")
     level = logs.level
-    logs.setLevel(logging.ERROR)  # it tells of torchvision, which nothing here needs
+    logs.setLevel(logging.ERROR)  # it speaks of torchvision, which nothing here needs
     try:
         with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
             warnings.simplefilter("ignore")
@@ -144,7 +144,7 @@ def onnx_bytes(model: Model, sha256: str) -> bytes:
 
 
 def metadata(model: Model, sha256: str) -> dict:
-    """Return what an ONNX file tells of itself; numbers and text only."""
+    """Return what an ONNX file says of itself; numbers and text only."""
     plain = {k: v.tolist() for k, v in asdict(model.intervals).items()} if model.intervals else None
     return {
         "format": FORMAT,

@@ -18,7 +18,7 @@ LEAST_PRESSES = 5
 BLOCK = 256  # rows in memory at a time
 GAIN_LIMITS = (0.2, 5.0)  # beyond them the sensor is not of the model's kind
 LEAST_GAIN = 0.95  # of the error left out that a further gain must come below
-SURE = 0.1  # standard deviation of a gain that is taken; small horizontal forces tell none
+SURE = 0.1  # standard deviation of a gain that is taken; small horizontal forces determine none
 # which axes share a gain, from none to one for the horizontal and one for the vertical force
 FORMS = {"none": (), "one gain": ((0, 1, 2),), "horizontal and vertical gain": ((0, 1), (2,))}
 
@@ -115,7 +115,7 @@ def _gains(said: np.ndarray, measured: np.ndarray, axes: tuple[tuple[int, ...], 
 
 
 def _is_usable(said: np.ndarray, presses: Presses, shared: tuple[int, ...]) -> bool:
-    """Return whether presses tell the gain that axes share: horizontal forces of straight presses are too small to."""
+    """Return whether presses determine the gain that axes share: horizontal forces of straight presses are too small to."""
     gain = _gains(said, presses.measured, (shared,))[shared[0]]
     return GAIN_LIMITS[0] <= gain <= GAIN_LIMITS[1] and _deviation(said, presses, shared) < SURE
 

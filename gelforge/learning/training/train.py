@@ -281,7 +281,7 @@ def shards_digest(shards: Sequence[str | Path]) -> str:
 
 
 def _settings(study: Study, shards: Sequence[str | Path]) -> dict:
-    """Return what the model file tells about its making; plain numbers and text."""
+    """Return what the model file says about its making; plain numbers and text."""
     dump = study.model_dump(mode="json", include={"study", "seed", "features", "dataset"})
     attributes = [shard_attributes(path) for path in shards]
     sessions = {name: about for one in attributes for name, about in one["sessions"].items()}

@@ -149,7 +149,7 @@ def cycle_effects(tests: list[MaterialTest]) -> Found:
         not_judged += [("softening", reason) for reason in reasons]
         if changes:
             found.append(_softening(kind, changes, names))
-        if cycled and changes:  # one loop alone cannot tell damage from viscosity
+        if cycled and changes:  # one loop alone cannot distinguish damage from viscosity
             found.append(_ogden_roxburgh(kind, cycled))
     for effect, reason in (
         ("hysteresis", "no unloading in the tests"),

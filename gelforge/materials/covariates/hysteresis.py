@@ -6,7 +6,7 @@ stress is :math:`\eta P_0` of the first loading,
 .. math:: \eta = 1 - \frac{1}{r}\,\mathrm{erf}\frac{W_m - W}{m + \beta W_m},
 
 W the strain energy of the first loading at the stretch, W_m at the largest stretch so far. It describes damage;
-a single loop cannot tell damage from viscosity, for that a reloading is needed.
+a single loop cannot distinguish damage from viscosity, for that a reloading is needed.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from scipy.optimize import least_squares, nnls
 from gelforge.materials.readers.common_form import MaterialTest
 
 BINS_PER_DECADE = 15  # rows are averaged in equal bins of log time: late, dense rows shall not decide alone
-TERMS_PER_DECADE = 2  # closer times cannot be told apart (the kernel exp(-t/tau) is a decade wide)
+TERMS_PER_DECADE = 2  # closer times cannot be distinguished (the kernel exp(-t/tau) is a decade wide)
 LEAST_POINTS = 8
 BIC_GAIN = (
     10.0  # one more term must lower Schwarz' criterion by this much ("very strong", Kass and Raftery 1995)
@@ -107,7 +107,8 @@ class Relaxation:
             return f"{text}: whether relaxation exceeds {NEGLIGIBLE:.0%} is not decided."
         terms = f"{len(self.shares)} Prony term{'s' if len(self.shares) > 1 else ''}"
         return (
-            f"{text}: significant relaxation, {terms} (rms {self.prony_rms:.2%}) against a power law of exponent"
+            f"{text}: significant relaxation, {terms} (rms {self.prony_rms:.2%}) against a power law"
+            " of exponent"
             f" {self.power_exponent:.3f} (rms {self.power_rms:.2%}); the {self.better} describes it better."
         )
 

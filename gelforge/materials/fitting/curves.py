@@ -11,7 +11,7 @@ from gelforge.materials.covariates.effects import first_loading
 from gelforge.materials.readers.common_form import LOAD_CASE_OF, MaterialTest
 from gelforge.mechanics.laws.homogeneous import StressPoints, stress_points
 
-LEAST_RAMP = 0.02  # of stretch: less does not tell a law from a straight line
+LEAST_RAMP = 0.02  # of stretch: less does not distinguish a law from a straight line
 GRID_POINTS = 120  # per test; twice as many change the stress fitted to the demo by 0.01 %
 
 
@@ -30,7 +30,7 @@ class MeanCurve:
     component: str = "1"
     samples: tuple[str, ...] = ()
     rows: tuple[int, ...] = ()  # of each sample as measured, before it was put on the grid
-    part: str = ""  # tells curves of one test apart, e.g. biaxial ones of different second stretch
+    part: str = ""  # distinguishes curves of one test, e.g. biaxial ones of different second stretch
 
     @property
     def nominal_stress(self) -> np.ndarray:

@@ -93,7 +93,7 @@ def fit_law(
     do not determine the law.
     """
     if name not in FAMILIES:
-        raise FitError(f"law {name!r} is not known; one of {', '.join(FAMILIES)}")
+        raise FitError(f"constitutive model {name!r} is not known; one of {', '.join(FAMILIES)}")
     if loss not in LOSSES:
         raise FitError(f"loss {loss!r} is not known; one of {', '.join(LOSSES)}")
     family, problem = FAMILIES[name], Problem.of(curves)
@@ -343,7 +343,7 @@ def _check_rows(curves: list[MeanCurve], family: Family) -> None:
     if rows < needed:
         raise FitError(
             f"{family.title}: {rows} rows for {len(family.parameters)} parameters; {needed} at least are needed,"
-            " add readings or take a simpler law"
+            " add readings or take a simpler constitutive model"
         )
 
 

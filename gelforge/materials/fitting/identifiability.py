@@ -14,7 +14,7 @@ from gelforge.mechanics.laws.homogeneous import LOAD_CASES, StressPoints, stress
 from gelforge.mechanics.laws.models import FAMILIES
 from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
 
-TOLERANCE = 0.01  # of the spread of stress: real samples cannot tell laws apart that are closer than that
+TOLERANCE = 0.01  # of the spread of stress: real samples cannot distinguish laws that are closer than that
 WIDTH_TO_WARN = 0.10  # high over low - 1 of a prediction
 REFERENCE = "ogden3"  # contains neo-Hooke and Mooney-Rivlin (alpha = 2, -2) and Ogden with fewer terms, and stiffens twice
 LEAST_FREEDOM = 3.0  # of a misfit: with fewer its scatter is not known at all
@@ -59,7 +59,7 @@ def prediction_widths(
     """Return the width of the prediction in each standard load case that was not tested, at one stretch.
 
     stretch: the largest tested one if not given. The width is that of all laws of the fitted family and of Ogden's
-    with three terms that the tests cannot tell from the best of their family (_largest_misfit): the stress is
+    with three terms that the tests cannot distinguish from the best of their family (_largest_misfit): the stress is
     prescribed at one value after the other and the law fitted again (a profile of the misfit). Values outside
     SCANNED are not looked at, so that the width of what is not determined at all is a lower limit.
     """
@@ -104,7 +104,7 @@ def _admitted(problem: Problem, family: Family, theta: np.ndarray, point: Stress
 
 
 def _largest_misfit(problem: Problem, family: Family, theta: np.ndarray) -> float:
-    """Return the largest squared misfit of laws that the tests cannot tell from the best one, theta.
+    """Return the largest squared misfit of laws that the tests cannot distinguish from the best one, theta.
 
     It grows by 1 + F(1, v) / v, the profile region of one quantity with v degrees of freedom (Bates & Watts 1988,
     sec. 6.1), v from as many points as correlated residuals are worth, and by TOLERANCE^2.

@@ -112,8 +112,9 @@ def _moved(material: MaterialLaw, move: np.ndarray) -> PrincipalLaw:
         return material.family.law_of(material.values + move)
     except ValueError as error:
         raise LawFileError(
-            f"{material.material}: the covariance of its law reaches parameters that are no law ({error}); repeat the tests"
-            " or choose a law with fewer parameters"
+            f"{material.material}: the covariance of its constitutive model reaches parameters that are not"
+            f" possible ({error}); repeat the tests"
+            " or choose a constitutive model with fewer parameters"
         ) from None
 
 
@@ -175,13 +176,13 @@ def read_law(path: str | Path) -> MaterialLaw:
         raise LawFileError(f"{path}: format {found!r}, expected {FORMAT!r}; {remedy}")
     kind = content.get("law")
     if kind not in MODELS:
-        raise LawFileError(f"{path}: law {kind!r}; one of {list(MODELS)} can be read")
+        raise LawFileError(f"{path}: constitutive model {kind!r}; one of {list(MODELS)} can be read")
     try:
         covariance, valid = content["covariance"], content["valid_stretch"]
         states = content.get("valid_states")
         return MaterialLaw(
             content["material"],
-            MODELS[kind].of_file(_values(kind, content)),
+            MODELS[kind].of_file(content),
             content["inputs_digest"],
             None if covariance is None else np.array(covariance["matrix"], dtype=float),
             content["r2_nominal"],
@@ -198,14 +199,6 @@ def read_law(path: str | Path) -> MaterialLaw:
         )
     except (KeyError, TypeError, ValueError) as error:
         raise LawFileError(f"{path}: {type(error).__name__} {error}; {remedy}") from None
-
-
-def _values(kind: str, content: dict) -> dict[str, float]:
-    """Return the parameters by name; Ogden's stand as lists too, and in the first files as lists alone."""
-    if kind != "ogden":
-        return {parameter["name"]: parameter["value"] for parameter in content["parameters"]}
-    lists = {"mu_{}_kPa": content["mu_kPa"], "alpha_{}": content["alpha"]}
-    return {name.format(k): value for name, values in lists.items() for k, value in enumerate(values, 1)}
 
 
 def rounded(content):

@@ -156,7 +156,7 @@ def few_rows(n: int) -> list[str]:
 def _start(test):
     strain = test.stretch[0] - test.at_rest
     if _crosses_rest(test) or abs(strain) > abs(test.stretch[-1] - test.at_rest):
-        return  # told by its order
+        return  # known by its order
     if test.history != "relaxation" and abs(strain) > STRAIN_AT_START:
         yield (
             f"the first row is at {test.stretch[0]:.5g}, not at rest ({test.at_rest:g}): slack taken up, a late"
@@ -192,7 +192,7 @@ def _preload(test):
     """Say which stress a sample bears while it waits near rest: the machine took up slack, or pressed it to be flat."""
     start = test.stretch[0]
     if test.cauchy_difference is not None or not REST < abs(start - test.at_rest) <= STRAIN_AT_START:
-        return  # at rest: told as its stress there; further away: as a late start
+        return  # at rest: reported as its stress there; further away: as a late start
     waits = np.abs(test.stretch - start) <= REST / 2
     count = len(waits) if waits.all() else int(np.argmin(waits))
     if count < PRELOAD_ROWS:
@@ -225,7 +225,7 @@ def _order(test):
     if test.history == "monotonic" and first > last:
         yield (
             "rows run from the largest strain back to rest: an unloading, or a table sorted by stretch;"
-            " without a time it cannot be told"
+            " without a time it cannot be decided"
         )
     if test.history == "monotonic" and _crosses_rest(test):
         yield "the curve crosses rest: tension and compression (or both ways of shear) in one table"

@@ -15,7 +15,7 @@ from gelforge.materials.readers.stresses import neo_hookean_shape
 # read as a stretch, fall out. Adhesives are sheared up to 10.
 STRETCH = (0.05, 25.0)
 SHEAR = (-12.0, 12.0)
-LEAST_STRAIN = 0.02  # less does not tell a law from a straight line
+LEAST_STRAIN = 0.02  # less does not distinguish a law from a straight line
 SAME_SIGN = 0.8  # of the strained rows: the stress has the sign of the strain
 # a person's rate: crosshead and gauge differ by up to 3, minutes and seconds by 60, milliseconds by 1000
 DECLARED_RATE = 5.0
@@ -40,7 +40,7 @@ def check_range(path, entry, table, test: MaterialTest) -> None:
     if reached < LEAST_STRAIN:
         raise TableError(
             f"{path}: {entry.strain.column} reaches a strain of {reached:.3g}; {LEAST_STRAIN:g} at least is needed to"
-            " find a law; check `unit` and `measure`, or test further"
+            " find a constitutive model; check `unit` and `measure`, or test further"
         )
 
 

@@ -32,7 +32,7 @@ def indentation_test(path, entry, table, sample, time, said, named) -> Indentati
     travel, push = float(np.ptp(position)), float(np.ptp(force))
     if not travel > 0 or not push > 0:
         raise TableError(
-            f"{path}: travel {travel:g} mm and force range {push:g} N; both must change in a press"
+            f"{path}: travel {travel:g} mm and force range {push:g} N; both must change in an indentation"
         )
     backward = first_reversal(position) if segment is None else None
     if backward is not None:
@@ -43,7 +43,7 @@ def indentation_test(path, entry, table, sample, time, said, named) -> Indentati
     if entry.ball_radius_mm and travel > LARGEST_TRAVEL * entry.ball_radius_mm:
         raise TableError(
             f"{path}: {entry.height.column} travels {travel:.4g} mm with a ball of {entry.ball_radius_mm:g} mm radius;"
-            f" {LARGEST_TRAVEL:g} radii at most are a press: check the units of both"
+            f" {LARGEST_TRAVEL:g} radii at most are an indentation: check the units of both"
         )
     _check_press(path, entry, position, force, segment)
     if entry.corrections.odd_rows == "refuse":

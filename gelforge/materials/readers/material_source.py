@@ -195,7 +195,7 @@ def _board(
     if not found or entry is None:
         raise TableError(
             f"{folder / test.source}: rigid_board {test.rigid_board!r} is {'ignored' if found else 'not there'}; name the"
-            " file of a press that the mapping reads"
+            " file of an indentation that the mapping reads"
         )
     board = read_mapped(found[0], entry)[0]
     if not isinstance(board, IndentationTest):

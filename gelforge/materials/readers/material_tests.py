@@ -301,7 +301,7 @@ def _checked_stretch(path: Path, table: pd.DataFrame, history: str) -> np.ndarra
     if extent < LEAST_STRETCH_RANGE:
         raise TableError(
             f"{path}: stretch_1 runs from {values.min():g} to {values.max():g}; a range of"
-            f" {LEAST_STRETCH_RANGE:g} at least is needed to find a law, test further"
+            f" {LEAST_STRETCH_RANGE:g} at least is needed to find a constitutive model, test further"
         )
     i = first_reversal(values) if history == HISTORIES[0] else None
     if i is not None:

@@ -74,8 +74,9 @@ def fit_modulus(
         travel = float(z.max() - contact_point(z, F, R, thickness_mm))
         if give.max() > LARGEST_GIVE * travel:
             raise ValueError(
-                f"{test.source}: the machine gives {give.max():.3g} mm on the board, the press itself travels"
-                f" {travel:.3g} mm in contact; at most {LARGEST_GIVE:.0%} of it can be told from the sample: stiffen the"
+                f"{test.source}: the machine gives {give.max():.3g} mm on the board, the indentation itself travels"
+                f" {travel:.3g} mm in contact; at most {LARGEST_GIVE:.0%} of it can be distinguished from the"
+                " specimen: stiffen the"
                 " fixture, press a softer or thicker sample, or track the surface"
             )
         said.append(f"the machine gives {give.max():.3g} mm of {np.ptp(z):.3g} mm travel")
@@ -197,7 +198,9 @@ def _give(machine: IndentationTest, force) -> np.ndarray:
     noise = np.std(F[: max(len(F) // 4, 3)])
     first = int(np.argmax(F - rest > 5 * noise + 0.01 * np.ptp(F)))
     if first == 0:
-        raise ValueError(f"{machine.source}: the press on the board has no rows before touch; start above it")
+        raise ValueError(
+            f"{machine.source}: the indentation of the board has no rows before contact; start above it"
+        )
     push, way = np.maximum.accumulate(F[first:] - rest), machine.position_mm[first:]
     slope = np.polyfit(push[: min(8, len(push))], way[: min(8, len(push))], 1)[0]
     touch = way[0] - max(slope, 0.0) * push[0]

@@ -42,7 +42,7 @@ def find_segments(
 ) -> tuple[Segment, ...]:
     """Return the loads, unloads and holds of a test in their order.
 
-    A load moves away from rest. Without a time column holds cannot be told from closely spaced rows and none is
+    A load moves away from rest. Without a time column holds cannot be distinguished from closely spaced rows and none is
     found. A test that never moves (one stretch throughout) is one hold.
     """
     n = len(stretch)

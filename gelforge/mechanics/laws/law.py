@@ -58,6 +58,11 @@ class PrincipalLaw(ABC):
         """Return keys of law.json for readers who want the constants by themselves."""
         return {}
 
+    @classmethod
+    def parameters_of_file(cls, content: dict) -> dict[str, float]:
+        """Return the parameters in the content of a law.json by name, in its units."""
+        return {p["name"]: p["value"] for p in content["parameters"]}
+
     def with_exponents(self, factor: float) -> PrincipalLaw:
         """Return the law that stiffens faster by a factor > 0, with the same shear modulus; 1 gives the law itself."""
         if not factor > 0:
@@ -154,7 +159,8 @@ class InvariantLaw(PrincipalLaw):
 
     .. math:: \beta_i = W_1 f_i + W_2 g_i .
 
-    Its point(constants, I1, I2) returns W, W_1, W_2, W_11, W_12, W_22 and the extension over its limit.
+    Its point(constants, x, y), x = I_1 - 3 and y = I_2 - 3, returns W, W_1, W_2, W_11, W_12, W_22 and the extension over its
+    limit.
     """
 
     @abstractmethod

@@ -25,8 +25,9 @@ class Model:
         """Return the name in files and configurations, which is also that of its file."""
         return self.law.name
 
-    def of_file(self, values: dict[str, float]) -> PrincipalLaw:
-        """Return the law [MPa] of parameters by name, in the units of files. Raises ValueError for those of no family."""
+    def of_file(self, content: dict) -> PrincipalLaw:
+        """Return the law [MPa] that the content of a law.json states. Raises ValueError for parameters of no family."""
+        values = self.law.parameters_of_file(content)
         family = next((f for f in self.families if set(f.parameters) == set(values)), None)
         if family is None:
             known = " or ".join(str(list(f.parameters)) for f in self.families)

@@ -55,10 +55,10 @@ def _stretches_by_number(others, numbered):
 def _invariants_by_number(others, numbered):
     number, own = numbered[0], _inlined(numbered[1])
 
-    def choice(law, constants, I1, I2):
+    def choice(law, constants, x, y):
         if law == number:
-            return own(constants, I1, I2)
-        return others(law, constants, I1, I2)
+            return own(constants, x, y)
+        return others(law, constants, x, y)
 
     return _inlined(choice)
 
@@ -70,16 +70,16 @@ def _last_of_stretches(routine: Callable):
 
 def _last_of_invariants(routine: Callable):
     own = _inlined(routine)
-    return _inlined(lambda law, constants, I1, I2: own(constants, I1, I2))
+    return _inlined(lambda law, constants, x, y: own(constants, x, y))
 
 
 _of_stretches = reduce(
-    _stretches_by_number, enumerate(_OF_STRETCHES[:-1]), _last_of_stretches(_OF_STRETCHES[-1])
+    _stretches_by_number, enumerate(_OF_STRETCHES[1:], start=1), _last_of_stretches(_OF_STRETCHES[0])
 )
 _of_invariants = reduce(
     _invariants_by_number,
-    enumerate(_OF_INVARIANTS[:-1], start=STRETCHES),
-    _last_of_invariants(_OF_INVARIANTS[-1]),
+    enumerate(_OF_INVARIANTS[1:], start=STRETCHES + 1),
+    _last_of_invariants(_OF_INVARIANTS[0]),
 )
 
 
@@ -95,18 +95,18 @@ def principal_stress(law, constants, lam, beta, gamma):
         beta[i] = square  # until the invariants' slopes need the place
         I1 += square
         I2 += 1.0 / square
-    energy, W1, W2, W11, W12, W22, extension = _of_invariants(law, constants, I1, I2)
+    energy, W1, W2, W11, W12, W22, extension = _of_invariants(law, constants, I1 - 3.0, I2 - 3.0)
     # f_i, g_i: dI1/d ln lam_i and dI2/d ln lam_i without their means; their own slopes are 2 f and -2 g before that.
     for i in range(3):
         fi = 2.0 * (beta[i] - I1 / 3.0)
-        gi = -2.0 * (1.0 / beta[i] - I2 / 3.0)
         di = 4.0 * (W1 * beta[i] + W2 / beta[i])
         for j in range(i, 3):
             fj = 2.0 * (beta[j] - I1 / 3.0)
-            gj = -2.0 * (1.0 / beta[j] - I2 / 3.0)
             dj = 4.0 * (W1 * beta[j] + W2 / beta[j])
             slope = 4.0 * (W1 * I1 + W2 * I2) / 9.0 - (di + dj) / 3.0 + W11 * fi * fj
-            slope += W12 * (fi * gj + gi * fj) + W22 * gi * gj
+            if W12 != 0.0 or W22 != 0.0:
+                gi, gj = -2.0 * (1.0 / beta[i] - I2 / 3.0), -2.0 * (1.0 / beta[j] - I2 / 3.0)
+                slope += W12 * (fi * gj + gi * fj) + W22 * gi * gj
             if i == j:
                 slope += di
             gamma[i, j] = slope

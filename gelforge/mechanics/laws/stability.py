@@ -51,6 +51,7 @@ def check_stable(law: PrincipalLaw, smallest: float, largest: float, name: str) 
         if bad.any():
             reason = "has no stress" if np.isnan(margin[bad][0]) else "is unstable (Drucker)"
             raise UnstableLaw(
-                f"the law of {name} {reason} in {case} from stretch {lam[np.argmax(bad)]:.3g}; this press may use it up to"
-                f" {end:.3g}: press less deep or fit another law"
+                f"the constitutive model of {name} {reason} in {case} from stretch {lam[np.argmax(bad)]:.3g}; this"
+                " indentation may use it up to"
+                f" {end:.3g}: press less deep or fit another constitutive model"
             )

@@ -1,4 +1,4 @@
-"""Surfaces that have touched hold together: the indenter is pulled on its way up."""
+"""Surfaces that have touched hold together: the indenter is pulled during unloading."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ GROWTH = 1.5  # d area / d depth, in pi times the radius
 
 
 def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
-    """Return the forces with adhesion: on the way up w dA/dd pulls the sensor up, while there is contact (R, 3) [N].
+    """Return the forces with adhesion: during unloading w dA/dd pulls the sensor up, while there is contact (R, 3) [N].
 
     To first order in the work w, at a held depth d, whatever the law: the energy of the surfaces that stick. The contact
     area A grows by pi R d on a half space and by 2 pi R d on a layer that is thin beside it; between them 1.5 is taken.
@@ -36,7 +36,7 @@ EFFECT = Effect(
             " gel torn off fast (judgement)", sign=1,
         ),
     ),
-    signature="less force on the way up, down to a pull before the indenter lets go; loading clean within millinewtons",
+    signature="less force during unloading, down to a pull before the indenter lets go; loading clean within millinewtons",
     confused_with=("force_hysteresis", "viscoelastic", "mullins"),
     separated_by="slow unloading with readings up to where the indenter lets go; a dusted surface",
     form_error=0.25,  # of the pull of Johnson, Kendall and Roberts on layers, which is less at small depths

@@ -38,7 +38,8 @@ EFFECT = Effect(
     ),
     signature="all forces of a session in proportion, from session to session with the sensor's age",
     confused_with=("gel_stiffness", "force_gain", "force_drift", "mullins", "temperature", "thickness_gradient"),
-    separated_by="a sentinel press in every session, at one temperature, with dead weights on the force sensor beside it",
+    separated_by="the same indentation in every session, at one temperature, with dead weights on the force sensor"
+        " beside it",
     takes=("gel_stiffness",),
     shapes=where_it_differs("age_days"),
     form_error=0.2,  # of a rate that is not constant

@@ -1,4 +1,4 @@
-"""The base plate, held at its edges, bends under the press."""
+"""The base plate, held at its edges, bends under the indentation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gelforge.mismatch.model.solver_effects import amount, has, per_depth, solve
 
 
 def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
-    """Return the forces to first order: less deep by the plate's sag: its first mode, driven and read at the press."""
+    """Return the forces to first order: less deep by the plate's sag: its first mode, driven and read at the indentation."""
     (c,) = amounts
     sensor = context.study.sensor
     xy = context.observations.table[["x_mm", "y_mm"]].to_numpy(float)

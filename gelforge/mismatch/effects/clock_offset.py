@@ -17,8 +17,8 @@ STAMPS = ("late", "early")  # forces belong to the way before a reading, or to t
 def speed(context: Context, stamp: str) -> np.ndarray:
     """Return the speed (R,) [mm/s] at which depth grows before (late) or after (early) a reading; 0 where the stage waits.
 
-    Before: from the reading before, or touch. After: to the next reading of the same way; at the end of a way down the
-    stage stops, at that of a way up it goes on.
+    Before: from the reading before, or touch. After: to the next reading of the same way; at the end of a loading the
+    stage stops, at that of an unloading it goes on.
     """
     table = context.observations.table
     press = table["press"].to_numpy()
@@ -59,9 +59,9 @@ EFFECT = Effect(
         ),
     ),
     enters="time of the force readings against the stage's",
-    signature="less force on the way down and more on the way up, in proportion to speed; nothing while the stage waits",
+    signature="less force during loading and more during unloading, in proportion to speed; nothing while the stage waits",
     confused_with=("contact_zero", "force_hysteresis", "viscoelastic"),
-    separated_by="the same press at two speeds, with a wait at the end; one trigger line for all recorders",
+    separated_by="the same indentation at two speeds, with a wait at the end; one trigger line for all recorders",
     takes=("contact_zero",),
     to_forces=to_forces,
     shapes=shapes,

@@ -1,4 +1,4 @@
-"""Depth zero was found too late or too early in all presses alike."""
+"""Depth zero was found too late or too early in all indentations alike."""
 
 from gelforge.mismatch.model.effect import Effect
 from gelforge.mismatch.model.solver_effects import amount, has, solver

@@ -29,6 +29,6 @@ EFFECT = Effect(
     enters="force readings: F_i + sum of c_ij F_j",
     signature="lateral readings in proportion to the normal force, of one sign at every place",
     confused_with=("tilt", "misregistration", "force_gain"),
-    separated_by="dead weights along each axis; a press at the middle of a level sensor",
+    separated_by="dead weights along each axis; an indentation at the middle of a level sensor",
     to_forces=to_forces,
 )

@@ -15,7 +15,7 @@ EFFECT = Effect(
     ),
     signature="softer over a patch of a few millimetres, with lateral forces of opposite sign on its two sides",
     confused_with=("void", "wall_gap", "misregistration"),
-    separated_by="presses 2 mm apart across the patch; images: particles under it stay behind the skin",
+    separated_by="indentations 2 mm apart across the patch; images: particles under it stay behind the skin",
     shapes=lambda context: places.patches(context.study),
     applies=lambda study: is_block(study) and has_none_of("geometry.delaminations")(study),
     **solver("delamination", limit=(0.0, 1.0), directed=True)

@@ -22,7 +22,7 @@ EFFECT = Effect(
     ),
     signature="softer everywhere in proportion to the force per area, more at depth, more in the middle than near the wall",
     confused_with=("frame_compliance", "base_bending", "compressibility", "law_exponent"),
-    separated_by="a press with a wide flat indenter, or a displacement sensor on the base",
+    separated_by="an indentation with a wide flat indenter, or a displacement sensor on the base",
     applies=lambda study: not study.tetrahedra,
     **solver("elastic_base", present),
 )  # fmt: skip

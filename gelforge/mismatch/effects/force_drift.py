@@ -1,4 +1,4 @@
-"""The force sensor's zero drifts: over a tared session, or from a press's own zero rows on."""
+"""The force sensor's zero drifts: over a tared session, or from an indentation's own zero rows on."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SETTLES_S = (120.0, 600.0)  # electronics, and a machine: minutes, and the bette
 
 
 def hours(context: Context) -> np.ndarray:
-    """Return the time (R,) [h] since zero: the session's first reading if it is tared, the press's touch if not."""
+    """Return the time (R,) [h] since zero: the session's first reading if it is tared, the indentation's touch if not."""
     table = context.observations.table
     of_session = table["time_s"] - table.groupby("session")["time_s"].transform("min")
     return np.where(context.observations.tared, of_session, table["press_time_s"]) / 3600.0
@@ -31,7 +31,7 @@ def shapes(context: Context) -> list[Shape]:
 
 
 def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
-    """Return the forces with a zero that grows in time, evenly or exponentially to rest, by the amounts in an hour."""
+    """Return the forces with a zero that grows in time, evenly or exponentially to rest, by the values in an hour."""
     t = hours(context)
     if "settles_s" in shape:
         tau = float(shape["settles_s"]) / 3600.0
@@ -47,7 +47,7 @@ EFFECT = Effect(
     signature="the same force at every place and depth, growing with time for good or until all is warm; in raster order"
     " a slope over the sensor",
     confused_with=("force_offset", "ageing", "thickness_gradient", "mullins", "viscoelastic"),
-    separated_by="random order, zero readings before and after every press",
+    separated_by="random order, zero readings before and after every indentation",
     to_forces=to_forces,
     shapes=shapes,
 )

@@ -1,10 +1,10 @@
-"""A blunder: the lateral axes of the force sensor, or of the stage, are not those that the session states."""
+"""A data-entry error: the lateral axes of the force sensor, or of the stage, are not those that the session states."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from gelforge.mismatch.model.blunders import blunder
+from gelforge.mismatch.model.data_entry import data_entry_error
 from gelforge.mismatch.model.effect import Effect
 
 # What was read as (Fx, Fy), of the force (Fx, Fy) on the sensor: all other ways to lay a square on itself.
@@ -29,6 +29,7 @@ EFFECT = Effect(
     enters="force.axes and stage_to_sensor in session.yaml",
     signature="lateral forces as large as they should be, along other axes; vertical forces clean",
     confused_with=("cross_talk", "misregistration"),
-    separated_by="a look at how the force sensor is mounted; one press beside each wall, which pushes the ball away from it",
-    **blunder("axes", READ, "x and y swapped", read),
+    separated_by="a look at how the force sensor is mounted; one indentation beside each wall, which pushes the"
+    " ball away from it",
+    **data_entry_error("axes", READ, "x and y swapped", read),
 )

@@ -11,7 +11,7 @@ from gelforge.mismatch.model.effect import Effect, Parameter, Shape
 
 SOURCE = (
     "width: full-scale uncertainty of 1 to 2 % in common six-axis data sheets, a good deal more of the reading at a tenth of"
-    " the range; bounds: a wrong unit or range is a blunder and not a gain"
+    " the range; bounds: a wrong unit or range is a data-entry error and not a gain"
 )
 
 

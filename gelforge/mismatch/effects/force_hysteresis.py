@@ -1,4 +1,4 @@
-"""The force sensor lags behind: it reads more on the way up than on the way down at the same force."""
+"""The force sensor lags behind: it reads more during unloading than during loading at the same force."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gelforge.mismatch.model.effect import Effect, Parameter, Shape
 
 
 def shapes(context: Context) -> list[Shape]:
-    """Return both loops; none without readings on the way up, where they have nothing that is theirs alone."""
+    """Return both loops; none without readings during unloading, where they have nothing that is theirs alone."""
     up = (context.observations.table["phase"] == "unload").any()
     return [{"loop": loop} for loop in LOOPS] if up else []
 
@@ -28,7 +28,7 @@ def largest_so_far(context: Context, force: np.ndarray) -> np.ndarray:
 
 
 def lens(context: Context, force: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Return the opening (R, 3) [N] share (3,) 4 s (1 - s) P, s = F / P and P the largest F of the press so far.
+    """Return the opening (R, 3) [N] share (3,) 4 s (1 - s) P, s = F / P and P the largest F of the indentation so far.
 
     It is zero at the peak and at no force and share P at half of it: hysteresis as data sheets define it, by axis.
     """
@@ -40,8 +40,8 @@ def lens(context: Context, force: np.ndarray, share: np.ndarray) -> np.ndarray:
 def play(context: Context, force: np.ndarray, share: np.ndarray) -> np.ndarray:
     """Return the opening (R, 3) [N] of a reading that stays where it is as long as the force is within a band about it.
 
-    Half of the band is a share (3,) of the largest base force of all, by axis: on the way down the reading is so much too
-    small, on the way up too large (Prandtl's play, as Coulomb friction in a mount makes it).
+    Half of the band is a share (3,) of the largest base force of all, by axis: during loading the reading is so much too
+    small, during unloading too large (Prandtl's play, as Coulomb friction in a mount makes it).
     """
     largest = np.max([np.abs(values).max(axis=0) for values in context.curves.values], axis=0)
     if not largest.any():  # weights that lie still
@@ -60,7 +60,7 @@ LOOPS = {"lens": lens, "play": play}
 
 
 def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
-    """Return the forces as a sensor with hysteresis reads them; the lens is calibrated on the way down."""
+    """Return the forces as a sensor with hysteresis reads them; the lens is calibrated during loading."""
     return force + LOOPS[str(shape.get("loop", "lens"))](context, force, np.asarray(amounts))
 
 
@@ -73,7 +73,8 @@ EFFECT = Effect(
     family="force sensor",
     parameters=tuple(Parameter(axis, "1", 0.02, (0.0, 0.3), SOURCE, sign=1) for axis in ("x", "y", "z")),
     enters="force readings, as shares of the largest force by axis",
-    signature="more force on the way up than on the way down, most at half of the press's largest force or as much at any",
+    signature="more force during unloading than during loading, most at half of the indentation's largest force or"
+    " as much at any",
     confused_with=("viscoelastic", "adhesion", "mullins", "clock_offset"),
     separated_by="dead weights put on and taken off; unloading at two speeds (hysteresis does not know time)",
     to_forces=to_forces,

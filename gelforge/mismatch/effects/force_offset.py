@@ -1,4 +1,4 @@
-"""The zero of a tared session is off. Where each press's own zero is subtracted, a constant cancels."""
+"""The zero of a tared session is off. Where each indentation's own zero is subtracted, a constant cancels."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ EFFECT = Effect(
     family="force sensor",
     parameters=tuple(Parameter(axis, "N", 0.05, (-2.0, 2.0), SOURCE) for axis in ("x", "y", "z")),
     enters="force readings of a tared session: F + constant",
-    signature="the same force at every place and depth, without any at depth zero in the simulation",
+    signature="the same force at every place and depth, without any at the contact point in the simulation",
     confused_with=("force_drift", "contact_zero", "tilt"),
-    separated_by="readings before touch in every press, which a tared session may still have",
+    separated_by="readings before contact in every indentation, which a tared session may still have",
     to_forces=to_forces,
     shapes=shapes,
 )

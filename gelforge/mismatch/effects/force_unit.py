@@ -1,8 +1,8 @@
-"""A blunder: the readings are not in newtons."""
+"""A data-entry error: the readings are not in newtons."""
 
 from __future__ import annotations
 
-from gelforge.mismatch.model.blunders import blunder
+from gelforge.mismatch.model.data_entry import data_entry_error
 from gelforge.mismatch.model.effect import Effect
 
 # What is read of one newton; thousands are refused when a recording is read.
@@ -20,5 +20,5 @@ EFFECT = Effect(
     confused_with=("force_gain", "body_stiffness"),
     separated_by="one known weight on the force sensor",
     form_error=0.02,  # of the base's own errors, which grow with the factor
-    **blunder("unit", READ, "kgf", lambda force, unit: READ[unit] * force),
+    **data_entry_error("unit", READ, "kgf", lambda force, unit: READ[unit] * force),
 )

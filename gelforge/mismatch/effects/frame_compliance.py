@@ -27,7 +27,7 @@ EFFECT = Effect(
             " A negative compliance fits many stiffening curves and is no physics", sign=1,
         ),
     ),
-    signature="softer as force times slope: nothing at small depth, most at the deepest presses and near the wall",
+    signature="softer as force times slope: nothing at small depth, most at the deepest indentations and near the wall",
     confused_with=("compressibility", "law_exponent", "base_bending", "elastic_base"),
     separated_by="pressing a rigid block in place of the sensor; images, which show the true depth",
     takes=("contact_zero",),

@@ -13,9 +13,9 @@ EFFECT = Effect(
             sign=1,
         ),
     ),
-    signature="lateral force off the middle falls behind the normal force at the deepest presses",
+    signature="lateral force off the middle falls behind the normal force at the deepest indentations",
     confused_with=("friction", "frictionless", "law_exponent"),
-    separated_by="presses that shear the surface at several depths",
+    separated_by="indentations that shear the surface at several depths",
     applies=lambda study: study.mechanics.friction > 0,
     **solver("friction_law", has("contact.pressure_exponent"), limit=(0.0, 0.99)),
 )  # fmt: skip

@@ -18,7 +18,7 @@ EFFECT = Effect(
     ),
     signature="harder over a few millimetres, more at depth",
     confused_with=("void", "contact_zero", "thickness_gradient"),
-    separated_by="presses 2 mm apart around the place; images, in which the lump itself is seen",
+    separated_by="indentations 2 mm apart around the place; images, in which the lump itself is seen",
     shapes=lambda context: places.balls(context.study),
     **solver("inclusion", limit=(0.0, 1.0), directed=True)
     | {"to_forces": places.FirstOrderAt("inclusion", places.balls)},

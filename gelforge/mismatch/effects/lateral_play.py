@@ -1,4 +1,4 @@
-"""The stage has play across the press: where the ball lands depends on the side from which it came."""
+"""The stage has lateral play: where the ball lands depends on the side from which it came."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def to_places(context: Context, shape: Shape, amounts: Sequence[float]) -> np.nd
 
 
 def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
-    """Return the forces with each press shifted on its own, by the derivatives along misregistration."""
+    """Return the forces with each indentation shifted on its own, by the derivatives along misregistration."""
     for shift, axis in zip(shifts(context, amounts).T, AXES):
         force = force + shift[:, None] * context.derivative(f"misregistration.{axis}")
     return force
@@ -35,8 +35,9 @@ EFFECT = Effect(
     name="lateral_play",
     family="kinematics",
     parameters=tuple(Parameter(axis, "mm", 0.2, (0.0, 2.0), SOURCE, 1) for axis in AXES),
-    enters="where each press lands, by the stage's last move along each of its axes",
-    signature="presses to one place differ with the side from which the stage came; near a wall softer where it comes from "
+    enters="where each indentation lands, by the stage's last move along each of its axes",
+    signature="indentations to one place differ with the side from which the stage came; near a wall softer where"
+    " it comes from "
     "within, harder where it comes from without",
     confused_with=("grid_scale", "wall_stiffness", "prestretch", "misregistration", "yaw"),
     separated_by="one place near a wall, met from both sides in turn; the last move always from the same side",

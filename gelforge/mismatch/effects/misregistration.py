@@ -18,7 +18,7 @@ EFFECT = Effect(
     parameters=tuple(amount("misregistration", along, (-3.0, 3.0), SOURCE) for along in ("x", "y")),
     signature="near the walls harder on one side and softer on the other; nothing in the middle but a lateral force",
     confused_with=("thickness_gradient", "tilt", "yaw", "grid_scale", "cross_talk"),
-    separated_by="presses close to opposite walls; images, which show where the ball presses",
+    separated_by="indentations close to opposite walls; images, which show where the ball presses",
     form_error=0.2,  # at the wall, whose pull sets in within half a millimetre
     **solver("misregistration")
     | {

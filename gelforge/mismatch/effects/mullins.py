@@ -20,12 +20,12 @@ SCALES = (0.1, 1.0)
 BETA = 0.1
 LARGEST = 0.95  # share of the stress
 KNOTS = 65  # of the work over depth
-WIDER = 0.1  # of the height: how far the energy reaches beyond the contact (benchmarks/softening_formula.py)
-RINGS, SPOKES = 6, 8  # of points about a press
+WIDER = 0.1  # of the height: how far the energy reaches beyond the contact (validation/checks/softening_formula.py)
+RINGS, SPOKES = 6, 8  # of points about an indentation
 
 
 def shapes(context: Context) -> list[Shape]:
-    """Return the energy densities [kPa] that may scale the softening: shares of the largest one of these presses."""
+    """Return the energy densities [kPa] that may scale the softening: shares of the largest one of these indentations."""
     deepest = context.observations.table.groupby("site")["deepest_mm"].max()
     energies = Energies(context)
     largest = max(float(energies.density(s, d, np.zeros(()))) for s, d in deepest.items())
@@ -50,17 +50,17 @@ def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequen
 
 
 def lost_share(context: Context, m: float) -> np.ndarray:
-    """Return erf((peak - W) / (m + beta peak)) (R,) at each reading, the mean over points about the press.
+    """Return erf((peak - W) / (m + beta peak)) (R,) at each reading, the mean over points about the indentation.
 
     Ogden & Roxburgh 1999 (doi 10.1098/rspa.1999.0431). m [kPa]. The points share the reading's energy evenly. Their peak is
-    the largest that an earlier press left there, or this press so far.
+    the largest that an earlier press left there, or this indentation so far.
     """
     table, sites, energies = context.observations.table, context.observations.sites, Energies(context)
     depth, site = table["depth_mm"].to_numpy(float).clip(0), table["site"].to_numpy()
     lost, deepest = np.zeros(len(table)), np.zeros(len(sites))  # before, at each site
     for rows in table.groupby("press", sort=False).indices.values():
         s, d = site[rows[0]], depth[rows][:, None]
-        at = energies.reach_at(d)[..., None] * POINTS  # (rows, points, 2) from the press's axis
+        at = energies.reach_at(d)[..., None] * POINTS  # (rows, points, 2) from the indentation's axis
         r = np.linalg.norm(at, axis=-1)
         W, peak = energies.density(s, d, r), energies.density(s, np.maximum.accumulate(d), r)
         for other in np.flatnonzero(deepest):
@@ -72,7 +72,7 @@ def lost_share(context: Context, m: float) -> np.ndarray:
 
 
 class Energies:
-    """Energy densities under presses: all of a press's work, even over the height, falling away from its axis.
+    """Energy densities under presses: all of an indentation's work, even over the height, falling away from its axis.
 
     As (1 + (r / b)^2)^-2: far away as r^-4, as under a point force on a half-space (Boussinesq); b is the contact's radius
     and WIDER heights.
@@ -93,14 +93,14 @@ class Energies:
         return np.interp(depth, self.depths, self.reach)
 
     def density(self, site: int, depth: np.ndarray, r: np.ndarray) -> np.ndarray:
-        """Return the energy density [kPa] at distances [mm] from the axis of a press at a site, at depths [mm]."""
+        """Return the energy density [kPa] at distances [mm] from the axis of an indentation at a site, at depths [mm]."""
         b = self.reach_at(depth)
         middle = np.interp(depth, self.depths, self.work[site]) / (np.pi * b**2 * self.height) * 1e3
         return middle / (1 + (r / b) ** 2) ** 2
 
 
 def _points() -> np.ndarray:
-    """Return points (RINGS x SPOKES, 2) [b] about a press that share its energy evenly."""
+    """Return points (RINGS x SPOKES, 2) [b] about an indentation that share its energy evenly."""
     inside = (np.arange(RINGS) + 0.5) / RINGS  # share of the energy, (r / b)^2 / (1 + (r / b)^2)
     r, angle = np.sqrt(inside / (1 - inside)), 2 * np.pi * np.arange(SPOKES) / SPOKES
     return np.column_stack([np.outer(r, np.cos(angle)).ravel(), np.outer(r, np.sin(angle)).ravel()])
@@ -117,9 +117,11 @@ EFFECT = Effect(
             " (judgement); bounds: a share of the stress", sign=1,
         ),
     ),
-    signature="softer where deeper presses have been before, neighbours included, and on the way up; first presses clean",
+    signature="softer where deeper indentations have been before, neighbours included, and during unloading; first"
+        " indentations clean",
     confused_with=("ageing", "viscoelastic", "force_drift", "adhesion", "force_hysteresis"),
-    separated_by="random order, with a sentinel press at one place every ninth one, and first presses on a fresh sensor",
+    separated_by="random order, with a return to one site at every ninth indentation, and first indentations on a"
+        " fresh sensor",
     takes=("gel_stiffness",),
     applies=lambda study: has_none_of("history.mullins")(study) and study.mechanics.strain == "finite",
     **solver("mullins") | {"to_study": to_study, "to_forces": to_forces, "shapes": shapes, "in_order": True},

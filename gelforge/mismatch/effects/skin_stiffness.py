@@ -14,7 +14,7 @@ EFFECT = Effect(
     ),
     signature="force in proportion, more at small depth, where the skin bends and stretches, and near the wall",
     confused_with=("gel_stiffness", "force_gain", "wall_stiffness", "prestretch", "toe_region"),
-    separated_by="presses beside the wall against the middle, from small depths on; a material test of the skin",
+    separated_by="indentations beside the wall against the middle, from small depths on; a material test of the skin",
     applies=lambda study: len(study.sensor.layers) > 1,
     **solver("skin_stiffness"),
 )  # fmt: skip

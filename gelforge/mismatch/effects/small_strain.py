@@ -29,9 +29,10 @@ EFFECT = Effect(
     family="simplification",
     parameters=(amount("small_strain", "on", ON, "on or off: a choice of the study, no quantity", sign=1),),
     enters=CATALOGUE["small_strain"].enters,
-    signature="nothing at small depth, growing with depth, most at the deepest presses and near the wall",
+    signature="nothing at small depth, growing with depth, most at the deepest indentations and near the wall",
     confused_with=("linear_elasticity", "law_exponent", "frame_compliance", "compressibility"),
-    separated_by="the base solved with and without finite strain; a ball of another radius at the same depth over height",
+    separated_by="the nominal model solved with and without finite strain; a ball of another radius at the same"
+    " depth over height",
     to_study=turned_round(changes),
     to_forces=first_order("small_strain"),
     applies=applies,

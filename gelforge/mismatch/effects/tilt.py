@@ -12,7 +12,8 @@ EFFECT = Effect(
     signature="lateral force of one sign at every place; where depth is counted from one touch of the session also deeper on"
     " one side, first at small depths",
     confused_with=("thickness_gradient", "cross_talk", "contact_zero", "misregistration"),
-    separated_by="touch found at every press against once per session; small depths at opposite edges; a spirit level",
+    separated_by="contact found at every indentation against once per session; small depths at opposite edges; a"
+    " spirit level",
     **solver("tilt")
     | {
         "to_study": pair_of(

@@ -10,7 +10,11 @@ from gelforge.mismatch.evidence import places
 from gelforge.mismatch.model.effect import Effect, Shape
 from gelforge.mismatch.model.solver_effects import amount, solver
 
-PRESSURES_MPA = (1e-2, 3e-3, 3e-2)  # at which half of it is used up: a press of a soft gel has 5 to 50 kPa
+PRESSURES_MPA = (
+    1e-2,
+    3e-3,
+    3e-2,
+)  # at which half of it is used up: an indentation of a soft gel has 5 to 50 kPa
 
 
 def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:

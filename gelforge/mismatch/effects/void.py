@@ -15,7 +15,7 @@ EFFECT = Effect(
     ),
     signature="softer over a few millimetres, more at depth",
     confused_with=("delamination", "inclusion", "contact_zero"),
-    separated_by="presses 2 mm apart around the place; images, in which the bubble itself is seen",
+    separated_by="indentations 2 mm apart around the place; images, in which the bubble itself is seen",
     shapes=lambda context: places.balls(context.study),
     **solver("void", limit=(0.0, 1.0), directed=True)
     | {"to_forces": places.FirstOrderAt("void", places.balls)},

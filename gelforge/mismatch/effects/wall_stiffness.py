@@ -15,7 +15,7 @@ EFFECT = Effect(
     ),
     signature="only near the wall, growing with depth; also a lateral force away from it",
     confused_with=("wall_gap", "skin_stiffness", "grid_scale"),
-    separated_by="presses at several distances from the wall, on all four sides",
+    separated_by="indentations at several distances from the wall, on all four sides",
     applies=lambda study: study.sensor.wall_mm > 0 and study.sensor.shape.kind == "block",
     **solver("wall_stiffness"),
 )  # fmt: skip

@@ -13,9 +13,9 @@ NULL_PRIOR = 0.5  # as likely as not that a careful study has left nothing out
 NOTHING: frozenset[str] = frozenset()
 # Log evidence counts for this share: each effect has a form that is not quite the truth's, and so have the errors allowed
 # for it. Of 135 claims of two opened concealed sets 0.4 makes the mean log score largest (-0.27; -0.40 at 1), and of
-# those that it leaves above 0.9 79 of 81 are right (docs/mismatch-method.md, `python benchmarks/claims.py`).
+# those that it leaves above 0.9 79 of 81 are right (docs/mismatch-method.md, `python -m validation claims`).
 WORTH = 0.4
-UNKNOWN = "unknown"  # something that no known effect is: as likely, before the readings, as any one of them
+UNKNOWN = "unknown"  # what no known effect explains: as likely, before the readings, as any one of them
 
 
 def log_prior(effects: int, known: int) -> float:

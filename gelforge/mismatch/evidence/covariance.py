@@ -187,12 +187,12 @@ def readings_covariance(
 ) -> Covariance:
     """Return the covariance of the n entries that were read, without any effect.
 
-    Independent: noise_N. Per depth of a press: its rounding, one draw per axis. Per press: the subtracted zero and its
-    drift since, one draw per axis each; the depth, one draw along the slope of the base. Per session: its contact point,
+    Independent: noise_N. Per depth of an indentation: its rounding, one draw per axis. Per press: the subtracted zero and
+    its drift since, one draw per axis each; the depth, one draw along the slope of the base. Per session: its contact point,
     one draw along that slope; the zero's trend, one draw per axis. Shared by all: law (R, 3, q) [N], one standard
     deviation of the base for each uncertain direction of the material fit. Of the base's discretisation, of standard
     deviation floor_N (R, 3), half of the variance is common to all and half is drawn for readings alike (R,), those of
-    one press and its mirror images (none given: of one site).
+    one indentation and its mirror images (none given: of one site).
     """
     observations = context.observations
     labels, flat = observations.labels(), observations.flat

@@ -1,4 +1,4 @@
-"""What this recording can and cannot tell apart, what it could detect, and which experiment would decide."""
+"""What this recording can and cannot distinguish, what it could detect, and which experiment would decide."""
 
 from __future__ import annotations
 
@@ -20,19 +20,21 @@ DECISIVE = float(np.log(10.0))  # log odds at which one of two effects is named
 
 @dataclass(frozen=True)
 class Limit:
-    """The smallest amount that this recording detects."""
+    """The smallest value that this recording detects."""
 
     name: str
     parameter: int
     shape: Shape  # where it is seen best
     amount: float
     worst_amount: float  # at the shape where it is seen least
-    widths: float  # the amount in plausible amounts; above 1 the recording cannot show what is plausible
+    widths: (
+        float  # the value in prior standard deviations; above 1 the recording cannot show what is plausible
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """An experiment that could be made: its covariance, and the change of its n entries per unit amount by effect."""
+    """An experiment: its covariance, and by effect the change of its n entries per unit of the parameter."""
 
     name: str
     cost: float  # minutes on the stage
@@ -65,7 +67,7 @@ def cosines(changes: np.ndarray) -> np.ndarray:
 
 
 def detection_limits(covariance: Covariance, candidates: Sequence[Candidate]) -> list[Limit]:
-    """Return for each effect and parameter the amount whose change has an SNR of DETECTED_SNR, over the effect's shapes.
+    """Return for each effect and parameter the value whose change has an SNR of DETECTED_SNR, over the effect's shapes.
 
     Infinite where the readings do not change.
     """
@@ -87,7 +89,7 @@ def detection_limits(covariance: Covariance, candidates: Sequence[Candidate]) ->
 def profile(
     residual: np.ndarray, covariance: Covariance, judged: Screened, parameter: int, amounts: np.ndarray
 ) -> np.ndarray:
-    """Return the log posterior (A,), 0 at its largest, over one amount, the others free at each, by the linear change."""
+    """Return the log posterior (A,), 0 at its largest, over one value, the others free at each, by the linear change."""
     r = covariance.whiten(residual)
     J = covariance.whiten(np.column_stack([part.columns for part in judged.parts]))
     widths = np.concatenate([part.widths for part in judged.parts])
@@ -103,7 +105,7 @@ def profile(
 def expected_log_odds(plan: Plan, first: Screened, second: Screened) -> float:
     """Return the expected log Bayes factor of the right one of two effects after the plan, each right half of the time.
 
-    Each predicts N(J a, C + J S J' + E E'), a and S the amounts that the readings at hand give, E the errors of its change;
+    Each predicts N(J a, C + J S J' + E E'), a and S the values that the readings at hand give, E the errors of its change;
     the expectation is the Kullback-Leibler divergence of one prediction from the other, and all that differs lies in the
     span of their columns.
     """
@@ -121,7 +123,7 @@ def expected_log_odds(plan: Plan, first: Screened, second: Screened) -> float:
 
 
 def next_experiment(plans: Sequence[Plan], first: Screened, second: Screened) -> list[Experiment]:
-    """Return the plans, the one to make first: the cheapest that is expected to decide, else the one that tells most."""
+    """Return the plans, the one to make first: the cheapest that is expected to decide, else the most informative one."""
     found = [
         Experiment(plan.name, plan.cost, plan.presses, expected_log_odds(plan, first, second))
         for plan in plans

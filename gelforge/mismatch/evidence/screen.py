@@ -12,20 +12,20 @@ from scipy.special import log_ndtr, logsumexp
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.model.effect import Shape
 
-SCALES = (1.0, 0.3, 0.1)  # of plausible amounts: what is left out is known to be small, not how small
+SCALES = (1.0, 0.3, 0.1)  # of plausible values: what is left out is known to be small, not how small
 FAR = -50.0  # standard deviations on the wrong side, from where phi / Phi is its asymptotic series to 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """One effect at one shape: the change of the n entries per unit of each of its p amounts."""
+    """One effect at one shape: the change of the n entries per unit of each of its p values."""
 
     name: str
     shape: Shape
     columns: np.ndarray  # (n, p) [N per unit]
     widths: np.ndarray  # (p,) standard deviations of the priors
     signs: np.ndarray  # (p,) 1, -1: the only physical sign; 0: both
-    switch: bool = False  # the amount is 1 or 0
+    switch: bool = False  # the value is 1 or 0
     moved_from: Shape | None = None  # the shape that was tried, where a refit has moved its place
 
     @property
@@ -45,9 +45,9 @@ class Screened:
     parts: tuple[Candidate, ...]  # at their best shapes and scales
     log_bayes_factor: float  # against none, averaged over shapes and scales
     best_log_bayes_factor: float  # at the best ones
-    amounts: np.ndarray  # (p,) posterior means, the parts' amounts in turn
-    covariance: np.ndarray  # (p, p) of the amounts
-    change: np.ndarray  # (n,) [N] of the readings at these amounts
+    amounts: np.ndarray  # (p,) posterior means, the parts' values in turn
+    covariance: np.ndarray  # (p, p) of the values
+    change: np.ndarray  # (n,) [N] of the readings at these values
     snr: float  # of this change: sqrt(d' C^-1 d)
     plausible_snr: float  # the same of the last part alone, root mean square over its prior
 
@@ -70,7 +70,7 @@ def screened(
 ) -> list[Screened]:
     """Return every effect judged against none by residual (n,) = measured - base, best first.
 
-    Shapes of one effect, and scales of its plausible amounts, have equal prior weight: their Bayes factors are averaged.
+    Shapes of one effect, and scales of its plausible values, have equal prior weight: their Bayes factors are averaged.
     """
     r = covariance.whiten(residual)
     by_name = defaultdict(list)
@@ -122,7 +122,7 @@ def believing(judged: Screened, residual: np.ndarray, covariance: Covariance, wi
 
 
 def log_evidence(residual: np.ndarray, covariance: Covariance, parts: Sequence[Candidate] = ()) -> float:
-    """Return the log density of residual (n,) with parts of unknown amounts, or with none."""
+    """Return the log density of residual (n,) with parts of unknown values, or with none."""
     density = covariance.log_density(residual)
     if not parts:
         return density

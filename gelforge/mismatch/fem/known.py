@@ -1,4 +1,4 @@
-"""What a study takes as known of force sensor, clock, camera or presses (mismatch.known) becomes part of the base."""
+"""What a study takes as known of force sensor, clock, camera or indentations (mismatch.known) becomes part of the base."""
 
 from __future__ import annotations
 
@@ -38,7 +38,9 @@ def with_known(base: Base, solver: Solver) -> Base:
         force = forces_with(solver, base, chosen)
     except NotConverged as failure:
         names = ", ".join(effect.name for effect, *_ in chosen)
-        raise SolverFailed(f"mismatch.known: the base with {names} does not converge: {failure}") from None
+        raise SolverFailed(
+            f"mismatch.known: the nominal model with {names} does not converge: {failure}"
+        ) from None
     return _as_read(
         replace(base, context=replace(base.context, force=force)), _sensor_of(base.context, chosen)
     )

@@ -27,7 +27,7 @@ from gelforge.mismatch.terms.candidates import effects_of_forces
 ZERO_BY = (
     "press",
     "session",
-)  # depth zero is found for every press, or once: a tilt is then seen differently
+)  # depth zero is found for every indentation, or once: a tilt is then seen differently
 
 
 NOTHING = Cell({"total_force_N": np.empty((0, 3)), "bin_force_N": np.empty((0, 0, 3))}, {})

@@ -48,21 +48,21 @@ class SolverFailed(ValueError):
 
 @dataclass(frozen=True)
 class Unsolved:
-    """A press of the base, or the mirror image that stands for it, that finds no equilibrium."""
+    """An indentation of the base, or the mirror image that stands for it, that finds no equilibrium."""
 
     x_mm: float
     y_mm: float
     mesh: str  # in words
     reason: str
-    beyond_mm: float = np.inf  # the deepest that was solved on the way down
-    way_up_from_mm: float = np.inf  # ways up from here or deeper are not solved
+    beyond_mm: float = np.inf  # the deepest that was solved during loading
+    way_up_from_mm: float = np.inf  # unloading from here or deeper are not solved
 
     @property
     def words(self) -> str:
         where = f"at ({self.x_mm:g}, {self.y_mm:g}) mm, or at a mirror image of that,"
         if np.isfinite(self.beyond_mm):
             return f"{where} beyond {self.beyond_mm:g} mm on {self.mesh}: {self.reason}"
-        return f"{where} on the way up from {self.way_up_from_mm:g} mm on {self.mesh}: {self.reason}"
+        return f"{where} during unloading from {self.way_up_from_mm:g} mm on {self.mesh}: {self.reason}"
 
 
 PATHS = "paths of the indenter solved"
@@ -81,9 +81,7 @@ class Solver:
     kept: Path
     cells: Path | None = None  # folder of the study's own cells
     workers: int = 1
-    zero_by: str = (
-        "press"  # what depth zero was found for, once: a press or the session; tilt is seen differently
-    )
+    zero_by: str = "press"  # what depth zero was found for, once: an indentation or the session; tilt is seen differently
     stored: Path | None = None  # folder of the derivatives of the study's own cells
 
     @property
@@ -110,7 +108,7 @@ class Solver:
 
 
 def fine(task: tuple[Solver, PlannedCell]) -> np.ndarray | Unsolved:
-    """Return the base forces (D, 3) of a way down on the study's own mesh, or from where on there are none."""
+    """Return the base forces (D, 3) of a loading on the study's own mesh, or from where on there are none."""
     solver, planned = task
     study = unmirrored(solver.study)
     name = digest(["fine", inputs_digest(study, dict(solver.laws), planned)])
@@ -143,7 +141,7 @@ def own_cell(solver: Solver, planned: PlannedCell) -> np.ndarray | None:
 def follow(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> dict[str, np.ndarray] | Unsolved:
     """Return of a run on the coarser mesh the base forces (D, 3) and its derivatives along laws and variations.
 
-    Derivatives are those of the way down; on the way up they have the value at the same depth. A derivative that could not
+    Derivatives are those of the loading; during unloading they have the value at the same depth. A derivative that could not
     be had is missing, "reason KEY" says why. Where the base itself could not be had: from where on.
     """
     solver, planned, variations = task
@@ -243,12 +241,12 @@ def each_derivative(
 
 
 def way_down(planned: PlannedCell) -> PlannedCell:
-    """Return a run without its way up, through all its depths."""
+    """Return a run without its unloading, through all its depths."""
     return replace(planned, depths_mm=tuple(float(d) for d in np.unique(planned.depths_mm)), phases=())
 
 
 def _way_down_of(cell: Cell) -> dict[str, np.ndarray]:
-    """Return what is kept of a way down: its forces, or how deep it was solved and why no deeper."""
+    """Return what is kept of a loading: its forces, or how deep it was solved and why no deeper."""
     if cell.converged:
         return {"total": cell.arrays["total_force_N"]}
     last, reason = cell.attributes["last_good_depth_mm"], cell.attributes["reason"]
@@ -256,7 +254,7 @@ def _way_down_of(cell: Cell) -> dict[str, np.ndarray]:
 
 
 def _unsolved(planned: PlannedCell, mesh: str, kept: Mapping[str, np.ndarray]) -> Unsolved:
-    """Return from where on a way down is not solved, as it was kept; nowhere where only its derivatives' run stopped."""
+    """Return from where on a loading is not solved, as it was kept; nowhere where only its derivatives' run stopped."""
     beyond = float(kept.get("beyond_mm", 0.0))
     return Unsolved(planned.x_mm, planned.y_mm, mesh, str(kept["reason"]), beyond)
 

@@ -1,9 +1,9 @@
 """The finite elements behind a verdict: base forces at every reading, how they follow each effect, and forces with effects.
 
-Base forces are those of the study's own mesh, on the way down. Derivatives, ways up and everything with an effect are
+Base forces are those of the study's own mesh, during loading. Derivatives, unloading and everything with an effect are
 solved on a coarser mesh (mismatch.coarser), and only their difference from the base on that same mesh is used, times what
 the finer mesh makes of the pressing force: the mesh's error of a change is a small part of a small change. All solutions
-are kept by the digest of what decides them, and a press stands for its mirror images where the sensor has them.
+are kept by the digest of what decides them, and an indentation stands for its mirror images where the sensor has them.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ from gelforge.mismatch.model.solver_effects import FirstOrder
 from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.readings.runs import Runs, runs_of, timed_runs_of
 
-MOST_MESH_ERROR = 1.5  # factor; beyond it (the way up's last touch) the ratio says nothing
-REACH_MM = 7.0  # a defect whose middle is farther is not felt: a ball of 1.3 mm changes Fz by 0.6 %
+MOST_MESH_ERROR = 1.5  # factor; beyond it (the unloading's last touch) the ratio says nothing
+REACH_MM = 7.0  # a defect whose middle is farther is not observable: a ball of 1.3 mm changes Fz by 0.6 %
 Amounts = tuple[Effect, Shape, np.ndarray]
 
 
@@ -60,7 +60,7 @@ class Base:
     finer: np.ndarray  # (R, 1) by which changes on the coarser mesh are multiplied
     law: np.ndarray  # (R, 3, q) [N] per standard deviation of each uncertain direction of the laws
     floor: np.ndarray  # (R, 3) [N] discretisation error, one standard deviation
-    alike: np.ndarray  # (R,) number of the press that was solved for each: mirror images err alike
+    alike: np.ndarray  # (R,) number of the indentation that was solved for each: mirror images err alike
     failed: Mapping[str, str]  # derivatives that could not be had, and why
     # (3, 3) by which a change of the force on the sensor is read: none, unless the force sensor's errors are known
     sensor: np.ndarray = field(default_factory=lambda: np.eye(3))
@@ -111,7 +111,7 @@ def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect
 def _companion_curves(
     solver: Solver, ways: Sequence[PlannedCell], base: Sequence[np.ndarray]
 ) -> list[np.ndarray] | None:
-    """Return the base forces (D, 3) of every way down on the mesh that tells a cell's error bar.
+    """Return the base forces (D, 3) of every loading on the mesh that shows a cell's error bar.
 
     Where the study knows its error these are forces that differ as much as it. None where that mesh is the coarser one
     itself, or where it cannot be solved: the coarser one is farther off.
@@ -129,13 +129,13 @@ def _companion_curves(
 
 
 def _solved_once(solver: Solver, ways: Sequence[PlannedCell]) -> np.ndarray:
-    """Return for each way down (S,) the number of the place that stands for it and its mirror images."""
+    """Return for each loading (S,) the number of the place that stands for it and its mirror images."""
     images = [image_of(solver.study, way)[0] for way in ways]
     return np.unique([[image.x_mm, image.y_mm] for image in images], axis=0, return_inverse=True)[1].ravel()
 
 
 def _base_curves(solver: Solver, ways: Sequence[PlannedCell]) -> list[np.ndarray]:
-    """Return the base forces (D, 3) of every way down: the study's own cell's where it is that press, else solved."""
+    """Return the base forces (D, 3) of every loading: the study's own cell's where it is that indentation, else solved."""
     own = [own_cell(solver, way) for way in ways]
     missing = [way for way, stored in zip(ways, own) if stored is None]
     solved, symmetries = solved_for_all(
@@ -146,7 +146,7 @@ def _base_curves(solver: Solver, ways: Sequence[PlannedCell]) -> list[np.ndarray
 
 
 def _followed(solver: Solver, planned: Sequence[PlannedCell], asked: Sequence[Asked]) -> list[dict]:
-    """Return per run the base forces (D, 3) on the coarser mesh and all derivatives that it feels, or reasons."""
+    """Return per run the base forces (D, 3) on the coarser mesh and all derivatives that it can show, or reasons."""
     at_images, symmetries = solved_for_all(
         solver.study,
         planned,
@@ -173,7 +173,7 @@ def _base(found: list) -> list:
     unsolved = [one for one in found if isinstance(one, Unsolved)]
     if unsolved:
         words = "; ".join(one.words for one in unsolved)
-        raise SolverFailed(f"the base does not converge {words}", unsolved)
+        raise SolverFailed(f"the nominal model does not converge {words}", unsolved)
     return found
 
 
@@ -201,7 +201,7 @@ def _as_it_was(solver: Solver, observations: Observations, at_rest: np.ndarray) 
         return _solved_with(solver, unmirrored(solver.study), observations)
     except NotConverged as failure:
         raise SolverFailed(
-            f"the base, followed in the time of the readings, does not converge: {failure}"
+            f"the nominal model, followed in the time of the readings, does not converge: {failure}"
         ) from None
 
 
@@ -266,7 +266,7 @@ def _by_what_is_felt(
 ) -> Iterator[tuple[list[Amounts], np.ndarray]]:
     """Yield effects with the readings (R,) bool that feel just these: what has a place does not reach all sites.
 
-    Where something remembers, all presses stay together: each finds what those before it have left.
+    Where something remembers, all indentations stay together: each finds what those before it have left.
     """
     site = observations.table["site"].to_numpy()
     if any(effect.history for effect, *_ in chosen):
@@ -282,7 +282,7 @@ def _by_what_is_felt(
 
 
 def _reaches(shape: Shape, x: float, y: float) -> bool:
-    """Return whether a press at (x, y) [mm] feels an effect of this shape: one without a place is felt everywhere."""
+    """Return whether an indentation at (x, y) [mm] shows an effect of this shape: one without a place acts everywhere."""
     if "x_mm" not in shape:
         return True
     return bool(np.hypot(float(shape["x_mm"]) - x, float(shape["y_mm"]) - y) <= REACH_MM)
@@ -345,12 +345,12 @@ def _deepest_runs(runs: Runs) -> list[int]:
 
 
 def _ways_down(runs: Runs) -> list[PlannedCell]:
-    """Return per site its way down through all depths."""
+    """Return per site its loading through all depths."""
     return [way_down(runs.planned[number]) for number in _deepest_runs(runs)]
 
 
 def _loading_curves(runs: Runs, depths, by_run: Sequence[np.ndarray]) -> Curves:
-    """Return a quantity along the runs as curves over the depths of each site's way down."""
+    """Return a quantity along the runs as curves over the depths of each site's loading."""
     values = []
     for own, number in zip(depths, _deepest_runs(runs), strict=True):
         way = np.array(runs.planned[number].depths_mm)[: len(own)]
@@ -378,7 +378,7 @@ class Asked:
         return self._key(self.number, self.which)
 
     def keys_at_image(self, symmetry: str, width: float) -> list[str]:
-        """Return the keys of the same effect, one per amount, at the image that a symmetry carries here."""
+        """Return the keys of the same effect, one per value, at the image that a symmetry carries here."""
         number = number_at_image(self.shapes, self.number, symmetry, width)
         return [self._key(number, which) for which in range(len(self.effect.parameters))]
 
@@ -434,5 +434,5 @@ def key_of(effect: Effect, shape: int | None, parameter: int) -> str:
 
 
 def felt_by(asked: Sequence[Asked], planned: PlannedCell) -> dict[str, Variation]:
-    """Return the variations that a press at a position can feel."""
+    """Return the variations that an indentation at a position can show."""
     return {one.key: one.variation for one in asked if _reaches(one.shape, planned.x_mm, planned.y_mm)}

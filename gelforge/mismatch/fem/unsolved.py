@@ -1,4 +1,4 @@
-"""Presses of the base that find no equilibrium: their readings are left out and told, the others are judged."""
+"""Presses of the base that find no equilibrium: their readings are left out and reported, the others are judged."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ SLACK_MM = 0.5 * 10.0**-DEPTH_DIGITS
 
 
 def base_where_solved(solver: Solver, observations: Observations, effects: Iterable[Effect]) -> Base:
-    """Return the base of the readings that it can be solved for; the observations of its context tell what is left out.
+    """Return the base of the readings that it can be solved for; the observations of its context say what is left out.
 
     Raises SolverFailed where it is not known which those are, where they are fewer than FEWEST of the readings, and of a gel
-    that softens: what a press left behind that was not solved is missing in all that follow.
+    that softens: what an indentation left behind that was not solved is missing in all that follow.
     """
     effects, kept = list(effects), observations
     unsolved: list[Unsolved] = []
@@ -40,15 +40,15 @@ def base_where_solved(solver: Solver, observations: Observations, effects: Itera
             if share < FEWEST:
                 raise SolverFailed(
                     f"{_why(unsolved)}; {share:.0%} of the readings are left, at least {FEWEST:.0%} are needed: record"
-                    " shallower presses, or see where the study's own cells stop (`gelforge press`)"
+                    " shallower indentations, or see where the study's own sites stop (`gelforge press`)"
                 ) from None
             kept = fewer
 
 
 def without(solver: Solver, observations: Observations, presses: Sequence[Unsolved]) -> Observations:
-    """Return the observations without the readings of presses that are not solved, at mirror images too, and say so.
+    """Return the observations without the readings of indentations that are not solved, at mirror images too, and say so.
 
-    Of a press that went deeper than could be solved the readings on its way down to there are kept.
+    Of an indentation that went deeper than could be solved the readings of its loading to there are kept.
     """
     table = observations.table
     beyond, way_up_from = _bounds(solver, observations.sites, presses)[table["site"].to_numpy()].T
@@ -62,7 +62,8 @@ def without(solver: Solver, observations: Observations, presses: Sequence[Unsolv
         part, table=part.table.assign(deepest_mm=np.where(cut[~left_out], reached, deepest[~left_out]))
     )
     told = (
-        f"{left_out.sum()} of {len(left_out)} readings are not judged, as {_why(presses)}; how these presses softened the"
+        f"{left_out.sum()} of {len(left_out)} readings are not judged, as {_why(presses)}; how these indentations"
+        " softened the"
         " gel is not followed"
     )
     return part.at_sites(np.unique(part.table["site"])).saying(told)
@@ -73,7 +74,7 @@ def _why(presses: Sequence[Unsolved]) -> str:
 
 
 def _bounds(solver: Solver, sites: np.ndarray, presses: Sequence[Unsolved]) -> np.ndarray:
-    """Return per site (S, 2) [mm] the depth that is solved at most, and that from which on no way up is."""
+    """Return per site (S, 2) [mm] the depth that is solved at most, and that from which on no unloading is."""
     bounds, study = (
         np.full((len(sites), 2), np.inf),
         forgetting(solver).study,

@@ -14,13 +14,13 @@ from gelforge.mismatch.evidence.covariance import Covariance, Estimated
 from gelforge.mismatch.evidence.spread import spread_out
 
 DRAWS = 2000  # the p-value of the maximum then moves by 0.0035 at 0.025
-MOST_CENTRES = 49  # of bumps: a grid of 7 x 7 resolves what bumps as wide as their spacing can tell
+MOST_CENTRES = 49  # of bumps: a grid of 7 x 7 resolves what bumps as wide as their spacing can show
 BUMP_WIDTHS = (0.7, 1.5, 3.0)  # standard deviations, in distances of neighbouring sites
 PARTS = 4  # depth bands
 STEPS = 8  # parts of a session, between which the readings may step
 CHUNK = 128  # columns whitened at once: 120 000 entries take 120 MB each time
 NOTHING = 1e-9  # of the largest atom: an atom smaller than that is zero on these readings
-SAME = 1e-8  # of the largest singular value: columns that rounding tells apart are one
+SAME = 1e-8  # of the largest singular value: columns that rounding distinguishes are one
 AXES = "xyz"
 
 
@@ -89,7 +89,7 @@ def global_test(residual: np.ndarray, covariance: Covariance, fitted: np.ndarray
     """Return the test of r' C^-1 r for residual r (n,).
 
     Nuisances are part of C and not fitted, so without a mismatch the sum has the chi-square law with n degrees, exactly
-    for normal draws: a parametric bootstrap gives the same p. Of a model with fitted amounts the columns fitted (n, p)
+    for normal draws: a parametric bootstrap gives the same p. Of a model with fitted values the columns fitted (n, p)
     take their degrees with them, so that what was fitted neither helps nor harms. Of variances that were estimated the
     sum has an F law, and heavy tails widen it: a chi-square law of the same mean and variance stands for it (Satterthwaite
     1946, doi:10.2307/3002019).
@@ -138,7 +138,7 @@ def scan(
     norms = np.linalg.norm(atoms.values, axis=0)
     here = np.flatnonzero(norms > NOTHING * norms.max(initial=0))
     if not len(here):
-        raise ValueError("no atom changes these readings; give readings with base forces other than zero")
+        raise ValueError("no pattern changes these readings; give readings whose nominal forces are not zero")
     unit = atoms.values[:, here] / norms[here]
     z = unit.T @ residual
     l, E = np.linalg.eigh(unit.T @ unit)
@@ -301,12 +301,12 @@ def _phases(labels: pd.DataFrame) -> Iterator[_Profile]:
 def _histories(labels: pd.DataFrame) -> Iterator[_Profile]:
     presses = labels.groupby("press", sort=False).agg(site=("site", "first"), order=("order", "min"))
     earlier = presses.sort_values("order").groupby("site").cumcount()
-    if presses["order"].nunique() == 1:  # nobody told the order
+    if presses["order"].nunique() == 1:  # nobody stated the order
         earlier[:] = 0
     held = labels["press_time_s"].to_numpy(float)
     columns: dict[str, tuple[np.ndarray, Callable]] = {
-        "growing with the press's time": (held, np.log1p),
-        "presses before at the same site": (labels["press"].map(earlier).to_numpy(float), np.log1p),
+        "growing with the indentation's time": (held, np.log1p),
+        "indentations before at the same site": (labels["press"].map(earlier).to_numpy(float), np.log1p),
         "growing with age": (labels["age_days"].to_numpy(float), np.asarray),
         "growing with temperature": (labels["temperature_C"].to_numpy(float), np.asarray),
     }

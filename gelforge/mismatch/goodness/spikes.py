@@ -1,7 +1,8 @@
-"""Single readings that nothing beside them shares: glitches of a force sensor, set aside before anything is asked.
+"""Single readings that nothing beside them shares: glitches of a force sensor, left out before anything is asked.
 
-No effect changes one reading of one press by many standard deviations and leaves its neighbours in depth, time and place as
-they are. One such reading is evidence for something that differs from press to press, though, and would be told as that.
+No effect changes one reading of one indentation by many standard deviations and leaves its neighbours in depth, time and
+place as they are. One such reading is evidence for something that differs from press to press, though, and would be
+reported as that.
 """
 
 from __future__ import annotations
@@ -17,13 +18,13 @@ from gelforge.mismatch.terms.problem import Problem, never_solved
 from gelforge.mismatch.terms.unknown import manners_of
 
 SPIKE = 5.0  # standard deviations from what all other readings say of it; normal noise: once in two million readings
-ROOM = 3.0  # plausible sizes of something unknown, of every manner: 30 % of the force each, and no spike
+ROOM = 3.0  # plausible sizes of a discrepancy, of every manner: 30 % of the force each, and no spike
 MOST = 0.004  # of the entries, at least one: what strikes more of them is no glitch
 TRIED = 200  # entries looked at, those farthest off
 
 
 def without_spikes(observations: Observations, base: np.ndarray, covariance: Covariance) -> Observations:
-    """Return the observations without single entries far off all others; each is told in `set_aside`.
+    """Return the observations without single entries far off all others; each is reported in `set_aside`.
 
     base (R, 3) [N]; covariance of the n entries. What strikes several readings of one press the judge must explain: that
     press keeps them. So do all where more than MOST are far off.
@@ -53,8 +54,9 @@ def without_spikes(observations: Observations, base: np.ndarray, covariance: Cov
 def spikes(problem: Problem) -> dict[int, float]:
     """Return the entries far off all others, by number, and how far [standard deviations]; found one by one.
 
-    Whatever is smooth in depth, place, time or path, or in the depth of one press, is free to ROOM times what is plausible.
-    How far: r_i less its mean given all other entries, over its standard deviation, which is (C^-1 r)_i / sqrt((C^-1)_ii).
+    Whatever is smooth in depth, place, time or path, or in the depth of one indentation, is free to ROOM times what is
+    plausible. How far: r_i less its mean given all other entries, over its standard deviation, which is (C^-1 r)_i /
+    sqrt((C^-1)_ii).
     """
     covariance, residual = _with_room(problem), problem.residual
     left = np.arange(len(residual))
@@ -81,7 +83,7 @@ def _with_room(problem: Problem) -> Covariance:
     # a reading that falls into the next step is no spike: as if each were rounded by itself, too
     covariance = replace(problem.covariance, variance=problem.covariance.variance + rounding**2)
     manners = manners_of(problem)
-    manners.sort(key=lambda manner: manner.each is None)  # those of each press before what all share
+    manners.sort(key=lambda manner: manner.each is None)  # those of each indentation before what all share
     for manner in manners:
         covariance = manner.beside(covariance, ROOM)
     return covariance

@@ -1,7 +1,7 @@
 """The images' channel: regions' flow as further readings of the problem, beside the forces.
 
-A press with images adds one row per region of the image, with the flow's u and v in the places of Fx and Fy [px]. Residual,
-covariance, changes by effects and what is set aside then hold both channels, and the judge works as on forces.
+An indentation with images adds one row per region of the image, with the flow's u and v in the places of Fx and Fy [px].
+Residual, covariance, changes by effects and what is held out then hold both channels, and the judge works as on forces.
 """
 
 from __future__ import annotations
@@ -45,17 +45,17 @@ class FlowChannel:
 
 
 def with_flow(solver: Solver, base: Base, problem: Problem, folders: Sequence[Path]) -> Problem:
-    """Return the problem with the flow of its sessions' images; as it is, and told, where they cannot be used.
+    """Return the problem with the flow of its sessions' images; as it is, and reported, where they cannot be used.
 
     Raises SolverFailed where the gel's motion cannot be solved.
     """
     study = solver.study
     seen = seen_flows(folders, problem.observations, study.sensor)
     if not seen:
-        return _told(problem, "images were not used: no session has a camera and images in its dwell rows")
+        return _saying(problem, "images were not used: no session has a camera and images in its dwell rows")
     reason = _unfit(study, seen)
     if reason:
-        return _told(problem, f"images were not used: {reason}")
+        return _saying(problem, f"images were not used: {reason}")
     seen = [replace(press, eye=_as_known(study, press.eye)) for press in seen]
     particles = likely_particles(study.sensor, study.seed)
     effects = {name: e for name, e in CATALOGUE.items() if e.to_camera is not None and e.applies(study)}
@@ -71,11 +71,9 @@ def _unfit(study: Study, seen: Sequence[Seen]) -> str:
     if not any(layer.particle_volume_fraction > 0 for layer in study.sensor.layers):
         return "no layer of the study carries particles (particle_volume_fraction)"
     if any(CATALOGUE[known.effect].to_places is not None for known in study.mismatch.known):
-        return (
-            "presses that are known to land beside their places (mismatch.known) are not followed in images"
-        )
+        return "indentations that are known to land beside their places (mismatch.known) are not followed in images"
     if any(not np.isfinite(press.noise).all() for press in seen):
-        return "one image per press and none at zero force: their noise is not known"
+        return "one image per indentation and none at zero force: their noise is not known"
     return ""
 
 
@@ -90,7 +88,7 @@ def _as_known(study: Study, eye: Eye) -> Eye:
     return replace(eye, camera=camera)
 
 
-def _told(problem: Problem, sentence: str) -> Problem:
+def _saying(problem: Problem, sentence: str) -> Problem:
     return replace(problem, observations=problem.observations.saying(sentence))
 
 
@@ -121,7 +119,7 @@ def _joined(problem: Problem, model: FlowModel, effects: Mapping[str, Effect]) -
 
 
 def _observations(forces: Observations, seen: Sequence[Seen], shown: np.ndarray) -> Observations:
-    """Return the observations with one row per press and region."""
+    """Return the observations with one row per indentation and region."""
     m = REGIONS**2
     table = (
         pd.DataFrame([press.row for press in seen]).loc[lambda t: t.index.repeat(m)].reset_index(drop=True)
@@ -156,7 +154,7 @@ def _candidates(
     rows: Rows,
     failed: dict[str, str],
 ) -> list[Candidate]:
-    """Return the candidates with what they change of the flow; one whose flow is not known is left out and told."""
+    """Return the candidates with what they change of the flow; one whose flow is not known is left out and reported."""
     found = []
     for candidate in problem.candidates:
         effect = effects[candidate.name]
@@ -184,9 +182,9 @@ def _candidates(
 
 @dataclass(frozen=True, eq=False)
 class _Both:
-    """Forces and flow with effects (Problem.forces_with): the camera's exactly, the finite elements' at their amounts.
+    """Forces and flow with effects (Problem.forces_with): the camera's exactly, the finite elements' at their values.
 
-    What moves single presses, remembers, changes the mesh or is seen on the way up stays at first order in the flow.
+    What moves single indentations, remembers, changes the mesh or is seen during unloading stays at first order in the flow.
     """
 
     channel: FlowChannel

@@ -32,7 +32,7 @@ class Scatter:
     alike: np.ndarray  # (F, m, 2) [px] by the regions' shares of the flow
     beside: float  # correlation of these shares between neighbours, taken for that of what is left too
     own: np.ndarray  # (F, m, 2) [px] what is left
-    kept: float  # correlation of that between presses of a site; 0 where there is one alone
+    kept: float  # correlation of that between indentations of a site; 0 where there is one alone
 
 
 def flow_covariance(
@@ -45,7 +45,7 @@ def flow_covariance(
 
     Of the flow: independent its images' noise and what drawing leaves out; per site and direction the reference frame's
     noise and where the particles of every region are (`Scatter`), neighbours alike in part; shared by all their share of the
-    flow in all images, the touchdown of a press with images, in force and flow alike, the laws' directions, the
+    flow in all images, the contact point of an indentation with images, in force and flow alike, the laws' directions, the
     discretisation, and two other looks of the particles.
     """
     forces = problem.covariance
@@ -99,8 +99,8 @@ def flow_covariance(
 def scatter_of(drawn: np.ndarray, site: np.ndarray, shown: np.ndarray) -> Scatter:
     """Return the scatter of drawn flows (F, K, m, 2) [px] over K placements, at presses of sites (F,) int.
 
-    Correlations are those of regions (m,) bool that show the gel. Shares fitted to few presses take some of what these keep
-    with them.
+    Correlations are those of regions (m,) bool that show the gel. Shares fitted to few indentations take some of what
+    these keep with them.
     """
     K, base = drawn.shape[1], drawn.mean(axis=1, keepdims=True)
     off, size = drawn - base, np.sum(base**2, axis=(0, 3))  # (F, K, m, 2), (1, m)
@@ -187,7 +187,7 @@ def _smoothed(square: np.ndarray) -> np.ndarray:
 
 
 def _touchdown(problem: Problem, model: FlowModel, rows: Rows):
-    """Return the forces' directions per press without the touchdown of presses with images, and these as shared columns."""
+    """Return the forces' directions per press without the contact point of those with images, these as shared columns."""
     *_, press, alike, common = problem.covariance.levels
     labels, slope = problem.labels, model.slope()
     by_press = press.directions.copy()

@@ -29,7 +29,7 @@ from gelforge.virtual_lab.particles import interpolation
 
 @dataclass(frozen=True)
 class Moved:
-    """Displacement of the layers with particles at some depths of a press, on a mesh of boxes."""
+    """Displacement of the layers with particles at some depths of an indentation, on a mesh of boxes."""
 
     nodes: np.ndarray  # (G, 3) undeformed [mm]
     boxes: np.ndarray  # (E, 8)
@@ -51,7 +51,7 @@ def storing(study: Study) -> Study:
 
 
 def moved_by(task: tuple[Solver, Study, PlannedCell]) -> Moved | str:
-    """Return how a press moves the gel in a study, or why it could not be solved."""
+    """Return how an indentation moves the gel in a study, or why it could not be solved."""
     solver, study, planned = task
     study, laws = storing(study), dict(solver.laws)
     name = digest(["moved", inputs_digest(study, laws, planned)])

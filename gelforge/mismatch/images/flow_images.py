@@ -52,11 +52,13 @@ class Eye:
 
 @dataclass(frozen=True)
 class Seen:
-    """The flow of one press at its commanded depth."""
+    """The flow of one indentation at its commanded depth."""
 
     row: pd.Series  # of the table of observations: the last held reading there
     eye: Eye
-    flow: np.ndarray  # (m, 2) mean over the press's images [px], m regions row by row from the top left; u, v
+    flow: (
+        np.ndarray
+    )  # (m, 2) mean over the indentation's images [px], m regions row by row from the top left; u, v
     noise: np.ndarray  # (m, 2) [px] standard deviation of one image's region mean by the images' noise
     images: int
 
@@ -169,7 +171,7 @@ def _with_common_noise(seen: list[Seen]) -> list[Seen]:
 
 
 def _chosen(found: list, observations: Observations) -> list:
-    """Return the presses of a few sites at two depths each, one press per site and depth."""
+    """Return the indentations of a few sites at two depths each, one indentation per site and depth."""
     by_site: dict[int, list] = {}
     for one in found:
         by_site.setdefault(int(one[2]["site"]), []).append(one)

@@ -1,4 +1,4 @@
-"""The flow that the base predicts at the presses with images, and how it follows every effect."""
+"""The flow that the base predicts at the indentations with images, and how it follows every effect."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class FlowModel:
     base: Base
     seen: Sequence[Seen]
     particles: Particles
-    planned: Mapping[int, PlannedCell]  # by site, the way down through its depths
+    planned: Mapping[int, PlannedCell]  # by site, the loading through its depths
     coarse: Mapping[int, Moved]  # by site, with derivatives
     asked: Mapping[int, frozenset[str]]  # by site, the derivatives that were asked for
     even: np.ndarray  # (Q, 3) [mm], points that fill the layers with particles
@@ -48,7 +48,7 @@ class FlowModel:
     weights: Mapping[int, object]  # by site, of the coarser mesh at the even points
 
     def depth(self, press: Seen) -> int:
-        """Return the step of its site's way down at which a press was seen."""
+        """Return the step of its site's loading at which an indentation was seen."""
         depths = np.array(self.planned[int(press.row["site"])].depths_mm)
         return int(np.argmin(np.abs(depths - press.row["depth_mm"])))
 
@@ -76,7 +76,7 @@ class FlowModel:
 
     @cached_property
     def found(self) -> np.ndarray:
-        """Return what part (F, 1, 1) of the mean motion the search finds at each press."""
+        """Return what part (F, 1, 1) of the mean motion the search finds at each indentation."""
         drawn = self.drawn.mean(axis=1)
         return np.sum(drawn * self.mean, axis=(1, 2), keepdims=True) / np.sum(
             self.mean**2, axis=(1, 2), keepdims=True
@@ -96,7 +96,7 @@ class FlowModel:
         )
 
     def along(self, key: str) -> list[np.ndarray | None]:
-        """Return the displacement (Q, 3) per unit of a derivative at every press; None where it is not felt.
+        """Return the displacement (Q, 3) per unit of a derivative at every indentation; None where it is not observable.
 
         Raises FlowUnknown where it was asked for and could not be had.
         """
@@ -130,7 +130,7 @@ class FlowModel:
         return self.change([None if du is None else step * du for du in self.along(key)]) / step
 
     def columns(self, effect: Effect, shape: Shape, number: int) -> np.ndarray:
-        """Return the change of the flow (F, m, 2, P) [px per unit] by each amount of an effect. Raises FlowUnknown."""
+        """Return the change of the flow (F, m, 2, P) [px per unit] by each value of an effect. Raises FlowUnknown."""
         steps = [1.0 if effect.switch else p.width * (p.sign or 1) for p in effect.parameters]
         if effect.to_camera is not None:
             return np.stack([self._by_camera(effect, k, step) for k, step in enumerate(steps)], axis=-1)
@@ -154,7 +154,7 @@ class FlowModel:
         )
 
     def share(self, effect: Effect, shape: Shape, k: int, key: str) -> np.ndarray:
-        """Return what part (F,) of a derivative an effect is at each press per unit of its amount k, by Fz."""
+        """Return what part (F,) of a derivative an effect is at each indentation per unit of its value k, by Fz."""
         assert effect.to_forces is not None  # else it is no part of a derivative
         context = self.base.context
         step = UNIT * effect.parameters[k].width * (effect.parameters[k].sign or 1)
@@ -187,7 +187,7 @@ class FlowModel:
         return self.change([None] * len(self.seen), eyes) / step
 
     def seen_by(self, press: Seen, cameras: Sequence[tuple[Effect, np.ndarray]]) -> Eye:
-        """Return the eye of a press with effects of the camera in it."""
+        """Return the eye of an indentation with effects of the camera in it."""
         camera: Camera = press.eye.camera
         for effect, amounts in cameras:
             if effect.to_camera is not None:
@@ -195,7 +195,7 @@ class FlowModel:
         return replace(press.eye, camera=camera)
 
     def solved(self, studied: Sequence[tuple[Effect, Shape, np.ndarray]]) -> list[np.ndarray]:
-        """Return the further displacement (Q, 3) of the even points at each press with effects of the finite elements.
+        """Return the further displacement (Q, 3) of the even points at each indentation with effects of the finite elements.
 
         Raises NotConverged.
         """
@@ -217,7 +217,7 @@ def _acts_as(effect: Effect, shape: Shape) -> str | None:
     """Return the derivative of which an effect without one of its own is a part at each reading; None: it moves nothing.
 
     History makes a layer stiffer or softer at that moment, a yielding frame takes some of the depth. The force sensor and
-    its clock move nothing while the stage waits, and adhesion nothing on the way down.
+    its clock move nothing while the stage waits, and adhesion nothing during loading.
     """
     if effect.to_study is None and effect.family != "history":
         return None
@@ -229,7 +229,7 @@ def _acts_as(effect: Effect, shape: Shape) -> str | None:
 def flow_model(
     solver: Solver, base: Base, seen: Sequence[Seen], effects: Mapping[str, Effect], particles: Particles
 ) -> FlowModel:
-    """Return the model of the flow of some presses, solved. Raises SolverFailed where the base cannot be."""
+    """Return the model of the flow of some indentations, solved. Raises SolverFailed where the base cannot be."""
     even = even_points(solver.study.sensor, particles.diameter_mm)
     sites = sorted({int(press.row["site"]) for press in seen})
     asked = list(asked_of(solver, effects.values(), base.context))
@@ -242,7 +242,7 @@ def flow_model(
     fine = solver.each(moved_by, [(solver, solver.study, planned[s]) for s in sites])
     for result in fine:
         if isinstance(result, str):
-            raise SolverFailed(f"the gel's motion at a press with images does not converge: {result}")
+            raise SolverFailed(f"the gel's motion at an indentation with images does not converge: {result}")
     coarse = solver.each(moved_along, [(solver, planned[s], near[s]) for s in sites])
     points: dict[int, np.ndarray] = {}
     evenly: dict[int, np.ndarray] = {}

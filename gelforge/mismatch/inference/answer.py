@@ -1,4 +1,4 @@
-"""The answer of a posterior: its most probable set, fitted, in classes that these readings can tell apart."""
+"""The answer of a posterior: its most probable set, fitted, in classes that these readings can distinguish."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.evidence.alternatives import UNKNOWN
 from gelforge.mismatch.evidence.identifiability import cosines
 from gelforge.mismatch.evidence.screen import Screened
-from gelforge.mismatch.goodness.remains import Remains, remains
+from gelforge.mismatch.goodness.residual_tests import ResidualTests, residual_tests
 from gelforge.mismatch.inference.few_sites import at_few_sites
 from gelforge.mismatch.inference.fits import by_columns, fitted, forces_of, through_solutions
 from gelforge.mismatch.inference.posterior import Effects, Posterior, posterior_of
@@ -30,7 +30,7 @@ MOST_ALTERNATIVES = 3  # classes that one of the answer's effects may stand for
 
 @dataclass(frozen=True)
 class Group:
-    """One effect of the answer, what these readings cannot tell from it, and what may stand in its place."""
+    """One effect of the answer, what these readings cannot distinguish from it, and what may stand in its place."""
 
     members: tuple[str, ...]  # the fitted effect first; all leave one pattern
     or_else: tuple[str, ...]  # effects of other patterns, where the members alone are not sure
@@ -45,11 +45,11 @@ class Answer:
 
     posterior: Posterior
     winner: Screened  # the most probable set by its linear change
-    fit: Refitted  # the same to all readings, its amounts with their plausible widths
+    fit: Refitted  # the same to all readings, its values with their plausible widths
     refits: Mapping[Effects, Refitted]
     groups: tuple[Group, ...]  # one per effect of the fit
     after: np.ndarray  # (R, 3) [N] forces with the effects
-    adequacy: Remains  # of all readings
+    adequacy: ResidualTests  # of all readings
     proof: Proof | None  # on held-out readings; None where there are none
     folds: Mapping[str, Proof]  # of few sites, each held out in turn
 
@@ -60,7 +60,7 @@ class Answer:
 
     @property
     def stranger(self) -> str:
-        """Return the manner that something unknown would most probably have, in words."""
+        """Return the manner that a discrepancy would most probably have, in words."""
         unknown, probability = self.posterior.unknown, self.posterior.probability
         return unknown[max(unknown, key=lambda effects: probability[effects | {UNKNOWN}])].manner
 
@@ -97,7 +97,7 @@ def explained(
             refits=found.fits,
             groups=groups_of(problem, posterior, fit),
             after=after,
-            adequacy=remains(believed, left, every, settings, rng, fit.columns),
+            adequacy=residual_tests(believed, left, every, settings, rng, fit.columns),
             proof=proof,
             folds=folds_of(problem, fit, left),
         ),
@@ -110,7 +110,7 @@ def _at_plausible_widths(
 ) -> tuple[Refitted, str]:
     """Return a fit once more with the priors' own widths, and why that could not be had.
 
-    A fit has the scale of plausible amounts that had most evidence; once its effects are known that scale has no say. What
+    A fit has the scale of plausible values that had most evidence; once its effects are known that scale has no say. What
     has a place goes on to where the real model fits best: between places that were tried its columns are but interpolated.
     """
     parts = tuple(replace(part, widths=seated.own(part).widths) for part in fit.parts)
@@ -125,13 +125,16 @@ def _at_plausible_widths(
             return by_columns(seated, again), ""
         return through_solutions(problem, seated, again)[0], ""
     except (NotConverged, ConfigError) as failure:
-        return fit, f"amounts have the scale that had most evidence: with their plausible widths {failure}"
+        return (
+            fit,
+            f"parameter values have the prior scale of most evidence: with plausible standard deviations {failure}",
+        )
 
 
 def averaged(posterior: Posterior, mode: Effects, fit: Refitted) -> Refitted:
-    """Return a fit whose covariance holds what other sets with the same effects say of their amounts.
+    """Return a fit whose covariance holds what other sets with the same effects say of their values.
 
-    The amounts stay those of the fit, which the study takes over. Where a place was fitted nothing is added.
+    The values stay those of the fit, which the study takes over. Where a place was fitted nothing is added.
     """
     spread, at = fit.spread.copy(), 0
     own = posterior.sets[mode]
@@ -163,7 +166,7 @@ def _amounts_in(judged: Screened, name: str) -> np.ndarray:
 
 
 def groups_of(problem: Problem, posterior: Posterior, fit: Refitted) -> tuple[Group, ...]:
-    """Return for each fitted effect its class: what these readings cannot tell it from.
+    """Return for each fitted effect its class: what these readings cannot distinguish it from.
 
     Where the class is not sure its alternatives are added, as they are probable, until one of them is; an effect of another
     class of the same answer is none.

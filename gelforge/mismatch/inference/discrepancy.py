@@ -109,8 +109,8 @@ def modelled(
 ) -> Modelled:
     """Return the manner that the training readings find likeliest beside a fit, or alone, learnt from these and from all.
 
-    left (n,) [N]: what the fit leaves of all readings; chances: of manners, by all readings. What each press has of its own
-    predicts no other and is not tried. Whether the readings held out confirm it is for the caller to ask (`gain`).
+    left (n,) [N]: what the fit leaves of all readings; chances: of manners, by all readings. What each indentation has of
+    its own predicts no other and is not tried. Whether the readings held out confirm it is for the caller to ask (`gain`).
     """
     base = _Beside.of(problem, fit, left)
     train = blocks.train
@@ -163,7 +163,7 @@ class _Beside:
 
     left: np.ndarray  # (n,) [N] what the fit leaves
     covariance: Covariance
-    columns: np.ndarray  # (n, p) of the fit, in units of what all readings leave open of the amounts' priors
+    columns: np.ndarray  # (n, p) of the fit, in units of what all readings leave open of the values' priors
 
     @classmethod
     def of(cls, problem: Problem, fit: Refitted | None, left: np.ndarray | None) -> _Beside:
@@ -178,7 +178,7 @@ class _Beside:
         return cls(left, believed, (fit.columns[:, :p] * widths)[:, ~on])
 
     def posterior(self, D: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return mean (p + q,) and covariance of amounts and coefficients, about the fit, by some entries (n,) bool."""
+        """Return mean (p + q,) and covariance of values and coefficients, about the fit, by some entries (n,) bool."""
         return self._learnt_by(D, mask)[1:]
 
     def learnt(self, D: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -71,9 +71,9 @@ def bent(linear: np.ndarray, solved: np.ndarray, near: np.ndarray, depth: np.nda
 
 
 def chosen_sites(problem: Problem, linear: np.ndarray, parts: Sequence, most: int) -> np.ndarray:
-    """Return the numbers of the sites that are solved for a linear change (R, 3) [N]: felt ones, spread out.
+    """Return the numbers of the sites that are solved for a linear change (R, 3) [N]: observable ones, spread out.
 
-    The first feels it most. Of effects that are the same from all sides one eighth of a square stands for all of it.
+    The first shows it most. Of effects that are the same from all sides one eighth of a square stands for all of it.
     """
     site = problem.observations.table["site"].to_numpy()
     size = np.sqrt(np.bincount(site, (linear**2).sum(axis=1), len(problem.observations.sites)))

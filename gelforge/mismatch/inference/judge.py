@@ -11,7 +11,7 @@ from gelforge.config.parts.mismatch import Mismatch
 from gelforge.mismatch.evidence.alternatives import NOTHING, UNKNOWN
 from gelforge.mismatch.evidence.identifiability import DETECTED_SNR
 from gelforge.mismatch.evidence.screen import Screened
-from gelforge.mismatch.goodness.remains import Remains, remains
+from gelforge.mismatch.goodness.residual_tests import ResidualTests, residual_tests
 from gelforge.mismatch.inference.answer import Answer, explained
 from gelforge.mismatch.inference.discrepancy import Modelled, modelled
 from gelforge.mismatch.inference.posterior import Posterior, posterior_of
@@ -31,12 +31,12 @@ class Judgement:
 
     state: str  # as in verdict.json
     blocks: Blocks
-    mismatch: Remains
+    mismatch: ResidualTests
     posterior: Posterior
     answer: Answer | None
     model: Modelled | None  # of what no known effect explains, where it predicts; with a cause or without
     notes: tuple[str, ...]  # what went wrong on the way
-    out_of_range: bool = False  # an amount of the answer is not physical, or on its bounds
+    out_of_range: bool = False  # a value of the answer is not physical, or on its bounds
 
     @property
     def answered(self) -> Answer:
@@ -56,18 +56,20 @@ class Judgement:
 def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Judgement:
     """Return the judgement on a problem.
 
-    All readings say whether there is a mismatch, where, and what could explain it; the amounts of the answer by the
+    All readings say whether there is a mismatch, where, and what could explain it; the values of the answer by the
     training readings alone predict those held out.
     """
     labels, rng = problem.labels, np.random.default_rng([seed, 5])
     blocks, every = split(labels, seed, turn), np.ones(len(labels), bool)
     manners = manners_of(problem)
-    mismatch = remains(problem, problem.residual, every, settings, rng)
+    mismatch = residual_tests(problem, problem.residual, every, settings, rng)
     posterior = posterior_of(problem, manners)
     unknown = posterior.unknown[NOTHING]
     mismatch = replace(mismatch, unknown_p=unknown.p, known_p=chance_of_known(problem))
     if mismatch.p >= ALARM_P:
-        physics = [one for one in posterior.singles.values() if not problem.effects[one.name].blunder]
+        physics = [
+            one for one in posterior.singles.values() if not problem.effects[one.name].data_entry_error
+        ]
         state = "consistent" if _could_have_seen(physics) else "inconclusive"
         return Judgement(state, blocks, mismatch, posterior, None, None, ())
     answer, notes = explained(problem, posterior, manners, blocks, settings, rng)
@@ -103,13 +105,13 @@ def _modelled(
 
 
 def _could_have_seen(singles: Sequence[Screened]) -> bool:
-    """Return whether a plausible amount of at least half of the effects that these readings feel would have shown."""
+    """Return whether a plausible value of at least half of the effects that these readings can show would have shown."""
     snr = np.array([judged.plausible_snr for judged in singles])
     return bool(len(snr) and np.mean(snr >= DETECTED_SNR) >= 0.5)
 
 
 def in_range(problem: Problem, fit: Refitted) -> bool:
-    """Return whether all amounts are physical and off their bounds."""
+    """Return whether all values are physical and off their bounds."""
     return all(
         part.switch or problem.effects[part.name].in_range(amounts)
         for part, amounts in zip(fit.parts, fit.amounts)
@@ -117,7 +119,7 @@ def in_range(problem: Problem, fit: Refitted) -> bool:
 
 
 def _wanting(answer: Answer) -> bool:
-    """Return whether an answer leaves more than noise, or something unknown is likely beside it or instead."""
+    """Return whether an answer leaves more than noise, or a discrepancy is likely beside it or instead."""
     return answer.adequacy.p <= LEFT_P or answer.posterior.holding([UNKNOWN]) > LIKELY
 
 

@@ -1,7 +1,7 @@
 """Evidence of sets of effects by their linear changes of the readings: many small sets at once.
 
-With r the whitened residual and Z the whitened columns in units of the amounts' plausible widths, all that a set needs are
-its own rows of Z'r and its own block of Z'Z: these are computed once, and a set costs the algebra of a few amounts.
+With r the whitened residual and Z the whitened columns in units of the values' plausible widths, all that a set needs are
+its own rows of Z'r and its own block of Z'Z: these are computed once, and a set costs the algebra of a few values.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class Linear:
     """Candidates against a residual, whitened."""
 
     candidates: Sequence[Candidate]
-    columns: np.ndarray  # (n, P) whitened, in units of plausible amounts; a switch's are whole
+    columns: np.ndarray  # (n, P) whitened, in units of plausible values; a switch's are whole
     owner: np.ndarray  # (P,) number of the candidate
     projected: np.ndarray  # (P,) columns' r
     gram: np.ndarray  # (P, P)
@@ -103,7 +103,7 @@ class Linear:
 
 
 def half_normal_evidence(b: np.ndarray, gram: np.ndarray, signs: np.ndarray) -> np.ndarray:
-    """Return log evidence (m,) of amounts with standard normal priors on their physical half lines.
+    """Return log evidence (m,) of values with standard normal priors on their physical half lines.
 
     b (m, p) and gram (m, p, p): whitened columns with the residual and with each other; signs (m, p). The orthant's share is
     taken one side at a time (screen.evidence).

@@ -1,7 +1,7 @@
-"""The posterior over sets of effects: nothing, every one, every pair, triples by beam, and something unknown beside some.
+"""The posterior over sets of effects: nothing, every one, every pair, triples by beam, and a discrepancy beside some.
 
 All readings are used and nothing is solved: sets are judged by the stored linear changes of their effects. A set's evidence
-is averaged over the shapes of its effects and over scales of their plausible amounts. Of the sets within reach of the best
+is averaged over the shapes of its effects and over scales of their plausible values. Of the sets within reach of the best
 the errors of their own changes (form, mesh, place) are then allowed for, each at its best shapes and scales.
 
 At most one effect of a set has a place: two or three defects on a coarse grid of places imitate one that lies between them.
@@ -29,7 +29,7 @@ from gelforge.progress import Progress
 REACH = 12.0  # log weight behind the best, within which a set is judged with the errors of its change
 MOST_BELIEVED = 50
 BEAM = 30  # pairs that a third effect is tried beside
-BESIDE = 6  # best sets beside which something unknown is weighed
+BESIDE = 6  # best sets beside which a discrepancy is weighed
 MOST_TWINS = 3  # members of a class
 
 Effects = frozenset[str]
@@ -40,17 +40,19 @@ class Posterior:
     """How probable sets of effects are."""
 
     sets: Mapping[Effects, Screened]  # known sets, at their best shapes and scales; parts have all entries
-    singles: Mapping[str, Screened]  # every effect that the readings feel, alone
+    singles: Mapping[str, Screened]  # every effect that the readings can show, alone
     evidence: Mapping[Effects, float]  # log, against nothing; with UNKNOWN beside some
     unknown: Mapping[Effects, Weighed]  # beside what
-    known: int  # effects that the readings feel
-    twins: Mapping[str, Effects]  # those whose changes alone cannot be told from its own, itself included
+    known: int  # effects that the readings can show
+    twins: Mapping[
+        str, Effects
+    ]  # those whose changes alone cannot be distinguished from its own, itself included
 
     @cached_property
     def probability(self) -> dict[Effects, float]:
         """Return the probability of nothing and of each set; they add up to 1.
 
-        Evidence counts for WORTH of itself, that of something unknown too: each set has a form that is not quite the
+        Evidence counts for WORTH of itself, that of a discrepancy too: each set has a form that is not quite the
         truth's.
         """
         weights = {effects: self.weight(effects) for effects in self.evidence}
@@ -73,7 +75,7 @@ class Posterior:
 
     @cached_property
     def manners(self) -> dict[str, float]:
-        """Return the probability of each manner of something unknown, in words: they add up to that of something unknown.
+        """Return the probability of each manner of a discrepancy, in words: they add up to that of a discrepancy.
 
         Beside the same effects one manner is as likely before the readings as another, and its evidence counts for WORTH.
         """
@@ -108,12 +110,12 @@ def posterior_of(problem: Problem, manners: Sequence[Manner]) -> Posterior:
         evidence = {effects: one.log_bayes_factor for effects, one in sets.items()}
         twins = twins_of(problem.covariance, singles)
         found = with_unknown(problem, Posterior(sets, singles, evidence, {}, len(singles), twins), manners)
-        progress.advance(note="something unknown beside them")
+        progress.advance(note="a discrepancy beside them")
     return found
 
 
 def with_unknown(problem: Problem, posterior: Posterior, manners: Sequence[Manner]) -> Posterior:
-    """Return the posterior with something unknown, alone and beside the best sets, by their linear changes."""
+    """Return the posterior with a discrepancy, alone and beside the best sets, by their linear changes."""
     unknown = {NOTHING: weighed_unknown(problem, manners)}
     for effects in posterior.ranked()[:BESIDE]:
         one = posterior.sets[effects]
@@ -128,7 +130,7 @@ def with_unknown(problem: Problem, posterior: Posterior, manners: Sequence[Manne
 
 
 def twins_of(covariance: Covariance, singles: Mapping[str, Screened]) -> dict[str, Effects]:
-    """Return for each effect those whose fitted changes these readings cannot tell from its own (|cos| above ALIKE).
+    """Return for each effect those whose fitted changes these readings cannot distinguish from its own (|cos| above ALIKE).
 
     MOST_TWINS with itself at most, the likeliest; what is refuted by the size that its change has, REACH behind, is none.
     """
@@ -181,7 +183,7 @@ def _tables(problem: Problem, linear: Linear) -> tuple[list, np.ndarray, np.ndar
 
 
 def _felt(linear: Linear) -> np.ndarray:
-    """Return which candidates (C,) bool show a plausible amount in the readings."""
+    """Return which candidates (C,) bool show a plausible value in the readings."""
     squares = np.bincount(linear.owner, np.diag(linear.gram), len(linear.candidates))
     return np.sqrt(squares) > FELT_SNR
 

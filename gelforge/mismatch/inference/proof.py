@@ -1,4 +1,4 @@
-"""What an answer is worth on held-out readings: its amounts by the others alone, and the predictive score there."""
+"""What an answer is worth on held-out readings: its values by the others alone, and the predictive score there."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Proof:
 def proof_of(problem: Problem, fit: Refitted, left: np.ndarray, blocks: Blocks) -> Proof:
     """Return how an answer fitted to the training readings predicts the others.
 
-    fit: of all readings, left (n,) [N] what it leaves; its amounts, and places, by the training readings alone follow by one
+    fit: of all readings, left (n,) [N] what it leaves; its values, and places, by the training readings alone follow by one
     linear step about it, as its columns are those of the real model there.
     """
     amounts = np.concatenate(fit.amounts)

@@ -22,11 +22,11 @@ from gelforge.mismatch.material.material_viscosity import Viscous, decades, here
 from gelforge.mismatch.model.effect import Parameter
 
 ROWS_OF_SEGMENT = 60
-NEAR = 8.0  # largest depths: rows farther from the sample than that only tell the zero
+NEAR = 8.0  # largest depths: rows farther from the sample than that only give the zero
 BASELINE = 0.01  # of the largest push: an optical lever's zero moves by as much between ways
 CONTACT = 0.02  # of the largest depth: the touch that Hertz's fit finds
 LONGEST_PATH = 3000
-ROWS_OF_WAY = 8  # of a press between load cells, on its way up and on its way down
+ROWS_OF_WAY = 8  # of an indentation between load cells, during its unloading and loading
 HEIGHTS = 16  # at which the ball may come free
 LEAST_LOADED = 0.05  # of the largest force of a pair
 UNDER_LOAD = 0.05  # of the largest force
@@ -35,7 +35,7 @@ UNSYNCHRONISED = 0.5  # readings
 
 @dataclass(frozen=True)
 class ContactTest:
-    """Readings of a press or of a pair, the candidates, and what the base is in words."""
+    """Readings of an indentation or of a pair, the candidates, and what the base is in words."""
 
     readings: Readings
     candidates: tuple[Candidate, ...]
@@ -53,7 +53,7 @@ def _less(shape: np.ndarray) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
 
 
 def press_readings(press: IndentationTest) -> ContactTest:
-    """Return a press with approach and withdrawal beside Hertz's ball fitted to its approach; raises ValueError."""
+    """Return an indentation with approach and withdrawal beside Hertz's ball fitted to its approach; raises ValueError."""
     if press.segment is None:
         raise ValueError(f"{press.sample}: one way only; adhesion and creep need the way back and a hold")
     names, kinds = zip(*press.segment_kinds)
@@ -104,7 +104,9 @@ def press_readings(press: IndentationTest) -> ContactTest:
     C += (CONTACT * deepest) ** 2 * np.outer(slope, slope)
     said = [f"{press.sample}: {text}" for text in press.findings if "bending" in text]
     if press.time_s is None:
-        said.append(f"{press.sample}: no time is recorded: relaxation cannot be told from the order of rows")
+        said.append(
+            f"{press.sample}: no time is recorded: relaxation cannot be distinguished from the order of rows"
+        )
     readings = Readings(table, y, base, C, noise, np.full(len(y), misfit), BASELINE * push, tuple(said))
     candidates = _press_candidates(
         readings, press, reduced, hertz, d, time, deepest, push, press.time_s is not None
@@ -252,7 +254,7 @@ def pair_readings(pair: ForcePair) -> ContactTest:
                      for k in range(len(found))]  # fmt: skip
     if len(groups) < 10:
         raise ValueError(
-            f"{pair.source}: no press that rises by half of its force; press between the load cells"
+            f"{pair.source}: no indentation that rises by half of its force; press between the load cells"
         )
 
     def reduced(values):

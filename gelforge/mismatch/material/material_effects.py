@@ -41,8 +41,8 @@ WORDS = {
 DECIDED_BY = {
     "viscoelastic": "hold at one strain for a hundred times the duration of the loading, and load at a tenth of its rate",
     "mullins": "load a second time, after a rest as long as ten loadings: damage stays, viscosity has recovered",
-    "ageing": "load three samples at either date: a sample's own stiffness is told from the date",
-    "temperature": "load one sample at two temperatures, there and back",
+    "ageing": "load three specimens at either date: a specimen's own stiffness is then distinguished from the date",
+    "temperature": "load one specimen at two temperatures, there and back",
     "adhesion": "withdraw at a tenth of the speed, and from a tenth of the push",
     "force_gain": "hang a known weight on the load cell",
     "force_offset": "read the load cell without load before and after",
@@ -61,8 +61,8 @@ AGED = "elastomers lose a third or gain as much with age (ISO 188 limits)"
 def stress_candidates(tests: StressTests) -> tuple[list[Candidate], list[str]]:
     """Return every effect in its shapes that changes these readings at all, and a sentence on each that cannot.
 
-    Gain, zero of force and zero of strain of single tests are no candidates: they cannot be told from samples that differ,
-    and are errors of the readings.
+    Gain, zero of force and zero of strain of single tests are no candidates: they cannot be distinguished from samples
+    that differ, and are errors of the readings.
     """
     found = [
         *viscoelastic(tests),
@@ -151,7 +151,7 @@ def dated(tests: StressTests) -> list[Candidate]:
                     return P * (1 + x * (bent[:, :q] @ a[:q]))
 
                 changed = " and ".join(
-                    [*([f"{what} of the law"] if law else []), *(["relaxation"] * relaxes)]
+                    [*([f"{what} of the constitutive model"] if law else []), *(["relaxation"] * relaxes)]
                 )
                 told = {"from": span[0], "to": span[1], "per": unit, "of": changed}
                 found.append(

@@ -1,4 +1,4 @@
-"""Models of what material tests show besides their law, compared by evidence and by readings set aside.
+"""Models of what material tests show besides their law, compared by evidence and by readings held out.
 
 Readings are Gaussian about base and effects with a dense covariance (some hundred rows). An effect's model stands for
 its kind: a Prony series for all viscosity, a factor for all ageing. What it may miss is allowed for as an error along each
@@ -21,11 +21,11 @@ from scipy.special import erfcx, gammaln
 from gelforge.mismatch.goodness.scan import Atoms, GlobalTest, Scan, scan
 from gelforge.mismatch.model.effect import Parameter
 
-FORM_ERROR = 0.05  # of the mismatch: what a formula with few amounts misses of what it stands for
+FORM_ERROR = 0.05  # of the mismatch: what a formula with few values misses of what it stands for
 FORM_LENGTH = 0.3  # of a branch, over which that error keeps its sign
-AT_BOUND = 1e-3  # widths; nearer to 0 a signed amount counts as absent
+AT_BOUND = 1e-3  # widths; nearer to 0 a signed value counts as absent
 TAILS = 4.0  # degrees of freedom of Student's t: the errors of real tests have heavier tails than their model
-EIGHTHS = 8  # of a branch, the units of a held-out score: two at least of whatever is set aside
+EIGHTHS = 8  # of a branch, the units of a held-out score: two at least of whatever is held out
 STEP = 1e-4  # widths, of the Jacobian's differences
 
 
@@ -39,7 +39,7 @@ class Readings:
     doi:10.1016/0168-9002(94)90719-6): a smaller prediction has a smaller misfit of shape, and the size is a shared error.
 
     table: sample, branch (load, unload, hold), segment (number, unique), progress (0..1 along it), at (stretch, shear, or
-    position in mm), share (of the base's range), time_s, piece (what is set aside together; "" never), words of each.
+    position in mm), share (of the base's range), time_s, piece (what is held out together; "" never), words of each.
     """
 
     table: pd.DataFrame
@@ -84,7 +84,7 @@ class Readings:
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect in one shape: what (n,) becomes of a prediction (n,) at some amounts (p,); 0 is no effect.
+    """An effect in one shape: what (n,) becomes of a prediction (n,) at some values (p,); 0 is no effect.
 
     order: effects apply in its order, the material first and the sensor last.
     """
@@ -101,24 +101,24 @@ Model = tuple[Candidate, ...]
 
 @dataclass(frozen=True)
 class Fitted:
-    """A model at its most probable amounts (p,), found on some rows; predictions and covariances are of all n rows."""
+    """A model at its most probable values (p,), found on some rows; predictions and covariances are of all n rows."""
 
     model: Model
     amounts: np.ndarray
-    amounts_covariance: np.ndarray  # (p, p), 0 for amounts at their bound
+    amounts_covariance: np.ndarray  # (p, p), 0 for values at their bound
     prediction: np.ndarray  # (n,)
     jacobian: np.ndarray  # (n, p)
     covariance: np.ndarray  # (n, n) of measured minus prediction
     log_evidence: float  # of the rows that it was found on
 
     def of(self, number: int) -> slice:
-        """Return where in the amounts those of an effect are."""
+        """Return where in the values those of an effect are."""
         ends = np.cumsum([0, *(len(c.parameters) for c in self.model)])
         return slice(int(ends[number]), int(ends[number + 1]))
 
     @property
     def directions(self) -> np.ndarray:
-        """Return the Jacobian of the amounts that are free (n, f)."""
+        """Return the Jacobian of the values that are free (n, f)."""
         return self.jacobian[:, np.diag(self.amounts_covariance) > 0]
 
     def change(self, number: int, readings: Readings) -> np.ndarray:
@@ -147,7 +147,7 @@ def predicted(readings: Readings, model: Model, amounts: np.ndarray) -> np.ndarr
 def fitted(readings: Readings, model: Model, rows: np.ndarray) -> Fitted:
     """Return a model fitted to some rows (n,) bool, with its Laplace evidence.
 
-    Amounts at a bound of 0 add the half line's exact integral (Gaussian in one dimension) and take no part in the rest.
+    Values at a bound of 0 add the half line's exact integral (Gaussian in one dimension) and take no part in the rest.
     """
     parameters = [p for c in model for p in c.parameters]
     width = np.array([p.width for p in parameters])
@@ -174,7 +174,7 @@ def _limits(parameter: Parameter) -> tuple[float, float]:
 
 
 def _most_probable(readings, model, rows, y, L, start, width, low, high) -> np.ndarray:
-    def residual(u):  # amounts in widths, so that no unit decides where the search ends
+    def residual(u):  # values in widths, so that no unit decides where the search ends
         left = y - predicted(readings, model, u * width)[rows]
         return np.concatenate([solve_triangular(L, left, lower=True, check_finite=False), u])
 
@@ -196,7 +196,7 @@ def _jacobian(readings, model, amounts, width, prediction) -> np.ndarray:
 
 
 def _laplace(parameters, amounts, width, r, Jw) -> tuple[float, np.ndarray]:
-    """Return log prior plus log volume of the posterior about its mode, and the covariance of the amounts (p, p)."""
+    """Return log prior plus log volume of the posterior about its mode, and the covariance of the values (p, p)."""
     signed = np.array([p.sign for p in parameters], dtype=int)
     free = (signed == 0) | (amounts != 0)
     H = Jw.T @ Jw + np.diag(width**-2.0)
@@ -215,7 +215,7 @@ def _laplace(parameters, amounts, width, r, Jw) -> tuple[float, np.ndarray]:
 def held_out_scores(readings: Readings, fit: Fitted, train: np.ndarray) -> np.ndarray:
     """Return log predictive densities (k,) of the rows that are not of training (n,) bool, in units of EIGHTHS of branches.
 
-    Each unit is predicted from the training rows alone: what is common to a sample set aside (its zero, its factor) is not
+    Each unit is predicted from the training rows alone: what is common to a sample held out (its zero, its factor) is not
     learned from its other units, before and after alike. The density is Student's with TAILS degrees: a Gaussian's score far
     outside its errors is the square of the worst unit.
     """

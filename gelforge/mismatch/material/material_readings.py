@@ -78,13 +78,13 @@ def stress_tests(tests: list[MaterialTest]) -> StressTests:
         own = [t for t in timed if t.test == kind]
         loading = fastest_loading(own)
         if loading is None:
-            said.append(f"{kind}: no loading to fit a law to; not judged")
+            said.append(f"{kind}: no loading to fit a constitutive model to; not judged")
             continue
         curves = mean_curves(monotonic_loading([loading])[0])
         bases[kind], laws[kind] = loading, base_law(curves, kind)
     if not laws:
         raise ValueError(
-            f"{'; '.join(said) or 'no stress test'}: a base needs a loading with a time or a rate"
+            f"{'; '.join(said) or 'no stress test'}: a nominal model needs a loading with a time or a rate"
         )
     paths = _paths([t for t in timed if t.test in laws], laws, bases)
     said += _assumed(paths)
@@ -213,7 +213,7 @@ def _assumed(paths: list[Path]) -> list[str]:
         )
     if cut:
         said.append(
-            f"{', '.join(cut)}: not judged from where the strain leaves the range that the base law was fitted in"
+            f"{', '.join(cut)}: not judged from where the strain leaves the range in which the nominal model was fitted"
         )
     return said
 
@@ -289,7 +289,7 @@ def _law_error(table: pd.DataFrame, residual: np.ndarray, law: BaseLaw) -> np.nd
 
 def _words(bases: dict[str, MaterialTest], laws: dict[str, BaseLaw]) -> str:
     return " and ".join(
-        f"{laws[kind].title} fitted to the loading of sample {t.sample} ({kind.replace('_', ' ')}) at"
+        f"{laws[kind].title} fitted to the loading of specimen {t.sample} ({kind.replace('_', ' ')}) at"
         f" {t.rate_per_s:.3g} 1/s"
         for kind, t in bases.items()
     )

@@ -1,4 +1,4 @@
-"""The search for what a material's law leaves out: one effect after the other, each confirmed on pieces set aside."""
+"""The search for what a material's law leaves out: one effect after the other, each confirmed on pieces held out."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from gelforge.mismatch.result import verdict as v
 
 EVIDENCE = 5.0  # log Bayes factor that an effect needs; also how near a rival must be to be one
 MOST_EFFECTS = 3
-LEAST_PIECES = 4  # samples, for whole ones to be set aside
+LEAST_PIECES = 4  # samples, for whole ones to be held out
 SHARE_HELD = 0.25
-PARTS_OF_SEGMENT = 4  # one of which is set aside of each
-MANY_SEGMENTS = 12  # for whole branches to be set aside
+PARTS_OF_SEGMENT = 4  # one of which is held out of each
+MANY_SEGMENTS = 12  # for whole branches to be held out
 BANDS = ((0.0, 1 / 3), (1 / 3, 2 / 3), (2 / 3, 1.1))
 
 
@@ -41,7 +41,7 @@ class Step:
     ]  # of each effect its best shape, fitted to the training rows
     before: Fitted
     winner: str = ""  # nothing: none was accepted
-    refused: tuple[str, ...] = ()  # evidence for them, but no gain on what was set aside
+    refused: tuple[str, ...] = ()  # evidence for them, but no gain on what was held out
 
     @property
     def unconfirmed(self) -> list[str]:
@@ -58,7 +58,7 @@ class Step:
 
 
 def with_pieces(readings: Readings, rng: np.random.Generator) -> tuple[Readings, list[str]]:
-    """Return the readings with their pieces named, and those set aside: a quarter, before anything is chosen.
+    """Return the readings with their pieces named, and those held out: a quarter, before anything is chosen.
 
     Presses of a pair of load cells; else whole samples where there are enough; else whole branches; else a quarter of each
     branch. Never the loading that the base was fitted to; training keeps every kind of branch and every place.
@@ -110,7 +110,7 @@ def one_step(readings: Readings, candidates: Sequence[Candidate], before: Fitted
 def chosen_steps(readings, candidates, train: np.ndarray, differs: bool) -> list[Step]:
     """Return the steps whose winners are put into the base, one after the other, and a last one without a winner.
 
-    The first winner is the effect of most evidence; each further one must have EVIDENCE, predict what is set aside better
+    The first winner is the effect of most evidence; each further one must have EVIDENCE, predict what is held out better
     than its standard error explains (what does not is refused), and of those have SURE.
     """
     model = fitted(readings, (), train)
@@ -153,7 +153,7 @@ def _gains(readings, before: Fitted, after: Fitted, train) -> bool:
 def held_out_gain(
     readings: Readings, before: Fitted, after: Fitted, train: np.ndarray
 ) -> tuple[float, float]:
-    """Return the gain in log predictive density of all that is set aside, and its standard error from its units' scatter."""
+    """Return the gain in log predictive density of all that is held out, and its standard error from its units' scatter."""
     if train.all():
         return 0.0, 0.0
     d = held_out_scores(readings, after, train) - held_out_scores(readings, before, train)
@@ -187,7 +187,7 @@ def patterns(readings: Readings) -> Atoms:
         add(f"second halves of {word}", "time", late)
     for sample in dict.fromkeys(table["sample"]):
         own = (table["sample"] == sample).to_numpy()
-        add(f"sample {sample}", "session", own)
+        add(f"specimen {sample}", "session", own)
         for branch, word in moving.items():
             add(f"{word} of {sample}", "phase", own & (table["branch"] == branch).to_numpy())
     if "place" in table:

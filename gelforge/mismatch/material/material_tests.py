@@ -26,23 +26,23 @@ from gelforge.mismatch.material.material_evidence import fitted, what_remains
 from gelforge.mismatch.material.material_readings import StressTests, stress_tests
 from gelforge.mismatch.material.material_search import chosen_steps, on_everything, patterns, with_pieces
 from gelforge.mismatch.material.material_words import (
-    effects_told,
-    experiments_told,
-    fit_told,
-    group_told,
-    limits_told,
-    noise_told,
+    effect_entries,
+    experiment_entries,
+    fit_entry,
+    group_entry,
+    limit_entries,
+    noise_entry,
     not_entering,
-    pattern_told,
+    pattern_words,
     readings_table,
     sentence_of,
-    where_told,
+    where_entries,
 )
 from gelforge.mismatch.result import verdict as v
 
 SEED = 20261121
 DRAWS = 2000
-LEAST_ODDS = 10.0  # of an effect over what these tests cannot tell from it, where one of them is named
+LEAST_ODDS = 10.0  # of an effect over what these tests cannot distinguish from it, where one of them is named
 
 
 @dataclass(frozen=True)
@@ -88,8 +88,9 @@ def _of_stress(tests: StressTests) -> ContactTest:
 
 def _scatter_words(tests: StressTests) -> str:
     return (
-        f"samples made alike are taken to scatter by {tests.sample_scatter:.1%} in stress: a factor of that size between"
-        " samples, and an offset or a gain of a single test's force, cannot be told from it and are no physics here"
+        f"specimens made alike are taken to scatter by {tests.sample_scatter:.1%} in stress: a factor of that size between"
+        " specimens, and an offset or a gain of a single test's force, cannot be distinguished from it and are no"
+        " physics here"
     )
 
 
@@ -107,13 +108,13 @@ def _judged(name, test: ContactTest, word, sources, synthetic, seed) -> Judged:
     accepted = steps[:-1]
     final = on_everything(readings, test.candidates, steps[-1].before.model)
     left = what_remains(readings, final, atoms, rng, DRAWS) if final else None
-    fit = fit_told(readings, base, final, steps, train, held)
-    groups = [group_told(readings, s, test.no_signature) for s in accepted]
-    limits = limits_told(readings, test.candidates)
-    effects = effects_told(readings, test, steps, accepted, final, groups)
+    fit = fit_entry(readings, base, final, steps, train, held)
+    groups = [group_entry(readings, s, test.no_signature) for s in accepted]
+    limits = limit_entries(readings, test.candidates)
+    effects = effect_entries(readings, test, steps, accepted, final, groups)
     adequacy = None
     if left:
-        adequacy = v.Adequacy(p=left[0].p, scan_p=left[1].p, remains=pattern_told(left[1].best))
+        adequacy = v.Adequacy(p=left[0].p, scan_p=left[1].p, remains=pattern_words(left[1].best))
     further = steps[-1].unconfirmed if accepted else []
     state = _state(differs, groups, effects, fit, adequacy, limits, further)
     answer = [] if state in v.WITHOUT_ANSWER else groups
@@ -126,15 +127,15 @@ def _judged(name, test: ContactTest, word, sources, synthetic, seed) -> Judged:
         state=state,
         sentence=sentence_of(name, test, state, answer, fit, adequacy, where, limits, final, unit, further),
         mismatch=v.Mismatch(chi2=total.chi2, degrees=total.degrees, p=total.p, scan_p=where.p),
-        where=where_told(where) if differs else [],
+        where=where_entries(where) if differs else [],
         answer=answer,
         effects=effects,
         null_probability=nothing,
         fit=fit if answer else fit.model_copy(update={"after": None}),
         adequacy=adequacy if answer else None,
         detection_limits=limits,
-        noise=noise_told(readings),
-        next_experiments=experiments_told(state, answer, limits, further),
+        noise=noise_entry(readings),
+        next_experiments=experiment_entries(state, answer, limits, further),
         cannot_know=list(readings.cannot_know) + not_entering(test),
         provenance=v.Provenance(
             sessions=sources,
@@ -173,7 +174,7 @@ def _state(differs, groups, effects, fit: v.Fit, adequacy, limits, further) -> v
 
 
 def write_judged(folder: Path, judged: Judged) -> None:
-    """Write verdict.json and material_readings.csv (nominal stress [MPa], or force [N] of presses and pairs)."""
+    """Write verdict.json and material_readings.csv (nominal stress [MPa], or force [N] of indentations and pairs)."""
     v.write_verdict(folder, judged.verdict)
     write_text(folder / "material_readings.csv", judged.table.to_csv(index=False, float_format="%.9g"))
 

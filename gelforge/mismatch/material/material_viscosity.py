@@ -18,7 +18,7 @@ PER_DECADE = (
 )
 DECADE = Parameter("share_per_decade", "1", 0.2, (0.0, 5.0), PER_DECADE, 1)
 FLOW = Parameter(
-    "flow_stiffness", "1", 1.0, (0.0, 20.0), "as much as the base's: half of what holds flows", 1
+    "flow_stiffness", "1", 1.0, (0.0, 20.0), "as much as the nominal one: half of what holds flows", 1
 )
 # Of flow that stress speeds up: the strain that loads the element once, as a share of the base's range, and how fast it
 # flows at little stress, as a share of the base's rate: the stress of a steady ramp is asinh(1 / share) of those strains.
@@ -58,7 +58,7 @@ class Viscous:
     shapes: tuple[tuple[np.ndarray, np.ndarray], ...]
 
     def stress(self, current: np.ndarray, a: np.ndarray, c: np.ndarray) -> np.ndarray:
-        """Return the stress (n,) with the elements' amounts a (k,) and the law's changes of shape c."""
+        """Return the stress (n,) with the elements' values a (k,) and the law's changes of shape c."""
         share = a / (1 + a @ self.rho)
         return current + self.V @ a + sum(x * (phi - lost @ share) for x, (phi, lost) in zip(c, self.shapes))
 
@@ -145,9 +145,9 @@ def flow_candidates(
 
 
 def _candidate(viscous: Viscous, parameters: tuple[Parameter, ...], spread: np.ndarray, shape) -> Candidate:
-    """Return a shape of relaxation; spread (k, q): which elements the q amounts are of."""
+    """Return a shape of relaxation; spread (k, q): which elements the q values are of."""
     q = len(parameters)
-    why = "the unrelaxed law is of another shape than the loading"
+    why = "the unrelaxed constitutive model is of another shape than the loading"
     law = tuple(
         Parameter(f"law_shape_{j + 1}", "1", 0.3, (-2.0, 2.0), why) for j in range(len(viscous.shapes))
     )

@@ -22,7 +22,7 @@ from gelforge.mismatch.material.material_evidence import (
 from gelforge.mismatch.material.material_search import EVIDENCE, Step, held_out_gain
 from gelforge.mismatch.result import verdict as v
 
-SAME_CHANGE = 0.95  # |cos| of whitened changes that these readings cannot tell apart
+SAME_CHANGE = 0.95  # |cos| of whitened changes that these readings cannot distinguish
 DETECTED = 4.0  # signal to noise at which a change is seen against all errors in nine of ten cases
 ROW_COLUMNS = [
     "sample",
@@ -39,24 +39,26 @@ ROW_COLUMNS = [
 ]
 
 
-def pattern_told(found: Finding) -> str:
+def pattern_words(found: Finding) -> str:
     """Return a pattern in words, with its size."""
-    share = f"{found.amplitude:+.1%} of {'the largest' if 'of its own' in found.name else 'the base'}"
+    share = (
+        f"{found.amplitude:+.1%} of {'the largest' if 'of its own' in found.name else 'the nominal model'}"
+    )
     return f"{found.name}, {share}"
 
 
-def where_told(scan) -> list[v.Where]:
+def where_entries(scan) -> list[v.Where]:
     """Return the three strongest patterns of a scan."""
     return [
         v.Where(
-            words=pattern_told(f), channel="nominal stress or force", snr=f.snr, p=scan.p if k == 0 else None
+            words=pattern_words(f), channel="nominal stress or force", snr=f.snr, p=scan.p if k == 0 else None
         )
         for k, f in enumerate(scan.ranked[:3])
     ]
 
 
-def group_told(readings: Readings, s: Step, no_signature) -> v.Group:
-    """Return the winner of a step with the rivals that these readings cannot tell from it."""
+def group_entry(readings: Readings, s: Step, no_signature) -> v.Group:
+    """Return the winner of a step with the rivals that these readings cannot distinguish from it."""
     winner, probability = s.winner, s.probabilities(no_signature)
 
     def change(name):
@@ -76,10 +78,10 @@ def group_told(readings: Readings, s: Step, no_signature) -> v.Group:
     )
 
 
-def effects_told(
+def effect_entries(
     readings, test, steps: list[Step], accepted, final: Fitted | None, groups
 ) -> list[v.NamedEffect]:
-    """Return every effect that was tried, those taken first; amounts of those taken are of the final fit."""
+    """Return every effect that was tried, those taken first; values of those taken are of the final fit."""
     found: dict[str, v.NamedEffect] = {}
     for number, s in enumerate(steps):
         probability = s.probabilities(test.no_signature) if s.tried else {}
@@ -126,7 +128,7 @@ def _amounts(fit: Fitted, k: int) -> list[v.Amount]:
 
 
 def _in_range(fit: Fitted, k: int) -> bool:
-    """Return whether the amounts lie inside their bounds; elements of a spectrum may be absent, not all of them."""
+    """Return whether the values lie inside their bounds; elements of a spectrum may be absent, not all of them."""
     own, parameters = fit.amounts[fit.of(k)], fit.model[k].parameters
     inside = all(p.bounds[0] <= a < p.bounds[1] and p.sign * a >= 0 for p, a in zip(parameters, own))
     return bool(inside and np.any(own != 0))
@@ -144,8 +146,8 @@ def _score(readings: Readings, prediction, covariance, rows=None, log_score=None
     )
 
 
-def fit_told(readings, base: Fitted, final: Fitted | None, steps, train, held) -> v.Fit:
-    """Return how base and final fit meet all readings, and how those of the search met what was set aside."""
+def fit_entry(readings, base: Fitted, final: Fitted | None, steps, train, held) -> v.Fit:
+    """Return how base and final fit meet all readings, and how those of the search met what was held out."""
     before = _score(readings, base.prediction, base.covariance)
     if final is None:
         return v.Fit(before=before)
@@ -164,8 +166,8 @@ def fit_told(readings, base: Fitted, final: Fitted | None, steps, train, held) -
     return v.Fit(before=before, after=_score(readings, final.prediction, final.covariance), held_out=held_out)
 
 
-def limits_told(readings: Readings, candidates: Sequence[Candidate]) -> list[v.DetectionLimit]:
-    """Return the smallest amount of each effect, in its most visible shape, that has a signal to noise of DETECTED."""
+def limit_entries(readings: Readings, candidates: Sequence[Candidate]) -> list[v.DetectionLimit]:
+    """Return the smallest value of each effect, in its most visible shape, that has a signal to noise of DETECTED."""
     best: dict[str, tuple[float, Candidate]] = {}
     for c in candidates:
         width = c.parameters[0].width
@@ -184,7 +186,7 @@ def limits_told(readings: Readings, candidates: Sequence[Candidate]) -> list[v.D
     return found
 
 
-def noise_told(readings: Readings) -> v.Noise:
+def noise_entry(readings: Readings) -> v.Noise:
     """Return the errors that were allowed for."""
     return v.Noise(
         stated_N=[None, None, float(np.sqrt(np.mean(readings.noise**2)))],
@@ -195,7 +197,7 @@ def noise_told(readings: Readings) -> v.Noise:
     )
 
 
-def experiments_told(state, answer: list[v.Group], limits, further) -> list[v.Experiment]:
+def experiment_entries(state, answer: list[v.Group], limits, further) -> list[v.Experiment]:
     """Return three experiments at most that would decide what is left open."""
     asked = [(g.decided_by, g.members) for g in answer if g.decided_by]
     if state == "unexplained" and not asked:
@@ -228,11 +230,11 @@ def sentence_of(name, test, state, answer, fit: v.Fit, adequacy, where, limits, 
     if state == "consistent":
         seen = ", ".join(x.effect for x in limits if x.seen)
         return (
-            f"{name}: nothing is missing within the errors ({before} beside {test.base_words}); plausible amounts of {seen}"
+            f"{name}: nothing is missing within the errors ({before} beside {test.base_words}); plausible values of {seen}"
             " would have been seen."
         )
     if state == "inconclusive":
-        return f"{name}: nothing is seen, but these tests could not show plausible amounts of what may be missing."
+        return f"{name}: nothing is seen, but these tests could not show plausible values of what may be missing."
     place = where.best.name
     if not answer:
         return f"{name}: {test.base_words} is off by {before}, most clearly in {place}; no effect known here explains it."
@@ -240,12 +242,12 @@ def sentence_of(name, test, state, answer, fit: v.Fit, adequacy, where, limits, 
     text = f"{name}: {test.base_words} leaves out {said}: most clearly in {place}; the error falls from {before} to"
     text += f" {size(fit.after)}"
     if fit.held_out:
-        text += f", on readings set aside from {size(fit.held_out.before)} to {size(fit.held_out.after)}"
+        text += f", on readings held out from {size(fit.held_out.before)} to {size(fit.held_out.after)}"
     numbers = _numbers(final)
     text += f" ({numbers})" if numbers else ""
     if state == "unexplained" and further:
         words = " or ".join(WORDS[n] for n in further)
-        text += f"; there is evidence for {words} beside it, which what was set aside does not confirm"
+        text += f"; there is evidence for {words} beside it, which what was held out does not confirm"
     elif state == "unexplained":
         text += f"; something remains ({adequacy.remains})" if not adequacy.passed else "; it is not certain"
     if all(FAMILY_OF[g.members[0]] == "force sensor" for g in answer) and test.no_signature:
@@ -279,7 +281,7 @@ def _relaxation(candidate: Candidate, a: np.ndarray) -> str:
     said = []
     if amounts.get("flow_stiffness"):
         said.append(
-            f"{amounts['flow_stiffness']:.2g} of the base's stiffness flows, the faster the higher its stress"
+            f"{amounts['flow_stiffness']:.2g} of the nominal stiffness flows, the faster the higher its stress"
         )
     if share := sum(x for name, x in amounts.items() if name.startswith("share")):
         per = " per decade of time" if "share_per_decade" in amounts else ", which relaxes beside it"

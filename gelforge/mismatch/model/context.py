@@ -40,8 +40,8 @@ class Context:
     observations: Observations
     force: np.ndarray  # (R, 3) [N] base forces at the readings
     curves: Curves  # base forces
-    derivatives: Mapping[str, Curves]  # on the way down
-    at_readings: Mapping[str, np.ndarray] = field(default_factory=dict)  # (R, 3) the same, ways up included
+    derivatives: Mapping[str, Curves]  # during loading
+    at_readings: Mapping[str, np.ndarray] = field(default_factory=dict)  # (R, 3) the same, unloading included
 
     @classmethod
     def before_readings(cls, study: Study) -> Context:
@@ -49,7 +49,7 @@ class Context:
         return cls(study, Observations.none(), np.zeros((0, 3)), Curves((), ()), {})
 
     def derivative(self, name: str) -> np.ndarray:
-        """Return d force / d amount (R, 3) at the readings; as on the way down where the way up is not known."""
+        """Return d force / d amount (R, 3) at the readings; as during loading where the unloading is not known."""
         if name in self.at_readings:
             return self.at_readings[name]
         return self.on_readings(self.derivatives[name])
@@ -61,7 +61,7 @@ class Context:
         return replace(self, observations=part, force=self.force[rows], at_readings=known)
 
     def slope(self) -> np.ndarray:
-        """Return d force / d depth (R, 3) [N/mm] at the readings, as on the loading curve."""
+        """Return d force / d depth (R, 3) [N/mm] at the readings, as during loading curve."""
         return self.on_readings(self.curves, slope=True)
 
     def on_readings(self, curves: Curves, slope: bool = False) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What one kind of left-out physics is: its parameters and priors, where it enters, how it is told from others."""
+"""What one kind of left-out physics is: its parameters and priors, where it enters, how it is distinguished from others."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ FAMILIES = (
     "simplification",
 )
 ON_BOUND = (
-    2e-3  # of a bound, nearer to which an amount is on it: fits keep half of that from it (variables.INSIDE)
+    2e-3  # of a bound, nearer to which a value is on it: fits keep half of that from it (variables.INSIDE)
 )
 Shape = Mapping[str, float | str]  # what is scanned: a place (refits move it between those), a time constant
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One amount of an effect; 0 is its absence."""
+    """One parameter of an effect; 0 is its absence."""
 
     name: str
     unit: str
-    width: float  # standard deviation of its prior: a plausible amount
+    width: float  # standard deviation of its prior: a plausible value
     bounds: tuple[float, float]  # the physical range
     source: str  # of width and bounds
     sign: int = 0  # 1, -1: the only physical sign; 0: both
     whole: bool = False  # its bounds, but for none, are all that there can be, as an empty ball is: physical
 
     def holds(self, a: float) -> bool:
-        """Return whether an amount lies inside the bounds and off them, or is all that there can be."""
+        """Return whether a value lies inside the bounds and off them, or is all that there can be."""
         low, high = (bound * (1 - ON_BOUND) if np.isfinite(bound) else bound for bound in self.bounds)
         return low < a < high or (self.whole and a != 0 and a in self.bounds)
 
@@ -65,17 +65,18 @@ def where_it_differs(column: str) -> Callable[[Context], list[Shape]]:
 
 
 def unturned(turn: np.ndarray) -> np.ndarray:
-    """Return the turn of an amount that is the same from all sides of a square."""
+    """Return the turn of a value that is the same from all sides of a square."""
     return np.eye(1)
 
 
 @dataclass(frozen=True)
 class Effect:
-    """One kind of left-out physics. Amounts (P,) are in the parameters' units; all zero is the base bit for bit.
+    """One kind of left-out physics. Values (P,) are in the parameters' units; all zero is the base bit for bit.
 
     to_study puts it into the finite elements. to_forces gives the forces (R, 3) on the sensor as read with the effect, from
     those without: exact for the force sensor and the clock, a first approximation for what is solved. to_places gives where
-    (R, 2) [mm] each press really lands, which images see too. to_camera changes the camera that looks at the particles.
+    (R, 2) [mm] each indentation really lands, which images see too. to_camera changes the camera that looks at the
+    particles.
     """
 
     name: str
@@ -84,7 +85,7 @@ class Effect:
     enters: str  # the keys of the configuration, or the stage
     signature: str  # what it does to readings, in words
     confused_with: tuple[str, ...]
-    separated_by: str  # the experiment that tells it from these
+    separated_by: str  # the experiment that distinguishes it from these
     takes: tuple[str, ...] = ()  # the effects whose derivatives it is made of
     to_study: Callable[[Study, Shape, Sequence[float]], Study] | None = None
     to_places: Callable[[Context, Shape, Sequence[float]], np.ndarray] | None = None
@@ -92,21 +93,23 @@ class Effect:
     to_camera: Callable[[Study, Camera, Sequence[float]], Camera] | None = None
     shapes: Callable[[Context], list[Shape]] = one_shape
     turned: Callable[[np.ndarray], np.ndarray] = (
-        unturned  # (2, 2) of D4 -> (P, P): how amounts turn with the sensor
+        unturned  # (2, 2) of D4 -> (P, P): how values turn with the sensor
     )
     applies: Callable[[Study], bool] = field(default=lambda study: True)  # the sensor has what it is about
-    switch: bool = False  # amounts are 0 and 1 only
-    history: bool = False  # every press is a path of its own, in time
-    in_order: bool = False  # a press leaves something to those after it: all are solved, one after the other
+    switch: bool = False  # values are 0 and 1 only
+    history: bool = False  # every indentation is a path of its own, in time
+    in_order: bool = (
+        False  # an indentation leaves something to those after it: all are solved, one after the other
+    )
     form_error: float = (
         0.0  # of its change: by which other models of the same physics differ, a standard deviation
     )
     mesh_changes: bool = False  # its derivative is a difference of two solutions on its own mesh
-    step: float = 1e-2  # of a plausible amount, at which its derivative is taken
+    step: float = 1e-2  # of a plausible value, at which its derivative is taken
     across: Callable[[Study], float] | None = (
-        None  # the amount, to either side, across which a difference is taken where there is no other derivative
+        None  # the value, to either side, across which a difference is taken where there is no other derivative
     )
-    unloading: bool = False  # seen on the way up only
+    unloading: bool = False  # seen during unloading only
     # The coarser mesh does not resolve it, and its formula says more: adhesion's rim is narrower than an element.
     by_formula: bool = False
 
@@ -116,19 +119,19 @@ class Effect:
         return self.to_study is not None and not self.by_formula
 
     @property
-    def blunder(self) -> bool:
+    def data_entry_error(self) -> bool:
         """Return whether it is a mistake of the analyst, which is excluded before physics is blamed, and no physics."""
         return self.family == "analyst"
 
     @property
     def widths(self) -> np.ndarray:
-        """Return the plausible amounts (P,)."""
+        """Return the plausible values (P,)."""
         return np.array([parameter.width for parameter in self.parameters])
 
     def in_range(self, amounts: Sequence[float] | np.ndarray) -> bool:
-        """Return whether every amount has its physical sign and lies inside its bounds, and on none that is not whole.
+        """Return whether every value has its physical sign and lies inside its bounds, and on none that is not whole.
 
-        Of several amounts of one sign some may be absent.
+        Of several values of one sign some may be absent.
         """
         absent = [p.sign != 0 and a == 0 for p, a in zip(self.parameters, amounts)]
         inside = [p.holds(a) and p.sign * a >= 0 for p, a in zip(self.parameters, amounts)]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from gelforge.mismatch.model.effect import Effect, Shape
 
-# Of an effect as such; then, where one amount says it all, with more and with less of it.
+# Of an effect as such; then, where one value says it all, with more and with less of it.
 PHRASES: dict[str, tuple[str, ...]] = {
     "adhesion": ("the surface sticks to the indenter",),
     "ageing": ("the gel changes with age", "the gel stiffens with age", "the gel softens with age"),
@@ -90,12 +90,12 @@ PHRASES: dict[str, tuple[str, ...]] = {
 
 
 def in_general(name: str) -> str:
-    """Return what an effect means, whatever its amount; its own name where none is known."""
+    """Return what an effect means, whatever its value; its own name where none is known."""
     return PHRASES.get(name, (f"there is {name.replace('_', ' ')}",))[0]
 
 
 def with_amount(effect: Effect, shape: Shape, amounts: Sequence[float]) -> str:
-    """Return what an effect means at its amounts, and where it lies if it has a place."""
+    """Return what an effect means at its parameter values, and where it lies if it has a place."""
     if "coefficient" in shape:  # of friction, where the simulation has none; 0 where it has some
         found, simulated = ("friction", "none") if shape["coefficient"] else ("no friction", "some")
         return f"there is {found}, and the simulation has {simulated}"

@@ -57,9 +57,9 @@ def carried(total: np.ndarray, symmetry: str) -> np.ndarray:
 def carried_derivative(
     found: Mapping[str, np.ndarray], symmetry: str, effect: Effect, keys: Sequence[str], which: int
 ) -> np.ndarray | None:
-    """Return d force / d amount (D, 3) for amount `which` of an effect from those for all its amounts at the image.
+    """Return d force / d amount (D, 3) for amount `which` of an effect from those for all its values at the image.
 
-    keys: names of the image's derivatives, one per amount. None where the image does not feel the effect.
+    keys: names of the image's derivatives, one per value. None where the image does not show the effect.
     """
     turn = effect.turned(D4[inverse(symmetry)])[:, which]
     parts = [share * found[key] for share, key in zip(turn, keys) if share and key in found]

@@ -1,4 +1,4 @@
-"""What effects of the finite elements share: amounts of their catalogue, entry into a study, first-order forces."""
+"""What effects of the finite elements share: values of their catalogue, entry into a study, first-order forces."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def amount(
 
 
 def half_an_element(study: Study) -> float:
-    """Return half of the elements' size under a press [mm], or less: across it ripples from node to node cancel."""
+    """Return half of the elements' size under an indentation [mm], or less: across it ripples from node to node cancel."""
     return min(study.mechanics.mesh.near_mm / 2, LARGEST_MOVE)
 
 
@@ -44,7 +44,7 @@ def solver(
     limit: tuple[float, float] = (-np.inf, np.inf),
     directed: bool = False,
 ) -> dict:
-    """Return the fields of an Effect with one amount that the catalogue of the finite elements adds to a study.
+    """Return the fields of an Effect with one value that the catalogue of the finite elements adds to a study.
 
     present: what the base has of it already, for entries that replace a number; limit: beyond it more changes nothing;
     directed: it has a place, a direction or an order, so presses of a square have no mirror images.
@@ -89,7 +89,7 @@ def pair_of(
 
 
 def as_vector(turn: np.ndarray) -> np.ndarray:
-    """Return how two amounts along x and y turn with the sensor under an element (2, 2) of D4."""
+    """Return how two values along x and y turn with the sensor under an element (2, 2) of D4."""
     return turn
 
 

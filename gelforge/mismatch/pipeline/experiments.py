@@ -1,4 +1,4 @@
-"""Experiments that would tell two survivors apart: what each would show, what it costs, and its expected odds."""
+"""Experiments that would distinguish two surviving effects: what each would show, what it costs, and its expected odds."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from gelforge.mismatch.result.verdict import Amount, Experiment, NamedEffect, Ve
 from gelforge.mismatch.terms.candidates import columns_of
 from gelforge.mismatch.terms.problem import Problem
 
-CLEAR_S = 8.0  # between two presses: the way up, to the next position and down to the surface
+CLEAR_S = 8.0  # between two indentations: the unloading, to the next position and down to the surface
 WEIGHTS_N = (0.5, 1.0, 2.0, 5.0)
 WEIGHT_S = 20.0  # to put a weight on, read and take it off
 NINETY_TO_SIGMA = 2 * 1.6449
 
 
 def with_experiments(verdict: Verdict, problem: Problem, context: Context) -> Verdict:
-    """Return a verdict that also says what recording the same again, and weights, would cost and tell of each group.
+    """Return a verdict that also says what recording the same again, and weights, would cost and decide in each group.
 
     Both are known without a solve; `gelforge mismatch plan` weighs others. Those that are expected to decide come first.
     """
@@ -59,7 +59,7 @@ def rivals(verdict: Verdict) -> list[tuple[str, str]]:
 
 
 def of_camera(names: Sequence[str]) -> list[str]:
-    """Return the effects of the camera among some: neither presses nor weights tell of them."""
+    """Return the effects of the camera among some: neither indentations nor weights show them."""
     return [name for name in names if CATALOGUE[name].to_forces is None]
 
 
@@ -73,7 +73,7 @@ def again(problem: Problem, context: Context, survivors: Sequence[NamedEffect]) 
 def planned(
     name: str, minutes: float, problem: Problem, context: Context, survivors: Sequence[NamedEffect]
 ) -> Plan:
-    """Return a plan of presses by the problem that its readings would pose, with the errors of each effect's change."""
+    """Return a plan of indentations by the problem that its readings would pose, with the errors of each effect's change."""
     columns, errors = columns_by_name(context, survivors), {}
     for one in survivors:
         effect, amounts = CATALOGUE[one.name], np.array([amount.value for amount in one.amounts])
@@ -86,7 +86,7 @@ def planned(
 
 
 def columns_by_name(context: Context, survivors: Sequence[NamedEffect]) -> dict[str, np.ndarray]:
-    """Return the change of what was read (n, P) [N] per unit amount, by effect."""
+    """Return the change of what was read (n, P) [N] per unit of the parameter, by effect."""
     return {effect.name: columns_of(context, CATALOGUE[effect.name], effect.shape) for effect in survivors}
 
 
@@ -108,7 +108,7 @@ def weights(study: Study, survivors: Sequence[NamedEffect]) -> Plan:
     columns = {}
     for one in survivors:
         effect = CATALOGUE[one.name]
-        if effect.blunder or effect.family == "force sensor":
+        if effect.data_entry_error or effect.family == "force sensor":
             context = _still(study, observations, force)
             columns[effect.name] = columns_of(context, effect, one.shape)
         else:
@@ -130,7 +130,7 @@ def _still(study: Study, observations: Observations, force: np.ndarray) -> Conte
 
 
 def survivor(effect: NamedEffect) -> Screened:
-    """Return what a verdict says of an effect as a judged effect; its amounts are taken as independent."""
+    """Return what a verdict says of an effect as a judged effect; its values are taken as independent."""
     amounts = np.array([amount.value for amount in effect.amounts])
     parameters = CATALOGUE[effect.name].parameters
     sd = np.array([_spread(amount, parameter) for amount, parameter in zip(effect.amounts, parameters)])
@@ -149,7 +149,7 @@ def survivor(effect: NamedEffect) -> Screened:
 
 
 def _spread(amount: Amount, parameter: Parameter) -> float:
-    """Return the standard deviation of a told amount, by a side that its physical range does not cut; else its width."""
+    """Return the standard deviation of a reported value, by a side that its physical range does not cut; else its width."""
     (low, high), value = amount.interval_90, amount.value
     ends = {*parameter.bounds, 0.0} if parameter.sign else {*parameter.bounds}
     sides = [abs(end - value) for end in (low, high) if end not in ends and low <= value <= high]

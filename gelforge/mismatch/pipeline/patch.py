@@ -24,8 +24,8 @@ def patch_of(
     """Return the keys that differ with the fitted effects.
 
     What the finite elements know becomes keys of mechanics (and `plan.symmetry: none` instead of `d4`, where mirror images
-    no longer hold); what belongs to force sensor, clock or single presses goes to mismatch.known, which the judge adds to
-    the base. The map of a module goes to mechanics where a study can have it, and nowhere else.
+    no longer hold); what belongs to force sensor, clock or single indentations goes to mismatch.known, which the judge
+    adds to the base. The map of a module goes to mechanics where a study can have it, and nowhere else.
     """
     with_effects, known = study, []
     for part, amounts in () if fit is None else zip(fit.parts, fit.amounts):

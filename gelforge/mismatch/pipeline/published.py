@@ -1,8 +1,8 @@
 """The article's own case: its force/torque readings against its two published curves and against our cells.
 
 Sferrazza et al. 2019 (doi 10.1109/ACCESS.2019.2956882), figure 6: Fz over eight depths at the centre and at the corner. A
-published curve is a base without cells: an effect that is another model of the press (a switch) replaces the curve by our
-cells with it; all others add what they change in our cells that follow the curve's own assumptions.
+published curve is a base without cells: an effect that is another model of the indentation (a switch) replaces the curve
+by our cells with it; all others add what they change in our cells that follow the curve's own assumptions.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from gelforge.mismatch.inference.judge import Judgement, judge
 from gelforge.mismatch.model.context import Context, Curves
 from gelforge.mismatch.pipeline.experiments import with_experiments
 from gelforge.mismatch.pipeline.stage import write_results
+from gelforge.mismatch.readings.contact_point import CONTACT_POINT_MM
 from gelforge.mismatch.readings.observations import COLUMNS, Observations
-from gelforge.mismatch.readings.touchdown import TOUCHDOWN_MM
 from gelforge.mismatch.result.verdict import SURE, NoiseCase, Provenance, Verdict
-from gelforge.mismatch.summary.effects_told import groups_told
+from gelforge.mismatch.summary.effect_entries import group_entries
 from gelforge.mismatch.summary.findings import verdict_of, versions
 from gelforge.mismatch.terms.body_map import BOX, boxes_felt
 from gelforge.mismatch.terms.candidates import candidates_of, effects_of_forces
@@ -59,12 +59,12 @@ class Case:
 CASES = (
     Case("linear", "the article's readings against its linear curve", "fem_linear_N", LINEAR),
     Case("hyperelastic", "the article's readings against its hyperelastic curve", "fem_N", {}),
-    Case("cells", "the article's readings against our cells", None, {}),
+    Case("cells", "the article's readings against our own solutions", None, {}),
 )
 
 
 def readings(table: pd.DataFrame, sigma_N: float) -> Observations:
-    """Return the article's readings with a standard deviation of Fz [N]; touchdown scatters by TOUCHDOWN_MM per press."""
+    """Return the article's readings with a standard deviation of Fz [N]; contact points scatter by CONTACT_POINT_MM."""
     site = table["location"].map({name: k for k, name in enumerate(SITES)}).to_numpy()
     places = np.array(list(SITES.values()))
     R = len(table)
@@ -72,7 +72,7 @@ def readings(table: pd.DataFrame, sigma_N: float) -> Observations:
         {
             "session": "article",
             "press": [f"{place} {depth:g} mm" for place, depth in zip(table["location"], table["depth_mm"])],
-            "order": 0,  # not told
+            "order": 0,  # not known
             "site": site,
             "phase": "load",
             "time_s": 0.0,
@@ -94,7 +94,7 @@ def readings(table: pd.DataFrame, sigma_N: float) -> Observations:
         places,
         noise,
         np.zeros((R, 3)),
-        np.full(R, TOUCHDOWN_MM),
+        np.full(R, CONTACT_POINT_MM),
         np.zeros(R),
         cannot_know=NO_TIMES,
     )
@@ -176,7 +176,7 @@ def judge_case(case: Case, solver: Solver, out: Path, sigmas: Sequence[float] = 
     judgement = judge(problem, settings, seed)
     provenance = Provenance(
         sessions={"article": file_sha256(TABLE)},
-        base="our cells" if case.column is None else f"{TABLE}, {case.column}",
+        base="our own solutions" if case.column is None else f"{TABLE}, {case.column}",
         base_sha256=digest(
             [
                 solver.study.model_dump(mode="json"),
@@ -196,7 +196,7 @@ def judge_case(case: Case, solver: Solver, out: Path, sigmas: Sequence[float] = 
 def noise_case(problem: Problem, judgement: Judgement, scale: float) -> NoiseCase:
     """Return a judgement as one row of the table over noise."""
     z = problem.observations.noise_N[np.isfinite(problem.observations.noise_N[:, 2]), 2]
-    groups = groups_told(problem, judgement)
+    groups = group_entries(problem, judgement)
     sure = [group for group in groups if group.probability >= SURE] or groups
     return NoiseCase(
         scale=scale,
@@ -220,7 +220,7 @@ def at_first_order(problem: Problem):
 
 
 def study_of(case: Case, study: Study) -> Study:
-    """Return the study with a curve's own assumptions, for single presses."""
+    """Return the study with a curve's own assumptions, for single indentations."""
     from gelforge.config import study_from
     from gelforge.config.basis.variants import merged
     from gelforge.indentation.solving.sensitivities import unmirrored

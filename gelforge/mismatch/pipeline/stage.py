@@ -37,7 +37,7 @@ from gelforge.mismatch.result.verdict_tables import (
     write_readings,
 )
 from gelforge.mismatch.summary.findings import readings_table, taken_over, verdict_of, versions
-from gelforge.mismatch.summary.flow_told import after_of, flow_section, flow_table
+from gelforge.mismatch.summary.flow_section import after_of, flow_section, flow_table
 from gelforge.mismatch.summary.model_section import correction_table
 from gelforge.mismatch.terms.body_map import BOX, body_map, boxes_felt
 from gelforge.mismatch.terms.candidates import candidates_of, effects_of_forces
@@ -47,7 +47,7 @@ from gelforge.recording.imaging.images import reference_path
 
 IMAGES_LEFT_OUT = (
     "sessions with a camera are judged by their forces alone (mismatch.images: left_out); `fitted` judges their images too,"
-    " which takes longer and tells gel stiffness from force gain"
+    " which takes longer and distinguishes gel stiffness from force gain"
 )
 NUMBER = r"\d+(?:\.\d+)?"
 
@@ -175,7 +175,7 @@ def spread_depths(observations: Observations, study: Study) -> Observations:
     if most is None or len(levels) <= most:
         return observations
     chosen = levels[np.round(np.linspace(0, len(levels) - 1, most)).astype(int)]
-    told = f"of presses to {len(levels)} depths those to {most} of them are judged (mismatch.depths)"
+    told = f"of indentations to {len(levels)} depths those to {most} of them are judged (mismatch.depths)"
     return observations.chosen(depth.isin(chosen).to_numpy()).saying(told)
 
 

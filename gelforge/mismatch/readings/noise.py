@@ -13,7 +13,8 @@ BENT = 2.0  # times the scatter of zero readings: more than that of dwells about
 LEAST_SCATTER = 0.1  # of the step, where all repeats were rounded to one number
 LEAST_FREEDOM = 10  # repeats that a noise estimate needs
 TOGETHER = (
-    "{session}: single presses have too few zero rows to show the noise: it is taken from those of all presses together,"
+    "{session}: single indentations have too few zero rows to show the noise: it is taken from those of all"
+    " indentations together,"
     " about their drift, which is allowed for"
 )
 
@@ -23,11 +24,12 @@ def reading_noise(
 ) -> tuple[np.ndarray, np.ndarray, tuple[float, float], list[str]]:
     """Return the standard deviations (3,) [N] of one reading and of its rounding, how well, and what is not known of them.
 
-    Repeats are zero rows of a press, and its dwell rows about their straight line, unless these bend by more than the zero
-    rows scatter: that is relaxation. Where they scatter by less than half of the readings' step, rounding is one and the
-    same error in all repeats: step / sqrt(12), in the zero and at each depth; where they scatter more, it is part of the
-    scatter. How well: the repeats' degrees of freedom (inf where the deviation is stated), and the variance of their squares
-    over that of normal ones. zeros: repeats of all presses together, where single presses have too few (zeros_together).
+    Repeats are zero rows of an indentation, and its dwell rows about their straight line, unless these bend by more than
+    the zero rows scatter: that is relaxation. Where they scatter by less than half of the readings' step, rounding is one
+    and the same error in all repeats: step / sqrt(12), in the zero and at each depth; where they scatter more, it is part
+    of the scatter. How well: the repeats' degrees of freedom (inf where the deviation is stated), and the variance of
+    their squares over that of normal ones. zeros: repeats of all indentations together, where single indentations have too
+    few (zeros_together).
     """
     readings, session = recording.readings, recording.session
     step = np.array(session.force.resolution_N, dtype=float)
@@ -84,7 +86,7 @@ class Repeats:
 
 
 def repeats_of(readings: pd.DataFrame, phase: str, fitted: int) -> Repeats:
-    """Return the repeats of a phase about a polynomial in time of so many coefficients per press."""
+    """Return the repeats of a phase about a polynomial in time of so many coefficients per indentation."""
     found = Repeats.none()
     for _, of_press in readings[readings["phase"] == phase].groupby("press", sort=False):
         if len(of_press) <= fitted:

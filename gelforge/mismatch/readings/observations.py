@@ -42,12 +42,13 @@ def _zero() -> np.ndarray:
 class Observations:
     """R readings of the force on the sensor, zero subtracted; rows before touch are not among them.
 
-    noise_N, rounding_N and zero_N are standard deviations; zero_N is of the subtracted zero, one draw per press and axis.
-    So are press_depth_mm (the stage's repeatability, a zero that each press finds by itself) and session_depth_mm (the
-    session's contact point): of the depth, one draw per press and one per session. drift_N and trend_N are those of the
-    zero's change since it was read, one draw per press and axis, and one per session and axis.
-    table: columns as in COLUMNS, index 0..R-1. `press` is unique over all sessions, `site` counts distinct positions,
-    `press_time_s` runs from the press's first touch (its commanded depth 0), `deepest_mm` is the press's deepest depth.
+    noise_N, rounding_N and zero_N are standard deviations; zero_N is of the subtracted zero, one draw per indentation and
+    axis. So are press_depth_mm (the stage's repeatability, a zero that each indentation finds by itself) and
+    session_depth_mm (the session's contact point): of the depth, one draw per indentation and one per session. drift_N and
+    trend_N are those of the zero's change since it was read, one draw per indentation and axis, and one per session and
+    axis. table: columns as in COLUMNS, index 0..R-1. `press` is unique over all sessions, `site` counts distinct positions,
+    `press_time_s` runs from the indentation's first touch (its commanded depth 0), `deepest_mm` is the indentation's
+    deepest depth.
     """
 
     table: pd.DataFrame
@@ -58,11 +59,11 @@ class Observations:
     press_depth_mm: np.ndarray  # (R,)
     session_depth_mm: np.ndarray  # (R,)
     _: KW_ONLY
-    # (R, 3) standard deviation of rounding, shared at one depth of a press
+    # (R, 3) standard deviation of rounding, shared at one depth of an indentation
     rounding_N: np.ndarray = field(default_factory=_zero)
     drift_N: np.ndarray = field(default_factory=_zero)  # (R, 3)
     trend_N: np.ndarray = field(default_factory=_zero)  # (R, 3)
-    # (R, 2, 2) the stage's last moves before the press, see last_moves; 0: not known
+    # (R, 2, 2) the stage's last moves before the indentation, see last_moves; 0: not known
     came_along: np.ndarray = field(default_factory=_zero)
     # (R,) degrees of freedom behind noise_N; inf: it is known
     repeats: np.ndarray = field(default_factory=lambda: np.array(np.inf))
@@ -124,9 +125,9 @@ class Observations:
 def last_moves(table: pd.DataFrame, axes: np.ndarray | None = None) -> np.ndarray:
     """Return the directions (R, 2, 2) of the stage's last move along each of its axes before each row's press.
 
-    table: columns press, x_mm and y_mm of one session, its presses in the order taken. axes: the stage's axes in the sensor
-    frame as columns (2, 2), those of the frame where none are given. Row by row one column for each axis, 0 before its
-    first move; moves below POSITION_MATCH_MM are none.
+    table: columns press, x_mm and y_mm of one session, its indentations in the order taken. axes: the stage's axes in the
+    sensor frame as columns (2, 2), those of the frame where none are given. Row by row one column for each axis, 0 before
+    its first move; moves below POSITION_MATCH_MM are none.
     """
     axes = np.eye(2) if axes is None else axes
     at = table.groupby("press", sort=False)[["x_mm", "y_mm"]].first()

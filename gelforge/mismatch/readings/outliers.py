@@ -1,4 +1,4 @@
-"""Readings that jump out of the course of their press: they are set aside before anything is judged."""
+"""Readings that jump out of the course of their indentation: they are left out before anything is judged."""
 
 from __future__ import annotations
 

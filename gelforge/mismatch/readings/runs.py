@@ -17,7 +17,7 @@ TIME_DIGITS = 2  # [s]
 
 @dataclass(frozen=True)
 class Runs:
-    """Distinct paths of the readings, without time: where nothing remembers, presses to other depths share one way down."""
+    """Distinct paths of the readings, without time: where nothing remembers, presses to other depths share one loading."""
 
     planned: tuple[PlannedCell, ...]
     site: np.ndarray  # (n,) of each run
@@ -34,9 +34,10 @@ class Runs:
 
 
 def runs_of(observations: Observations) -> Runs:
-    """Return the runs of observations: per site one way down through all depths, and one way up per press that was read so.
+    """Return the runs of observations: per site one loading through all depths, and one unloading per press read so.
 
-    The way up from a site's deepest press continues its way down; from others the way down is followed again to their depth.
+    The unloading from a site's deepest indentation continues its loading; from others the loading is followed again to
+    their depth.
     """
     table = observations.table
     depth = table["depth_mm"].round(DEPTH_DIGITS).to_numpy()
@@ -47,7 +48,7 @@ def runs_of(observations: Observations) -> Runs:
     for site, rows in table.groupby("site").indices.items():
         down = np.unique(
             np.concatenate([depth[rows], deepest[rows]])
-        )  # those of ways up too: their base is known there
+        )  # those of unloading too: their base is known there
         peaks = np.unique(deepest[rows][up[rows]])
         for peak in np.union1d(peaks, down[-1:])[::-1]:
             own = rows[up[rows] & (deepest[rows] == peak)]
@@ -81,7 +82,7 @@ class TimedRuns:
     trajectories: tuple[Trajectory, ...]
     run: np.ndarray  # (R,)
     step: np.ndarray  # (R,)
-    presses: tuple[str, ...]  # one press that each run stands for, in the order taken
+    presses: tuple[str, ...]  # one indentation that each run stands for, in the order taken
 
     def at_readings(self, by_run: list[np.ndarray]) -> np.ndarray:
         """Return a quantity (R, ...) at the readings from that along every run (D, ...)."""
@@ -89,7 +90,7 @@ class TimedRuns:
 
 
 def timed_runs_of(observations: Observations, step_mm: float, in_order: bool) -> TimedRuns:
-    """Return the timed runs of observations; in_order: every press is a run of its own, one after another.
+    """Return the timed runs of observations; in_order: every indentation is a run of its own, one after another.
 
     The way between two readings is solved in steps of at most step_mm.
     """

@@ -11,15 +11,15 @@ import pandas as pd
 
 from gelforge.config import ConfigError, Sensor, Session
 from gelforge.indentation.planning.plan import POSITION_MATCH_MM
+from gelforge.mismatch.readings.contact_point import depth_scatter, with_contact_point
 from gelforge.mismatch.readings.noise import reading_noise
 from gelforge.mismatch.readings.observations import ARRAYS, COLUMNS, Observations, last_moves
 from gelforge.mismatch.readings.outliers import without_outliers
-from gelforge.mismatch.readings.touchdown import depth_scatter, with_touchdown
 from gelforge.mismatch.readings.zeros import zeros_together
 from gelforge.recording.readings import AXES, FORCE, Recording, axes_of_stage, read_recording
 from gelforge.recording.tables.checks import before_shear
 
-SPEED_MM_PER_S = 1.0  # assumed where a press has one moving row only
+SPEED_MM_PER_S = 1.0  # assumed where an indentation has one moving row only
 RASTER = 0.9  # |rank correlation| of order with x or y above which time and place are one
 
 
@@ -49,11 +49,11 @@ def observe(
 ) -> Observations:
     """Return the readings of some sessions, judged together. Raises RecordingError as the reader does.
 
-    touchdown_mm: the scatter of depth zero, of presses or sessions as `depth_zero.by` says, in place of what is stated.
+    touchdown_mm: the scatter of depth zero, of indentations or sessions as `depth_zero.by` says, in place of what is stated.
     """
     recordings = [read_recording(folder, None, sensor) for folder in folders]
     parts = [_of_session(recording, speed_mm_per_s, touchdown_mm) for recording in recordings]
-    return with_touchdown(_with_order(_joined(parts)))
+    return with_contact_point(_with_order(_joined(parts)))
 
 
 def _of_session(recording: Recording, speed_mm_per_s: float, touchdown_mm: float | None) -> Observations:
@@ -112,14 +112,14 @@ def _joined(parts: Sequence[Observations]) -> Observations:
 def _table(session: Session, readings: pd.DataFrame, speed: float, unknown: list[str]) -> pd.DataFrame:
     """Return the columns of observations for every reading of a session, and `held`: those that are judged.
 
-    speed: of the study [mm/s], where a press tells neither its touch nor its own; that is told.
+    speed: of the study [mm/s], where an indentation states neither its contact nor its own; that is reported.
     """
     name = session.session
     held = readings["phase"].isin(["load", "dwell", "unload"]) & (readings["depth_mm"] > 0)
     touch, assumed = _touches(readings, speed)
     if assumed:
         unknown.append(
-            f"{name}: {assumed} presses have neither a touch row nor a speed (speed_mm_per_s) on their way down: {speed:g}"
+            f"{name}: {assumed} indentations have neither a touch row nor a speed (speed_mm_per_s) while loading: {speed:g}"
             " mm/s (history.timing) is taken; relaxation and the clock follow it"
         )
     touch = touch.reindex(readings["press"]).to_numpy()
@@ -139,7 +139,7 @@ def _table(session: Session, readings: pd.DataFrame, speed: float, unknown: list
 def _touches(readings: pd.DataFrame, speed: float) -> tuple[pd.Series, int]:
     """Return the time of touch [s] by press, and of how many the speed had to be taken from elsewhere.
 
-    A touch row tells it; else it lies before the first load or dwell row by as much as the press's speed needs.
+    A touch row shows it; else it lies before the first load or dwell row by as much as the indentation's speed needs.
     """
     first = readings[readings["phase"].isin(["load", "dwell"])].groupby("press").first()
     down = readings[readings["phase"].isin(["approach", "load"]) & (readings["speed_mm_per_s"] > 0)]
@@ -150,7 +150,7 @@ def _touches(readings: pd.DataFrame, speed: float) -> tuple[pd.Series, int]:
 
 
 def _dead_axes(force: np.ndarray, session: Session, unknown: list[str]) -> np.ndarray:
-    """Return (3,) bool: axes whose readings never change; each is told."""
+    """Return (3,) bool: axes whose readings never change; each is reported."""
     dead = np.ptp(force, axis=0) == 0
     for axis in np.flatnonzero(dead):
         unknown.append(
@@ -171,7 +171,7 @@ def _sites(xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _with_order(found: Observations) -> Observations:
-    """Say where the order of presses makes time and place one."""
+    """Say where the order of indentations makes time and place one."""
     unknown = list(found.cannot_know)
     presses = found.table.drop_duplicates("press")
     for axis in ("x_mm", "y_mm"):
@@ -180,13 +180,16 @@ def _with_order(found: Observations) -> Observations:
         rank = presses[axis].rank().corr(presses["time_s"].rank())
         if abs(rank) > RASTER:
             unknown.append(
-                f"presses were taken in raster order (rank correlation of time with {axis[0]} {rank:.2f}): ageing and drift "
-                "cannot be told from a gradient; press in random order with a sentinel press every ninth one"
+                f"indentations were made in raster order (rank correlation of time with {axis[0]} {rank:.2f}):"
+                " ageing and drift "
+                "cannot be distinguished from a gradient; record in random order, with the centre again at every"
+                " ninth indentation"
             )
     if not presses.duplicated(["site", "deepest_mm"]).any():
         unknown.append(
-            "no position was pressed twice to one depth: the scatter of touchdown and ageing are known from statements only"
+            "no site has two indentations to one depth: the scatter of the contact point and ageing are known from"
+            " statements only"
         )
     if not (found.table["phase"] == "unload").any():
-        unknown.append("no reading on the way up: adhesion and hysteresis are invisible")
+        unknown.append("no reading during unloading: adhesion and hysteresis are invisible")
     return replace(found, cannot_know=tuple(unknown))

@@ -33,7 +33,7 @@ class Zeros:
 
 
 def zeros_together(recording: Recording) -> Zeros | None:
-    """Return what the zero rows of all presses say together; None where single presses show it, or all are too few."""
+    """Return what the zero rows of all presses say together; None where single indentations show it, or all are too few."""
     readings = recording.readings
     rows = readings[readings["phase"] == "zero"]
     if len(rows) < LEAST_FREEDOM or repeats_of(readings, "zero", 1).freedom >= LEAST_FREEDOM:

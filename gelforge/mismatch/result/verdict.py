@@ -17,7 +17,7 @@ from gelforge.mismatch.model.effect import FAMILIES
 FORMAT: Final = "gelforge-verdict-2"
 VERDICT, PATCH, PAGE = "verdict.json", "config.patch.yaml", "report.html"
 
-# Of the global test, of the scan, of something unknown and of the known effects each: any is an alarm, so at most four in
+# Of the global test, of the scan, of a discrepancy and of the known effects each: any is an alarm, so at most four in
 # a hundred recordings, or materials, of which nothing is missing give a false one.
 ALARM_P = 0.01
 SURE = 0.9  # probability of a group of effects from which it is identified
@@ -73,15 +73,15 @@ class Where(Section):
 
 
 class Amount(Section):
-    """One fitted amount of an effect."""
+    """One fitted value of an effect."""
 
     name: str = Field(description="The parameter")
     unit: str = Field(description="Its unit")
-    value: float = Field(description="Fitted amount, 0 is the effect's absence [unit]")
+    value: float = Field(description="Fitted value, 0 is the effect's absence [unit]")
     interval_90: Interval = Field(description="90 % interval [unit]")
     bounds: Interval | None = Field(None, description="Physical range [unit]")
     profile: list[tuple[float, float]] = Field(
-        [], description="Amount [unit] and log likelihood, the rest fitted, relative to the best [-]"
+        [], description="Value [unit] and log likelihood, the rest fitted, relative to the best [-]"
     )
 
     @model_validator(mode="after")
@@ -106,27 +106,29 @@ class NamedEffect(Section):
     snr_instrument: NonNegative | None = Field(
         None, description="Of its change of all readings, over the instrument's noise alone [-]"
     )
-    amounts: list[Amount] = Field([], description="Fitted amounts; none where it was not fitted")
+    amounts: list[Amount] = Field([], description="Fitted parameter values; none where it was not fitted")
     shape: dict[str, float | str] = Field(
         {}, description="Place, size, part, time constant; keys carry units"
     )
     in_range: bool = Field(
-        description="Amounts have their physical sign, inside their bounds and not on them, but for all that there can"
+        description="Values have their physical sign, inside their bounds and not on them, but for all that there can"
         " be; of several of one sign some may be none"
     )
     refitted: bool = Field(False, description="Judged in the real solver; otherwise to first order only")
-    group: list[str] = Field([], description="What these readings cannot tell it from, itself included")
+    group: list[str] = Field(
+        [], description="What these readings cannot distinguish it from, itself included"
+    )
 
 
 class Unknown(Section):
-    """What no known effect is: a smooth change of one manner, of unknown size and form."""
+    """What no known effect explains: a smooth change by one kernel, of unknown size and form."""
 
     probability: Probability = Field(description="Probability that it is part of what is missing [-]")
-    words: str = Field(description="The manner that it would most probably have, beside the answer")
+    words: str = Field(description="The kernel that it would most probably have, beside the answer")
 
 
 class Group(Section):
-    """Part of the answer: effects of which one is there, and which these readings cannot tell apart, or else another one."""
+    """Part of the answer: effects that these readings cannot distinguish, of which one is there, or else another one."""
 
     members: list[Name] = Field(min_length=1, description="Effects, the most probable first")
     probability: Probability = Field(
@@ -142,7 +144,7 @@ class Group(Section):
     cosine: float | None = Field(
         None, ge=-1, le=1, description="Of the whitened changes, the largest between members [-]"
     )
-    decided_by: str = Field("", description="The experiment that tells them apart")
+    decided_by: str = Field("", description="The experiment that distinguishes them")
 
     @property
     def names(self) -> list[str]:
@@ -174,10 +176,10 @@ def shown(gain: float, standard_error: float) -> bool:
 
 
 class HeldOut(Section):
-    """Readings held out, of one block or of all together: predicted by amounts that follow the others."""
+    """Readings held out, of one block or of all together: predicted by values that follow the others."""
 
     block: str = Field(description="positions, deepest, a channel, or all")
-    before: Score = Field(description="Of the base")
+    before: Score = Field(description="Of the nominal model")
     after: Score = Field(description="With the effect in it")
     gain: float = Field(description="Log score after minus before [-]")
     standard_error: NonNegative = Field(description="Of the gain [-]")
@@ -197,7 +199,7 @@ class Flow(Section):
     used: Literal["fitted", "predicted"] = Field(
         description="Whether it took part in the fit, or was predicted by it"
     )
-    p: Probability = Field(description="Of the base's residual by chance [-]")
+    p: Probability = Field(description="Of the nominal model's residual by chance [-]")
     rmse_before_px: NonNegative = Field(description="Root mean square of measured minus predicted flow [px]")
     rmse_after_px: NonNegative | None = Field(None, description="The same with the effect in it [px]")
 
@@ -205,7 +207,7 @@ class Flow(Section):
 class Fit(Section):
     """The base and the base with the effect, beside the readings."""
 
-    before: Score = Field(description="The base on all readings")
+    before: Score = Field(description="The nominal model on all readings")
     after: Score | None = Field(None, description="With the effect in it, on all readings")
     held_out: HeldOut | None = Field(None, description="All blocks that were held out, together")
     held_out_blocks: list[HeldOut] = Field([], description="Each of them")
@@ -220,7 +222,7 @@ class Mismatch(Section):
     p: Probability = Field(description="Of as much by chance [-]")
     scan_p: Probability = Field(description="Of the strongest pattern by chance, looked for everywhere [-]")
     unknown_p: Probability | None = Field(
-        None, description="Bound on as much evidence for something unknown by chance [-]"
+        None, description="Bound on as much evidence for a discrepancy by chance [-]"
     )
     known_p: Probability | None = Field(
         None, description="Bound on as much evidence for the known effects by chance [-]"
@@ -248,19 +250,17 @@ class Adequacy(Section):
 
 
 class DetectionLimit(Section):
-    """The smallest amount of an effect that these readings would show."""
+    """The smallest value of an effect that these readings would show."""
 
     effect: Name = Field(description="Canonical name")
     parameter: str = Field(description="The parameter")
     unit: str = Field(description="Its unit")
-    amount: Positive | None = Field(
-        description="Smallest amount that would be seen [unit]; empty: none would"
-    )
-    plausible: Positive = Field(description="A plausible amount, the width of its prior [unit]")
+    amount: Positive | None = Field(description="Smallest value that would be seen [unit]; empty: none would")
+    plausible: Positive = Field(description="A plausible value, the standard deviation of its prior [unit]")
 
     @property
     def seen(self) -> bool:
-        """Return whether a plausible amount would be seen."""
+        """Return whether a plausible value would be seen."""
         return self.amount is not None and self.amount <= self.plausible
 
 
@@ -282,14 +282,20 @@ class Noise(Section):
     """The errors that were allowed for, and what the verdict would be with others."""
 
     stated_N: ThreeAxes = Field(description="Standard deviation of one reading, x, y, z [N]")
-    zero_N: ThreeAxes = Field(description="Of the subtracted zero, one draw per press, x, y, z [N]")
+    zero_N: ThreeAxes = Field(description="Of the subtracted zero, one draw per indentation, x, y, z [N]")
     touchdown_mm: NonNegative = Field(description="Of the depth, of both kinds below [mm]")
-    press_depth_mm: NonNegative | None = Field(None, description="Of the depth, one draw per press [mm]")
+    press_depth_mm: NonNegative | None = Field(
+        None, description="Of the depth, one draw per indentation [mm]"
+    )
     session_depth_mm: NonNegative | None = Field(
         None, description="Of the depth, one draw per session: its contact point [mm]"
     )
-    floor_N: ThreeAxes = Field(description="Of the base's discretisation, root mean square, x, y, z [N]")
-    law_N: ThreeAxes = Field(description="Of the base's fitted material laws, root mean square, x, y, z [N]")
+    floor_N: ThreeAxes = Field(
+        description="Of the nominal model's discretisation, root mean square, x, y, z [N]"
+    )
+    law_N: ThreeAxes = Field(
+        description="Of the nominal model's fitted constitutive models, root mean square, x, y, z [N]"
+    )
     sensitivity: list[NoiseCase] = Field(
         [], description="The verdict over the scale of the stated noise, where that was asked"
     )
@@ -299,8 +305,8 @@ class Experiment(Section):
     """Something to record that would decide."""
 
     words: str = Field(description="What to do")
-    separates: list[Name] = Field(description="What it tells apart")
-    presses: int | None = Field(None, ge=0, description="Presses that it takes [-]")
+    separates: list[Name] = Field(description="What it distinguishes")
+    presses: int | None = Field(None, ge=0, description="Indentations that it takes [-]")
     cost_s: NonNegative | None = Field(None, description="Time that it takes [s]")
     expected_log_odds: float | None = Field(None, description="Expected log odds of the right one [-]")
 
@@ -309,9 +315,9 @@ class Outlier(Section):
     """A reading that was left out."""
 
     session: str = Field(description="Its session")
-    press: str = Field(description="Its press")
-    time_s: float | None = Field(None, description="Its time [s]; empty: the whole press")
-    depth_mm: float | None = Field(None, description="Its depth [mm]; empty: the whole press")
+    press: str = Field(description="Its indentation")
+    time_s: float | None = Field(None, description="Its time [s]; empty: the whole indentation")
+    depth_mm: float | None = Field(None, description="Its depth [mm]; empty: the whole indentation")
     axis: Literal["x", "y", "z"] | None = Field(None, description="Its axis; empty: all")
     size: float | None = Field(None, description="Its residual over the standard deviation [-]")
     reason: str = Field(description="Why it was left out")
@@ -359,8 +365,8 @@ class Provenance(Section):
     """What the verdict rests on."""
 
     sessions: dict[str, str] = Field(description="SHA-256 over the SHA-256 of each session's files")
-    base: str = Field(description="The base in words: study, or table of forces")
-    base_sha256: str = Field(description="SHA-256 of the base's settings or table")
+    base: str = Field(description="The nominal model in words: study, or table of forces")
+    base_sha256: str = Field(description="SHA-256 of the nominal model's settings or table")
     seed: int = Field(description="Of every draw")
     draws: int = Field(ge=0, description="Of the maximum statistic [-]")
     versions: dict[str, str] = Field(description="Of gelforge and of the libraries")
@@ -382,7 +388,7 @@ class Verdict(Section):
         [], description="What is missing: one effect of each group is there, the most probable group first"
     )
     effects: list[NamedEffect] = Field([], description="All that were tried, the most probable first")
-    unknown: Unknown | None = Field(None, description="What no known effect is, weighed beside them")
+    unknown: Unknown | None = Field(None, description="What no known effect explains, weighed beside them")
     null_probability: Probability = Field(description="Probability that nothing is missing [-]")
     fit: Fit = Field(description="Before and after, on all readings and on those held out")
     adequacy: Adequacy | None = Field(None, description="What remains after the answer")

@@ -3,8 +3,8 @@
 readings.csv    one row per reading and axis: measured, base, after
 body_map.csv    where in the body the modulus would have to change, before any effect is named
 module.csv      the map of a cause with a free form, and its standard deviation
-correction.csv  what is modelled without an amount of a known effect: by how much simulated forces change, by place and depth
-flow.csv        one row per press with images and region of the image: measured, base, after
+correction.csv  what is modelled without a value of a known effect: by how much simulated forces change, by place and depth
+flow.csv        one row per indentation with images and region of the image: measured, base, after
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ def write_readings(folder: str | Path, table: pd.DataFrame) -> None:
     """Write readings.csv: one row per reading and axis, in the order taken.
 
     session, press, site (text), x_mm, y_mm, depth_mm, phase, time_s (of the session, empty where not known), axis (x, y, z);
-    measured_N, base_N, after_N (with the answer in the base, empty where there is none), predicted_N (the same with amounts
-    fitted without the readings set aside); sigma_N (standard deviation of measured minus base that all allowed errors give
-    together); after_sigma_N (the same of measured minus after, amounts
+    measured_N, base_N, after_N (with the answer in the base, empty where there is none), predicted_N (the same with values
+    fitted without the readings held out); sigma_N (standard deviation of measured minus base that all allowed errors give
+    together); after_sigma_N (the same of measured minus after, values
     included; may be left out); held_out (no, or the name of the block).
     """
     _write_table(Path(folder) / READINGS, table, [*READINGS_TEXTS, *READINGS_NUMBERS], READINGS_OPTIONAL)
@@ -53,7 +53,7 @@ def write_body_map(folder: str | Path, table: pd.DataFrame) -> None:
 
 
 def write_flow(folder: str | Path, table: pd.DataFrame | None) -> None:
-    """Write flow.csv, or remove it where there is none: one row per press with images and region that shows the gel.
+    """Write flow.csv, or remove it where there is none: one row per indentation with images and region that shows the gel.
 
     session, press (text), x_mm, y_mm, depth_mm; middle of the region in the image as taken (middle_u_px, middle_v_px, from
     the top left pixel's middle); its mean flow since the reference image along u and v: measured, base, after (empty where
@@ -82,8 +82,8 @@ def write_correction(folder: str | Path, table: pd.DataFrame | None) -> None:
 def write_module(folder: str | Path, table: pd.DataFrame | None) -> None:
     """Write module.csv, or remove it where there is none: one row per quantity and place, or press.
 
-    quantity (text); x_mm, y_mm of a place, z_mm of a box's middle, or session and time_s of a press's first reading, as the
-    map has them; mean and sigma (standard deviation) of the map there in unit ("1": a share).
+    quantity (text); x_mm, y_mm of a place, z_mm of a box's middle, or session and time_s of an indentation's first
+    reading, as the map has them; mean and sigma (standard deviation) of the map there in unit ("1": a share).
     """
     path = Path(folder) / MODULE
     if table is None:

@@ -12,13 +12,13 @@ import pandas as pd
 from gelforge.config import Sensor
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.identifiability import detection_limits
-from gelforge.mismatch.goodness.remains import Remains
+from gelforge.mismatch.goodness.residual_tests import ResidualTests
 from gelforge.mismatch.images.flow import force_part
 from gelforge.mismatch.inference.answer import Answer
 from gelforge.mismatch.inference.judge import Judgement
 from gelforge.mismatch.inference.proof import Proof
 from gelforge.mismatch.result import verdict as form
-from gelforge.mismatch.summary.effects_told import effects_told, groups_told, of_nothing, unknown_told
+from gelforge.mismatch.summary.effect_entries import effect_entries, group_entries, of_nothing, unknown_entry
 from gelforge.mismatch.summary.model_section import model_section
 from gelforge.mismatch.summary.words import (
     experiments_in_words,
@@ -33,7 +33,7 @@ from gelforge.mismatch.terms.problem import Problem
 from gelforge.recording.readings import AXES
 
 LOCAL_MM = 5.0  # a pattern wider than this has no place of its own
-PLACES = 3  # patterns of the scan that are told
+PLACES = 3  # patterns of the scan that are reported
 
 
 def verdict_of(
@@ -49,7 +49,7 @@ def verdict_of(
     """Return the verdict of a judgement."""
     answer = judgement.answer
     in_newtons = force_part(problem, judgement)
-    groups = groups_told(problem, judgement)
+    groups = group_entries(problem, judgement)
     return form.Verdict(
         title=title,
         synthetic=synthetic,
@@ -68,8 +68,8 @@ def verdict_of(
             *(located(judgement.answered, sensor) if groups else []),
         ],
         answer=groups,
-        effects=effects_told(problem, judgement),
-        unknown=unknown_told(judgement),
+        effects=effect_entries(problem, judgement),
+        unknown=unknown_entry(judgement),
         null_probability=of_nothing(judgement),
         fit=_fit(*in_newtons).model_copy(update={"flow": flow}),
         adequacy=None if answer is None else _adequacy(judgement),
@@ -114,7 +114,7 @@ def readings_table(problem: Problem, judgement: Judgement) -> pd.DataFrame:
     )
 
 
-def _where(mismatch: Remains) -> list[form.Where]:
+def _where(mismatch: ResidualTests) -> list[form.Where]:
     kinds: set[str] = set()
     found: list[form.Where] = []
     for finding in mismatch.scan.ranked:

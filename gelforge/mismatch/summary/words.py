@@ -13,12 +13,12 @@ from gelforge.mismatch.inference.discrepancy import Modelled
 from gelforge.mismatch.inference.judge import Judgement
 from gelforge.mismatch.model.effect_words import in_general, with_amount
 from gelforge.mismatch.result import verdict as form
-from gelforge.mismatch.summary.effects_told import amounts_told, blocks_of
+from gelforge.mismatch.summary.effect_entries import blocks_of, value_entries
 from gelforge.mismatch.summary.model_section import in_words
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.refit import End
 
-MORE = "What further presses would show: `gelforge mismatch plan`."
+MORE = "What further indentations would show: `gelforge mismatch plan`."
 LIKELY = 0.5  # of something, from where it is probably there
 
 
@@ -33,11 +33,11 @@ def sentence_of(problem: Problem, judgement: Judgement) -> str:
     if answer is None and state == "inconclusive":
         return (
             f"Simulation and readings agree within their errors (p = {mismatch.p:.2g}), but these readings could not show "
-            f"plausible amounts of most effects. {MORE}"
+            f"plausible values of most effects. {MORE}"
         )
     where = f"Simulation and readings differ beyond their errors, most clearly {plain(mismatch.scan.best)}"
     if state == "modelled":
-        return f"{where}; it is something that no known effect is: {_model(judgement)}."
+        return f"{where}; it is something that no known effect explains: {_model(judgement)}."
     if state == "form_free" and judgement.modelled.sure:
         return f"{where}; {_beside(problem, judgement)}{_module(judgement.modelled)}."
     if answer is None:
@@ -48,7 +48,7 @@ def sentence_of(problem: Problem, judgement: Judgement) -> str:
         return f"{where}; these readings are too few to say why (probability {chance:.2g}: {best}). {MORE}"
     if state == "unexplained":
         why = _why_unexplained(problem, judgement)
-        return f"{where}; it is something that no known effect is{_manner(judgement)}: {why}."
+        return f"{where}; it is something that no known effect explains{_manner(judgement)}: {why}."
     if state == "ambiguous":
         likely = sorted(answer.groups, key=lambda group: -group.probability)
         chances = " and ".join(f"{group.probability:.2f}" for group in likely)
@@ -56,7 +56,7 @@ def sentence_of(problem: Problem, judgement: Judgement) -> str:
     rest = [group for group in answer.groups if group not in answer.sure]
     found = f"{where}; {_joined(problem, answer, answer.sure)}{_also(problem, answer, rest)}"
     if state == "form_free":
-        return f"{found}, in a form of its own or with something unknown beside it: {_model(judgement)}."
+        return f"{found}, in a form of its own or with a discrepancy beside it: {_model(judgement)}."
     return f"{found}{_unknown_too(judgement)}."
 
 
@@ -75,7 +75,7 @@ def _also(problem: Problem, answer: Answer, groups: Sequence[Group]) -> str:
 
 
 def _in_words(problem: Problem, answer: Answer, group: Group) -> str:
-    """Return an effect with its amount, what cannot be told from it, and what else may be there instead."""
+    """Return an effect with its value, what cannot be distinguished from it, and what else may be there instead."""
     name = group.members[0]
     k = [part.name for part in answer.fit.parts].index(name)
     part, amounts, effect = answer.fit.parts[k], answer.fit.amounts[k], problem.effects[name]
@@ -83,18 +83,18 @@ def _in_words(problem: Problem, answer: Answer, group: Group) -> str:
     if part.switch:
         own += "".join(f", {key.replace('_', ' ')} {value}" for key, value in part.shape.items())
     else:
-        own += " " + _clearest(amounts_told(effect.parameters, amounts, blocks_of(answer.fit)[k]))
+        own += " " + _clearest(value_entries(effect.parameters, amounts, blocks_of(answer.fit)[k]))
     text = f"{with_amount(effect, part.shape, tuple(amounts))} ({own})"
     if len(group.members) > 1:
         text += "".join(f", or {in_general(other)}" for other in group.members[1:])
-        text += ", which these readings cannot tell apart"
+        text += ", which these readings cannot distinguish"
     if group.or_else:
         text += f", or else {' or '.join(in_general(other) for other in group.or_else)}"
     return text
 
 
 def _clearest(amounts: Sequence[form.Amount]) -> str:
-    """Return the amount that stands out most from none, with its interval; by name where there are several."""
+    """Return the value that stands out most from none, with its interval; by name where there are several."""
 
     def clear(amount: form.Amount) -> float:
         low, high = amount.interval_90
@@ -112,14 +112,14 @@ def _why_unexplained(problem: Problem, judgement: Judgement) -> str:
     answer = judgement.answered
     best = f"the best of the known, that {_joined(problem, answer, answer.groups)},"
     if answer.adequacy.p <= form.LEFT_P:
-        return f"{best} leaves something, most clearly {plain(answer.adequacy.scan.best)}"
+        return f"{best} leaves a residual, most clearly {plain(answer.adequacy.scan.best)}"
     if judgement.out_of_range:
-        return f"{best} would need an amount that is not physical"
+        return f"{best} would need a value that is not physical"
     return f"{best} would fit, but is less likely"
 
 
 def _manner(judgement: Judgement) -> str:
-    """Return what something unknown would do, where it is likely."""
+    """Return what a discrepancy would do, where it is likely."""
     strange = judgement.posterior.holding([UNKNOWN]) > LIKELY
     return f", a change of {judgement.answered.stranger}" if strange else ""
 
@@ -130,7 +130,7 @@ def _model(judgement: Judgement) -> str:
     largest = np.abs(model.change).max()
     where = "correction.csv has it" if model.of_place else "it does not concern labels"
     return (
-        f"a change of {model.manner}, {largest:.2g} N at most, predicts the readings held out and is modelled as a smooth"
+        f"a change of {model.manner}, {largest:.2g} N at most, predicts held-out readings and is modelled as a smooth"
         f" function, its cause unknown ({where})"
     )
 
@@ -145,7 +145,7 @@ def _beside(problem: Problem, judgement: Judgement) -> str:
 def _module(model: Modelled) -> str:
     """Return a cause with a free form and how well it predicts."""
     return (
-        f"{in_words(model)} (probability {model.probability:.2g}; module.csv has the map); with it the readings held out"
+        f"{in_words(model)} (probability {model.probability:.2g}; module.csv has the map); with it held-out readings"
         f" are predicted better (log score {model.gain.total:+.2g})"
     )
 
@@ -153,7 +153,7 @@ def _module(model: Modelled) -> str:
 def _unknown_too(judgement: Judgement) -> str:
     manner = _manner(judgement)
     chance = judgement.posterior.holding([UNKNOWN])
-    return f"; probably also ({chance:.2f}) something that no known effect is{manner}" if manner else ""
+    return f"; probably also ({chance:.2f}) something that no known effect explains{manner}" if manner else ""
 
 
 def plain(finding: Finding) -> str:
@@ -167,7 +167,7 @@ def plain(finding: Finding) -> str:
 
 
 def experiments_in_words(groups: Sequence[form.Group]) -> list[form.Experiment]:
-    """Return the experiments that the effects' own files name for what cannot be told apart."""
+    """Return the experiments that the effects' own files name for what cannot be distinguished."""
     return [
         form.Experiment(words=group.decided_by, separates=group.names) for group in groups if group.decided_by
     ]
@@ -187,14 +187,14 @@ def left_over(judgement: Judgement) -> list[str]:
 
 
 def unfinished(answer: Answer | None) -> list[str]:
-    """Return which fits were cut short: their amounts would still change by more than their intervals show."""
+    """Return which fits were cut short: their values would still change by more than their intervals show."""
     fits = [] if answer is None else [*answer.refits.values(), answer.fit]
     names = dict.fromkeys(fit.name.replace("_", " ") for fit in fits if fit.end is End.MOVING)
     if not names:
         return []
     return [
         f"{', '.join(names)}: the fit was still moving after its last step, or the solver could not"
-        " follow it; amounts and intervals are not final"
+        " follow it; values and intervals are not final"
     ]
 
 

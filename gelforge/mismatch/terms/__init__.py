@@ -1,1 +1,1 @@
-"""What a model of the readings may consist of: effects, maps, something unknown; and their refits."""
+"""What a model of the readings may consist of: effects, maps, a discrepancy; and their refits."""

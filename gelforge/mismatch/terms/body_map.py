@@ -76,7 +76,7 @@ BOX = Effect(
 
 
 def boxes_felt(context: Context) -> list[Candidate]:
-    """Return the linear change of the readings by the modulus of every box that they feel and that was solved."""
+    """Return the linear change of the readings by the modulus of every box that they can show and that was solved."""
     return candidates_of(context, {BOX.name: BOX}, {})
 
 

@@ -38,7 +38,7 @@ def candidates_of(context: Context, effects: Mapping[str, Effect], failed: dict[
             try:
                 columns = columns_of(context, effect, shape)
             except KeyError as missing:  # its derivative could not be had
-                why = failed.setdefault(str(missing.args[0]), "no derivative at this sensor's base")
+                why = failed.setdefault(str(missing.args[0]), "no derivative of this sensor's nominal model")
                 failed.setdefault(name, why)
                 continue
             if not np.any(columns):
@@ -49,7 +49,7 @@ def candidates_of(context: Context, effects: Mapping[str, Effect], failed: dict[
 
 
 def columns_of(context: Context, effect: Effect, shape: Mapping) -> np.ndarray:
-    """Return the change of what was read (n, P) [N] per unit amount."""
+    """Return the change of what was read (n, P) [N] per unit of the parameter."""
     if effect.to_forces is None:
         raise ValueError(f"{effect.name} changes no forces; it has no columns among them")
     columns = []

@@ -1,4 +1,4 @@
-"""What a model says of readings that it did not see: blocks set aside, predictive log score, its gain and error."""
+"""What a model says of readings that it did not see: blocks held out, predictive log score, its gain and error."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.result.verdict import shown
 
 FEW_SITES = 4
-SHARE = 0.25  # of the sites and of the depths that is set aside
+SHARE = 0.25  # of the sites and of the depths that is held out
 
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Training entries (n,) bool, and those set aside by name: "positions", "deepest"."""
+    """Training entries (n,) bool, and those held out by name: "positions", "deepest"."""
 
     train: np.ndarray
     held: Mapping[str, np.ndarray]
 
     @property
     def held_out(self) -> np.ndarray:
-        """Return (n,) bool: what was set aside, for whatever reason."""
+        """Return (n,) bool: what was held out, for whatever reason."""
         return ~self.train
 
 
 @dataclass(frozen=True)
 class Gain:
-    """Gain in predictive log score over all that was set aside."""
+    """Gain in predictive log score over all that was held out."""
 
     total: float
     standard_error: float  # that noise gives it
     blocks: int
     doubt: float = 0.0  # standard error that the error of the change itself gives it
-    paid: float = 0.0  # what is taken from it as what was set aside helped to choose the answer, 0 or less
+    paid: float = 0.0  # what is taken from it as what was held out helped to choose the answer, 0 or less
 
     @property
     def clear(self) -> bool:
@@ -48,10 +48,10 @@ class Gain:
 def split(labels: pd.DataFrame, seed: int, turn: int = 0) -> Blocks:
     """Return the blocks of readings with these labels (n rows).
 
-    Set aside are all readings at about a quarter of the sites, drawn by the seed, and those in the deepest quarter of the
+    Held out are all readings at about a quarter of the sites, drawn by the seed, and those in the deepest quarter of the
     depths at the other sites. Another turn sets other sites aside. Of fewer than FEW_SITES sites a quarter is none: turn 0
     sets the deepest quarter aside, turn k the k-th site and nothing else, so that each kind is tried with enough left to
-    learn from. A single site, or a single depth, is not set aside.
+    learn from. A single site, or a single depth, is not held out.
     """
     site = labels["site"].to_numpy()
     sites = np.random.default_rng(seed).permutation(np.unique(site))
@@ -88,14 +88,14 @@ def predictive_scores(
 ) -> pd.DataFrame:
     """Return the predictive log score of every block: columns block, site, entries, score, apart, doubt.
 
-    residual (n,): measured less the model with the amounts fitted to the training readings. columns (n, p) and
-    amounts_covariance (p, p): the change per unit amount at these amounts and what the training readings leave open of
-    them; none for a model without amounts. change (n,): to a model beside this one, whose squared distance is `apart`;
-    errors (n, k): of that change, a standard deviation each, whose part in the variance of its score is `doubt`.
+    residual (n,): measured less the model with the values fitted to the training readings. columns (n, p) and
+    amounts_covariance (p, p): the change per unit of the parameter at these values and what the training readings leave
+    open of them; none for a model without values. change (n,): to a model beside this one, whose squared distance is
+    `apart`; errors (n, k): of that change, a standard deviation each, whose part in the variance of its score is `doubt`.
 
     Blocks are scored in turn, each given the training readings and the blocks before it, so that the scores add up to the
-    joint predictive density (Dawid 1984, doi:10.2307/2981683). Draws of a press that is set aside as a whole stay free:
-    nothing of it is fitted.
+    joint predictive density (Dawid 1984, doi:10.2307/2981683). Draws of an indentation that is held out as a whole stay
+    free: nothing of it is fitted.
     """
     p = 0 if columns is None else columns.shape[1]
     V = residual[:, None]
@@ -127,7 +127,7 @@ def predictive_scores(
 def gain(before: pd.DataFrame, after: pd.DataFrame) -> Gain:
     """Return the gain of scores `after` over `before` of the same blocks, its standard error that which noise gives it.
 
-    `before` is that of the change between the two, `after` has the uncertainty of its amounts.
+    `before` is that of the change between the two, `after` has the uncertainty of its values.
     Not from the scatter of the blocks' gains: an effect that sits at one place gains at few of them.
     """
     total = float((after["score"] - before["score"]).sum())
@@ -136,10 +136,10 @@ def gain(before: pd.DataFrame, after: pd.DataFrame) -> Gain:
 
 
 def paid_for_choice(trained: np.ndarray, told: np.ndarray) -> float:
-    """Return what the best of K models has to pay of its gain as the readings set aside helped to choose it, 0 or less.
+    """Return what the best of K models has to pay of its gain as the readings held out helped to choose it, 0 or less.
 
     trained, told (K,): log evidence by the training readings and by all. The mean of the models' predictive densities,
-    weighted by what the training readings say of each, is fixed without the readings set aside; its gain, which chance
+    weighted by what the training readings say of each, is fixed without the readings held out; its gain, which chance
     makes large as seldom as that of a single model, is all that the chosen one may claim.
     """
     best = int(np.argmax(told))
@@ -154,7 +154,7 @@ def _log_score(G: np.ndarray, log_det: float, count: int) -> float:
 
 
 def _variance_of_spread(B: np.ndarray) -> float:
-    """Return the variance of z' B (1 + B)^-1 z / 2, z standard normal: that of a score whose amounts are uncertain."""
+    """Return the variance of z' B (1 + B)^-1 z / 2, z standard normal: that of a score whose values are uncertain."""
     b = np.maximum(np.linalg.eigvalsh(B), 0.0) if len(B) else np.zeros(0)
     return float(0.5 * np.sum((b / (1 + b)) ** 2))
 

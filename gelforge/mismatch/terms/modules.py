@@ -1,8 +1,8 @@
-"""Physics with a free form: maps that no single amount describes, weighed as something unknown is.
+"""Physics with a free form: maps that no single amount describes, weighed as a discrepancy is.
 
 A module is a manner (unknown.py) whose directions are changes by a cause: the modulus of the body from place to place, an
 error of the depth over the plane, a force sensor that reads what it is loaded with by its place, or by the time. Each is a
-smooth random function with the plausible width of the catalogue's effect of one amount that it generalises.
+smooth random function with the plausible width of the catalogue's effect of one value that it generalises.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Module(Manner):
 
 
 def modules_of(context: Context, boxes: Sequence[Candidate]) -> tuple[Module, ...]:
-    """Return the modules that these readings may show; boxes: linear changes by the modulus of those that they feel."""
+    """Return the modules that these readings may show; boxes: linear changes by the modulus of those that they can show."""
     table = context.observations.table
     found = []
     if boxes:
@@ -150,7 +150,7 @@ def gain_in_time(context: Context) -> Module:
         words="the force sensor's gain over the session's time",
         directions=np.column_stack([flat(shared), *own]),
         name="gain_in_time",
-        says="the force sensor's gain, or the stiffness of all layers (forces alone do not tell them apart), changes over"
+        says="the force sensor's gain, or the stiffness of all layers (forces alone do not distinguish them), changes over"
         " the session",
         map=pd.concat([at.assign(quantity=f"gain {axis}") for axis in AXES], ignore_index=True),
         basis=np.column_stack([np.tile(basis, (3, 1)), OWN * _blocks([basis] * 3)]),

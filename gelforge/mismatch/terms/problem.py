@@ -63,8 +63,8 @@ class Problem:
 
     @property
     def physics(self) -> list[Candidate]:
-        """Return the candidates that are no blunders."""
-        return [one for one in self.candidates if not self.effects[one.name].blunder]
+        """Return the candidates that are no data-entry errors."""
+        return [one for one in self.candidates if not self.effects[one.name].data_entry_error]
 
     def believing(self, parts: Sequence[Candidate], amounts: np.ndarray) -> Problem:
         """Return the problem with the errors of effects' own change at amounts (p,) in its covariance."""
@@ -127,7 +127,7 @@ class Problem:
     def drafted(self) -> Problem:
         """Return the problem with forces that take what is solved in order (softening) for linear.
 
-        To follow all presses anew at every amount takes minutes: a fit does so once, about its end.
+        To follow all indentations anew at every value takes minutes: a fit does so once, about its end.
         """
 
         def forces_with(parts, amounts, rows):
@@ -155,7 +155,7 @@ class Problem:
         return next(c for c in self.candidates if c.name == part.name and c.tried == part.tried)
 
     def slopes_of(self, part: Candidate) -> dict[str, places.Slope]:
-        """Return what `places.slopes` tells of a part; nothing where it has no place or nothing is solved for it."""
+        """Return what `places.slopes` gives of a part; nothing where it has no place or nothing is solved for it."""
         located = "x_mm" in part.shape and self.solves(part)
         return places.slopes(self.own(part), self.places_of(part)) if located else {}
 
@@ -182,7 +182,7 @@ class Problem:
 def secant(columns: np.ndarray, missing: np.ndarray, step: np.ndarray, widths: np.ndarray) -> np.ndarray:
     """Return columns (n, p) that along a step (p,) change by as much more as was missing (n,).
 
-    Of all such columns those nearest to the given ones, in plausible amounts (Broyden 1965,
+    Of all such columns those nearest to the given ones, in plausible values (Broyden 1965,
     doi:10.1090/S0025-5718-1965-0198670-6).
     """
     share = step / widths**2

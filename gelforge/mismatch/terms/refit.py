@@ -1,4 +1,4 @@
-"""Effects at their own amounts and places in the real model: Gauss and Newton's steps, and the evidence there."""
+"""Effects at their own values and places in the real model: Gauss and Newton's steps, and the evidence there."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gelforge.mismatch.terms.variables import Variables, variables_of
 
 MOST_STEPS, MOST_CHEAP_STEPS = 4, 12  # where something is solved, and where nothing is
 STEPS_OF_PLACE = 4  # more, where a place is fitted too
-DIFFERENCE = 1e-3  # of a plausible amount: for columns taken anew where nothing is solved
+DIFFERENCE = 1e-3  # of a plausible value: for columns taken anew where nothing is solved
 PART_OF_A_WAY = 0.25  # half-way to the next place: across it the columns of ways are differences
 ENOUGH = 0.15  # of a posterior standard deviation: a step that no interval would show
 
@@ -102,7 +102,7 @@ def _fitted(variables: Variables) -> tuple[np.ndarray, np.ndarray, np.ndarray, E
         gradient = Jw.T @ covariance.whiten(residual - change) - a[free] / widths[free] ** 2
         enough = np.maximum(ENOUGH * np.sqrt(np.diag(np.linalg.inv(H))), variables.enough[free])
         delta = _step(H, gradient, a[free], low[free], high[free], np.ones(len(gradient), bool))
-        # A place at rest stays, and the amounts are those that fit best there.
+        # A place at rest stays, and the values are those that fit best there.
         at_rest = (np.abs(delta) <= enough) & (variables.enough[free] > 0)
         delta = _step(H, gradient, a[free], low[free], high[free], ~at_rest)
         converged = bool(np.all(np.abs(delta) <= enough))
@@ -197,7 +197,7 @@ def _evidence(
 ) -> tuple[float, np.ndarray]:
     """Return the log evidence of what is left (m,) by Laplace's approximation, and the covariance (q, q) of what is free.
 
-    Where an amount's sign holds it at none, the posterior's slope there tells how little of it lies on the allowed side.
+    Where a value's sign holds it at none, the posterior's slope there says how little of it lies on the allowed side.
     """
     covariance, widths, signs = variables.covariance(a), variables.widths, variables.signs
     factor = covariance.log_density(left)

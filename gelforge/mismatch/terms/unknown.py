@@ -1,9 +1,9 @@
 """What no effect of the catalogue is: readings that differ in some smooth manner, weighed beside the effects that are known.
 
-Its change is a random function: of depth, of place, of the session's time, of the press's own path, or one for each press;
-of the pressing force, of the sideways forces, or of all in proportion. Such a function can follow anything of its manner and
-pays for that (Kennedy & O'Hagan 2001, doi:10.1111/1467-9868.00294): an effect that is right does the same with an amount or
-two and is likelier; effects that only happen to fit are not.
+Its change is a random function: of depth, of place, of the session's time, of the indentation's own path, or one for each
+indentation; of the pressing force, of the sideways forces, or of all in proportion. Such a function can follow anything of
+its manner and pays for that (Kennedy & O'Hagan 2001, doi:10.1111/1467-9868.00294): an effect that is right does the same
+with a value or two and is likelier; effects that only happen to fit are not.
 """
 
 from __future__ import annotations
@@ -82,9 +82,9 @@ def weighed_unknown(
     amounts: np.ndarray | None = None,
     left: np.ndarray | None = None,
 ) -> Weighed:
-    """Return how much likelier all readings are with something unknown beside the parts, or alone.
+    """Return how much likelier all readings are with a discrepancy beside the parts, or alone.
 
-    left (n,) [N]: what the parts leave of the readings at amounts (p,); the amounts stay free, to first order about these.
+    left (n,) [N]: what the parts leave of the readings at amounts (p,); the values stay free, to first order about these.
     """
     residual, covariance = problem.residual, problem.covariance
     if len(parts):
@@ -108,7 +108,7 @@ def weighed_unknown(
 
 @dataclass(frozen=True, eq=False)
 class _Beside:
-    """Parts with unknown amounts, whitened, beside which directions are weighed that all entries share."""
+    """Parts with unknown values, whitened, beside which directions are weighed that all entries share."""
 
     r: np.ndarray  # (n,) what is read, less what is switched on
     columns: np.ndarray  # (n, p)
@@ -153,7 +153,7 @@ class Span:
     depth_mm: tuple[float, float]
     x_mm: tuple[float, float]
     y_mm: tuple[float, float]
-    held: tuple[float, float]  # logarithm of 1 + seconds since the press's first touch
+    held: tuple[float, float]  # logarithm of 1 + seconds since the indentation's first touch
 
     @classmethod
     def of(cls, labels: pd.DataFrame) -> Span:
@@ -206,7 +206,7 @@ def manners(
 
 
 def _profiles(labels: pd.DataFrame, span: Span) -> Iterator[tuple[str, np.ndarray, bool, bool]]:
-    """Yield words, functions (n, q) of unit size, whether they grow with the force, whether each press has one."""
+    """Yield words, functions (n, q) of unit size, whether they grow with the force, whether each indentation has one."""
     depth = labels["depth_mm"].to_numpy(float)
     over_depth = modes(depth, BESIDE, span.depth_mm)
     yield WITH_DEPTH, modes(depth, MODES["depth"], span.depth_mm), True, False
@@ -215,7 +215,7 @@ def _profiles(labels: pd.DataFrame, span: Span) -> Iterator[tuple[str, np.ndarra
         y = modes(labels["y_mm"].to_numpy(float), MODES["place"], span.y_mm)
         yield FROM_PLACE_TO_PLACE, product(product(x, y), over_depth), True, False
     if labels["press"].nunique() > 1:
-        yield "from press to press", over_depth, True, True
+        yield "from one indentation to the next", over_depth, True, True
     sessions, order = labels["session"].to_numpy(), labels["order"].to_numpy(float)
     if any(np.ptp(order[sessions == name]) > 0 for name in np.unique(sessions)):
         yield "over the session's time", of_each(sessions, order, MODES["time"]), False, False
@@ -223,11 +223,11 @@ def _profiles(labels: pd.DataFrame, span: Span) -> Iterator[tuple[str, np.ndarra
     later = np.column_stack([phases == "dwell", phases == "unload"]).astype(float)
     if later.any():
         held = modes(_held(labels), MODES["path"], span.held)
-        yield "along a press's path", product(product(held, later), over_depth), True, False
+        yield "along an indentation's path", product(product(held, later), over_depth), True, False
 
 
 def _held(labels: pd.DataFrame) -> np.ndarray:
-    """Return the logarithm (n,) of 1 + seconds since the press's first touch; 0 where no times are known."""
+    """Return the logarithm (n,) of 1 + seconds since the indentation's first touch; 0 where no times are known."""
     return np.log1p(np.maximum(np.nan_to_num(labels["press_time_s"].to_numpy(float)), 0.0))
 
 

@@ -1,4 +1,4 @@
-"""What a refit varies: the amounts of effects, and how far what has a place lies from where it was tried."""
+"""What a refit varies: the values of effects, and how far what has a place lies from where it was tried."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gelforge.mismatch.terms.problem import Problem
 SEEN_SNR = 0.5  # of a way half to the next place: what the readings see less of is not fitted
 ENOUGH_OF_A_WAY = 0.1  # half-way to the next place: smaller steps of a place, some 0.2 mm, are not waited for
 FARTHEST = 0.6  # half-way to the next place: a longer step is shortened, with all that goes along with it
-INSIDE = 1e-3  # of a bound's distance from zero that amounts keep from it, but for all that there can be
+INSIDE = 1e-3  # of a bound's distance from zero that values keep from it, but for all that there can be
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class Move:
 
 @dataclass(frozen=True, eq=False)
 class Variables:
-    """q numbers: the amounts of an answer's parts in turn, and then the moves [mm] of those that have a place."""
+    """q numbers: the values of an answer's parts in turn, and then the moves [mm] of those that have a place."""
 
     problem: Problem
     start: Screened
@@ -42,7 +42,7 @@ class Variables:
 
     @property
     def amounts(self) -> int:
-        """Return how many of them are amounts."""
+        """Return how many of them are values."""
         return int(self.ends[-1])
 
     @cached_property
@@ -81,7 +81,7 @@ class Variables:
 
     @cached_property
     def farthest(self) -> np.ndarray:
-        """Return the longest steps (q,): of amounts any."""
+        """Return the longest steps (q,): of values any."""
         return np.array([np.inf] * self.amounts + [FARTHEST * move.half for move in self.moves])
 
     @cached_property
@@ -111,7 +111,7 @@ class Variables:
         return np.column_stack(every)[self.mask]
 
     def split(self, a: np.ndarray) -> tuple[tuple[Candidate, ...], tuple[np.ndarray, ...]]:
-        """Return the parts at their places, with their linear change there, and the amounts of each."""
+        """Return the parts at their places, with their linear change there, and the values of each."""
         parts = list(self.start.parts)
         for k in {move.part for move in self.moves}:
             by = {move.axis: x for move, x in zip(self.moves, a[self.amounts :]) if move.part == k}
@@ -138,7 +138,7 @@ class Variables:
 def variables_of(problem: Problem, start: Screened, mask: np.ndarray, placing: bool = False) -> Variables:
     """Return what is varied in a refit of a screened answer: of places the ways that the fitted entries see.
 
-    What an earlier refit has placed stays there, and its amount alone is fitted, unless it is placing: it then goes on.
+    What an earlier refit has placed stays there, and its value alone is fitted, unless it is placing: it then goes on.
     """
     parts = tuple(_tried(problem, part) if placing else part for part in start.parts)
     moves, at, covariance = [], 0, problem.covariance.restricted(mask)

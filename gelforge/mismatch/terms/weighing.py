@@ -12,13 +12,13 @@ from gelforge.mismatch.evidence.screen import Candidate, Screened, believing, ch
 from gelforge.mismatch.terms.problem import Problem
 
 NOTICED = 0.1  # standard deviations of a change's own error, below which it moves no evidence
-FELT_SNR = 0.5  # of a plausible amount; below it nothing can be said for or against
+FELT_SNR = 0.5  # of a plausible value; below it nothing can be said for or against
 
 
 def those_felt(ranked: Sequence[Screened]) -> list[Screened]:
-    """Return the effects of which a plausible amount is felt by the readings at all.
+    """Return the effects of which a plausible value is observable in the readings at all.
 
-    One that they do not feel has evidence 0, which is no evidence and would win over what they refute.
+    One that they cannot show has evidence 0, which is no evidence and would win over what they refute.
     """
     return [one for one in ranked if one.plausible_snr > FELT_SNR]
 
@@ -27,7 +27,7 @@ def chance_of_known(problem: Problem) -> float:
     """Return the bound on the probability of as much evidence for the known effects by chance.
 
     All readings are asked, and all effects are as likely: the mean of their Bayes factors against none. Those that the
-    readings do not feel are among them, as which these are depends on the readings.
+    readings cannot show are among them, as which these are depends on the readings.
     """
     factors = [
         one.log_bayes_factor for one in screened(problem.residual, problem.covariance, problem.candidates)

@@ -76,7 +76,7 @@ def calibrate(
     """Return the calibration by the boards seen; an image far worse than the others is left out, with its reason.
 
     Raises CalibrationError with value, limit and remedy: too few images, too little of the image covered, boards that are
-    all nearly parallel (the focal length's standard deviation tells), a large error, or a distortion that folds.
+    all nearly parallel (the focal length's standard deviation shows), a large error, or a distortion that folds.
     """
     _enough(views)
     found = _fitted(views, board, model)

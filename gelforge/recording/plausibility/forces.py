@@ -186,7 +186,7 @@ def force_answers(data: SessionData) -> list[Finding]:
 
 
 def _no_answer_at_all(every: pd.DataFrame) -> Finding | None:
-    """Return that the mean force of all indentations is not told from zero by its own scatter, nor by its sign.
+    """Return that the mean force of all indentations is not distinguished from zero by its own scatter, nor by its sign.
 
     One deep indentation among shallow ones scatters the force, but all push the same way.
     """

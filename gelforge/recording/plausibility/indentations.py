@@ -81,7 +81,7 @@ def scatter_N(readings: pd.DataFrame, names: list[str]) -> np.ndarray:
 
 
 def floor_N(readings: pd.DataFrame, resolution_N, repeatability_N) -> np.ndarray:
-    """Return (3,) [N]: resolution, repeatability and scatter together, below which a force is not told from none."""
+    """Return (3,) [N]: resolution, repeatability, scatter together, below which a force is not distinguished from none."""
     stated = 0.0 if repeatability_N is None else np.asarray(repeatability_N, float)
     scatter = np.maximum(scatter_N(readings, FORCE), stated)
     return np.hypot(np.asarray(resolution_N, float), scatter)

@@ -49,7 +49,7 @@ class SessionData:
 
     @cached_property
     def floor_N(self) -> np.ndarray:
-        """Return (3,) [N], the force that is not told from none on each axis."""
+        """Return (3,) [N], the force that is not distinguished from none on each axis."""
         force = self.session.force
         return floor_N(self.readings, force.resolution_N, force.repeatability_N)
 

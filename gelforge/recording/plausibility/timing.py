@@ -1,4 +1,4 @@
-"""Tests of time: the force changes in step with the depth, or the lag that was found is told."""
+"""Tests of time: the force changes in step with the depth, or the lag that was found is reported."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def _log_shifted(data: SessionData, log: ForceLog) -> list[Finding]:
 
 
 def _shortest_wait_s(readings: pd.DataFrame) -> float:
-    """Return how long after arrival the earliest reading at depth is taken [s], 0 where that is not told."""
+    """Return how long after arrival the earliest reading at depth is taken [s], 0 where that is not known."""
     held = readings[readings["phase"].isin(["load", "dwell"])]
     shortest = held["dwell_s"].min()
     return float(shortest) if np.isfinite(shortest) and not (held["phase"] == "load").any() else 0.0

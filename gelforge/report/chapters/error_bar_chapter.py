@@ -28,23 +28,29 @@ def error_bars(results: StudyResults) -> Chapter:
     rows = pd.DataFrame([row for cell in solved for row in _vertical(results, cell)])
     if rows.empty:
         chapter.miss(
-            "No error bars: no solved cell holds any; cells made before they were stored are to be made again."
+            "No error bars: no solved site holds any; sites made before they were stored are to be made again."
         )
         return chapter
     shown = results.centre_cell() or solved[0]
     of_shown = rows[rows.cell == (shown.source or shown.name)]
     place = f"({shown.x_mm:g}, {shown.y_mm:g}) mm"
-    words = f"Left: the force at {place} with two standard deviations to each side, mesh and laws together. Right: each"
+    words = (
+        f"Left: the force at {place} with two standard deviations to each side, mesh and constitutive model"
+        " together. Right: each"
+    )
     words += " part over the force; the line is the median, the shade reaches from the least to the largest"
     words += (
-        f" of {count(rows.cell.nunique(), 'solved cell')}. The mesh's is one share for all depths of a cell."
+        f" of {count(rows.cell.nunique(), 'solved site')}. The mesh's is one share for all depths of a site."
     )
     unknown = sorted(set(results.study.materials) - _uncertain(results, solved[0]))
     if unknown:
-        words += f" How uncertain the laws of {', '.join(unknown)} are is not known: they were given, and add nothing."
+        words += (
+            f" How uncertain the constitutive models of {', '.join(unknown)} are is not known: they were"
+            " given, and add nothing."
+        )
     chapter.show(words, error_bar_figure(of_shown, rows, place))
     chapter.tabulate(
-        "Standard deviation of the vertical force over the force, over all solved cells.", sigma_table(rows)
+        "Standard deviation of the vertical force over the force, over all solved sites.", sigma_table(rows)
     )
     return chapter
 
@@ -98,7 +104,7 @@ def error_bar_figure(cell: pd.DataFrame, rows: pd.DataFrame, place: str) -> Figu
         color=SIMULATED,
         alpha=0.3,
         lw=0,
-        label="± 2 sigma, mesh and laws",
+        label="± 2 sigma, mesh and material",
     )
     left.plot(cell["depth"], cell["force"], ".-", color=SIMULATED, ms=4, lw=0.8, label="this study: FEM")
     left.set_ylabel("vertical force, $-F_z$ [N]")
@@ -106,7 +112,7 @@ def error_bar_figure(cell: pd.DataFrame, rows: pd.DataFrame, place: str) -> Figu
     for name in PARTS:
         _relative(right, rows, name)
     right.set_ylabel("sigma of $F_z$ over $F_z$ [%]")
-    right.set_title("all solved cells")
+    right.set_title("all solved sites")
     for ax in (left, right):
         ax.set_xlabel("depth [mm]")
         ax.set_xlim(left=0)

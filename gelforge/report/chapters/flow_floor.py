@@ -72,11 +72,12 @@ def tell_flow_floor(chapter: Chapter, results: StudyResults) -> None:
         lost = table.loc[table["lost"], "press"].unique()
         if np.isfinite(false):
             chapter.say(
-                f"Session {name}: images before touch move by {false:.2g} px (median of the root mean square over the image;"
+                f"Session {name}: images before contact move by {false:.2g} px (median of the root mean square over"
+                " the image;"
                 f" scatter {spread:.1g} px). That motion is false; smaller ones mean nothing."
             )
         else:
-            chapter.say(f"Session {name} has no image before touch, so that its false flow is not known.")
+            chapter.say(f"Session {name} has no image before contact, so that its false flow is not known.")
         if len(lost):
             chapter.say(
                 f"In session {name} the flow lost the surface in {count(len(lost), 'indentation')}: {', '.join(lost[:10])}"

@@ -36,7 +36,7 @@ def agreement(results: StudyResults) -> Chapter:
     )
     chapter.show(
         "The same residual over position: pale means agreement, one colour all over a common cause, a pattern"
-        " towards the edges the walls; positions without a square have no reading or no converged cell.",
+        " towards the edges the walls; positions without a square have no reading or no converged site.",
         residual_map_figure(results.agreement, results.widths_mm, results.resolution_N),
     )
     return chapter
@@ -119,7 +119,7 @@ def _show_map(chapter: Chapter, results: StudyResults, row: int, place: str) -> 
     depth = float(columns["depth_mm"][row])
     radius = touched_radius_mm(results.study.indenter, depth)
     chapter.show(
-        f"Held-out cell {columns['cell'][row]} {place}, indenter at ({x:g}, {y:g}) mm, {depth:g} mm deep: left and"
+        f"Held-out site {columns['cell'][row]} {place}, indenter at ({x:g}, {y:g}) mm, {depth:g} mm deep: left and"
         " middle are predicted and true, the right is their difference, on one colour scale per row. The dashed circle is"
         " where the indenter cuts the undeformed surface.",
         prediction_figure(predicted, true, bins.nx, bins.ny, results.widths_mm, (x, y), radius),
@@ -127,18 +127,18 @@ def _show_map(chapter: Chapter, results: StudyResults, row: int, place: str) -> 
 
 
 TABLES = {
-    "rmse": "Errors of the network on held-out cells{beside the paper's (another sensor, 13,448 presses)}.",
+    "rmse": "Errors of the network on held-out sites{beside the paper's (another sensor, 13,448 indentations)}.",
     "baselines": "The network beside baselines on the same rows and inputs: ridge, kernel ridge, nearest neighbours, the"
     " mean label of training, no force at all. total Fz: rms error of the sum over bins; RMSES: error of pressed bins.",
     "errors_by": "Errors of the network by depth, by distance from the nearest wall and by session (of touched rows), and"
     " the share of images flagged as unlike the training images.",
-    "error_budget": "Parts of the network's error on held-out cells of the virtual sensor (SYNTHETIC), rms: optics and"
+    "error_budget": "Parts of the network's error on held-out sites of the virtual sensor (SYNTHETIC), rms: optics and"
     " learning make the error against the label, mechanics is that of the label. The contact point's scatter is in learning"
     " and in mechanics.",
-    "reliability": "How far to trust the network on held-out cells. A share far from 0.9 in the 90 % intervals says that the"
-    " validation cells are unlike these. Measured totals are readings, whose own noise and what the labels lack of the real"
+    "reliability": "How far to trust the network on held-out sites. A share far from 0.9 in the 90 % intervals says that the"
+    " validation sites are unlike these. Measured totals are readings, whose own noise and what the labels lack of the real"
     " gel are not in the interval.",
-    "rmse_gt": "Measured against simulated total force over presses (difference: F/T − FEM){beside the paper's}.",
+    "rmse_gt": "Measured against simulated total force over indentations (difference: F/T − FEM){beside the paper's}.",
     "force_ranges": "Range of the labels{beside the paper's}.",
 }
 

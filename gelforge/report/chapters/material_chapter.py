@@ -24,7 +24,7 @@ def materials(results: StudyResults) -> Chapter:
     for name in results.study.materials:
         folder = results.folder / "materials" / name
         if name not in results.laws or not (folder / "curves.csv").is_file():
-            chapter.miss(f"No law of {name}: {folder} lacks law.json or curves.csv.")
+            chapter.miss(f"No constitutive model of {name}: {folder} lacks law.json or curves.csv.")
             continue
         _material(chapter, name, results.laws[name], folder)
     table = results.table("material")
@@ -33,7 +33,7 @@ def materials(results: StudyResults) -> Chapter:
     else:
         chapter.tabulate(
             said_beside("Parameters with 95 % intervals{beside the paper's}", results.paper)
-            + "; the single constants of a law differ more between"
+            + "; the single constants of a constitutive model differ more between"
             " equally good fits than Young's modulus E does.",
             beside_paper("material", table, results.paper),
         )
@@ -46,16 +46,17 @@ def _material(chapter: Chapter, name: str, law: MaterialLaw, folder: Path) -> No
     others = sorted((folder / "laws").glob("*.json"))
     if law.samples:
         kind = " These tests are SYNTHETIC." if law.synthetic else ""
-        words = f"{name}: the law's line should run through the mean of the samples in every test.{kind}"
+        words = f"{name}: the constitutive model's line should run through the mean of the specimens in every test.{kind}"
     else:
-        words = f"{name}: the law's parameters were given in the configuration; no test was fitted."
+        words = f"{name}: the constitutive model's parameters were given in the configuration; no test was fitted."
     chapter.show(words, material_figure(folder / "law.json", folder / "curves.csv", others))
     if law.samples:
         chapter.say(_range_words(name, law))
     compared = _table(folder / "laws.csv")
     if compared is not None and len(compared) > 1:
         chapter.tabulate(
-            f"{name}: laws compared. AICc: the lowest describes the tests best for its number of parameters. Error held"
+            f"{name}: constitutive models compared. AICc: the lowest describes the tests best for its number of"
+            " parameters. Error held"
             " out: each test predicted from the others.",
             compared,
         )
@@ -70,7 +71,9 @@ def _material(chapter: Chapter, name: str, law: MaterialLaw, folder: Path) -> No
         # the sentence holds value and interval; columns of their own would squeeze it to a word a line
         shown = judged[["effect", "test", "verdict", "sentence"]].copy()
         shown[["effect", "test"]] = shown[["effect", "test"]].replace("_", " ", regex=True)
-        chapter.tabulate(f"{name}: what its tests say beyond the law (numbers apart: effects.csv).", shown)
+        chapter.tabulate(
+            f"{name}: what its tests say beyond the constitutive model (numbers apart: effects.csv).", shown
+        )
     if len(rest):
         reasons = "; ".join(f"{row.effect.replace('_', ' ')}: {row.sentence}" for row in rest.itertuples())
         chapter.say(f"{name}: not judged by these tests, which is no proof of absence. {reasons}.")
@@ -84,12 +87,15 @@ def _range_words(name: str, law: MaterialLaw) -> str:
     valid = law.valid_range
     if valid is not None:
         largest = ", ".join(f"{valid.largest(case):.4g} ({case.replace('_', ' ')})" for case in LOAD_CASES)
-        text += f"; any deformation between tested ones is within the law's range, which ends at stretch {largest}"
+        text += (
+            "; any deformation between tested ones is within the constitutive model's range, which ends at"
+            f" stretch {largest}"
+        )
     unstable = law.unstable_from
     stable = (
         "Drucker-stable in all of it" if unstable is None else f"NOT Drucker-stable from {unstable:.0%} of it"
     )
-    return f"{text}. The law is {stable}."
+    return f"{text}. The constitutive model is {stable}."
 
 
 def _beyond_tests(chapter: Chapter, results: StudyResults) -> None:
@@ -104,17 +110,18 @@ def _beyond_tests(chapter: Chapter, results: StudyResults) -> None:
             rows.append(_beyond(cell, attributes, int(np.argmax(leaves == LEAVES))))
     if rows:
         chapter.tabulate(
-            f"{count(len(rows), 'cell')} of {judged} leave the range in which a law was tested: there the law"
+            f"{count(len(rows), 'site')} of {judged} leave the range in which a constitutive model was tested: there it"
             " extrapolates. Stretch and share of the region's volume are those of the deepest step.",
             pd.DataFrame(rows),
         )
     elif judged and not unknown:
         chapter.say(
-            f"All {judged} converged cells stay within the stretches at which their laws were tested."
+            f"All {judged} converged sites stay within the stretches at which their constitutive models were tested."
         )
     if unknown:
         chapter.say(
-            f"Of {count(unknown, 'cell')} it is not known whether a law leaves its tested range: its parameters were"
+            f"Of {count(unknown, 'site')} it is not known whether a constitutive model leaves its tested range: its"
+            " parameters were"
             " given, or the file is older than this check."
         )
 
@@ -138,8 +145,10 @@ def _unstable(chapter: Chapter, results: StudyResults) -> None:
             )
     if rows:
         chapter.tabulate(
-            f"{count(len(rows), 'cell')} reach stretches at which a law is not Drucker-stable: such labels are not to be"
-            " trusted; press less deep or fit another law. The share of the region's volume is that of the deepest step.",
+            f"{count(len(rows), 'site')} reach stretches at which a constitutive model is not Drucker-stable: such"
+            " labels are not to be"
+            " trusted; press less deep or fit another constitutive model. The share of the region's volume is that"
+            " of the deepest step.",
             pd.DataFrame(rows),
         )
 

@@ -12,7 +12,8 @@ HELD = (0.85, 0.97)  # shares inside 90 % intervals that a few validation orbits
 
 ERROR = "RMSES_z_N"
 AFTER_SIMULATION = (
-    "It has learnt from simulated sensors alone: fit its gains to a few recorded presses (gelforge adapt), and learn from "
+    "It has learnt from simulated sensors alone: fit its gains to a few recorded indentations (gelforge adapt), and"
+    " learn from "
     "recordings too (synthesis.train_on: both) where that is not enough."
 )
 
@@ -87,7 +88,7 @@ def _intervals(reliability: pd.DataFrame) -> str:
 
 
 def _remedy(by: pd.DataFrame, loss: pd.DataFrame | None, is_good: bool) -> str:
-    """Return what more data would help most, "" where nothing tells."""
+    """Return what more data would help most, "" where nothing says so."""
     place, session = _outstanding(by, "place"), _outstanding(by, "session")
     if session is not None:
         return f"More sessions would help most: session {session['class']} is unlike the others."

@@ -1,4 +1,4 @@
-"""Chapters about the study itself: overview, simulated presses, images, failed cells, time."""
+"""Chapters about the study itself: overview, simulated indentations, images, failed cells, time."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def glance(results: StudyResults) -> Chapter:
         ("Layers from the base up", f"{layers}; wall {sensor.wall_mm:g} mm"),
         ("Indenter", study.indenter.words),
         ("Plan", f"{cells}; {steps}"),
-        ("Cells", f"{len(good)} converged, {len(planned) - len(good)} failed or missing"),
+        ("Sites", f"{len(good)} converged, {len(planned) - len(good)} failed or missing"),
         ("Label", f"force on {sensor.bins.nx} x {sensor.bins.ny} surface bins, x, y and z, in N"),
         ("Recordings", _recordings(results)),
         ("Dataset", _dataset(results)),
@@ -79,9 +79,7 @@ def _recordings(results: StudyResults) -> str:
     if not images:
         presses = len(results.agreement) if results.agreement is not None else 0
     sessions = ", ".join(results.study.sessions)
-    text = (
-        f"{count(len(results.study.sessions), 'session')} ({sessions}), {count(presses, 'press', 'presses')}"
-    )
+    text = f"{count(len(results.study.sessions), 'session')} ({sessions}), {count(presses, 'indentation')}"
     return f"{text}, {count(images, 'image')} with features"
 
 
@@ -103,7 +101,7 @@ def force_depth(results: StudyResults) -> Chapter:
         ("corner, 5 mm from two edges", "corner", results.corner_cell()),
     ):
         if cell is None:
-            chapter.miss(f"No curve at the {place}: the plan has no converged cell there.")
+            chapter.miss(f"No curve at the {place}: the plan has no converged site there.")
             continue
         arrays = results.cell(cell.name).arrays
         readings = results.agreement
@@ -140,7 +138,7 @@ def force_depth(results: StudyResults) -> Chapter:
             words += f" Variant {name}: {variant.describes or 'other settings'}."
         else:
             chapter.miss(
-                f"No curve of variant {name}: {results.folder / 'variants' / name} has no such cell."
+                f"No curve of variant {name}: {results.folder / 'variants' / name} has no such site."
             )
     if any(len(c.ft_N) for c in curves) and "recordings" in results.synthetic_parts:
         words += " The study's F/T readings (orange) are SYNTHETIC."
@@ -163,22 +161,22 @@ def _variant_curves(results: StudyResults, name: str) -> dict[str, tuple[np.ndar
 
 
 def inside(results: StudyResults) -> Chapter:
-    """Return the deformed section and the contact pressure of one press."""
-    chapter = Chapter("inside", "Inside a press")
+    """Return the deformed section and the contact pressure of one indentation."""
+    chapter = Chapter("inside", "Inside an indentation")
     good = sorted(
         (c for c in results.converged() if c.solved),
         key=lambda c: np.hypot(*(np.array([c.x_mm, c.y_mm]) - results.centre_mm)),
     )
     if not good:
-        chapter.miss("No section: no cell converged.")
+        chapter.miss("No section: no site converged.")
         return chapter
     cell = results.cell(good[0].name)
     if "section_node_mm" not in cell.arrays:
-        chapter.miss(f"No section: the file of cell {good[0].name} holds none.")
+        chapter.miss(f"No section: the file of site {good[0].name} holds none.")
         return chapter
     names = [str(name) for name in cell.attributes["regions"]]
     chapter.show(
-        f"Cell {good[0].name} at its deepest: left, the layers cut under the ball (dashed: before the press);"
+        f"Site {good[0].name} at its deepest: left, the layers cut under the ball (dashed: before the indentation);"
         " right, the pressure between ball and skin seen from above, darkest where it is largest.",
         section_figure(cell.arrays, -1, names, (good[0].x_mm, good[0].y_mm), results.study.indenter),
     )
@@ -220,16 +218,16 @@ def _one_image(results: StudyResults) -> Chapter:
             flow_figure(read_picture(path, picture_of(session)), results.feature_row(name, row)),
         )
         return chapter
-    chapter.miss("No image of a press was found.")
+    chapter.miss("No image of an indentation was found.")
     return chapter
 
 
 def failed_cells(results: StudyResults) -> Chapter:
     """Return the cells that failed or are missing, by name and reason."""
-    chapter = Chapter("failed", "Failed cells")
+    chapter = Chapter("failed", "Failed sites")
     failed = results.not_converged()
     if not failed:
-        chapter.say(f"None: all {len(results.planned)} cells converged.")
+        chapter.say(f"None: all {len(results.planned)} sites converged.")
         return chapter
     rows = []
     for cell in failed:
@@ -245,7 +243,7 @@ def failed_cells(results: StudyResults) -> Chapter:
             }
         )
     chapter.tabulate(
-        "These cells are left out of the dataset by name; nothing stands in for them.", pd.DataFrame(rows)
+        "These sites are left out of the dataset by name; nothing stands in for them.", pd.DataFrame(rows)
     )
     return chapter
 
@@ -278,8 +276,8 @@ def time_per_stage(results: StudyResults) -> Chapter:
         iterations = [int(np.sum(a["iterations"])) for a in solved]  # stored per depth
         took = f"{np.median(seconds):.1f} s (median; longest {max(seconds):.1f} s) and " if seconds else ""
         chapter.say(
-            f"A simulated cell took {took}"
-            f"{np.median(iterations):.0f} Newton iterations (median), over {count(len(solved), 'cell')}."
+            f"A simulated site took {took}"
+            f"{np.median(iterations):.0f} Newton iterations (median), over {count(len(solved), 'site')}."
         )
     return chapter
 
@@ -310,5 +308,5 @@ def origin(results: StudyResults) -> Chapter:
         {str(a.get("code_version")) for a in results.cell_attributes.values() if "code_version" in a}
     )
     if versions:
-        chapter.say(f"Cells were simulated by code version {', '.join(versions)}.")
+        chapter.say(f"Sites were simulated by code version {', '.join(versions)}.")
     return chapter

@@ -1,4 +1,4 @@
-"""An image of a press with the optical flow that its features describe."""
+"""An image of an indentation with the optical flow that its features describe."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def flow_figure(image: np.ndarray, feature: np.ndarray) -> Figure:
     u, v, du, dv = region_flow(feature, (height, width))
     figure, axes = new_figure(9.6, 4.3 * height / width + 0.5, nrows=1, ncols=2)
     for ax, title, strength in zip(
-        axes[0], ("image of the press", "flow since the zero-force image"), (1, 0.3)
+        axes[0], ("image of the indentation", "flow since the zero-force image"), (1, 0.3)
     ):
         ax.imshow(image, cmap="gray", interpolation="nearest", alpha=strength)
         ax.set_title(title)

@@ -37,7 +37,7 @@ def read_label(path: str | Path, row: int | None = None) -> Label:
     """Return the label of a cell's depth (row; the deepest if None) or of a shard's row (the first if None)."""
     path = Path(path)
     with opened(
-        path, None, f"name a cell file or a shard, or make it again (snakemake -R {path})", LabelError
+        path, None, f"name a site's file or a shard, or make it again (snakemake -R {path})", LabelError
     ) as file:
         if file.attrs.get("format") == CELL_FORMAT:
             return _cell_label(file, path, row)
@@ -45,14 +45,14 @@ def read_label(path: str | Path, row: int | None = None) -> Label:
             return _shard_label(file, path, row)
         found = file.attrs.get("format", "no format attribute")
     raise LabelError(
-        f"{path}: neither a cell ({CELL_FORMAT}) nor a shard (force_distribution_N); found {found}"
+        f"{path}: neither a site ({CELL_FORMAT}) nor a shard (force_distribution_N); found {found}"
     )
 
 
 def _checked_row(path: Path, row: int | None, count: int, default: int) -> int:
     if count == 0:
         raise LabelError(
-            f"{path}: holds no label (0 rows); a failed cell keeps only the depths that converged"
+            f"{path}: holds no label (0 rows); a failed site keeps only the depths that converged"
         )
     row = default if row is None else row
     if not -count <= row < count:
@@ -72,7 +72,7 @@ def _cell_label(file: h5py.File, path: Path, row: int | None) -> Label:
         (sensor["width_x_mm"], sensor["width_y_mm"]),
         (float(file.attrs["x_mm"]), float(file.attrs["y_mm"])),
         float(file["depth_mm"][row]),
-        f"cell {file.attrs['cell']}",
+        f"site {file.attrs['cell']}",
     )
 
 

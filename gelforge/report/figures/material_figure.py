@@ -131,11 +131,11 @@ def _load_case(
     if len(mean):
         mean = mean.iloc[np.linspace(0, len(mean) - 1, MEAN_MARKS).round().astype(int)]
         marks: Style = {"ls": "", "marker": "o", "ms": 4.2, "mfc": "white", "mec": MEASURED, "mew": 1.5}
-        ax.plot(mean.stretch, mean.cauchy_stress_kPa, label="mean of samples", **marks)
+        ax.plot(mean.stretch, mean.cauchy_stress_kPa, label="mean of specimens", **marks)
     if stretch[0] >= 1:
         ax.set_xlim(left=1.0)
     r2 = (laws[0].r2_nominal or {}).get(test)
-    count = f"{len(samples)} sample{'s' if len(samples) != 1 else ''}"
+    count = f"{len(samples)} specimen{'s' if len(samples) != 1 else ''}"
     text = "not tested" if r2 is None else f"R² = {np.floor(r2 * 1e4) / 1e4:.4f}\n{count}"
     ax.text(0.04, 0.97, text, transform=ax.transAxes, va="top", fontsize=9.5, color=INK, bbox=BEHIND)
     _sketch(ax, test)
@@ -178,7 +178,7 @@ def _drawn(laws: list[MaterialLaw]):
 
 def _label(material: MaterialLaw, laws: int) -> str:
     title = material.family.title
-    return title if laws > 1 else f"{title.split(',')[0]} law"
+    return title if laws > 1 else f"{title.split(',')[0]} model"
 
 
 def _nominal(law: PrincipalLaw, test: str, stretch: np.ndarray) -> np.ndarray:
@@ -249,6 +249,6 @@ def _title(material: MaterialLaw) -> str:
         )
     return (
         f"{material.material}{source}\n"
-        f"{family.title.split(',')[0]} law: E = {law.youngs_modulus * 1e3:.1f} kPa, {constants}"
+        f"{family.title.split(',')[0]} model: E = {law.youngs_modulus * 1e3:.1f} kPa, {constants}"
         f"{'; R² of the nominal stress' if material.r2_nominal else ''}"
     )

@@ -65,7 +65,7 @@ def residual_map_figure(agreement: pd.DataFrame, widths_mm: tuple[float, float],
 
 @styled
 def residual_depth_figure(agreement: pd.DataFrame, resolution_N) -> Figure:
-    """Return each press's residual over depth, the mean, and the band of the F/T resolution (3) [N]."""
+    """Return each indentation's residual over depth, the mean, and the band of the F/T resolution (3) [N]."""
     residual = residuals_N(agreement)
     depth = agreement["depth_mm"].to_numpy(float)
     levels = np.unique(depth.round(6))
@@ -86,7 +86,7 @@ def residual_depth_figure(agreement: pd.DataFrame, resolution_N) -> Figure:
             alpha=0.55,
             color=MEASURED,
             rasterized=True,
-            label="one press",
+            label="one indentation",
         )
         mean = [column[np.abs(depth - level) < 1e-5].mean() for level in levels]
         ax.plot(levels, mean, "o-", ms=4, lw=1.6, color=SIMULATED, label="mean")

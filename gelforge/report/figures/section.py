@@ -1,4 +1,4 @@
-"""A press seen from the side (deformed section) and from above (contact pressure)."""
+"""An indentation seen from the side (deformed section) and from above (contact pressure)."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def draw_section(ax: Axes, node_mm, displacement_mm, quads, regions, names: list
     ax.add_collection(LineCollection(start[edges], colors=PREDICTED, linewidths=0.8, linestyles=(0, (3, 2))))
     used = sorted(set(int(r) for r in regions))
     patches = [Patch(fc=colours[r], ec="#8E8E8E", label=names[r]) for r in used]
-    patches.append(Patch(fc="none", ec=PREDICTED, ls="--", label="before the press"))
+    patches.append(Patch(fc="none", ec=PREDICTED, ls="--", label="before the indentation"))
     ax.set_aspect("equal")
     ax.set_xlabel("x [mm]")
     ax.set_ylabel("z [mm]")

@@ -1,6 +1,6 @@
 """Colours, fonts and figure making that all figures of the report share.
 
-Colours are those of Okabe and Ito (2008), told apart by colour-blind readers. Signed forces use one diverging map
+Colours are those of Okabe and Ito (2008), distinguished by colour-blind readers. Signed forces use one diverging map
 centred at zero, pressures and magnitudes one sequential map, everywhere.
 """
 

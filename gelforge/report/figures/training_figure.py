@@ -14,7 +14,7 @@ def loss_figure(loss: pd.DataFrame) -> Figure:
     figure, axes = new_figure(6.4, 3.0)
     ax = axes[0, 0]
     ax.plot(loss.epoch, loss.training, color=SIMULATED, lw=1.6, label="training rows")
-    ax.plot(loss.epoch, loss.validation, color=MEASURED, lw=1.6, label="validation cells (never trained on)")
+    ax.plot(loss.epoch, loss.validation, color=MEASURED, lw=1.6, label="validation sites (never trained on)")
     best = loss.loc[loss.validation.idxmin()]
     ax.plot([best.epoch], [best.validation], "o", color=MEASURED, mec="#7A5200")
     ax.annotate(

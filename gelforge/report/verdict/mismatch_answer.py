@@ -37,7 +37,7 @@ def ranking(results: MismatchResults) -> Chapter:
             "probability": chance_text(effect.probability),
             "log Bayes factor": round(effect.log_bayes_factor, 1),
             "signal over noise": round(number(effect.snr), 1),
-            "amount (90 % interval), place or time": unbroken(
+            "value (90 % interval), place or time": unbroken(
                 "; ".join(filter(None, (amounts_text(effect), shape_text(effect.shape))))
             ),
             "possible": effect.in_range,
@@ -48,7 +48,7 @@ def ranking(results: MismatchResults) -> Chapter:
     chapter.tabulate(
         f"What was tried, the most probable first, alone or beside others; that nothing is missing has probability"
         f" {chance_text(verdict.null_probability)}{unknown_text(verdict.unknown)}. A good fit alone names nothing: an"
-        " amount must also be physically possible.",
+        " value must also be physically possible.",
         filled(rows),
     )
     rest = verdict.effects[RANKED:]
@@ -60,7 +60,8 @@ def ranking(results: MismatchResults) -> Chapter:
     profiled = [e for e in verdict.effects if e.name in answered and any(a.profile for a in e.amounts)]
     if profiled:
         chapter.show(
-            "The narrower the peak, the better the readings fix the amount; shaded is the 90 % interval, and the effect's"
+            "The narrower the peak, the better the readings determine the value; shaded is the 90 % interval, and"
+            " the effect's"
             " absence is at 0.",
             profile_figure(profiled),
         )
@@ -97,12 +98,12 @@ def set_aside(results: MismatchResults) -> Chapter:
         blocks = [fit.held_out, *fit.held_out_blocks]
         chapter.show(
             "Blue should lie left of grey: with the effect in it, fitted to the other readings, the simulation predicts"
-            " these. The amounts given elsewhere follow all readings.",
+            " these. The values given elsewhere follow all readings.",
             held_out_figure(blocks, results.axes),
         )
         chapter.tabulate(
-            "The held-out gain is reported and decides nothing. Less what it pays where these readings helped to choose the"
-            f" answer, it counts above twice its standard error, or above {log(HELD_OUT_ODDS):.1f}: odds of a hundred.",
+            "The held-out gain is reported and decides nothing. Less the selection penalty (these readings helped to choose"
+            f" the answer) it counts above two standard errors, or above {log(HELD_OUT_ODDS):.1f}: odds of a hundred.",
             filled([_gain_row(block) for block in blocks]),
         )
     rows = [_score_row("before", fit.before)] + ([_score_row("after", fit.after)] if fit.after else [])
@@ -123,7 +124,7 @@ def _gain_row(block: HeldOut) -> dict:
         "log score before": block.before.log_score,
         "log score after": block.after.log_score,
         "gain": f"{block.gain:+.3g} ± {block.standard_error:.2g}",
-        "paid for the choice": f"{block.paid:.2g}" if block.paid else None,
+        "selection penalty": f"{block.paid:.2g}" if block.paid else None,
         "counts": block.shown,
     }
 
@@ -134,8 +135,11 @@ def _score_row(name: str, score: Score) -> dict:
 
 
 def undecided(results: MismatchResults) -> Chapter:
-    """Return what could not be told apart, and the experiment that would decide."""
-    chapter, verdict = Chapter("undecided", "What could not be told apart, and what would"), results.verdict
+    """Return what could not be distinguished, and the experiment that would decide."""
+    chapter, verdict = (
+        Chapter("undecided", "What could not be distinguished, and what would"),
+        results.verdict,
+    )
     several = [group for group in verdict.answer if len(group.names) > 1]
     for group in several:
         would = f" What would decide: {group.decided_by.rstrip('.')}." if group.decided_by else ""
@@ -143,7 +147,7 @@ def undecided(results: MismatchResults) -> Chapter:
     if verdict.answer and not several:
         chapter.say("Nothing else that was tried changes these readings in the same way as the answer.")
     if verdict.state in ("unexplained", "modelled"):
-        chapter.say("No known effect explains what remains, so there is none to tell apart.")
+        chapter.say("No known effect explains what remains, so there is nothing to distinguish.")
     if verdict.next_experiments:
         chapter.tabulate(
             "What to record next; first what is expected to decide, where its cost and odds are known.",
@@ -155,12 +159,12 @@ def undecided(results: MismatchResults) -> Chapter:
 
 
 def _undecided(group: Group) -> str:
-    """Return what of a group could not be told apart, and what else it may be."""
+    """Return what of a group could not be distinguished, and what else it may be."""
     first, *twins = map(pretty, group.members)
     said = []
     if twins:
         alike = f" (their changes have a cosine of {group.cosine:.4f})" if group.cosine is not None else ""
-        said.append(f"These readings cannot tell apart {', '.join([first, *twins])}{alike}")
+        said.append(f"These readings cannot distinguish {', '.join([first, *twins])}{alike}")
     if group.or_else:
         others = " or ".join(map(pretty, group.or_else))
         said.append(f"In place of {first} it may be {others}, of another pattern")
@@ -172,8 +176,8 @@ def _experiment_row(experiment: Experiment) -> dict:
     cost = experiment.cost_s
     return {
         "experiment": experiment.words,
-        "tells apart": ", ".join(pretty(name) for name in experiment.separates),
-        "presses": experiment.presses,
+        "distinguishes": ", ".join(pretty(name) for name in experiment.separates),
+        "indentations": experiment.presses,
         "time": None if cost is None else unbroken(_time_text(cost)),
         "expected odds": None if odds is None else unbroken(f"{odds_text(odds)} : 1"),
     }

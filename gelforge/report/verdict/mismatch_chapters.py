@@ -39,7 +39,7 @@ def in_short(results: MismatchResults) -> Chapter:
             )
         )
         first = next(effect for effect in verdict.effects if effect.name == group.members[0])
-        facts += [("Amount", f"{pretty(first.name)}: {amounts_text(first)}")] if first.amounts else []
+        facts += [("Value", f"{pretty(first.name)}: {amounts_text(first)}")] if first.amounts else []
     if verdict.unknown is not None and verdict.state in ("unexplained", "modelled"):
         told = f"{chance_text(verdict.unknown.probability)} probable; it would change {verdict.unknown.words}"
         facts.append(("No known effect", told))
@@ -47,15 +47,13 @@ def in_short(results: MismatchResults) -> Chapter:
     if held_out:
         facts.append((f"Error of F{axis}, held out", _before_after(held_out, axis)))
     noise = rms(results.readings.loc[results.readings["axis"] == axis, "sigma_N"])
-    facts.append(
-        ("Error that is no mismatch", f"{noise:.3g} N: instrument, depth zero, materials' fit, mesh")
-    )
+    facts.append(("Error allowed for", f"{noise:.3g} N: instrument, contact point, materials' fit, mesh"))
     test = verdict.mismatch
     chance = f"as much mismatch: {p_text(test.p)}; as strong a pattern: {p_text(test.scan_p)}"
     if test.unknown_p is not None:
-        chance += f"; as much for something unknown: {p_text(test.unknown_p)} at most"
+        chance += f"; as much for a discrepancy: {p_text(test.unknown_p)} at most"
     if test.known_p is not None:
-        chance += f"; as much for what is known: {p_text(test.known_p)} at most"
+        chance += f"; as much for known effects: {p_text(test.known_p)} at most"
     facts.append(("By chance alone", chance))
     if verdict.adequacy:
         a = verdict.adequacy
@@ -88,7 +86,7 @@ def noise(results: MismatchResults) -> Chapter:
             "The verdict, from left to right, as the force sensor is believed to be worse; numbers are its probability.",
             noise_figure(stated.sensitivity),
         )
-    named = {"one reading": stated.stated_N, "zero, per press": stated.zero_N}
+    named = {"one reading": stated.stated_N, "zero, per indentation": stated.zero_N}
     named |= {"mesh": stated.floor_N, "materials' fit": stated.law_N}
     rows = [{"error of": n} | {f"{a}_N": number(v) for a, v in zip("xyz", s)} for n, s in named.items()]
     chapter.tabulate(
@@ -101,7 +99,7 @@ def noise(results: MismatchResults) -> Chapter:
 def _depth_errors(stated: Noise) -> str:
     """Return in words how well the depth was taken to be known."""
     parts = {
-        "from press to press": stated.press_depth_mm,
+        "from one indentation to the next": stated.press_depth_mm,
         "of a session's contact point": stated.session_depth_mm,
     }
     if None in parts.values():  # a verdict of an earlier version
@@ -110,7 +108,7 @@ def _depth_errors(stated: Noise) -> str:
 
 
 def limits(results: MismatchResults) -> Chapter:
-    """Return what these readings cannot show: known reasons, and amounts too small to be seen."""
+    """Return what these readings cannot show: known reasons, and values too small to be seen."""
     chapter, verdict = Chapter("cannot-know", "What these readings cannot show"), results.verdict
     for sentence in verdict.cannot_know:
         chapter.say(sentence)
@@ -129,7 +127,7 @@ def limits(results: MismatchResults) -> Chapter:
             for limit in found
         ]
         chapter.tabulate(
-            f"The smallest amount that these readings would show, beside a plausible one: {hidden} of {len(found)} would"
+            f"The smallest value that these readings would show, beside a plausible one: {hidden} of {len(found)} would"
             " stay hidden.",
             pd.DataFrame(rows),
         )
@@ -164,7 +162,11 @@ def origin(results: MismatchResults) -> Chapter:
     """Return what the verdict rests on."""
     chapter, made = Chapter("origin", "What this rests on"), results.verdict.provenance
     kind = "SYNTHETIC: made by a virtual lab or another solver" if results.verdict.synthetic else "recorded"
-    facts = [("Readings", kind), ("Base", made.base), ("SHA-256 of the base", made.base_sha256)]
+    facts = [
+        ("Readings", kind),
+        ("Nominal model", made.base),
+        ("SHA-256 of the nominal model", made.base_sha256),
+    ]
     facts += [(f"SHA-256 of session {name}", value) for name, value in made.sessions.items()]
     facts += [("Draws", f"{made.draws:,}, seed {made.seed}")]
     facts += [("Versions", ", ".join(f"{name} {version}" for name, version in sorted(made.versions.items())))]

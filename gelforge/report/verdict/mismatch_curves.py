@@ -24,7 +24,7 @@ from gelforge.report.verdict.mismatch_reader import LOADING, MismatchResults
 BEFORE = {"color": PUBLISHED, "label": "simulated before"}
 AFTER = {"color": SIMULATED, "label": "simulated after"}
 SIGMAS = 2  # of every band
-BLOCKS = {"all": "all held out", "positions": "other positions", "deepest": "deepest presses"}
+BLOCKS = {"all": "all held out", "positions": "other positions", "deepest": "deepest indentations"}
 PROFILE_DROP = 1.353  # of the log likelihood at the ends of a 90 % interval: half of chi-squared's 90 % point, one degree
 
 
@@ -85,7 +85,7 @@ def _simulated(
 
 
 def _measured(ax: Axes, table: pd.DataFrame, values: pd.Series, colour: str, label: str) -> None:
-    """Draw readings, those on the way up hollow (the caption says so)."""
+    """Draw readings, those during unloading hollow (the caption says so)."""
     down = table["phase"].isin(LOADING)
     style: Style = {"ms": 4, "mew": 0.9, "mec": colour, "ls": "none", "marker": "o", "zorder": 5}
     ax.plot(table["depth_mm"][down], values[down], mfc=colour, label=label, **style)
@@ -201,7 +201,7 @@ def noise_figure(cases: list[NoiseCase]) -> Figure:
 
 @styled
 def profile_figure(effects: list[NamedEffect]) -> Figure:
-    """Return the log likelihood over each amount that has a profile; the shaded range is the 90 % interval."""
+    """Return the log likelihood over each value that has a profile; the shaded range is the 90 % interval."""
     shown = [(effect, amount) for effect in effects for amount in effect.amounts if amount.profile]
     figure, axes = new_figure(0.6 + 3.0 * len(shown), 2.5, nrows=1, ncols=len(shown), sharey=True)
     for ax, (effect, amount) in zip(axes[0], shown):

@@ -107,7 +107,7 @@ def headline_figure(results: MismatchResults) -> Figure:
 
 
 def draw_chances(ax: Axes, results: MismatchResults) -> None:
-    """Draw the probability of the first few effects, of something unknown and of nothing; the answer's members in blue."""
+    """Draw the probability of the first few effects, of a discrepancy and of nothing; the answer's members in blue."""
     verdict = results.verdict
     members = {name for group in verdict.answer for name in group.names}
     bars = [

@@ -29,13 +29,14 @@ def where(results: MismatchResults) -> Chapter:
         chapter.miss("No maps: these readings are not of a sensor's surface.")
     if results.flow is not None:
         chapter.show(
-            "How far the flow in the images is from the simulated one, at the deepest press of each site: the darker, the"
+            "How far the flow in the images is from the simulated one, at the deepest indentation of each site: the"
+            " darker, the"
             " farther. With the effect in it the squares should be paler; where single particles are is always left.",
             flow_residual_figure(results),
         )
     if verdict.where:
         chapter.tabulate(
-            "The strongest patterns in what the base leaves, whose p already pays for looking everywhere, and where the"
+            "The strongest patterns in the residual, whose p is corrected for the search, and where the"
             " answer's defects lie.",
             filled([_where_row(place) for place in verdict.where]),
         )
@@ -69,7 +70,7 @@ def over_depth(results: MismatchResults) -> Chapter:
     after = " and the blue line to run through the dots" if results.has_after else ""
     chapter.show(
         f"Look for the grey line to leave the orange dots{after}; below, what is left of each reading, which should lie in"
-        " the grey band. Bands are two standard deviations; hollow dots were read on the way up.",
+        " the grey band. Bands are two standard deviations; hollow dots were read during unloading.",
         depth_figure(results),
     )
     return chapter
@@ -95,7 +96,9 @@ def through_body(results: MismatchResults) -> Chapter:
     chapter = Chapter("body", "Inside the sensor")
     patches = results.body_map
     if patches is None:
-        chapter.miss("No body map: the base has no cells whose stiffness could be changed patch by patch.")
+        chapter.miss(
+            "No body map: the nominal model has no solved sites whose stiffness could be changed patch by patch."
+        )
         return chapter
     known = known_patches(patches)
     chapter.show(

@@ -1,4 +1,4 @@
-"""Numbers, amounts and states of a verdict as its page says them."""
+"""Numbers, values and states of a verdict as its page says them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ STATE_MEANS = {
     "modelled": "The mismatch is real and no known effect explains it. A model of the difference predicts held-out readings;"
     " it says nothing of the cause.",
     "ambiguous": "The mismatch is real and narrowed down, but no explanation is as probable as a claim has to be.",
-    "inconclusive": "Plausible amounts of missing physics would not show in these readings, or not clearly enough.",
+    "inconclusive": "Plausible values of missing physics would not show in these readings, or not clearly enough.",
     "unexplained": "The mismatch is real. What the catalogue knows does not explain all of it, and no name is given to the"
     " rest.",
 }
@@ -41,7 +41,7 @@ def group_text(group: Group) -> str:
 
 
 def amounts_text(effect: NamedEffect) -> str:
-    """Return an effect's amounts with unit and 90 % interval."""
+    """Return an effect's values with unit and 90 % interval."""
     return "; ".join(_amount_text(amount) for amount in effect.amounts)
 
 
@@ -84,11 +84,11 @@ def odds_text(log_odds: float) -> str:
 
 
 def unknown_text(unknown: Unknown | None) -> str:
-    """Return how probable something unknown is, and what it would change."""
+    """Return how probable a discrepancy is, and what it would change."""
     if unknown is None:
         return ""
     return (
-        f", that something is missing that no known effect is {chance_text(unknown.probability)}"
+        f", that something is missing that no known effect explains {chance_text(unknown.probability)}"
         f" (it would change {unknown.words})"
     )
 

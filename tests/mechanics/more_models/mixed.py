@@ -9,9 +9,8 @@ from gelforge.mechanics.laws.parameters import GivenParameters
 from gelforge.section import Positive
 
 
-def mixed_point(constants, I1, I2):
+def mixed_point(constants, x, y):
     c, d, e = constants[0], constants[1], constants[2]
-    x, y = I1 - 3.0, I2 - 3.0
     return c * x + d * x * y + e * y * y, c + d * y, d * x + 2.0 * e * y, 0.0, d, 2.0 * e, 0.0
 
 

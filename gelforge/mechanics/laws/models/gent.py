@@ -19,10 +19,10 @@ START_LIMITS = (1.02, 1.1, 1.5, 3.0, 10.0, 100.0)  # of Jm over the largest test
 LARGEST_LIMIT = 1e4  # of Jm over the largest tested I_1 - 3: the law is neo-Hookean long before
 
 
-def gent_point(constants, I1, I2):
+def gent_point(constants, x, y):
     """Return W, W_1, W_2, W_11, W_12, W_22 [MPa] and the extension over its limit; constants mu [MPa], Jm."""
     mu, Jm = constants[0], constants[1]
-    extension = (I1 - 3.0) / Jm
+    extension = x / Jm
     room = 1.0 - min(extension, NEAREST_LIMIT)
     energy = -0.5 * mu * Jm * log(room)
     return energy, 0.5 * mu / room, 0.0, 0.5 * mu / (Jm * room * room), 0.0, 0.0, extension

@@ -106,6 +106,12 @@ class Ogden(PrincipalLaw):
     def file_keys(self):
         return {"mu_kPa": [m * 1e3 for m in self.mu], "alpha": list(self.alpha)}
 
+    @classmethod
+    def parameters_of_file(cls, content):
+        """Files from before there were other laws have these keys alone."""
+        terms = enumerate(zip(content["mu_kPa"], content["alpha"]), start=1)
+        return {key: v for k, (mu, alpha) in terms for key, v in ((f"mu_{k}_kPa", mu), (f"alpha_{k}", alpha))}
+
     def stiffening_faster(self, factor):
         """Exponents are multiplied; mu_k alpha_k stay."""
         return Ogden(tuple(m / factor for m in self.mu), tuple(a * factor for a in self.alpha))
