@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from gelforge.api.differentiable import PressSlopes, press_slopes, torch_press
     from gelforge.api.materials import Fitted, fit
     from gelforge.api.predictions import predict
     from gelforge.api.press import Pressed, Slopes, press
@@ -18,13 +19,16 @@ if TYPE_CHECKING:
     from gelforge.cli.notebook import require, run
     from gelforge.config import load_study
     from gelforge.learning.basis.rows import load_dataset
+    from gelforge.learning.basis.torch_press import TorchForces
 
 __version__ = "0.1.0"
 
 _DEFINED_IN = {
     "Fitted": "gelforge.api.materials",
+    "PressSlopes": "gelforge.api.differentiable",
     "Pressed": "gelforge.api.press",
     "Slopes": "gelforge.api.press",
+    "TorchForces": "gelforge.learning.basis.torch_press",
     "fit": "gelforge.api.materials",
     "indenters": "gelforge.api.studies",
     "judge": "gelforge.api.recordings",
@@ -32,16 +36,20 @@ _DEFINED_IN = {
     "load_study": "gelforge.config",
     "predict": "gelforge.api.predictions",
     "press": "gelforge.api.press",
+    "press_slopes": "gelforge.api.differentiable",
     "read_recording": "gelforge.api.recordings",
     "require": "gelforge.cli.notebook",
     "run": "gelforge.cli.notebook",
     "sensor": "gelforge.api.studies",
     "sensors": "gelforge.api.studies",
+    "torch_press": "gelforge.api.differentiable",
 }
 __all__ = [
     "Fitted",
+    "PressSlopes",
     "Pressed",
     "Slopes",
+    "TorchForces",
     "fit",
     "indenters",
     "judge",
@@ -49,11 +57,13 @@ __all__ = [
     "load_study",
     "predict",
     "press",
+    "press_slopes",
     "read_recording",
     "require",
     "run",
     "sensor",
     "sensors",
+    "torch_press",
 ]
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gelforge.input_files import NotAFile, read_bytes
+from gelforge.input_files import NotAFile, another_kind, read_bytes
 from gelforge.units import looks_like_a_unit, unit_named
 
 if TYPE_CHECKING:
@@ -152,12 +152,14 @@ def _lines(path: Path, form: CsvForm) -> list[str]:
     except UnicodeError as error:
         name = "UTF-8" if form.encoding.startswith("utf-8") else form.encoding
         where = f"byte {error.start}" if isinstance(error, UnicodeDecodeError) else "the text"
-        raise TableError(f"{path}: {where} is not {name}; save the file as {name} text") from None
+        words = (
+            another_kind(path, "a table (CSV)") or f": {where} is not {name}; save the file as {name} text"
+        )
+        raise TableError(f"{path}{words}") from None
     if "\0" in text:
         row = text.count("\n", 0, text.index("\0")) + 1
-        raise TableError(
-            f"{path}, row {row}: a null character; the file is damaged or no {form.encoding} text"
-        )
+        damaged = f", row {row}: a null character; the file is damaged or no {form.encoding} text"
+        raise TableError(f"{path}{another_kind(path, 'a table (CSV)') or damaged}")
     return text.splitlines()
 
 

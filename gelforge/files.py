@@ -22,7 +22,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gelforge.input_files import regular_file
+from gelforge.input_files import CONTAINERS, regular_file, what_it_is
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -56,6 +56,7 @@ NOT_THE_FILE = {
     errno.ENOTCONN: "the network file system is away; mount it again and run again",
     errno.ENOENT: "no such file or folder; name one that exists, or make the folder",
     errno.EISDIR: "it is a folder; name a file",
+    errno.ENOTDIR: "a file stands in the place of a folder; name a folder",
 }
 
 
@@ -72,6 +73,8 @@ def atomic(target: str | Path, sealed: bool = False) -> Iterator[Path]:
     successor, and what a killed process left is known as such: it is removed here. Raises FileError for a full disk.
     """
     target = Path(target)
+    if target.is_dir():
+        raise FileError(f"{target}: is a folder, and a file is written; name a file")
     temporary = temporary_beside(target)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -186,8 +189,10 @@ def check_seal(path: str | Path, remedy: str, kind: type[ValueError] = FileError
     try:
         known = os.stat(path)
         if not os.path.isfile(path):  # a pipe would be waited for
-            raise kind(f"{path}: is no regular file; {remedy}")
+            raise kind(f"{path}: is {what_it_is(path) or 'no regular file'}; name a file in results/<study>")
         _check_seal(str(path), (known.st_ino, known.st_size, known.st_mtime_ns, known.st_ctime_ns))
+    except _OfAnotherKind as found:
+        raise kind(f"{path}: {found}") from None
     except _Unsound as found:
         raise kind(f"{path}: {found}; {remedy}") from None
     except FileNotFoundError:
@@ -206,10 +211,16 @@ class _Unsound(Exception):
     pass
 
 
+class _OfAnotherKind(_Unsound):
+    pass
+
+
 @cache
 def _check_seal(path: str, state: tuple[int, ...]) -> None:
     place = _seal_place(Path(path))
     if place is None:
+        if (what := what_it_is(path)) and what not in CONTAINERS:
+            raise _OfAnotherKind(f"is {what}; name a file that gelforge has written, in results/<study>")
         raise _Unsound("holds no checksum: cut short, replaced, or written by a version before checksums")
     with open(path, "rb") as file:
         file.seek(place)

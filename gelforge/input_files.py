@@ -6,6 +6,23 @@ import os
 import stat
 from pathlib import Path
 
+# by the first bytes of a file, from an offset on
+BEGINNINGS = (
+    (0, b"\x89PNG", "an image (PNG)"),
+    (0, b"\xff\xd8\xff", "an image (JPEG)"),
+    (0, b"II*\0", "an image (TIFF)"),
+    (0, b"MM\0*", "an image (TIFF)"),
+    (4, b"ftyp", "a video (MP4)"),
+    (8, b"AVI ", "a video (AVI)"),
+    (0, b"\x1a\x45\xdf\xa3", "a video (Matroska)"),
+    (0, b"%PDF", "a PDF document"),
+    (0, b"\x93NUMPY", "a NumPy array"),
+    (0, b"\x89HDF", "an HDF5 file"),
+    (0, b"PK\3\4", "an archive (ZIP, or PyTorch's)"),
+)
+CONTAINERS = {"an HDF5 file", "an archive (ZIP, or PyTorch's)"}  # of what gelforge writes itself
+TEXTS = {".yaml": "a YAML file", ".yml": "a YAML file", ".py": "a Python file", ".md": "a text"}  # by suffix
+
 
 class NotAFile(ValueError):
     """A path that is no regular file that can be read: path, what it is, what to do."""
@@ -36,3 +53,23 @@ def read_bytes(path: str | Path) -> bytes:
         return regular_file(path).read_bytes()
     except OSError as error:
         raise NotAFile(f"{path}: cannot be read ({error.strerror}); check its rights") from None
+
+
+def another_kind(path: str | Path, needed: str) -> str:
+    """Return ": is a video (MP4), a YAML file is needed" where a path plainly leads to something else, else ""."""
+    what = what_it_is(path)
+    return f": is {what}, {needed} is needed" if what and what != needed else ""
+
+
+def what_it_is(path: str | Path) -> str:
+    """Return in words what a path leads to, where that is plain: "a folder", "a video (MP4)", "a YAML file"; else ""."""
+    path = Path(path)
+    if path.is_dir():
+        return "a folder"
+    try:
+        with open(regular_file(path), "rb") as file:
+            head = file.read(16)
+    except (NotAFile, OSError):
+        return ""
+    known = (words for at, begins, words in BEGINNINGS if head[at:].startswith(begins))
+    return next(known, TEXTS.get(path.suffix.lower(), ""))

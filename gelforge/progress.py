@@ -2,7 +2,8 @@
 
 On a terminal it is one line of standard error that is rewritten and cleared at the end. In a log it is a line after five
 seconds, and then one whenever a tenth more is done or a minute has passed. The time left is that of the mean step so far.
-Shown is the outermost of nested ones, and only in the process of a command (`show`): its workers are silent.
+Shown is the outermost of nested ones, and only in the process of a command (`show`): its workers are silent. Work of several
+kinds is shown by stages (`Stages`): the one that runs, and within it how far it is.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ REWRITTEN_S = 0.1  # on a terminal
 
 _shown_by = 0  # the process that shows progress
 _shown: list[Progress] = []  # the outermost that runs
+_stages: list[Stages] = []  # the outermost around it
 
 
 def show() -> None:
@@ -29,6 +31,7 @@ def show() -> None:
     global _shown_by
     _shown_by = os.getpid()
     _shown.clear()
+    _stages.clear()
 
 
 class Progress:
@@ -61,10 +64,12 @@ class Progress:
             return
         _shown.remove(self)
         if self._rewritten:
-            self._print("\r\033[2K", end="")
+            print_now("\r\033[2K", end="")
+            for stages in _stages:
+                stages.say()
         elif self._lines:
             end = "stopped after" if error[0] else "took"
-            self._print(f"{self.text()}; {end} {duration(self._clock() - self._start)}")
+            print_now(f"{self.text()}; {end} {duration(self._clock() - self._start)}")
 
     def advance(self, count: int = 1, note: str = "") -> None:
         """Count steps as done; note: what to say beside the count."""
@@ -83,13 +88,9 @@ class Progress:
         words = ", ".join(part for part in (self.text(), self.left(seconds), note) if part)
         self._told, self._told_done, self._lines = seconds, self.done, self._lines + 1
         if self._rewritten:
-            self._print(f"\r\033[2K{words}", end="")
+            print_now(f"\r\033[2K{words}", end="")
         else:
-            self._print(words)
-
-    @staticmethod
-    def _print(words: str, end: str = "\n") -> None:
-        print(words, end=end, file=sys.stderr, flush=True)
+            print_now(words)
 
     def _is_time(self, seconds: float) -> bool:
         if self._rewritten:
@@ -107,6 +108,77 @@ class Progress:
             return ""
         step = seconds / (self.done - self._first)
         return f"about {duration(step * (self.total - self.done))} left"
+
+
+class Stages:
+    """Work of several kinds, one after the other: `with Stages("verdict", 480.0): ...; stage("fits of effects")`.
+
+    expected_s: how long all of it is expected to take [s]; None where nobody knows. A log has a line of that as the first
+    stage begins, and one for each that begins after five seconds; a terminal has the stage that runs. Stages within stages
+    are not shown.
+    """
+
+    def __init__(
+        self,
+        what: str,
+        expected_s: float | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        rewritten: bool | None = None,
+    ):
+        self.what, self.expected_s, self._clock = what, expected_s, clock
+        self._rewritten = sys.stderr.isatty() if rewritten is None else rewritten
+        self._start, self._now, self._lines = clock(), "", 0
+
+    def __enter__(self) -> Stages:
+        if os.getpid() == _shown_by and not _shown and not _stages:
+            _stages.append(self)
+        return self
+
+    def __exit__(self, *error) -> None:
+        if self not in _stages:
+            return
+        _stages.remove(self)
+        if self._rewritten:
+            print_now("\r\033[2K", end="")
+        elif self._lines:
+            print_now(
+                f"{self.what} {'stopped after' if error[0] else 'took'} {duration(self._clock() - self._start)}"
+            )
+
+    def begin(self, stage: str) -> None:
+        """Show that a stage begins, in words."""
+        self._now = stage
+        first = not self._lines and (self.expected_s or 0) >= FIRST_S
+        if self._rewritten or first or self._clock() - self._start >= FIRST_S:
+            self.say()
+
+    def say(self) -> None:
+        """Print what runs and about how long the rest will take."""
+        words = ", ".join(part for part in (self.what, self.left()) if part)
+        words += f": {self._now}" if self._now else ""
+        self._lines += 1
+        print_now(f"\r\033[2K{words}" if self._rewritten else words, end="" if self._rewritten else "\n")
+
+    def left(self) -> str:
+        """Return in words how long the rest is expected to take, "" where that is not known."""
+        if self.expected_s is None:
+            return ""
+        passed = self._clock() - self._start
+        if (left := self.expected_s - passed) >= 1:
+            return f"about {duration(left)} left"
+        return f"{duration(passed)} so far, {duration(self.expected_s)} expected"
+
+
+def stage(words: str) -> None:
+    """Say what the running `Stages` do now; nothing where there are none, or in a worker of the command that shows them."""
+    if os.getpid() == _shown_by and not _shown:
+        for stages in _stages:
+            stages.begin(words)
+
+
+def print_now(words: str, end: str = "\n") -> None:
+    """Print to standard error at once."""
+    print(words, end=end, file=sys.stderr, flush=True)
 
 
 def tracked(items: Iterable[Item], what: str, total: int | None = None) -> Iterator[Item]:

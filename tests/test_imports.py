@@ -17,7 +17,7 @@ LAYERS = [
     {"registry", "section"},
     {"mechanics"},
     {"meshing"},
-    {"config", "files", "hdf5", "csv_table", "units", "input_files", "progress", "shipped"},
+    {"config", "files", "hdf5", "csv_table", "units", "input_files", "progress", "workers", "shipped"},
     {"materials", "indentation", "verification"},
     {"interpolation", "laws_of_study"},
     {"recording", "virtual_lab"},

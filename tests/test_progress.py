@@ -8,7 +8,7 @@ from contextlib import suppress
 import pytest
 
 from gelforge import progress
-from gelforge.progress import Progress, duration, tracked
+from gelforge.progress import Progress, Stages, duration, stage, tracked
 
 
 class Terminal(io.StringIO):
@@ -123,6 +123,67 @@ def test_an_error_leaves_what_was_done(shown, capsys):
         fails()
     run(clock, 4, 6.0)
     assert "4 of 4" in capsys.readouterr().err, "the next one is shown again"
+
+
+def staged(clock, **options):
+    """Two stages, the second with six counted steps, and a third; four seconds, 36 and ten."""
+    with Stages("verdict", clock=clock, **options):
+        stage("readings")
+        clock.now += 4.0
+        stage("fits")
+        run(clock, 6, 6.0)
+        stage("tables")
+        clock.now += 10.0
+
+
+def test_stages_in_a_log_say_what_runs_how_far_it_is_and_how_long_all_of_it_takes(shown, capsys):
+    staged(Clock(), expected_s=45.0)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[:3] == [
+        "verdict, about 45 s left: readings",  # at once; another stage within five seconds has no line
+        "sites: 1 of 6, about 30 s left",
+        "sites: 2 of 6, about 24 s left",
+    ]
+    assert lines[-3:] == ["sites: 6 of 6; took 36 s", "verdict, about 5 s left: tables", "verdict took 50 s"]
+
+
+def test_more_than_was_expected_is_said(shown, capsys):
+    staged(Clock(), expected_s=30.0)
+    assert "verdict, 40 s so far, 30 s expected: tables" in capsys.readouterr().err
+
+
+def test_short_stages_leave_no_line(shown, capsys):
+    with Stages("adaptation", clock=Clock()):
+        stage("gains")
+    assert capsys.readouterr().err == ""
+
+
+def test_stages_on_a_terminal_are_one_line(shown, monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    staged(Clock(), expected_s=50.0)
+    printed = sys.stderr.getvalue()
+    assert "\n" not in printed
+    shown_lines = printed.split("\r\033[2K")[1:]
+    assert shown_lines[:3] == [
+        "verdict, about 50 s left: readings",
+        "verdict, about 46 s left: fits",
+        "sites: 0 of 6",
+    ]
+    assert shown_lines[-3:] == ["verdict, about 10 s left: fits", "verdict, about 10 s left: tables", ""]
+
+
+def test_stages_within_stages_are_those_of_the_outermost(shown, capsys):
+    clock = Clock()
+    with Stages("study", clock=clock):
+        clock.now += 6.0
+        staged(clock, expected_s=45.0)
+    printed = capsys.readouterr().err
+    assert printed.startswith("study: readings\n") and "verdict" not in printed
+
+
+def test_a_stage_without_stages_says_nothing(shown, capsys):
+    stage("fits")
+    assert capsys.readouterr().err == ""
 
 
 def test_items_pass_unchanged():

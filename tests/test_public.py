@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from pydantic import TypeAdapter
 
 import gelforge as gf
-from gelforge.api import materials, predictions, studies
+from gelforge.api import differentiable, materials, predictions, studies
 from gelforge.api import press as pressing
 from gelforge.config import ConfigError, LawParameters
 from gelforge.mechanics.laws.models import section_of
@@ -30,7 +30,9 @@ SMALL = {
 }
 
 
-@pytest.mark.parametrize(("module", "least"), [(pressing, 7), (materials, 5), (studies, 5)])
+@pytest.mark.parametrize(
+    ("module", "least"), [(pressing, 7), (materials, 5), (studies, 5), (differentiable, 9)]
+)
 def test_examples_are_true(module, least):
     found = doctest.testmod(module)
     assert found.attempted >= least and found.failed == 0
@@ -102,10 +104,12 @@ def test_what_cannot_be_pressed_is_refused_before_anything_is_solved(at, blocks,
 
 
 def test_sections_and_a_study_are_taken_as_well_as_their_keys():
-    study = pressing._described(None, **SMALL, sensitivities=())
-    again = pressing._described(study, study.sensor, study.indenter, study.materials, study.mechanics, ())
+    study = pressing.described_study(None, **SMALL, sensitivities=())
+    again = pressing.described_study(
+        study, study.sensor, study.indenter, study.materials, study.mechanics, ()
+    )
     assert again == study
-    changed = pressing._described(study, None, None, None, {"friction": 0.1}, ("friction",))
+    changed = pressing.described_study(study, None, None, None, {"friction": 0.1}, ("friction",))
     assert changed.mechanics.friction == 0.1 and changed.mechanics.mesh == study.mechanics.mesh
     assert changed.mechanics.sensitivities == ["friction"]
 

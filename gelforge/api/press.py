@@ -177,7 +177,7 @@ def press(
     depths = [float(depth) for depth in depths_mm]
     if not depths or depths[0] <= 0 or any(b <= a for a, b in zip(depths, depths[1:])):
         raise ConfigError(f"depths_mm {depths}: one or more depths that are positive and increase are needed")
-    described = _described(study, sensor, indenter, materials, mechanics, sensitivities)
+    described = described_study(study, sensor, indenter, materials, mechanics, sensitivities)
     shear = None if shear_mm is None else list(shear_mm)
     planned = press_path("press", x_mm, y_mm, depths, shear, unload, twist_deg)
     check_inside({planned.name: planned}, described)
@@ -191,7 +191,7 @@ def press(
     return Pressed.of(cell)
 
 
-def _described(study, sensor, indenter, materials, mechanics, sensitivities) -> Study:
+def described_study(study, sensor, indenter, materials, mechanics, sensitivities) -> Study:
     """Return a study whose blocks are those that are given, validated as a whole."""
     base = paper_study() if study is None else study if isinstance(study, Study) else load_study(study)
     given = {"sensor": sensor, "indenter": indenter, "mechanics": mechanics}

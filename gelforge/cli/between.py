@@ -8,6 +8,7 @@ from pathlib import Path
 
 from gelforge.cli.factory import cell_path, print_outcome, study_laws
 from gelforge.config import ConfigError, Study, given, load_study
+from gelforge.progress import tracked
 
 
 def level(study: Path, level: int, laws: list[Path], out: Path) -> None:
@@ -75,7 +76,7 @@ def derive(study: Path, number: int, laws: list[Path]) -> None:
         assert labels is not None  # read where one of the job's sites is between others
         return labels.cell(planned)
 
-    for name in chunks[number]:
+    for name in tracked(chunks[number], "mirrored and interpolated sites"):
         write_cell(cell_path(described, name), made(name))
         print_outcome(name, made(name), words_of(made(name)))
 

@@ -1,5 +1,6 @@
-"""What a study costs before it runs: minutes of finite elements, from measured cells, and disk.
+"""What a study costs before it runs: minutes of finite elements, from measured cells, of images and training, and disk.
 
+Jobs of a cluster ask for their time by the same numbers (workflow/rules/cluster.smk).
 cell_cost.csv holds the measurements; `python benchmarks/cell_cost.py --update` makes it anew.
 """
 
@@ -10,7 +11,18 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gelforge.config import Mesh, Study, given, load_session, load_virtual_lab, session_study, variant_study
+from gelforge.config import (
+    Camera,
+    Mesh,
+    Study,
+    VirtualLab,
+    given,
+    load_session,
+    load_virtual_lab,
+    session_study,
+    variant_study,
+)
+from gelforge.dataset.schema import columns
 from gelforge.files import write_text
 from gelforge.indentation.planning.derived import derived_chunks
 
@@ -36,6 +48,13 @@ IMAGE_S = 0.01  # to draw an image and to reduce it
 # and its page.
 VERDICT_CELLS = 4
 VERDICT_START = 20.0
+# CPU seconds on the test study: 4.0 and 2.7 for 45 and 36 images of 0.16 megapixels, 3.9 for 45 that are drawn, start
+# included.
+FEATURES_S_PER_MPX, DRAWING_S_PER_MPX = 0.5, 0.5
+# Of shards, an epoch: 8 to 30 rows a megabyte, 6 operations a weight and row, 4 million weights, 1e10 operations a second;
+# a U-Net is as slow.
+TRAINING_S_PER_MB = 0.05
+EVALUATION_S_PER_MB = 2.0  # of the shards: baselines are fitted and asked too
 
 
 class Costs:
@@ -101,6 +120,42 @@ class Costs:
             SOFTENING_STEP * self.solved * steps / DEPTHS + presses * grid_points(self.study) * GRID_POINT_S
         )
 
+    def images(self, session: str) -> tuple[int, float]:
+        """The number of a session's images and the megapixels of each; none without a camera, or where it is not there."""
+        if self.study.virtual_lab:
+            lab = load_virtual_lab(self.study.virtual_lab)
+            return drawn_images(lab, self.cells, session), megapixels(lab.camera)
+        folder = self.study.session_folder(session)
+        if not ((folder / "session.yaml").is_file() and (folder / "images").is_dir()):
+            return 0, 0.0
+        camera = load_session(folder / "session.yaml").camera
+        count = sum(1 for _ in (folder / "images").iterdir())
+        return (count, megapixels(camera)) if camera else (0, 0.0)
+
+    def features(self, session: str) -> float:
+        """The features of a session's images; threads share it."""
+        return FEATURES_S_PER_MPX * math.prod(self.images(session))
+
+    def drawing(self, session: str) -> float:
+        """The images of a synthetic session; threads share it."""
+        return DRAWING_S_PER_MPX * math.prod(self.images(session))
+
+    def learning_mb(self) -> float:
+        """Megabytes of the rows that the network learns from or is asked, recorded and simulated."""
+        study, rows = self.study, sum(self.images(session)[0] for session in self.study.sessions)
+        if study.synthesis:
+            drawn = study.synthesis
+            rows += drawn.indentations * drawn.patterns * 3 * drawn.steps  # as `drawn_indentation`
+        return rows * row_bytes(study) / 1e6
+
+    def training(self, size_mb: float) -> float:
+        """Training on shards of this size; wall seconds, also on more than one core."""
+        return TRAINING_S_PER_MB * self.study.learning.usual.epochs * size_mb
+
+    def evaluation(self, size_mb: float) -> float:
+        """Predictions of the held-out rows of shards of this size, and baselines; wall seconds."""
+        return EVALUATION_S_PER_MB * size_mb
+
     def mismatch(self) -> float:
         """A verdict on all sessions together; positions that are mirror images of one another are solved once."""
         own = sum(cell.source is None for cell in self.cells.values()) / len(self.cells)
@@ -109,7 +164,7 @@ class Costs:
 
 
 def estimate(study: Study, cells: dict) -> list[str]:
-    """Return lines with the number of cells, the minutes of finite elements and the disk that a study takes."""
+    """Return lines with a study's number of cells, minutes of finite elements, images and training, and disk."""
     from gelforge.indentation.planning.plan import variant_cells
 
     costs = Costs(study, cells)
@@ -146,10 +201,24 @@ def estimate(study: Study, cells: dict) -> list[str]:
         *([words] if between else []),
         *lines,
         f"mesh       {unknowns} degrees of freedom at ({costs.first.x_mm:g}, {costs.first.y_mm:g}) mm",
-        f"time       about {duration(seconds / 2)} on two cores for the finite elements (estimate; images and training add)",
-        *(judged if study.sessions else []),
+        time_line(costs, seconds),
+        *(judged if study.judges else []),
         f"disk       at most {disk / 1e6:.1f} MB for the cells (before compression)",
     ]
+
+
+def time_line(costs: Costs, finite_elements: float) -> str:
+    """Return the line about the time on two cores and its parts; finite_elements: their CPU seconds."""
+    study, parts = costs.study, {"finite elements": finite_elements / 2}
+    images = sum(map(costs.features, study.sessions))
+    images += sum(map(costs.drawing, study.sessions)) if study.virtual_lab else 0.0
+    size_mb = costs.learning_mb()
+    if images:
+        parts["images"] = images / 2
+    if size_mb:
+        parts["training and prediction"] = costs.training(size_mb) + costs.evaluation(size_mb)
+    words = ", ".join(f"{what} {duration(seconds)}" for what, seconds in parts.items())
+    return f"time       about {duration(sum(parts.values()))} on two cores (estimate): {words}"
 
 
 def interpolation_cost(costs: Costs) -> tuple[float, str]:
@@ -206,6 +275,27 @@ def steps_in_order(study: Study, cells: dict, session: str) -> tuple[int, int]:
         paths = []
     timing = study.mechanics.effects.history.timing
     return len(paths), sum(len(in_time(path, timing).trajectory.depths_mm) for path in paths)
+
+
+def drawn_images(lab: VirtualLab, cells: dict, session: str) -> int:
+    """Return how many images a synthetic session has: some of every press, and one of every step of a path."""
+    from gelforge.virtual_lab.session import session_cells
+
+    pressed = [cells[name] for name in session_cells(lab, cells)[session]]
+    steps = sum(len(cell.depths_mm) for cell in pressed if cell.follows_a_path)
+    presses = sum(len(cell.depths_mm) for cell in pressed if not cell.follows_a_path)
+    return steps + presses * lab.imaging.images_per_press
+
+
+def megapixels(camera: Camera) -> float:
+    return camera.width_px * camera.height_px / 1e6
+
+
+def row_bytes(study: Study) -> int:
+    """Return the bytes of a row of a shard, before compression; its few words count nothing."""
+    features, bins = 2 * study.features.regions**2, study.sensor.bins.nx * study.sensor.bins.ny
+    wide = {"f4": 4, "f8": 8, "i4": 4, "bool": 1, "text": 0}
+    return sum(math.prod(c.sizes(features, bins)) * wide[c.kind] for c in columns(False).values())
 
 
 def grid_points(study: Study) -> float:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from gelforge.cli.factory import laws_and_doubts, shard_paths, study_laws, truth_folder, virtual_lab_of
 from gelforge.config import ConfigError, Study, load_study
+from gelforge.progress import Stages, stage
 
 
 def synthesise(study: Path, number: int, laws: list[Path], out: Path) -> None:
@@ -56,13 +57,19 @@ def adapt(study: Path, model: Path, presses: int, seed: int, out: Path) -> None:
 
     described = load_study(study)
     shards = shard_paths(described)
-    before = load_model(model)
-    check_same_images(before, described.features.regions, views_of(shards))
-    learnt, tested = (ShardDataset(shards, split) for split in ("train", "test"))
-    names = adaptation.press_names(learnt)
-    drawn = adaptation.measured_presses(learnt, names, adaptation.drawn_presses(names, presses, seed))
-    after, found = adaptation.adapt(before, drawn)
-    save_model(out, after)
+    with Stages("adaptation"):
+        stage("rows with measured forces")
+        before = load_model(model)
+        check_same_images(before, described.features.regions, views_of(shards))
+        learnt, tested = (ShardDataset(shards, split) for split in ("train", "test"))
+        names = adaptation.press_names(learnt)
+        drawn = adaptation.measured_presses(learnt, names, adaptation.drawn_presses(names, presses, seed))
+        stage("gains, chosen on presses left out")
+        after, found = adaptation.adapt(before, drawn)
+        save_model(out, after)
+        stage("errors on held-out sites")
+        held_out = adaptation.measured_presses(tested, adaptation.press_names(tested))
+        table = adaptation.errors_table({"as trained": before, "adapted": after}, held_out)
     gains = ", ".join(f"{axis} {value:.3f}" for axis, value in zip("xyz", found.gain))
     print(
         f"{presses} presses: {found.form}, gains {gains}; intervals of totals times "
@@ -70,10 +77,8 @@ def adapt(study: Path, model: Path, presses: int, seed: int, out: Path) -> None:
     )
     for form, error in found.left_out_N.items():
         print(f"  {form}: {1e3 * error:.1f} mN on presses left out")
-    held_out = adaptation.measured_presses(tested, adaptation.press_names(tested))
     if len(held_out.press):
         print(f"\nTotal force against the force sensor on {len(held_out.press)} rows of held-out sites:\n")
-        table = adaptation.errors_table({"as trained": before, "adapted": after}, held_out)
         print(table.to_markdown(index=False, floatfmt=".4f"))
     else:
         print("\nno held-out row with a measured force: errors before and after are not known")

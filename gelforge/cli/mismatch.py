@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gelforge.config import ConfigError, Study, load_study
+from gelforge.progress import Stages, stage, tracked
 
 
 def mismatch(
@@ -27,13 +28,23 @@ def judge(
     """Write verdict.json, its tables, patch and, if asked, page, and print the verdict."""
     from gelforge.mismatch.pipeline.stage import judge_folder
 
-    verdict = judge_folder(study, recording, out, laws, kept, workers)
-    if page:
-        from gelforge.report.mismatch_page import write_mismatch_page
+    with Stages("verdict", expected_seconds(study, workers)):
+        verdict = judge_folder(study, recording, out, laws, kept, workers)
+        if page:
+            from gelforge.report.mismatch_page import write_mismatch_page
 
-        write_mismatch_page(out)
+            stage("page")
+            write_mismatch_page(out)
     print(f"{verdict.state}: {verdict.sentence}")
     print(f"written to {out}")
+
+
+def expected_seconds(study: Study, workers: int) -> float:
+    """Return how long a verdict on a study's sessions is expected to take [s], where nothing of it is solved yet."""
+    from gelforge.cli.cost import Costs
+    from gelforge.indentation.planning.plan import plan_cells
+
+    return Costs(study, plan_cells(study)).mismatch() / workers
 
 
 def limits(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: int) -> None:
@@ -43,8 +54,10 @@ def limits(study: Study, out: Path, laws: list[Path], kept: Path | None, workers
     from gelforge.mismatch.pipeline.stage import solver_of
     from gelforge.mismatch.summary.words import uncomputed
 
-    problem = planned_problem(solver_of(study, out, laws, kept, workers, []))
-    table = limits_table(problem)
+    with Stages("what the plan could show"):
+        problem = planned_problem(solver_of(study, out, laws, kept, workers, []))
+        stage("detection limits")
+        table = limits_table(problem)
     write_table(out, "limits", table)
     print(table.to_string(index=False, float_format="%.3g"))
     for sentence in [*problem.observations.cannot_know, *uncomputed(problem)]:
@@ -58,7 +71,8 @@ def plan(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: 
     from gelforge.mismatch.pipeline.stage import solver_of
     from gelforge.mismatch.result.verdict import read_verdict
 
-    table = experiments_table(solver_of(study, out, laws, kept, workers, []), read_verdict(out))
+    with Stages("experiments that would tell effects apart"):
+        table = experiments_table(solver_of(study, out, laws, kept, workers, []), read_verdict(out))
     write_table(out, "experiments", table)
     print(table.to_string(index=False, float_format="%.3g"))
 
@@ -92,7 +106,7 @@ def published(config: Path, out: Path, workers: int) -> None:
 
     study, verdicts = load_study(config), {}
     solver = replace(solver_of(study, out, [], None, workers, []), cells=None, uncertain={})
-    for case in CASES:
+    for case in tracked(CASES, "cases judged"):
         verdicts[case.name] = judge_case(case, replace(solver, study=study_of(case, study)), out)
         write_mismatch_page(out / case.name)
         print(f"{case.title}: {verdicts[case.name].state}: {verdicts[case.name].sentence}")

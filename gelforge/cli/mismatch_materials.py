@@ -6,11 +6,13 @@ from pathlib import Path
 
 from gelforge.materials.readers.material_source import read_sources
 from gelforge.mismatch.material.material_tests import SEED, judge_sources, write_judged
+from gelforge.progress import Stages
 
 
 def mismatch_materials(sources: list[Path], mapping: Path | None, out: Path, seed: int = SEED) -> None:
     """Write verdict.json and material_readings.csv of each material's stress tests and of each press and pair."""
-    found, reasons = judge_sources(read_sources(sources, mapping), seed)
+    with Stages("verdict on material tests"):
+        found, reasons = judge_sources(read_sources(sources, mapping), seed)
     for judged in found:
         folder = out / judged.name if len(found) > 1 else out
         write_judged(folder, judged)

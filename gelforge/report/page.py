@@ -12,6 +12,7 @@ from markupsafe import Markup, escape
 import gelforge
 from gelforge.config import Study
 from gelforge.files import write_text
+from gelforge.progress import tracked
 from gelforge.report.chapters import (
     error_bar_chapter,
     learning_chapters,
@@ -59,7 +60,7 @@ def write_report(
     """
     out_html, written = Path(out_html), written or datetime.now(UTC)
     results = StudyResults(study, Path(results_folder), None if paper_folder is None else Path(paper_folder))
-    chapters = [make(results) for make in CHAPTERS]
+    chapters = [make(results) for make in tracked(CHAPTERS, "chapters of the report")]
     write_text(out_html, render(study, results, chapters, written))
     if checks := verification_chapter.verification_table(results, out_html.name):
         write_text(

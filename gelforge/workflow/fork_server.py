@@ -38,6 +38,7 @@ IMPORTS = {
     "tables": "gelforge.learning.judging.evaluation",
 }
 NOBODY = "-"  # no address
+GRACE_S = 4.0  # that a job has to end after Ctrl-C; compiled code may not look up for longer
 COLLECT_S = 1.0  # how often forks that have ended are collected
 OPEN = 128  # jobs that may wait while the server loads
 THREADS = {name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")}
@@ -76,11 +77,17 @@ def ask(address: str, arguments: list[str]) -> int:
         passed.append(number)
         if not fork:  # nobody works for this job yet
             os._exit(128 + number)
+        send(number)
+        if number == signal.SIGINT:
+            signal.setitimer(signal.ITIMER_REAL, GRACE_S)
+
+    def send(number):
         try:
             os.kill(fork, number)
         except ProcessLookupError:
             pass
 
+    signal.signal(signal.SIGALRM, lambda *_: send(signal.SIGKILL))
     before = {number: signal.signal(number, pass_on) for number in (signal.SIGTERM, signal.SIGINT)}
     request = json.dumps({"arguments": arguments, "folder": os.getcwd(), "environment": dict(os.environ)})
     try:

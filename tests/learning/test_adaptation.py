@@ -20,6 +20,7 @@ from gelforge.learning.training.adaptation import (
     press_names,
 )
 from gelforge.learning.training.train import Run, train
+from gelforge.progress import show
 
 SMALL = {"network": "paper", "hidden": [24, 16, 12], "batch_size": 8, "epochs": 30, "learning_rate": 1e-3}
 
@@ -67,6 +68,16 @@ def test_gains_are_found_and_the_simplest_form_taken(trained, gain, form):
     np.testing.assert_allclose(now, gain[2] * was, rtol=0.02, atol=1e-6)
     table = errors_table({"before": model, "after": changed}, read).set_index("model")
     assert table.loc["after", "total_z_rms_N"] <= table.loc["before", "total_z_rms_N"] + 1e-9
+
+
+def test_predictions_of_many_rows_say_how_far_they_are(trained, capsys, monkeypatch):
+    monkeypatch.setattr("gelforge.progress.FIRST_S", -1.0)  # as if they took long
+    monkeypatch.setattr("gelforge.learning.training.adaptation.BLOCK", 8)
+    show()
+    model, presses = trained
+    adapt(model, some_of(presses, 5))
+    monkeypatch.setattr("gelforge.progress._shown_by", 0)
+    assert "blocks of 8 rows predicted: " in capsys.readouterr().err
 
 
 def test_an_adapted_model_is_a_model(trained, tmp_path):

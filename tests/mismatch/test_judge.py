@@ -18,6 +18,7 @@ from gelforge.mismatch.result.verdict import LEFT_P
 from gelforge.mismatch.summary.words import plain
 from gelforge.mismatch.terms.problem import PLACE_ERROR, secant
 from gelforge.mismatch.terms.refit import refitted
+from gelforge.progress import Stages, show
 
 
 @pytest.mark.thorough
@@ -39,6 +40,24 @@ CASES = [
     ("frame_compliance", [0.12]),
     ("thickness_gradient", [0.03, 0.0]),
 ]
+
+
+def test_a_judgement_says_what_it_does(capsys, monkeypatch):
+    monkeypatch.setattr("gelforge.progress.FIRST_S", -1.0)  # as if all of it took long
+    identified.cache_clear()
+    show()
+    with Stages("verdict", 600.0):
+        identified()
+    printed = capsys.readouterr().err
+    monkeypatch.setattr("gelforge.progress._shown_by", 0)
+    stages = [line.rpartition("left: ")[2] for line in printed.splitlines() if "left: " in line]
+    assert stages[:2] == ["size and place of the mismatch", "evidence of sets of effects"]
+    assert len(stages) > 4 and all(one.startswith("fit of ") for one in stages[2:-2])
+    assert stages[-2:] == [
+        "amounts of the answer at their plausible widths",
+        "the answer on held-out readings, and what it leaves",
+    ]
+    assert "linear pass over sets of effects, steps: 4 of 4; took" in printed
 
 
 @pytest.mark.thorough  # of a tilt below, of a yaw in test_alarms, of turned axes in test_data_entry

@@ -32,8 +32,8 @@ def test_samples_mean_and_model_meet_in_the_panel(fitted):
     lines = ax.get_lines()
     assert [line.get_label() for line in lines if not line.get_label().startswith("_")] == [
         "samples",
-        "Ogden law",
-        "mean of samples",
+        "Ogden model",
+        "mean of specimens",
     ]
     for line in lines:  # all end at stretch 2 with the Cauchy stress 20 (4 - 1/2) = 70 kPa
         # six digits in the file

@@ -87,6 +87,18 @@ def test_a_signal_reaches_the_fork(start):
     assert done.returncode == 128 + signal.SIGTERM
 
 
+def test_a_fork_that_does_not_look_up_is_ended_after_ctrl_c(start):
+    """As compiled code may not, for as long as it computes; here nothing would ever end it."""
+    deaf = "signal.signal(signal.SIGINT, signal.SIG_IGN)"
+    done = job(start(), f"import os, signal, time; {deaf}; print(os.getpid(), flush=True); time.sleep(1000)")
+    fork = int(done.stdout.readline())
+    done.send_signal(signal.SIGINT)
+    assert done.communicate() == ("", "")
+    assert done.returncode == 128 + signal.SIGINT
+    while Path(f"/proc/{fork}").exists():
+        pass  # a hanging test would show it
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_while_the_server_loads_ends_the_job_without_a_word(start, number, tmp_path):
     mark = tmp_path / "loading"

@@ -8,11 +8,6 @@ from gelforge.workflow.patient_slurm import make_patient, reaches_jobs
 START_S = 60  # a job of a cluster starts Snakemake twice, 10 to 30 s on a busy machine
 MARGIN = 2  # machines differ, and so do cells
 FIT_S, PICTURES_S = 20, 300  # a material; one whose tests are pictures
-# CPU seconds on the test study: 4.0 and 2.7 for 45 and 36 images of 0.16 megapixels, 3.9 for 45 that are drawn, start included.
-FEATURES_S_PER_MPX, DRAWING_S_PER_MPX = 0.5, 0.5
-# Of shards, an epoch: 8 to 30 rows a megabyte, 6 operations a weight and row, 4 million weights, 1e10 operations a second; a U-Net is as slow.
-TRAINING_S_PER_MB = 0.05
-EVALUATION_S_PER_MB = 2.0  # of the shards: baselines are fitted and asked too
 VERIFY_S, PAPER_S = 90, 1200
 SHORT_S = 20  # a job that reads, sums and writes
 
@@ -77,28 +72,19 @@ def fit_seconds(wildcards, input, threads):
 
 
 def features_seconds(wildcards, input, threads):
-    """Return the time of a session's images, by their number and size."""
-    folder = STUDY.session_folder(wildcards.session)
-    camera = load_session(folder / "session.yaml").camera
-    count = sum(1 for _ in (folder / "images").iterdir())
-    return SHORT_S + FEATURES_S_PER_MPX * count * camera.width_px * camera.height_px / 1e6 / threads
+    return SHORT_S + costs().features(wildcards.session) / threads
 
 
 def drawing_seconds(wildcards, input, threads):
-    """Return the time of the images of a synthetic session."""
-    from gelforge.virtual_lab.session import session_cells
-
-    presses = sum(len(CELLS[name].depths_mm) for name in session_cells(LAB, CELLS)[wildcards.session])
-    images = presses * LAB.imaging.images_per_press
-    return SHORT_S + DRAWING_S_PER_MPX * images * LAB.camera.width_px * LAB.camera.height_px / 1e6 / threads
+    return SHORT_S + costs().drawing(wildcards.session) / threads
 
 
 def training_seconds(wildcards, input, threads):
-    return SHORT_S + TRAINING_S_PER_MB * STUDY.learning.usual.epochs * input.size_mb
+    return SHORT_S + costs().training(input.size_mb)
 
 
 def evaluation_seconds(wildcards, input, threads):
-    return SHORT_S + EVALUATION_S_PER_MB * input.size_mb
+    return SHORT_S + costs().evaluation(input.size_mb)
 
 
 def short_seconds(*_):

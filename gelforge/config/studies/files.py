@@ -19,7 +19,7 @@ from gelforge.config.parts.camera import Camera
 from gelforge.config.sessions.session import Session, old_scatter
 from gelforge.config.sessions.virtual_lab import VirtualLab
 from gelforge.config.studies.study import Study
-from gelforge.input_files import NotAFile, read_bytes
+from gelforge.input_files import NotAFile, another_kind, read_bytes
 
 LONGEST_REMEDY = 600
 MOST_ERRORS = 5  # that a file is said to have
@@ -32,10 +32,11 @@ def _read_yaml(path: Path) -> dict[str, Any]:
     except NotAFile as error:
         remedy = "; name a YAML file that exists" if "no such file" in str(error) else ""
         raise ConfigError(str(error).replace("; name one that exists", "") + remedy) from None
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: byte {error.start} is not UTF-8; save the file as UTF-8 text") from None
-    except NoYaml as error:
-        raise ConfigError(f"{path}{error}") from None
+    except (UnicodeDecodeError, NoYaml) as error:
+        words = another_kind(path, "a YAML file")
+        if not words and isinstance(error, UnicodeDecodeError):
+            words = f": byte {error.start} is not UTF-8; save the file as UTF-8 text"
+        raise ConfigError(f"{path}{words or error}") from None
     if not isinstance(content, dict):
         raise ConfigError(f"{path}: a mapping of keys is expected, found {type(content).__name__}")
     return content

@@ -17,6 +17,7 @@ from gelforge.dataset.shard import ShardDataset
 from gelforge.dataset.splits import split_training
 from gelforge.files import file_sha256
 from gelforge.indentation.cells.binning import bin_centres
+from gelforge.progress import tracked
 
 SPLITS = ("train", "validation", "test")
 BLOCK_ROWS = 64  # rows in memory at a time
@@ -99,7 +100,7 @@ class Source:
     def blocks(self, presses: Sequence[Press], names: Sequence[str] | None = None) -> Iterator[dict]:
         """Yield the columns of presses in blocks of whole presses, about BLOCK_ROWS rows each."""
         start, count = 0, 0
-        for end, press in enumerate(presses, 1):
+        for end, press in enumerate(tracked(presses, "presses exported"), 1):
             count += len(press.rows)
             if count >= BLOCK_ROWS or end == len(presses):
                 yield self.read(presses[start:end], names)

@@ -40,6 +40,10 @@ def files_of(path: Path, kinds: tuple[str, ...], what: str) -> list[Path]:
     A file with a namesake of the first kind in its folder was converted to that, and is left.
     """
     if path.is_file():
+        if path.suffix.lower() not in kinds:
+            raise ImportingError(
+                f"{path}: no {' or '.join(kinds)} file; name a folder of the set, or one of its files"
+            )
         return [path]
     found = sorted(p for p in path.rglob("*") if p.suffix.lower() in kinds and p.is_file())
     found = [

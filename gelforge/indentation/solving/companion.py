@@ -20,6 +20,7 @@ from gelforge.indentation.solving.stretch_range import Outside
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.sensitivities.direct import Varied, follow_with_slopes
 from gelforge.mechanics.solving.equilibrium import NotConverged, Press
+from gelforge.progress import tracked
 
 
 def simulate_label(
@@ -141,7 +142,8 @@ def _plain_companion(study: Study, laws, planned, uncertain) -> tuple[Companion,
         varied.append(Varied(other.body, other.shape, other.settings, other.start, other.centres, AMOUNT))
     forces, slopes, reason = [], [], ""
     try:
-        for state, slope in follow_with_slopes(press, press.start_at(model.start), model.centres, varied):
+        states = follow_with_slopes(press, press.start_at(model.start), model.centres, varied)
+        for state, slope in tracked(states, "steps of the indenter, on the coarser mesh", len(model.centres)):
             forces.append(state.normal_force + state.friction_force)
             slopes.append(slope.force)
     except NotConverged as failure:

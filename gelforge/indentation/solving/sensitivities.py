@@ -26,6 +26,7 @@ from gelforge.mechanics.contact.state import State
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.sensitivities.direct import Varied, follow_with_slopes
 from gelforge.mechanics.solving.equilibrium import NotConverged, Press
+from gelforge.progress import tracked
 
 LITTLE_WAY = (
     1e-3  # of what carries nodes per unit, by which they are moved to see how their bins share the forces
@@ -43,6 +44,9 @@ class Variation:
     without: Study | None = None  # what an `alone` one is compared with; None: the base
     instead: Variation | None = (
         None  # an `alone` one, in place of this where it has no derivative along the base
+    )
+    share: tuple[float, ...] | None = (
+        None  # of how the indenter's path differs, at each step; None: all of it
     )
 
 
@@ -112,6 +116,9 @@ def derivatives(
         varied = None
         if not variation.alone:
             varied = _model(unmirrored(variation.study), variation.laws, planned, base)
+            if variation.share is not None:
+                away = varied.centres - base.centres
+                varied = replace(varied, centres=base.centres + np.array(variation.share)[:, None] * away)
         if varied is None or not _along_it(base, varied):
             others.append(name)
         else:
@@ -167,7 +174,8 @@ def _along(
     carried = [_carried(base, model, amount) for model, amount in varied.values()]
     slopes, motions, reached, forces = [], [], [], []
     seconds: list[float] = []
-    for state, along in follow_with_slopes(press, press.start_at(base.start), base.centres, others, seconds):
+    states = follow_with_slopes(press, press.start_at(base.start), base.centres, others, seconds)
+    for state, along in tracked(states, "steps of the indenter, with derivatives", len(base.centres)):
         forces.append(state.normal_force + state.friction_force)
         slopes.append(along.force)
         if stored:

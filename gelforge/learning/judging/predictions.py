@@ -21,6 +21,7 @@ from gelforge.learning.judging.baselines import Baseline, fit_baselines
 from gelforge.learning.judging.true_motion import Truth, write_truth
 from gelforge.learning.models.model_file import Model, load_model
 from gelforge.learning.models.views import check_same_images, views_of
+from gelforge.progress import tracked
 
 FORMAT = "gelforge-predictions-3"
 BLOCK = 256  # rows in memory at a time
@@ -99,7 +100,8 @@ def _write_rows(file: h5py.File, rows: ShardDataset, model: Model, bins: int) ->
     _create(file, "indenter", (len(rows),), h5py.string_dtype(), "1")
     cells = {name: about for path in rows.paths for name, about in shard_attributes(path)["cells"].items()}
     start = 0
-    for block in rows.batches((FEATURE, LABEL, *KEPT), BLOCK):
+    blocks = rows.batches((FEATURE, LABEL, *KEPT), BLOCK)
+    for block in tracked(blocks, f"blocks of {BLOCK} rows predicted", -(-len(rows) // BLOCK)):
         place = slice(start, start + len(block["cell"]))
         predicted = model.predict(block[FEATURE])
         file["predicted_N"][place], file["true_N"][place] = predicted, block[LABEL]

@@ -13,6 +13,7 @@ from gelforge.learning.basis.data import FEATURE
 from gelforge.learning.basis.scaling import ModelError
 from gelforge.learning.models.model_file import Model
 from gelforge.learning.models.reliability import COVER, Intervals
+from gelforge.progress import tracked
 
 LEAST_PRESSES = 5
 BLOCK = 256  # rows in memory at a time
@@ -179,8 +180,9 @@ def _widening(model: Model, presses: Presses) -> np.ndarray:
 
 def predicted(model: Model, feature: np.ndarray) -> np.ndarray:
     """Return distributions (n, B, 3) [N] of features (n, F), a block at a time."""
+    blocks = np.array_split(feature, -(-len(feature) // BLOCK))
     return np.concatenate(
-        [model.predict(part) for part in np.array_split(feature, -(-len(feature) // BLOCK))]
+        [model.predict(part) for part in tracked(blocks, f"blocks of {BLOCK} rows predicted")]
     )
 
 

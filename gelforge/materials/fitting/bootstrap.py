@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -13,7 +12,7 @@ from scipy.stats import t as student
 from gelforge.materials.fitting.curves import MeanCurve
 from gelforge.materials.fitting.fit import FitError, LawFit, Problem
 from gelforge.mechanics.laws.family import Family
-from gelforge.progress import tracked
+from gelforge.workers import each
 
 CHUNK = 125  # refits per task
 CHUNKS = f"bootstrap, {CHUNK} refits each"
@@ -65,11 +64,7 @@ def bootstrap(
     seeds = np.array(np.random.SeedSequence(seed).spawn(replicates), object)
     chunks = np.array_split(seeds, -(-replicates // CHUNK))
     refit = partial(_refits, curves, fit.family, fit.theta)
-    if workers == 1:
-        theta = [refit(chunk) for chunk in tracked(chunks, CHUNKS)]
-    else:
-        with ProcessPoolExecutor(workers) as pool:
-            theta = list(tracked(pool.map(refit, chunks), CHUNKS, len(chunks)))
+    theta = each(refit, chunks, workers, CHUNKS)
     return Bootstrap(fit.family, np.concatenate(theta), sum(fit.samples.values()) - len(fit.samples))
 
 

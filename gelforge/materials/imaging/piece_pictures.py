@@ -15,6 +15,7 @@ import pandas as pd
 
 from gelforge.csv_table import TableError, read_csv
 from gelforge.materials.imaging.apex_shape import SilhouetteError, apex_shape, flat_row_px
+from gelforge.progress import tracked
 
 PICTURE_COLUMNS = ("image", "top_image", "side_image")
 WINDOW_COLUMNS = ("window_x_px", "window_y_px", "window_width_px", "window_height_px")
@@ -140,7 +141,8 @@ def _tracked(
     )
     try:
         window = tracking.textured_window(first, share) if np.isnan(stated).any() else stated
-        track = tracking.track_stretches(frames(), window, chosen)
+        pictures = tracked(frames(), f"pictures of {path.name} tracked", len(names))
+        track = tracking.track_stretches(pictures, window, chosen)
     except tracking.TrackingError as error:
         raise TableError(
             f"{path}: {error}; the window is stated by {', '.join(WINDOW_COLUMNS)} in samples.csv"

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import reduce
-from inspect import getsource
+from inspect import getfile
 from pathlib import Path
 from zlib import crc32
 
@@ -28,8 +28,9 @@ _OF_STRETCHES = list(dict.fromkeys(law.point for law in _LAWS if not issubclass(
 _OF_INVARIANTS = list(dict.fromkeys(law.point for law in _LAWS if issubclass(law, InvariantLaw)))
 _ROUTINES = [*_OF_STRETCHES, *_OF_INVARIANTS]
 STRETCHES = len(_OF_STRETCHES)  # routines below this number are of the stretches
-# What the compiled kernels on disk are known by: another one once a routine is another, or there is one more.
-FINGERPRINT = crc32("".join([*map(getsource, _ROUTINES), Path(__file__).read_text("utf-8")]).encode())
+# What the compiled kernels on disk are known by: another one once the file of a routine is another, or there is one more.
+_FILES = sorted({__file__, getfile(PrincipalLaw), *map(getfile, _ROUTINES)})
+FINGERPRINT = crc32(b"".join(Path(file).read_bytes() for file in _FILES))
 
 
 def point_number(law: PrincipalLaw) -> int:

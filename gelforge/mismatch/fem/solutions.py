@@ -6,9 +6,7 @@ with a study's effects (`plain`), in time (`timed`), or one path after another o
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -35,7 +33,7 @@ from gelforge.indentation.solving.simulate import simulate_cell, simulate_in_ord
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.fem.stored import described, path_at, place_digest, read_stored, slope_digest
-from gelforge.progress import tracked
+from gelforge.workers import each
 
 
 class SolverFailed(ValueError):
@@ -100,11 +98,7 @@ class Solver:
 
     def each(self, work: Callable, tasks: Sequence) -> list:
         """Return work(task) of every task, side by side."""
-        if self.workers == 1 or len(tasks) < 2:
-            return [work(task) for task in tracked(tasks, PATHS)]
-        context = multiprocessing.get_context("forkserver")
-        with ProcessPoolExecutor(min(self.workers, len(tasks)), context) as pool:
-            return list(tracked(pool.map(work, tasks), PATHS, len(tasks)))
+        return each(work, tasks, self.workers, PATHS)
 
 
 def fine(task: tuple[Solver, PlannedCell]) -> np.ndarray | Unsolved:

@@ -23,6 +23,7 @@ from gelforge.mismatch.terms.holdout import Blocks
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.refit import Refitted, refitted
 from gelforge.mismatch.terms.unknown import Manner
+from gelforge.progress import stage
 
 NEGLIGIBLE = 0.02  # probability of an effect below which it is not mentioned beside others
 MOST_ALTERNATIVES = 3  # classes that one of the answer's effects may stand for
@@ -80,12 +81,14 @@ def explained(
     if mode is None:
         return None, notes
     problem, posterior = found.problem, found.posterior
+    stage("amounts of the answer at their plausible widths")
     fit, note = _at_plausible_widths(real, problem, posterior.sets[mode], found.fits[mode])
     notes += [note] if note else []
     every = np.ones(len(problem.labels), bool)
     after = forces_of(problem, fit)
     left = problem.observations.flat(problem.observations.force - after)
     believed = problem.believing(fit.parts, np.concatenate(fit.amounts))
+    stage("the answer on held-out readings, and what it leaves")
     proof = proof_of(problem, fit, left, blocks) if blocks.held_out.any() else None
     if proof is not None:
         proof = having_paid(proof, problem, posterior)

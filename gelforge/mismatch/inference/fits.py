@@ -13,6 +13,7 @@ from gelforge.mismatch.evidence.screen import Candidate, Screened
 from gelforge.mismatch.inference.posterior import Effects, Posterior
 from gelforge.mismatch.terms.problem import Problem, secant
 from gelforge.mismatch.terms.refit import Refitted, refitted
+from gelforge.progress import stage
 
 MOST_SOLVED = 4  # sets that are fitted with the finite elements
 MOST_SOLUTIONS = 3  # of one set
@@ -52,6 +53,7 @@ def fitted(problem: Problem, posterior: Posterior, posterior_of: Callable[[Probl
         if not left[costs]:
             break
         left[costs] -= 1
+        stage(f"fit of {words_of(wanted)}")
         try:
             fits[wanted], again = through_solutions(problem, seated, found.sets[wanted])
         except (NotConverged, ConfigError) as failure:
@@ -59,8 +61,13 @@ def fitted(problem: Problem, posterior: Posterior, posterior_of: Callable[[Probl
             continue
         if again is not seated:
             seated, posterior = again, posterior_of(again)
-    notes = tuple(f"{' and '.join(sorted(e)).replace('_', ' ')} {why}" for e, why in failed.items())
+    notes = tuple(f"{words_of(effects)} {why}" for effects, why in failed.items())
     return Fits(seated, found, fits, notes)
+
+
+def words_of(effects: Effects) -> str:
+    """Return the names of a set of effects as words."""
+    return " and ".join(sorted(effects)).replace("_", " ")
 
 
 def through_solutions(problem: Problem, seated: Problem, start: Screened) -> tuple[Refitted, Problem]:

@@ -21,6 +21,7 @@ from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.refit import Refitted
 from gelforge.mismatch.terms.unknown import Manner, manners_of
 from gelforge.mismatch.terms.weighing import chance_of_known
+from gelforge.progress import stage
 
 LIKELY = 0.5
 
@@ -62,7 +63,9 @@ def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Jud
     labels, rng = problem.labels, np.random.default_rng([seed, 5])
     blocks, every = split(labels, seed, turn), np.ones(len(labels), bool)
     manners = manners_of(problem)
+    stage("size and place of the mismatch")
     mismatch = residual_tests(problem, problem.residual, every, settings, rng)
+    stage("evidence of sets of effects")
     posterior = posterior_of(problem, manners)
     unknown = posterior.unknown[NOTHING]
     mismatch = replace(mismatch, unknown_p=unknown.p, known_p=chance_of_known(problem))
@@ -77,6 +80,7 @@ def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Jud
     out = answer is not None and not in_range(problem, answer.fit)
     model = None
     if blocks.held_out.any() and (answer is None or out or _wanting(answer)):
+        stage("a model of what no known effect explains")
         model = _modelled(problem, manners, blocks, None if out else answer, found.manners)
     return Judgement(_state(answer, out, model), blocks, mismatch, found, answer, model, tuple(notes), out)
 

@@ -21,6 +21,7 @@ from gelforge.mismatch.material.material_evidence import (
     held_out_scores,
 )
 from gelforge.mismatch.result import verdict as v
+from gelforge.progress import tracked
 
 EVIDENCE = 5.0  # log Bayes factor that an effect needs; also how near a rival must be to be one
 MOST_EFFECTS = 3
@@ -100,7 +101,9 @@ def one_step(readings: Readings, candidates: Sequence[Candidate], before: Fitted
     """Return every effect that is not in a model yet added to it, by evidence on the rows (n,) of training."""
     taken = {c.name for c in before.model}
     shapes: dict[str, list[tuple[float, Candidate, Fitted]]] = {}
-    for candidate in (c for c in candidates if c.name not in taken):
+    for candidate in tracked(
+        [c for c in candidates if c.name not in taken], "effects and their shapes fitted"
+    ):
         fit = fitted(readings, combined(before.model, candidate), rows)
         shapes.setdefault(candidate.name, []).append((fit.log_evidence - before.log_evidence, candidate, fit))
     tried = {n: float(logsumexp([s[0] for s in found]) - np.log(len(found))) for n, found in shapes.items()}

@@ -39,6 +39,7 @@ from gelforge.mismatch.material.material_words import (
     where_entries,
 )
 from gelforge.mismatch.result import verdict as v
+from gelforge.progress import stage
 
 SEED = 20261121
 DRAWS = 2000
@@ -99,17 +100,21 @@ def _judged(name, test: ContactTest, word, sources, synthetic, seed) -> Judged:
     readings, held = with_pieces(test.readings, rng)
     everything = np.ones(len(readings.measured), dtype=bool)
     atoms = patterns(readings)
+    stage(f"{name}: a constitutive model, and what it leaves")
     base = fitted(readings, (), everything)
     total, where = what_remains(readings, base, atoms, rng, DRAWS)
     differs = min(total.p, where.p) < v.ALARM_P
     train = ~readings.table["piece"].isin(held).to_numpy()
     readings = readings.with_form_error()
+    stage(f"{name}: effects, one after the other")
     steps = chosen_steps(readings, test.candidates, train, differs)
     accepted = steps[:-1]
+    stage(f"{name}: the chosen effects on all readings, and what they leave")
     final = on_everything(readings, test.candidates, steps[-1].before.model)
     left = what_remains(readings, final, atoms, rng, DRAWS) if final else None
     fit = fit_entry(readings, base, final, steps, train, held)
     groups = [group_entry(readings, s, test.no_signature) for s in accepted]
+    stage(f"{name}: detection limits")
     limits = limit_entries(readings, test.candidates)
     effects = effect_entries(readings, test, steps, accepted, final, groups)
     adequacy = None

@@ -43,6 +43,7 @@ from gelforge.mismatch.terms.body_map import BOX, body_map, boxes_felt
 from gelforge.mismatch.terms.candidates import candidates_of, effects_of_forces
 from gelforge.mismatch.terms.modules import modules_of
 from gelforge.mismatch.terms.problem import Problem
+from gelforge.progress import stage
 from gelforge.recording.imaging.images import reference_path
 
 IMAGES_LEFT_OUT = (
@@ -104,9 +105,13 @@ def judge_recording(solver: Solver, folders: Sequence[Path], out: Path, title: s
     Raises RecordingError for a recording that cannot be read, SolverFailed where the base cannot be solved.
     """
     study = solver.study
+    stage("readings")
     observations, synthetic = observations_of(folders, study)
     forces, base = problem_of(solver, observations)
-    joint = forces if study.mismatch.images == "left_out" else with_flow(solver, base, forces, folders)
+    joint = forces
+    if study.mismatch.images != "left_out":
+        stage("images, and the motion of the gel at their presses")
+        joint = with_flow(solver, base, forces, folders)
     problem = joint if study.mismatch.images == "fitted" else forces
     judgement = judge(problem, study.mismatch, study.seed)
     in_newtons, after = force_part(problem, judgement), after_of(joint, judgement)
@@ -119,7 +124,9 @@ def judge_recording(solver: Solver, folders: Sequence[Path], out: Path, title: s
         provenance_of(folders, study, solver),
         flow=flow_section(joint, judgement, after),
     )
+    stage("experiments that would tell effects apart")
     verdict = with_experiments(verdict, forces, base.context)
+    stage("tables")
     write_results(out, verdict, in_newtons)
     write_flow(out, flow_table(joint, after))
     (out / PATCH).unlink(missing_ok=True)
@@ -197,6 +204,7 @@ def problem_of(solver: Solver, observations: Observations, recorded: bool = True
     """
     effects = effects_of_forces(solver.study)
     asked = [*with_taken(effects.values()), *([BOX] if recorded else [])]
+    stage("forces of the simulation, and how they follow the effects")
     base = with_known(base_where_solved(solver, observations, asked), solver)
     observations = base.context.observations
     covariance = readings_covariance(base.context, base.law, base.floor, base.alike)
@@ -206,6 +214,7 @@ def problem_of(solver: Solver, observations: Observations, recorded: bool = True
         base = replace(base, context=replace(base.context, observations=observations))
         covariance = covariance.restricted(observations.read[read])
     failed = dict(base.failed)
+    stage("changes of the readings by each effect")
     candidates = candidates_of(base.context, effects, failed)
     boxes = boxes_felt(base.context) if recorded else ()
     return (

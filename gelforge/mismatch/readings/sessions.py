@@ -11,6 +11,7 @@ import pandas as pd
 
 from gelforge.config import ConfigError, Sensor, Session
 from gelforge.indentation.planning.plan import POSITION_MATCH_MM
+from gelforge.input_files import another_kind
 from gelforge.mismatch.readings.contact_point import depth_scatter, with_contact_point
 from gelforge.mismatch.readings.noise import reading_noise
 from gelforge.mismatch.readings.observations import ARRAYS, COLUMNS, Observations, last_moves
@@ -29,6 +30,8 @@ def session_folders(folder: str | Path, names: Sequence[str] = ()) -> list[Path]
     Raises ConfigError where there is none.
     """
     folder = Path(folder)
+    if what := another_kind(folder, "a folder"):
+        raise ConfigError(f"{folder}{what}; name a session's folder, or one of sessions")
     if (folder / "session.yaml").is_file():
         return [folder]
     for inside in (folder / "recordings", folder):

@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from gelforge.input_files import what_it_is
 from gelforge.recording.imaging.texture import Texture
 
 NO_GUESS = np.empty(0, np.float32)  # of the flow, that a search could begin at
@@ -37,6 +38,12 @@ def read_grey(path: str | Path, crop_px: list[int] | None = None) -> np.ndarray:
     Raises ImageError naming the file when it is missing or cannot be decoded.
     """
     path = Path(path)
+    what = what_it_is(path)
+    if what and not what.startswith("an image"):
+        one = (
+            f" (one frame of a video: ffmpeg -i {path.name} -frames:v 1 frame.png)" if "video" in what else ""
+        )
+        raise ImageError(f"{path}: is {what}, an image is needed; name a PNG, TIFF, BMP or JPEG{one}")
     if not path.is_file():
         raise ImageError(f"{path}: the image is missing; copy it again or correct its name")
     image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)

@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from gelforge.input_files import what_it_is
 from gelforge.recording.imaging.flow import ImageError, grey, read_grey
 
 SUFFIXES = {".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg"}
@@ -44,6 +45,9 @@ def frames(source: str | Path | int) -> Iterator[Frame]:
         raise ImageError(
             f"{path}: no such folder or video; give a folder of images, a video or a camera's number"
         )
+    what = what_it_is(path)
+    if what and not what.startswith(("a video", "an image")):
+        raise ImageError(f"{path}: is {what}; give a folder of images, a video or a camera's number")
     return _video_frames(_opened(str(path), str(path)), path)
 
 

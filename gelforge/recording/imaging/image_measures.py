@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pandas as pd
 
+from gelforge.progress import tracked
 from gelforge.recording.imaging.flow import Flow, read_grey
 from gelforge.recording.imaging.images import image_path, reference_path
 from gelforge.recording.imaging.texture import textured
@@ -139,7 +140,8 @@ def measured(folder: Path, crop_px: list[int] | None, rows: pd.DataFrame) -> pd.
         return add_measures(rows, [])
     search = Flow(read_grey(reference_path(folder), crop_px), PRESET)
     measurer = Measurer(search)
-    pictures = (read_grey(image_path(folder, name), crop_px) for name in rows["image"])
+    names = tracked(list(rows["image"]), f"images of {folder.name} looked at")
+    pictures = (read_grey(image_path(folder, name), crop_px) for name in names)
     return add_measures(rows, [measurer(picture, search(picture)) for picture in pictures])
 
 

@@ -9,6 +9,8 @@ import cv2
 import numpy as np
 
 from gelforge.config.parts.camera import LARGEST_IMAGE_PX
+from gelforge.input_files import another_kind
+from gelforge.progress import tracked
 from gelforge.recording.imaging.flow import ImageError, read_grey
 from gelforge.recording.imaging.frames import SUFFIXES
 
@@ -90,6 +92,9 @@ class Views:
 def find_boards(folder: str | Path, board: Board) -> Views:
     """Return the boards in a folder's images. Raises CalibrationError for no images, or images of several sizes."""
     folder = Path(folder)
+    if what := another_kind(folder, "a folder"):
+        one = f" (of a video: ffmpeg -i {folder.name} -r 2 FOLDER/%04d.png)" if "video" in what else ""
+        raise CalibrationError(f"{folder}{what}; name the folder with the images of the board{one}")
     if not folder.is_dir():
         raise CalibrationError(f"{folder}: no such folder; name the folder with the images of the board")
     paths = sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES)
@@ -97,7 +102,7 @@ def find_boards(folder: str | Path, board: Board) -> Views:
         raise CalibrationError(f"{folder}: no images ({', '.join(sorted(SUFFIXES))}); name another folder")
     views: Views | None = None
     first, flips = paths[0].name, []
-    for path in paths:
+    for path in tracked(paths, "images searched for the board"):
         try:
             image = read_grey(path)
         except ImageError as error:

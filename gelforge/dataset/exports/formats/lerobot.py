@@ -15,6 +15,7 @@ from gelforge.dataset.exports.parquet import write_files
 from gelforge.dataset.exports.source import IMAGE, Source, Variable, wrench
 from gelforge.dataset.schema import DatasetError
 from gelforge.files import write_json, write_text
+from gelforge.progress import tracked
 
 VERSION = "v3.0"
 FILE_MB = 100  # of Parquet, as LeRobot's own files
@@ -104,7 +105,7 @@ def _variables(source: Source) -> dict[str, Variable]:
 def _episodes(source: Source, variables: dict[str, Variable], fps: float) -> Iterator[dict]:
     """Yield the rows of each press."""
     index = 0
-    for number, press in enumerate(source.presses):
+    for number, press in enumerate(tracked(source.presses, "presses exported")):
         rows = source.read([press])
         count = len(press.rows)
         block = {name: rows[column] for name, column, _ in TAKEN if name in variables}

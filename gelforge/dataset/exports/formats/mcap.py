@@ -11,6 +11,7 @@ from gelforge.dataset.exports.export import Export, Options, library
 from gelforge.dataset.exports.source import IMAGE, Source, wrench
 from gelforge.dataset.schema import DatasetError
 from gelforge.files import write_text
+from gelforge.progress import tracked
 
 NUMBERS = {"type": "array", "items": {"type": "number"}}
 XYZ = {"type": "object", "properties": {axis: {"type": "number"} for axis in "xyz"}}
@@ -65,7 +66,7 @@ def _write_split(source: Source, split: str, path: Path, fps: float) -> None:
         about = {"study": source.manifest["study"], "manifest_sha256": source.manifest_sha256}
         writer.add_metadata("gelforge", about | {"synthetic": str(source.manifest["synthetic"]).lower()})
         row = 0
-        for press in source.of_split(split):
+        for press in tracked(source.of_split(split), f"presses of {split} exported"):
             for messages in _messages(source, press, fps, row):
                 time = round(row / fps * 1e9)
                 for topic, content in messages.items():

@@ -11,6 +11,7 @@ from gelforge.dataset.exports.card import card
 from gelforge.dataset.exports.export import Export, Options, library
 from gelforge.dataset.exports.source import IMAGE, Press, Source, bin_points
 from gelforge.files import write_text
+from gelforge.progress import tracked
 from gelforge.recording.optics.camera import project
 
 PACKAGE = "rerun-sdk"  # of 170 MB: not in the extra
@@ -42,7 +43,7 @@ def write(source: Source, folder: Path, options: Options) -> None:
         recording = rr.RecordingStream("gelforge", recording_id=name)
         recording.save(folder / f"{split}.rrd", layout.Blueprint(layout.Horizontal(*views)))
         row = 0
-        for press in source.of_split(split):
+        for press in tracked(source.of_split(split), f"presses of {split} exported"):
             row = _log(rr, recording, source, press, row)
         recording.flush()
         recording.disconnect()

@@ -14,6 +14,7 @@ from gelforge.dataset.exports.images import pixels
 from gelforge.dataset.exports.source import SPLITS, Press, Source
 from gelforge.files import write_text
 from gelforge.hdf5 import writing
+from gelforge.progress import tracked
 
 MASKS = {"train": "train", "validation": "valid", "test": "test"}  # as robomimic names them
 FILE = "demonstrations.hdf5"
@@ -40,7 +41,7 @@ def write(source: Source, folder: Path, options: Options) -> None:
         about = {name: [v.unit, v.description] for name, v in source.variables.items()}
         data.attrs["columns"] = json.dumps(about)  # once: on every dataset they would outweigh small presses
         data.attrs["manifest_sha256"] = source.manifest_sha256
-        for number, press in enumerate(source.presses):
+        for number, press in enumerate(tracked(source.presses, "presses exported")):
             _write_press(data.create_group(f"demo_{number}"), source, press)
         for split in SPLITS:
             names = [f"demo_{n}" for n, press in enumerate(source.presses) if press.split == split]

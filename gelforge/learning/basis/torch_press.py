@@ -1,0 +1,64 @@
+"""A press whose derivatives are known, as a differentiable function of PyTorch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from gelforge.config import ConfigError
+
+
+class TorchForces(NamedTuple):
+    """Forces of a press, float64 on the CPU, step by step: D steps, B bins, axes x, y, z of the sensor."""
+
+    total_N: Tensor  # (D, 3)
+    bins_N: Tensor  # (D, B, 3), k = nx iy + ix
+
+
+class _Press(torch.autograd.Function):
+    """Forces of a solver, with the derivatives that come with its solution."""
+
+    @staticmethod
+    def forward(ctx, solved: Callable, names: tuple[str, ...], *values: Tensor):
+        wanted = [name for name, needed in zip(names, ctx.needs_input_grad[2:]) if needed]
+        found = solved({name: float(value) for name, value in zip(names, values)}, wanted)
+        ctx.names = names
+        ctx.slopes = {name: (found.total_slope[name], found.bin_slope[name]) for name in wanted}
+        ctx.like = [(value.dtype, value.device, value.shape) for value in values]
+        return torch.from_numpy(found.total_force_N), torch.from_numpy(found.bin_force_N)
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, along_total: Tensor, along_bins: Tensor):
+        grads: list[Tensor | None] = []
+        for name, (dtype, device, shape) in zip(ctx.names, ctx.like):
+            total, bins = ctx.slopes.get(name, (None, None))
+            if total is None:
+                grads.append(None)
+                continue
+            along = np.sum(along_total.numpy() * total) + np.sum(along_bins.numpy() * bins)
+            grads.append(torch.as_tensor(along, dtype=dtype, device=device).reshape(shape))
+        return None, None, *grads
+
+
+def forces_as_tensors(solved: Callable, values: Mapping[str, Tensor | float]) -> TorchForces:
+    """Return the forces of a press as tensors whose gradients are the derivatives that come with its solution.
+
+    solved(numbers, along): total_force_N (D, 3), bin_force_N (D, B, 3), and total_slope and bin_slope by name, at numbers by
+    name, with the derivatives along these names. values: tensors of one element, or floats, by name. Raises ConfigError for
+    tensors of more than one element.
+    """
+    tensors = [
+        torch.as_tensor(value, dtype=None if torch.is_tensor(value) else torch.float64)
+        for value in values.values()
+    ]
+    for name, tensor in zip(values, tensors):
+        if tensor.numel() != 1:
+            raise ConfigError(
+                f"{name}: a tensor of shape {tuple(tensor.shape)}; one number is needed, call once for each press"
+            )
+    return TorchForces(*_Press.apply(solved, tuple(values), *tensors))

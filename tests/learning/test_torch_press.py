@@ -1,0 +1,111 @@
+"""A press as a function of PyTorch: gradients beside central differences of the finite elements, and what has none."""
+
+import pytest
+import torch
+
+import gelforge as gf
+from gelforge.config import ConfigError
+
+SMALL = {
+    "steps": 2,
+    "sensor": {
+        "width_x_mm": 12,
+        "width_y_mm": 12,
+        "wall_mm": 0,
+        "layers": [{"name": "gel", "thickness_mm": 4, "material": "gel"}],
+        "bins": {"nx": 6, "ny": 4},
+    },
+    "materials": {"gel": {"parameters": {"law": "neo_hooke", "mu_kPa": 20}}},
+    "indenter": {"kind": "sphere", "radius_mm": 3},
+    "mechanics": {"mesh": {"near_mm": 1, "near_radius_mm": 2, "far_mm": 2}},
+}
+PLACE = (4.3, 5.2)
+
+
+def test_gradients_are_those_of_central_differences():
+    depth = torch.tensor(0.7, dtype=torch.float64, requires_grad=True)
+    effects = {
+        name: torch.tensor(amount, dtype=torch.float32, requires_grad=True)
+        for name, amount in (("gel_stiffness", 0.1), ("friction", -0.05))
+    }
+    found = gf.torch_press(*PLACE, depth, effects, **SMALL)
+    assert found.total_N.shape == (2, 3) and found.bins_N.shape == (2, 24, 3)
+    weight = torch.linspace(-1, 1, 24, dtype=torch.float64)
+    # the total, and something of all bins at both steps
+    loss = found.total_N[-1, 2] + (found.bins_N * weight[:, None]).sum()
+    loss.backward()
+
+    def at(depth, **amounts):
+        answer = gf.press_slopes(
+            *PLACE, depth, {"gel_stiffness": 0.1, "friction": -0.05} | amounts, along=[], **SMALL
+        )
+        assert not answer.total_slope
+        return answer.total_force_N[-1, 2] + (answer.bin_force_N * weight.numpy()[:, None]).sum()
+
+    def difference(step, of):
+        return (of(step) - of(-step)) / (2 * step)
+
+    expected = {
+        "depth": difference(2e-3, lambda d: at(0.7 + d)),
+        "gel_stiffness": difference(1e-2, lambda d: at(0.7, gel_stiffness=0.1 + d)),
+        "friction": difference(1e-2, lambda d: at(0.7, friction=-0.05 + d)),
+    }
+    gradients = {"depth": depth.grad} | {name: tensor.grad for name, tensor in effects.items()}
+    assert effects["friction"].grad.dtype == torch.float32
+    for name, wanted in expected.items():
+        assert gradients[name].item() == pytest.approx(wanted, rel=0.02), name
+
+
+def test_gradients_along_the_place_are_those_of_a_shift_of_all_positions():
+    """tests/indentation/test_carried_place.py has that derivative beside differences; along y it is the mirrored press's."""
+    place = [torch.tensor(value, dtype=torch.float64, requires_grad=True) for value in PLACE]
+    gf.torch_press(*place, 0.7, **SMALL).total_N[-1, 0].backward()
+    shared = {key: value for key, value in SMALL.items() if key != "steps"}
+    shifted = gf.press(*PLACE, [0.35, 0.7], **shared, sensitivities=["misregistration"])
+    assert place[0].grad.item() == pytest.approx(shifted.slopes["misregistration"].total[-1, 0], rel=1e-3)
+    mirrored = gf.press_slopes(*PLACE[::-1], 0.7, along=["y_mm"], **SMALL)
+    assert mirrored.total_slope["y_mm"][-1, 1] == pytest.approx(place[0].grad.item(), rel=1e-6)
+    assert abs(place[1].grad.item()) < 0.5 * abs(place[0].grad.item())
+
+
+@pytest.mark.parametrize(
+    ("at", "keys", "words"),
+    [
+        (
+            (6.0, 6.0, 0.5, {"mullins": 0.1}),
+            {},
+            r"effects: \['mullins'\] have no derivative .*'gel_stiffness'",
+        ),
+        ((6.0, 6.0, 0.5, {"gelstiffness": 0.1}), {}, "choose among"),
+        ((6.0, 6.0, -0.5), {}, "depth_mm -0.5 in 2 steps: a positive depth"),
+        ((torch.zeros(3), 6.0, 0.5), {}, r"x_mm: a tensor of shape \(3,\); one number is needed, call once"),
+        (
+            (6.0, 6.0, 0.5),
+            {"mechanics": {"mesh": {"elements": "tetrahedra"}}},
+            "on a block meshed by hexahedra only",
+        ),
+        (
+            (6.0, 6.0, 0.5),
+            {"mechanics": {"effects": {"kinematics": {"frame_compliance_mm_per_N": 0.1}}}},
+            "a machine that yields; leave these out",
+        ),
+    ],
+)
+def test_what_has_no_derivative_is_refused_with_a_remedy(at, keys, words):
+    x, *rest = at
+    x = x if torch.is_tensor(x) else torch.tensor(x, requires_grad=True)
+    with pytest.raises(ConfigError, match=words):
+        gf.torch_press(x, *rest, **SMALL | keys)
+
+
+def test_names_along_which_no_derivative_is_asked_are_refused():
+    with pytest.raises(ConfigError, match=r"along: \['friction'\]; choose among .* effects need an amount"):
+        gf.press_slopes(6.0, 6.0, 0.5, along=["friction"], **SMALL)
+
+
+def test_effects_that_have_derivatives_are_those_of_one_mesh_and_one_path():
+    from gelforge.api.differentiable import effects_with_slopes
+
+    names = set(effects_with_slopes())
+    assert {"gel_stiffness", "friction", "indenter_radius", "tilt", "layer_thickness"} <= names
+    assert not {"mullins", "viscoelastic", "elastic_base", "small_strain", "frame_compliance"} & names
