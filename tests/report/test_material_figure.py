@@ -39,7 +39,7 @@ def test_samples_mean_and_model_meet_in_the_panel(fitted):
         # six digits in the file
         assert (line.get_xdata()[-1], line.get_ydata()[-1]) == pytest.approx((2, 70), rel=1e-4)
     assert "R² = 0.9999" in texts(ax) or "R² = 1.0000" in texts(ax)
-    assert "2 samples" in texts(ax)
+    assert "2 specimens" in texts(ax)
     assert ax.get_ylabel() == "Cauchy stress [kPa]"
 
 
