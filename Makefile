@@ -5,7 +5,7 @@ BIN := .venv/bin
 ONE_THREAD := OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 READY := .venv/.gelforge-ready
 
-.PHONY: setup demo test test-thorough speed notebooks generated format lint
+.PHONY: setup demo test test-thorough speed notebooks generated format lint types
 
 setup: $(READY)
 
@@ -53,6 +53,10 @@ generated: $(READY)
 format: $(READY)
 	$(BIN)/ruff format . && $(BIN)/ruff check --fix . && $(BIN)/snakefmt Snakefile workflow
 
-lint: $(READY)
+lint: types
 	$(BIN)/ruff format --check . && $(BIN)/ruff check . && $(BIN)/snakefmt --check Snakefile workflow
+
+# A minute the first time; then what has changed.
+types: $(READY)
+	$(BIN)/mypy
 

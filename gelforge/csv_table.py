@@ -215,9 +215,9 @@ def _header_line(path: Path, lines: list[str], form: CsvForm, needed: Sequence[s
         i for i, line in enumerate(lines) if i >= form.skip_rows and line.strip() and not _comment(line, form)
     )
     start = next(candidates, None)
-    if start is None and not (form.find_header and form.header):
-        raise TableError(f"{path}: no header line; the first line that is no comment names the columns")
-    if not form.find_header or not form.header or not needed:
+    if not (form.find_header and form.header and needed):
+        if start is None:
+            raise TableError(f"{path}: no header line; the first line that is no comment names the columns")
         return start
     if start is not None and _names_all(lines[start], form, needed):
         return start

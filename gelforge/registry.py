@@ -7,6 +7,17 @@ from collections.abc import Iterable
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
+from typing import Protocol, TypeVar
+
+
+class Named(Protocol):
+    """Anything that is called by the name of its file."""
+
+    @property
+    def name(self) -> str: ...
+
+
+Kind = TypeVar("Kind", bound=Named)
 
 
 def names_in(folders: Iterable[str]) -> list[str]:
@@ -14,7 +25,7 @@ def names_in(folders: Iterable[str]) -> list[str]:
     return sorted(module.name for module in iter_modules(folders))
 
 
-def defined(package: str, name: str, attribute: str, kind: type):
+def defined(package: str, name: str, attribute: str, kind: type[Kind]) -> Kind:
     """Return what the file `name` of a package defines as attribute.
 
     Raises TypeError for a file without one of this kind, ValueError for one whose own name is not the file's.

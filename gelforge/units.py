@@ -83,6 +83,14 @@ def unit_named(text: str) -> str | None:
     return unit if unit in UNITS else None
 
 
+def known_unit(text: str) -> str:
+    """Return the key of UNITS that a text names. Raises ValueError for a text that names none."""
+    unit = unit_named(text)
+    if unit is None:
+        raise ValueError(f"unit {text!r} is not known; one of {sorted(UNITS)}")
+    return unit
+
+
 def looks_like_a_unit(text: str) -> bool:
     """Return whether a cell can only be a unit: a known one, or a short text in brackets."""
     return _bare(text) != text.strip() or unit_named(text) is not None

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gelforge.config import ConfigError, load_study, schema, study_from, variant_study, write_yaml
+from gelforge.config import given as needed
 from gelforge.indentation.planning.plan import plan_cells
 
 ROOT = Path(__file__).parents[1]
@@ -46,6 +47,13 @@ def test_demo_has_at_least_25_positions_and_8_depths():
     cells = plan_cells(load_study("config/config.yaml"))
     assert len({(cell.x_mm, cell.y_mm) for cell in cells.values()}) >= 25
     assert {len(cell.depths_mm) for cell in cells.values()} == {8}
+
+
+def test_a_part_that_is_needed_and_not_given_is_named():
+    study = load_study("config/config.yaml")
+    assert needed(study.plan.file, "plan.file") is study.plan.file
+    with pytest.raises(ConfigError, match=r"synthesis is not given.*give it"):
+        needed(None, "synthesis")
 
 
 def test_schema_file_is_current():

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from gelforge.csv_table import TableError, read_comments, read_csv
+from gelforge.csv_table import CsvForm, TableError, read_comments, read_csv
 
 
 def written(tmp_path, text, encoding="utf-8"):
@@ -60,6 +60,11 @@ def test_rows_are_numbered_as_an_editor_numbers_lines(tmp_path):
 def test_what_cannot_be_read_says_where_and_what_to_do(tmp_path, text, message):
     with pytest.raises(TableError, match=r"table\.csv.*" + message):
         read_csv(written(tmp_path, text), numbers=["a"], texts=["name"])
+
+
+def test_a_header_that_is_searched_for_may_be_missing_too(tmp_path):
+    with pytest.raises(TableError, match="no header line"):
+        read_csv(written(tmp_path, "# only a comment\n"), form=CsvForm(find_header=True))
 
 
 def test_other_encodings_and_missing_files_are_named(tmp_path):

@@ -193,8 +193,8 @@ def torch_press(
 
     def solved(numbers: dict[str, float], along: list[str]) -> PressSlopes:
         amounts = dict(numbers)
-        place = [amounts.pop(name) for name in PLACE]
-        return press_slopes(*place, amounts, along=along, **described)
+        x, y, depth = (amounts.pop(name) for name in PLACE)
+        return press_slopes(x, y, depth, amounts, along=along, **described)
 
     return forces_as_tensors(solved, {"x_mm": x_mm, "y_mm": y_mm, "depth_mm": depth_mm, **(effects or {})})
 

@@ -109,7 +109,7 @@ def fit(
     comparison = found.comparison
     assert comparison is not None, "fits_of raises where nothing is fitted"
     law = material_law(
-        source.name, comparison.chosen.fit, inputs_of(source, fitting), source.synthetic, found.notes
+        source.name, comparison.chosen.fitted, inputs_of(source, fitting), source.synthetic, found.notes
     )
     return Fitted(
         law,

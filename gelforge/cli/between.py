@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 
 from gelforge.cli.factory import cell_path, print_outcome, study_laws
-from gelforge.config import ConfigError, Study, load_study
+from gelforge.config import ConfigError, Study, given, load_study
 from gelforge.progress import tracked
 
 
@@ -29,11 +29,10 @@ def level(study: Path, level: int, laws: list[Path], out: Path) -> None:
         names = before["solved"] + before["more"]
     solved = solved_sites(described, cells, names, study_laws(described, laws))
     planned = [cell for cell in cells.values() if cell.between and cell.source is None]
-    decided = decide(solved, level, planned, described.plan.interpolation)
+    interpolation = given(described.plan.interpolation, "plan.interpolation")
+    decided = decide(solved, level, planned, interpolation)
     forget_later(described, cells, level, out)
-    write_product_json(
-        out, asdict(decided) | {"tolerance": described.plan.interpolation.model_dump(mode="json")}
-    )
+    write_product_json(out, asdict(decided) | {"tolerance": interpolation.model_dump(mode="json")})
     print(decided.words)
 
 
@@ -72,7 +71,10 @@ def derive(study: Path, number: int, laws: list[Path]) -> None:
         planned = cells[name]
         if planned.source:
             return mirror_cell(made(planned.source), described, by_material, planned)
-        return labels.cell(planned) if planned.between else checked_cell(described, cells[name], by_material)
+        if not planned.between:
+            return checked_cell(described, planned, by_material)
+        assert labels is not None  # read where one of the job's sites is between others
+        return labels.cell(planned)
 
     for name in tracked(chunks[number], "mirrored and interpolated sites"):
         write_cell(cell_path(described, name), made(name))
@@ -106,9 +108,13 @@ def solved_sites(study: Study, cells: dict, names: list[str], read: dict):
     from gelforge.indentation.planning.lattice import index_of, lattice_of
     from gelforge.interpolation.solved_sites import SolvedSites
 
-    lattice = lattice_of(study, cells)
+    lattice = given(lattice_of(study, cells), "plan.interpolation")
     laws = {name: law.law for name, law in read.items()}
-    solved = {index_of(name): solved_cell(study, cells, name, laws) for name in names}
+    solved = {}
+    for name in names:
+        at = index_of(name)
+        assert at is not None  # names are those of the lattice's places
+        solved[at] = solved_cell(study, cells, name, laws)
     others = any(cell.between and cell.depths_mm != lattice.depths_mm for cell in cells.values())
     return SolvedSites(lattice, study.sensor, study.indenter, solved, others)
 

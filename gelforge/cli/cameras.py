@@ -109,11 +109,14 @@ def camera_pose(
     known = load_camera(camera, **unposed) if camera else recording.session.camera
     if known is None:
         raise ConfigError(f"{session / 'session.yaml'}: no camera; describe it there or give --camera")
-    if plane_z_mm is None and study is None:
+    if plane_z_mm is not None:
+        plane = plane_z_mm
+    elif study is not None:
+        plane = particle_plane_mm(load_study(study).sensor)
+    else:
         raise ConfigError(
             "the height of the particles is not known; give --study with their layer, or --plane-z-mm"
         )
-    plane = particle_plane_mm(load_study(study).sensor) if plane_z_mm is None else plane_z_mm
     names, places, centres = press_centres(recording, known)
     pose = fit_pose(known, names, places, centres, plane)
     for line in pose_lines(pose, plane):

@@ -16,6 +16,7 @@ from gelforge.config import (
     Mesh,
     Study,
     VirtualLab,
+    given,
     load_session,
     load_virtual_lab,
     session_study,
@@ -77,7 +78,7 @@ class Costs:
 
     @cached_property
     def _truth(self) -> tuple[float, int]:
-        lab = load_virtual_lab(self.study.virtual_lab)
+        lab = load_virtual_lab(given(self.study.virtual_lab, "virtual_lab"))
         unknowns, _ = mesh_size(self.study, lab.mechanics.mesh, self.first)
         return cell_seconds(self.measured, unknowns), len(lab.unload_depths_mm)
 
@@ -100,7 +101,7 @@ class Costs:
 
     def drawn_indentation(self) -> float:
         """One indentation of the simulated training set, with its images; a path has about as many steps again."""
-        synthesis = self.study.synthesis
+        synthesis = given(self.study.synthesis, "synthesis")
         unknowns, _ = mesh_size(self.study, synthesis.mesh, self.first)
         steps = 3 * synthesis.steps  # sheared and unloaded ones have more
         drawing = IMAGE_S * synthesis.patterns * steps
@@ -224,7 +225,7 @@ def interpolation_cost(costs: Costs) -> tuple[float, str]:
     """Return the CPU seconds of the sites between which labels are interpolated, if two levels do, and a line about them."""
     from gelforge.indentation.planning.lattice import lattice_of
 
-    lattice = lattice_of(costs.study, costs.cells)
+    lattice = given(lattice_of(costs.study, costs.cells), "plan.interpolation")
     first, second = (len(lattice.representatives(lattice.level(n))) for n in (0, SECOND_LEVEL))
     words = f"between    {first} sites {lattice.spacing_mm:.3g} mm apart are solved and as many more as the tolerance needs"
     words += f" ({second} at half the spacing); {len(lattice.depths_mm)} depths each"

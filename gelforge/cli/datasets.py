@@ -17,18 +17,21 @@ def export(
     published: str | None,
 ) -> None:
     """Write a study's dataset in another format, and say what was written."""
-    from gelforge.config import load_study
+    from gelforge.config import ConfigError, load_study
     from gelforge.dataset.exports import format_of
     from gelforge.dataset.exports.export import Options, export_dataset
     from gelforge.dataset.exports.source import open_source
 
+    data: Path | None = None
+    fraction: float | None = None
     if study:
         described = load_study(study)
         folder, data = described.results_folder / "dataset", described.data_folder
         fraction = described.learning.validation_fraction
-    else:
+    elif results:
         folder = results if (results / "manifest.json").is_file() else results / "dataset"
-        data = fraction = None
+    else:
+        raise ConfigError("no dataset is named; give --study or --results")
     source = open_source(folder, images, data, fraction)
     if sample_mb is not None:
         source = source.sampled(sample_mb)

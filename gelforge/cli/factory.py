@@ -359,7 +359,7 @@ def own_labels(study: Study, cells: dict, laws: dict | None = None) -> dict:
     from gelforge.dataset.session_labels import OwnCells, OwnPresses
     from gelforge.indentation.solving.inputs import inputs_digest
 
-    found = {}
+    found: dict[str, OwnPresses | OwnCells] = {}
     for name in study.sessions:
         own = session_study(study, session_of(study, name))
         folder = study.results_folder / "sessions" / name

@@ -48,6 +48,7 @@ def run(command: str, quiet: bool = False) -> None:
         text=True,
         errors="replace",
     ) as process:
+        assert process.stdout is not None  # a pipe
         for line in process.stdout:
             print("" if quiet else line, end="")
             last = line.strip() or last

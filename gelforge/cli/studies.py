@@ -132,10 +132,10 @@ def missing_files(study: Study) -> list[str]:
     """Return the raw files that the study needs and that are not there; a virtual lab makes its own."""
     from gelforge.csv_table import read_csv
 
-    missing = []
+    missing: list[Path] = []
     for material in study.materials.values():
         if material.mapping:
-            missing += [path for path in (material.tests, material.mapping) if not path.exists()]
+            missing += [path for path in (material.tests, material.mapping) if path and not path.exists()]
         elif material.tests:
             samples = material.tests / "samples.csv"
             names = read_csv(samples, texts=("file",))["file"] if samples.is_file() else ["samples.csv"]
@@ -157,7 +157,8 @@ def check_data(study: Study, cells: dict, missing: list[str], errors: list[str])
     """
     from gelforge.materials.readers.material_source import source_of
 
-    doubtful, pressed = 0, set()
+    doubtful = 0
+    pressed: set[str] = set()
     for name, material in study.materials.items():
         if material.tests and not any(path.startswith(material.tests.as_posix() + "/") for path in missing):
             with noted(errors):

@@ -13,6 +13,7 @@ from gelforge.config.basis.common import (
     OldKey,
     Positive,
     Section,
+    given,
 )
 from gelforge.config.basis.variants import Variant
 from gelforge.config.parts.camera import Camera, Distortion, Port, Remap
@@ -98,6 +99,7 @@ __all__ = [
     "VirtualParticles",
     "VirtualSample",
     "VirtualSession",
+    "given",
     "load_camera",
     "load_section",
     "load_session",

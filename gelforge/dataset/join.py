@@ -355,11 +355,12 @@ def _session_rows(
     with open_features(path) as file:
         for press, rows in pressed.items():
             steps = _steps(path, press, rows, planned)
-            known = {step: labels(press, step) for step in sorted(set(steps))}
-            reason = next((label for label in known.values() if isinstance(label, str)), "")
+            found = {step: labels(press, step) for step in sorted(set(steps))}
+            reason = next((label for label in found.values() if isinstance(label, str)), "")
             if reason:
                 about.setdefault("failed_presses", {})[press] = reason
             else:
+                known = {step: label for step, label in found.items() if not isinstance(label, str)}
                 of_row = [known[step] for step in steps]
                 blocks.append(_press_rows(file, path, session, press, rows, planned, steps, of_row, split))
     return blocks

@@ -132,7 +132,7 @@ def _file(path: str | Path, whole_path: bool = False, **more) -> dict:
 
 def _check_one_dataset(shards: Sequence[str | Path], attributes: Sequence[dict]) -> None:
     """Raise DatasetError for shards of different studies or settings, or a cell in two of them."""
-    seen: dict[str, Path] = {}
+    seen: dict[str, str | Path] = {}
     for path, one in zip(shards, attributes):
         for name in ("study", "settings_digest", "split_seed", "test_fraction", "labels_only"):
             if one[name] != attributes[0][name]:

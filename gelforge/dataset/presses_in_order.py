@@ -201,7 +201,7 @@ def _resumed(part: Path, identity: str, shape: tuple[int, ...]) -> tuple[np.memm
 
 
 def _sum_of(labels: np.ndarray, done: int) -> str:
-    return hashlib.sha256(np.ascontiguousarray(labels[:done])).hexdigest()
+    return hashlib.sha256(np.ascontiguousarray(labels[:done]).data).hexdigest()
 
 
 def _keep(part: Path, progress: Progress) -> None:

@@ -76,7 +76,7 @@ def _timed(path: Trajectory, rows: pd.DataFrame, timing) -> Trajectory:
     last = np.flatnonzero(deepest)[-1] + 1
     depths = np.where(deepest, path.depths_mm[0], depths)[:last]
     times = times[:last] - times[0] + depths[0] / timing.speed_mm_per_s
-    way = path_through(depths, times, timing.step_mm)
+    way = path_through(depths.tolist(), times.tolist(), timing.step_mm)
     return path.changed(depths_mm=way.depths_mm, phases=way.phases, times_s=way.times_s)
 
 

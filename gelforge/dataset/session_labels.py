@@ -124,11 +124,12 @@ def cell_label(cell: Cell, step: int) -> Label:
 
 def sigma(cell: Cell, quantity: str) -> np.ndarray:
     """Return the standard deviation of a cell's "bin" or "total" forces, NaN for a cell without error bars."""
-    parts = [cell.arrays.get(f"{quantity}_sigma_{part}_N") for part in ("mesh", "material")]
-    if parts[0] is None:
-        return np.full_like(cell.arrays[f"{quantity}_force_N"], np.nan)
-    between = cell.arrays.get(f"{quantity}_sigma_interpolation_N", 0.0)
-    return np.sqrt(parts[0] ** 2 + parts[1] ** 2 + between**2)
+    arrays = cell.arrays
+    mesh = arrays.get(f"{quantity}_sigma_mesh_N")
+    if mesh is None:
+        return np.full_like(arrays[f"{quantity}_force_N"], np.nan)
+    between = arrays.get(f"{quantity}_sigma_interpolation_N", np.zeros(()))
+    return np.sqrt(mesh**2 + arrays[f"{quantity}_sigma_material_N"] ** 2 + between**2)
 
 
 def check_digest(path: str | Path, name: str, cell: Cell, expected: str | None) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gelforge.config import Camera, Study, VirtualImaging
+from gelforge.config import Camera, Study, VirtualImaging, given
 from gelforge.dataset.shard import writing_shard
 from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.solving.companion import simulate_label
@@ -36,8 +36,9 @@ def synthesise(study: Study, laws: dict, number: int, out: str | Path) -> str:
     bins = study.sensor.bins.nx * study.sensor.bins.ny
     solved = len(cell.arrays["depth_mm"])
     attributes = _attributes(study, drawn, cell)
+    patterns = given(study.synthesis, "synthesis").patterns if solved else 0
     with writing_shard(out, attributes, False, 2 * study.features.regions**2, bins) as writer:
-        for series in tracked(range(study.synthesis.patterns if solved else 0), "image series drawn"):
+        for series in tracked(range(patterns), "image series drawn"):
             writer.append(_rows(study, drawn, cell, series))
         rows = writer.rows
     reason = "" if cell.converged else f", ended early: {cell.attributes['reason']}"
@@ -45,7 +46,7 @@ def synthesise(study: Study, laws: dict, number: int, out: str | Path) -> str:
 
 
 def _attributes(study: Study, drawn: DrawnIndentation, cell: Cell) -> dict:
-    synthesis, planned = study.synthesis, drawn.planned
+    synthesis, planned = given(study.synthesis, "synthesis"), drawn.planned
     name = planned.name
     view = {
         "image_px": [synthesis.camera.width_px, synthesis.camera.height_px],
@@ -102,7 +103,7 @@ def _rows(study: Study, drawn: DrawnIndentation, cell: Cell, series: int) -> dic
 
 def _features(study: Study, drawn: DrawnIndentation, cell: Cell, series: int) -> Iterator[np.ndarray]:
     """Yield the features (2 m) of the untouched sensor and of each solved step, seen in one image series."""
-    synthesis = study.synthesis
+    synthesis = given(study.synthesis, "synthesis")
     rng = np.random.default_rng([synthesis.seed, drawn.number, series])
     particles = place_particles(
         synthesis.particles, study.sensor, f"{synthesis.seed}-{drawn.number}-{series}"
@@ -124,10 +125,11 @@ def _features(study: Study, drawn: DrawnIndentation, cell: Cell, series: int) ->
 
 def _view(study: Study, rng: np.random.Generator) -> tuple[Camera, VirtualImaging]:
     """Return camera and imaging of one image series, drawn about the study's."""
-    synthesis, views = study.synthesis, study.synthesis.views
-    camera, imaging = synthesis.camera, as_read(synthesis.imaging)
+    synthesis = given(study.synthesis, "synthesis")
+    views, camera, imaging = synthesis.views, synthesis.camera, as_read(synthesis.imaging)
     away = {
-        "focal_px": camera.focal_px * (1 + views.focal_share * rng.standard_normal()),
+        "focal_px": given(camera.focal_px, "synthesis.camera.focal_px")
+        * (1 + views.focal_share * rng.standard_normal()),
         "centre_px": list(np.add(camera.centre_px, views.centre_px * rng.standard_normal(2))),
         "rotation_deg": list(np.add(camera.rotation_deg, views.rotation_deg * rng.standard_normal(3))),
     }

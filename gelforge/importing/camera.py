@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from gelforge.config import given
 from gelforge.config.foreign.importing import CameraSource
 from gelforge.csv_table import read_csv
 from gelforge.importing.message_images import decoded, message_images
@@ -18,7 +19,7 @@ from gelforge.importing.refusals import ImportingError, refuse_pickle
 from gelforge.importing.streams import refuse_gaps, refuse_other_unit, stamps
 from gelforge.progress import Progress
 from gelforge.recording.imaging.frames import SUFFIXES
-from gelforge.units import UNITS, unit_named
+from gelforge.units import UNITS, known_unit
 
 SMALL_PX = 80  # width to which frames are reduced before they are compared
 KEPT_BYTES = 1_000_000_000  # of decoded frames: a longer film is decoded a second time for the chosen ones
@@ -39,11 +40,11 @@ class Film:
 
 def read_film(folder: Path, source: CameraSource) -> Film:
     """Return the times and changes of all frames, and the frames of a film that is not too long."""
-    path = folder / (source.video or source.frames)
+    path = folder / given(source.video or source.frames, "camera.video or camera.frames")
     names, container, change, size, first = [], [], [], None, None
     kept: list[np.ndarray] | None = None if path.is_dir() and not is_bag(path) else []
     with Progress("frames", None) as progress:
-        for name, time, image in _frames(path, source.topic):
+        for name, stamp, image in _frames(path, source.topic):
             if size is None:
                 size = image.shape[1::-1]
             elif image.shape[1::-1] != size:
@@ -55,7 +56,7 @@ def read_film(folder: Path, source: CameraSource) -> Film:
             first = small if first is None else first
             change.append(float(np.abs(small - first).mean()))
             names.append(name)
-            container.append(time)
+            container.append(stamp)
             kept = _with(kept, image)
             progress.advance()
     if len(names) < 20:
@@ -166,14 +167,14 @@ def _times(
         return container
     if source.from_name:
         return _times_in_names(path, source, names)
-    table_path = folder / source.times
+    table_path = folder / given(source.times, "camera.times")
     refuse_pickle(table_path)
-    column = source.time.column
-    iso = source.time.unit == "iso"
+    stamp = given(source.time, "camera.time")
+    iso = stamp.unit == "iso"
     if not iso:
-        refuse_other_unit(table_path, column, source.time.unit, "camera.time")
-    declared = {} if iso else {column: source.time.unit}
-    key = {"texts" if iso else "numbers": [column]}
+        refuse_other_unit(table_path, stamp.column, stamp.unit, "camera.time")
+    declared = {} if iso else {stamp.column: stamp.unit}
+    key = {"texts" if iso else "numbers": [stamp.column]}
     table = read_csv(table_path, **key, form=source.table.csv_form(declared))
     if len(table) != len(names):
         raise ImportingError(
@@ -185,11 +186,12 @@ def _times(
 
 def _times_in_names(path: Path, source: CameraSource, names: list[str]) -> np.ndarray:
     times = np.empty(len(names))
+    pattern, factor = given(source.from_name, "camera.from_name"), UNITS[known_unit(source.name_unit)][1]
     for i, name in enumerate(names):
-        found = re.search(source.from_name, name)
+        found = re.search(pattern, name)
         try:
-            times[i] = float(found.group(1)) * UNITS[unit_named(source.name_unit)][1]
-        except (AttributeError, ValueError, TypeError):
+            times[i] = float(found.group(1) if found else "") * factor
+        except (ValueError, TypeError):
             raise ImportingError(
                 f"{path / name}: camera.from_name {source.from_name!r} finds no number in this name; correct the pattern"
             ) from None

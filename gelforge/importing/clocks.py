@@ -109,7 +109,7 @@ def _best_level(depth: np.ndarray, height: np.ndarray) -> tuple[float, float, np
 def _finer_level(depth: np.ndarray, height: np.ndarray, level: float, lag: float) -> tuple[float, float]:
     """Return the surface's height [mm] and the power of depth that correlate best about one lag [s]."""
     step, best = np.ptp(depth) / (LEVELS + 1), (-1.0, level, POWER)
-    for shift in round(lag / GRID_S) + np.arange(-NEAR_STEPS, NEAR_STEPS + 1, 2):
+    for shift in range(round(lag / GRID_S) - NEAR_STEPS, round(lag / GRID_S) + NEAR_STEPS + 1, 2):
         a, b = max(0, -shift), min(len(depth), len(height) - shift)
         own, seen = depth[a:b], height[a + shift : b + shift]
         tries = np.linspace(level - 2 * step, min(level + step, own.max() - 0.1 * step), 61)
@@ -132,7 +132,7 @@ def _refuse_unlike(depth, times, signal, found: float, what: str, key: str) -> N
     others = {
         named: _best_level(way * depth, rise(times, sign * signal))[0] for named, (way, sign) in signs.items()
     }
-    named = max(others, key=others.get)
+    named = max(others, key=others.__getitem__)
     if others[named] > max(found, LEAST_CORRELATION):
         raise ImportingError(
             f"{what}: follows the stage with another sign (correlation {others[named]:.2f}, as declared {found:.2f});"

@@ -93,7 +93,7 @@ def import_logs(mapping_file: str | Path, name: str) -> Imported:
     push = -force_on_sensor(force.values, session.force)[:, 2]
     clock = _aligned(stage, found, force, push, mapping.force, "force", None)
     force_s, camera_clock, frames = clock.law.on_stage(force.time_s), None, None
-    if film:
+    if film and mapping.camera:
         source = Stream(film.path, film.start_s, film.time_s, film.change[:, None])
         camera_clock = _aligned(
             stage, found, source, film.change, mapping.camera, "camera", clock.match.contact_mm

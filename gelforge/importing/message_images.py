@@ -87,7 +87,9 @@ def decoded(path: Path) -> Iterator[tuple[float, np.ndarray]]:
         capture.release()
 
 
-def _video(path: Path, topic: str, suffix: str, first, rest) -> Iterator[tuple[str, float, np.ndarray]]:
+def _video(
+    path: Path, topic: str | None, suffix: str, first, rest
+) -> Iterator[tuple[str, float, np.ndarray]]:
     """Yield the frames of a stream of video, one per message. Raises ImportingError where their numbers differ."""
     stamps, number = [], 0
     with tempfile.TemporaryDirectory() as folder:

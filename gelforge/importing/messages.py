@@ -75,7 +75,7 @@ def field(message: Any, name: str) -> Any:
     return message
 
 
-def _number_in(message: Any, name: str, path: Path, topic: str) -> float:
+def _number_in(message: Any, name: str, path: Path, topic: str | None) -> float:
     try:
         found = field(message, name)
         return seconds(found) if _is_stamp(found) else float(found)

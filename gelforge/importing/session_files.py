@@ -71,8 +71,11 @@ def _rows(
         rows[-1] = _zero_row(press, zero, stage, at, xy) | {"frame": k}
         rows.sort(key=lambda row: row["time_s"])
     if not press.waits:
-        k, at = frames.near(press.top_s) if frames else (None, press.top_s)
-        rows.append(_row("load", at, xy, press.top_mm[2] - zero, frame=k))
+        frame: int | None = None
+        at = press.top_s
+        if frames:
+            frame, at = frames.near(press.top_s)
+        rows.append(_row("load", at, xy, press.top_mm[2] - zero, frame=frame))
     deepest, sideways = -np.inf, False
     for wait in press.waits:
         depth = round(wait.travel_mm - zero, 3)

@@ -108,7 +108,9 @@ def _rests(time: np.ndarray, xyz: np.ndarray, band: float, least_s: float) -> li
         int,
     )
     return [
-        (i, j) for i, j in zip(first, last) if j - i + 1 >= rows and np.ptp(xyz[i : j + 1, 2]) <= 2 * wide[2]
+        (i, j)
+        for i, j in zip(first.tolist(), last.tolist())
+        if j - i + 1 >= rows and np.ptp(xyz[i : j + 1, 2]) <= 2 * wide[2]
     ]
 
 

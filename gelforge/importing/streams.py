@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from gelforge.config import given
 from gelforge.config.foreign.importing import ForceSource, StageSource, Stamp
 from gelforge.config.foreign.mapping import TableForm
 from gelforge.csv_table import TableError, read_columns, read_csv
@@ -16,7 +17,7 @@ from gelforge.importing.gcode import gcode_table
 from gelforge.importing.messages import is_bag, message_table
 from gelforge.importing.refusals import ImportingError, refuse_pickle
 from gelforge.recording.plausibility.streams import COARSEST_TICK_S, spread_stamps
-from gelforge.units import UNITS, unit_named
+from gelforge.units import UNITS, known_unit, unit_named
 
 LEAST_ROWS = 20
 UNEVEN_S = 0.25  # off the straight line through stamps that are declared even: samples were lost
@@ -93,7 +94,7 @@ def _read(
     made = source.gcode if isinstance(source, StageSource) else None
     time = stamps(path, table, source.time, (made or source).rate_hz, source.even, key)
     refuse_gaps(path, time, key)
-    factor = UNITS[unit_named(next(iter(units.values())))][1]
+    factor = UNITS[known_unit(next(iter(units.values())))][1]
     return Stream(path, float(time[0]), time - time[0], table[list(units)].to_numpy(float) * factor)
 
 
@@ -150,10 +151,11 @@ def stamps(
     """Return the times (n,) [s] of the rows of a table, as its clock shows them; shared stamps are spread."""
     if rate_hz:
         return np.arange(len(table)) / rate_hz
+    stamp = given(stamp, f"{key}.time")
     if stamp.unit == "iso":
         time = _iso(path, table, stamp.column)
     else:
-        time = table[stamp.column].to_numpy(float) * UNITS[unit_named(stamp.unit)][1]
+        time = table[stamp.column].to_numpy(float) * UNITS[known_unit(stamp.unit)][1]
     if even:
         return _even(path, time, key)
     backward = np.flatnonzero(np.diff(time) < 0)

@@ -84,8 +84,8 @@ def find_bends(
                 bend = _bend(log_s, travel, excursion, k, side, signal_s, signal, lag, contact_mm)
                 if bend is not None:
                     rows.append((at, *bend, number))
-    at, lag, sd, number = np.array(rows).T if rows else np.zeros((4, 0))
-    return Bends(at, lag, sd, number.astype(int))
+    ats, lags, sds, numbers = np.array(rows).T if rows else np.zeros((4, 0))
+    return Bends(ats, lags, sds, numbers.astype(int))
 
 
 def _local_lag(log_s, travel, excursion, signal_s, signal, match, contact_mm) -> float | None:

@@ -25,15 +25,15 @@ from gelforge.interpolation.weights import depth_weights, nearest, place_weights
 from gelforge.mechanics.indenters.shapes import Sphere
 
 SITE_PART = 1.0  # of the difference of a site that is left out alone
-LINE_PART = {
+LINE_PART: Mapping[str, float | np.ndarray] = {
     "bin": 0.35,
     "total": np.array([0.6, 0.6, 0.4]),
 }  # of that of a site that is left out with its line
 # Instead of LINE_PART in the outermost cells of the lattice, which sites enclose on one side only; x, y, z of totals. A
 # spacing of half the height and more is no small one beside a wall: the next half changes more than an order says.
-END_PART = {"bin": 0.7, "total": np.array([1.2, 1.2, 1.7])}
+END_PART: Mapping[str, float | np.ndarray] = {"bin": 0.7, "total": np.array([1.2, 1.2, 1.7])}
 FINE_LEVEL = 2  # from which spacings are small
-FINE_END_PART = {"bin": 0.6, "total": 0.8}
+FINE_END_PART: Mapping[str, float | np.ndarray] = {"bin": 0.6, "total": 0.8}
 # Of the mesh's bar of bins: between sites on meshes laid out for each place lies their scatter, however near they are.
 MESH_PART = 0.25
 DEPTH_PART = 0.4  # of the difference of a depth that is left out, between two depths
@@ -115,7 +115,7 @@ class SolvedSites:
     def _site(self, at: Index, image: Index, cell: Cell) -> Site:
         place, name = self.lattice.place(image), name_of(at)
         if not cell.converged:
-            return Site(name, place, None, *np.zeros((2, 0, 3)), {})
+            return Site(name, place, None, np.zeros((0, 3)), np.zeros((0, 3)), {})
         symmetry, arrays = self.lattice.symmetry_to(at, image), cell.arrays
         known = {
             f"{quantity}_{part}": arrays[f"{quantity}_sigma_{part}_N"]
@@ -307,7 +307,7 @@ class SolvedSites:
                 return None
             places = np.array([self.sites[at].place for at in known_at])
             chosen = nearest(places, position)[:NEIGHBOURS]
-            total = 0.0
+            total = np.zeros(())
             for number, weight in zip(chosen, positive_weights(places[chosen], position)):
                 values = mixed(by_place[known_at[number]][key])
                 if by_place is self.squares:
@@ -324,7 +324,7 @@ class SolvedSites:
             for own in OWN:
                 if (bar := carried(f"{quantity}_{own}", bars)) is not None:
                     found[f"{quantity}_{own}"] = bar
-            square = 0.0
+            square = np.zeros(())
             for kind, part in (("", SITE_PART), ("_line", line_part[quantity])):
                 if (left_out := carried(quantity + kind, self.squares)) is not None:
                     square = square + np.square(part) * left_out

@@ -95,7 +95,9 @@ class LiveForce:
         self.remapped = remap_to(self.settings.get("views") or {}, camera, plane_z_mm, crop_px, self.scale)
         bins = self.settings["bins"]
         self.grid = bins["nx"], bins["ny"], np.array(self.settings["sensor_width_mm"])
-        self.zero, self.extract, self.look = -1, None, None
+        self.zero = -1
+        self.extract: FlowFeatures | None = None  # from the frame of zero force
+        self.look: Look | None = None  # of that frame
         if reference is not None:
             self.take_reference(Frame("reference", 0.0, reference))
 
@@ -139,6 +141,9 @@ class LiveForce:
             marks.append(time.perf_counter())
             return value
 
+        assert (
+            self.extract is not None and self.look is not None
+        )  # __call__ has taken the frame of zero force
         model = self.predictor.model
         image = mark(self.image_of(shot.frame))
         flow = mark(self.extract.flow(image))

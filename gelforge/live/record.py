@@ -94,7 +94,7 @@ class Recorder:
         if not readings:
             return
         missing = {"half": np.full(3, np.nan), "cop": np.full(2, np.nan)}
-        rows = {
+        rows: dict[str, list] = {
             "number": [r.number for r in readings],
             "t_capture": [r.t_capture for r in readings],
             "zero": [r.zero for r in readings],

@@ -93,7 +93,7 @@ def run_live(
 
     Raises ImageError where the camera stops, after clients were warned. Unusable frames are reported and passed over.
     """
-    run, rates, said = Run(server, force, folder or Path(RECORDINGS), say), Rates(), set()
+    run, rates, said = Run(server, force, folder or Path(RECORDINGS), say), Rates(), set[str]()
     with Capture(open_source) as capture:
         if folder:
             run.start_recording()

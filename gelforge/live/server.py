@@ -51,7 +51,7 @@ def why_refused(host: str | None, origin: str | None) -> str:
         return f"host {host!r} or origin {origin!r} is no address"
     if name is None or not (name in ("localhost", socket.gethostname().lower()) or _is_address(name)):
         return f"host {host!r} is not this machine's name or address; open the page by its address"
-    if page is not None and page != host.lower():
+    if page is not None and page != (host or "").lower():
         return f"a page of {origin!r} may not read this stream; open the server's own page"
     return ""
 
@@ -83,7 +83,7 @@ class Server:
             self._finish()
             words = {errno.EADDRINUSE: "is in use; give another --port, or end the program that holds it"}
             why = words.get(
-                error.errno, f"cannot be served on ({error.strerror}); give another --host or --port"
+                error.errno or 0, f"cannot be served on ({error.strerror}); give another --host or --port"
             )
             raise LiveError(f"port {self.port} of {self.host} {why}") from None
         except OverflowError:
@@ -182,6 +182,7 @@ class Server:
 
     async def _client(self, client: ServerConnection) -> None:
         """Send to one client until it goes, and take its commands."""
+        assert client.request is not None  # the handshake is over
         asked = parse_qs(urlsplit(client.request.path).query)
         slot = _Slot(client, asked.get("field", ["0"])[-1] == "1", _rate(asked))
         try:
@@ -231,7 +232,7 @@ class _Slot:
 
     def __init__(self, client: ServerConnection, field: bool, rate: float):
         self.client, self.field, self.pause_s = client, field, 1 / rate
-        self._message: dict | None = None
+        self._message: dict = {}  # none until _there is set
         self._there = asyncio.Event()
 
     def put(self, message: dict) -> None:

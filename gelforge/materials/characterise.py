@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from gelforge.config import Fitting, Material
+from gelforge.config import Fitting, Material, given
 from gelforge.files import digest, file_sha256, write_json, write_product_table, write_table, write_text
 from gelforge.materials.covariates.circumstances import CIRCUMSTANCES, circumstance_effects
 from gelforge.materials.covariates.history_effects import cycle_effects, lateral_effects, relaxation_effects
@@ -65,9 +65,10 @@ class Characterised:
     @property
     def summary(self) -> str:
         """Return in a few lines which law was chosen, why, what to beware of, and the effects' sentences."""
-        lines, warnings = [f"{self.name}: no law is fitted"], ()
+        lines: list[str] = [f"{self.name}: no law is fitted"]
+        warnings: list[str] = []
         if self.comparison:
-            fit, warnings = self.comparison.chosen.fit, self.comparison.warnings
+            fit, warnings = self.comparison.chosen.fitted, self.comparison.warnings
             lines = [
                 f"{self.name}: {self.comparison.reason}",
                 f"  E = {fit.law.youngs_modulus * 1e3:.4g} kPa; R2 of the nominal stress: "
@@ -84,7 +85,7 @@ def characterise(name: str, material: Material, folder: Path, study: str = "") -
     """Write the results of a study's material, its laws with the study's name; the same inputs give the same bytes."""
     if material.parameters is None:
         try:
-            source = replace(source_of(name, material.tests, material.mapping), study=study)
+            source = replace(source_of(name, given(material.tests, "tests"), material.mapping), study=study)
             characterise_source(source, material, folder)
         except FitError as error:
             raise FitError(f"{material.tests}: {error}") from None
@@ -121,7 +122,7 @@ def characterise_source(
     others = []
     if found.comparison:
         others = _write_laws(folder, source, found.comparison, list(found.notes), inputs)
-        _write_curves(folder, curve_table(found.tests, found.curves, found.comparison.chosen.fit.law))
+        _write_curves(folder, curve_table(found.tests, found.curves, found.comparison.chosen.fitted.law))
         write_table(folder, "laws", found.comparison.table())
         write_table(folder, "parameters", parameters_table(source.name, found, fitting.bootstrap, workers))
     _write_effects(folder, found.effects, inputs, source.synthetic)
@@ -161,7 +162,7 @@ def fits_of(source: MaterialSource, fitting: Fitting, law_needed: bool = True) -
             comparison = compare_laws(curves, fitting.laws, fitting.loss, fitting.choose)
         except FitError as error:
             raise FitError(f"{source.name}: {error}") from None
-        notes += [text for curve in curves for text in scatter(curve, comparison.chosen.fit.law)]
+        notes += [text for curve in curves for text in scatter(curve, comparison.chosen.fitted.law)]
     effects = measured_effects(source)
     notes += _cut_short(tests, curves)
     notes += _averaged(tests, effects)
@@ -177,12 +178,11 @@ def inputs_of(source: MaterialSource, fitting: Fitting) -> str:
 def measured_effects(source: MaterialSource) -> MeasuredEffects:
     """Return what the tests of a material say about each effect, and why others could not be judged."""
     tests, found, not_judged = list(source.tests), [], []
-    judges = [(small_effects, source.small)]
+    judged = []
     if tests:
         of_tests = (circumstance_effects, relaxation_effects, cycle_effects, lateral_effects)
-        judges = [*((judge, tests) for judge in of_tests), *judges]
-    for judge, measured in judges:
-        effects, reasons = judge(measured)
+        judged = [judge(tests) for judge in of_tests]
+    for effects, reasons in [*judged, small_effects(source.small)]:
         found += effects
         not_judged += reasons
     return MeasuredEffects(source.name, tuple(found), tuple(dict.fromkeys(not_judged)))
@@ -229,11 +229,11 @@ def parameters_table(name: str, found: Fits, bootstrap: int = 0, workers: int = 
     assert comparison is not None, "the caller has checked that something was fitted"
     tables = []
     for candidate in (c for c in comparison.candidates if c.fit):
-        table = material_table([material_law(name, candidate.fit, "", False)])
+        table = material_table([material_law(name, candidate.fitted, "", False)])
         tables.append(table.assign(law=candidate.name, chosen=candidate is comparison.chosen))
     table = pd.concat(tables, ignore_index=True)
     if bootstrap:
-        return with_bootstrap(table, found.curves, comparison.chosen.fit, bootstrap, workers)
+        return with_bootstrap(table, found.curves, comparison.chosen.fitted, bootstrap, workers)
     return table
 
 
@@ -307,7 +307,7 @@ def _write_laws(
         chosen = candidate is comparison.chosen
         path = folder / ("law.json" if chosen else f"laws/{candidate.name}.json")
         kept = (*notes, *comparison.misfit, *comparison.identifiability) if chosen else notes
-        law = material_law(source.name, candidate.fit, inputs, source.synthetic, kept)
+        law = material_law(source.name, candidate.fitted, inputs, source.synthetic, kept)
         write_law(path, replace(law, study=source.study))
         others += [] if chosen else [path]
     return others

@@ -176,7 +176,8 @@ def pressed_with_friction(friction: float, nu: float, rings: int = 200) -> Press
 
     def tractions(sticking: int) -> tuple[np.ndarray, np.ndarray]:
         system = np.vstack([down, outward[:sticking], sliding[sticking:]])
-        return np.split(np.linalg.solve(system, np.repeat([1.0, 0.0], rings)), 2)
+        solution = np.linalg.solve(system, np.repeat([1.0, 0.0], rings))
+        return solution[:rings], solution[rings:]
 
     low, high = 1, rings  # low rings stick, high do not all
     while high - low > 1:

@@ -76,7 +76,7 @@ def _check_together(solids: Solids, pairs: dict[tuple[int, int], Pair], near: fl
         held = held.union(*grown)
     for k in (k for k in range(len(solids.names)) if k not in held):
         gaps = {other: pairs[min(k, other), max(k, other)].gap for other in held}
-        nearest = min(gaps, key=gaps.get)
+        nearest = min(gaps, key=gaps.__getitem__)
         raise SurfaceError(
             f"the solids of {solids.names[nearest]} and {solids.names[k]} do not touch, they are {gaps[nearest]:.3g} mm "
             "apart, and the latter floats: draw them so that their faces touch or that the outer one encloses the inner one"

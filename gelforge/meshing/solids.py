@@ -128,11 +128,11 @@ def _dome(axes: np.ndarray, offset: float, step: float) -> tuple[np.ndarray, np.
             c = start[k - 1] + (side * (k - 1) + j) % inner
             d = start[k - 1] + (side * (k - 1) + j + 1) % inner
             faces += [np.stack([c, a, b], -1), np.stack([c, b, d], -1)[:-1]]
-    sphere, faces = np.concatenate(points), np.concatenate(faces)
+    sphere = np.concatenate(points)
     normal = sphere / axes
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     vertices = sphere * axes - offset * normal
     rim = start[rings] + np.arange(6 * rings)
     base = np.stack([np.full(len(rim), len(vertices)), np.roll(rim, -1), rim], axis=-1)
     vertices = np.concatenate([vertices, [[0.0, 0.0, 0.0]]]) + [axes[0], axes[1], -axes[2]]
-    return vertices, np.concatenate([faces, base])
+    return vertices, np.concatenate([*faces, base])

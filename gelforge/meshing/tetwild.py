@@ -106,7 +106,10 @@ def _compiled_module():
     if package is None:
         raise TetwildError("pytetwild is not installed; pip install pytetwild")
     name = "PyfTetWildWrapper"
-    spec = importlib.machinery.PathFinder.find_spec(name, list(package.submodule_search_locations))
+    folders = list(package.submodule_search_locations or [])
+    spec = importlib.machinery.PathFinder.find_spec(name, folders)
+    if spec is None or spec.loader is None:
+        raise TetwildError(f"pytetwild has no compiled module {name} in {folders}; install it again")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

@@ -15,7 +15,7 @@ from gelforge.mechanics.indenters.closed_surface import ClosedSurface
 from gelforge.mechanics.indenters.shapes import DOWN
 from gelforge.meshing.solids import Solids
 from gelforge.report.figures.silhouette import draw_indenter
-from gelforge.report.figures.style import INK, SURROUND, new_figure, region_colours, styled
+from gelforge.report.figures.style import INK, SURROUND, Style, new_figure, region_colours, styled
 
 BASE, ROOM = 0.06, 0.16  # height of the drawn base and room of a dimension line, over the larger width
 
@@ -88,9 +88,10 @@ def section_loops(surface: ClosedSurface, axis: int, at: float) -> list[np.ndarr
     for a, b in (map(tuple, pair) for pair in ends):
         neighbours.setdefault(a, []).append(b)
         neighbours.setdefault(b, []).append(a)
-    loops = []
+    loops: list[np.ndarray] = []
     while neighbours:
-        edge, loop = next(iter(neighbours)), []
+        edge: tuple | None = next(iter(neighbours))
+        loop: list[tuple] = []
         while edge is not None:
             loop.append(edge)
             edge = next((other for other in neighbours.pop(edge) if other in neighbours), None)
@@ -120,7 +121,7 @@ def _dimensions(ax: Axes, sensor: Sensor, width: float, unit: float) -> None:
         _dimension(ax, (x, bottom), (x, bottom + layer.thickness_mm), f"{layer.thickness_mm:g}")
         bottom += layer.thickness_mm
     if sensor.shape.kind == "block" and sensor.wall_mm and len(sensor.layers) > 1:
-        place = {"textcoords": "offset points", "fontsize": 8.5, "ha": "left", "va": "bottom"}
+        place: Style = {"textcoords": "offset points", "fontsize": 8.5, "ha": "left", "va": "bottom"}
         arrow = {"arrowstyle": "-", "color": INK, "lw": 0.6}
         ax.annotate(
             f"wall {sensor.wall_mm:g} mm", (sensor.wall_mm / 2, low / 2), (-4, 42), arrowprops=arrow, **place
@@ -131,8 +132,8 @@ def _dimension(ax: Axes, start: tuple[float, float], end: tuple[float, float], t
     """Draw a line with an arrow at each end, and its text below or at its side."""
     arrow = {"arrowstyle": "<|-|>", "color": INK, "lw": 0.8, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7}
     ax.annotate("", end, start, arrowprops=arrow)
-    middle = (np.array(start) + end) / 2
-    place = {"textcoords": "offset points", "fontsize": 8.5}
+    middle = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2
+    place: Style = {"textcoords": "offset points", "fontsize": 8.5}
     if start[0] == end[0]:
         ax.annotate(text, middle, (5, 0), ha="left", va="center", **place)
     else:

@@ -40,7 +40,7 @@ def absolute(quantity: str, source: str, reference: float, found: float, limit: 
     return Check(quantity, source, float(reference), float(found), float(abs(found - reference)), limit)
 
 
-def vanishing(quantity: str, source: str, found: float, limit: float) -> Check:
+def vanishing(quantity: str, source: str, found: float | np.floating, limit: float) -> Check:
     """Return a check of something that should be zero; found is a size, already made dimensionless."""
     return Check(quantity, source, 0.0, float(found), float(np.abs(found)), limit)
 

@@ -126,6 +126,7 @@ def contact_patch() -> list[Check]:
     )
     (state,) = follow(press, (2.0, 2.0), [depth])
     top = mesh.X[mesh.surface.nodes, 2] > -1e-9
+    assert mesh.ties is not None  # the mesh is refined around the contact
     area = mesh.ties.T @ lumped_area(
         mesh.X, mesh.surface.faces
     )  # of the top alone: rim nodes own side faces too
@@ -183,11 +184,14 @@ ROUNDING = Settings(force_tolerance=1e-11, gap_tolerance=1e-11, volume_tolerance
 FRICTIONLESS = replace(ROUNDING, friction=0.0)
 
 
-def sensor_press(position=POSITION, settings=ROUNDING) -> Press:
+BALL_MM = 5.0  # radius
+
+
+def sensor_press(position: tuple[float, float] = POSITION, settings: Settings = ROUNDING) -> Press:
     """Return the press of a small two-layer sensor with a wall, off its centre, by a ball."""
     block = Block(WIDTH, WIDTH, (("gel", 3.0), ("skin", 1.0)), wall=1.0)
     mesh = layered_block(block, *position, Sizes(near=1.0, near_radius=2.5, growth=0.3, far=2.0))
-    return Press(Body(mesh, {"gel": GEL, "skin": SKIN, "wall": SKIN}, 1000.0), Sphere(5.0), settings)
+    return Press(Body(mesh, {"gel": GEL, "skin": SKIN, "wall": SKIN}, 1000.0), Sphere(BALL_MM), settings)
 
 
 def balances() -> list[Check]:
@@ -195,7 +199,7 @@ def balances() -> list[Check]:
     press = sensor_press()
     states = follow(press, POSITION, DEPTHS)
     force = max(force_balance(state) for state in states)
-    moment = max(moment_balance(press.body.mesh, state, press.indenter.radius) for state in states)
+    moment = max(moment_balance(press.body.mesh, state, BALL_MM) for state in states)
     return [
         vanishing("contact plus reaction forces, over the force", "equilibrium", force, 1e-10),
         vanishing("their moment about the ball, over force x radius", "equilibrium", moment, 1e-10),
@@ -238,7 +242,7 @@ def energy_and_cycle() -> list[Check]:
     force = -middle.force[2]
     opened = float(np.linalg.norm(back.force - there.force) / np.linalg.norm(there.force))
     normals = middle.normal_force, press.body.mesh.X[press.surface] + middle.u[press.surface] - middle.centre
-    moment = np.linalg.norm(np.cross(*normals[::-1]).sum(axis=0)) / (force * press.indenter.radius)
+    moment = np.linalg.norm(np.cross(*normals[::-1]).sum(axis=0)) / (force * BALL_MM)
     return [
         # central differences are wrong by h^2 F''/6, about (h/depth)^2 / 6
         relative("d(energy)/d(depth) [N]", "the ball's force", force, slope, 1e-4),

@@ -58,9 +58,9 @@ class BoardCamera:
         places = [np.where(ahead, scale * part / safe + m, -1e4) for part, m in zip((x, y), middle)]
         camera = self.camera
         shape = (camera.height_px * FINER, camera.width_px * FINER)
-        maps = [np.clip(part, -1e4, 1e4).astype(np.float32).reshape(shape) for part in places]
+        map_x, map_y = (np.clip(part, -1e4, 1e4).astype(np.float32).reshape(shape) for part in places)
         seen = cv2.remap(
-            self.flat, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=GROUND
+            self.flat, map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=GROUND
         )
         mean = cv2.resize(
             seen.astype(np.float32), (camera.width_px, camera.height_px), interpolation=cv2.INTER_AREA

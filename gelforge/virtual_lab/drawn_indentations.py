@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from gelforge.config import ConfigError, Indenter, Study
+from gelforge.config import ConfigError, Indenter, Study, given
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.planning.plan import check_inside
 
@@ -32,7 +33,7 @@ def draw_indentation(study: Study, number: int) -> DrawnIndentation:
 
     Draws that the sensor cannot take (too deep, off its edge) are drawn again. Raises ConfigError where none fits.
     """
-    synthesis = study.synthesis
+    synthesis = given(study.synthesis, "synthesis")
     rng = np.random.default_rng([synthesis.seed, number])
     last = None
     for _ in range(TRIES):
@@ -53,11 +54,11 @@ def draw_indentation(study: Study, number: int) -> DrawnIndentation:
 
 
 def _with(study: Study, indenter: Indenter) -> Study:
-    changed = {
+    changed: dict[str, Any] = {
         "error_bars": False,
         "store_displacement": True,
         "sensitivities": [],
-        "mesh": study.synthesis.mesh,
+        "mesh": given(study.synthesis, "synthesis").mesh,
     }
     mechanics = study.mechanics.model_copy(update=changed)
     plan = study.plan.model_copy(update={"symmetry": "none"})
@@ -65,7 +66,7 @@ def _with(study: Study, indenter: Indenter) -> Study:
 
 
 def _indenter(rng: np.random.Generator, study: Study) -> tuple[str, Indenter]:
-    shapes = study.synthesis.shapes
+    shapes = given(study.synthesis, "synthesis").shapes
     kinds = ("own", "ball", "punch", "edge", "pair", "mesh")
     weights = np.array([getattr(shapes, kind) for kind in kinds])
     kind = str(rng.choice(kinds, p=weights / weights.sum()))
@@ -104,7 +105,7 @@ def _path(rng: np.random.Generator, study: Study, name: str, turns: bool) -> Pla
 
     turns: whether a tilt says anything.
     """
-    synthesis, sensor = study.synthesis, study.sensor
+    synthesis, sensor = given(study.synthesis, "synthesis"), study.sensor
     margin = synthesis.margin_mm
     x, y = (round(float(rng.uniform(margin, w - margin)), 4) for w in (sensor.width_x_mm, sensor.width_y_mm))
     deepest, count = _within(rng, synthesis.depth_mm), synthesis.steps

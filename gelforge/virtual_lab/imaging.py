@@ -6,7 +6,7 @@ import cv2
 import numba
 import numpy as np
 
-from gelforge.config import Camera, VirtualImaging
+from gelforge.config import Camera, VirtualImaging, given
 from gelforge.recording.optics.camera import project, px_per_mm
 
 AMBIENT = 0.45  # share of light that reaches a ball's rim; the lamps stand around the lens, so its middle is brightest
@@ -21,7 +21,7 @@ SLABS = 8  # of equal height in which particles are blurred alike where the opti
 
 def picture(camera: Camera, imaging: VirtualImaging, centres: np.ndarray, diameter_mm: float) -> np.ndarray:
     """Return what the camera shows, noise-free as `draw`: (H, W) in grey, or (H, W, 3) in blue, green, red."""
-    if imaging.particle_rgb is None:
+    if imaging.particle_rgb is None or imaging.background_rgb is None:  # both or neither
         return draw(camera, imaging, centres, diameter_mm)
     colours = list(zip(imaging.background_rgb, imaging.particle_rgb))[::-1]
     return np.dstack(
@@ -60,7 +60,9 @@ def draw(camera: Camera, imaging: VirtualImaging, centres: np.ndarray, diameter_
     nearness = (distance.max() - distance) / max(np.ptp(distance), 1e-9)
     contrast = imaging.particle_grey - imaging.background_grey
     brightness = imaging.background_grey + contrast * (1 - FADE + FADE * nearness)
-    image = np.full((camera.height_px, camera.width_px), imaging.background_grey, dtype=np.float32)
+    image: np.ndarray = np.full(
+        (camera.height_px, camera.width_px), imaging.background_grey, dtype=np.float32
+    )
     ordered = pixels[far_first], radius[far_first], brightness[far_first]
     if imaging.defocus_px_per_mm > 0:
         image = _out_of_focus(image, ordered, centres[far_first, 2], imaging)
@@ -79,7 +81,7 @@ def discs(
     """Return middle (P, 2) [px], distance (P,) [mm] and radius (P,) [px] of the discs that balls at centres (P, 3) show."""
     pixels, distance = project(camera, centres)
     if camera.distortion is None and camera.port is None and camera.focal_y_px is None:
-        return pixels, distance, camera.focal_px * diameter_mm / (2 * distance)
+        return pixels, distance, given(camera.focal_px, "camera.focal_px") * diameter_mm / (2 * distance)
     return pixels, distance, px_per_mm(camera, centres) * diameter_mm / 2
 
 

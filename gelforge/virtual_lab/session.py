@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -171,7 +171,10 @@ def random_presses(lab_session: VirtualSession, cells: list[PlannedCell]) -> lis
         for index in order
     ]
     starts = np.concatenate([[0.0], np.cumsum(lasts)])
-    return [Press(number, *every[index], float(starts[number])) for number, index in enumerate(order)]
+    return [
+        Press(number, cell, depth, float(starts[number]))
+        for number, (cell, depth) in enumerate(every[index] for index in order)
+    ]
 
 
 def path_times(cell: PlannedCell) -> np.ndarray:
@@ -307,6 +310,7 @@ def _record_cell(
     """Write the images of one cell's presses and return their rows."""
     planned = presses[0].cell
     cell = read_truth(truth_folder, planned)
+    truth: Motion | PathMotion
     if planned.follows_a_path:
         truth = path_motion(cell, bench.particles)
     else:
@@ -329,6 +333,7 @@ def _record_press(bench: Bench, truth: Motion | PathMotion, images: Path, press:
     def drawn(displacement: np.ndarray) -> np.ndarray:
         return picture(lab.camera, lab.imaging, bench.particles + displacement, lab.particles.diameter_mm)
 
+    touched: Iterator[np.ndarray]
     if isinstance(truth, PathMotion):
         rows, on_sensor = path_rows(press, truth, deeper_mm, bench)
         touched = (drawn(truth.deeper(step, deeper_mm)[0]) for step in range(len(truth.depth_mm)))

@@ -51,10 +51,10 @@ def true_presses(
     """
     made = _made_presses(lab, cells)
     wanted = sorted(set(recorded), key=lambda press: press[2])
-    for session, press, cell in wanted:
-        if (session, press) not in made or made[session, press][1].cell.name != cell:
+    for session, press, name in wanted:
+        if (session, press) not in made or made[session, press][1].cell.name != name:
             raise VirtualLabError(
-                f"session {session}: press {press} of cell {cell} is none of this virtual lab's; record the session again "
+                f"session {session}: press {press} of cell {name} is none of this virtual lab's; record the session again "
                 "(gelforge virtual-session)"
             )
     particles = place_particles(lab.particles, study.sensor, lab.serial)

@@ -7,15 +7,16 @@ from gelforge.files import digest, source_digest
 from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.simulate import Trajectory, simulate_trajectory
+from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.virtual_lab.particles import VirtualLabError
 
 KPA = 1e-3  # MPa
 
 
-def true_laws(study: Study, lab: VirtualLab) -> dict[str, Ogden]:
+def true_laws(study: Study, lab: VirtualLab) -> dict[str, PrincipalLaw]:
     """Return the laws of the virtual sensor by layer [MPa]: those of its coupons times the concealed factor."""
-    laws = {}
+    laws: dict[str, PrincipalLaw] = {}
     for layer in study.sensor.layers:
         coupon = lab.materials[layer.material]
         factor = KPA * lab.stiffness_scale.get(layer.name, 1.0)

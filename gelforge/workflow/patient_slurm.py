@@ -14,6 +14,7 @@ import shlex
 import subprocess
 import time
 from collections.abc import Callable
+from typing import Any
 
 from snakemake_interface_executor_plugins.utils import format_cli_value
 
@@ -21,10 +22,10 @@ PING = ["scontrol", "ping"]
 PATIENCE_S = 10  # between two questions whether the controller is back
 
 
-def make_patient(executor: type, minutes: Callable[[float, int], int]) -> None:
+def make_patient(executor: Any, minutes: Callable[[float, int], int]) -> None:
     """Change a class of Slurm executors: see above. minutes(seconds, attempt): what to ask of Slurm."""
     submit, check = executor.run_job, executor.check_active_jobs
-    if getattr(submit, "is_patient", False):
+    if getattr(executor, "is_patient", False):
         return
 
     def run_job(self, job):
@@ -55,7 +56,7 @@ def make_patient(executor: type, minutes: Callable[[float, int], int]) -> None:
             if id(job_info) not in ended:
                 yield job_info
 
-    run_job.is_patient = True
+    executor.is_patient = True
     executor.run_job, executor.check_active_jobs = run_job, check_active_jobs
 
 

@@ -63,7 +63,7 @@ def shape_of(name):
     """Return number and shape of what has several: the first, of places the nearest to the press; nothing of others."""
     if not isinstance(CATALOGUE[name].to_forces, FirstOrderAt):
         return None, {}
-    shapes = CATALOGUE[name].shapes(Context(base(STICKS), None, None, None, {}))
+    shapes = CATALOGUE[name].shapes(Context.before_readings(base(STICKS)))
     if "x_mm" not in shapes[0]:
         return 0, shapes[0]
     away = [np.hypot(shape["x_mm"] - PLACE[0], shape["y_mm"] - PLACE[1]) for shape in shapes]

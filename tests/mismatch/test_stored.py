@@ -46,7 +46,7 @@ def stored(study, tmp_path_factory):
 
 def task(solver, x, y, depths):
     effects = [one for one in effects_of_forces(solver.study).values() if one.name in TRIED]
-    asked = list(asked_of(solver, effects, Context(solver.study, None, None, None, {})))
+    asked = list(asked_of(solver, effects, Context.before_readings(solver.study)))
     planned = PlannedCell("", x, y, depths)
     return solver, planned, felt_by(asked, planned)
 

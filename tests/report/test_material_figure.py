@@ -32,14 +32,14 @@ def test_samples_mean_and_model_meet_in_the_panel(fitted):
     lines = ax.get_lines()
     assert [line.get_label() for line in lines if not line.get_label().startswith("_")] == [
         "samples",
-        "Ogden law",
-        "mean of samples",
+        "Ogden model",
+        "mean of specimens",
     ]
     for line in lines:  # all end at stretch 2 with the Cauchy stress 20 (4 - 1/2) = 70 kPa
         # six digits in the file
         assert (line.get_xdata()[-1], line.get_ydata()[-1]) == pytest.approx((2, 70), rel=1e-4)
     assert "R² = 0.9999" in texts(ax) or "R² = 1.0000" in texts(ax)
-    assert "2 samples" in texts(ax)
+    assert "2 specimens" in texts(ax)
     assert ax.get_ylabel() == "Cauchy stress [kPa]"
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 from pydantic import AfterValidator
 
@@ -19,6 +19,7 @@ __all__ = [
     "OldKey",
     "Positive",
     "Section",
+    "given",
     "without_former",
 ]
 NAME = re.compile(r"[A-Za-z0-9_-]+")
@@ -30,6 +31,16 @@ class ConfigError(ValueError):
 
 class OldKey(FutureWarning):
     """A key of an earlier version that is still read: as what, and what to write in its place."""
+
+
+Part = TypeVar("Part")
+
+
+def given(part: Part | None, key: str) -> Part:
+    """Return an optional part of a configuration that the caller needs. Raises ConfigError where it is not given."""
+    if part is None:
+        raise ConfigError(f"{key} is not given, and what was asked for needs it; give it")
+    return part
 
 
 def _check_name(name: str) -> str:

@@ -18,7 +18,7 @@ from pydantic import AfterValidator, Field, model_validator
 from gelforge.config.basis.common import ConfigError, Name, Positive, Section
 from gelforge.config.studies.files import load_section
 from gelforge.csv_table import CsvForm, RowFilter
-from gelforge.units import UNITS, unit_named
+from gelforge.units import UNITS, known_unit
 
 STRAIN_QUANTITY = {
     "stretch": "number",
@@ -98,14 +98,13 @@ class Column(Section):
 
     @model_validator(mode="after")
     def _unit_known(self):
-        if unit_named(self.unit) is None:
-            raise ValueError(f"unit {self.unit!r} is not known; one of {sorted(UNITS)}")
+        known_unit(self.unit)
         return self
 
     @property
     def known_unit(self) -> str:
         """Return the unit as UNITS spells it."""
-        return unit_named(self.unit)
+        return known_unit(self.unit)
 
     def require(self, quantity: str, what: str) -> None:
         """Raise ValueError unless the unit belongs to the quantity."""

@@ -6,6 +6,7 @@ follow the top layer, whose material they are made of, unless they are named.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated
 
 from pydantic import Field, model_validator
@@ -294,7 +295,7 @@ class Effects(Section):
         regions = layers + ["wall"] * bool(sensor.wall_mm) + ["flange"] * bool(sensor.flange)
         regions += ["base"] * bool(geometry.base)
         circumstances = material.circumstances
-        for key, named, allowed in [
+        named_in: list[tuple[str, Iterable[str], list[str]]] = [
             ("material.stiffness_factor", material.stiffness_factor, regions),
             ("material.exponent_factor", material.exponent_factor, regions),
             ("material.bulk_to_shear", material.bulk_to_shear, regions),
@@ -306,7 +307,8 @@ class Effects(Section):
             ("geometry.delaminations", [d.layer for d in geometry.delaminations], layers),
             ("history.viscoelastic", history.viscoelastic, regions),
             ("history.mullins", history.mullins, regions),
-        ]:
+        ]
+        for key, named, allowed in named_in:
             unknown = sorted(set(named) - set(allowed))
             if unknown:
                 raise ConfigError(f"effects.{key}: {unknown} are not regions of the sensor; it has {allowed}")

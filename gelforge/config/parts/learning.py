@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, model_serializer, model_validator
 
@@ -48,7 +48,10 @@ class Dataset(Section):
 # What the files of networks state of themselves; they are read and not imported: PyTorch takes seconds and stands above.
 FOLDER = Path(__file__).parents[2] / "learning" / "networks"
 NETWORKS = {name: stated(FOLDER / f"{name}.py", "KEYS", "USUAL") for name in names_in([str(FOLDER)])}
-NetworkName = Literal[tuple(NETWORKS)]  # type: ignore[valid-type]
+if TYPE_CHECKING:
+    NetworkName = str  # a type checker cannot read the folder
+else:
+    NetworkName = Literal[tuple(NETWORKS)]
 
 
 def networks_of(key: str) -> list[str]:
@@ -127,7 +130,16 @@ class Learning(Section):
         return self.input_form if self.network in networks_of("input_form") else "vector"
 
     @property
-    def usual(self) -> Learning:
+    def usual(self) -> CompleteLearning:
         """These settings with what is not given as usual for the network."""
         usual = NETWORKS[self.network]["USUAL"]
-        return self.model_copy(update={name: getattr(self, name) or value for name, value in usual.items()})
+        chosen = {name: getattr(self, name) or value for name, value in usual.items()}
+        return CompleteLearning.model_construct(self.model_fields_set | set(chosen), **(dict(self) | chosen))
+
+
+class CompleteLearning(Learning):
+    """The same with nothing left open; made by Learning.usual."""
+
+    learning_rate: Positive
+    batch_size: int
+    epochs: int

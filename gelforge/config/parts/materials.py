@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal, Union
+from typing import TYPE_CHECKING, Annotated, Literal, Union
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from gelforge.config.basis.common import Section
 from gelforge.mechanics.laws.models import FAMILIES, MODELS
+from gelforge.mechanics.laws.parameters import GivenParameters
 
 
 def _law_of(content) -> str:
@@ -17,12 +18,16 @@ def _law_of(content) -> str:
 
 
 # Of the files in mechanics/laws/models: the sections of given parameters, the names of what can be fitted.
-LawParameters = Annotated[
-    Union[tuple(Annotated[model.parameters, Tag(name)] for name, model in MODELS.items())],  # noqa: UP007
-    Discriminator(_law_of),
-]
 LAW_NAMES: tuple[str, ...] = tuple(FAMILIES)
-LawName = Literal[LAW_NAMES]  # type: ignore[valid-type]
+if TYPE_CHECKING:  # a type checker cannot read the folder
+    LawParameters = GivenParameters
+    LawName = str
+else:
+    LawParameters = Annotated[
+        Union[tuple(Annotated[model.parameters, Tag(name)] for name, model in MODELS.items())],  # noqa: UP007
+        Discriminator(_law_of),
+    ]
+    LawName = Literal[LAW_NAMES]
 
 
 class Fitting(Section):

@@ -205,7 +205,10 @@ SHAPE_KEYS = {
 class Indenter(IndenterPart):
     """The rigid body that presses: one shape, or several that move together."""
 
-    kind: Literal["sphere", "cylinder", "box", "mesh", "several"] = Field("sphere", description="shape")
+    # wider than a part's: several shapes are no part of several
+    kind: Literal["sphere", "cylinder", "box", "mesh", "several"] = Field(  # type: ignore[assignment]
+        "sphere", description="shape"
+    )
     parts: list[IndenterPart] = Field([], description="the shapes of kind: several")
 
     @model_validator(mode="after")

@@ -73,8 +73,8 @@ class VirtualImaging(Section):
     @model_serializer(mode="wrap")
     def _as_written(self, write) -> dict[str, Any]:
         """Return the keys; later ones only where they are not as usual, so that digests of older labs stay."""
-        later = ("vignetting", "uneven_light", "defocus_px_per_mm", "focus_z_mm", "exposure_drift")
-        later += ("background_rgb", "particle_rgb")
+        later = ["vignetting", "uneven_light", "defocus_px_per_mm", "focus_z_mm", "exposure_drift"]
+        later += ["background_rgb", "particle_rgb"]
         usual = {key: type(self).model_fields[key].default for key in later}
         return {key: value for key, value in write(self).items() if key not in later or value != usual[key]}
 

@@ -91,8 +91,9 @@ class Source:
         stored = {name: {IMAGE_NAME: "image"}.get(name, name) for name in names if name != IMAGE}
         needed = ["session", "image"] if IMAGE in names else []
         found = self.rows.read(index, list(dict.fromkeys([*stored.values(), *needed])))
-        block = {name: found[column] for name, column in stored.items()}
+        block: dict[str, np.ndarray | list] = {name: found[column] for name, column in stored.items()}
         if IMAGE in names:
+            assert self.images is not None  # else no variable is called so
             block[IMAGE] = [self.images.encoded(*of) for of in zip(found["session"], found["image"])]
         return block
 

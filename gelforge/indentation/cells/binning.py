@@ -45,8 +45,8 @@ def surface_shares(mesh: Mesh, sensor: Sensor) -> sp.csr_matrix:
                 rows.append((bins.nx * (bin_y + j) + bin_x + i)[some])
                 columns.append(faces[some, corner])
                 values.append(value[some])
-    rows, columns, values = (np.concatenate(part) for part in (rows, columns, values))
-    shares = sp.csr_matrix((values, (rows, columns)), shape=(bins.nx * bins.ny, len(mesh.X)))
+    row, column, share_of = (np.concatenate(part) for part in (rows, columns, values))
+    shares = sp.csr_matrix((share_of, (row, column)), shape=(bins.nx * bins.ny, len(mesh.X)))
     if mesh.ties is not None:
         shares = shares @ mesh.ties
     return _normalised(shares[:, surface.nodes])
@@ -137,10 +137,8 @@ def node_shares(mesh: Mesh, sensor: Sensor) -> sp.csr_matrix:
             rows.append((bins.nx * in_y + in_x)[inside])
             columns.append(np.flatnonzero(inside))
             values.append(np.ones(inside.sum()))
-    rows, columns, values = (np.concatenate(part) for part in (rows, columns, values))
-    return _normalised(
-        sp.csr_matrix((values, (rows, columns)), shape=(bins.nx * bins.ny, len(surface.nodes)))
-    )
+    row, column, share = (np.concatenate(part) for part in (rows, columns, values))
+    return _normalised(sp.csr_matrix((share, (row, column)), shape=(bins.nx * bins.ny, len(surface.nodes))))
 
 
 def _bins_of(position: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:

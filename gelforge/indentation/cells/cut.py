@@ -54,5 +54,6 @@ def _ring(row: list[int]) -> list[int]:
     if len(found) == 3:
         return [row[k] for k in found] + [row[found[-1]]]
     # Two nodes on each side of the plane: the two sides that are not crossed are opposite ones.
-    order = {(1, 2, 3, 4): (1, 2, 4, 3), (0, 2, 3, 5): (0, 2, 5, 3), (0, 1, 4, 5): (0, 1, 5, 4)}[tuple(found)]
+    a, b, c, d = found
+    order = {(1, 2, 3, 4): (1, 2, 4, 3), (0, 2, 3, 5): (0, 2, 5, 3), (0, 1, 4, 5): (0, 1, 5, 4)}[a, b, c, d]
     return [row[k] for k in order]

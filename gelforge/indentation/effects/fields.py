@@ -48,8 +48,8 @@ def element_stiffness(
         shear = shear * mixed_factor(inclusion.factor, share)
         own = inclusion.factor if inclusion.bulk_factor is None else inclusion.bulk_factor
         bulk = bulk * bulk_factor_of(share * volume_field(own, ratio), ratio)
-    for patch in geometry.delaminations:
-        shear = shear * (1 - patch.loss * (1 - LEAST) * _film_share(mesh, sensor, patch))
+    for film in geometry.delaminations:
+        shear = shear * (1 - film.loss * (1 - LEAST) * _film_share(mesh, sensor, film))
     if (shear == 1).all() and (bulk == 1).all():
         return None, None
     return shear, bulk

@@ -56,11 +56,13 @@ def in_time(trajectory: Trajectory, timing: PressTiming) -> TimedPath:
     Planned depths become presses of their own: down in steps, then the wait; the reading is at its end.
     """
     if trajectory.times_s or trajectory.is_path:
-        times = trajectory.times_s or _times_along(trajectory, timing)
         count = len(trajectory.depths_mm)
-        timed = trajectory.changed(times_s=tuple(times))
+        timed = trajectory.changed(times_s=tuple(trajectory.times_s or _times_along(trajectory, timing)))
         return TimedPath(timed, (slice(0, count),), tuple(range(count)))
-    depths, times, phases, presses, readings = [], [], [], [], []
+    depths: list[float] = []
+    times: list[float] = []
+    phases: list[str] = []
+    presses, readings = [], []
     for depth in trajectory.depths_mm:
         first = len(depths)
         steps = max(1, math.ceil(depth / timing.step_mm - 1e-9))
@@ -100,8 +102,8 @@ def empty_grid(sensor: Sensor, effects: Effects, regions: tuple[str, ...]) -> Pe
     beyond = sensor.flange.width_mm if sensor.flange else 0.0
     extents = {
         name: (
-            [-beyond, -beyond, spans[name][0]],
-            [sensor.width_x_mm + beyond, sensor.width_y_mm + beyond, spans[name][1]],
+            np.array([-beyond, -beyond, spans[name][0]]),
+            np.array([sensor.width_x_mm + beyond, sensor.width_y_mm + beyond, spans[name][1]]),
         )
         for name in softens
     }

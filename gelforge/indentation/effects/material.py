@@ -34,6 +34,7 @@ def region_laws(
     top, material, base = sensor.layers[-1].name, effects.material, effects.geometry.base
     chosen = {name: laws.get(name, laws[top]) for name in regions if name != "base"}
     if "base" in regions:  # rigid: held itself, its law never matters
+        assert base is not None  # it has made the region
         chosen["base"] = NeoHooke((base.youngs_modulus_MPa or 1.0) / 3)
     if material.linear_law:  # its stress is linear in b: nothing stiffens or softens
         chosen = {name: NeoHooke(law.shear_modulus) for name, law in chosen.items()}

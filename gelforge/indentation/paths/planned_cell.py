@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import final
 
 
+@final  # a path to be solved is a planned cell or a trajectory, never both
 @dataclass(frozen=True)
 class PlannedCell:
     """One position [mm] in the sensor's frame with its depths [mm]: increasing, or a path of several phases.

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gelforge.config import ConfigError, Study
+from gelforge.config import ConfigError, Study, given
 from gelforge.files import digest, source_digest
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.sensor.indenter_shapes import shape_of
@@ -72,8 +72,10 @@ class Lattice:
         """Return the name of the symmetry that carries one place to the other."""
         if source == image:
             return "identity"
-        there = self.place(image)
-        moved = {name: transform_points(name, self.place(source), self.width_mm) for name in D4}
+        if self.width_mm is None:
+            raise ValueError(f"{source} and {image}: a lattice without symmetry has no images")
+        there, width = self.place(image), self.width_mm
+        moved = {name: transform_points(name, self.place(source), width) for name in D4}
         return min(moved, key=lambda name: float(np.abs(moved[name] - there).max()))
 
     def corner(self, at: Index) -> bool:
@@ -110,7 +112,8 @@ def check_interpolation(study: Study) -> None:
     mechanics, effects = study.mechanics, study.mechanics.effects
     geometry = effects.geometry
     placed = [name for name in ("inclusions", "patches", "delaminations") if getattr(geometry, name)]
-    kind, share = study.sensor.shape.kind, study.plan.interpolation.tolerance is not None
+    interpolation = given(study.plan.interpolation, "plan.interpolation")
+    kind, share = study.sensor.shape.kind, interpolation.tolerance is not None
     why_not = [
         (kind != "block", f"shape.kind: {kind}, whose surface differs from site to site"),
         (study.tetrahedra, "mechanics.mesh.elements: tetrahedra, whose corners carry no force of their own"),
@@ -136,7 +139,8 @@ def check_interpolation(study: Study) -> None:
 
 def lattice_digest(study: Study, lattice: Lattice) -> str:
     """Return the digest of what decides an interpolated label beside the solved sites."""
-    known = study.plan.interpolation.model_dump(mode="json"), lattice.__dict__
+    interpolation = given(study.plan.interpolation, "plan.interpolation")
+    known = interpolation.model_dump(mode="json"), lattice.__dict__
     return digest([*map(dict, known), source_digest("interpolation")])
 
 
@@ -153,11 +157,12 @@ def lattice_of(study: Study, cells: Mapping[str, PlannedCell]) -> Lattice | None
         half = np.abs(places - width / 2).max()
         low, high = np.full(2, width / 2 - half), np.full(2, width / 2 + half)
     # Forces change over a length of the layers' height (where a wall stands nearer, levels are added).
-    parts = tuple(int(np.ceil(span / sensor.height_mm - 1e-9)) for span in high - low)
+    along_x, along_y = (int(np.ceil(span / sensor.height_mm - 1e-9)) for span in high - low)
     depths = sorted({depth for cell in inside for depth in cell.depths_mm})
     same = all(cell.depths_mm == inside[0].depths_mm for cell in inside)
-    corners = tuple(map(float, np.round(low, 6))), tuple(map(float, np.round(high, 6)))
-    lattice = Lattice(*corners, parts, tuple(depths) if same else _ladder(depths), width)
+    (x0, y0), (x1, y1) = (map(float, np.round(corner, 6)) for corner in (low, high))
+    depths_mm = tuple(depths) if same else _ladder(depths)
+    lattice = Lattice((x0, y0), (x1, y1), (along_x, along_y), depths_mm, width)
     orbits = {cell.source or cell.name for cell in inside}
     return lattice if len(lattice.representatives(lattice.level(0))) < len(orbits) else None
 
@@ -183,4 +188,5 @@ def solved_site(lattice: Lattice, name: str) -> PlannedCell | None:
     at = index_of(name)
     if at is None or any(k > end for k, end in zip(at, lattice.ends)):
         return None
-    return PlannedCell(name, *map(float, lattice.place(at)), lattice.depths_mm)
+    x, y = map(float, lattice.place(at))
+    return PlannedCell(name, x, y, lattice.depths_mm)

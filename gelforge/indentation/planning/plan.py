@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gelforge.config import NAME, ConfigError, Sensor, Study, variant_study
+from gelforge.config import NAME, ConfigError, Sensor, Study, given, variant_study
 from gelforge.csv_table import read_columns
 from gelforge.indentation.effects.kinematics import touches_a_slope
 from gelforge.indentation.paths.planned_cell import PlannedCell
@@ -142,12 +142,12 @@ def _axis(width: float, spacing: float, margin: float) -> np.ndarray:
 
 
 def _from_grid(study: Study) -> dict[str, PlannedCell]:
-    grid, sensor = study.plan.grid, study.sensor
+    grid, sensor = given(study.plan.grid, "plan.grid"), study.sensor
     xs = _axis(sensor.width_x_mm, grid.spacing_mm, grid.margin_mm)
     ys = _axis(sensor.width_y_mm, grid.spacing_mm, grid.margin_mm)
     check_count(len(xs) * len(ys))
     digits = len(str(max(len(xs), len(ys)) - 1))
-    depths = tuple(study.plan.depths_mm)
+    depths = tuple(given(study.plan.depths_mm, "plan.depths_mm"))
     cells = {}
     for iy, y in enumerate(ys):
         for ix, x in enumerate(xs):
@@ -182,10 +182,10 @@ def _from_file(path: Path, mm_per_unit: float) -> dict[str, PlannedCell]:
             )
         if np.ptp(numbers[:, :2], axis=0).max() > 1e-9:
             raise ConfigError(f"{path}: cell {name} has several positions; give each position its own cell")
-        place = (name, float(numbers[0, 0]), float(numbers[0, 1]))
+        x, y = float(numbers[0, 0]), float(numbers[0, 1])
         phased = [phases[row] for row in rows]
         if turns.any() or any(phased):
-            cells[name] = _path(path, place, numbers[:, 2], turns, phased)
+            cells[name] = _path(path, name, (x, y), numbers[:, 2], turns, phased)
             continue
         depths = tuple(sorted(numbers[:, 2]))
         if depths[0] <= 0 or len(set(depths)) < len(depths):
@@ -193,26 +193,32 @@ def _from_file(path: Path, mm_per_unit: float) -> dict[str, PlannedCell]:
                 f"{path}: cell {name} has depths {depths}; they must be positive and differ, unless phase or shear_x_mm, "
                 "shear_y_mm make its rows a path"
             )
-        cells[name] = PlannedCell(*place, depths)
+        cells[name] = PlannedCell(name, x, y, depths)
     return cells
 
 
-def _path(file: Path, place: tuple, depths: np.ndarray, turns: np.ndarray, phases: list[str]) -> PlannedCell:
+def _path(
+    file: Path,
+    name: str,
+    place: tuple[float, float],
+    depths: np.ndarray,
+    turns: np.ndarray,
+    phases: list[str],
+) -> PlannedCell:
     """Return a cell whose rows are followed in the order of the file; an empty phase is found from what moves."""
     if depths[0] <= 0:
         raise ConfigError(
-            f"{file}: cell {place[0]}: its path begins at depth {depths[0]:g} mm; begin with a positive depth"
+            f"{file}: cell {name}: its path begins at depth {depths[0]:g} mm; begin with a positive depth"
         )
     before = np.vstack([np.zeros(6), np.column_stack([depths, turns])[:-1]])
     moves = np.column_stack([depths, turns]) - before
     for row, move in enumerate(moves):
         phases[row] = phases[row] or _phase(move)
         if phases[row] not in PHASES:
-            raise ConfigError(
-                f"{file}: cell {place[0]}: phase {phases[row]!r} is not one of {', '.join(PHASES)}"
-            )
-    shears, tilts = ([tuple(map(float, pair)) for pair in turns[:, k : k + 2]] for k in (0, 2))
+            raise ConfigError(f"{file}: cell {name}: phase {phases[row]!r} is not one of {', '.join(PHASES)}")
+    shears, tilts = ([(float(a), float(b)) for a, b in turns[:, k : k + 2]] for k in (0, 2))
     return PlannedCell(
+        name,
         *place,
         tuple(map(float, depths)),
         phases=tuple(phases),

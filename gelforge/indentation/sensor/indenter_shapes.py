@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gelforge.config import ConfigError, Effects, Indenter, IndenterPart, Study
+from gelforge.config import ConfigError, Effects, Indenter, IndenterPart, Study, given
 from gelforge.mechanics.indenters.shapes import (
     DOWN,
     Box,
@@ -59,7 +59,8 @@ def _part(part: IndenterPart) -> Shape:
     if part.kind == "cylinder":
         return _turned(Cylinder(part.radius_mm, part.length_mm, part.edge_radius_mm), part)
     if part.kind == "box":
-        return _turned(Box(tuple(part.size_mm), part.edge_radius_mm), part)
+        x, y, z = part.size_mm
+        return _turned(Box((x, y, z), part.edge_radius_mm), part)
     return _turned(_surface(part), part)
 
 
@@ -74,7 +75,7 @@ def _surface(part: IndenterPart) -> Shape:
         closed_surface,
     )
 
-    vertices, triangles = read_triangles(part.file)
+    vertices, triangles = read_triangles(given(part.file, "indenter.file"))
     try:
         return closed_surface(_about_origin(part, vertices), triangles, part.edge_radius_mm)
     except SurfaceError as error:
@@ -89,7 +90,7 @@ def _about_origin(part: IndenterPart, vertices: np.ndarray) -> np.ndarray:
 def part_corners(part: IndenterPart) -> np.ndarray:
     """Return the vertices (V, 3) [mm] of a file about its origin, turned; else two corners of its box."""
     if part.kind == "mesh":
-        vertices, triangles = read_triangles(part.file)
+        vertices, triangles = read_triangles(given(part.file, "indenter.file"))
         used = _about_origin(part, vertices[np.unique(triangles)])
         return used @ rotation_about_axes(part.orientation_deg).T
     shape = _part(part)

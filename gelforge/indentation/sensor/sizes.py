@@ -74,7 +74,8 @@ def check_fits(sensor: Sensor, low: np.ndarray, high: np.ndarray) -> None:
 def check_indenter(study: Study) -> None:
     """Refuse parts of an indenter that are implausibly small or large, or whose file lies beside its own origin."""
     wide = max(study.sensor.width_x_mm, study.sensor.width_y_mm)
-    limits = tuple(share * wide for share in INDENTER_SHARE)
+    least, most = INDENTER_SHARE
+    limits = least * wide, most * wide
     for number, part in enumerate(study.indenter.shapes, start=1):
         name = f"indenter, part {number}" if study.indenter.parts else "indenter"
         corners = part_corners(part)

@@ -143,9 +143,9 @@ def _plain_companion(study: Study, laws, planned, uncertain) -> tuple[Companion,
     forces, slopes, reason = [], [], ""
     try:
         states = follow_with_slopes(press, press.start_at(model.start), model.centres, varied)
-        for state, along in tracked(states, "steps of the indenter, on the coarser mesh", len(model.centres)):
+        for state, slope in tracked(states, "steps of the indenter, on the coarser mesh", len(model.centres)):
             forces.append(state.normal_force + state.friction_force)
-            slopes.append(along.force)
+            slopes.append(slope.force)
     except NotConverged as failure:
         reason = str(failure)
     D, n, S = len(forces), len(varied), len(model.mesh.surface.nodes)

@@ -17,6 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
+from gelforge.mechanics.laws.law import PrincipalLaw
+
 COARSER = 2.0  # the coarse-mesh solution's sizes over the cell's
 SMOOTHING = 0.6  # standard deviation of the weights of the mean square: of bins along x and y, and of depths
 PART_BINS = np.array([0.30, 0.30, 0.34])  # x, y, z: of the root mean square difference of bins
@@ -98,8 +100,10 @@ def mesh_totals(total: np.ndarray, coarse: np.ndarray) -> np.ndarray:
 
 
 def laws_moved(
-    uncertain: Mapping[str, Sequence], laws: Mapping[str, object], materials: Mapping[str, str]
-) -> list[dict[str, object]]:
+    uncertain: Mapping[str, Sequence[PrincipalLaw]],
+    laws: Mapping[str, PrincipalLaw],
+    materials: Mapping[str, str],
+) -> list[dict[str, PrincipalLaw]]:
     """Return per uncertain direction the laws by layer with one material's law moved.
 
     uncertain: by material, its law moved by AMOUNT of a standard deviation along each independent direction; laws by layer;

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from gelforge.config import Study
@@ -12,7 +12,7 @@ from gelforge.indentation.sensor.surface_files import file_digests, surface_dige
 from gelforge.mechanics.laws.law import PrincipalLaw
 
 
-def inputs_digest(study: Study, laws: dict[str, PrincipalLaw], planned: PlannedCell) -> str:
+def inputs_digest(study: Study, laws: Mapping[str, PrincipalLaw], planned: PlannedCell) -> str:
     """Return the digest of everything that decides a cell's numbers: settings, laws, position, depths, sources."""
     materials = {layer.material for layer in study.sensor.layers}
     return digest(
@@ -33,7 +33,7 @@ def inputs_digest(study: Study, laws: dict[str, PrincipalLaw], planned: PlannedC
 
 
 def solution_digest(
-    study: Study, laws: dict[str, PrincipalLaw], planned: PlannedCell, law_files: Iterable[Path]
+    study: Study, laws: Mapping[str, PrincipalLaw], planned: PlannedCell, law_files: Iterable[Path]
 ) -> str:
     """Return the digest of everything that decides a solved cell's file, its error bars and warnings too.
 

@@ -190,8 +190,8 @@ def _along(
         own = np.array([step[k] for step in slopes])
         motion = np.array([step[k] for step in motions], np.float32) if stored else None
         bins = bin_forces(own, shares)
-        if carried[k] is not None:  # the same forces on nodes that lie elsewhere among the bins
-            mesh = replace(base.mesh, X=base.mesh.X + LITTLE_WAY * carried[k])
+        if (away := carried[k]) is not None:  # the same forces on nodes that lie elsewhere among the bins
+            mesh = replace(base.mesh, X=base.mesh.X + LITTLE_WAY * away)
             there = bin_shares(mesh, study.sensor, study.mechanics.binning)
             bins = bins + bin_forces(np.array(forces), (there - shares) / LITTLE_WAY)
         found[name] = Derivative(own.sum(axis=1), bins, sum(seconds) / len(varied), motion)
@@ -209,10 +209,10 @@ def _at_its_place(base: Model, state: State, slope: np.ndarray, carried: np.ndar
         return slope
     elements, N = base.mesh.elements, len(base.mesh.X)
     gradient = np.einsum("eai,eqaj->eij", state.u[elements], base.body.gradient) / base.body.gradient.shape[1]
-    at_nodes = np.stack(
+    sums = np.stack(
         [np.bincount(elements.ravel(), np.repeat(g, elements.shape[1]), N) for g in gradient.reshape(-1, 9).T]
     )
-    at_nodes = (at_nodes / np.bincount(elements.ravel(), minlength=N)).T.reshape(N, 3, 3)
+    at_nodes = (sums / np.bincount(elements.ravel(), minlength=N)).T.reshape(N, 3, 3)
     return slope - np.einsum("nij,nj->ni", at_nodes, carried)
 
 

@@ -6,6 +6,7 @@ import json
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -182,17 +183,24 @@ def _body(
     stiffness, bulk_stiffness = element_stiffness(drawn, sensor, mechanics)
     if mechanics.strain == "small":
         return SmallStrainBody(mesh, by_region, bulk, stiffness, bulk_stiffness)
-    keys = {
-        "like": like if like is not None and np.array_equal(like.mesh.elements, mesh.elements) else None,
-        "stiffness": stiffness,
-        "bulk_stiffness": bulk_stiffness,
-        "prestretch": region_prestretch(sensor, mechanics.effects, mesh.regions),
-    }
+    if like is not None and not np.array_equal(like.mesh.elements, mesh.elements):
+        like = None
+    prestretch = region_prestretch(sensor, mechanics.effects, mesh.regions)
     relaxation = relaxation_of(sensor, mechanics.effects, mesh.regions)
     softening = softening_of(sensor, mechanics.effects, mesh.regions)
     if relaxation or softening:
-        return RememberingBody(mesh, by_region, bulk, relaxation, softening, **keys)
-    return Body(mesh, by_region, bulk, **keys)
+        return RememberingBody(
+            mesh,
+            by_region,
+            bulk,
+            relaxation,
+            softening,
+            like=like,
+            stiffness=stiffness,
+            bulk_stiffness=bulk_stiffness,
+            prestretch=prestretch,
+        )
+    return Body(mesh, by_region, bulk, None, stiffness, bulk_stiffness, prestretch, like)
 
 
 def _path(
@@ -255,10 +263,10 @@ def _solved(
     presses = path.presses if path else (slice(0, len(model.centres)),)
     times = np.array(path.trajectory.times_s) if path and body.remembers else None
     grid = grid or empty_grid(sensor, effects, mesh.regions)
-    points = None if grid is None else quadrature_points(mesh)
+    points = np.empty((0, 0, 3)) if grid is None else quadrature_points(mesh)
     try:
         for poses in presses:
-            if grid is not None:
+            if grid is not None and isinstance(body, RememberingBody):
                 body.forget(grid.read(points, mesh.region, mesh.regions))
                 start = replace(start, memory=body.initial)
             steps = follow_yielding(
@@ -269,7 +277,7 @@ def _solved(
             for number, last in enumerate(steps, start=poses.start):
                 if path is None or number in path.readings:
                     states.append(last)
-            if grid is not None:
+            if grid is not None and isinstance(body, RememberingBody):
                 grid = grid.updated(points, mesh.region, mesh.regions, body.initial.peak, last.memory.peak)
     except NotConverged as failure:
         return states, str(failure), grid
@@ -319,7 +327,7 @@ def _simulated(
     stretches = [
         element_stretches(body.gradient, body.weight, mesh.elements, state.u, rest) for state in states
     ]
-    attributes = stretch_ranges(stretches, body.element_volume, mesh.region, tested)
+    attributes: dict[str, Any] = stretch_ranges(stretches, body.element_volume, mesh.region, tested)
     used = [None if small else body.laws[name] for name in mesh.regions]
     attributes |= unstable_shares(stretches, body.element_volume, mesh.region, used)
     attributes |= {

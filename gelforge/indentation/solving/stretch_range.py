@@ -79,4 +79,4 @@ def unstable_shares(
             if law is not None:
                 bad = ~(drucker_margin(law, lam[own]) > 0)
                 share[d, r] = (volume[own] * bad).sum() / volume[own].sum()
-    return {"volume_law_unstable": share, "law_unstable": (share > 0).any(axis=1).astype(np.int8)}
+    return {"volume_law_unstable": share, "law_unstable": np.any(share > 0, axis=1).astype(np.int8)}

@@ -121,11 +121,11 @@ def measure_scaling(
     """
     if not len(index):
         raise ModelError("no training rows; give the study more cells or a smaller dataset.test_fraction")
-    mean = [0.0, 0.0]
+    mean = [np.zeros(()), np.zeros(())]
     for flow, label in _blocks(rows, index, form, turn):
         mean = [m + v.sum(axis=0, dtype=np.float64) / len(index) for m, v in zip(mean, (flow, label))]
     mean = mean if centred else [0.0 * m for m in mean]
-    square = [0.0, 0.0]
+    square = [np.zeros(()), np.zeros(())]
     for flow, label in _blocks(rows, index, form, turn):
         square = [
             s + ((v - m) ** 2).sum(axis=0) / len(index) for s, v, m in zip(square, (flow, label), mean)

@@ -6,7 +6,7 @@ row, and returns (n, 3 B), the three components of each bin, as Scaling has them
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -36,13 +36,15 @@ class Network:
     as_article: bool = False
 
 
-def seeded(kind: type[OnGrids]) -> Callable[[Learning, Grids, int], nn.Module]:
+def seeded(kind: Callable[[Grids, int], OnGrids]) -> Callable[[Learning, Grids, int], nn.Module]:
     """Return the `make` of a network on grids with learning.channels channels."""
 
     def make(learning, grids, seed):
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            return kind(grids, learning.channels).to(memory_format=torch.channels_last)  # faster on a CPU
+            network: nn.Module = kind(grids, learning.channels)
+            # faster on a CPU; PyTorch's types do not know the keyword
+            return network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     return make
 
@@ -53,6 +55,10 @@ class OnGrids(nn.Module):
     def __init__(self, grids: Grids):
         super().__init__()
         self.grids = grids
+
+    def on_grids(self, maps: torch.Tensor) -> torch.Tensor:
+        """Return the forces (n, 3, ny, nx) of maps of flow (n, 2, r, r); every network defines it."""
+        raise NotImplementedError
 
     def forward(self, inputs: torch.Tensor) -> torch.Tensor:
         regions = self.grids.regions
@@ -70,10 +76,11 @@ def block(before: int, after: int) -> nn.Sequential:
     return nn.Sequential(first, nn.ReLU(), second, nn.ReLU())
 
 
-def resized(maps: torch.Tensor, size: tuple[int, int]) -> torch.Tensor:
+def resized(maps: torch.Tensor, size: Sequence[int]) -> torch.Tensor:
     """Return maps (n, c, y, x) on a grid of another size (y, x)."""
-    if tuple(maps.shape[-2:]) == tuple(size):
+    y, x = size
+    if tuple(maps.shape[-2:]) == (y, x):
         return maps
     if all(there <= here for there, here in zip(size, maps.shape[-2:])):
-        return functional.adaptive_avg_pool2d(maps, tuple(size))  # no place is left out
-    return functional.interpolate(maps, size=tuple(size), mode="bilinear", align_corners=False)
+        return functional.adaptive_avg_pool2d(maps, (y, x))  # no place is left out
+    return functional.interpolate(maps, size=(y, x), mode="bilinear", align_corners=False)

@@ -44,6 +44,16 @@ UNITS = {
 class FeaturesToNewtons(nn.Module):
     """The network with its scaling: features (n, F) to forces of the bins (n, B, 3) [N], as `Scaling` and `Model` do it."""
 
+    input_mean: torch.Tensor
+    input_scale: torch.Tensor
+    output_mean: torch.Tensor
+    output_scale: torch.Tensor
+    mean: torch.Tensor
+    components: torch.Tensor
+    deviation: torch.Tensor
+    places: torch.Tensor
+    plane: torch.Tensor
+
     def __init__(self, network: nn.Module, scaling: Scaling, familiar: Familiar | None):
         super().__init__()
         self.network, self.form, self.turn = network, scaling.form, scaling.turn
@@ -124,6 +134,7 @@ def onnx_bytes(model: Model, sha256: str) -> bytes:
             )
     finally:
         logs.setLevel(level)
+    assert program is not None  # of dynamo=True
     proto = program.model_proto
     proto.producer_name, proto.producer_version = "gelforge", __version__
     proto.doc_string = UNSEALED.decode()  # stands before the graph, where a checksum is looked for

@@ -36,8 +36,8 @@ def rmse_table(predictions: Predictions) -> pd.DataFrame:
         ):
             squares[name] += (np.where(valid, values, 0.0).reshape(-1, 3) ** 2).sum(axis=0)
             counts[name] += valid.reshape(-1, 3).sum(axis=0)
-    rows = [(name, *np.sqrt(_ratio(squares[name], counts[name]))) for name in squares]
-    return pd.DataFrame(rows, columns=["error", *AXES])
+    errors = [(name, *np.sqrt(_ratio(squares[name], counts[name]))) for name in squares]
+    return pd.DataFrame(errors, columns=["error", *AXES])
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,8 @@ class RowErrors:
                     (predicted != 0).any(axis=(1, 2)),
                 )
             )
-        return cls(*(np.concatenate(parts) for parts in zip(*blocks)), predictions.untouched)
+        square, count, total, true_total, distance, seen = (np.concatenate(parts) for parts in zip(*blocks))
+        return cls(square, count, total, true_total, distance, seen, predictions.untouched)
 
     def figures(self, rows: np.ndarray | slice = slice(None)) -> dict[str, float]:
         """Return the errors over some rows: RMSES of all axes and of each, total Fz [N], centre of pressure [mm].

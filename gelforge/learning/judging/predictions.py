@@ -169,7 +169,7 @@ def _create(
 
 def training_mean(rows: ShardDataset) -> np.ndarray:
     """Return the mean label (B, 3) [N] over touched rows, a block at a time."""
-    total, count = 0.0, 0
+    total, count = np.zeros(()), 0
     for block in rows.batches((LABEL, "untouched"), BLOCK):
         touched = ~block["untouched"]
         total = total + block[LABEL][touched].sum(axis=0, dtype=np.float64)

@@ -147,5 +147,5 @@ def _flow_map(learnt: ShardDataset, truth: Truth) -> FlowMap | None:
     if not presses:
         return None
     true = dict(truth.presses(presses))
-    seen = learnt.read([first[press] for press in presses], [FEATURE])[FEATURE]
+    seen = learnt.read(np.array([first[press] for press in presses]), [FEATURE])[FEATURE]
     return FlowMap.fit(np.stack([true[press[:2]].feature for press in presses]), seen)

@@ -76,7 +76,8 @@ def _spanned(inputs: np.ndarray) -> Familiar:
     found = PCA(count, svd_solver="randomized", random_state=0).fit(inputs)
     kept = found.explained_variance_ > 1e-9 * found.explained_variance_[0]
     parts = found.mean_, found.components_[kept], np.sqrt(found.explained_variance_[kept])
-    return Familiar(*(np.asarray(values, np.float32) for values in parts), np.empty(0), np.ones(1), 1.0)
+    mean, components, deviation = (np.asarray(values, np.float32) for values in parts)
+    return Familiar(mean, components, deviation, np.empty(0), np.ones(1), 1.0)
 
 
 def _limited(spanned: Familiar, statistics: np.ndarray) -> Familiar:

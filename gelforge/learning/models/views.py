@@ -59,6 +59,7 @@ def _used(view: dict) -> list[int] | None:
 
 def _told(view: dict) -> str:
     camera = view["camera"] or {}
-    flipped = {True: ", mirrored", False: ", not mirrored"}.get(camera.get("mirrored"), "")
+    mirrored = camera.get("mirrored")
+    flipped = "" if mirrored is None else ", mirrored" if mirrored else ", not mirrored"
     smaller = f", reduced by features.image_scale {_scale(view):g}" if _scale(view) < 1 else ""
-    return f"{' x '.join(map(str, _used(view) or ['?']))} px{flipped}{smaller}"
+    return f"{' x '.join(map(str, _used(view) or '?'))} px{flipped}{smaller}"

@@ -11,7 +11,8 @@ import numpy as np
 import pandas as pd
 import torch
 
-from gelforge.config import Learning, Study
+from gelforge.config import Study
+from gelforge.config.parts.learning import CompleteLearning
 from gelforge.dataset.shard import ShardDataset, shard_attributes
 from gelforge.files import digest, file_sha256, write_product_table
 from gelforge.learning.basis.data import (
@@ -73,7 +74,7 @@ def _without_denormals() -> Iterator[None]:
 class Plan:
     """What a training does with its network, beside the network."""
 
-    learning: Learning  # with nothing left open
+    learning: CompleteLearning
     grids: Grids
     turns: tuple[str, ...]  # elements of D4 that sensor and camera have
 
@@ -168,13 +169,13 @@ def plan_of(study: Study, rows: ShardDataset, training: np.ndarray) -> tuple[Pla
     return Plan(learning, grids, turns), scaling
 
 
-def _optimiser(network: torch.nn.Module, learning: Learning) -> torch.optim.Optimizer:
+def _optimiser(network: torch.nn.Module, learning: CompleteLearning) -> torch.optim.Optimizer:
     if network_of(learning.network).as_article:
         return torch.optim.Adam(network.parameters(), lr=learning.learning_rate)
     return torch.optim.AdamW(network.parameters(), lr=learning.learning_rate, weight_decay=WEIGHT_DECAY)
 
 
-def _rate(learning: Learning, step: int, steps: int) -> float:
+def _rate(learning: CompleteLearning, step: int, steps: int) -> float:
     """Return the step size: steady for the article's network, else up along a line and down along a cosine."""
     if network_of(learning.network).as_article:
         return learning.learning_rate
@@ -249,7 +250,8 @@ def _with_reliability(
         grid = bins["nx"], bins["ny"], np.array(model.settings["sensor_width_mm"])
         zero = find_zero(force, watched[LABEL].astype(float), watched["untouched"], grid)
     labels = Labels(*(watched[name].astype(float) for name in (LABEL, *SIGMAS)))
-    known = [_drawn(rows, training, (FEATURE, "cell")), watched]
+    trained = _drawn(rows, training, (FEATURE, "cell"))
+    known = [part for part in (trained, watched) if part is not None]
     inputs = np.concatenate([model.scaling.inputs(part[FEATURE]) for part in known])
     familiar = find_familiar(inputs, np.array([orbit[name] for part in known for name in part["cell"]]))
     groups = np.array([orbit[name] for name in watched["cell"]])

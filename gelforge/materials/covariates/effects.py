@@ -151,7 +151,7 @@ def first_loading(test: MaterialTest) -> MaterialTest:
     """Return the rows of the first loading, up to the first unloading; holds are left out."""
     if not test.segments:
         return test
-    rows = []
+    rows: list[int] = []
     for segment in test.segments:
         if segment.kind == "unload":
             break
@@ -192,7 +192,8 @@ def log_stresses(tests: list[MaterialTest]) -> tuple[np.ndarray, tuple[float, fl
             )
         values.append(np.log(stress))
     rest = curves[0].at_rest
-    return np.array(values), tuple(sorted((float(rest + away * low), float(rest + away * high))))
+    ends = float(rest + away * low), float(rest + away * high)
+    return np.array(values), (min(ends), max(ends))
 
 
 def _known(test: MaterialTest, name: str) -> float:
@@ -223,7 +224,8 @@ def effect_of(
         curves.mean(axis=1), x, circumstance, span, unit, per, stretch, tests[0].abscissa, scatter
     )
     slopes = np.polyfit(x, curves[:, [0, -1]], 1)[0]
-    return replace(effect, at_ends=tuple(float(c) for c in np.expm1(slopes * np.ptp(x))))
+    lower, upper = np.expm1(slopes * np.ptp(x))
+    return replace(effect, at_ends=(float(lower), float(upper)))
 
 
 def line_effect(

@@ -264,7 +264,9 @@ def lateral_effects(tests: list[MaterialTest]) -> Found:
     found = []
     for kind, expected in ISOCHORIC.items():
         slopes = {}
-        for test in (t for t in tests if t.test == kind and t.stretch_2 is not None):
+        for test in (t for t in tests if t.test == kind):
+            if test.stretch_2 is None:
+                continue
             e1, e2 = np.log(test.stretch), np.log(test.stretch_2)
             rows = np.isfinite(e2) & (np.abs(e1) > LEAST_LATERAL_STRAIN)
             if rows.sum() > 2:

@@ -183,7 +183,8 @@ def _chosen_times(time, stress, ramp) -> np.ndarray:
     low, high = _window(time, ramp)
     decades = np.log10(high / low)
     most = max(1, min(int(TERMS_PER_DECADE * decades), len(time) // 3))
-    best, best_bic = None, np.inf
+    best: np.ndarray | None = None
+    best_bic = np.inf
     for k in range(1, most + 1):
         edges = np.linspace(np.log10(low), np.log10(high), k + 1)
         times = _refined(time, stress, 10 ** (edges[:-1] + np.diff(edges) / 2), ramp)
@@ -192,6 +193,10 @@ def _chosen_times(time, stress, ramp) -> np.ndarray:
         bic = _bic(rms, len(time), 1 + 2 * int((amplitudes[1:] > 0).sum()))
         if bic < best_bic - BIC_GAIN:
             best, best_bic = times, bic
+    if best is None:
+        raise ValueError(
+            "no relaxation times fit: the stress of the hold has no finite misfit; look at its rows"
+        )
     return best
 
 

@@ -61,7 +61,8 @@ def bootstrap(
             f"{', '.join(single)}: one sample; a bootstrap over samples needs two of each test at least, add samples"
             " or use the sandwich covariance"
         )
-    chunks = np.array_split(np.random.SeedSequence(seed).spawn(replicates), -(-replicates // CHUNK))
+    seeds = np.array(np.random.SeedSequence(seed).spawn(replicates), object)
+    chunks = np.array_split(seeds, -(-replicates // CHUNK))
     refit = partial(_refits, curves, fit.family, fit.theta)
     theta = each(refit, chunks, workers, CHUNKS)
     return Bootstrap(fit.family, np.concatenate(theta), sum(fit.samples.values()) - len(fit.samples))

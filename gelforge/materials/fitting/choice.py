@@ -27,6 +27,13 @@ class Candidate:
     held_out: dict[str, float]
 
     @property
+    def fitted(self) -> LawFit:
+        """The fit, of a law that has one. Raises FitError for a refused law, with the reason."""
+        if self.fit is None:
+            raise FitError(f"{self.name}: {self.refused}")
+        return self.fit
+
+    @property
     def held_out_error(self) -> float:
         """Return the root mean square over the tests of the relative error of their prediction."""
         return (
@@ -59,20 +66,20 @@ class Comparison:
     @property
     def warnings(self) -> list[str]:
         """Return what a person must know of the chosen law before using it."""
-        return self.misfit + self.identifiability + list(self.chosen.fit.notes)
+        return self.misfit + self.identifiability + list(self.chosen.fitted.notes)
 
     @property
     def misfit(self) -> list[str]:
         """Return which tests the chosen law does not describe."""
-        poor = {kind: r2 for kind, r2 in self.chosen.fit.r2_nominal.items() if r2 < POOR_R2}
+        poor = {kind: r2 for kind, r2 in self.chosen.fitted.r2_nominal.items() if r2 < POOR_R2}
         if not poor:
             return []
         listed = ", ".join(f"{kind} {r2:.3f}" for kind, r2 in poor.items())
         unstable = [c for c in self.candidates if c.describes and not c.usable]
-        closest = min(unstable, key=lambda c: c.fit.misfit, default=None)
+        closest = min((c.fitted for c in unstable), key=lambda fit: fit.misfit, default=None)
         rejected = (
-            f" {closest.fit.family.title} comes closer (R2 {', '.join(f'{v:.3f}' for v in closest.fit.r2_nominal.values())})"
-            f" but is Drucker-stable only to {closest.fit.unstable_from:.0%} of the range."
+            f" {closest.family.title} comes closer (R2 {', '.join(f'{v:.3f}' for v in closest.r2_nominal.values())})"
+            f" but is Drucker-stable only to {closest.unstable_from:.0%} of the range."
             if closest
             else ""
         )
@@ -85,7 +92,7 @@ class Comparison:
     @property
     def identifiability(self) -> list[str]:
         """Return where the chosen law is not determined by the tests, with the width of its prediction there."""
-        fit, found = self.chosen.fit, []
+        fit, found = self.chosen.fitted, []
         poor = [w for w in self.widths if not w.determined]
         poor = self.widths if len(fit.samples) == 1 else poor  # one load case never shows the others
         if poor:
@@ -98,7 +105,7 @@ class Comparison:
     @property
     def reason(self) -> str:
         """Return in a sentence why the law was chosen, and whether the two criteria agree."""
-        title, usable = self.chosen.fit.family.title, [c for c in self.candidates if c.usable]
+        title, usable = self.chosen.fitted.family.title, [c for c in self.candidates if c.usable]
         predicted = [c for c in usable if np.isfinite(c.held_out_error)]
         lowest = min(usable, key=lambda c: c.aicc, default=self.chosen)
         best = min(predicted, key=lambda c: c.held_out_error, default=None)
@@ -109,15 +116,15 @@ class Comparison:
             held_out = f"none predicts a test left out better ({self.chosen.held_out_error:.1%})"
         elif best:
             held_out = (
-                f"a test left out is predicted better by {best.fit.family.title} ({best.held_out_error:.1%} against"
+                f"a test left out is predicted better by {best.fitted.family.title} ({best.held_out_error:.1%} against"
                 f" {self.chosen.held_out_error:.1%}): trust the chosen law only where it was tested"
             )
         criterion = f"the lowest AICc of {len(usable)} determined and stable laws"
         if self.chosen is not lowest:
             difference = self.chosen.aicc - lowest.aicc
-            criterion = f"its AICc is {difference:.3g} above that of {lowest.fit.family.title}"
+            criterion = f"its AICc is {difference:.3g} above that of {lowest.fitted.family.title}"
             if self.chosen.describes and not lowest.describes:
-                worst = min(lowest.fit.r2_nominal.values())
+                worst = min(lowest.fitted.r2_nominal.values())
                 criterion += f", which has fewer parameters but does not describe the tests (R2 {worst:.3f})"
         how = {"aicc": "", "held_out": "chosen by tests left out; ", "first": "chosen as the first named; "}
         return f"{title}: {how[self.chosen_by]}{criterion}; {held_out}"
@@ -130,14 +137,14 @@ class Comparison:
         for c in self.candidates:
             row = {"law": c.name, "parameters": len(FAMILIES[c.name].parameters), "chosen": c is self.chosen}
             row["AICc difference"] = c.aicc - lowest if c.fit else np.nan
-            row["misfit"] = c.fit.misfit if c.fit else np.nan
+            row["misfit"] = c.fitted.misfit if c.fit else np.nan
             row |= {f"R2 {kind}": r2 for kind, r2 in (c.fit.r2_nominal.items() if c.fit else ())}
             row |= {f"error held out {kind}": c.held_out.get(kind, np.nan) for kind in kinds}
             row["error held out"] = c.held_out_error
             row["Drucker stable"] = (
-                "" if c.fit is None else "yes" if c.usable else f"to {c.fit.unstable_from:.0%}"
+                "" if c.fit is None else "yes" if c.usable else f"to {c.fitted.unstable_from:.0%}"
             )
-            row["remark"] = c.refused or "; ".join(c.fit.notes)
+            row["remark"] = c.refused or "; ".join(c.fitted.notes)
             rows.append(row)
         return pd.DataFrame(rows)
 
@@ -168,12 +175,12 @@ def compare_laws(
     n = _independent_points(curves, list(found.values())) if found else float("nan")
     candidates = []
     for name, fit in fits.items():
-        refused = "" if name in found else str(fit)
-        aicc = _aicc(n, fit) if name in found else float("nan")
+        refused = str(fit) if isinstance(fit, FitError) else ""
+        aicc = float("nan") if isinstance(fit, FitError) else _aicc(n, fit)
         candidates.append(Candidate(name, found.get(name), refused, aicc, held_out_errors(curves, name)))
     usable = [c for c in candidates if c.usable]
     if not usable:
-        reasons = "; ".join(c.refused or f"{c.name}: {', '.join(c.fit.notes)}" for c in candidates)
+        reasons = "; ".join(c.refused or f"{c.name}: {', '.join(c.fitted.notes)}" for c in candidates)
         raise FitError(f"no law of {', '.join(fits)} is determined and stable: {reasons}")
     chosen = min([c for c in usable if c.describes] or usable, key=lambda c: c.aicc)
     predicted = [c for c in usable if np.isfinite(c.held_out_error)]
@@ -182,11 +189,11 @@ def compare_laws(
     if choose == "first":
         chosen = candidates[0]
         if not chosen.usable:
-            reason = chosen.refused or ", ".join(chosen.fit.notes)
+            reason = chosen.refused or ", ".join(chosen.fitted.notes)
             raise FitError(
                 f"{chosen.name} is the first law named, but it is not determined and stable: {reason}"
             )
-    return Comparison(candidates, chosen, n, choose, prediction_widths(curves, chosen.fit))
+    return Comparison(candidates, chosen, n, choose, prediction_widths(curves, chosen.fitted))
 
 
 def held_out_errors(curves: list[MeanCurve], name: str) -> dict[str, float]:

@@ -315,7 +315,7 @@ def r_squared(measured: np.ndarray, model: np.ndarray) -> float:
 
 def _least_squares(family, points, start, bounds, tolerance, residual, jacobian, **loss):
     """Return scipy's solution; stress and Jacobian come from one evaluation."""
-    last = {}
+    last: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
     def evaluated(theta):
         key = theta.tobytes()

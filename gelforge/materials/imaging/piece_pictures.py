@@ -90,6 +90,8 @@ def tracked_inflation(path: Path, settings: pd.Series) -> tuple[pd.DataFrame, li
     if np.isnan(distance):
         said.append(f"{path.name}: no camera_distance_mm, the top view is taken as telecentric")
         return table, said
+    if flat is None:
+        raise TableError(f"{path}: no side view shows where the membrane is clamped; add one that does")
     height = np.array([(flat - s.apex_px[1]) * mm_per_px for s in shapes.values()])
     if not distance > 2 * height.max():
         raise TableError(

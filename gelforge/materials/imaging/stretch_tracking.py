@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -107,8 +108,8 @@ def track_stretches(
     first = next(frames, None)
     if first is None:
         raise TrackingError("no frames; at least one picture is needed")
-    window = tuple(float(v) for v in (window if window is not None else textured_window(first)))
-    tracker = _Tracker(first, window, settings)
+    x, y, width, height = (float(v) for v in (window if window is not None else textured_window(first)))
+    tracker = _Tracker(first, (x, y, width, height), settings)
     for frame in frames:
         tracker.advance(frame)
     return tracker.result()
@@ -121,15 +122,15 @@ def flow_at_points(
 
     Pyramidal Lucas-Kanade (Bouguet 2001) on pictures (rows, columns) uint8; reaches about 1.5 patches.
     """
-    arguments = {
+    arguments: dict[str, Any] = {
         "winSize": (patch_px, patch_px),
         "maxLevel": 3,
         "criteria": (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-3),
         "minEigThreshold": 1e-4,
     }
     start = np.ascontiguousarray(points, np.float32)[:, None]
-    there, found, _ = cv2.calcOpticalFlowPyrLK(before, after, start, None, **arguments)
-    back, found_back, _ = cv2.calcOpticalFlowPyrLK(after, before, there, None, **arguments)
+    there, found, _ = cv2.calcOpticalFlowPyrLK(before, after, start, np.empty_like(start), **arguments)
+    back, found_back, _ = cv2.calcOpticalFlowPyrLK(after, before, there, np.empty_like(start), **arguments)
     error = np.linalg.norm((back - start)[:, 0], axis=1)
     found = (found[:, 0] == 1) & (found_back[:, 0] == 1)
     return (there - start)[:, 0].astype(float), error, found
@@ -145,7 +146,7 @@ def textured_window(
     grey = cv2.GaussianBlur(frame.astype(np.float32), (0, 0), 1.0)
     contrast = cv2.absdiff(grey, cv2.GaussianBlur(grey, (0, 0), 4.0))
     contrast = cv2.GaussianBlur(contrast, (0, 0), 6.0)
-    scaled = cv2.normalize(contrast, None, 0, 255, cv2.NORM_MINMAX).astype(np.uint8)
+    scaled = cv2.normalize(contrast, np.empty_like(contrast), 0, 255, cv2.NORM_MINMAX).astype(np.uint8)
     mask = cv2.threshold(scaled, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)[1]
     number, _, areas, _ = cv2.connectedComponentsWithStats(mask)
     largest = 1 + int(np.argmax(areas[1:, cv2.CC_STAT_AREA])) if number > 1 else 0

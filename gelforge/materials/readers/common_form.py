@@ -139,6 +139,10 @@ class IndentationTest:
 
     def in_segment(self, name: str) -> IndentationTest:
         """Return the rows of one named segment."""
+        if self.segment is None:
+            raise ValueError(
+                f"{self.source} {self.sample}: its segments have no names; {name!r} was asked for"
+            )
         rows = self.segment == name
         time = None if self.time_s is None else self.time_s[rows]
         return replace(

@@ -70,15 +70,17 @@ def rate_while_loading(test: MaterialTest) -> tuple[float, float, float] | None:
     """Return the median rate [1/s] over equal sections of the loadings, and its first and last decile."""
     if test.time_s is None:
         return None
-    rates = [_section_rates(test, s) for s in test.segments if s.kind == "load"]
+    rates = [
+        _section_rates(test.stretch[s.rows], test.time_s[s.rows]) for s in test.segments if s.kind == "load"
+    ]
     if not rates or not sum(map(len, rates)):
         return None
-    return tuple(float(r) for r in np.quantile(np.concatenate(rates), [0.5, 0.1, 0.9]))
+    median, low, high = np.quantile(np.concatenate(rates), [0.5, 0.1, 0.9])
+    return float(median), float(low), float(high)
 
 
-def _section_rates(test: MaterialTest, segment) -> np.ndarray:
+def _section_rates(lam: np.ndarray, time: np.ndarray) -> np.ndarray:
     """Return the rates [1/s] over equal sections of a loading; whole sections average the noise of single rows."""
-    lam, time = test.stretch[segment.rows], test.time_s[segment.rows]
     outward = np.maximum.accumulate(np.sign(lam[-1] - lam[0]) * lam)
     first = np.r_[True, np.diff(outward) > 0]  # the envelope grows strictly
     levels = np.linspace(outward[0], outward[-1], min(RATE_SECTIONS, first.sum() - 1) + 1)

@@ -69,6 +69,10 @@ def check_stiffness(path, entry, test: MaterialTest) -> list[str]:
     """
     strained = np.abs(test.stretch - test.at_rest) > LEAST_STRAIN / 2
     if test.cauchy_difference is not None:
+        if test.stretch_2 is None:
+            raise TableError(
+                f"{path}: a difference of Cauchy stresses needs the lateral stretch; give `lateral`"
+            )
         stress, shape = test.cauchy_difference, test.stretch**2 - test.stretch_2**2
     else:
         stress, shape = test.nominal_stress, neo_hookean_shape(test.test, test.stretch, test.stretch_2)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import overload
 
 import numpy as np
 import pandas as pd
@@ -19,6 +20,12 @@ from gelforge.materials.readers.stresses import (
 from gelforge.units import UNITS
 
 
+@overload
+def values(table: pd.DataFrame, column: Column) -> np.ndarray: ...
+@overload
+def values(table: pd.DataFrame, column: Column | None) -> np.ndarray | None: ...
+
+
 def values(table: pd.DataFrame, column: Column | None) -> np.ndarray | None:
     """Return a column (n,) in mm, N, MPa, s, degC or as a plain number, with its sign."""
     if column is None:
@@ -30,6 +37,7 @@ def values(table: pd.DataFrame, column: Column | None) -> np.ndarray | None:
 def number_in_name(path: Path, entry: TestMapping, named: dict[str, str], key: str) -> float | None:
     if key not in named:
         return None
+    assert entry.from_name is not None  # named holds what its pattern found
     text = named[key].replace(entry.from_name.decimal, ".")
     try:
         return float(text)

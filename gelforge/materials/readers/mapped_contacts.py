@@ -97,16 +97,14 @@ def _check_single_rows(path, lines, position, force, segment) -> None:
             )
 
 
-def check_modulus(path, test: IndentationTest, thickness_mm: float | None) -> None:
+def check_modulus(path, test: IndentationTest, radius_mm: float, thickness_mm: float | None) -> None:
     """Refuse a press in the project's own format whose size of force no soft body has; its contact is taken coarsely.
 
     Raises TableError.
     """
     z, push = test.position_mm, test.force_N - np.median(test.force_N[: max(len(test.force_N) // 10, 3)])
     deepest = z.max() - z[push > 0.02 * push.max()].min()
-    shape = (
-        np.sqrt(test.ball_radius_mm) * deepest**1.5 * layer_factor(deepest, test.ball_radius_mm, thickness_mm)
-    )
+    shape = np.sqrt(radius_mm) * deepest**1.5 * layer_factor(deepest, radius_mm, thickness_mm)
     E = push.max() / (16 / 9 * float(shape)) if shape > 0 else np.inf
     low, high = YOUNGS_MODULUS_MPA
     if not low <= E <= high:

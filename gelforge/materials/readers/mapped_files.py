@@ -54,11 +54,11 @@ def read_mapped_folder(folder: str | Path, mapping: Mapping) -> list[Read]:
     everything = sorted(path for path in folder.rglob("*") if not path.name.startswith("."))
     paths = [path for path in everything if not path.is_dir()]
     _check_folders(folder, mapping, [path for path in everything if path.is_dir()], paths)
-    entries = [(path, path.relative_to(folder).as_posix()) for path in paths]
-    entries = [(path, name, mapping.entry_for(name)) for path, name in entries]
-    tests = [
+    names = [path.relative_to(folder).as_posix() for path in paths]
+    entries = [mapping.entry_for(name) for name in names]
+    tests: list[Read] = [
         replace(test, source=name)
-        for path, name, entry in entries
+        for path, name, entry in zip(paths, names, entries)
         if entry
         for test in read_mapped(path, entry)
     ]
@@ -112,18 +112,19 @@ def read_microindentation(
         corrections=Corrections(odd_rows=sidecar.odd_rows),
     )
     test = read_mapped(path, entry)[0]
+    assert isinstance(test, IndentationTest)  # by the entry's kind
     if like is None and sidecar.odd_rows == "refuse":  # the board is as stiff as it likes
-        check_modulus(path, test, sidecar.layer_thickness_mm)
+        check_modulus(path, test, sidecar.ball_radius_mm, sidecar.layer_thickness_mm)
     return test, sidecar
 
 
 def _table(path: Path, entry: TestMapping) -> pd.DataFrame:
-    columns = [entry.strain, entry.stress, entry.time, entry.radius, entry.height, entry.force, entry.force_2]
-    columns += [entry.rate, entry.temperature, *entry.also]
+    named = [entry.strain, entry.stress, entry.time, entry.radius, entry.height, entry.force, entry.force_2]
+    named += [entry.rate, entry.temperature, *entry.also]
     if entry.lateral:
-        columns += [entry.lateral.strain, entry.lateral.stress]
-    columns += [c.at for c in columns if isinstance(c, Stress) and c.at]
-    columns = [column for column in columns if column]
+        named += [entry.lateral.strain, entry.lateral.stress]
+    named += [c.at for c in named if isinstance(c, Stress) and c.at]
+    columns = [column for column in named if column]
     names = [column.column for column in columns]
     texts = [name for name in (entry.split, entry.segment) if name]
     texts += [entry.time.restarts_with] if entry.time and entry.time.restarts_with else []
@@ -172,10 +173,9 @@ def _of(part: str) -> str:
 
 def _time(path: Path, entry: TestMapping, table: pd.DataFrame):
     """Return the time (n,) [s] or None, what was corrected, and the table in the order of time."""
-    time = values(table, entry.time)
-    if time is None:
+    if entry.time is None:
         return None, [], table
-    said = []
+    time, said = values(table, entry.time), []
     if entry.time.restarts_with:
         begins = np.flatnonzero(np.diff(pd.factorize(table[entry.time.restarts_with])[0])) + 1
         for a, b in zip(begins, [*begins[1:], len(time)]):

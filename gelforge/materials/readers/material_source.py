@@ -133,7 +133,7 @@ def _below(folder: Path, material: MaterialSource) -> MaterialSource:
 def _read(source: Path, mapping: Mapping | None) -> list[MaterialSource]:
     if not source.exists():
         raise TableError(f"{source}: no such file or folder; name one that exists")
-    if source.is_dir() and mapping is None:
+    if mapping is None and source.is_dir():
         return [
             MaterialSource(
                 source.name,
@@ -143,9 +143,11 @@ def _read(source: Path, mapping: Mapping | None) -> list[MaterialSource]:
                 read_small_tests(source),
             )
         ]
-    if source.is_dir():
-        return [_mapped(test, source.name, source, mapping) for test in read_mapped_folder(source, mapping)]
     if mapping is not None:
+        if source.is_dir():
+            return [
+                _mapped(test, source.name, source, mapping) for test in read_mapped_folder(source, mapping)
+            ]
         entry = mapping.entry_for(source.name)
         if entry is None:
             raise TableError(f"{source}: the mapping ignores this file; name a test, or change `ignore`")
@@ -195,4 +197,9 @@ def _board(
             f"{folder / test.source}: rigid_board {test.rigid_board!r} is {'ignored' if found else 'not there'}; name the"
             " file of an indentation that the mapping reads"
         )
-    return read_mapped(found[0], entry)[0], found[:1]
+    board = read_mapped(found[0], entry)[0]
+    if not isinstance(board, IndentationTest):
+        raise TableError(
+            f"{found[0]}: named as rigid_board, but the mapping reads it as {entry.kind}, not as a press"
+        )
+    return board, found[:1]

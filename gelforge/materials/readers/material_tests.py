@@ -98,7 +98,8 @@ def read_material_tests(folder: str | Path) -> list[MaterialTest]:
         sections = sheet_thickness(folder / THICKNESS)
     curves = [_read_sample(folder, line, row, sections) for line, row in samples.iterrows()]
     moduli = _check_stress_level(folder, list(samples["file"]), curves)
-    limits = tuple(1e3 * limit for limit in SHEAR_MODULUS_MPA)
+    least, most = SHEAR_MODULUS_MPA
+    limits = 1e3 * least, 1e3 * most
     return [
         replace(
             curve,
@@ -160,7 +161,8 @@ def _read_sample(folder: Path, line: int, row: pd.Series, sections: dict[str, Me
         stretch, time_s = _checked_stretch(path, table, row.history), table["time_s"].to_numpy()
         if np.isnan(time_s).any() and row.history == RELAXATION:
             raise TableError(f"{path}: time_s is missing or empty; a hold needs the time of every row")
-        stress, said = table["nominal_stress_kPa"].to_numpy() * 1e-3 * stretch, []
+        said: list[str] = []
+        stress = table["nominal_stress_kPa"].to_numpy() * 1e-3 * stretch
         if np.isnan(time_s).any():
             time_s = None
         else:
@@ -199,7 +201,7 @@ def _material_test(
 ) -> MaterialTest:
     known = {name: None if np.isnan(row[name]) else float(row[name]) for name in CIRCUMSTANCES}
     stretch, lateral = table["stretch_1"].to_numpy(), table["stretch_2"].to_numpy()
-    segments = (Segment("load", 0, len(stretch), 1),)
+    segments: tuple[Segment, ...] = (Segment("load", 0, len(stretch), 1),)
     if row.history != HISTORIES[0]:
         segments = find_segments(stretch, time_s)
     test = MaterialTest(

@@ -253,6 +253,7 @@ def _row_noise(values: np.ndarray) -> float:
 
 
 def _adhesion(test: IndentationTest) -> MeasuredEffect:
+    assert test.segment is not None  # small_effects asks only then
     names = list(dict.fromkeys(test.segment))
     ways = [float(np.subtract(*test.in_segment(name).position_mm[[-1, 0]])) for name in names]
     into = next((name for name, way in zip(names, ways) if way > 0), None)

@@ -60,7 +60,10 @@ class Body:
     """
 
     remembers = False  # its stresses depend on the way to a state
-    _memory = NO_MEMORY
+    gradient: np.ndarray  # (E, Q, A, 3) [1/mm] dN/dX at the points
+    weight: np.ndarray  # (E, Q) [mm^3]
+    pattern: Pattern
+    _memory: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] = NO_MEMORY
 
     def __init__(
         self,
@@ -93,10 +96,9 @@ class Body:
             self.constants[r, : len(law.point_constants)] = law.point_constants
         self.stiffness = _stiffness(stiffness, len(mesh.elements))
         shear = np.array([law.shear_modulus for law in by_region])
-        per_region = isinstance(bulk_to_shear, Mapping)
-        self.bulk = shear * [
-            bulk_to_shear[name] if per_region else bulk_to_shear for name in mesh.regions
-        ]  # (R,)
+        if not isinstance(bulk_to_shear, Mapping):
+            bulk_to_shear = dict.fromkeys(mesh.regions, bulk_to_shear)
+        self.bulk = shear * [bulk_to_shear[name] for name in mesh.regions]  # (R,)
         self.element_shear = shear[mesh.region] * self.stiffness  # (E,) [MPa] at rest
         bulk_factor = (
             self.stiffness if bulk_stiffness is None else _stiffness(bulk_stiffness, len(mesh.elements))
@@ -133,14 +135,14 @@ class Body:
         E, N = len(self.mesh.elements), len(self.mesh.X)
         f_mixed, f_condensed = np.empty((N, 3)), np.empty((N, 3))
         p_volume, coupling = np.empty(E), np.empty((*self.mesh.elements.shape, 3))
-        condensed = len(tangent) > 0 and self.pattern.condense is not None
+        condense = self.pattern.condense if len(tangent) else None
         energy, smallest_J, extension = self._assemble(
             self.gradient, self.weight, self.mesh.elements, self.mesh.region, u, pressure, self.law, self.constants,
             self.stiffness, self.element_bulk, self.local_bulk, self.rest, self.pattern.element_slots, *self._memory,
-            self._assembled if condensed else tangent, f_mixed, f_condensed, p_volume, coupling,
+            tangent if condense is None else self._assembled, f_mixed, f_condensed, p_volume, coupling,
         )  # fmt: skip
-        if condensed:
-            tangent[:] = self.pattern.condense @ self._assembled
+        if condense is not None:
+            tangent[:] = condense @ self._assembled
         f_mixed, f_condensed = self.gathered(f_mixed), self.gathered(f_condensed)
         return Response(f_mixed, f_condensed, p_volume, coupling, energy, smallest_J, extension)
 
@@ -181,14 +183,13 @@ class SmallStrainBody(Body):
         stiffness: np.ndarray | None = None,
         bulk_stiffness: np.ndarray | None = None,
     ):
-        factors = {"stiffness": stiffness, "bulk_stiffness": bulk_stiffness}
-        super().__init__(mesh, laws, bulk_to_shear, **factors)
+        super().__init__(mesh, laws, bulk_to_shear, stiffness=stiffness, bulk_stiffness=bulk_stiffness)
         zero, no_pressure = np.zeros_like(mesh.X), np.zeros(len(mesh.elements))
         self.tangent = np.empty(len(self.pattern.indices))
         super().response(zero, no_pressure, self.tangent)
         # The reaction needs the rows of the fixed nodes too, so the forces come from a pattern in which nothing is fixed.
         unheld = build_pattern(mesh.elements, np.zeros(len(mesh.X), bool), None)
-        everything = Body(mesh, laws, bulk_to_shear, unheld, **factors)
+        everything = Body(mesh, laws, bulk_to_shear, unheld, stiffness, bulk_stiffness)
         values = np.empty(len(everything.pattern.indices))
         everything.response(zero, no_pressure, values)
         upper = sp.csr_matrix((values, everything.pattern.indices, everything.pattern.indptr))

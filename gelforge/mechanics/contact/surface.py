@@ -105,7 +105,9 @@ class SurfaceContact:
         where it has touched, not from where it was at the last converged state.
         """
         points = self.X + old.u[self.nodes]
-        free = old.moved * _ratio(centre - old.centre, old.travel) if old.moved is not None else 0.0 * points
+        free = 0.0 * points
+        if old.moved is not None and old.travel is not None:
+            free = old.moved * _ratio(centre - old.centre, old.travel)
         before, after = old.gap, self._gap_at(points + free, centre)[0]
         closes = after < before
         share = np.where(closes, before / np.where(closes, before - after, 1.0), 1.0)
@@ -139,15 +141,15 @@ class SurfaceContact:
         """Return the contact's forces and tangents at an iterate; weight multiplies the weight of slip."""
         s, S = self.settings, len(self.nodes)
         vectors = ("f_mixed", "f_condensed", "f_consistent", "friction", "wanted", "direction")
-        out = {name: np.empty((S, 3)) for name in vectors}
-        out |= {"spring": np.empty(S)}
+        out: dict[str, np.ndarray] = {name: np.empty((S, 3)) for name in vectors}
+        out["spring"] = np.empty(S)
         out |= {name: np.empty((S, 3, 3)) for name in ("stiffness", "stiffness_consistent")}
         out["state"] = np.empty(S, np.int8)
         closing, eps_n = self._closing(at)
         contact_forces(
             closing, at.normal, at.turn, self._slip(at.u, step), at.contact_pressure, at.active, self.area, at.friction,
-            eps_n, weight * self.slip_weight, self.hold, s.friction, *out.values(), s.friction_exponent,
-            s.friction_pressure,
+            eps_n, weight * self.slip_weight, self.hold, s.friction, **out, exponent=s.friction_exponent,
+            reference=s.friction_pressure,
         )  # fmt: skip
         normal_part = np.where(at.active, self.area * (at.contact_pressure - eps_n * closing), 0.0)
         held = out["f_condensed"] - normal_part[:, None] * at.normal
@@ -244,7 +246,7 @@ def _ratio(move: np.ndarray, last: np.ndarray) -> float:
     """Return how long a step of the indenter is over the last one, 0 where it leads another way or rests."""
     last = np.concatenate([last, np.zeros(len(move) - len(last))])
     size, before = np.linalg.norm(move), np.linalg.norm(last)
-    return size / before if move @ last > SAME_WAY * size * before else 0.0
+    return float(size / before) if move @ last > SAME_WAY * size * before else 0.0
 
 
 def _shear_modulus(body: Body) -> np.ndarray:

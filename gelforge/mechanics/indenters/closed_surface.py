@@ -7,7 +7,7 @@ tree of boxes, on each triangle after Ericson 2005, Real-Time Collision Detectio
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numba as nb
@@ -37,6 +37,10 @@ class ClosedSurface(Indenter):
     vertices: np.ndarray
     triangles: np.ndarray
     edge: float = 0.0  # mm
+    _core: np.ndarray = field(init=False, repr=False, compare=False)  # (V, 3) vertices inset by the edge
+    _search: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray] = field(
+        init=False, repr=False, compare=False
+    )  # corners and pseudo-normals in the tree's order, and the tree's low, high, first, count
 
     def __post_init__(self):
         object.__setattr__(self, "_core", _inset(self.vertices, self.triangles, self.edge))
@@ -171,7 +175,9 @@ def _tree(corner: np.ndarray) -> dict[str, np.ndarray]:
     """
     middle = corner.mean(axis=1)
     order = np.arange(len(corner))
-    low, high, first, count, pending = [None], [None], [0], [0], [(0, 0, len(corner))]
+    low: list[np.ndarray | None] = [None]
+    high: list[np.ndarray | None] = [None]
+    first, count, pending = [0], [0], [(0, 0, len(corner))]
     while pending:
         node, start, end = pending.pop()
         inside = order[start:end]
@@ -185,7 +191,10 @@ def _tree(corner: np.ndarray) -> dict[str, np.ndarray]:
         first[node] = len(low)
         for part in ((start, start + half), (start + half, end)):
             pending.append((len(low), *part))
-            low.append(None), high.append(None), first.append(0), count.append(0)
+            low.append(None)
+            high.append(None)
+            first.append(0)
+            count.append(0)
     return {
         "order": order,
         "low": np.array(low),

@@ -7,6 +7,7 @@ one the normal jumps, and no iteration converges on a jump.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -28,6 +29,12 @@ class Indenter:
 
     def support(self, direction: np.ndarray) -> float:
         """Return the largest p . direction [mm] over the points p of the body."""
+        raise NotImplementedError
+
+    def vertical_gap(
+        self, points: np.ndarray, centre: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the vertical gap, and the normal of the undeformed surface with its turn; a ball alone defines it."""
         raise NotImplementedError
 
     def gap(self, points: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -243,7 +250,7 @@ def rotation_of(vector: np.ndarray) -> np.ndarray:
     return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K)
 
 
-def rotation_about_axes(degrees: tuple[float, float, float]) -> np.ndarray:
+def rotation_about_axes(degrees: Sequence[float]) -> np.ndarray:
     """Return the rotation (3, 3) that turns about the fixed x, then y, then z axis by these angles [deg]."""
     turns = [rotation_of(np.radians(angle) * axis) for angle, axis in zip(degrees, np.eye(3))]
     return turns[2] @ turns[1] @ turns[0]

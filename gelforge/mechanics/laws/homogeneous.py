@@ -66,6 +66,8 @@ def stress_points(
         l = (stretch + np.sqrt(stretch**2 + 4)) / 2
         return StressPoints(np.column_stack([l, np.ones_like(l), 1 / l]), 1 / (l + 1 / l))
     if case == "biaxial":
+        if stretch_2 is None:
+            raise ValueError("a biaxial test has two stretches; give stretch_2")
         lam = np.column_stack([stretch, stretch_2, 1 / (stretch * stretch_2)])
     else:
         lam = principal_stretches(case, stretch)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -25,6 +25,7 @@ DEVIATOR = np.eye(3) - 1 / 3  # takes the mean off a triple of principal values
 NEAREST_LIMIT = 1 - 1e-4
 
 
+@dataclass(frozen=True)
 class PrincipalLaw(ABC):
     """A strain energy W(lam_1, lam_2, lam_3) [MPa = mJ/mm^3], symmetric in the stretches, for lam_1 lam_2
     lam_3 = 1.

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from gelforge.mechanics.laws.family import Family
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.laws.parameters import GivenParameters
@@ -30,4 +32,4 @@ class Model:
         if family is None:
             known = " or ".join(str(list(f.parameters)) for f in self.families)
             raise ValueError(f"parameters {list(values)}; {self.name} has {known}")
-        return family.law_of([values[name] for name in family.parameters])
+        return family.law_of(np.array([values[name] for name in family.parameters]))

@@ -17,7 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from gelforge.mechanics.linear.sparsity import Pattern, symmetric_product
+from gelforge.mechanics.linear.sparsity import Pattern, Rows, symmetric_product
 
 
 class NotPositiveDefinite(ArithmeticError):
@@ -53,9 +53,10 @@ class Pardiso:
 
     name = "pardiso"
     ANALYSE, FACTOR, SOLVE, RELEASE = 11, 22, 33, -1
-    KIND, PIVOT, NUMBER = 2, 8, np.float32  # positive definite; perturbed pivots are 10^-PIVOT
+    KIND, PIVOT = 2, 8  # positive definite; perturbed pivots are 10^-PIVOT
+    NUMBER: type[np.floating] = np.float32
 
-    def __init__(self, pattern: Pattern, threads: int = 1):
+    def __init__(self, pattern: Rows, threads: int = 1):
         mkl = _math_kernel_library()
         mkl.MKL_Set_Num_Threads(threads)
         self._pardiso = mkl["pardiso"]  # by index: a fresh handle without pypardiso's argument types

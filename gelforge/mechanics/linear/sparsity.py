@@ -3,10 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numba as nb
 import numpy as np
 import scipy.sparse as sp
+
+
+class Rows(Protocol):
+    """The places of the values of a square sparse matrix of `size` rows."""
+
+    @property
+    def indptr(self) -> np.ndarray: ...  # (n + 1,) int32
+
+    @property
+    def indices(self) -> np.ndarray: ...  # (nnz,) int32, sorted in every row
+
+    @property
+    def size(self) -> int: ...
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,8 @@ class PardisoLU(Pardiso):
     as large as what the material answers with.
     """
 
-    KIND, PIVOT, NUMBER = 1, 13, np.float64
+    KIND, PIVOT = 1, 13
+    NUMBER = np.float64
 
     def solve(self, rhs: np.ndarray) -> np.ndarray:
         """Return the solutions (P, n) of right-hand sides (P, n)."""

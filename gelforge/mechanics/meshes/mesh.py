@@ -218,8 +218,9 @@ def _too_large(block: Block, sizes: Sizes, touched: np.ndarray, *lines: np.ndarr
     large = size > 1.4 * (sizes.near + sizes.growth * distance)
     if block.wall and len(block.layers) > 1:
         # With one eight-node element through a wall that bends Fx 5 mm away is 6 % too small (docs/accuracy.md).
-        thin = max(block.wall / sizes.wall_parts, sizes.near)
-        thin = thin + sizes.growth * np.maximum(radial - block.height, 0)
+        thin = max(block.wall / sizes.wall_parts, sizes.near) + sizes.growth * np.maximum(
+            radial - block.height, 0
+        )
         through_x, through_y = (
             np.where(_in_wall(m, width, block.wall), 2 * h, 0.0)
             for m, h, width in zip(mid, half, (block.width_x, block.width_y))
@@ -246,7 +247,9 @@ def _surface(block: Block, X: np.ndarray, hexahedra: np.ndarray, ties: sp.csr_ma
         outside &= X[face, 2].mean(axis=1) > flange_top
         faces.append(face[outside])
         tops.append(np.full(outside.sum(), axis == 2))
-    faces, top = np.concatenate(faces), np.concatenate(tops)
-    area = ties.T @ lumped_area(X, faces)
+    top = np.concatenate(tops)
+    area = ties.T @ lumped_area(X, np.concatenate(faces))
     nodes = np.flatnonzero(area > 0)
-    return Surface(nodes, area[nodes], np.isin(nodes, np.flatnonzero(X[:, 2] > -1e-9)), faces[top])
+    return Surface(
+        nodes, area[nodes], np.isin(nodes, np.flatnonzero(X[:, 2] > -1e-9)), np.concatenate(faces)[top]
+    )

@@ -92,7 +92,7 @@ def _upsampled(cells: np.ndarray, times: int) -> np.ndarray:
 def _coarsened(cells: np.ndarray) -> np.ndarray:
     """Return which cells of the coarser level hold any of the finer cells."""
     nx, ny, nz = (n // 2 for n in cells.shape)
-    return cells.reshape(nx, 2, ny, 2, nz, 2).any(axis=(1, 3, 5))
+    return np.any(cells.reshape(nx, 2, ny, 2, nz, 2), axis=(1, 3, 5))
 
 
 def _ties(corner, hexahedra, used, shape) -> sp.csr_matrix:
@@ -113,11 +113,11 @@ def _ties(corner, hexahedra, used, shape) -> sp.csr_matrix:
             columns.append(masters.ravel())
             weights.append(np.full(masters.size, 1 / len(group)))
     own = np.flatnonzero(~hangs)
-    rows, columns, weights = (
+    row, column, weight = (
         np.concatenate([*parts, more])
         for parts, more in ((rows, own), (columns, own), (weights, np.ones(len(own))))
     )
-    ties = sp.csr_matrix((weights, (rows, columns)), shape=(len(used), len(used)))
+    ties = sp.csr_matrix((weight, (row, column)), shape=(len(used), len(used)))
     while hangs[ties.indices].any():  # a master that hangs itself hands its value on
         ties = (ties @ ties).tocsr()
     ties.sort_indices()

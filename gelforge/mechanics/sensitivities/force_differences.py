@@ -25,7 +25,7 @@ MODULI = ("stiffness", "element_bulk", "local_bulk")
 class ForceDifferences:
     """Changes of the internal forces from a body to others with the same elements, per unit of the amounts between them."""
 
-    def __init__(self, base: Body, bodies: Sequence[Body], amounts: Sequence[float]):
+    def __init__(self, base: Body, bodies: Sequence[Body], amounts: Sequence[float] | np.ndarray):
         self.base, self.bodies, self.amounts = base, list(bodies), np.asarray(amounts, dtype=float)
         self._moduli: list[int] = []  # numbers of the bodies that differ by factors on moduli only
         self._others: dict[int, np.ndarray] = {}  # elements (n,) that differ, by the body's number

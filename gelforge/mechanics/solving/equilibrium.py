@@ -10,6 +10,7 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, gmres
 
 from gelforge.mechanics.bodies.body import NO_TANGENT, Body, Response
+from gelforge.mechanics.bodies.memory import RememberingBody
 from gelforge.mechanics.contact.forces import add_node_blocks
 from gelforge.mechanics.contact.state import Settings, State
 from gelforge.mechanics.contact.surface import SAME_WAY, ContactForces, Iterate, SurfaceContact
@@ -45,6 +46,8 @@ class NotConverged(ArithmeticError):
 
 
 Watch = Callable[[State, State], None]
+# displacement (N, 3) [mm], element pressures (E,), contact pressures (S,) [MPa], friction forces (S, 3) [N]
+Unknowns = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 class Press:
@@ -82,7 +85,7 @@ class Press:
             friction_force=none,
             contact_state=np.zeros(S, np.int8),
             fixed_force=np.zeros((self.body.mesh.fixed.sum(), 3)),
-            memory=self.body.initial if self.body.remembers else None,
+            memory=self.body.initial if isinstance(self.body, RememberingBody) else None,
         )
 
     def follow(
@@ -174,12 +177,13 @@ class Press:
         """
         s, contact = self.settings, self.contact
         limit = s.max_iterations if limit is None else limit
-        if self.body.remembers:
+        if isinstance(self.body, RememberingBody):
             self.body.begin(state.memory, state.memory.time if time is None else time)
         move = contact.step(state, centre)
         at = contact.begin(*(unknowns(guess) if guess else self._predict(previous, state, centre)), centre)
-        factored_for, last_residual, changes, factorisations = None, np.inf, 0, 0
-        last_contact, steady = None, 0
+        factored_for: np.ndarray | None = None
+        last_contact: np.ndarray | None = None
+        last_residual, changes, factorisations, steady = np.inf, 0, 0, 0
         response, forces = self._evaluate(at, tangent=True), contact.forces(at, move)
         for iteration in range(limit + 1):
             residual, slipped = self._residual(response, forces), contact.friction_error(forces)
@@ -210,7 +214,12 @@ class Press:
             if not chord:
                 self._factor(at, forces)
                 factored_for, factorisations = forces.state, factorisations + 1
-            same = changes == 0 and residual <= last_residual and np.array_equal(forces.state, last_contact)
+            same = (
+                changes == 0
+                and residual <= last_residual
+                and last_contact is not None
+                and np.array_equal(forces.state, last_contact)
+            )
             steady, last_contact = (steady + 1 if same else 0), forces.state
             settled = residual < CREEP_RESIDUAL or (steady >= STEADY and residual < CHORD_RESIDUAL)
             creeps = settled and residual > CHORD_RATE * last_residual
@@ -242,7 +251,7 @@ class Press:
             )
         )
 
-    def _predict(self, previous: State | None, state: State, centre: np.ndarray) -> tuple[np.ndarray, ...]:
+    def _predict(self, previous: State | None, state: State, centre: np.ndarray) -> Unknowns:
         """Return the unknowns extrapolated along a straight path of the indenter."""
         if previous is None or previous.contact_pressure.max() == 0:
             return unknowns(state)
@@ -251,7 +260,10 @@ class Press:
         if move @ last <= SAME_WAY * np.linalg.norm(move) * np.linalg.norm(last):
             return unknowns(state)
         ratio = np.linalg.norm(move) / np.linalg.norm(last)
-        return tuple(now + ratio * (now - then) for now, then in zip(unknowns(state), unknowns(previous)))
+        u, pressure, contact_pressure, friction = (
+            now + ratio * (now - then) for now, then in zip(unknowns(state), unknowns(previous))
+        )
+        return u, pressure, contact_pressure, friction
 
     def _evaluate(self, at: Iterate, tangent: bool = False) -> Response:
         if tangent:
@@ -340,11 +352,11 @@ class Press:
             touched=forces.touched,
             travel=centre - padded(old.centre, len(centre)),
             moved=(at.u - old.u)[self.surface],
-            memory=self.body.remember(at.u) if self.body.remembers else None,
+            memory=self.body.remember(at.u) if isinstance(self.body, RememberingBody) else None,
         )
 
 
-def unknowns(state: State) -> tuple[np.ndarray, ...]:
+def unknowns(state: State) -> Unknowns:
     """Return displacement, element pressures, contact pressures and friction forces of a state."""
     return state.u, state.pressure, state.contact_pressure, state.friction_force
 

@@ -38,15 +38,12 @@ def follow_yielding(
     previous, state, lag, growth = None, replace(start, centre=at), 0.0, 0.0
     for number, target in enumerate(commanded):
         iterations = factorisations = 0
-        begun, end = (None, None) if times is None else (state.memory.time, float(times[number]))
-        pending = [
-            (
-                at + share * (target - at) if share < 1 else target,
-                0,
-                None if end is None else begun + share * (end - begun),
-            )
-            for share in press.parts(state, target - at)[::-1]
-        ]
+        pending: list[tuple[np.ndarray, int, float | None]] = []  # aim, halvings, time
+        for share in press.parts(state, target - at)[::-1]:
+            time = None
+            if times is not None:
+                time = state.memory.time + share * (float(times[number]) - state.memory.time)
+            pending.append((at + share * (target - at) if share < 1 else target, 0, time))
         while pending:
             aim, halvings, time = pending[-1]
             move = float((aim - at) @ along)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gelforge.config import Camera, Study
+from gelforge.config import Camera, Study, given
 from gelforge.mismatch.model.effect import Effect, Parameter
 
 
@@ -16,7 +16,8 @@ def to_camera(study: Study, camera: Camera, amounts: Sequence[float]) -> Camera:
         if camera.focal_y_px is not None:
             grown["focal_y_px"] = camera.focal_y_px * (1 + a)
         return Camera(**(camera.model_dump() | grown))
-    return Camera(**(camera.model_dump() | {"mm_per_px": camera.mm_per_px / (1 + a)}))
+    flat = given(camera.mm_per_px, "camera.mm_per_px")
+    return Camera(**(camera.model_dump() | {"mm_per_px": flat / (1 + a)}))
 
 
 EFFECT = Effect(

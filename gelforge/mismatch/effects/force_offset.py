@@ -19,7 +19,7 @@ def shapes(context: Context) -> list[Shape]:
     """Return the sessions that were tared, one by one, and all at once: a zero that nobody took is the same in each."""
     observations = context.observations
     tared = observations.table["session"][observations.tared].unique()
-    each = [{"session": name} for name in tared]
+    each: list[Shape] = [{"session": name} for name in tared]
     return each if len(each) == 1 else [{}, *each]
 
 
@@ -27,7 +27,7 @@ def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequen
     """Return the forces with a constant at every reading of a tared session, or of all of them."""
     session = context.observations.table["session"]
     own = (session == shape["session"]).to_numpy() if "session" in shape else np.ones(len(session), bool)
-    return force + np.outer(own & context.observations.tared, amounts)
+    return force + np.outer(own & context.observations.tared, np.asarray(amounts))
 
 
 EFFECT = Effect(

@@ -28,7 +28,7 @@ def shapes(context: Context) -> list[Shape]:
     """Return the energy densities [kPa] that may scale the softening: shares of the largest one of these indentations."""
     deepest = context.observations.table.groupby("site")["deepest_mm"].max()
     energies = Energies(context)
-    largest = max(float(energies.density(s, d, 0.0)) for s, d in deepest.items())
+    largest = max(float(energies.density(s, d, np.zeros(()))) for s, d in deepest.items())
     return [{"m_kPa": float(f"{scale * largest:.2g}")} for scale in SCALES]
 
 
@@ -44,7 +44,9 @@ def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
 def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
     """Return the forces of softened layers to first order: the gel's stiffness times 1 - amount x `lost_share`."""
     (a,) = amounts
-    return force - a * lost_share(context, shape["m_kPa"])[:, None] * context.derivative("gel_stiffness")
+    return force - a * lost_share(context, float(shape["m_kPa"]))[:, None] * context.derivative(
+        "gel_stiffness"
+    )
 
 
 def lost_share(context: Context, m: float) -> np.ndarray:

@@ -43,7 +43,7 @@ def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
 def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
     """Return the forces with overstresses to first order: the hereditary integral of what stiffness would add."""
     (a,) = amounts
-    return force + a * overstress(context, STIFFNESS[shape["part"]], shape["time_s"])
+    return force + a * overstress(context, STIFFNESS[str(shape["part"])], float(shape["time_s"]))
 
 
 def overstress(context: Context, stiffness: str, tau: float) -> np.ndarray:

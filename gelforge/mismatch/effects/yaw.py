@@ -2,8 +2,15 @@
 
 import numpy as np
 
+from gelforge.config import Study
 from gelforge.mismatch.model.effect import Effect
 from gelforge.mismatch.model.solver_effects import amount, as_spin, half_an_element_far_out, has, solver
+
+
+def across(study: Study) -> float:
+    """Return the turn [deg] that moves what is far out by half an element."""
+    return float(np.degrees(half_an_element_far_out(study)))
+
 
 EFFECT = Effect(
     name="yaw",
@@ -19,5 +26,5 @@ EFFECT = Effect(
     separated_by="indentations close to the walls off the lines of symmetry; images",
     form_error=0.2,  # at the wall, whose pull sets in within half a millimetre
     **solver("yaw", has("kinematics.yaw_deg"), directed=True)
-    | {"turned": as_spin, "across": lambda study: float(np.degrees(half_an_element_far_out(study)))},
+    | {"turned": as_spin, "across": across},
 )  # fmt: skip

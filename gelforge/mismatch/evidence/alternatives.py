@@ -10,7 +10,7 @@ from scipy.special import gammaln, logsumexp
 from gelforge.mismatch.evidence.screen import Screened
 
 NULL_PRIOR = 0.5  # as likely as not that a careful study has left nothing out
-NOTHING = frozenset()
+NOTHING: frozenset[str] = frozenset()
 # Log evidence counts for this share: each effect has a form that is not quite the truth's, and so have the errors allowed
 # for it. Of 135 claims of two opened concealed sets 0.4 makes the mean log score largest (-0.27; -0.40 at 1), and of
 # those that it leaves above 0.9 79 of 81 are right (docs/mismatch-method.md, `python -m validation claims`).

@@ -137,7 +137,7 @@ class Covariance:
 
     @cached_property
     def _steps(self) -> list[_Step]:
-        steps = []
+        steps: list[_Step] = []
         for level in self.levels:
             V = level.directions / self._sd[:, None]
             for step in steps:
@@ -262,7 +262,7 @@ def slowly(depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.cos(turn), np.sin(turn)
 
 
-def _numbered(values: Sequence) -> np.ndarray:
+def _numbered(values: Sequence | np.ndarray) -> np.ndarray:
     return np.unique(np.asarray(values), return_inverse=True)[1].ravel()
 
 

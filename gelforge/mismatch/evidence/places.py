@@ -110,7 +110,7 @@ def slopes(part: Candidate, others: Sequence[Candidate]) -> dict[str, Slope]:
 
 def displaced(part: Candidate, by: dict[str, float]) -> Candidate:
     """Return a located effect as far [mm] from the place that was tried, axis by axis; its columns stay as they are."""
-    place = {axis: part.tried[axis] + float(offset) for axis, offset in by.items()}
+    place = {axis: float(part.tried[axis]) + float(offset) for axis, offset in by.items()}
     return replace(part, shape={**part.shape, **place}, moved_from=part.tried)
 
 

@@ -177,7 +177,7 @@ def evidence(
     cov = (cov + cov.T) / 2
     mean = cov @ b
     log_factor = 0.5 * b @ mean - 0.5 * np.linalg.slogdet(B)[1]
-    for i in np.flatnonzero(signs):
+    for i in np.flatnonzero(signs).tolist():
         share, mean, cov = _half(mean, cov, i, signs[i])
         log_factor += share + np.log(2)
     return float(log_factor), W * mean, W[:, None] * cov * W

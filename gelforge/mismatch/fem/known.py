@@ -51,8 +51,8 @@ def _sensor_of(context: Context, chosen: Sequence[Amounts]) -> np.ndarray:
 
     def read(force):
         for effect, shape, amounts in chosen:
-            if not effect.solved:
-                force = effect.to_forces(replace(context, force=force), shape, force, amounts)
+            if not effect.solved and effect.to_forces is not None:
+                force = effect.to_forces(replace(context, force=force), shape, force, tuple(amounts))
         return force
 
     alone = read(context.force)

@@ -70,7 +70,7 @@ def slopes_of_site(solver: Solver, cell: PlannedCell) -> SiteSlopes:
 
 def asked_at(solver: Solver, planned: PlannedCell) -> dict[str, tuple[Variation, dict]]:
     """Return what is differentiated along at a place by name, each with its effect, parameter, unit and shape."""
-    blank = Context(solver.study, None, None, None, {})  # no readings: all that there could be
+    blank = Context.before_readings(solver.study)  # all that there could be
     effects = [*with_taken(effects_of_forces(solver.study).values()), BOX]
     found: dict[str, tuple[Variation, dict]] = {}
     known = []

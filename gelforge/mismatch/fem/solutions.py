@@ -163,11 +163,11 @@ def follow(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> dict[str, 
     if "reason" in known["base"]:
         return _unsolved(down, COARSER_MESH, known["base"])
     found = {}
-    for key, one in known.items():
-        if "reason" in one:
-            found[f"reason {key}"] = one["reason"]
+    for key, arrays in known.items():
+        if "reason" in arrays:
+            found[f"reason {key}"] = arrays["reason"]
         else:
-            found[key] = one["total"]
+            found[key] = arrays["total"]
     if planned.phases:
         step = np.searchsorted(np.array(down.depths_mm), np.array(planned.depths_mm) - 1e-9)
         found = {key: values if key.startswith("reason ") else values[step] for key, values in found.items()}
@@ -218,11 +218,13 @@ def each_derivative(
     Raises NotConverged where the base does not converge.
     """
     beside = {key: variation for key, variation in asked.items() if not variation.alone}
+    along: dict[str, Derivative | str] = {}
     try:
-        base, along = derivatives(study, laws, planned, beside)
+        base, solved = derivatives(study, laws, planned, beside)
+        along |= solved
     except (NotConverged, ConfigError):  # one that fails must not take the others with it
         base = derivatives(study, laws, planned, {})[0]
-        along = {key: _one(study, laws, planned, variation) for key, variation in beside.items()}
+        along |= {key: _one(study, laws, planned, variation) for key, variation in beside.items()}
     for key, variation in asked.items():
         if variation.alone:
             try:
@@ -321,5 +323,5 @@ def found_before(solver: Solver, name: str) -> dict[str, np.ndarray] | None:
 def keep(solver: Solver, name: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     with atomic(solver.kept / f"{name}.npz", sealed=True) as temporary:
         with open(temporary, "wb") as file:
-            np.savez(file, **arrays)
+            np.savez(file, **arrays)  # type: ignore[arg-type]  # no array is called as its other keyword
     return arrays

@@ -248,7 +248,7 @@ def read_with(base: Base, chosen: Sequence[Amounts], force: np.ndarray) -> np.nd
     context = replace(base.context, force=force)
     for effect, shape, amounts in chosen:
         if not effect.solved and effect.to_forces is not None:
-            force = effect.to_forces(context, shape, force, np.asarray(amounts, dtype=float))
+            force = effect.to_forces(context, shape, force, tuple(amounts))
     return force
 
 
@@ -257,7 +257,7 @@ def _with(study: Study, chosen: Sequence[Amounts]) -> Study:
     study = unmirrored(study)
     for effect, shape, amounts in chosen:
         if effect.to_study is not None:
-            study = effect.to_study(study, shape, amounts)
+            study = effect.to_study(study, shape, tuple(amounts))
     return study
 
 
@@ -328,10 +328,12 @@ def _each_solved(solver: Solver, work, paths: Sequence) -> list[np.ndarray]:
 
 
 def _solved(found: list[np.ndarray | str]) -> list[np.ndarray]:
+    forces = []
     for result in found:
         if isinstance(result, str):
             raise NotConverged(result)
-    return found
+        forces.append(result)
+    return forces
 
 
 def _deepest_runs(runs: Runs) -> list[int]:
@@ -387,8 +389,7 @@ class Asked:
 def asked_of(solver: Solver, effects: Iterable[Effect], context: Context) -> Iterator[Asked]:
     """Yield every derivative that the solver must give, with the variation of the coarser study."""
     coarse, laws = solver.coarse, dict(solver.laws)
-    readings = context.observations  # none: before anything is recorded
-    seen_up = readings is not None and (readings.table["phase"] == "unload").any()
+    seen_up = (context.observations.table["phase"] == "unload").any()
     for effect in effects:
         if not isinstance(effect.to_forces, (FirstOrder, FirstOrderAt)):
             continue
@@ -406,9 +407,10 @@ def asked_of(solver: Solver, effects: Iterable[Effect], context: Context) -> Ite
 
 def _variation(solver: Solver, coarse: Study, laws, effect: Effect, shape: Shape, which: int) -> Variation:
     """Return the coarser study a little beside itself along amount `which` of an effect. Raises ConfigError."""
+    assert effect.to_study is not None  # its forces are first order in the solver's derivatives
     parameter, one = effect.parameters[which], np.eye(len(effect.parameters))[which]
     amount = 1.0 if effect.switch else effect.step * parameter.width * (parameter.sign or 1)
-    varied = solver.seen(effect.to_study(coarse, shape, amount * one))
+    varied = solver.seen(effect.to_study(coarse, shape, tuple(amount * one)))
     alone = effect.mesh_changes or effect.switch or effect.history or effect.unloading
     instead = _across(solver, coarse, laws, effect, shape, one) if effect.across else None
     return Variation(varied, laws, amount, alone, instead=instead)
@@ -416,8 +418,10 @@ def _variation(solver: Solver, coarse: Study, laws, effect: Effect, shape: Shape
 
 def _across(solver: Solver, coarse: Study, laws, effect: Effect, shape: Shape, one: np.ndarray) -> Variation:
     """Return the difference of a move to either side of the base: wide enough that ripples from node to node cancel."""
+    assert effect.to_study is not None and effect.across is not None  # _variation has asked
     amount = effect.across(coarse)
-    there, back = (solver.seen(effect.to_study(coarse, shape, sign * amount * one)) for sign in (1, -1))
+    there = solver.seen(effect.to_study(coarse, shape, tuple(amount * one)))
+    back = solver.seen(effect.to_study(coarse, shape, tuple(-amount * one)))
     return Variation(there, laws, 2 * amount, alone=True, without=back)
 
 

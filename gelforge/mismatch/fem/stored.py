@@ -92,7 +92,7 @@ def write_stored(
     with writing(path) as file:
         file.attrs["format"] = FORMAT
         file.attrs["x_mm"], file.attrs["y_mm"], file.attrs["place"] = planned.x_mm, planned.y_mm, place
-        of = {key: about | {"digest": slope_digest(place, one)} for key, (one, about) in asked.items()}
+        of = {key: {**about, "digest": slope_digest(place, one)} for key, (one, about) in asked.items()}
         lists = {
             "parameters": [{"name": key} | of[key] for key in known],
             "missing": [{"name": k} | of[k] | {"reason": one} for k, one in found.items() if k not in known],

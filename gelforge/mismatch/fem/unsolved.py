@@ -26,7 +26,8 @@ def base_where_solved(solver: Solver, observations: Observations, effects: Itera
     Raises SolverFailed where it is not known which those are, where they are fewer than FEWEST of the readings, and of a gel
     that softens: what an indentation left behind that was not solved is missing in all that follow.
     """
-    effects, kept, unsolved = list(effects), observations, []
+    effects, kept = list(effects), observations
+    unsolved: list[Unsolved] = []
     while True:
         try:
             return base_of(solver, kept, effects)

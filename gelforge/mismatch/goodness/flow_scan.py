@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
 
@@ -18,7 +20,10 @@ def patterns(labels: pd.DataFrame, base: np.ndarray) -> Atoms:
     """Return the atoms of readings with these labels (n rows) and base (n,), channel by channel where they name one."""
     if "channel" not in labels:
         return dictionary(labels, base)
-    names, kinds, regions, values = [], [], [], []
+    names: list[str] = []
+    kinds: list[str] = []
+    regions: list[Mapping] = []
+    values = []
     for channel, rows in labels.groupby("channel", sort=False).indices.items():
         own = dictionary(labels.iloc[rows].reset_index(drop=True), base[rows])
         whole = np.zeros((len(labels), own.values.shape[1]))

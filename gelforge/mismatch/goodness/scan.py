@@ -99,7 +99,7 @@ def global_test(residual: np.ndarray, covariance: Covariance, fitted: np.ndarray
         Q = _basis(covariance.whiten(fitted))
         white, degrees = white - Q @ (Q.T @ white), degrees - Q.shape[1]
     found = float(white @ white)
-    mean, variance = degrees, 2.0 * degrees
+    mean, variance = float(degrees), 2.0 * degrees
     if covariance.estimated is not None:
         mean, variance = _law_of_sum(covariance.estimated, degrees)
     p = chi2_distribution.sf(2 * mean * found / variance, 2 * mean**2 / variance)

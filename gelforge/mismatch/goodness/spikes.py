@@ -14,7 +14,7 @@ import numpy as np
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.goodness.scan import AXES
 from gelforge.mismatch.readings.observations import Observations, SetAside
-from gelforge.mismatch.terms.problem import Problem
+from gelforge.mismatch.terms.problem import Problem, never_solved
 from gelforge.mismatch.terms.unknown import manners_of
 
 SPIKE = 5.0  # standard deviations from what all other readings say of it; normal noise: once in two million readings
@@ -29,7 +29,7 @@ def without_spikes(observations: Observations, base: np.ndarray, covariance: Cov
     base (R, 3) [N]; covariance of the n entries. What strikes several readings of one press the judge must explain: that
     press keeps them. So do all where more than MOST are far off.
     """
-    found = spikes(Problem(observations, base, covariance, (), {}, None, {}))
+    found = spikes(Problem(observations, base, covariance, (), {}, never_solved, {}))
     labels = observations.labels().iloc[list(found)].assign(away=found.values())
     labels = labels[labels.groupby("press")["reading"].transform("nunique") == 1]
     if labels.empty or len(labels) > max(1, MOST * len(covariance)):
@@ -59,7 +59,8 @@ def spikes(problem: Problem) -> dict[int, float]:
     sqrt((C^-1)_ii).
     """
     covariance, residual = _with_room(problem), problem.residual
-    left, found = np.arange(len(residual)), {}
+    left = np.arange(len(residual))
+    found: dict[int, float] = {}
     while len(found) <= max(1, MOST * len(residual)):
         part = covariance.restricted(left)
         white = part.whiten(residual[left])

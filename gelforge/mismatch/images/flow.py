@@ -139,10 +139,9 @@ def _observations(forces: Observations, seen: Sequence[Seen], shown: np.ndarray)
         zero_N=np.concatenate([forces.zero_N, np.zeros((len(table), 3))]),
         press_depth_mm=np.concatenate([forces.press_depth_mm, forces.press_depth_mm[numbers]]),
         session_depth_mm=np.concatenate([forces.session_depth_mm, forces.session_depth_mm[numbers]]),
-        **{
-            name: np.concatenate([getattr(forces, name), np.zeros((len(table), 3))])
-            for name in ("rounding_N", "drift_N", "trend_N")
-        },
+        rounding_N=np.concatenate([forces.rounding_N, np.zeros((len(table), 3))]),
+        drift_N=np.concatenate([forces.drift_N, np.zeros((len(table), 3))]),
+        trend_N=np.concatenate([forces.trend_N, np.zeros((len(table), 3))]),
         came_along=np.concatenate([forces.came_along, forces.came_along[numbers]]),
         repeats=np.concatenate([forces.repeats, np.full(len(table), np.inf)]),
         tails=np.concatenate([forces.tails, np.ones(len(table))]),

@@ -56,7 +56,7 @@ def flow_covariance(
     drawn = model.drawn
     base = drawn.mean(axis=1)
     site = np.array([int(press.row["site"]) for press in model.seen])
-    scatter = scatter_of(drawn, site, rows.shown.all(axis=0))
+    scatter = scatter_of(drawn, site, np.all(rows.shown, axis=0))
     variance = (
         noise**2 / images
         + (1 - scatter.kept) * scatter.own**2
@@ -178,7 +178,11 @@ def _smoothed(square: np.ndarray) -> np.ndarray:
     F = len(square)
     grid = square.mean(axis=-1).reshape(F, REGIONS, REGIONS)
     wide = np.pad(grid, ((0, 0), (1, 1), (1, 1)), mode="edge")
-    near = sum(wide[:, i : i + REGIONS, j : j + REGIONS] for i in range(3) for j in range(3)) / 9
+    near = np.zeros(grid.shape)
+    for i in range(3):
+        for j in range(3):
+            near += wide[:, i : i + REGIONS, j : j + REGIONS]
+    near = near / 9
     return np.repeat(near.reshape(F, -1, 1), 2, axis=-1)
 
 

@@ -85,12 +85,14 @@ def moved_along(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> Moved
                 f"the gel's motion at ({planned.x_mm:g}, {planned.y_mm:g}) mm does not converge: {failure};"
                 " judge the forces alone (mismatch.images: left_out)"
             ) from None
-        fields = {key: one.gel for key, one in along.items() if not isinstance(one, str)}
+        fields = {
+            key: one.gel for key, one in along.items() if not isinstance(one, str) and one.gel is not None
+        }
         whole = base.arrays
         mesh = {"nodes": whole["gel_node_mm"], "boxes": whole["gel_hex"]}
         kept = keep(solver, name, mesh | {"base": whole["gel_displacement_mm"]} | fields)
-    along = {key: field for key, field in kept.items() if key not in ("nodes", "boxes", "base")}
-    return Moved(kept["nodes"], kept["boxes"], kept["base"], along)
+    moved = {key: field for key, field in kept.items() if key not in ("nodes", "boxes", "base")}
+    return Moved(kept["nodes"], kept["boxes"], kept["base"], moved)
 
 
 def _storing(variation: Variation) -> Variation:

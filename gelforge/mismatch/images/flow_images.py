@@ -19,7 +19,7 @@ import pandas as pd
 from scipy.special import ndtr
 from scipy.stats import qmc
 
-from gelforge.config import Camera, Sensor, VirtualImaging, VirtualParticles
+from gelforge.config import Camera, Sensor, VirtualImaging, VirtualParticles, given
 from gelforge.mismatch.readings.observations import Observations
 from gelforge.recording.imaging.flow import Flow, crop, read_grey
 from gelforge.recording.imaging.images import image_path, reference_path
@@ -209,7 +209,7 @@ def _measured(recording: Recording, press: str, row: pd.Series, images: list[str
         noise, grey = np.full(flows.shape[1:], np.nan), VirtualImaging().noise_grey
     low, high = np.percentile(reference, GREYS)
     imaging = VirtualImaging(noise_grey=grey, background_grey=float(low), particle_grey=float(high))
-    eye = Eye(recording.session.camera, None if crop_px is None else tuple(crop_px), imaging)
+    eye = Eye(given(recording.session.camera, "camera"), None if crop_px is None else tuple(crop_px), imaging)
     return Seen(row, eye, flows.mean(axis=0), noise, len(images))
 
 
@@ -244,7 +244,8 @@ def pinhole(camera: Camera) -> Camera:
     if camera.focal_px is not None:
         return camera
     far = np.asarray(camera.position_mm) - FAR_MM * image_axes(camera)[2]
-    changed = {"mm_per_px": None, "focal_px": FAR_MM / camera.mm_per_px, "position_mm": far.tolist()}
+    focal_px = FAR_MM / given(camera.mm_per_px, "camera.mm_per_px")
+    changed = {"mm_per_px": None, "focal_px": focal_px, "position_mm": far.tolist()}
     return Camera(**(camera.model_dump() | changed))
 
 

@@ -155,11 +155,12 @@ class FlowModel:
 
     def share(self, effect: Effect, shape: Shape, k: int, key: str) -> np.ndarray:
         """Return what part (F,) of a derivative an effect is at each indentation per unit of its value k, by Fz."""
+        assert effect.to_forces is not None  # else it is no part of a derivative
         context = self.base.context
         step = UNIT * effect.parameters[k].width * (effect.parameters[k].sign or 1)
         amounts = np.zeros(len(effect.parameters))
         amounts[k] = step
-        change = effect.to_forces(context, shape, context.force, amounts) - context.force
+        change = effect.to_forces(context, shape, context.force, tuple(amounts)) - context.force
         rows = [int(press.row.name) for press in self.seen]
         own = context.derivative(key)[rows, 2]
         least = 1e-6 * np.abs(own).max(initial=0)
@@ -167,8 +168,11 @@ class FlowModel:
 
     def _by_landing(self, effect: Effect, shape: Shape, k: int) -> np.ndarray:
         """Return the change of the flow (F, m, 2) [px per unit] by amount k of an effect that shifts presses."""
+        assert effect.to_places is not None  # the caller has asked
         context, one = self.base.context, np.eye(len(effect.parameters))[k]
-        shift = effect.to_places(context, shape, one) - effect.to_places(context, shape, 0 * one)
+        shift = effect.to_places(context, shape, tuple(one)) - effect.to_places(
+            context, shape, tuple(0 * one)
+        )
         shift = shift[[int(press.row.name) for press in self.seen]]
         everywhere = CATALOGUE["misregistration"]
         return sum(
@@ -186,7 +190,8 @@ class FlowModel:
         """Return the eye of an indentation with effects of the camera in it."""
         camera: Camera = press.eye.camera
         for effect, amounts in cameras:
-            camera = effect.to_camera(self.solver.study, camera, amounts)
+            if effect.to_camera is not None:
+                camera = effect.to_camera(self.solver.study, camera, tuple(amounts))
         return replace(press.eye, camera=camera)
 
     def solved(self, studied: Sequence[tuple[Effect, Shape, np.ndarray]]) -> list[np.ndarray]:
@@ -196,7 +201,8 @@ class FlowModel:
         """
         study = self.solver.study
         for effect, shape, amounts in studied:
-            study = effect.to_study(study, shape, amounts)
+            if effect.to_study is not None:
+                study = effect.to_study(study, shape, tuple(amounts))
         sites = sorted(self.planned)
         found = solved_with(self.solver, study, [self.planned[s] for s in sites], self.even)
         with_it = dict(zip(sites, found))
@@ -238,7 +244,8 @@ def flow_model(
         if isinstance(result, str):
             raise SolverFailed(f"the gel's motion at an indentation with images does not converge: {result}")
     coarse = solver.each(moved_along, [(solver, planned[s], near[s]) for s in sites])
-    points, evenly = {}, {}
+    points: dict[int, np.ndarray] = {}
+    evenly: dict[int, np.ndarray] = {}
     for site, moved in zip(sites, fine):
         for at, found in ((particles.points, points), (even, evenly)):
             weights = moved.weights(at)

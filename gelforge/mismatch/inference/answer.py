@@ -180,7 +180,8 @@ def groups_of(problem: Problem, posterior: Posterior, fit: Refitted) -> tuple[Gr
     for name in names:
         twins = _twins_beside(posterior, name, names)
         others = [other for other in names if other not in twins]
-        members, rivals = [*twins], []
+        members = [*twins]
+        rivals: list[str] = []
         rest = sorted(
             posterior.singles.keys() - set(members) - set(others), key=lambda n: -posterior.holding([n])
         )

@@ -130,7 +130,7 @@ def modelled(
         for scale in SCALES
     }
     by_manner = {k: logsumexp([v for (j, _), v in evidence.items() if j == k]) for k, _ in evidence}
-    likeliest = tried[max(by_manner, key=by_manner.get)]
+    likeliest = tried[max(by_manner, key=by_manner.__getitem__)]
     chance = min(chances.get(likeliest.words, 0.0), 1.0)
     return _learnt(problem, base, blocks, likeliest, likeliest.directions, chance)
 
@@ -147,24 +147,26 @@ def through_solutions(
     fit, left: as it was learnt beside. The directions are put through the solved change at the map (Broyden's secant, in
     units of the prior) until both agree within noise.
     """
-    if problem.with_map is None or model.module.to_study is None:
+    module = model.module
+    if problem.with_map is None or module is None or module.to_study is None:
         return model, ""
     base = _Beside.of(problem, fit, left)
     parts, amounts = ((), ()) if fit is None else (fit.parts, fit.amounts)
-    flat, D = problem.observations.flat, model.module.directions
+    flat, D = problem.observations.flat, module.directions
     without = (
         problem.observations.force[problem.observations.read] - base.left
     )  # the base, or it with the fit
     for _ in range(MOST_SOLUTIONS):
         try:
-            forces = problem.with_map(parts, amounts, model.module, model.map()["mean"].to_numpy())
+            values = module.values(model.mean, model.covariance)["mean"].to_numpy()
+            forces = problem.with_map(parts, amounts, module, values)
         except (NotConverged, ConfigError) as failure:
-            return model, f"{model.module.name.replace('_', ' ')} is known to first order: {failure}"
+            return model, f"{module.name.replace('_', ' ')} is known to first order: {failure}"
         missing = flat(forces) - without - D @ model.mean
         if np.linalg.norm(base.covariance.whiten(missing)) < CURVED_SNR:
             break
         D = secant(D, missing, model.mean, np.ones(D.shape[1]))
-        model = _learnt(problem, base, blocks, model.module, D, model.probability)
+        model = _learnt(problem, base, blocks, module, D, model.probability)
     return model, ""
 
 
@@ -225,7 +227,7 @@ class _Beside:
 
     @classmethod
     def of(cls, problem: Problem, fit: Refitted | None, left: np.ndarray | None) -> _Beside:
-        if fit is None:
+        if fit is None or left is None:
             return cls(problem.residual, problem.covariance, np.zeros((len(problem.labels), 0)))
         believed = problem.believing(fit.parts, np.concatenate(fit.amounts)).covariance
         p = sum(len(a) for a in fit.amounts)
@@ -237,7 +239,7 @@ class _Beside:
 
     def moved(self, step: np.ndarray, grown: np.ndarray) -> Refitted | None:
         """Return the fit with its amounts a step (p,) further and their covariance grown by (p, p), in units of priors."""
-        if self.fit is None:
+        if self.fit is None or self.free is None or self.widths is None:
             return None
         amounts, spread = np.concatenate(self.fit.amounts), self.fit.spread.copy()
         own = np.flatnonzero(self.free)

@@ -107,7 +107,7 @@ def linearised(problem: Problem) -> Problem:
             solved, others = [*zip(parts, amounts)], []
         change = problem.linear_change(*zip(*solved))
         found = problem.base + change
-        if others:
+        if others and problem.read_with is not None:
             found = problem.read_with([part for part, _ in others], [a for _, a in others], change)
         return np.where(rows[:, None], found, np.nan)
 

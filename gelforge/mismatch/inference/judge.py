@@ -39,6 +39,20 @@ class Judgement:
     notes: tuple[str, ...]  # what went wrong on the way
     out_of_range: bool = False  # a value of the answer is not physical, or on its bounds
 
+    @property
+    def answered(self) -> Answer:
+        """The answer, of a state that has one. Raises ValueError for another."""
+        if self.answer is None:
+            raise ValueError(f"a judgement that is {self.state} has no answer")
+        return self.answer
+
+    @property
+    def modelled(self) -> Modelled:
+        """The model, of a state that has one. Raises ValueError for another."""
+        if self.model is None:
+            raise ValueError(f"a judgement that is {self.state} has no model")
+        return self.model
+
 
 def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Judgement:
     """Return the judgement on a problem.
@@ -97,7 +111,9 @@ def _modelled(
 
 def _beside_cause(problem: Problem, answer: Answer | None, model: Modelled | None) -> Answer | None:
     """Return an answer whose effects have the amounts that they have beside a cause that is sure, if these are physical."""
-    if model is None or not (model.sure and model.beside) or not in_range(problem, model.fit):
+    if answer is None or model is None or not (model.sure and model.beside):
+        return answer
+    if model.fit is None or not in_range(problem, model.fit):
         return answer
     observations, after = problem.observations, answer.after.copy()
     after[observations.read] = observations.flat(observations.force) - model.rest - model.change
@@ -105,12 +121,16 @@ def _beside_cause(problem: Problem, answer: Answer | None, model: Modelled | Non
 
 
 def _where_it_predicts(
-    problem: Problem, found: Modelled, blocks: Blocks, *beside: Refitted | np.ndarray
+    problem: Problem,
+    found: Modelled,
+    blocks: Blocks,
+    fit: Refitted | None = None,
+    left: np.ndarray | None = None,
 ) -> tuple[Modelled | None, str]:
     """Return a model, solved where it is a sure cause, and what failed; none where it does not predict."""
     if not found.gain.clear:
         return None, ""
-    found, note = through_solutions(problem, found, blocks, *beside) if found.sure else (found, "")
+    found, note = through_solutions(problem, found, blocks, fit, left) if found.sure else (found, "")
     return (found if found.gain.clear else None), note
 
 

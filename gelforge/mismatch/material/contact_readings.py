@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,6 +42,14 @@ class ContactTest:
     base_words: str
     at_unit: str
     no_signature: tuple[str, ...] = ()  # effects that cannot enter here at all
+
+
+def _scaled(eta: np.ndarray) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    return lambda F, a: F * (1 + eta * a[0])
+
+
+def _less(shape: np.ndarray) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    return lambda F, a: F - a[0] * shape
 
 
 def press_readings(press: IndentationTest) -> ContactTest:
@@ -144,7 +153,7 @@ def _press_candidates(readings, press, reduced, hertz, d, time, deepest, push, t
             eta = -erf((Wm - W) / (m + beta)) * back
             found.append(
                 Candidate(
-                    "mullins", (one_over_r,), lambda F, a, eta=eta: F * (1 + eta * a[0]), ORDER["mullins"],
+                    "mullins", (one_over_r,), _scaled(eta), ORDER["mullins"],
                     shape={"m_of_largest_energy": m, "beta": beta},
                 )
             )  # fmt: skip
@@ -210,7 +219,7 @@ def _adhesions(d, press, reduced, deepest, push) -> list[Candidate]:
             shape = reduced(np.where(attached, -np.expm1(-(turn - d) / (way * deepest)), 0.0))
             found.append(
                 Candidate(
-                    "adhesion", (pull,), lambda F, a, s=shape: F - a[0] * s, ORDER["adhesion"],
+                    "adhesion", (pull,), _less(shape), ORDER["adhesion"],
                     {"way_mm": way * deepest, "lets_go_above_mm": float(height)},
                 )
             )  # fmt: skip

@@ -83,15 +83,14 @@ def stress_candidates(tests: StressTests) -> tuple[list[Candidate], list[str]]:
 def mullins(tests: StressTests) -> list[Candidate]:
     """Return Ogden and Roxburgh's softening (1999) below the largest strain so far, r free and m, beta scanned."""
     most: dict[str, float] = {}
-    W, Wm = [], []
+    energies: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # by path: now, and the largest so far
     for path in sorted(tests.paths, key=lambda p: p.test.cycle or 1):
         own = _energy(path)
         furthest = np.maximum.accumulate(np.maximum(own, most.get(path.test.sample, 0.0)))
         most[path.test.sample] = float(furthest[-1])
-        W.append((id(path), path.reduced(own), path.reduced(furthest)))
-    by_path = {key: (a, b) for key, a, b in W}
-    W = np.concatenate([by_path[id(p)][0] for p in tests.paths])
-    Wm = np.concatenate([by_path[id(p)][1] for p in tests.paths])
+        energies[id(path)] = path.reduced(own), path.reduced(furthest)
+    W = np.concatenate([energies[id(p)][0] for p in tests.paths])
+    Wm = np.concatenate([energies[id(p)][1] for p in tests.paths])
     moving = tests.readings.table["branch"].to_numpy() != "hold"
     if not ((Wm > 1.05 * W) & moving).any():
         return []

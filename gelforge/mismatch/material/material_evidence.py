@@ -77,7 +77,7 @@ class Readings:
         )  # of each test's stress: where effects cancel, their formulas' errors do not
         for name in np.unique(sample):
             own = sample == name
-            share[own] = min(np.linalg.norm(off[own]) / np.linalg.norm(self.measured[own]), 1.0)
+            share[own] = min(float(np.linalg.norm(off[own]) / np.linalg.norm(self.measured[own])), 1.0)
         d = FORM_ERROR * np.hypot(off, share * self.measured)
         return replace(self, fixed=self.fixed + np.outer(d, d) * near * (segment[:, None] == segment))
 

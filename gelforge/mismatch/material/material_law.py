@@ -37,7 +37,7 @@ def base_law(curves: list[MeanCurve], kind: str) -> BaseLaw:
     A foam gives way in its cells and not to the side, and no incompressible law has its curve: pressed between plates, its
     law is tried too, and taken for a lower AICc.
     """
-    fit = compare_laws(curves, list(SOLIDS)).chosen.fit
+    fit = compare_laws(curves, list(SOLIDS)).chosen.fitted
     if kind != "compression":
         return _solid(fit, kind)
     problem = Problem.of(curves)

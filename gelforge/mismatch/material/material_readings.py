@@ -76,12 +76,12 @@ def stress_tests(tests: list[MaterialTest]) -> StressTests:
     bases, laws = {}, {}
     for kind in dict.fromkeys(t.test for t in timed):
         own = [t for t in timed if t.test == kind]
-        base = fastest_loading(own)
-        if base is None:
+        loading = fastest_loading(own)
+        if loading is None:
             said.append(f"{kind}: no loading to fit a constitutive model to; not judged")
             continue
-        curves = mean_curves(monotonic_loading([base])[0])
-        bases[kind], laws[kind] = base, base_law(curves, kind)
+        curves = mean_curves(monotonic_loading([loading])[0])
+        bases[kind], laws[kind] = loading, base_law(curves, kind)
     if not laws:
         raise ValueError(
             f"{'; '.join(said) or 'no stress test'}: a nominal model needs a loading with a time or a rate"
@@ -112,8 +112,8 @@ def fastest_loading(tests: list[MaterialTest]) -> MaterialTest | None:
     loading = [t for t in loading if len(monotonic_loading([t])[0])]
     if not loading:
         return None
-    top = max(t.rate_per_s for t in loading)
-    alike = [t for t in loading if np.log10(top / t.rate_per_s) <= CIRCUMSTANCES[0].alike]
+    rates = [float(t.rate_per_s or 0.0) for t in loading]
+    alike = [t for t, rate in zip(loading, rates) if np.log10(max(rates) / rate) <= CIRCUMSTANCES[0].alike]
     return min(
         alike,
         key=lambda t: (t.dose or 0.0, t.age_days or 0.0, -np.abs(t.stretch - t.at_rest).max(), t.sample),

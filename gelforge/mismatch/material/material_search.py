@@ -128,7 +128,7 @@ def chosen_steps(readings, candidates, train: np.ndarray, differs: bool) -> list
             ]
             tried = replace(tried, refused=tuple(poor))
         eligible = {n: z for n, z in tried.tried.items() if n not in tried.refused}
-        best = max(eligible, key=eligible.get, default="")
+        best = max(eligible, key=eligible.__getitem__, default="")
         accepted = (
             differs and best and eligible[best] > (EVIDENCE if steps else 0.0) and len(steps) < MOST_EFFECTS
         )

@@ -9,6 +9,7 @@ from __future__ import annotations
 import platform
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -65,17 +66,17 @@ def judge_material(source: MaterialSource, seed: int = SEED) -> tuple[list[Judge
             reasons.append(f"{source.name}: {error}")
         else:
             found.append(_judged(f"{source.name}", _of_stress(tests), "", sources, source.synthetic, seed))
-    for contact, read, word in (
-        *((press.test, press_readings, "press") for press in source.small.presses),
-        *((pair, pair_readings, "pair") for pair in source.small.force_pairs),
-    ):
+    contacts = [
+        (press.test.sample, partial(press_readings, press.test), "press") for press in source.small.presses
+    ]
+    contacts += [(pair.sample, partial(pair_readings, pair), "pair") for pair in source.small.force_pairs]
+    for sample, read, word in contacts:
         try:
-            test = read(contact)
+            test = read()
         except ValueError as error:
-            reasons.append(f"{contact.sample}: {error}")
+            reasons.append(f"{sample}: {error}")
             continue
-        name = f"{source.name}-{contact.sample}"
-        found.append(_judged(name, test, word, sources, source.synthetic, seed))
+        found.append(_judged(f"{source.name}-{sample}", test, word, sources, source.synthetic, seed))
     return found, reasons
 
 
@@ -123,7 +124,7 @@ def _judged(name, test: ContactTest, word, sources, synthetic, seed) -> Judged:
     state = _state(differs, groups, effects, fit, adequacy, limits, further)
     answer = [] if state in v.WITHOUT_ANSWER else groups
     nothing = steps[0].probabilities(test.no_signature)["null"] if steps[0].tried else 1.0
-    after = final.prediction if answer else None
+    after = final.prediction if answer and final else None
     unit = "MPa" if test.at_unit == "stretch" else "N"
     content = v.Verdict(
         title=f"{name}: {word or 'stress tests'} beside {test.base_words}",

@@ -87,7 +87,7 @@ def effect_entries(
         probability = s.probabilities(test.no_signature) if s.tried else {}
         for name, z in s.tried.items():
             winner = number < len(accepted) and name == s.winner
-            fit = final if winner else s.best[name][2]
+            fit = final if winner and final is not None else s.best[name][2]
             k = next(i for i, c in enumerate(fit.model) if c.name == name)
             change = fit.change(k, readings)
             group = groups[number].members if winner else []

@@ -37,11 +37,16 @@ class Context:
     """
 
     study: Study
-    observations: Observations | None  # None: nothing is recorded yet, and force and curves mean nothing
+    observations: Observations
     force: np.ndarray  # (R, 3) [N] base forces at the readings
     curves: Curves  # base forces
     derivatives: Mapping[str, Curves]  # during loading
     at_readings: Mapping[str, np.ndarray] = field(default_factory=dict)  # (R, 3) the same, unloading included
+
+    @classmethod
+    def before_readings(cls, study: Study) -> Context:
+        """Return the context of a study in which nothing is recorded yet."""
+        return cls(study, Observations.none(), np.zeros((0, 3)), Curves((), ()), {})
 
     def derivative(self, name: str) -> np.ndarray:
         """Return d force / d amount (R, 3) at the readings; as during loading where the unloading is not known."""

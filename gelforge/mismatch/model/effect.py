@@ -58,8 +58,8 @@ def where_it_differs(column: str) -> Callable[[Context], list[Shape]]:
     """
 
     def shapes(context: Context) -> list[Shape]:
-        readings = context.observations
-        return [{}] if readings is None or readings.table[column].nunique() > 1 else []
+        table = context.observations.table
+        return [{}] if table.empty or table[column].nunique() > 1 else []
 
     return shapes
 
@@ -89,7 +89,7 @@ class Effect:
     takes: tuple[str, ...] = ()  # the effects whose derivatives it is made of
     to_study: Callable[[Study, Shape, Sequence[float]], Study] | None = None
     to_places: Callable[[Context, Shape, Sequence[float]], np.ndarray] | None = None
-    to_forces: Callable[[Context, Shape, np.ndarray, np.ndarray], np.ndarray] | None = None
+    to_forces: Callable[[Context, Shape, np.ndarray, Sequence[float]], np.ndarray] | None = None
     to_camera: Callable[[Study, Camera, Sequence[float]], Camera] | None = None
     shapes: Callable[[Context], list[Shape]] = one_shape
     turned: Callable[[np.ndarray], np.ndarray] = (
@@ -128,7 +128,7 @@ class Effect:
         """Return the plausible values (P,)."""
         return np.array([parameter.width for parameter in self.parameters])
 
-    def in_range(self, amounts: Sequence[float]) -> bool:
+    def in_range(self, amounts: Sequence[float] | np.ndarray) -> bool:
         """Return whether every value has its physical sign and lies inside its bounds, and on none that is not whole.
 
         Of several values of one sign some may be absent.

@@ -56,7 +56,8 @@ def solver(
         if a == 0 and not known.mesh_changes:
             return study
         a = float(np.clip(a + (present(study) if present else 0.0), *limit))
-        return known(unmirrored(study) if directed else study, a, Place(**shape) if shape else None)
+        place = Place(**{axis: float(value) for axis, value in shape.items()}) if shape else None
+        return known(unmirrored(study) if directed else study, a, place)
 
     return {
         "enters": known.enters,

@@ -21,7 +21,7 @@ from gelforge.mismatch.readings.observations import COLUMNS, Observations, last_
 from gelforge.mismatch.readings.sessions import SPEED_MM_PER_S
 from gelforge.mismatch.result.verdict import NamedEffect, Verdict
 from gelforge.mismatch.terms.candidates import candidates_of
-from gelforge.mismatch.terms.problem import Problem
+from gelforge.mismatch.terms.problem import Problem, never_solved
 
 DWELL_S = (0.5, 0.6, 0.7, 0.8, 0.9)  # readings beside the images
 LONG_DWELL_S = (1.0, 3.0, 10.0, 30.0, 60.0)
@@ -174,12 +174,13 @@ def plans_of(solver: Solver, survivors: list[NamedEffect]) -> Iterator[Plan]:
     effects = {effect.name: CATALOGUE[effect.name] for effect in survivors}
     for name, observations in variants_of(study).items():
         base = base_where_solved(solver, observations, with_taken(effects.values()))
-        context, failed = base.context, {}
+        context = base.context
+        failed: dict[str, str] = {}
         candidates = candidates_of(context, effects, failed)
         if set(effects) <= {one.name for one in candidates}:
             covariance = readings_covariance(context, base.law, base.floor, base.alike)
             problem = Problem(
-                context.observations, context.force, covariance, candidates, effects, None, failed,
+                context.observations, context.force, covariance, candidates, effects, never_solved, failed,
                 change_error=study.mismatch.change_error,
             )  # fmt: skip
             yield planned(name, _minutes(observations), problem, context, survivors)

@@ -49,7 +49,7 @@ def with_experiments(verdict: Verdict, problem: Problem, context: Context) -> Ve
                     expected_log_odds=best.expected_log_odds,
                 )
             )
-    found.sort(key=lambda experiment: (experiment.cost_s, -experiment.expected_log_odds))
+    found.sort(key=lambda experiment: (experiment.cost_s, -(experiment.expected_log_odds or 0.0)))
     return verdict.model_copy(update={"next_experiments": [*found, *verdict.next_experiments]})
 
 

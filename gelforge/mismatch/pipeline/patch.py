@@ -31,11 +31,11 @@ def patch_of(
     for part, amounts in () if fit is None else zip(fit.parts, fit.amounts):
         effect = effects[part.name]
         if effect.to_study is not None:
-            with_effects = effect.to_study(with_effects, part.shape, amounts)
+            with_effects = effect.to_study(with_effects, part.shape, tuple(amounts))
         else:
             values = {p.name: float(a) for p, a in zip(effect.parameters, np.asarray(amounts))}
             known.append({"effect": part.name, "amounts": values, "shape": dict(part.shape)})
-    if module is not None and module.to_study is not None:
+    if module is not None and module.to_study is not None and map_ is not None:
         with_effects = module.to_study(with_effects, map_["mean"].to_numpy())
     changes = differences(study.model_dump(mode="json"), with_effects.model_dump(mode="json"))
     if known:
@@ -53,6 +53,8 @@ def differences(before: Mapping, after: Mapping) -> dict[str, Any]:
         old = before.get(key)
         if value == old:
             continue
-        both = isinstance(value, dict) and isinstance(old, dict)
-        changed[key] = differences(old, value) if both else value
+        if isinstance(value, dict) and isinstance(old, dict):
+            changed[key] = differences(old, value)
+        else:
+            changed[key] = value
     return changed

@@ -140,9 +140,10 @@ def write_patch(out: Path, study: Study, problem: Problem, judgement: Judgement)
     """Write config.patch.yaml: the fitted effects, and the map of a cause with a free form where a study can have it."""
     model = judgement.model
     alone = model is not None and not model.beside
-    fit = None if alone else judgement.answer.fit
-    map_ = model.map() if model is not None and model.sure else None
-    changes = patch_of(study, problem.effects, fit, None if map_ is None else model.module, map_)
+    fit = None if alone else judgement.answered.fit
+    changes = patch_of(study, problem.effects, fit)
+    if model is not None and model.sure:
+        changes = patch_of(study, problem.effects, fit, model.module, model.map())
     if changes:
         write_yaml(out / PATCH, changes)
 

@@ -34,6 +34,10 @@ class SetAside:
     axis: str | None = None  # x, y or z; None: all
 
 
+def _zero() -> np.ndarray:
+    return np.zeros(())
+
+
 @dataclass(frozen=True)
 class Observations:
     """R readings of the force on the sensor, zero subtracted; rows before touch are not among them.
@@ -55,25 +59,31 @@ class Observations:
     press_depth_mm: np.ndarray  # (R,)
     session_depth_mm: np.ndarray  # (R,)
     _: KW_ONLY
-    rounding_N: np.ndarray = (
-        0.0  # (R, 3) standard deviation of rounding, shared at one depth of an indentation
-    )
-    drift_N: np.ndarray = 0.0  # (R, 3)
-    trend_N: np.ndarray = 0.0  # (R, 3)
-    came_along: np.ndarray = (
-        0.0  # (R, 2, 2) the stage's last moves before the indentation, see last_moves; 0: not known
-    )
-    repeats: np.ndarray = np.inf  # (R,) degrees of freedom behind noise_N; inf: it is known
-    tails: np.ndarray = 1.0  # (R,) variance of a squared reading's noise over that of normal noise
+    # (R, 3) standard deviation of rounding, shared at one depth of an indentation
+    rounding_N: np.ndarray = field(default_factory=_zero)
+    drift_N: np.ndarray = field(default_factory=_zero)  # (R, 3)
+    trend_N: np.ndarray = field(default_factory=_zero)  # (R, 3)
+    # (R, 2, 2) the stage's last moves before the indentation, see last_moves; 0: not known
+    came_along: np.ndarray = field(default_factory=_zero)
+    # (R,) degrees of freedom behind noise_N; inf: it is known
+    repeats: np.ndarray = field(default_factory=lambda: np.array(np.inf))
+    # (R,) variance of a squared reading's noise over that of normal noise
+    tails: np.ndarray = field(default_factory=lambda: np.ones(()))
     cannot_know: tuple[str, ...] = field(default=())  # what these readings cannot say, in plain sentences
     set_aside: tuple[SetAside, ...] = field(default=())  # readings that are not judged
 
     def __post_init__(self):
         R = len(self.force)
-        shapes = {"rounding_N": (R, 3), "drift_N": (R, 3), "trend_N": (R, 3)}
-        shapes |= {"came_along": (R, 2, 2), "repeats": R, "tails": R}
+        shapes: dict[str, tuple[int, ...]] = {"rounding_N": (R, 3), "drift_N": (R, 3), "trend_N": (R, 3)}
+        shapes |= {"came_along": (R, 2, 2), "repeats": (R,), "tails": (R,)}
         for name, shape in shapes.items():  # one number stands for all readings
             object.__setattr__(self, name, np.broadcast_to(getattr(self, name), shape))
+
+    @classmethod
+    def none(cls) -> Observations:
+        """Return the observations before anything is recorded: no reading and no site."""
+        table, per_axis, per_reading = pd.DataFrame(columns=COLUMNS), np.zeros((0, 3)), np.zeros(0)
+        return cls(table, per_axis, np.zeros((0, 2)), per_axis, per_axis, per_reading, per_reading)
 
     @property
     def read(self) -> np.ndarray:
@@ -103,7 +113,7 @@ class Observations:
         """Return the observations with more that they cannot say."""
         return replace(self, cannot_know=(*self.cannot_know, *sentences))
 
-    def at_sites(self, chosen: Sequence[int]) -> Observations:
+    def at_sites(self, chosen: Sequence[int] | np.ndarray) -> Observations:
         """Return the observations at some sites, which are numbered in the order given."""
         part = self.chosen(self.table["site"].isin(chosen).to_numpy())
         number = {int(old): new for new, old in enumerate(chosen)}

@@ -43,7 +43,8 @@ def runs_of(observations: Observations) -> Runs:
     depth = table["depth_mm"].round(DEPTH_DIGITS).to_numpy()
     deepest = table["deepest_mm"].round(DEPTH_DIGITS).to_numpy()
     up = (table["phase"] == "unload").to_numpy()
-    planned, site_of, run, step = [], [], np.empty(len(table), int), np.empty(len(table), int)
+    planned: list[PlannedCell] = []
+    site_of, run, step = [], np.empty(len(table), int), np.empty(len(table), int)
     for site, rows in table.groupby("site").indices.items():
         down = np.unique(
             np.concatenate([depth[rows], deepest[rows]])
@@ -95,7 +96,8 @@ def timed_runs_of(observations: Observations, step_mm: float, in_order: bool) ->
     """
     table = observations.table
     known: dict[tuple, int] = {}
-    trajectories, presses = [], []
+    trajectories: list[tuple[Trajectory, list[int]]] = []  # each with the steps at its readings
+    presses: list[str] = []
     run, step = np.empty(len(table), int), np.empty(len(table), int)
     rows_of = table.groupby("press").indices
     for press in table["press"].unique():

@@ -66,7 +66,9 @@ def _of_session(recording: Recording, speed_mm_per_s: float, touchdown_mm: float
     straight = recording.readings[before_shear(recording.readings)]  # the base is pressed straight down
     recording = replace(recording, readings=straight.dropna(subset=FORCE).reset_index(drop=True))
     together = zeros_together(recording)
-    noise, rounding, (repeats, tails), unknown = reading_noise(recording, together and together.repeats)
+    noise, rounding, (repeats, tails), unknown = reading_noise(
+        recording, together.repeats if together else None
+    )
     unknown += excluded
     readings, dropped = without_outliers(recording, np.hypot(noise, rounding))
     table = _table(session, readings, speed_mm_per_s, unknown)
@@ -86,11 +88,11 @@ def _of_session(recording: Recording, speed_mm_per_s: float, touchdown_mm: float
         np.full(R, press_depth),
         np.full(R, session_depth),
         rounding_N=rounding,
-        drift_N=walk,
-        trend_N=trend,
+        drift_N=np.asarray(walk),
+        trend_N=np.asarray(trend),
         came_along=last_moves(table, axes_of_stage(session.stage_to_sensor)),
-        repeats=repeats,
-        tails=tails,
+        repeats=np.asarray(repeats),
+        tails=np.asarray(tails),
         cannot_know=tuple(unknown),
         set_aside=tuple(dropped),
     ).chosen(held)

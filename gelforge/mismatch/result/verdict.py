@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 import pandas as pd
@@ -14,7 +14,7 @@ from gelforge.config import Name, NonNegative, Positive, Section
 from gelforge.files import read_product_json, write_product_json
 from gelforge.mismatch.model.effect import FAMILIES
 
-FORMAT = "gelforge-verdict-2"
+FORMAT: Final = "gelforge-verdict-2"
 VERDICT, PATCH, PAGE = "verdict.json", "config.patch.yaml", "report.html"
 
 # Of the global test, of the scan, of a discrepancy and of the known effects each: any is an alarm, so at most four in
@@ -98,6 +98,7 @@ class NamedEffect(Section):
     """An effect that was tried, with what speaks for it."""
 
     name: Name = Field(description="Canonical name")
+    # a type checker wants the names themselves, which effects have in one place
     family: Literal[FAMILIES] = Field(description="Family of the effect")  # type: ignore[valid-type]
     probability: Probability = Field(description="Probability that it is part of what is missing [-]")
     log_bayes_factor: float = Field(description="Log evidence over that of the null [-]")

@@ -108,7 +108,7 @@ def _alone(judgement: Judgement, name: str) -> Found:
 
 def _in_place_of(judgement: Judgement, own: str, other: str) -> Found | None:
     """Return an effect in place of another one of the answer; None where that set was not judged."""
-    return _of_set(judgement, effects_of(judgement.answer.winner) - {own} | {other}, other)
+    return _of_set(judgement, effects_of(judgement.answered.winner) - {own} | {other}, other)
 
 
 def _of_set(judgement: Judgement, effects: frozenset[str], name: str) -> Found | None:

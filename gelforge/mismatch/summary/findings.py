@@ -65,7 +65,7 @@ def verdict_of(
         ),
         where=[
             *(_where(judgement.mismatch) if judgement.mismatch.p < form.ALARM_P else []),
-            *(located(answer, sensor) if groups else []),
+            *(located(judgement.answered, sensor) if groups else []),
         ],
         answer=groups,
         effects=effect_entries(problem, judgement),
@@ -128,7 +128,8 @@ def unseen_of(judgement: Judgement) -> np.ndarray | None:
 
 
 def _where(mismatch: ResidualTests) -> list[form.Where]:
-    kinds, found = set(), []
+    kinds: set[str] = set()
+    found: list[form.Where] = []
     for finding in mismatch.scan.ranked:
         if finding.kind in kinds or len(found) == PLACES:
             continue
@@ -156,7 +157,7 @@ def located(answer: Answer, sensor: Sensor | None) -> list[form.Where]:
     for part in answer.fit.parts:
         if "z_mm" not in part.shape:
             continue
-        x, y, z, radius = (part.shape[key] for key in ("x_mm", "y_mm", "z_mm", "radius_mm"))
+        x, y, z, radius = (float(part.shape[key]) for key in ("x_mm", "y_mm", "z_mm", "radius_mm"))
         half = 0.0 if part.name == "delamination" else radius
         layer = next((one.name for one in _layers(sensor) if one.z_mm[0] <= z < one.z_mm[1]), None)
         found.append(
@@ -179,9 +180,8 @@ def _fit(problem: Problem, judgement: Judgement) -> form.Fit:
     after = None if rest is None else score_of(problem, rest, everything)
     held, blocks = None, []
     if model is not None and not model.beside:
-        held = model_section(
-            problem, judgement
-        ).held_out  # effects that were fitted without it are not in `after`
+        section = model_section(problem, judgement)  # effects fitted without it are not in `after`
+        held = None if section is None else section.held_out
     elif answer is not None and answer.proof is not None:
         held = _held_out(problem, "all", answer.proof).model_copy(update={"paid": answer.proof.gain.paid})
         for name, mask in judgement.blocks.held.items():
@@ -216,7 +216,7 @@ def score_of(problem: Problem, left: np.ndarray, mask: np.ndarray) -> form.Score
 
 
 def _adequacy(judgement: Judgement) -> form.Adequacy:
-    adequacy = judgement.answer.adequacy
+    adequacy = judgement.answered.adequacy
     return form.Adequacy(p=adequacy.test.p, scan_p=adequacy.scan.p, remains=plain(adequacy.scan.best))
 
 

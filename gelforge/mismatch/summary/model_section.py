@@ -26,7 +26,7 @@ def model_section(problem: Problem, judgement: Judgement) -> form.Model | None:
         cause=None if model.module is None or not model.module.tells else model.module.name,
         probability=None if model.module is None or not model.module.tells else model.probability,
         words=f"a change of {model.manner}" if model.module is None else in_words(model),
-        beside=[part.name for part in judgement.answer.fit.parts] if model.beside else [],
+        beside=[part.name for part in judgement.answered.fit.parts] if model.beside else [],
         largest_N=largest,
         depth_mm=model.span.depth_mm,
         sites=len(model.sites),
@@ -43,7 +43,8 @@ def model_section(problem: Problem, judgement: Judgement) -> form.Model | None:
 
 def in_words(model: Modelled) -> str:
     """Return a cause with its free form, and the map where it is surest."""
-    table = model.map()
+    table, module = model.map(), model.module
+    assert table is not None and module is not None  # of a cause
     best = table.loc[(table["mean"].abs() / table["sigma"]).idxmax()]
     unit, share = (" %", 100.0) if best["unit"] == "1" else (f" {best['unit']}", 1.0)
     if "x_mm" in table:
@@ -51,7 +52,7 @@ def in_words(model: Modelled) -> str:
         where += f", {-best['z_mm']:.3g} mm below the surface" if "z_mm" in table else ""
     else:
         where = f"{best['time_s']:.4g} s into {best['session']}"
-    return f"{model.module.says}: {best['quantity']} {share * best['mean']:+.2g} ± {share * best['sigma']:.1g}{unit} {where}"
+    return f"{module.says}: {best['quantity']} {share * best['mean']:+.2g} ± {share * best['sigma']:.1g}{unit} {where}"
 
 
 def _of_readings(problem: Problem, entries: np.ndarray) -> np.ndarray:
@@ -73,9 +74,10 @@ def correction_table(problem: Problem, model: Modelled | None) -> pd.DataFrame |
     rows = rows.sort_values(["y_mm", "x_mm", "depth_mm"])
     force = problem.base[rows.index]
     if model.module is None:
-        place = [rows[name].to_numpy(float) for name in ("x_mm", "y_mm", "depth_mm")]
-        change, sigma, _ = model.at(*place, force)
+        x, y, depth = (rows[name].to_numpy(float) for name in ("x_mm", "y_mm", "depth_mm"))
+        change, sigma, _ = model.at(x, y, depth, force)
     else:
+        assert model.spread is not None  # of a cause
         change, sigma = (_of_readings(problem, own)[rows.index] for own in (model.change, model.spread))
     found = rows[["x_mm", "y_mm", "depth_mm"]].reset_index(drop=True)
     for k, axis in enumerate(AXES):

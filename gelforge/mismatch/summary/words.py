@@ -38,8 +38,8 @@ def sentence_of(problem: Problem, judgement: Judgement) -> str:
     where = f"Simulation and readings differ beyond their errors, most clearly {plain(mismatch.scan.best)}"
     if state == "modelled":
         return f"{where}; it is something that no known effect explains: {_model(judgement)}."
-    if state == "form_free" and judgement.model.sure:
-        return f"{where}; {_beside(problem, judgement)}{_module(judgement.model)}."
+    if state == "form_free" and judgement.modelled.sure:
+        return f"{where}; {_beside(problem, judgement)}{_module(judgement.modelled)}."
     if answer is None:
         return f"{where}; no effect of the catalogue could be fitted."
     if state == "inconclusive":
@@ -84,7 +84,7 @@ def _in_words(problem: Problem, answer: Answer, group: Group) -> str:
         own += "".join(f", {key.replace('_', ' ')} {value}" for key, value in part.shape.items())
     else:
         own += " " + _clearest(value_entries(effect.parameters, amounts, blocks_of(answer.fit)[k]))
-    text = f"{with_amount(effect, part.shape, amounts)} ({own})"
+    text = f"{with_amount(effect, part.shape, tuple(amounts))} ({own})"
     if len(group.members) > 1:
         text += "".join(f", or {in_general(other)}" for other in group.members[1:])
         text += ", which these readings cannot distinguish"
@@ -109,7 +109,7 @@ def _clearest(amounts: Sequence[form.Amount]) -> str:
 
 def _why_unexplained(problem: Problem, judgement: Judgement) -> str:
     """Return why the best answer is none."""
-    answer = judgement.answer
+    answer = judgement.answered
     best = f"the best of the known, that {_joined(problem, answer, answer.groups)},"
     if answer.adequacy.p <= form.LEFT_P:
         return f"{best} leaves a residual, most clearly {plain(answer.adequacy.scan.best)}"
@@ -121,12 +121,12 @@ def _why_unexplained(problem: Problem, judgement: Judgement) -> str:
 def _manner(judgement: Judgement) -> str:
     """Return what a discrepancy would do, where it is likely."""
     strange = judgement.posterior.holding([UNKNOWN]) > LIKELY
-    return f", a change of {judgement.answer.stranger}" if strange else ""
+    return f", a change of {judgement.answered.stranger}" if strange else ""
 
 
 def _model(judgement: Judgement) -> str:
     """Return what is modelled without a known cause."""
-    model = judgement.model
+    model = judgement.modelled
     largest = np.abs(model.change).max()
     where = "correction.csv has it" if model.of_place else "it does not concern labels"
     return (
@@ -137,9 +137,9 @@ def _model(judgement: Judgement) -> str:
 
 def _beside(problem: Problem, judgement: Judgement) -> str:
     """Return the sure effects beside which a cause acts."""
-    if not judgement.model.beside:
+    if not judgement.modelled.beside:
         return ""
-    return f"{_joined(problem, judgement.answer, judgement.answer.sure)}; together with this, "
+    return f"{_joined(problem, judgement.answered, judgement.answered.sure)}; together with this, "
 
 
 def _module(model: Modelled) -> str:
@@ -177,7 +177,7 @@ def left_over(judgement: Judgement) -> list[str]:
     """Return what an answer that is given leaves, where that is too little to doubt it and too much to pass over."""
     if judgement.state not in (*form.IDENTIFIED, "ambiguous"):
         return []
-    left = judgement.answer.adequacy
+    left = judgement.answered.adequacy
     if left.p > form.ADEQUATE_P:
         return []
     return [
@@ -200,7 +200,8 @@ def unfinished(answer: Answer | None) -> list[str]:
 
 def uncomputed(problem: Problem) -> list[str]:
     """Return which effects could not be tried, or not everywhere, by reason."""
-    tried, by_reason = {one.name for one in problem.candidates}, {}
+    tried = {one.name for one in problem.candidates}
+    by_reason: dict[str, dict[str, None]] = {}
     for name, reason in problem.failed.items():
         effect = name.split("@")[0].split(".")[0]
         where = " (at some of its places or times)" if effect in tried else ""

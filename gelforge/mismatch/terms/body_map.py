@@ -43,13 +43,14 @@ def _faces(study: Study) -> list[float]:
 
 def box_at(study: Study, shape: Shape) -> dict[str, list[float]]:
     """Return the lowest and highest point [mm] of the box with a middle; those at the rim reach beyond it."""
-    low, high = [], []
+    low: list[float] = []
+    high: list[float] = []
     for axis, middles in zip(("x_mm", "y_mm"), lines(study)):
         beyond = middles[-1] + SPACING + study.sensor.wall_mm
         between = [-SPACING, *((a + b) / 2 for a, b in pairwise(middles)), beyond]
-        k = middles.index(shape[axis])
+        k = middles.index(float(shape[axis]))
         low, high = [*low, between[k]], [*high, between[k + 1]]
-    level = next((a, b) for a, b in pairwise(_faces(study)) if a < shape["z_mm"] < b)
+    level = next((a, b) for a, b in pairwise(_faces(study)) if a < float(shape["z_mm"]) < b)
     return {"low_mm": [*low, level[0]], "high_mm": [*high, level[1]]}
 
 

@@ -50,11 +50,13 @@ def candidates_of(context: Context, effects: Mapping[str, Effect], failed: dict[
 
 def columns_of(context: Context, effect: Effect, shape: Mapping) -> np.ndarray:
     """Return the change of what was read (n, P) [N] per unit of the parameter."""
+    if effect.to_forces is None:
+        raise ValueError(f"{effect.name} changes no forces; it has no columns among them")
     columns = []
     for k, parameter in enumerate(effect.parameters):
         step = 1.0 if effect.switch else UNIT * parameter.width * (parameter.sign or 1)
         amounts = np.zeros(len(effect.parameters))
         amounts[k] = step
-        change = effect.to_forces(context, shape, context.force, amounts) - context.force
+        change = effect.to_forces(context, shape, context.force, tuple(amounts)) - context.force
         columns.append(context.observations.flat(change) / step)
     return np.column_stack(columns)

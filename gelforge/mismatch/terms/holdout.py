@@ -57,13 +57,13 @@ def split(labels: pd.DataFrame, seed: int, turn: int = 0) -> Blocks:
     sites = np.random.default_rng(seed).permutation(np.unique(site))
     few = len(sites) < FEW_SITES
     if few:
-        chosen = np.sort(sites)[turn - 1 : turn] if turn and len(sites) > 1 else []
+        chosen = np.sort(sites)[turn - 1 : turn] if turn and len(sites) > 1 else sites[:0]
     else:
         count = round(SHARE * len(sites))
         chosen = np.roll(sites, -turn * count)[:count]
     depth = labels["depth_mm"].to_numpy(float).round(6)
     levels = np.unique(depth)
-    deepest = levels[len(levels) - int(np.ceil(SHARE * len(levels))) :] if len(levels) > 1 else []
+    deepest = levels[len(levels) - int(np.ceil(SHARE * len(levels))) :] if len(levels) > 1 else levels[:0]
     positions = np.isin(site, chosen)
     deep = np.isin(depth, [] if few and turn else deepest) & ~positions
     return Blocks(~positions & ~deep, {"positions": positions, "deepest": deep})
@@ -99,7 +99,9 @@ def predictive_scores(
     """
     p = 0 if columns is None else columns.shape[1]
     V = residual[:, None]
-    if p:
+    if columns is not None and p:
+        if amounts_covariance is None:
+            raise ValueError("what is open of the amounts is not given; give amounts_covariance with columns")
         l, E = np.linalg.eigh(amounts_covariance)
         V = np.column_stack([residual, columns @ (E * np.sqrt(np.maximum(l, 0)))])
     if not blocks.train.any():

@@ -46,6 +46,8 @@ class Module(Manner):
     @property
     def effect(self) -> Effect:
         """Return the map as an effect of the finite elements: its amounts are the map (G,)."""
+        to_study = self.to_study
+        assert to_study is not None, "asked for only where a study can have the map"
         return Effect(
             self.name,
             "material",
@@ -54,7 +56,7 @@ class Module(Manner):
             signature=self.words,
             confused_with=(),
             separated_by="",
-            to_study=lambda study, shape, amounts: self.to_study(study, np.asarray(amounts)),
+            to_study=lambda study, shape, amounts: to_study(study, np.asarray(amounts)),
         )
 
     def values(self, mean: np.ndarray, covariance: np.ndarray) -> pd.DataFrame:

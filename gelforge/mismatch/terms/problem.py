@@ -25,6 +25,11 @@ SEATED_SNR = 1.0
 ForcesWith = Callable[[Sequence[Candidate], Sequence[np.ndarray], np.ndarray], np.ndarray]
 
 
+def never_solved(parts: Sequence[Candidate], amounts: Sequence[np.ndarray], rows: np.ndarray) -> np.ndarray:
+    """The `forces_with` of a problem that is judged by its columns alone."""
+    raise NotImplementedError("this problem has columns only; give it forces_with to fit amounts")
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """A recording beside its base. Flat vectors have n entries: what was read of R readings x 3 axes."""
@@ -137,7 +142,7 @@ class Problem:
             )
             found = self.base.copy()
             if others:
-                found = self.forces_with(*zip(*others), rows)
+                found = self.forces_with([part for part, _ in others], [a for _, a in others], rows)
             found[self.observations.read] += change
             return np.where(rows[:, None], found, np.nan)
 
@@ -164,7 +169,7 @@ class Problem:
         """Return the linear change (n, p) per unit by a part at its place, between places to first order."""
         own, columns = self.own(part), self.own(part).columns
         for axis, slope in self.slopes_of(part).items():
-            columns = columns + (part.shape[axis] - own.shape[axis]) * slope.columns
+            columns = columns + (float(part.shape[axis]) - float(own.shape[axis])) * slope.columns
         return columns
 
     def linear_change(self, parts: Sequence[Candidate], amounts: Sequence[np.ndarray]) -> np.ndarray:

@@ -67,7 +67,7 @@ class Weighed:
     @property
     def manner(self) -> str:
         """Return the likeliest, in words."""
-        return max(self.factors, key=self.factors.get)
+        return max(self.factors, key=self.factors.__getitem__)
 
     @property
     def p(self) -> float:
@@ -88,6 +88,8 @@ def weighed_unknown(
     """
     residual, covariance = problem.residual, problem.covariance
     if len(parts):
+        if amounts is None or left is None:
+            raise ValueError("what the parts leave is not given; give amounts and left with parts")
         covariance = problem.believing(parts, amounts).covariance
         residual = left + np.column_stack([part.columns for part in parts]) @ amounts
     model, without = _Beside.of(residual, covariance, parts), log_evidence(residual, covariance, parts)

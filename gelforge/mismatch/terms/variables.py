@@ -148,7 +148,7 @@ def variables_of(problem: Problem, start: Screened, mask: np.ndarray, placing: b
         slopes = problem.slopes_of(part) if part.moved_from is None else {}
         for axis, slope in slopes.items():
             way = slope.columns @ own
-            moved = before.shape[axis] - part.shape[axis]
+            moved = float(before.shape[axis]) - float(part.shape[axis])
             if moved or np.linalg.norm(covariance.whiten(way[mask])) * slope.half > SEEN_SNR:
                 moves.append(Move(k, axis, way, slope.half, slope.low, slope.high, moved))
     return Variables(problem, replace(start, parts=parts), tuple(moves), mask)

@@ -10,6 +10,7 @@ import numpy as np
 from gelforge.input_files import what_it_is
 from gelforge.recording.imaging.texture import Texture
 
+NO_GUESS = np.empty(0, np.float32)  # of the flow, that a search could begin at
 PRESETS = {
     "ultrafast": cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST,
     "fast": cv2.DISOPTICAL_FLOW_PRESET_FAST,
@@ -95,7 +96,7 @@ class Flow:
                 "the flow needs a larger image, crop_px or features.image_scale"
             )
         self.reference = reference
-        self.search = cv2.DISOpticalFlow_create(PRESETS[preset])
+        self.search = cv2.DISOpticalFlow.create(PRESETS[preset])
         if preset in FINEST_SCALE:
             self.search.setFinestScale(FINEST_SCALE[preset])
             self.search.setVariationalRefinementIterations(0)
@@ -120,8 +121,8 @@ class Flow:
                 f"the reference frame shows no texture that flow could follow: mean {self.reference.mean():.1f}, standard "
                 f"deviation {self.reference.std():.1f} grey levels; record it anew with light and focus as in the images"
             )
-        return self.texture.fill(self.search.calc(self.reference, image, None))
+        return self.texture.fill(self.search.calc(self.reference, image, NO_GUESS))
 
     def backward(self, image: np.ndarray) -> np.ndarray:
         """Return the displacement (H, W, 2) [px] float32 from an image (H, W) to the reference, as the search finds it."""
-        return self.search.calc(image, self.reference, None)
+        return self.search.calc(image, self.reference, NO_GUESS)

@@ -31,7 +31,8 @@ def frames(source: str | Path | int) -> Iterator[Frame]:
     Raises ImageError for a source that is missing, empty or cannot be decoded, before the first frame is asked for.
     """
     if isinstance(source, int) or str(source).isdecimal():
-        return _camera_frames(_opened(int(source), f"camera {source}"), int(source))
+        number = int(str(source))
+        return _camera_frames(_opened(number, f"camera {number}"), number)
     path = Path(source)
     if path.is_dir():
         names = sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES)

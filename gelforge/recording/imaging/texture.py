@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 # Immerkaer's operator of 1996 (doi:10.1006/cviu.1996.0060) divided by its norm: white noise keeps its standard deviation.
-NOISE = np.float32([[1, -2, 1], [-2, 4, -2], [1, -2, 1]]) / 6
+NOISE = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32) / 6
 NOISE_PX = 16  # side of the squares among which the smoothest tell the noise
 NOISE_PERCENTILE = 2.0
 NOISE_GREY = (
@@ -38,7 +38,7 @@ def noise_grey(image: np.ndarray) -> float:
 def textured(image: np.ndarray, patch_px: int) -> np.ndarray:
     """Return (H, W) bool: the pixels of which every square of patch_px that covers them shows texture in two directions."""
     smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), BLUR_PX)
-    step = np.float32([[-0.5, 0, 0.5]])
+    step = np.array([[-0.5, 0, 0.5]], np.float32)
     along, down = cv2.filter2D(smooth, -1, step), cv2.filter2D(smooth, -1, step.T)
     xx, xy, yy = (
         cv2.blur(product, (patch_px, patch_px)) for product in (along * along, along * down, down * down)

@@ -57,6 +57,8 @@ class Board:
     def charuco(self) -> cv2.aruco.CharucoBoard:
         """Return OpenCV's ChArUco board."""
         markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
+        if self.marker_mm is None:
+            raise CalibrationError("a checkerboard has no markers; give marker_mm for a ChArUco board")
         return cv2.aruco.CharucoBoard((self.columns, self.rows), self.square_mm, self.marker_mm, markers)
 
     def points(self) -> np.ndarray:
@@ -98,7 +100,8 @@ def find_boards(folder: str | Path, board: Board) -> Views:
     paths = sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES)
     if not paths:
         raise CalibrationError(f"{folder}: no images ({', '.join(sorted(SUFFIXES))}); name another folder")
-    views, first, flips = None, paths[0].name, []
+    views: Views | None = None
+    first, flips = paths[0].name, []
     for path in tracked(paths, "images searched for the board"):
         try:
             image = read_grey(path)
@@ -126,6 +129,7 @@ def find_boards(folder: str | Path, board: Board) -> Views:
         else:
             views.seen.append(View(path.name, *found))
             flips.append(flipped)
+    assert views is not None  # of the first path
     if board.marker_mm is not None and flips:
         if len(set(flips)) > 1:
             raise CalibrationError(

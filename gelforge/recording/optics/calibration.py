@@ -150,12 +150,13 @@ def _fitted(views: Views, board: Board, model: str) -> Calibration:
     images = [view.pixels.astype(np.float32) for view in views.seen]
     try:
         if model == "pinhole":
-            rms, K, k, turns, shifts, *_ = cv2.calibrateCameraExtended(
+            # OpenCV takes None as "to be found", which its types do not say
+            rms, K, k, turns, shifts, *_ = cv2.calibrateCameraExtended(  # type: ignore[call-overload]
                 objects, images, views.size, None, None
             )
         else:
             rms, K, k, turns, shifts = cv2.fisheye.calibrate(
-                [o[None] for o in objects], [i[None] for i in images], views.size, None, None,
+                [o[None] for o in objects], [i[None] for i in images], views.size, np.eye(3), np.zeros(4),
                 flags=cv2.CALIB_RECOMPUTE_EXTRINSIC | cv2.CALIB_FIX_SKEW,
             )  # fmt: skip
     except cv2.error as error:
@@ -226,4 +227,5 @@ def _projected(model: str, board: np.ndarray, turn, shift, K: np.ndarray, k: np.
 def without_distortion(found: Calibration, image: np.ndarray) -> np.ndarray:
     """Return an image (H, W) as a pinhole of the same focal lengths and principal point would show it."""
     straight = found.camera.model_copy(update={"distortion": None})
-    return cv2.remap(image, places_in(found.camera, straight, 1.0).astype(np.float32), None, cv2.INTER_LINEAR)
+    u, v = np.moveaxis(places_in(found.camera, straight, 1.0).astype(np.float32), -1, 0)
+    return cv2.remap(image, np.ascontiguousarray(u), np.ascontiguousarray(v), cv2.INTER_LINEAR)

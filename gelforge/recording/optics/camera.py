@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from gelforge.config import Camera
+from gelforge.config import Camera, given
 from gelforge.recording.optics.lens import CameraError, distort, undistort
 from gelforge.recording.optics.refraction import air_slope, sideways
 
@@ -62,7 +62,7 @@ def unproject(camera: Camera, pixels: ArrayLike, z_mm: float) -> np.ndarray:
         ray = np.broadcast_to(axes[2], start.shape)
     else:
         start = np.broadcast_to(np.asarray(camera.position_mm), (*offset.shape[:-1], 3))
-        seen = offset / camera.focals_px
+        seen = offset / given(camera.focals_px, "camera.focal_px")
         if camera.distortion is not None:
             seen = undistort(camera.distortion, seen)
         ray = seen @ axes[:2] + axes[2]
@@ -91,7 +91,7 @@ def _towards(camera: Camera, offset: np.ndarray) -> np.ndarray:
     """Return the directions (..., 3), in the sensor frame, in which the pinhole sees points at offset (..., 3) [mm]."""
     z = camera.position_mm[2]
     away = np.linalg.norm(offset[..., :2], axis=-1)
-    slope = air_slope(camera.port, away, z, z + offset[..., 2])
+    slope = air_slope(given(camera.port, "camera.port"), away, z, z + offset[..., 2])
     flat = np.where(away > 0, slope / np.where(away > 0, away, 1.0), 0.0)
     return np.concatenate([offset[..., :2] * flat[..., None], np.ones((*away.shape, 1))], -1)
 

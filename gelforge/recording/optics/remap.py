@@ -14,7 +14,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from gelforge.config import Camera, Session
+from gelforge.config import Camera, Session, given
 from gelforge.recording.imaging.flow import ImageError, crop, read_grey, reduced
 from gelforge.recording.optics.camera import CameraError, project, unproject
 
@@ -63,7 +63,8 @@ class Remapper:
                 "give remap.view fewer pixels or a shorter focal length, or correct the camera's pose"
             )
         self.size = (camera.height_px, camera.width_px)
-        self.maps = cv2.convertMaps(places.astype(np.float32), None, cv2.CV_16SC2)
+        no_second = np.empty(0, np.float32)
+        self.maps = cv2.convertMaps(places.astype(np.float32), no_second, cv2.CV_16SC2)
 
     def __call__(self, image: np.ndarray) -> np.ndarray:
         """Return an image (H, W) or (H, W, 3) of the camera as the view shows it; outside it the border is continued."""
@@ -72,7 +73,7 @@ class Remapper:
                 f"image of {image.shape[1]} x {image.shape[0]} px, but its camera is described with {self.size[1]} x "
                 f"{self.size[0]} px; calibrate at the size that is recorded"
             )
-        return cv2.remap(image, *self.maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        return cv2.remap(image, self.maps[0], self.maps[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
 
 def picture_of(session: Session, scale: float = 1.0) -> Picture:
@@ -81,7 +82,9 @@ def picture_of(session: Session, scale: float = 1.0) -> Picture:
     Remapped, cropped, or as it is; reduced where features.image_scale is below 1.
     """
     if session.remap:
-        return Remapper(session.camera, session.remap.view, session.remap.plane_z_mm, scale=scale)
+        return Remapper(
+            given(session.camera, "camera"), session.remap.view, session.remap.plane_z_mm, scale=scale
+        )
     return lambda image: reduced(crop(image, session.crop_px), scale)
 
 

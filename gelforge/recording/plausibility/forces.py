@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -56,19 +57,17 @@ def tared_zero(data: SessionData) -> list[Finding]:
     remedy = (
         "set force.tared: false in session.yaml, so that the zero rows of each indentation are subtracted"
     )
-    common = {
-        "test": "force_before_touch", "channel": "force", "remedy": remedy, "unit": "N", "value": abs(read),
-    }  # fmt: skip
+    told = partial(Finding, "force_before_touch", channel="force", remedy=remedy, unit="N", value=abs(read))
     if far.mean() > TARED_INDENTATIONS:
         found = (
             f"reads up to {read:.3g} N ({AXES[axis]}, press {press}) in the zero rows of a tared session, beyond the"
             f" limit in {far.sum()} of {len(far)} indentations, of a resolution of"
             f" {data.session.force.resolution_N[axis]:g} N"
         )
-        return [Finding(level="error", found=found, limit=float(limit[axis]), **common)]
+        return [told(level="error", found=found, limit=float(limit[axis]))]
     if (by_press.abs().to_numpy() > noise).any(axis=1).mean() > TARED_INDENTATIONS:
         found = f"reads up to {read:.3g} N ({AXES[axis]}, press {press}) in the zero rows of a tared session"
-        return [Finding(level="note", found=found, limit=float(noise[axis]), **common)]
+        return [told(level="note", found=found, limit=float(noise[axis]))]
     return []
 
 

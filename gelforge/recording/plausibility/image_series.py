@@ -100,11 +100,9 @@ def series_of(table: pd.DataFrame, reference: np.ndarray | None, camera: Camera 
     if reference is None:
         return ImageSeries(table, "", 0.0)
     scale = reference.shape[1] / WIDEST_MM
-    if camera is not None:
-        scale = (
-            1 / camera.mm_per_px
-            if camera.mm_per_px
-            else camera.focal_px / max(abs(camera.position_mm[2]), 1.0)
-        )
+    if camera is not None and camera.mm_per_px:
+        scale = 1 / camera.mm_per_px
+    elif camera is not None and camera.focal_px:
+        scale = camera.focal_px / max(abs(camera.position_mm[2]), 1.0)
     levels = float(np.ptp(np.percentile(reference, [0.1, 99.9])))
     return ImageSeries(table, pixel_digest(reference), LEAST_MOTION * scale, levels)

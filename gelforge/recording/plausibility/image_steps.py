@@ -20,7 +20,7 @@ def lag(table: pd.DataFrame, depth: pd.Series) -> str:
     table: images in the order taken with `flow_px`, `time_s` and `run`, within which rows follow one another.
     """
     by_shift = {shift: _correlation(table, depth, shift) for shift in range(-MOST_STEPS, MOST_STEPS + 1)}
-    best = max(by_shift, key=by_shift.get)
+    best = max(by_shift, key=by_shift.__getitem__)
     if best == 0 or by_shift[best] < FITS or by_shift[best] < by_shift[0] + BETTER:
         varied = len(depth) >= LEAST_IMAGES and depth.std() > DEPTHS_DIFFER * depth.max()
         if not varied or by_shift[0] >= LEAST_FIT:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 
-from gelforge.recording.plausibility.findings import Finding, mostly
+from gelforge.recording.plausibility.findings import Finding, Level, mostly
 from gelforge.recording.plausibility.image_series import (
     LEAST_LIGHT,
     LEAST_TEXTURE,
@@ -156,7 +156,7 @@ def _silent(series: ImageSeries, before: float, spread: float) -> Finding:
     deepest = float(series.depth.max())
     expected = series.least_px_per_mm * deepest
     text = f"do not answer the indentations: flow {series.answer_px:.2g} px at depths up to {deepest:g} mm"
-    level = "error" if expected > limit else "note"
+    level: Level = "error" if expected > limit else "note"
     remedy = "check that the camera sees the gel and that images and rows match"
     if level == "note":
         text, remedy = text + ", within that before touch", "none where the indentations are that shallow"

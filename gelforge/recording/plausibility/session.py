@@ -60,6 +60,13 @@ class SessionData:
 
 
 Test = Callable[[SessionData], list[Finding]]
+
+
+def _of_images(test: Callable[[ImageSeries], list[Finding]]) -> Test:
+    """Return a test of a series of images as one of a session's data."""
+    return lambda data: test(data.images)
+
+
 TESTS: dict[str, Test] = {
     "mirrored_axes": positions.mirrored_axes,
     "force_in_step": timing.force_in_step,
@@ -68,7 +75,7 @@ TESTS: dict[str, Test] = {
     "force_answers": forces.force_answers,
     "force_grows": forces.force_grows,
     "force_spikes": spikes.force_spikes,
-    **{name: lambda data, test=test: test(data.images) for name, test in IMAGE_TESTS.items()},
+    **{name: _of_images(test) for name, test in IMAGE_TESTS.items()},
     "planned_count": positions.planned_count,
 }
 

@@ -45,7 +45,7 @@ def force_spikes(data: SessionData) -> list[Finding]:
         limit = np.maximum(floors, share)
         k, axis = np.unravel_index((beyond / limit).argmax(), beyond.shape)
         if beyond[k, axis] > limit[k, axis]:
-            found.append(_finding(rows, k + 1, axis, beyond[k, axis], limit[k, axis]))
+            found.append(_finding(rows, k + 1, axis, float(beyond[k, axis]), float(limit[k, axis])))
     return mostly(found, len(data.indentations))
 
 

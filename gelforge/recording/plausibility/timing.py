@@ -98,8 +98,8 @@ def _known_depths(readings: pd.DataFrame) -> tuple[np.ndarray, np.ndarray, np.nd
                 first, last = part["time_s"].iloc[0], part["time_s"].iloc[-1]
                 time = np.linspace(first, last, int(np.ceil((last - first) / DENSE_S)) + 1)
                 parts.append((time, np.full(len(time), depth), np.full(len(time), number)))
-    at, depth, numbers = (np.concatenate(values) for values in zip(*parts))
-    return at, depth, numbers
+    at, depths, numbers = (np.concatenate(values) for values in zip(*parts))
+    return at, depths, numbers
 
 
 def _unexplained(force: np.ndarray, model: np.ndarray, at: np.ndarray) -> float:
@@ -154,7 +154,7 @@ def _rows_shifted(data: SessionData) -> list[Finding]:
     model = np.maximum(readings["depth_mm"].fillna(0.0).to_numpy(), 0.0) ** 1.5
     most = int(min(np.ceil(2 * len(readings) / presses), len(readings) // 3))
     shifts = np.arange(-most, most + 1)
-    left = np.array([_unexplained_shifted(force, model, at, used, shift) for shift in shifts])
+    left = np.array([_unexplained_shifted(force, model, at, used, int(shift)) for shift in shifts])
     shift = int(_best_lag(shifts, left))
     if shift == 0:
         return []

@@ -53,7 +53,8 @@ def tell_budget(chapter: Chapter, results: StudyResults) -> None:
 def budget_words(table: pd.DataFrame) -> str:
     """Return in a paragraph which part of the error is largest, and what would help."""
     parts = table.set_index("part")
-    said, largest = [], []
+    said: list[str] = []
+    largest: list[str] = []
     for (column, _), what in zip(PANELS, ("of a pressed bin", "in total")):
         (first, most), *others = parts.loc[list(PARTS), column].sort_values(ascending=False).items()
         rest = ", ".join(f"{name} {_mN(value)}" for name, value in others)

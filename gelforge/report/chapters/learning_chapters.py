@@ -113,6 +113,7 @@ def _only_simulated(results: StudyResults) -> bool:
 
 def _show_map(chapter: Chapter, results: StudyResults, row: int, place: str) -> None:
     columns, bins = results.predictions, results.study.sensor.bins
+    assert columns is not None  # row is one of theirs
     predicted, true = results.predicted_map(row)
     x, y = columns["position_mm"][row]
     depth = float(columns["depth_mm"][row])

@@ -85,15 +85,13 @@ def _recordings(results: StudyResults) -> str:
 
 def force_depth(results: StudyResults) -> Chapter:
     """Return vertical force over depth at centre and corner; of the article's study beside the article's curves."""
-    own = results.paper_folder is not None
-    chapter = Chapter("force-depth", "Force over depth" + (", and the article's" if own else ""))
+    paper = results.paper_folder
+    chapter = Chapter("force-depth", "Force over depth" + (", and the article's" if paper else ""))
     published = results.published_force_depth()
-    if not own:
+    if paper is None:
         pass
     elif published is None:
-        chapter.miss(
-            f"The paper's curves are not drawn: {results.paper_folder / 'force_depth.csv'} is not there."
-        )
+        chapter.miss(f"The paper's curves are not drawn: {paper / 'force_depth.csv'} is not there.")
     elif not is_papers_sensor(results.study):
         chapter.miss("The paper's curves are not drawn: this sensor or ball differs from the paper's.")
         published = None
@@ -295,10 +293,9 @@ def origin(results: StudyResults) -> Chapter:
         rows.append((f"material {name}", kind, str(material.tests or "configuration")))
     for name in results.study.sessions:
         session = results.sessions.get(name)
-        known = session is not None
-        kind = (
-            ("SYNTHETIC recording" if session.synthetic else "recorded") if known else "session.yaml missing"
-        )
+        kind = "session.yaml missing"
+        if session is not None:
+            kind = "SYNTHETIC recording" if session.synthetic else "recorded"
         rows.append((f"session {name}", kind, str(results.study.session_folder(name))))
     rows.append(("force labels", "simulated by finite elements", str(results.folder / "cells")))
     chapter.tabulate(

@@ -21,14 +21,14 @@ MOST_POINTS = 6000
 @styled
 def import_figure(imported: Imported, folder: Path) -> Figure:
     """Return the page of a session that is written in this folder."""
-    contacts = imported.presses.kept
-    contacts = [contacts[i] for i in np.unique(np.linspace(0, len(contacts) - 1, MOST_CONTACTS).astype(int))]
+    kept = imported.presses.kept
+    contacts = [kept[i] for i in np.unique(np.linspace(0, len(kept) - 1, MOST_CONTACTS).astype(int))]
     columns = 8 if len(contacts) > 6 else max(len(contacts), 4)
     contact_rows = -(-len(contacts) // columns)
     heights = [2.6, 3.4, 2.4, 1.5 * contact_rows] + ([2.0] if imported.frames else [])
     figure = Figure(figsize=(15, sum(heights) + 1.0), layout="constrained", facecolor="white")
     figure.suptitle(title(imported), x=0.01, ha="left", fontsize=11)
-    parts = figure.subfigures(len(heights), 1, height_ratios=heights)
+    parts = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
     signals = 3 if imported.frames else 2
     span = (0.0, float(imported.stage.time_s[-1]))
     _signals(imported, parts[0].subplots(signals, 1, sharex=True), span, "All presses (number above)")
@@ -66,7 +66,7 @@ def _signals(imported: Imported, axes, span, name: str) -> None:
         (imported.stage.time_s, depth, SIMULATED, "depth [mm]"),
         (imported.force_s, force, MEASURED, "force [N]"),
     ]
-    if imported.frames:
+    if imported.frames and imported.film:
         drawn.append((imported.frames.time_s, imported.film.change, PUBLISHED_LINEAR, "image\nchange [-]"))
     for ax, (time, value, colour, label) in zip(axes, drawn):
         rows = slice(*np.searchsorted(time, span))
@@ -116,8 +116,9 @@ def _phases(imported: Imported, ax, span) -> None:
 
 def _clocks(imported: Imported, part) -> None:
     """Draw correlation over lag, and the lag of each stop and start with the law, for force and camera."""
-    clocks = [("force", imported.force_clock), ("camera", imported.camera_clock)]
-    clocks = [(name, clock) for name, clock in clocks if clock]
+    clocks = [("force", imported.force_clock)]
+    if imported.camera_clock:
+        clocks.append(("camera", imported.camera_clock))
     axes = part.subplots(1, 2 * len(clocks) + 1, width_ratios=[*[2, 3] * len(clocks), 2])
     for (name, clock), left, right in zip(clocks, axes[::2], axes[1::2]):
         _correlation(name, clock, left)

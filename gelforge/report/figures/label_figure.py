@@ -99,7 +99,7 @@ def _shard_label(file: h5py.File, path: Path, row: int | None) -> Label:
         force[row],
         (sensor["bins"]["nx"], sensor["bins"]["ny"]),
         (sensor["width_x_mm"], sensor["width_y_mm"]),
-        tuple(float(p) for p in file["position_mm"][row]),
+        (float(file["position_mm"][row][0]), float(file["position_mm"][row][1])),
         float(file["depth_mm"][row]),
         f"{path.name} row {row}: " + ", ".join(name for name in names if name),
     )

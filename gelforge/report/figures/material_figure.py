@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
@@ -17,6 +18,7 @@ from gelforge.materials.fitting.law_file import MaterialLaw, read_law
 from gelforge.materials.readers.common_form import LOAD_CASE_OF
 from gelforge.mechanics.laws.homogeneous import LOAD_CASES, stress_points
 from gelforge.mechanics.laws.law import PrincipalLaw
+from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.report.figures.style import (
     INK,
     MEASURED,
@@ -24,6 +26,7 @@ from gelforge.report.figures.style import (
     PUBLISHED,
     PUBLISHED_LINEAR,
     SIMULATED,
+    Style,
     new_figure,
     styled,
 )
@@ -90,12 +93,14 @@ def material_figure(
         bottom.set_xlabel("amount of shear [-]" if kind == "simple_shear" else "stretch [-]")
     _scale(axes, curves)
     axes[0][0].set_ylabel("Cauchy stress [kPa]")
-    shown: dict[str, object] = {}
+    shown: dict[str, Artist] = {}
     for ax in axes[0]:
         for handle, label in zip(*ax.get_legend_handles_labels()):
             shown.setdefault(label, handle)
     columns = min(len(shown), 5 if len(kinds) > 2 else 3)
-    figure.legend(shown.values(), shown.keys(), loc="outside lower center", ncols=columns, handlelength=2.4)
+    figure.legend(
+        list(shown.values()), list(shown), loc="outside lower center", ncols=columns, handlelength=2.4
+    )
     figure.suptitle(_title(material), fontsize=11, x=0.01, ha="left", linespacing=1.5)
     return figure
 
@@ -112,7 +117,11 @@ def _load_case(
     stretch = np.linspace(*(valid or (SHOWN_STRETCH[0], reach)), 200)
     mean = curves[(curves["sample"] == MEAN) & (curves.test == test)]
     for number, (m, colour, line) in enumerate(_drawn(laws)):
-        style = {"color": colour, "ls": line if valid or number else "--", "lw": 1.1 if number else 1.8}
+        style: Style = {
+            "color": colour,
+            "ls": line if valid or number else "--",
+            "lw": 1.1 if number else 1.8,
+        }
         label = _label(m, len(laws))
         model = _cauchy(test, _nominal(m.law, test, stretch), stretch)
         ax.plot(stretch, model, label=label, zorder=3 - 0.1 * number, **style)
@@ -121,8 +130,8 @@ def _load_case(
             residual.plot(mean.stretch, 100 * error / mean.nominal_stress_kPa.abs().max(), **style)
     if len(mean):
         mean = mean.iloc[np.linspace(0, len(mean) - 1, MEAN_MARKS).round().astype(int)]
-        style = {"ls": "", "marker": "o", "ms": 4.2, "mfc": "white", "mec": MEASURED, "mew": 1.5}
-        ax.plot(mean.stretch, mean.cauchy_stress_kPa, label="mean of specimens", **style)
+        marks: Style = {"ls": "", "marker": "o", "ms": 4.2, "mfc": "white", "mec": MEASURED, "mew": 1.5}
+        ax.plot(mean.stretch, mean.cauchy_stress_kPa, label="mean of specimens", **marks)
     if stretch[0] >= 1:
         ax.set_xlim(left=1.0)
     r2 = (laws[0].r2_nominal or {}).get(test)
@@ -145,14 +154,15 @@ def _biaxial(
         ax.plot(curve.stretch, model, color=SIMULATED, lw=1.2, label=_label(laws[0], len(laws)))
         fill = "white" if label.endswith("P22") else MEASURED
         thinned = curve.iloc[np.linspace(0, len(curve) - 1, min(len(curve), MEAN_MARKS)).round().astype(int)]
-        style = {"ls": "", "marker": mark, "ms": 3.6, "mfc": fill, "mec": MEASURED}
+        style: Style = {"ls": "", "marker": mark, "ms": 3.6, "mfc": fill, "mec": MEASURED}
         ax.plot(thinned.stretch, thinned.cauchy_stress_kPa, **style)
         error = (
             100
             * (curve.model_nominal_stress_kPa - curve.nominal_stress_kPa)
             / mean.nominal_stress_kPa.abs().max()
         )
-        residual.plot(curve.stretch, error, color=SIMULATED, lw=0.9)
+        if residual is not None:
+            residual.plot(curve.stretch, error, color=SIMULATED, lw=0.9)
     r2, count = (laws[0].r2_nominal or {}).get(kind), mean.test.nunique()
     curves_shown = f"{count} curve{'s' if count > 1 else ''}"
     text = curves_shown if r2 is None else f"R² = {r2:.4f}\n{curves_shown}"
@@ -215,9 +225,9 @@ def _sketch(ax: Axes, test: str) -> None:
     inset.set_ylim(-2, 2)
     width, height = {"uniaxial": (0.9, 1.6), "pure_shear": (2.6, 0.9), "equibiaxial": (1.5, 1.5)}[test]
     inset.add_patch(Rectangle((-width / 2, -height / 2), width, height, fc="#E8EEF4", ec=INK, lw=0.9))
-    ends = [((0, s * height / 2), (0, s * (height / 2 + 0.9))) for s in (-1, 1)]
+    ends = [((0.0, s * height / 2), (0.0, s * (height / 2 + 0.9))) for s in (-1, 1)]
     if test == "equibiaxial":
-        ends += [((s * width / 2, 0), (s * (width / 2 + 0.9), 0)) for s in (-1, 1)]
+        ends += [((s * width / 2, 0.0), (s * (width / 2 + 0.9), 0.0)) for s in (-1, 1)]
     for start, end in ends:
         arrow = {"arrowstyle": "-|>", "color": INK, "lw": 1.0, "shrinkA": 0, "shrinkB": 0}
         inset.annotate("", end, start, arrowprops=arrow)
@@ -227,7 +237,7 @@ def _title(material: MaterialLaw) -> str:
     family, law = material.family, material.law
     source = "" if material.samples else ", parameters given"
     source += ", SYNTHETIC tests" if material.synthetic else ""
-    if family.name.startswith("ogden"):
+    if isinstance(law, Ogden):
         mu = ", ".join(f"{m * 1e3:.3g}" for m in law.mu)
         alpha = ", ".join(f"{a:.3g}" for a in law.alpha)
         constants = f"μ = ({mu}) kPa, α = ({alpha})"

@@ -94,8 +94,8 @@ def draw_pressure(ax: Axes, node_xy_mm, displacement_mm, pressure_kPa, centre_mm
     image = ax.tripcolor(
         moved[:, 0],
         moved[:, 1],
-        triangles,
-        pressure_kPa,
+        np.asarray(pressure_kPa),
+        triangles=triangles,
         shading="gouraud",
         cmap=MAGNITUDE,
         vmin=0,

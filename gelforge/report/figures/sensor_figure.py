@@ -19,6 +19,7 @@ from gelforge.report.figures.style import (
     PREDICTED,
     SIMULATED,
     SURROUND,
+    Style,
     frame_arrows,
     new_figure,
     region_colours,
@@ -95,9 +96,9 @@ def _draw_above(ax: Axes, study: Study, cells: dict[str, PlannedCell], camera: C
         ax.plot(*mirrored.T, "o", ms=dot, color="#8CC3E6", mew=0, label=f"{len(mirrored)} mirrored from them")
     if camera:
         corners = camera_footprint(camera, crop)
-        view = {"fill": False, "ec": PREDICTED, "lw": 1.6, "ls": (0, (5, 3))}
+        view: Style = {"fill": False, "ec": PREDICTED, "lw": 1.6, "ls": (0, (5, 3))}
         ax.add_patch(Polygon(corners, label="what the camera sees at z = 0", **view))
-        place = {"textcoords": "offset points", "ha": "left", "va": "bottom", "fontsize": 8}
+        place: Style = {"textcoords": "offset points", "ha": "left", "va": "bottom", "fontsize": 8}
         ax.annotate("image's top left", corners[0], (0, 3), color=PREDICTED, **place)
     frame_arrows(ax, (0, 0), 0.2 * max(wx, wy), ("x", "y"), out="z")
     ax.set_aspect("equal")
@@ -133,7 +134,7 @@ def _draw_surface_above(ax: Axes, sensor: Sensor) -> None:
 
     surfaces = sensor_solids(sensor).surfaces
     triangles = np.concatenate([surface.vertices[surface.triangles][:, :, :2] for surface in surfaces])
-    ax.add_collection(PolyCollection(triangles, facecolors=OUTSIDE, edgecolors=OUTSIDE, linewidths=0.4))
+    ax.add_collection(PolyCollection(list(triangles), facecolors=OUTSIDE, edgecolors=OUTSIDE, linewidths=0.4))
     ax.add_patch(Rectangle((0, 0), 0, 0, fc=OUTSIDE, label=f"outer surface, a {sensor.shape.kind}"))
 
 
@@ -235,6 +236,6 @@ def _draw_view(ax: Axes, camera: Camera, crop, text_x_mm: float, base_z: float) 
     for x in camera_footprint(camera, crop)[:2, 0]:
         ax.plot([pinhole[0], x], [pinhole[1], 0], color=PREDICTED, lw=1.2, ls=(0, (5, 3)), clip_on=True)
     text = f"camera at z = {camera.position_mm[2]:g} mm looks up"
-    place = {"textcoords": "offset points", "va": "center", "fontsize": 8.5, "annotation_clip": False}
+    place: Style = {"textcoords": "offset points", "va": "center", "fontsize": 8.5, "annotation_clip": False}
     ax.annotate(text, (text_x_mm, base_z), (10, -16), color=PREDICTED, **place)
     ax.plot(*pinhole, "s", ms=8, color=PREDICTED, clip_on=True)

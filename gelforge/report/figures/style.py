@@ -8,11 +8,15 @@ from __future__ import annotations
 
 import base64
 import io
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+if TYPE_CHECKING:
+    from matplotlib.typing import RcKeyType
 
 SIMULATED = "#0072B2"  # our finite elements, the label
 MEASURED = "#E69F00"  # force/torque readings
@@ -33,7 +37,8 @@ FAINT = "#B5B5B5"
 SIGNED = "RdBu_r"  # signed quantities, white at zero
 MAGNITUDE = "PuBu"  # magnitudes from zero up, light at zero
 
-SETTINGS = {
+Style = dict[str, Any]  # keywords of Matplotlib's functions, each of its own type
+SETTINGS: dict[RcKeyType, Any] = {
     "font.size": 9,
     "font.family": "sans-serif",
     "axes.titlesize": 10,
@@ -114,7 +119,7 @@ def frame_arrows(
     style = {"arrowstyle": "-|>", "color": INK, "lw": 1.4, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 11}
     ax.annotate("", (x + length, y), (x, y), arrowprops=style, annotation_clip=False, zorder=9)
     ax.annotate("", (x, y + length), (x, y), arrowprops=style, annotation_clip=False, zorder=9)
-    text = {"fontsize": 9, "fontweight": "bold", "annotation_clip": False, "zorder": 9}
+    text: Style = {"fontsize": 9, "fontweight": "bold", "annotation_clip": False, "zorder": 9}
     ax.annotate(names[0], (x + length, y), (0, -3), textcoords="offset points", ha="right", va="top", **text)
     ax.annotate(names[1], (x, y + length), (-4, 0), textcoords="offset points", ha="right", va="top", **text)
     if out:

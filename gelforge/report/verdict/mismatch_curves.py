@@ -13,6 +13,7 @@ from gelforge.report.figures.style import (
     MEASURED,
     PUBLISHED,
     SIMULATED,
+    Style,
     new_figure,
     signed_limit,
     styled,
@@ -86,7 +87,7 @@ def _simulated(
 def _measured(ax: Axes, table: pd.DataFrame, values: pd.Series, colour: str, label: str) -> None:
     """Draw readings, those during unloading hollow (the caption says so)."""
     down = table["phase"].isin(LOADING)
-    style = {"ms": 4, "mew": 0.9, "mec": colour, "ls": "none", "marker": "o", "zorder": 5}
+    style: Style = {"ms": 4, "mew": 0.9, "mec": colour, "ls": "none", "marker": "o", "zorder": 5}
     ax.plot(table["depth_mm"][down], values[down], mfc=colour, label=label, **style)
     if (~down).any():
         ax.plot(table["depth_mm"][~down], values[~down], mfc="white", **style)

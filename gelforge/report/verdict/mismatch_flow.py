@@ -17,6 +17,7 @@ SIZES = "Blues"  # sizes, white at none
 def flow_residual_figure(results: MismatchResults) -> Figure:
     """Return the size of measured less simulated flow at the deepest press of each site, before and after, on one scale."""
     flow = results.flow
+    assert flow is not None  # the chapter has looked
     columns = ["base", "after"] if flow["after_u_px"].notna().any() else ["base"]
     sites = list(flow.groupby(["x_mm", "y_mm"], sort=False))
     left = {name: [_left(table, name) for _, table in sites] for name in columns}

@@ -56,6 +56,7 @@ def draw_residual_map(ax: Axes, results: MismatchResults, axis: str, column: str
     sites = results.site_means[results.site_means["axis"] == axis]
     sites = sites.sort_values("held_out", kind="stable")  # frames lie on top
     sensor = results.verdict.sensor
+    assert sensor is not None  # the chapter has looked
     side = square_mm(sites, sensor.width_x_mm)
     corners = sites[["x_mm", "y_mm"]].to_numpy(float) - side / 2
     shown = PatchCollection(
@@ -64,8 +65,8 @@ def draw_residual_map(ax: Axes, results: MismatchResults, axis: str, column: str
         norm=Normalize(-limit, limit),
     )
     shown.set_array(sites[column].to_numpy())
-    shown.set_edgecolor(np.where(sites["held_out"], INK, FAINT))
-    shown.set_linewidth(np.where(sites["held_out"], 1.3, 0.4))
+    shown.set_edgecolor(np.where(sites["held_out"], INK, FAINT).tolist())
+    shown.set_linewidth(np.where(sites["held_out"], 1.3, 0.4).tolist())
     ax.add_collection(shown)
     surface_axes(ax, sensor.width_x_mm, sensor.width_y_mm, labels=False)
     for where in results.verdict.where:
@@ -165,6 +166,7 @@ def residual_maps_figure(results: MismatchResults) -> Figure:
 def body_map_figure(results: MismatchResults) -> Figure:
     """Return the modulus's change through the body, top level first; patches beyond two sigma are framed, others faded."""
     patches = results.body_map
+    assert patches is not None  # the chapter has looked
     levels = sorted(patches["z_mm"].unique(), reverse=True)
     limit = signed_limit(100 * patches["change"], floor=1.0)
     figure, axes = new_figure(

@@ -96,7 +96,7 @@ def _rows(source: Source) -> dict:
 def _field(name: str, variable: Variable) -> dict:
     image = variable.kind == "image"
     extract: dict = {"fileSet": {"@id": FILES}, "extract": {"column": name}}
-    field = {
+    field: dict[str, object] = {
         "@type": "cr:Field",
         "@id": f"rows/{name}",
         "name": name,

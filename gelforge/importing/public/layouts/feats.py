@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from gelforge.importing.public.arrays import files_of, load_arrays
-from gelforge.importing.public.labelled import Layout, Options, Reading
+from gelforge.importing.public.labelled import UNKNOWN, Layout, Options, Reading
 from gelforge.importing.refusals import ImportingError
 
 SUMS, GRIDS = ("f_x", "f_y", "f_z"), ("grid_x", "grid_y", "grid_z")
@@ -34,13 +34,14 @@ def read(path: Path, options: Options) -> Iterator[Reading]:
         force = np.array([_scalar(file, sample, key) for key in SUMS])
         if all(key in sample for key in GRIDS):
             _refuse_other_sums(file, sample, force)
-        more = {}
+        position: np.ndarray | tuple = UNKNOWN
+        torque: np.ndarray | tuple = UNKNOWN
         if all(key in sample for key in RAW):
             at = [_scalar(file, sample, key) for key in RAW]
-            more["position_mm"] = np.array(at[:3]) + at[3:]
+            position = np.array(at[:3]) + at[3:]
         if all(key in sample for key in TORQUES):
-            more["torque_Nmm"] = 1e3 * np.array([_scalar(file, sample, key) for key in TORQUES])
-        yield Reading(sample["gs_img"], force, file.stem, **more)
+            torque = 1e3 * np.array([_scalar(file, sample, key) for key in TORQUES])
+        yield Reading(sample["gs_img"], force, file.stem, position_mm=position, torque_Nmm=torque)
 
 
 def _scalar(file: Path, sample: dict, key: str) -> float:

@@ -5,7 +5,7 @@ Published as pickles; read after they were converted to .npz, where a nested nam
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -65,7 +65,8 @@ class _Images:
                 f"{folder}: no dataset_<sensor>_<number>.npz beside {FORCES}.npz; fetch and convert the images too"
             )
         self.starts = [0]  # of the chunks whose length is known
-        self.chunk, self.held = -1, {}
+        self.chunk = -1
+        self.held: Mapping[str, np.ndarray] = {}
 
     def __getitem__(self, number: int) -> bytes | np.ndarray:
         chunk = max(k for k, start in enumerate(self.starts) if start <= number)

@@ -35,4 +35,4 @@ def section_of(law: PrincipalLaw) -> GivenParameters:
         key: np.multiply(getattr(law, key.removesuffix("_kPa")), 1e3 if key.endswith("_kPa") else 1).tolist()
         for key in keys
     }
-    return section(law=law.name, **constants)
+    return section.model_validate({"law": law.name, **constants})

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import combinations
 from math import exp, log
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -201,7 +201,8 @@ class OgdenFamily(Family):
 
         phi = ogden_terms(points, np.array(START_EXPONENTS))[0]
         # the triangle of the weighted columns keeps all their inner products
-        R = np.linalg.qr(weight[:, None] * np.column_stack([phi, stress]), mode="r")
+        columns = weight[:, None] * np.column_stack([phi, stress])
+        R = cast(np.ndarray, np.linalg.qr(columns, mode="r"))  # numpy's types know of Q and R only
         found = []
         for chosen in combinations(range(len(START_EXPONENTS)), self.terms):
             g, misfit = optimize.nnls(R[:, list(chosen)], R[:, -1])
