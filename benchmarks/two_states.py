@@ -56,6 +56,7 @@ def cost_of(command: list[str], state: Path, limit_s: float) -> Cost:
     What it leaves running when it ends, as a fork server, is waited for and counts too.
     """
     _adopt_orphans()
+    others = _children()
     environment = {name: value for name, value in os.environ.items() if not name.startswith("SNAKEMAKE")}
     environment |= THREADS | {"PYTHONPATH": str(state)}
     log = state / "command.log"
@@ -67,8 +68,8 @@ def cost_of(command: list[str], state: Path, limit_s: float) -> Cost:
         status, used = _ended(process.pid, start + limit_s)
     wall = time.monotonic() - start
     every = [used]
-    while orphan := _orphan():
-        every.append(orphan)
+    while left := _children() - others:
+        every += [os.wait4(child, 0)[2] for child in left]
     return Cost(
         status,
         sum(one.ru_utime + one.ru_stime for one in every),
@@ -95,9 +96,7 @@ def _ended(process: int, deadline: float) -> tuple[int, object]:
         time.sleep(LOOK_S)
 
 
-def _orphan():
-    """Return the use of one more process that a command left and that has ended; None where there is none."""
-    try:
-        return os.wait4(-1, 0)[2]
-    except ChildProcessError:
-        return None
+def _children() -> set[int]:
+    """Return the ids of this process's children, those that its threads began too."""
+    lists = Path("/proc/self/task").glob("*/children")
+    return {int(child) for listed in lists for child in listed.read_text().split()}

@@ -29,6 +29,9 @@ def test_results_have_the_order_of_the_tasks(workers):
 
 def test_an_interruption_ends_the_workers_in_the_middle_of_their_tasks(tmp_path):
     """Without that it would wait for two tasks that never end: a hanging test would show it."""
+    before = signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # ignored where tests run in the background
 
     def interrupt():
         while not all((tmp_path / name).exists() for name in "01"):
@@ -37,8 +40,11 @@ def test_an_interruption_ends_the_workers_in_the_middle_of_their_tasks(tmp_path)
 
     thread = threading.Thread(target=interrupt)
     thread.start()
-    with pytest.raises(KeyboardInterrupt):
-        each(partial(begun, tmp_path), range(3), 2, "tasks")
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            each(partial(begun, tmp_path), range(3), 2, "tasks")
+    finally:
+        signal.signal(signal.SIGINT, before)
     thread.join()
     assert not (tmp_path / "2").exists(), "no further task was begun"
     for name in "01":
