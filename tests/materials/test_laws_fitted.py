@@ -188,7 +188,7 @@ def test_biaxial_tests_at_fixed_second_stretch_and_differences_of_cauchy_stress(
         (("uniaxial",), 10, "ogden2", "10 rows for 4 parameters; 12 at least"),
         (LOAD_CASES, 80, "gent", "Jm ran to the limit .*; the curves show no limiting stretch"),
         (LOAD_CASES, 80, "ogden4", "take fewer"),
-        (LOAD_CASES, 80, "ogden9", "law 'ogden9' is not known; one of "),
+        (LOAD_CASES, 80, "ogden9", "constitutive model 'ogden9' is not known; one of "),
     ],
 )
 def test_what_curves_do_not_determine_is_refused(kinds, rows, name, message):

@@ -238,7 +238,7 @@ def _flat(law):
         (lambda text: text.replace("gelforge-law-1", "gelforge-law-0"), "format 'gelforge-law-0'"),
         (lambda text: text.replace('"alpha"', '"alfa"'), "KeyError 'alpha'"),
         (lambda text: text.replace("2.0", "-2.0"), "mu_1 0.01 MPa and alpha_1 -2.0"),
-        (lambda text: text.replace('"ogden"', '"arruda"'), "law 'arruda'"),
+        (lambda text: text.replace('"ogden"', '"arruda"'), "constitutive model 'arruda'"),
     ],
 )
 def test_a_damaged_law_file_is_named(tmp_path, change, message):
