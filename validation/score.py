@@ -69,7 +69,7 @@ class Judged:
     distance_mm: float = float("nan")
     p: float = float("nan")  # the smaller one of the tests of whether there is a mismatch
     snr_each: tuple[float, ...] = ()  # of each true effect by itself
-    short: tuple[float, ...] = ()  # by which amounts are told too small, in standard deviations, as `covered`
+    short: tuple[float, ...] = ()  # by which values are too small, in standard deviations, as `covered`
 
     @property
     def alarm(self) -> bool:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gelforge.api.materials import Fitted
-from gelforge.api.press import Described, described_study
+from gelforge.api.press import Described, described_study, known_materials
 from gelforge.config import ConfigError, Study
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def press_slopes(
     """
     from gelforge.indentation.planning.plan import check_inside, press_path
     from gelforge.indentation.solving.sensitivities import derivatives
-    from gelforge.laws_of_study import laws_and_doubts, material_laws_of
+    from gelforge.laws_of_study import laws_and_doubts
 
     if steps < 1 or not depth_mm > 0:
         raise ConfigError(
@@ -115,8 +115,7 @@ def press_slopes(
     share = np.arange(1, steps + 1) / steps
     planned = press_path("press", x_mm, y_mm, (depth_mm * share).tolist(), None, False)
     check_inside({planned.name: planned}, described)
-    fitted = {name: one.law for name, one in (materials or {}).items() if isinstance(one, Fitted)}
-    laws = laws_and_doubts(material_laws_of(described, []) | fitted)[0]
+    laws = laws_and_doubts(known_materials(described, materials))[0]
     base = _with_amounts(described, amounts)
     variations = {
         name: _effect_varied(described, laws, amounts, name)

@@ -172,7 +172,7 @@ def press(
     from gelforge.indentation.cells.cell_file import CellError
     from gelforge.indentation.planning.plan import check_inside, press_path
     from gelforge.indentation.solving.companion import simulate_label
-    from gelforge.laws_of_study import laws_and_doubts, material_laws_of
+    from gelforge.laws_of_study import laws_and_doubts
 
     depths = [float(depth) for depth in depths_mm]
     if not depths or depths[0] <= 0 or any(b <= a for a, b in zip(depths, depths[1:])):
@@ -181,14 +181,21 @@ def press(
     shear = None if shear_mm is None else list(shear_mm)
     planned = press_path("press", x_mm, y_mm, depths, shear, unload, twist_deg)
     check_inside({planned.name: planned}, described)
-    fitted = {name: one.law for name, one in (materials or {}).items() if isinstance(one, Fitted)}
-    cell = simulate_label(described, *laws_and_doubts(material_laws_of(described, []) | fitted), planned)
+    cell = simulate_label(described, *laws_and_doubts(known_materials(described, materials)), planned)
     if not cell.converged:
         raise CellError(
             f"the indentation failed: {cell.attributes['reason']}; last good depth"
             f" {cell.attributes['last_good_depth_mm']:g} mm"
         )
     return Pressed.of(cell)
+
+
+def known_materials(study: Study, materials: Mapping[str, Described | Fitted] | None) -> dict:
+    """Return the models of a study's materials by name, with the uncertainty of those that were given as fits."""
+    from gelforge.laws_of_study import material_laws_of
+
+    fitted = {name: one.law for name, one in (materials or {}).items() if isinstance(one, Fitted)}
+    return material_laws_of(study, []) | fitted
 
 
 def described_study(study, sensor, indenter, materials, mechanics, sensitivities) -> Study:

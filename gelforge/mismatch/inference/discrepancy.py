@@ -37,9 +37,7 @@ class Modelled:
     """A smooth change of unknown cause, beside the fitted effects or alone."""
 
     manner: str  # in words
-    mean: (
-        np.ndarray
-    )  # (q,) posterior mean of its coefficients, by all readings and averaged over scales of its size
+    mean: np.ndarray  # (q,) posterior mean of its coefficients by all readings, over the scales of its size
     covariance: np.ndarray  # (q, q)
     change: np.ndarray  # (n,) [N] of the readings at the mean
     left: np.ndarray  # (n,) [N] measured less the prediction by the training readings
@@ -52,9 +50,7 @@ class Modelled:
     module: Module | None = None  # the cause, where it is physics with a free form
     probability: float = 0.0  # of that cause, by all readings
     spread: np.ndarray | None = None  # (n,) [N] standard deviation of the change
-    fit: Refitted | None = (
-        None  # the fitted effects with the amounts that they have beside it, by all readings
-    )
+    fit: Refitted | None = None  # the fitted effects with their values beside this change, by all readings
 
     @property
     def sure(self) -> bool:
@@ -153,9 +149,8 @@ def through_solutions(
     base = _Beside.of(problem, fit, left)
     parts, amounts = ((), ()) if fit is None else (fit.parts, fit.amounts)
     flat, D = problem.observations.flat, module.directions
-    without = (
-        problem.observations.force[problem.observations.read] - base.left
-    )  # the base, or it with the fit
+    # the base, or it with the fit
+    without = problem.observations.force[problem.observations.read] - base.left
     for _ in range(MOST_SOLUTIONS):
         try:
             values = module.values(model.mean, model.covariance)["mean"].to_numpy()

@@ -36,7 +36,7 @@ def where(results: MismatchResults) -> Chapter:
         )
     if verdict.where:
         chapter.tabulate(
-            "The strongest patterns in the residual, whose p is corrected for the search, and where the"
+            "The strongest patterns in the residual, with p-values corrected for the search, and where the"
             " answer's defects lie.",
             filled([_where_row(place) for place in verdict.where]),
         )
