@@ -124,6 +124,20 @@ def study(plan=None, sensor=None, indenter=None, **mechanics):
 
 STUDY_LAWS = {"soft": GEL, "stiff": SKIN}
 
+# What the package's own functions are given: one layer without a wall, a mesh that is solved in a fraction of a second.
+ONE_LAYER = {
+    "sensor": {
+        "width_x_mm": 12,
+        "width_y_mm": 12,
+        "wall_mm": 0,
+        "layers": [{"name": "gel", "thickness_mm": 4, "material": "gel"}],
+        "bins": {"nx": 6, "ny": 4},
+    },
+    "materials": {"gel": {"parameters": {"law": "neo_hooke", "mu_kPa": 20}}},
+    "indenter": {"kind": "sphere", "radius_mm": 3},
+    "mechanics": {"mesh": {"near_mm": 1, "near_radius_mm": 2, "far_mm": 2}},
+}
+
 
 BETWEEN = {  # a study of labels between solved sites: one layer without a wall
     "study": "between",

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from pydantic import TypeAdapter
+from specimens import ONE_LAYER
 
 import gelforge as gf
 from gelforge.api import differentiable, materials, predictions, studies
@@ -15,19 +16,6 @@ from gelforge.api import press as pressing
 from gelforge.config import ConfigError, LawParameters
 from gelforge.mechanics.laws.models import section_of
 from gelforge.shipped import EXAMPLES
-
-SMALL = {
-    "sensor": {
-        "width_x_mm": 12,
-        "width_y_mm": 12,
-        "wall_mm": 0,
-        "layers": [{"name": "gel", "thickness_mm": 4, "material": "gel"}],
-        "bins": {"nx": 6, "ny": 4},
-    },
-    "materials": {"gel": {"parameters": {"law": "neo_hooke", "mu_kPa": 20}}},
-    "indenter": {"kind": "sphere", "radius_mm": 3},
-    "mechanics": {"mesh": {"near_mm": 1, "near_radius_mm": 2, "far_mm": 2}},
-}
 
 
 @pytest.mark.parametrize(
@@ -50,7 +38,7 @@ def test_the_package_is_imported_at_once():
 def test_a_sheared_press_by_nodes_bins_and_derivatives():
     """Friction in its place, one force in three sums, error bars in squares, and a derivative beside a difference."""
     sheared = {"shear_mm": (0.2, 0.0), "sensitivities": ["friction"]}
-    answer = gf.press(6.0, 6.0, [0.3, 0.6], **SMALL, **sheared)
+    answer = gf.press(6.0, 6.0, [0.3, 0.6], **ONE_LAYER, **sheared)
     assert answer.phase == ("load", "load", "shear", "shear")
     by_bins = answer.bin_force_N.sum(axis=1)
     assert answer.bin_force_N.shape == answer.bin_sigma_N.shape == (4, 24, 3)
@@ -67,13 +55,13 @@ def test_a_sheared_press_by_nodes_bins_and_derivatives():
     slope = answer.slopes["friction"]
     assert slope.total.shape == (4, 3) and slope.bins.shape == (4, 24, 3)
     step = 1e-3
-    mechanics = SMALL["mechanics"] | {"error_bars": False}
+    mechanics = ONE_LAYER["mechanics"] | {"error_bars": False}
     forces = [
         gf.press(
             6.0,
             6.0,
             [0.3, 0.6],
-            **SMALL | {"mechanics": mechanics | {"friction": 0.45 + d}},
+            **ONE_LAYER | {"mechanics": mechanics | {"friction": 0.45 + d}},
             shear_mm=(0.2, 0),
         )
         for d in (-step, step)
@@ -100,11 +88,11 @@ def test_independent_errors_are_added_in_squares():
 )
 def test_what_cannot_be_pressed_is_refused_before_anything_is_solved(at, blocks, words):
     with pytest.raises(ConfigError, match=words):
-        gf.press(6.0, 6.0, at, **SMALL | blocks)
+        gf.press(6.0, 6.0, at, **ONE_LAYER | blocks)
 
 
 def test_sections_and_a_study_are_taken_as_well_as_their_keys():
-    study = pressing.described_study(None, **SMALL, sensitivities=())
+    study = pressing.described_study(None, **ONE_LAYER, sensitivities=())
     again = pressing.described_study(
         study, study.sensor, study.indenter, study.materials, study.mechanics, ()
     )
@@ -119,7 +107,7 @@ def test_a_fit_is_taken_by_a_press_with_its_uncertainty(tmp_path):
     assert gel.law.synthetic and gel.law.covariance is not None and set(gel.parameters.law) == {"neo_hooke"}
     gel.save(tmp_path / "law.json")
     assert '"neo_hooke"' in (tmp_path / "law.json").read_text()
-    blocks = SMALL | {"materials": {"gel": gel}}
+    blocks = ONE_LAYER | {"materials": {"gel": gel}}
     fitted = gf.press(6.0, 6.0, [0.4], **blocks)
     given = gf.press(6.0, 6.0, [0.4], **blocks | {"materials": {"gel": gel.block}})
     assert_allclose(fitted.total_force_N, given.total_force_N, rtol=1e-12)

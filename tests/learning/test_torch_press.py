@@ -2,23 +2,12 @@
 
 import pytest
 import torch
+from specimens import ONE_LAYER
 
 import gelforge as gf
 from gelforge.config import ConfigError
 
-SMALL = {
-    "steps": 2,
-    "sensor": {
-        "width_x_mm": 12,
-        "width_y_mm": 12,
-        "wall_mm": 0,
-        "layers": [{"name": "gel", "thickness_mm": 4, "material": "gel"}],
-        "bins": {"nx": 6, "ny": 4},
-    },
-    "materials": {"gel": {"parameters": {"law": "neo_hooke", "mu_kPa": 20}}},
-    "indenter": {"kind": "sphere", "radius_mm": 3},
-    "mechanics": {"mesh": {"near_mm": 1, "near_radius_mm": 2, "far_mm": 2}},
-}
+TWO_STEPS = ONE_LAYER | {"steps": 2}
 PLACE = (4.3, 5.2)
 
 
@@ -28,7 +17,7 @@ def test_gradients_are_those_of_central_differences():
         name: torch.tensor(amount, dtype=torch.float32, requires_grad=True)
         for name, amount in (("gel_stiffness", 0.1), ("friction", -0.05))
     }
-    found = gf.torch_press(*PLACE, depth, effects, **SMALL)
+    found = gf.torch_press(*PLACE, depth, effects, **TWO_STEPS)
     assert found.total_N.shape == (2, 3) and found.bins_N.shape == (2, 24, 3)
     weight = torch.linspace(-1, 1, 24, dtype=torch.float64)
     # the total, and something of all bins at both steps
@@ -37,7 +26,7 @@ def test_gradients_are_those_of_central_differences():
 
     def at(depth, **amounts):
         answer = gf.press_slopes(
-            *PLACE, depth, {"gel_stiffness": 0.1, "friction": -0.05} | amounts, along=[], **SMALL
+            *PLACE, depth, {"gel_stiffness": 0.1, "friction": -0.05} | amounts, along=[], **TWO_STEPS
         )
         assert not answer.total_slope
         return answer.total_force_N[-1, 2] + (answer.bin_force_N * weight.numpy()[:, None]).sum()
@@ -59,11 +48,10 @@ def test_gradients_are_those_of_central_differences():
 def test_gradients_along_the_place_are_those_of_a_shift_of_all_positions():
     """tests/indentation/test_carried_place.py has that derivative beside differences; along y it is the mirrored press's."""
     place = [torch.tensor(value, dtype=torch.float64, requires_grad=True) for value in PLACE]
-    gf.torch_press(*place, 0.7, **SMALL).total_N[-1, 0].backward()
-    shared = {key: value for key, value in SMALL.items() if key != "steps"}
-    shifted = gf.press(*PLACE, [0.35, 0.7], **shared, sensitivities=["misregistration"])
+    gf.torch_press(*place, 0.7, **TWO_STEPS).total_N[-1, 0].backward()
+    shifted = gf.press(*PLACE, [0.35, 0.7], **ONE_LAYER, sensitivities=["misregistration"])
     assert place[0].grad.item() == pytest.approx(shifted.slopes["misregistration"].total[-1, 0], rel=1e-3)
-    mirrored = gf.press_slopes(*PLACE[::-1], 0.7, along=["y_mm"], **SMALL)
+    mirrored = gf.press_slopes(*PLACE[::-1], 0.7, along=["y_mm"], **TWO_STEPS)
     assert mirrored.total_slope["y_mm"][-1, 1] == pytest.approx(place[0].grad.item(), rel=1e-6)
     assert abs(place[1].grad.item()) < 0.5 * abs(place[0].grad.item())
 
@@ -95,12 +83,12 @@ def test_what_has_no_derivative_is_refused_with_a_remedy(at, keys, words):
     x, *rest = at
     x = x if torch.is_tensor(x) else torch.tensor(x, requires_grad=True)
     with pytest.raises(ConfigError, match=words):
-        gf.torch_press(x, *rest, **SMALL | keys)
+        gf.torch_press(x, *rest, **TWO_STEPS | keys)
 
 
 def test_names_along_which_no_derivative_is_asked_are_refused():
     with pytest.raises(ConfigError, match=r"along: \['friction'\]; choose among .* effects need an amount"):
-        gf.press_slopes(6.0, 6.0, 0.5, along=["friction"], **SMALL)
+        gf.press_slopes(6.0, 6.0, 0.5, along=["friction"], **TWO_STEPS)
 
 
 def test_effects_that_have_derivatives_are_those_of_one_mesh_and_one_path():
