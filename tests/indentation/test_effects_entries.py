@@ -86,6 +86,17 @@ def test_other_exponents_keep_the_modulus_and_stiffen_in_tension(law):
     assert stress[1] > 1.01 * stress[0]
 
 
+def test_more_terms_of_the_energy_make_yeohs_model_of_neo_hookes():
+    soft = LAWS | {"soft": NeoHooke(0.02)}
+    corrected = with_keys(study(), material={"energy_correction": {"gel": {"c2": 0.4, "c3": -0.05}}})
+    yeoh = Yeoh(0.01, 0.4 * 0.01, -0.05 * 0.01)
+    assert_allclose(force(corrected, soft), force(study(), LAWS | {"soft": yeoh}), rtol=1e-9)
+    nothing = with_keys(study(), material={"energy_correction": {"gel": {}}})
+    assert (force(nothing, soft) == force(study(), soft)).all()
+    with pytest.raises(ConfigError, match="not regions"):
+        with_keys(study(), material={"energy_correction": {"jelly": {"c2": 0.4}}})
+
+
 def test_an_unstable_law_is_refused_before_anything_is_solved():
     falling = Yeoh(0.01, -0.006, 0.0)
     check_laws({"gel": falling}, {"gel": (0.8, 1.1)})  # stable as far as this press goes

@@ -15,6 +15,7 @@ from numpy.testing import assert_allclose
 import gelforge
 from gelforge.mechanics.bodies.body import Body, bulk_to_shear_of
 from gelforge.mechanics.bodies.kernels import ASSEMBLE, ASSEMBLE_WITH_MEMORY
+from gelforge.mechanics.laws.corrected import Corrected
 from gelforge.mechanics.laws.models.gent import Gent
 from gelforge.mechanics.laws.models.mooney_rivlin import MooneyRivlin
 from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
@@ -43,6 +44,8 @@ LAWS = {
     "mooney_rivlin": MooneyRivlin(0.08, 0.02),
     "yeoh": Yeoh(0.05, -1e-3, 5e-5),
     "gent": Gent(0.1, 60.0),
+    "corrected": Corrected(specimens.GEL, 2e-3, -3e-4),
+    "corrected_of_invariants": Corrected(Gent(0.1, 60.0), -0.01, 2e-3),
     "gent_close": Gent(0.1, 2.0),  # the states below reach up to 0.98 of its limit
 }
 HEXAHEDRON = specimens.distorted(specimens.box(1), 0.2, rng, boundary=True)
@@ -190,8 +193,11 @@ def test_smallest_volume_ratio(mesh, J):
     assert response.admissible == (J > 0)
 
 
+@pytest.mark.parametrize(
+    "skin", ["gent", "corrected_of_invariants"]
+)  # of two families; with a correction and without
 @pytest.mark.parametrize("bulk_to_shear", [50.0, {"gel": 50.0, "skin": 3.0}], ids=["one", "by region"])
-def test_regions_take_their_own_law_and_bulk_modulus(bulk_to_shear):
+def test_regions_take_their_own_law_and_bulk_modulus(bulk_to_shear, skin):
     """Two elements of different regions: each with the forces that its own law gives alone."""
     mesh = specimens.layered_block(
         specimens.Block(1.0, 1.0, (("gel", 1.0), ("skin", 1.0))),
@@ -200,7 +206,7 @@ def test_regions_take_their_own_law_and_bulk_modulus(bulk_to_shear):
         specimens.Sizes(near=1.0, far=1.0),
     )
     assert len(mesh.elements) == 2
-    laws = {"gel": specimens.GEL, "skin": LAWS["gent"]}  # of two families
+    laws = {"gel": specimens.GEL, "skin": LAWS[skin]}
     u = 0.1 * rng.uniform(-1, 1, mesh.X.shape)
     response = Body(mesh, laws, bulk_to_shear).response(u, np.zeros(2))
     expected = np.zeros_like(u)

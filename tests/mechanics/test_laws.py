@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from gelforge.mechanics.laws.corrected import Corrected
 from gelforge.mechanics.laws.homogeneous import LOAD_CASES, cauchy_stress, nominal_stress, principal_stretches
 from gelforge.mechanics.laws.models.gent import Gent
 from gelforge.mechanics.laws.models.mooney_rivlin import MooneyRivlin
@@ -24,6 +25,7 @@ LAWS = {
     "mooney_rivlin": MooneyRivlin(0.08, 0.02),
     "yeoh": Yeoh(0.05, -1e-3, 5e-5),  # S-shaped, as filled rubber is
     "gent": Gent(0.1, 60.0),
+    "corrected": Corrected(NeoHooke(0.1), -1e-3, 5e-5),
 }
 rng = np.random.default_rng(1)
 
@@ -159,6 +161,8 @@ def test_small_strain_limit(law):
 
 
 def closed_form(law, case, lam):
+    if isinstance(law, Corrected):  # of neo-Hooke's model: Yeoh's
+        law = Yeoh(law.law.shear_modulus / 2, law.C20, law.C30)
     name = re.sub(r"(?<!^)(?=[A-Z])", "_", type(law).__name__).lower()
     return getattr(closed_forms, name)(case, lam, **asdict(law))
 
@@ -255,3 +259,12 @@ def test_an_inverted_point_is_refused():
     F = np.stack([np.eye(3), np.diag([1.0, 1.0, -0.5])])
     with pytest.raises(ValueError, match=r"det F = -0.5 at the worst of 2 points"):
         LAWS["ecoflex_gel"].nominal_stress(F)
+
+
+def test_only_a_law_without_a_correction_is_corrected():
+    law = Corrected(NeoHooke(0.1), 0.01, 0.0)
+    assert law.description()["C20_correction_MPa"] == 0.01 and law.shear_modulus == 0.1
+    with pytest.raises(ValueError, match="law without a correction"):
+        Corrected(law, 0.01, 0.0)
+    with pytest.raises(ValueError, match="finite numbers"):
+        Corrected(NeoHooke(0.1), np.nan, 0.0)

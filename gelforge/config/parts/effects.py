@@ -44,6 +44,13 @@ class Circumstances(Section):
     )
 
 
+class EnergyCorrection(Section):
+    """More terms of the strain energy: W + mu/2 (c2 (I1 - 3)^2 + c3 (I1 - 3)^3), mu the model's initial shear modulus."""
+
+    c2: float = Field(0.0, description="second-order term over half of the initial shear modulus [-]")
+    c3: float = Field(0.0, description="third-order term over half of the initial shear modulus [-]")
+
+
 class MaterialEffects(Section):
     """What the material is besides its law."""
 
@@ -54,6 +61,9 @@ class MaterialEffects(Section):
         {},
         description="factor on a constitutive model's exponents (Ogden), its growth with I1 - 3 (Yeoh) or 1/Jm"
         " (Gent), modulus kept [-]",
+    )
+    energy_correction: dict[Name, EnergyCorrection] = Field(
+        {}, description="more terms of a constitutive model's strain energy, modulus kept"
     )
     linear_law: bool = Field(
         False, description="true: neo-Hookean constitutive models of the same shear moduli"
@@ -298,6 +308,7 @@ class Effects(Section):
         named_in: list[tuple[str, Iterable[str], list[str]]] = [
             ("material.stiffness_factor", material.stiffness_factor, regions),
             ("material.exponent_factor", material.exponent_factor, regions),
+            ("material.energy_correction", material.energy_correction, regions),
             ("material.bulk_to_shear", material.bulk_to_shear, regions),
             ("material.poissons_ratio", material.poissons_ratio, regions),
             ("material.circumstances.ageing_per_day", circumstances.ageing_per_day, regions),

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from gelforge.config import ConfigError, Effects, Mechanics, Sensor
+from gelforge.config.parts.effects import EnergyCorrection
 from gelforge.mechanics.bodies.body import bulk_to_shear_of
+from gelforge.mechanics.laws.corrected import Corrected
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
 from gelforge.mechanics.laws.stability import UnstableLaw, check_stable
@@ -39,7 +41,17 @@ def region_laws(
     if material.linear_law:  # its stress is linear in b: nothing stiffens or softens
         chosen = {name: NeoHooke(law.shear_modulus) for name, law in chosen.items()}
     factors = by_region(material.exponent_factor, regions, top, 1.0)
-    return {name: law.with_exponents(factors[name]) for name, law in chosen.items()}
+    chosen = {name: law.with_exponents(factors[name]) for name, law in chosen.items()}
+    more = by_region(material.energy_correction, regions, top, None)
+    return {name: _corrected(law, more[name]) for name, law in chosen.items()}
+
+
+def _corrected(law: PrincipalLaw, more: EnergyCorrection | None) -> PrincipalLaw:
+    """Return a law with more terms of its energy; itself where there are none."""
+    if more is None or not (more.c2 or more.c3):
+        return law
+    half = law.shear_modulus / 2
+    return Corrected(law, more.c2 * half, more.c3 * half)
 
 
 def region_bulk(sensor: Sensor, mechanics: Mechanics, regions: tuple[str, ...]) -> dict[str, float]:

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 from gelforge.mechanics.bodies.kernels import ASSEMBLE
 from gelforge.mechanics.laws.law import NEAREST_LIMIT, PrincipalLaw
-from gelforge.mechanics.laws.points import point_number
+from gelforge.mechanics.laws.points import point_constants, point_number
 from gelforge.mechanics.linear.sparsity import Pattern, build_pattern
 from gelforge.mechanics.meshes.elements import ELEMENTS, element_gradient
 from gelforge.mechanics.meshes.mesh import Mesh
@@ -91,9 +91,7 @@ class Body:
         self._assembled = None if self.pattern.condense is None else np.empty(self.pattern.assembled)
         by_region = [laws[name] for name in mesh.regions]
         self.law = np.array([point_number(law) for law in by_region])
-        self.constants = np.zeros((len(by_region), max(len(law.point_constants) for law in by_region)))
-        for r, law in enumerate(by_region):
-            self.constants[r, : len(law.point_constants)] = law.point_constants
+        self.constants = point_constants(by_region)
         self.stiffness = _stiffness(stiffness, len(mesh.elements))
         shear = np.array([law.shear_modulus for law in by_region])
         if not isinstance(bulk_to_shear, Mapping):

@@ -12,14 +12,16 @@ one.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import reduce
 from inspect import getfile
 from pathlib import Path
 from zlib import crc32
 
 import numba as nb
+import numpy as np
 
+from gelforge.mechanics.laws.corrected import Corrected
 from gelforge.mechanics.laws.law import InvariantLaw, PrincipalLaw
 from gelforge.mechanics.laws.models import MODELS
 
@@ -28,6 +30,9 @@ _OF_STRETCHES = list(dict.fromkeys(law.point for law in _LAWS if not issubclass(
 _OF_INVARIANTS = list(dict.fromkeys(law.point for law in _LAWS if issubclass(law, InvariantLaw)))
 _ROUTINES = [*_OF_STRETCHES, *_OF_INVARIANTS]
 STRETCHES = len(_OF_STRETCHES)  # routines below this number are of the stretches
+CORRECTED = (
+    1000  # added to the number of a law whose energy is corrected; its row of constants ends in C20, C30
+)
 # What the compiled kernels on disk are known by: another one once the file of a routine is another, or there is one more.
 _FILES = sorted({__file__, getfile(PrincipalLaw), *map(getfile, _ROUTINES)})
 FINGERPRINT = crc32(b"".join(Path(file).read_bytes() for file in _FILES))
@@ -35,7 +40,25 @@ FINGERPRINT = crc32(b"".join(Path(file).read_bytes() for file in _FILES))
 
 def point_number(law: PrincipalLaw) -> int:
     """Return the number by which principal_stress knows a law's routine."""
+    if isinstance(law, Corrected):
+        return CORRECTED + point_number(law.law)
     return _ROUTINES.index(type(law).point)
+
+
+def point_constants(laws: Sequence[PrincipalLaw]) -> np.ndarray:
+    """Return the constants (L, K) as principal_stress takes them, a law a row."""
+    correction = 2 * any(isinstance(law, Corrected) for law in laws)
+    found = np.zeros((len(laws), max(len(_plain(law).point_constants) for law in laws) + correction))
+    for row, law in zip(found, laws):
+        own = _plain(law).point_constants
+        row[: len(own)] = own
+        if isinstance(law, Corrected):
+            row[-2:] = law.C20, law.C30
+    return found
+
+
+def _plain(law: PrincipalLaw) -> PrincipalLaw:
+    return law.law if isinstance(law, Corrected) else law
 
 
 def _inlined(routine: Callable):
@@ -85,8 +108,7 @@ _of_invariants = reduce(
 
 
 @nb.njit(cache=True, inline="always")
-def principal_stress(law, constants, lam, beta, gamma):
-    """Fill beta (3,) [MPa] and gamma (3, 3) [MPa] at lam (3,); return (energy [MPa], extension over its limit)."""
+def _of_plain(law, constants, lam, beta, gamma):
     if law < STRETCHES:
         return _of_stretches(law, constants, lam, beta, gamma)
     I1 = 0.0
@@ -114,4 +136,29 @@ def principal_stress(law, constants, lam, beta, gamma):
             gamma[j, i] = slope
     for i in range(3):
         beta[i] = 2.0 * W1 * (beta[i] - I1 / 3.0) - 2.0 * W2 * (1.0 / beta[i] - I2 / 3.0)
+    return energy, extension
+
+
+@nb.njit(cache=True, inline="always")
+def principal_stress(law, constants, lam, beta, gamma):
+    """Fill beta (3,) [MPa] and gamma (3, 3) [MPa] at lam (3,); return (energy [MPa], extension over its limit)."""
+    corrected = law >= CORRECTED
+    number, own = law, constants
+    if corrected:
+        number, own = law - CORRECTED, constants[:-2]
+    energy, extension = _of_plain(number, own, lam, beta, gamma)
+    if corrected:
+        C20, C30 = constants[-2], constants[-1]
+        mean = (lam[0] * lam[0] + lam[1] * lam[1] + lam[2] * lam[2]) / 3.0
+        x = 3.0 * mean - 3.0
+        W1 = x * (2.0 * C20 + 3.0 * x * C30)
+        W11 = 2.0 * C20 + 6.0 * x * C30
+        energy += x * x * (C20 + x * C30)
+        for i in range(3):
+            si = lam[i] * lam[i]
+            beta[i] += 2.0 * W1 * (si - mean)
+            for j in range(3):
+                sj = lam[j] * lam[j]
+                gamma[i, j] += 4.0 * W11 * (si - mean) * (sj - mean) - 4.0 * W1 * (si + sj - mean) / 3.0
+            gamma[i, i] += 4.0 * W1 * si
     return energy, extension
