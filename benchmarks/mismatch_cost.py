@@ -1,6 +1,6 @@
 """What a verdict costs: 25 positions x 8 depths on the article's sensor, screened, judged, and a second recording screened.
 
-The recording is SYNTHETIC: the base's own forces, changed, with noise and touchdown errors. Screened: base presses,
+The recording is SYNTHETIC: the base's own forces, changed, with noise and contact-point errors. Screened: base presses,
 derivatives to every effect, covariance, tests and the linear pass, from nothing. Judged: all of it, fits included. What is
 hidden is 12 % more force, or waves over the surface that no effect of the catalogue makes.
 
@@ -95,7 +95,7 @@ def write(folder: Path, rows: pd.DataFrame) -> Path:
 def with_forces(
     rows: pd.DataFrame, loaded: np.ndarray, slope: np.ndarray, hidden: str, seed: int
 ) -> pd.DataFrame:
-    """Return the rows with forces (R, 3) [N] of the readings under load, touchdown errors along their slope, and noise."""
+    """Return the rows with forces (R, 3) [N] under load, with errors of the contact point along their slope, and noise."""
     rng = np.random.default_rng(seed)
     under = (rows["phase"] != "zero").to_numpy()
     press = pd.factorize(rows["press"][under])[0]

@@ -2,6 +2,7 @@
 
 import json
 import re
+import warnings
 from functools import cache
 from pathlib import Path
 
@@ -10,7 +11,16 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gelforge.config import ConfigError, load_study, schema, study_from, variant_study, write_yaml
+from gelforge.config import (
+    ConfigError,
+    OldKey,
+    load_study,
+    load_virtual_lab,
+    schema,
+    study_from,
+    variant_study,
+    write_yaml,
+)
 from gelforge.config import given as needed
 from gelforge.indentation.planning.plan import plan_cells
 
@@ -70,6 +80,38 @@ def test_every_key_of_the_schema_says_what_it_is():
                 assert "[" in content["description"], (
                     f"{name}.{key}: {content['description']!r} names no unit"
                 )
+
+
+def with_scatter(tmp_path, section, keys):
+    """Return the scatter of the contact point of a study's `mismatch` or a virtual lab's `force` with such keys."""
+    if section == "mismatch":
+        return study_from(paper() | {"mismatch": keys}).mismatch.contact_point_scatter_mm
+    lab = yaml.safe_load(Path("config/virtual_lab/demo.yaml").read_text())
+    del lab["force"]["contact_point_scatter_mm"]
+    (tmp_path / "lab.yaml").write_text(yaml.safe_dump(lab | {"force": lab["force"] | keys}))
+    return load_virtual_lab(tmp_path / "lab.yaml").force.contact_point_scatter_mm
+
+
+@pytest.mark.parametrize("section", ["mismatch", "force"])
+def test_an_old_key_is_read_as_the_new_one_with_a_warning(tmp_path, section):
+    with pytest.warns(
+        OldKey, match=r"touchdown_mm 0.003 is read as contact_point_scatter_mm; .* write contact_point"
+    ):
+        assert with_scatter(tmp_path, section, {"touchdown_mm": 0.003}) == 0.003
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert with_scatter(tmp_path, section, {"contact_point_scatter_mm": 0.004}) == 0.004
+        default = with_scatter(tmp_path, section, {})
+        assert with_scatter(tmp_path, section, {"touchdown_mm": None}) == default
+
+
+@pytest.mark.parametrize("section", ["mismatch", "force"])
+def test_an_old_key_beside_the_new_one_is_refused(tmp_path, section):
+    both = {"touchdown_mm": 0.003, "contact_point_scatter_mm": 0.004}
+    with pytest.raises(
+        ConfigError, match=rf"{section}.*touchdown_mm 0.003 beside contact_point_scatter_mm 0.004.*remove it"
+    ):
+        with_scatter(tmp_path, section, both)
 
 
 @pytest.mark.parametrize(

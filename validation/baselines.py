@@ -27,7 +27,7 @@ STEPS = 3  # effects that stepwise regression takes at most
 
 @dataclass(frozen=True)
 class Table:
-    """A recording's readings under load as numbers (n,): residuals in standard deviations, touchdown on the diagonal."""
+    """A recording's readings under load as numbers (n,): residuals in standard deviations, depth errors on the diagonal."""
 
     rows: pd.DataFrame  # all rows
     base: np.ndarray  # (R, 3) [N]

@@ -231,7 +231,7 @@ def _truth(name, content, base, plain, library, world, hidden, rows, instrument)
         "snr": round(_signal(plain, library, base, hidden, rows, instrument), 3) if hidden else 0.0,
         "snr_instrument": round(_signal(plain, library, base, hidden, rows, instrument, False), 3) if hidden else 0.0,
         "instrument": described(instrument),
-        "readings": {  # without touchdown, noise and steps: what a perfect model of what is hidden would say
+        "readings": {  # without depth errors, noise and steps: what a perfect model of what is hidden would say
             "session": rows["session"].tolist(), "press": rows["press"].tolist(), "phase": rows["phase"].tolist(),
             "time_s": rows["time_s"].tolist(), "force_N": np.round(clean, 6).tolist(),
         },

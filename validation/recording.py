@@ -97,7 +97,7 @@ def with_circumstances(rows: pd.DataFrame, instrument: Instrument) -> pd.DataFra
     )
 
 
-def touchdown(rows: pd.DataFrame, instrument: Instrument, rng: np.random.Generator) -> np.ndarray:
+def contact_point_error(rows: pd.DataFrame, instrument: Instrument, rng: np.random.Generator) -> np.ndarray:
     """Return by how much each reading is pressed deeper (R,) [mm]: draws of each press, of each session, or of both."""
     deeper = np.zeros(len(rows))
     (stage,) = rng.spawn(1)
@@ -117,8 +117,8 @@ def depth_errors(instrument: Instrument) -> list[tuple[list[str], float]]:
 def recorded(
     world: World, rows: pd.DataFrame, instrument: Instrument, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return the readings (R, 3) [N] as written: the world's forces with touchdown, untared zero, noise and steps."""
-    force = world.forces(rows, touchdown(rows, instrument, rng))
+    """Return the readings (R, 3) [N] as written: the world's forces with depth errors, untared zero, noise and steps."""
+    force = world.forces(rows, contact_point_error(rows, instrument, rng))
     offset = np.zeros(3) if instrument.tared else rng.normal(0, 0.1, 3)
     force = force + offset + instrument.zero_drift_N_per_s * rows["time_s"].to_numpy()[:, None]
     noise = (

@@ -155,7 +155,7 @@ def held_out_gain(truth: dict, readings: pd.DataFrame) -> tuple[float, float, fl
 
     RMSE in standard deviations; what is left is that of the oracle less after, over that of the oracle less base.
 
-    The oracle is the truth itself, without touchdown and noise: a stricter one than the tool's own model refitted.
+    The oracle is the truth itself, without depth errors and noise: a stricter one than the tool's own model refitted.
     """
     said = truth["readings"]
     names = [(s, round(t, 3)) for s, t in zip(session_names(truth), said["time_s"])]

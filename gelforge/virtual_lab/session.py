@@ -206,7 +206,9 @@ def session_description(lab: VirtualLab, lab_session: VirtualSession, study: Stu
         ),
         stage_to_sensor=lab_session.stage_to_sensor,
         depth_zero=DepthZero(
-            by="press", how="touchdown of every press", press_scatter_mm=lab.force.touchdown_mm
+            by="press",
+            how="contact point of every indentation",
+            press_scatter_mm=lab.force.contact_point_scatter_mm,
         ),
         camera=lab.camera,
     )
@@ -220,12 +222,12 @@ def sensor_to_stage(xy: np.ndarray, stage: StageToSensor) -> np.ndarray:
 
 
 def press_rows(
-    press: Press, truth: Motion, touchdown_mm: float, bench: Bench
+    press: Press, truth: Motion, contact_point_off_mm: float, bench: Bench
 ) -> tuple[pd.DataFrame, np.ndarray]:
     """Return the rows of a press without forces, and the true force (R, 3) [N] on the sensor at each.
 
-    The stage goes to the commanded depth from a contact point that is off by touchdown_mm. A press to the cell's deepest
-    depth is followed during unloading; unloading from other depths has not been simulated and is not read.
+    The stage goes to the commanded depth from a contact point that is off by contact_point_off_mm. An indentation to the
+    site's deepest depth is followed during unloading; unloading from other depths has not been simulated and is not read.
     """
     deepest = np.isclose(press.depth_mm, truth.deepest_mm)
     unload = [d for d in bench.lab.unload_depths_mm if d < press.depth_mm] if deepest else []
@@ -238,10 +240,10 @@ def press_rows(
     course += [("dwell", LOAD_S + w, press.depth_mm, w, f"{press.name}_{i}.png") for i, w in enumerate(waits)]
     course += [("unload", last + (press.depth_mm - d) / SPEED_MM_PER_S, d, np.nan, "") for d in unload]
     rows = pd.DataFrame(course, columns=["phase", "time_s", "depth_mm", "dwell_s", "image"])
-    held = truth.force(max(press.depth_mm + touchdown_mm, 0.0))
+    held = truth.force(max(press.depth_mm + contact_point_off_mm, 0.0))
     force = {"zero": np.zeros(3), "load": held, "dwell": held}
     on_sensor = [
-        truth.unload_force(max(depth + touchdown_mm, 0.0)) if phase == "unload" else force[phase]
+        truth.unload_force(max(depth + contact_point_off_mm, 0.0)) if phase == "unload" else force[phase]
         for phase, depth in zip(rows["phase"], rows["depth_mm"])
     ]
     return _described(rows, press, bench), np.array(on_sensor)
@@ -323,7 +325,7 @@ def drawn_contact_point(
 ) -> tuple[float, np.random.Generator]:
     """Return by how much [mm] a press goes deeper than its commanded depth, and where its further noise is drawn from."""
     rng = np.random.default_rng([lab_session.seed, 2, press.order])
-    return rng.normal(0, lab.force.touchdown_mm), rng
+    return rng.normal(0, lab.force.contact_point_scatter_mm), rng
 
 
 def _record_press(bench: Bench, truth: Motion | PathMotion, images: Path, press: Press) -> pd.DataFrame:

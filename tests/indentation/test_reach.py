@@ -7,8 +7,8 @@ from numpy.testing import assert_allclose
 
 from gelforge.config import ConfigError, Variant
 from gelforge.indentation.effects.material import stretches_ahead
+from gelforge.indentation.paths.first_contact import surface_point
 from gelforge.indentation.paths.planned_cell import PlannedCell
-from gelforge.indentation.paths.touchdown import surface_point
 from gelforge.indentation.planning.plan import check_inside, plan_cells, variant_cells
 from gelforge.indentation.planning.reach import planned_reach
 from gelforge.indentation.solving import simulate

@@ -7,8 +7,8 @@ import specimens
 from numpy.testing import assert_allclose
 
 from gelforge.config import ConfigError
+from gelforge.indentation.paths.first_contact import centre_at_contact, surface_point
 from gelforge.indentation.paths.planned_cell import PlannedCell
-from gelforge.indentation.paths.touchdown import surface_point, touchdown
 from gelforge.indentation.sensor.sensor_mesh import sensor_mesh
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mechanics.indenters.shapes import DOWN, Sphere
@@ -53,10 +53,12 @@ def test_the_point_and_normal_of_a_hemisphere(mesh, place):
 def test_a_ball_touches_a_hemisphere_a_sum_of_radii_away(mesh):
     place = (13.0, 11.0)
     point, normal = surface_point(mesh, *place)
-    centre = touchdown(Sphere(5.0), mesh, *place, -normal)
+    centre = centre_at_contact(Sphere(5.0), mesh, *place, -normal)
     assert np.linalg.norm(centre - [10.0, 10.0, -10.0]) == pytest.approx(15.0, abs=0.01)
     assert_allclose(centre, point + 5.0 * normal, atol=0.05)
-    straight = touchdown(Sphere(5.0), mesh, *place, DOWN)  # from above it meets the flank off its axis
+    straight = centre_at_contact(
+        Sphere(5.0), mesh, *place, DOWN
+    )  # from above it meets the flank off its axis
     assert_allclose(straight[:2], place)
     assert straight[2] == pytest.approx(-10.0 + np.sqrt(15.0**2 - 10.0), abs=0.01)
 

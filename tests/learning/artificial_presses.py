@@ -65,7 +65,7 @@ def presses(
 ) -> dict[str, np.ndarray]:
     """Return rows of a grid of presses: feature, label, cell, position, depth, press, image_index, untouched.
 
-    The flow belongs to the touchdown-scattered depth, the label to the commanded one; one untouched row per cell.
+    The flow belongs to the depth with its scatter, the label to the commanded one; one untouched row per cell.
     """
     rng = np.random.default_rng(seed)
     texture = np.stack([rng.normal(1, 0.25, (REGIONS, REGIONS)), rng.normal(0, 1, (REGIONS, REGIONS))])

@@ -150,12 +150,12 @@ def context(
     sessions=1,
     tared=False,
     raster=False,
-    touchdown_mm=0.01,
+    contact_point_mm=0.01,
     zero_by="press",
     noise_N=NOISE_N,
     **mechanics,
 ):
-    """Return a context whose readings are the base with noise, zero and touchdown drawn; sessions are 30 days apart."""
+    """Return a context whose readings are the base with noise, zero and contact point drawn; sessions are 30 days apart."""
     rng = np.random.default_rng(seed)
     where = sites(per_side)
     parts = [
@@ -167,7 +167,7 @@ def context(
     base = force(rows["x_mm"].to_numpy(), rows["y_mm"].to_numpy(), rows["depth_mm"].to_numpy())
     noise = np.broadcast_to(np.array(noise_N, dtype=float), base.shape)
     zero = np.zeros_like(noise) if tared else noise / np.sqrt(ZERO_ROWS)
-    depths = [np.full(len(rows), touchdown_mm * (zero_by == by)) for by in ("press", "session")]
+    depths = [np.full(len(rows), contact_point_mm * (zero_by == by)) for by in ("press", "session")]
     observations = Observations(rows, base, where, noise, zero, *depths, came_along=moves)
     knots = np.array(DEPTHS)
     curves = Curves((knots,) * len(where), tuple(force(x, y, knots) for x, y in where))
@@ -178,7 +178,7 @@ def context(
 
 
 def read(base: Context, forces, rng) -> Context:
-    """Return the context with other readings: forces (R, 3) [N] with noise, zero and touchdown drawn anew."""
+    """Return the context with other readings: forces (R, 3) [N] with noise, zero and contact point drawn anew."""
     seen = base.observations
     press, session = seen.table["press"].factorize()[0], seen.table["session"].factorize()[0]
     zero = rng.standard_normal((press.max() + 1, 3))[press] * seen.zero_N

@@ -10,7 +10,7 @@ from gelforge.mismatch.model.context import Context, Curves
 from gelforge.mismatch.readings.observations import Observations
 
 WIDTH = 32.0  # mm
-NOISE, ZERO, TOUCHDOWN, FLOOR, LAW = 0.010, 0.004, 0.02, 0.01, 0.02  # N, N, mm, share, share
+NOISE, ZERO, CONTACT_POINT, FLOOR, LAW = 0.010, 0.004, 0.02, 0.01, 0.02  # N, N, mm, share, share
 
 
 def grid(n: int, spacing: float = 5.0) -> np.ndarray:
@@ -70,7 +70,7 @@ def readings(
         sites,
         NOISE * of,
         ZERO * of,
-        *(TOUCHDOWN * (zero_by in (by, "both")) * of[:, 0] for by in ("press", "session")),
+        *(CONTACT_POINT * (zero_by in (by, "both")) * of[:, 0] for by in ("press", "session")),
         rounding_N=rounding,
         drift_N=drift * np.sqrt(table["press_time_s"].to_numpy())[:, None],
         trend_N=trend * table["press_time_s"].to_numpy()[:, None],

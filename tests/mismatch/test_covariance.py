@@ -136,7 +136,7 @@ def test_mirror_images_of_one_solution_err_alike():
 
 
 def test_strong_nuisances_keep_the_whitening_exact():
-    """A touchdown error a thousand times the noise: the correction is nearly a projection."""
+    """An error of the contact point a thousand times the noise: the correction is nearly a projection."""
     context = readings(grid(2))
     o = context.observations
     context = replace(context, observations=replace(o, press_depth_mm=o.press_depth_mm * 1000))

@@ -16,7 +16,7 @@ from test_noise import pressed
 from gelforge.config import DepthZero
 from gelforge.mismatch.evidence.covariance import _indicators, readings_covariance
 from gelforge.mismatch.goodness.scan import global_test
-from gelforge.mismatch.images.flow_covariance import _touchdown
+from gelforge.mismatch.images.flow_covariance import _contact_points
 from gelforge.mismatch.readings.contact_point import CONTACT_POINT_MM, depth_scatter, with_contact_point
 
 STAGE_MM, CONTACT_MM = 0.02, 0.04
@@ -90,16 +90,18 @@ def test_the_covariance_is_symmetric_and_positive_definite(press, session, drift
 
 @pytest.mark.parametrize("by", ["press", "session"])
 def test_without_new_keys_the_covariance_is_that_of_one_field_bit_for_bit(by):
-    """As one field `touchdown_mm` and who shares it, `zero_by`, gave it."""
+    """As one field for the contact point and who shares it, `zero_by`, gave it."""
     found = readings(grid(2), sessions=2, zero_by=by, rounding=0.003, dwell=1)
     seen, labels = found.observations, found.observations.labels()
     law, floor = artificial_readings.law_directions(found), 0.01 * found.force
     covariance = readings_covariance(found, law, floor)
-    touchdown = seen.flat(np.full(len(found.force), artificial_readings.TOUCHDOWN)[:, None] * found.slope())
+    contact_point = seen.flat(
+        np.full(len(found.force), artificial_readings.CONTACT_POINT)[:, None] * found.slope()
+    )
     zero = np.eye(3)[labels["axis"].to_numpy()] * seen.flat(seen.zero_N)[:, None]
     by_session = np.full(len(labels), by == "session")
-    press = np.column_stack([zero, np.where(by_session, 0, touchdown)])
-    session = np.where(by_session[:, None], touchdown[:, None] * _indicators(labels["session"]), 0.0)
+    press = np.column_stack([zero, np.where(by_session, 0, contact_point)])
+    session = np.where(by_session[:, None], contact_point[:, None] * _indicators(labels["session"]), 0.0)
     session = session[:, session.any(axis=0)]
     *_, of_press, alike, common = covariance.levels
     assert np.array_equal(of_press.directions, press)
@@ -186,7 +188,7 @@ def test_force_and_flow_of_a_press_share_its_depth_and_its_session_s(press_mm, s
     )
     rows = SimpleNamespace(shown=np.ones((3, 4), bool), entries=len(labels), flat=np.ravel)
     problem = SimpleNamespace(covariance=covariance, labels=labels, observations=seen)
-    by_press, force, flow = _touchdown(problem, model, rows)
+    by_press, force, flow = _contact_points(problem, model, rows)
     common = covariance.levels[-1].directions
     both = common @ flow["session"].T + force @ flow["press"].T  # (n, 24): forces with flow
     forces = by_press[:, 3:] @ by_press[:, 3:].T + force @ force.T

@@ -121,7 +121,7 @@ def test_what_is_there_is_predicted(world):
 
 
 def test_draws_of_presses_set_aside_are_not_fitted(world):
-    """A touchdown error of one held-out press costs it alone what its variance allows, whatever the training says."""
+    """A depth error of one held-out indentation costs it alone what its variance allows, whatever the training says."""
     labels, covariance, _ = world
     blocks = split(labels, seed=3)
     r = covariance.draw(np.random.default_rng(4), 1)[:, 0]

@@ -134,7 +134,7 @@ def test_a_recording_shows_the_limit_s_amount_as_promised(home):
     and depth zero well known, so that five times the limit is still a change in proportion.
     """
     mesh = {"near_mm": 0.6}
-    keys = {"mechanics": {"mesh": mesh}, "mismatch": {"touchdown_mm": 0.002}}
+    keys = {"mechanics": {"mesh": mesh}, "mismatch": {"contact_point_scatter_mm": 0.002}}
     own = study_from(merged(study().model_dump(mode="json"), keys))
     solver, planned = Solver(own, specimens.STUDY_LAWS, {}, home / "solves"), planned_observations(own)
     problem, _ = problem_of(solver, planned, recorded=False)

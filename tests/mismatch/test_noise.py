@@ -122,7 +122,7 @@ def pressed(by, off, depths=(0.5, 1.0), sigma=0.0, sites=1):
     )
 
 
-def test_the_scatter_of_touchdown_is_seen_in_repeats_that_found_it_themselves():
+def test_the_scatter_of_the_contact_point_is_seen_in_repeats_that_found_it_themselves():
     """400 presses of 4 places know a scatter to 4 %; the slope is a difference over 0.1 mm."""
     off = np.random.default_rng(8).normal(0, 0.02, 400)
     found = with_contact_point(pressed("press", off, (0.5, 0.6, 0.7, 0.8), 0.002, sites=4))

@@ -73,7 +73,10 @@ def test_planned_readings_are_those_that_would_be_judged():
     few = study_from(
         merged(
             STUDY.model_dump(mode="json"),
-            {"plan": {"depths_mm": [0.2, 0.4, 0.6, 0.8]}, "mismatch": {"depths": 3, "touchdown_mm": 0.005}},
+            {
+                "plan": {"depths_mm": [0.2, 0.4, 0.6, 0.8]},
+                "mismatch": {"depths": 3, "contact_point_scatter_mm": 0.005},
+            },
         )
     )
     planned = planned_observations(few)

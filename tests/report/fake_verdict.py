@@ -236,7 +236,7 @@ def fake_content() -> dict:
             },
         ],
         "cannot_know": [
-            "No site was pressed twice in a session, so touchdown errors and a change of the sensor at a site look alike.",
+            "No site was pressed twice in a session, so depth errors and a change of the sensor at a site look alike.",
             "There are no images, so nothing that only the camera sees can be known.",
         ],
         "outliers": [

@@ -56,8 +56,8 @@ def plain(sessions: int = 1):
     return recording.with_circumstances(presses.timeline(rng, sessions), instrument), instrument
 
 
-def test_a_null_is_the_base_with_its_noise_and_touchdown(library):
-    """Standardised by noise, zero and touchdown to first order, 60 nulls have the variance 1 that the session states."""
+def test_a_null_is_the_base_with_its_noise_and_contact_point(library):
+    """Standardised by noise, zero and contact point to first order, 60 nulls have the variance 1 that the session states."""
     rng, seen = np.random.default_rng(2), []
     for _ in range(60):
         instrument = recording.drawn_instrument(rng, zero_by="press", tared=False)
@@ -67,7 +67,7 @@ def test_a_null_is_the_base_with_its_noise_and_touchdown(library):
         slope = (world.forces(rows, 1e-3) - world.forces(rows, -1e-3)) / 2e-3
         sigma = np.sqrt(instrument.sigma_N**2 * 4 / 3 + (slope * instrument.touchdown_mm) ** 2)
         seen.append((((read - world.forces(rows)) / sigma)[held(rows)] ** 2).mean())
-    # a recording has about 60 free touchdowns and 1000 free readings: 0.1 per recording, 0.013 of the mean
+    # a recording has about 60 free contact points and 1000 free readings: 0.1 per recording, 0.013 of the mean
     assert np.mean(seen) == pytest.approx(1.0, abs=0.04)
 
 
@@ -78,10 +78,12 @@ def test_a_stage_scatters_beside_the_contact_point_and_changes_no_other_draw(lib
     scattering = replace(instrument, stage_mm=0.006)
     first = (rows["press"] != rows["press"].shift()).to_numpy()
     off = np.array(
-        [recording.touchdown(rows, scattering, np.random.default_rng(k))[first] for k in range(400)]
+        [recording.contact_point_error(rows, scattering, np.random.default_rng(k))[first] for k in range(400)]
     )
     assert off.std(axis=1, ddof=1).mean() == pytest.approx(0.006, rel=0.02)
-    alone = [recording.touchdown(rows, instrument, np.random.default_rng(k))[first] for k in range(400)]
+    alone = [
+        recording.contact_point_error(rows, instrument, np.random.default_rng(k))[first] for k in range(400)
+    ]
     assert np.std(alone) == pytest.approx(0.01, rel=0.15) and np.ptp(alone, axis=1).max() == 0
     assert np.std(off - alone) == pytest.approx(0.006, rel=0.02)
     drawn = [recording.drawn_instrument(np.random.default_rng(k), zero_by="session") for k in range(200)]

@@ -81,7 +81,7 @@ def test_readings_agree_with_the_truth_through_axes_offset_and_stage(made, sessi
         source = CELLS[planned.source] if planned.source else planned
         force = force_at(np.array([depth]), source.x_mm, source.y_mm)
         exact.append(transform_vectors(planned.symmetry, force)[0] if planned.symmetry else force[0])
-    # half a step of the reading and of the zero, noise, and 0.03 mm of touchdown times 0.4 N/mm
+    # half a step of the reading and of the zero, noise, and 0.03 mm of the contact point times 0.4 N/mm
     assert_allclose(held[["fx_N", "fy_N", "fz_N"]], exact, atol=0.09)
     # steps average out over many readings: no offset is left
     error = held[["fx_N", "fy_N", "fz_N"]].to_numpy() - exact

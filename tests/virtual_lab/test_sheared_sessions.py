@@ -60,7 +60,7 @@ LAB = {
         "position_mm": [16.0, 16.0, -46.0],
     },
     "imaging": {"images_per_press": 2},
-    "force": {"noise_N": [0.002] * 3, "resolution_N": [0.004] * 3, "touchdown_mm": 0.01},
+    "force": {"noise_N": [0.002] * 3, "resolution_N": [0.004] * 3, "contact_point_scatter_mm": 0.01},
     "sessions": [
         {
             "session": "one",
@@ -136,7 +136,7 @@ def test_horizontal_readings_of_a_sheared_session_agree_with_its_labels(shard):
     sheared = np.isin(block["phase"], ["shear", "unload"])
     across = np.linalg.norm(label[sheared, :2], axis=1)
     assert across.max() > 0.09
-    # four deviations of noise with those of half a step; a touchdown off by 0.03 mm at 1.2 mm is 4 % of the force
+    # four deviations of noise with those of half a step; a contact point off by 0.03 mm at 1.2 mm is 4 % of the force
     noise = 4 * np.hypot(0.002, 0.004 / np.sqrt(12))
     tolerance = noise + 0.04 * across.max()
     assert_allclose(measured[:, :2], label[:, :2], atol=tolerance)

@@ -28,7 +28,7 @@ class Known:
 
     name: str
     hidden: dict  # name, form, amounts, snr; where, if it has a place
-    change: np.ndarray  # (n,) [N] that it makes to the entries, no noise or touchdown error in either
+    change: np.ndarray  # (n,) [N] that it makes to the entries, no noise or contact-point error in either
     problem: Problem
     seed: int
 
@@ -64,7 +64,7 @@ def known_singles(
 
 
 def _change(library: Library, case: Case, problem: Problem) -> np.ndarray:
-    """Return what is hidden changes of the entries (n,) [N], no noise or touchdown error in either."""
+    """Return what is hidden changes of the entries (n,) [N], no noise or contact-point error in either."""
     rows, labels = case.rows, problem.labels
     plain = World(library).forces(rows)
     by = np.array(case.truth["readings"]["force_N"]) - zeroed(rows, plain, case.instrument.tared)

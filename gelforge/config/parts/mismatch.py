@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import Field, model_serializer
+from pydantic import Field, model_serializer, model_validator
 
-from gelforge.config.basis.common import Name, NonNegative, Section
+from gelforge.config.basis.common import Name, NonNegative, Section, renamed
 
 
 class Known(Section):
@@ -55,13 +55,19 @@ class Mismatch(Section):
         description="derivatives of the forces at every solved site are stored, so that a verdict solves little: in"
         " studies with sessions (auto), always, or not at all",
     )
-    touchdown_mm: NonNegative | None = Field(
-        None, description="scatter of depth zero in place of what the sessions say [mm]"
+    contact_point_scatter_mm: NonNegative | None = Field(
+        None,
+        description="standard deviation of the contact point, in place of what the sessions state [mm]",
     )
     images: Literal["fitted", "predicted", "left_out"] = Field(
         "left_out",
         description="images of sessions with a camera are judged with the forces, predicted from them, or left out",
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _old_key(cls, value):
+        return renamed(value, {"touchdown_mm": "contact_point_scatter_mm"})
 
     @model_serializer(mode="wrap")
     def _as_written(self, write) -> dict[str, Any]:

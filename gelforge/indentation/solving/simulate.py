@@ -32,8 +32,8 @@ from gelforge.indentation.effects.kinematics import (
     yielding,
 )
 from gelforge.indentation.effects.material import check_laws, region_bulk, region_laws, stretches_ahead
+from gelforge.indentation.paths.first_contact import centre_at_contact, surface_point
 from gelforge.indentation.paths.planned_cell import PlannedCell
-from gelforge.indentation.paths.touchdown import surface_point, touchdown
 from gelforge.indentation.paths.trajectory import Trajectory
 from gelforge.indentation.planning.reach import block_tops, check_reach, reach_of, soft_base
 from gelforge.indentation.planning.touching import touched_parts
@@ -214,7 +214,7 @@ def _path(
     if any(effects.kinematics.tilt_deg):
         frame = machine_frame(effects)
         along, shape = frame @ along, in_machine(shape, frame)
-    start = touchdown(shape, mesh, *place, along)
+    start = centre_at_contact(shape, mesh, *place, along)
     lead = effects.kinematics.contact_zero_mm
     return start, trajectory.centres(start, along, lead, frame), shape
 

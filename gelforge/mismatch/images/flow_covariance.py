@@ -67,7 +67,7 @@ def flow_covariance(
     seen_at = own.groupby(["site", "axis"]).ngroup().to_numpy()
     root = neighbours(scatter.beside)[own["region"].to_numpy(int)]
     placed = root * rows.flat(np.sqrt(scatter.kept * scatter.own**2 + noise**2))[:, None]
-    by_press, shared_force, shared_flow = _touchdown(problem, model, rows)
+    by_press, shared_force, shared_flow = _contact_points(problem, model, rows)
     laws = np.zeros((len(own), common.directions.shape[1]))
     for k, key in enumerate(sorted_laws(model)):
         laws[:, k] = rows.flat(model.change_along(key, 1.0))
@@ -186,7 +186,7 @@ def _smoothed(square: np.ndarray) -> np.ndarray:
     return np.repeat(near.reshape(F, -1, 1), 2, axis=-1)
 
 
-def _touchdown(problem: Problem, model: FlowModel, rows: Rows):
+def _contact_points(problem: Problem, model: FlowModel, rows: Rows):
     """Return the forces' directions per press without the contact point of those with images, these as shared columns."""
     *_, press, alike, common = problem.covariance.levels
     labels, slope = problem.labels, model.slope()

@@ -59,7 +59,7 @@ def planned_observations(
     table = pd.DataFrame(rows, columns=COLUMNS)
     sigma = np.array(ForceSensor().resolution_N) / np.sqrt(12)
     R = len(table)
-    press_depth, session_depth = depth_scatter(DepthZero(), study.mismatch.touchdown_mm)
+    press_depth, session_depth = depth_scatter(DepthZero(), study.mismatch.contact_point_scatter_mm)
     noise = np.broadcast_to(sigma, (R, 3)).copy()
     sites = np.array([[cell.x_mm, cell.y_mm] for cell in cells])
     found = Observations(

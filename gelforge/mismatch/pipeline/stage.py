@@ -164,7 +164,7 @@ def write_results(out: Path, verdict: Verdict, in_newtons: tuple[Problem, Judgem
 def observations_of(folders: Sequence[Path], study: Study) -> tuple[Observations, bool]:
     """Return what is judged of some sessions, at most the study's number of sites, and whether it is synthetic."""
     speed = study.mechanics.effects.history.timing.speed_mm_per_s
-    observations = observe(folders, study.sensor, speed, study.mismatch.touchdown_mm)
+    observations = observe(folders, study.sensor, speed, study.mismatch.contact_point_scatter_mm)
     sessions = [load_session(folder / "session.yaml") for folder in folders]
     if study.mismatch.images == "left_out" and any(session.camera for session in sessions):
         observations = observations.saying(IMAGES_LEFT_OUT)

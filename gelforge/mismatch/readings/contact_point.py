@@ -36,7 +36,7 @@ def with_contact_point(found: Observations) -> Observations:
     """
     press, session = found.press_depth_mm, found.session_depth_mm
     lone, shared = np.isnan(press), np.isnan(session)
-    scatter = _repeated_touchdown(found, press != 0) if lone.any() else None
+    scatter = _repeated_contact_points(found, press != 0) if lone.any() else None
     beside = session > 0  # with a contact point that is stated, nothing is assumed of indentations
     filled = np.where(beside, 0.0, CONTACT_POINT_MM) if scatter is None else scatter
     said, unseen = [], lone & (scatter is None)
@@ -64,7 +64,7 @@ def _keys(*missing: np.ndarray) -> str:
     return ", ".join(name for name, some in zip(names, missing) if some.any())
 
 
-def _repeated_touchdown(found: Observations, of: np.ndarray) -> float | None:
+def _repeated_contact_points(found: Observations, of: np.ndarray) -> float | None:
     """Return the scatter [mm] of contact point that repeated presses show in Fz, less the noise; None with few repeats.
 
     of (R,) bool: the readings that count. Of each press the depth by which all its loading readings are off their means, as

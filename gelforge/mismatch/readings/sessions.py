@@ -48,18 +48,20 @@ def observe(
     folders: Sequence[Path],
     sensor: Sensor,
     speed_mm_per_s: float = SPEED_MM_PER_S,
-    touchdown_mm: float | None = None,
+    contact_point_scatter_mm: float | None = None,
 ) -> Observations:
     """Return the readings of some sessions, judged together. Raises RecordingError as the reader does.
 
-    touchdown_mm: the scatter of depth zero, of indentations or sessions as `depth_zero.by` says, in place of what is stated.
+    contact_point_scatter_mm: in place of what the sessions state, of indentations or sessions as `depth_zero.by` says.
     """
     recordings = [read_recording(folder, None, sensor) for folder in folders]
-    parts = [_of_session(recording, speed_mm_per_s, touchdown_mm) for recording in recordings]
+    parts = [_of_session(recording, speed_mm_per_s, contact_point_scatter_mm) for recording in recordings]
     return with_contact_point(_with_order(_joined(parts)))
 
 
-def _of_session(recording: Recording, speed_mm_per_s: float, touchdown_mm: float | None) -> Observations:
+def _of_session(
+    recording: Recording, speed_mm_per_s: float, contact_point_scatter_mm: float | None
+) -> Observations:
     """Return the readings of one session; its sites are numbered with those of the others."""
     session = recording.session
     excluded = [f"{session.session}: {line}" for line in recording.findings.lines("excluded")]
@@ -78,7 +80,7 @@ def _of_session(recording: Recording, speed_mm_per_s: float, touchdown_mm: float
     count = (readings["phase"] == "zero").groupby(readings["press"]).sum().reindex(readings["press"])
     zero = np.sqrt(noise**2 / np.maximum(count.to_numpy(), 1)[:, None] + rounding**2)
     walk, trend = (0.0, 0.0) if together is None or session.force.tared else together.drift(readings)
-    press_depth, session_depth = depth_scatter(session.depth_zero, touchdown_mm)
+    press_depth, session_depth = depth_scatter(session.depth_zero, contact_point_scatter_mm)
     return Observations(
         table,
         force,

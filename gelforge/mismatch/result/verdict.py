@@ -283,7 +283,9 @@ class Noise(Section):
 
     stated_N: ThreeAxes = Field(description="Standard deviation of one reading, x, y, z [N]")
     zero_N: ThreeAxes = Field(description="Of the subtracted zero, one draw per indentation, x, y, z [N]")
-    touchdown_mm: NonNegative = Field(description="Of the depth, of both kinds below [mm]")
+    touchdown_mm: NonNegative = Field(
+        description="Of the contact point: both errors of the depth below together [mm]"
+    )
     press_depth_mm: NonNegative | None = Field(
         None, description="Of the depth, one draw per indentation [mm]"
     )

@@ -9,7 +9,7 @@ from gelforge.mechanics.indenters.shapes import Indenter
 from gelforge.mechanics.meshes.elements import TRIANGLE6_PARTS
 from gelforge.mechanics.meshes.mesh import Mesh
 
-FINE = 24  # parts along a face's side: a face of 0.6 mm is then sampled every 0.025 mm, a ball's touch known to 2e-5 mm
+FINE = 24  # parts along a face's side: a face of 0.6 mm is then sampled every 0.025 mm, a ball's contact known to 2e-5 mm
 NEAR_MM = 1e-9  # the gap at which the indenter touches
 STEPS = 500
 NEWTON_STEPS = 8  # from the flat quarter of the face: a curved face differs little
@@ -49,7 +49,7 @@ def surface_point(mesh: Mesh, x: float, y: float) -> tuple[np.ndarray, np.ndarra
     return _triangle6(L)[0] @ nodes, normal / np.linalg.norm(normal)
 
 
-def touchdown(indenter: Indenter, mesh: Mesh, x: float, y: float, along: np.ndarray) -> np.ndarray:
+def centre_at_contact(indenter: Indenter, mesh: Mesh, x: float, y: float, along: np.ndarray) -> np.ndarray:
     """Return the centre (3,) [mm] at which the indenter, coming along a unit vector (3,), first touches the surface.
 
     Its path aims at the surface's point over (x, y). Moving by the smallest gap never passes the surface: no point of a
@@ -64,7 +64,7 @@ def touchdown(indenter: Indenter, mesh: Mesh, x: float, y: float, along: np.ndar
     size = np.linalg.norm(corner[:, 0] - corner[:, 1], axis=1)
     near = (
         np.linalg.norm(corner.mean(axis=1) - first, axis=1) < 3 * size
-    )  # the touch lies between the nodes around the first
+    )  # the contact point lies between the nodes around the first
     points = np.concatenate([nodes, _sampled(mesh.X[faces[near]])])
     return _advanced(indenter, points, far, along)
 
