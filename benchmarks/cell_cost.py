@@ -6,7 +6,7 @@ usage: python benchmarks/cell_cost.py [--near 0.5 0.3 0.2 0.15] [--repeat 1] [--
 
 One thread; prints a Markdown table.
 
---update writes the CPU seconds to gelforge/cli/cell_cost.csv, from which `gelforge check` estimates a study's minutes.
+--update writes the CPU seconds to gelforge/cli/study/cell_cost.csv, from which `gelforge check` estimates a study's minutes.
 """
 
 from __future__ import annotations
@@ -27,9 +27,10 @@ THREADS = {name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_N
 
 
 def one_cell(x: float, y: float, near: float) -> dict:
-    from gelforge.cli.bench import laws_of, paper_study
+    from gelforge.api.studies import paper_study
     from gelforge.indentation.paths.planned_cell import PlannedCell
     from gelforge.indentation.solving.companion import simulate_label
+    from gelforge.laws_of_study import laws_of
 
     study = paper_study()
     laws = laws_of(study, [])
@@ -60,11 +61,12 @@ def one_cell(x: float, y: float, near: float) -> dict:
 
 def mirrored_cell_seconds() -> float:
     """Return the CPU seconds of a mirrored cell where many are made: the source is read, the image made and written."""
-    from gelforge.cli.bench import laws_of, paper_study
+    from gelforge.api.studies import paper_study
     from gelforge.indentation.cells.cell_file import read_cell, write_cell
     from gelforge.indentation.planning.plan import plan_cells
     from gelforge.indentation.solving.companion import simulate_label
     from gelforge.indentation.solving.mirror import mirror_cell
+    from gelforge.laws_of_study import laws_of
 
     study = paper_study()
     laws = laws_of(study, [])
@@ -115,7 +117,7 @@ def main() -> None:
                 rows.append(json.loads(run(command).splitlines()[-1]))
     print(pd.DataFrame(rows).to_markdown(index=False))
     if arguments.update:
-        from gelforge.cli.cost import MEASURED, write_costs
+        from gelforge.cli.study.cost import MEASURED, write_costs
 
         measured = [("solved", row["unknowns"], row["CPU [s]"]) for row in rows]
         write_costs([*measured, ("mirrored", 0, mirrored_cell_seconds())], machine())

@@ -14,9 +14,10 @@ import time
 import numpy as np
 import pandas as pd
 
-from gelforge.cli.bench import laws_of, paper_study
+from gelforge.api.studies import paper_study
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.companion import simulate_label
+from gelforge.laws_of_study import laws_of
 
 DEPTHS = (0.5, 1.0, 1.5, 2.0)
 

@@ -15,9 +15,10 @@ import argparse
 import numpy as np
 import pandas as pd
 
-from gelforge.cli.bench import laws_of, paper_study
+from gelforge.api.studies import paper_study
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.simulate import simulate_cell
+from gelforge.laws_of_study import laws_of
 
 DEPTHS = tuple(0.25 * (k + 1) for k in range(8))
 PLACES = {"centre": (16.0, 16.0), "edge": (27.0, 16.0), "corner": (27.0, 27.0)}

@@ -19,11 +19,12 @@ import numpy as np
 import pandas as pd
 from scipy.ndimage import binary_erosion
 
-from gelforge.cli.bench import laws_of, paper_study
+from gelforge.api.studies import paper_study
 from gelforge.config import Study, study_from
 from gelforge.config.basis.variants import merged
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.companion import simulate_label
+from gelforge.laws_of_study import laws_of
 
 DEPTHS = tuple(0.25 * (k + 1) for k in range(8))
 CALIBRATION = 15  # the last two gave the parts of x and y anew, with the stiff gel at the first of the two

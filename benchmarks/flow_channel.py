@@ -18,12 +18,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from gelforge.cli.bench import material_laws_of
-from gelforge.cli.factory import laws_and_doubts
 from gelforge.config import Camera, Study, VirtualLab, load_session, study_from, write_yaml
 from gelforge.config.parts.mechanics import Mesh
 from gelforge.indentation.cells.cell_file import write_cell
 from gelforge.indentation.planning.plan import plan_cells
+from gelforge.laws_of_study import laws_and_doubts, material_laws_of
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.images.flow import with_flow
 from gelforge.mismatch.inference.judge import Judgement, judge

@@ -27,7 +27,7 @@ import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 from networks import judged  # noqa: E402
 
-from gelforge.cli.factory import image_sessions, recording_of  # noqa: E402
+from gelforge.cli.products.sessions import image_sessions, recording_of  # noqa: E402
 from gelforge.config import Features, Learning, Study, load_study  # noqa: E402
 from gelforge.dataset.schema import columns  # noqa: E402
 from gelforge.dataset.shard import ShardDataset, shard_attributes, writing_shard  # noqa: E402

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from gelforge.cli.bench import laws_of, paper_study
+from gelforge.api.studies import paper_study
 from gelforge.config import Interpolation, Study
 from gelforge.indentation.cells.cell_file import Cell, read_cell, write_cell
 from gelforge.indentation.paths.planned_cell import PlannedCell
@@ -32,6 +32,7 @@ from gelforge.indentation.solving.companion import simulate_label
 from gelforge.interpolation.labels import Labels
 from gelforge.interpolation.levels import decide, first_level, known_places
 from gelforge.interpolation.solved_sites import SolvedSites
+from gelforge.laws_of_study import laws_of
 
 KEPT = Path("results/interpolation")
 SEED = 2026

@@ -24,8 +24,8 @@ for _name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
 import numpy as np
 import pandas as pd
 
-from gelforge.cli.bench import laws_of
 from gelforge.config import load_study
+from gelforge.laws_of_study import laws_of
 from gelforge.mismatch.evidence.screen import screened
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.inference.judge import judge

@@ -23,12 +23,13 @@ for _name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
 
 import numpy as np  # noqa: E402  (threads are set before the libraries start theirs)
 
-from gelforge.cli.bench import derivable_effects, laws_of  # noqa: E402
+from gelforge.cli.by_hand.press import derivable_effects  # noqa: E402
 from gelforge.config import ConfigError, Study, study_from  # noqa: E402
 from gelforge.indentation.cells.cell_file import Cell  # noqa: E402
 from gelforge.indentation.effects.catalogue import CATALOGUE, Effect, Place  # noqa: E402
 from gelforge.indentation.paths.planned_cell import PlannedCell  # noqa: E402
 from gelforge.indentation.planning.plan import check_inside, press_path  # noqa: E402
+from gelforge.laws_of_study import laws_of  # noqa: E402
 
 WEDGE = Path(__file__).parents[1] / "config" / "indenters" / "wedge.stl"
 EDGE_MM = 2.0  # the nearest that a position lies to the sensor's edge

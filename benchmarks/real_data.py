@@ -21,11 +21,11 @@ import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
-from gelforge.cli.bench import laws_of  # noqa: E402
 from gelforge.config import load_study, study_from  # noqa: E402
 from gelforge.config.basis.variants import merged  # noqa: E402
 from gelforge.indentation.planning.plan import plan_cells  # noqa: E402
 from gelforge.indentation.solving.companion import simulate_label  # noqa: E402
+from gelforge.laws_of_study import laws_of  # noqa: E402
 from gelforge.progress import Progress, show  # noqa: E402
 
 STUDY = Path("config/gelsight_mini.yaml")

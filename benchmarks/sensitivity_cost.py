@@ -29,7 +29,7 @@ import pandas as pd
 from mismatch_cost import DEPTHS, planned, write
 from neighbouring_presses import Neighbour, follow_beside
 
-from gelforge.cli.bench import laws_of, paper_study
+from gelforge.api.studies import paper_study
 from gelforge.indentation.cells.binning import bin_forces, bin_shares
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.sensitivities import (
@@ -41,6 +41,7 @@ from gelforge.indentation.solving.sensitivities import (
     unmirrored,
 )
 from gelforge.indentation.solving.simulate import simulate_cell
+from gelforge.laws_of_study import laws_of
 from gelforge.mechanics.solving.equilibrium import Press
 from gelforge.mismatch.effects import with_taken
 from gelforge.mismatch.fem.solutions import Solver

@@ -33,10 +33,11 @@ def one_cell(
     elements: str, near: float | None, far: float | None, place: tuple[float, float], bars: bool
 ) -> dict:
     """Return what a cell of the paper's sensor cost, its forces (D, 3) and their error bars; no sizes: the default's."""
-    from gelforge.cli.bench import laws_of, paper_study
+    from gelforge.api.studies import paper_study
     from gelforge.indentation.paths.planned_cell import PlannedCell
     from gelforge.indentation.sensor.sensor_mesh import sensor_mesh
     from gelforge.indentation.solving.companion import simulate_label
+    from gelforge.laws_of_study import laws_of
 
     study = paper_study()
     laws = laws_of(study, [])
@@ -153,12 +154,12 @@ def dome() -> None:
     os.environ.update(THREADS)
     import pandas as pd
 
-    from gelforge.cli.bench import laws_of
     from gelforge.config import load_study
     from gelforge.indentation.paths.planned_cell import PlannedCell
     from gelforge.indentation.planning.plan import plan_cells
     from gelforge.indentation.solving.companion import simulate_label
     from gelforge.indentation.solving.mirror import mirror_cell
+    from gelforge.laws_of_study import laws_of
 
     study = load_study("config/smoke/dome.yaml")
     laws, planned = laws_of(study, []), plan_cells(study)

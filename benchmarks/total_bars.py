@@ -16,12 +16,13 @@ for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
-from gelforge.cli.bench import laws_of, paper_study  # noqa: E402
+from gelforge.api.studies import paper_study  # noqa: E402
 from gelforge.config import Study, study_from  # noqa: E402
 from gelforge.config.basis.variants import merged  # noqa: E402
 from gelforge.indentation.paths.planned_cell import PlannedCell  # noqa: E402
 from gelforge.indentation.solving.companion import simulate_label  # noqa: E402
 from gelforge.indentation.solving.error_bars import PART_OF_BINS  # noqa: E402
+from gelforge.laws_of_study import laws_of  # noqa: E402
 
 DEPTHS = (0.2, 0.4, 0.6)
 PLACES = ((4.8, 4.8), (5.5, 3.1), (8.9, 2.3))  # mm

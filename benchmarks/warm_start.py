@@ -16,10 +16,11 @@ import numpy as np
 import pandas as pd
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
-from gelforge.cli.bench import laws_of, paper_study
+from gelforge.api.studies import paper_study
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.paths.trajectory import Trajectory
 from gelforge.indentation.solving.simulate import Model, model_of
+from gelforge.laws_of_study import laws_of
 from gelforge.mechanics.contact.state import State
 from gelforge.mechanics.solving.equilibrium import NotConverged, Press
 

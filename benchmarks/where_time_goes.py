@@ -19,10 +19,11 @@ for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
 
 import pandas as pd  # noqa: E402
 
-from gelforge.cli.bench import laws_of, paper_study  # noqa: E402
+from gelforge.api.studies import paper_study  # noqa: E402
 from gelforge.indentation.paths.planned_cell import PlannedCell  # noqa: E402
 from gelforge.indentation.solving.companion import solve_companion  # noqa: E402
 from gelforge.indentation.solving.simulate import simulate_cell  # noqa: E402
+from gelforge.laws_of_study import laws_of  # noqa: E402
 
 DEPTHS = tuple(0.25 * (k + 1) for k in range(8))
 # stage: (file, function, caller or None for all); none of them calls another one

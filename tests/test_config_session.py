@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from gelforge.cli import one_line
-from gelforge.cli.new_study import new_study_files
+from gelforge.cli.study.new_study import new_study_files
 from gelforge.config import ConfigError, DepthZero, ForceSensor, OldKey, load_session, write_yaml
 
 

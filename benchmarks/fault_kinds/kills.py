@@ -20,7 +20,7 @@ import numpy as np
 from benchmarks.fault_kinds.finished_study import RESULTS, STUDY, copy_of, finished, in_child
 
 READ = (
-    "gelforge.cli.factory",
+    "gelforge.cli.jobs.sites",
     "gelforge.learning.training.train",
     "gelforge.report.page",
     "gelforge.indentation.solving.companion",

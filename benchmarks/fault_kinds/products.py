@@ -17,7 +17,7 @@ from benchmarks.fault_kinds.finished_study import RESULTS, STUDY, copy_of, finis
 from benchmarks.fault_kinds.outcomes import Fault, report
 
 READ = (
-    "gelforge.cli.factory",
+    "gelforge.cli.jobs.dataset",
     "gelforge.learning.training.train",
     "gelforge.report.page",
     "gelforge.dataset.join",

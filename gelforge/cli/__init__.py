@@ -22,7 +22,7 @@ def main(argv: list[str] | None = None) -> int:
     commands = parser()
     complete(commands)
     arguments = vars(commands.parse_args(argv))
-    debug, (module, function) = arguments.pop("debug"), arguments.pop("run").split(".")
+    debug, (module, _, function) = arguments.pop("debug"), arguments.pop("run").rpartition(".")
     keep_compiled_kernels()
     warnings.formatwarning = one_line
     open_without_locks()

@@ -8,7 +8,11 @@ import re
 from difflib import get_close_matches
 from typing import NoReturn
 
-from gelforge.cli.parsers import by_hand, cameras, live, studies, virtual, workflow
+from gelforge.cli.by_hand import commands as by_hand
+from gelforge.cli.camera import commands as camera
+from gelforge.cli.jobs import commands as jobs
+from gelforge.cli.model import commands as model
+from gelforge.cli.study import commands as study
 
 GROUPS = """\
 a study            init, examples, check, show, explain, report, tables, adapt, unlock
@@ -60,6 +64,9 @@ def parser() -> argparse.ArgumentParser:
     )
     top.add_argument("--version", action="version", version=__version__)
     commands = top.add_subparsers(metavar="COMMAND", required=True)
-    for family in (studies, by_hand, cameras, live, workflow, virtual):
-        family.add(commands)
+    for add in (  # in the order in which --help lists them: the network's jobs stand between those of labels and of tables
+        *(study.add, by_hand.add, camera.add, model.add_use),
+        *(jobs.add_labels, model.add_learning, jobs.add_results, jobs.add_virtual_lab),
+    ):
+        add(commands)
     return top

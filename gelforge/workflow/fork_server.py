@@ -182,7 +182,7 @@ def load(command: str) -> None:
 @cache
 def load_solver() -> None:
     """Load what solves a site, compiled kernels and direct solver too, by a tiny press."""
-    from gelforge.cli.bench import tiny_press
+    from gelforge.cli.by_hand.warm_up import tiny_press
     from gelforge.mismatch.fem import site_slopes  # noqa: F401
 
     tiny_press("finite")

@@ -1,15 +1,17 @@
 """How commands are named, described and completed, and how a study is named in all of them."""
 
 import argparse
+import inspect
 import os
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 from gelforge.cli.arguments import parser
-from gelforge.cli.parsers.common import study_file
+from gelforge.cli.common import study_file
 
 REPOSITORY = Path(__file__).parents[2]
 
@@ -21,6 +23,17 @@ def every_parser(top):
         if isinstance(action, argparse._SubParsersAction):
             for one in action.choices.values():
                 yield from every_parser(one)
+
+
+def test_every_command_calls_a_function_that_takes_its_arguments():
+    """`run` names the function in words, which no type check follows."""
+    for one in every_parser(parser()):
+        if run := one.get_default("run"):
+            module, _, name = run.rpartition(".")
+            taken = inspect.signature(getattr(import_module(f"gelforge.cli.{module}"), name)).parameters
+            given = {action.dest for action in one._actions} - {"help", "debug", argparse.SUPPRESS}
+            needed = {key for key, value in taken.items() if value.default is inspect.Parameter.empty}
+            assert needed <= given <= set(taken), one.prog
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gelforge.cli.characterise import characterise_command
+from gelforge.cli.by_hand.characterise import characterise_command
 from gelforge.config import ConfigError
 
 DEMO = Path(__file__).parents[2] / "data" / "demo" / "materials"

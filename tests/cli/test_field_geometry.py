@@ -62,7 +62,7 @@ def test_check_refuses_in_one_line(case, words, tmp_path, monkeypatch, capfd):
     ],
 )
 def test_indenters_from_files(indenter, words, monkeypatch):
-    from gelforge.cli.bench import described_press
+    from gelforge.cli.by_hand.press import described_press
     from gelforge.config import ConfigError
     from gelforge.indentation.planning.plan import check_inside, press_path
 

@@ -63,7 +63,7 @@ def test_where_locks_are_asked_for_the_variable_is_named_and_nothing_is_to_be_de
 
 TERMINATED = """
 import os, signal, sys
-import gelforge.cli.studies
+import gelforge.cli.study.show
 from gelforge.cli import main
 from gelforge.files import atomic
 
@@ -74,7 +74,7 @@ def explain(path, row):
         for _ in range(10**9):
             pass
 
-gelforge.cli.studies.explain = explain
+gelforge.cli.study.show.explain = explain
 sys.exit(main(["explain", sys.argv[1], "0"]))
 """
 
@@ -91,7 +91,7 @@ def test_sigterm_leaves_nothing_half_written(tmp_path):
 INSIDE_HDF5 = """
 import os, signal, sys
 import numpy as np
-import gelforge.cli.studies
+import gelforge.cli.study.show
 from gelforge import hdf5
 from gelforge.cli import main
 
@@ -106,7 +106,7 @@ def explain(path, row):
         for number in range(10**6):
             file[f"values {number}"] = np.zeros(10000)
 
-gelforge.cli.studies.explain = explain
+gelforge.cli.study.show.explain = explain
 sys.exit(main(["explain", sys.argv[1], "0"]))
 """
 
@@ -131,12 +131,12 @@ def test_sigterm_while_hdf5_writes_comes_again(tmp_path):
     ],
 )
 def test_errors_of_the_machine_are_one_line(monkeypatch, capsys, error, words):
-    import gelforge.cli.studies
+    import gelforge.cli.study.show
 
     def fail(**_):
         raise error
 
-    monkeypatch.setattr(gelforge.cli.studies, "explain", fail)
+    monkeypatch.setattr(gelforge.cli.study.show, "explain", fail)
     assert main(["explain", "a", "0"]) == 1
     said = capsys.readouterr().err
     assert words in said

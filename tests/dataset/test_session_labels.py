@@ -7,8 +7,13 @@ import specimens
 from session_folder import HEADER, press_lines, write_session
 from small_dataset import write_features
 
-from gelforge.cli import factory
-from gelforge.cli.cost import JOB_S, Costs, session_costs, steps_in_order
+from gelforge.cli.jobs.dataset import agreement
+from gelforge.cli.jobs.materials import fit_law
+from gelforge.cli.jobs.recordings import readings
+from gelforge.cli.jobs.sites import simulate
+from gelforge.cli.products.laws import read_laws
+from gelforge.cli.products.sessions import own_labels
+from gelforge.cli.study.cost import JOB_S, Costs, session_costs, steps_in_order
 from gelforge.config import Session, session_study, write_yaml
 from gelforge.dataset import presses_in_order
 from gelforge.dataset.agreement import agreement_table
@@ -22,6 +27,7 @@ from gelforge.files import write_product_table
 from gelforge.indentation.cells.cell_file import CellError
 from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.indentation.planning.plan import plan_cells
+from gelforge.laws_of_study import law_path
 
 LAWS = specimens.STUDY_LAWS
 RATE, AGE = 0.002, 100.0  # per day of both layers; of a session whose study is 10 days old, as the laws are
@@ -98,8 +104,8 @@ def test_labels_of_a_session_are_those_of_its_age(tmp_path, monkeypatch):
     study = study_here(tmp_path, ["march", "june", "undated"], "d4", friction=0.0, **AGEING)
     write_yaml("study.yaml", study)
     for material in study.materials:
-        factory.fit_law("study.yaml", material, study.results_folder / "materials" / material)
-    law_files = [factory.law_path(study, material) for material in study.materials]
+        fit_law("study.yaml", material, study.results_folder / "materials" / material)
+    law_files = [law_path(study, material) for material in study.materials]
     for session, stated in (
         ("march", "sensor_age_days: 10\n"),
         ("june", f"sensor_age_days: {AGE:g}\n"),
@@ -117,11 +123,11 @@ def test_labels_of_a_session_are_those_of_its_age(tmp_path, monkeypatch):
     cells = study.results_folder / "cells"
     for session, where in ((None, cells), ("june", study.results_folder / "sessions/june/cells")):
         for cell in needed:
-            factory.simulate("study.yaml", cell, law_files, [], None, session, where / f"{cell}.h5")
+            simulate("study.yaml", cell, law_files, [], None, session, where / f"{cell}.h5")
 
     features = {name: features_of(study, tmp_path, name, [("x1_y0", 0.5)]) for name in study.sessions}
-    laws = factory.read_laws(study)
-    own = factory.own_labels(study, plan_cells(study), laws)
+    laws = read_laws(study)
+    own = own_labels(study, plan_cells(study), laws)
     assert set(own) == {"june"}
     files = {"x1_y0": cells / "x1_y0.h5"}
     join_shard(study, ["x1_y0"], files, features, "shard.h5", None, None, own)
@@ -138,14 +144,14 @@ def test_labels_of_a_session_are_those_of_its_age(tmp_path, monkeypatch):
     assert labels == [f"results/small/{where}cells/x1_y0.h5" for where in ("sessions/june/", "", "")]
 
     for name in study.sessions:
-        factory.readings("study.yaml", name, study.results_folder / "recordings" / f"{name}.csv")
-    factory.agreement("study.yaml", tmp_path / "agreement.csv")
+        readings("study.yaml", name, study.results_folder / "recordings" / f"{name}.csv")
+    agreement("study.yaml", tmp_path / "agreement.csv")
     table = pd.read_csv("agreement.csv").set_index("session")
     assert table.loc["june", "fem_z_N"] == pytest.approx(by_session["june"][2], rel=1e-8)
     assert table.loc["march", "fem_z_N"] == pytest.approx(by_session["march"][2], rel=1e-8)
 
     younger = study_here(tmp_path, study.sessions, "d4", **AGEING | {"ageing_per_day": {"gel": 0.001}})
-    stale = factory.own_labels(younger, plan_cells(younger), laws)
+    stale = own_labels(younger, plan_cells(younger), laws)
     with pytest.raises(DatasetError, match=r"sessions/june/cells/x1_y0\.h5.*other settings"):
         join_shard(study, ["x1_y0"], files, features, "shard.h5", None, None, stale)
 

@@ -8,7 +8,7 @@ import pytest
 import specimens
 from numpy.testing import assert_allclose
 
-from gelforge.cli.bench import torque_about_centre
+from gelforge.cli.by_hand.press import torque_about_centre
 from gelforge.config import ConfigError
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.planning.plan import plan_cells, press_path

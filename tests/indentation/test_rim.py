@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gelforge.cli.bench import laws_of, paper_study
+from gelforge.api.studies import paper_study
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.simulate import simulate_cell
+from gelforge.laws_of_study import laws_of
 
 EDGE, CORNER = (2.0, 16.0), (2.0, 2.0)
 

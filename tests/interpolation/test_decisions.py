@@ -3,7 +3,8 @@
 import pytest
 import specimens
 
-from gelforge.cli import between
+from gelforge.cli.jobs import interpolation
+from gelforge.cli.products.sites import cell_path
 from gelforge.config import write_yaml
 from gelforge.files import write_product_json
 from gelforge.indentation.planning.plan import plan_cells
@@ -30,12 +31,12 @@ def decided(tmp_path, monkeypatch):
         write_product_json(folder / f"level_{number}.json", found)
     cells = plan_cells(study)
     for name in cells:
-        path = between.cell_path(study, name)
+        path = cell_path(study, name)
         path.parent.mkdir(exist_ok=True)
         path.touch()
     # What is solved and decided is of no matter here.
-    monkeypatch.setattr(between, "study_laws", lambda *_: {})
-    monkeypatch.setattr(between, "solved_sites", lambda *_: None)
+    monkeypatch.setattr(interpolation, "study_laws", lambda *_: {})
+    monkeypatch.setattr(interpolation, "solved_sites", lambda *_: None)
     monkeypatch.setattr(
         levels, "decide", lambda _, level, *__: Decision(level, ("i16_16",), (), (), 1, 0, 0.1, "")
     )
@@ -46,9 +47,9 @@ def decided(tmp_path, monkeypatch):
 def test_later_decisions_and_interpolated_cells_are_removed(decided, tmp_path, level):
     study, cells = decided
     folder = study.results_folder / "interpolation"
-    between.level(tmp_path / "study.yaml", level, [], folder / f"level_{level}.json")
+    interpolation.level(tmp_path / "study.yaml", level, [], folder / f"level_{level}.json")
     assert sorted(path.name for path in folder.iterdir()) == [f"level_{k}.json" for k in range(level + 1)]
-    assert between.read_decision(folder / f"level_{level}.json")["more"] == [], "the new one"
+    assert interpolation.read_decision(folder / f"level_{level}.json")["more"] == [], "the new one"
     left = {path.stem for path in (study.results_folder / "cells").iterdir()}
     interpolated = {name for name, cell in cells.items() if cell.between}
     assert 0 < len(interpolated) and left == set(cells) - interpolated

@@ -6,7 +6,7 @@ import h5py
 import pytest
 from artificial_shards import small_rows, study_of, write_shards
 
-from gelforge.cli.cost import Costs, row_bytes, time_line
+from gelforge.cli.study.cost import Costs, row_bytes, time_line
 from gelforge.config import load_study
 from gelforge.indentation.planning.plan import plan_cells
 

@@ -10,10 +10,9 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from gelforge.cli.bench import material_laws_of
-from gelforge.cli.factory import laws_and_doubts
 from gelforge.config import load_study, study_from
 from gelforge.config.basis.variants import merged
+from gelforge.laws_of_study import laws_and_doubts, material_laws_of
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.identifiability import next_experiment
 from gelforge.mismatch.evidence.screen import Candidate, screened

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from session_folder import HEADER
 
 from gelforge.cli import main
-from gelforge.cli.studies import print_scale
+from gelforge.cli.study.check import print_scale
 from gelforge.config import Camera, Session, VirtualImaging, load_camera, study_from, write_yaml
 from gelforge.recording.camera_pose import fit_pose, particle_plane_mm
 from gelforge.recording.optics.camera import CameraError, project

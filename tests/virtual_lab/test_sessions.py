@@ -10,7 +10,7 @@ import yaml
 from artificial_truth import DEPTHS, UNLOAD, force_at, small_lab, small_study, truth_cell
 from numpy.testing import assert_allclose
 
-from gelforge.cli.factory import virtual_lab_of
+from gelforge.cli.products.virtual_lab import virtual_lab_of
 from gelforge.config import ConfigError, load_session
 from gelforge.indentation.cells.cell_file import write_cell
 from gelforge.indentation.planning.plan import plan_cells

@@ -22,7 +22,7 @@ HOSTILE = (
 # What the Snakefile imports, and Snakemake while it reads one.
 IMPORTED = (
     "gelforge.materials.readers.material_source",
-    "gelforge.cli.cost",
+    "gelforge.cli.study.cost",
     "gelforge.dataset.presses_in_order",
     "gelforge.dataset.recorded_presses",
     "gelforge.virtual_lab.session",

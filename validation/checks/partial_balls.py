@@ -20,14 +20,13 @@ from unittest import mock
 import numpy as np
 import pandas as pd
 
-from gelforge.cli.bench import material_laws_of
-from gelforge.cli.factory import laws_and_doubts
 from gelforge.config import Study, load_study, study_from
 from gelforge.config.basis.variants import merged
 from gelforge.indentation.effects import fields
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving import simulate
 from gelforge.indentation.solving.sensitivities import unmirrored
+from gelforge.laws_of_study import laws_and_doubts, material_laws_of
 from validation.library import load_library
 from validation.presses import MIDDLE
 from validation.sets import CONFIG

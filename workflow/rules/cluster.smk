@@ -1,8 +1,8 @@
-"""What the jobs of a cluster need: the time that each asks for, from the study's own estimate (gelforge/cli/cost.py)."""
+"""What the jobs of a cluster need: the time that each asks for, from the study's own estimate (gelforge/cli/study/cost.py)."""
 
 from functools import cache
 
-from gelforge.cli.cost import Costs
+from gelforge.cli.study.cost import Costs
 from gelforge.workflow.patient_slurm import make_patient, reaches_jobs
 
 START_S = 60  # a job of a cluster starts Snakemake twice, 10 to 30 s on a busy machine

@@ -49,7 +49,7 @@ LOGS = f"logs/{STUDY.study}"
 BENCHMARKS = f"{RESULTS}/benchmarks"
 # In shell commands every value is written {value:q}, a list word by word: what a configuration says is never shell text.
 ONE_THREAD = ["OMP_NUM_THREADS=1", "MKL_NUM_THREADS=1", "NUMBA_NUM_THREADS=1"]
-os.environ["GELFORGE_RUN"] = os.getcwd()  # marks the jobs of this folder, see gelforge/cli/unlock.py
+os.environ["GELFORGE_RUN"] = os.getcwd()  # marks the jobs of this folder, see gelforge/cli/study/unlock.py
 # A command of gelforge, by the environment's own interpreter: a fork of one process where `run_in_forks` has started it.
 GELFORGE = [sys.executable, "-I", "-S", fork_server.__file__, fork_server.NOBODY]
 

@@ -1,11 +1,11 @@
-"""Commands for cameras: calibrate-camera, camera-pose."""
+"""Arguments of the commands for cameras: calibrate-camera, camera-pose."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from gelforge.cli.parsers.common import add_command, add_study
+from gelforge.cli.common import add_command, add_study
 
 
 def board_size(text: str) -> tuple[int, int]:
@@ -22,7 +22,7 @@ def add(commands) -> None:
     calibrate = add_command(
         commands,
         "calibrate-camera",
-        "cameras.calibrate_camera",
+        "camera.calibration.calibrate_camera",
         "a camera's focal length, principal point and distortion from images of a board",
     )
     calibrate.add_argument("folder", type=Path, help="folder with images of the board")
@@ -47,7 +47,7 @@ def add(commands) -> None:
     pose = add_command(
         commands,
         "camera-pose",
-        "cameras.camera_pose",
+        "camera.pose.camera_pose",
         "a camera's position and its turn about z from four indentations or more at known places",
     )
     pose.add_argument("session", type=Path, help="a session's folder with images")

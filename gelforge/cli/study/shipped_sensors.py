@@ -8,7 +8,7 @@ from pathlib import Path
 from gelforge.api.studies import SMOKE
 from gelforge.api.studies import sensor as shipped_study
 from gelforge.api.studies import sensors as sensor_names
-from gelforge.cli.new_study import SESSION, session_path
+from gelforge.cli.study.new_study import SESSION, session_path
 from gelforge.config import Study, load_study
 from gelforge.shipped import EXAMPLES
 

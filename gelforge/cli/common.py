@@ -1,4 +1,4 @@
-"""What the parsers of all commands share."""
+"""Arguments that several commands share; standard library only."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ FRESH = "solve anew what an earlier job that was broken off has solved from the 
 
 
 def add_command(commands, name: str, run: str, text: str) -> argparse.ArgumentParser:
-    """Add a command that calls `run`, a module of gelforge.cli and its function, with its arguments."""
+    """Add a command that calls `run`, a function of gelforge.cli such as study.check.check, with its arguments."""
     command = commands.add_parser(name, help=text, description=text)
     command.add_argument("--debug", action="store_true", help="show the traceback of an error")
     command.set_defaults(run=run)

@@ -1,27 +1,27 @@
-"""Commands that the workflow runs."""
+"""Arguments of the jobs that the workflow runs; those of the network are in gelforge/cli/model."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from gelforge.cli.parsers.common import FRESH, add_laws, study_command
+from gelforge.cli.common import FRESH, add_laws, study_command
 
 
-def add(commands) -> None:
-    """Add the commands that the workflow runs."""
+def add_labels(commands) -> None:
+    """Add what leads from material tests and recordings to the dataset."""
     law = study_command(
         commands,
         "fit-law",
-        "factory.fit_law",
+        "jobs.materials.fit_law",
         "material tests, or parameters, to a constitutive model and measured effects",
     )
     law.add_argument("--material", required=True, help="name of the material in the study")
     law.add_argument("--out", type=Path, required=True, help="folder to write")
 
-    plan = study_command(commands, "plan", "factory.plan", "the study's cells as a table")
+    plan = study_command(commands, "plan", "jobs.sites.plan", "the study's cells as a table")
     plan.add_argument("--out", type=Path, required=True, help="CSV to write")
 
-    simulate = study_command(commands, "simulate", "factory.simulate", "one cell of a study")
+    simulate = study_command(commands, "simulate", "jobs.sites.simulate", "one cell of a study")
     simulate.add_argument("--cell", required=True, help="name of the cell in the plan")
     add_laws(simulate, nargs="+", required=True)
     simulate.add_argument(
@@ -40,7 +40,10 @@ def add(commands) -> None:
     simulate.add_argument("--fresh", action="store_true", help=FRESH)
 
     level = study_command(
-        commands, "level", "between.level", "which sites are solved after a level (plan.interpolation)"
+        commands,
+        "level",
+        "jobs.interpolation.level",
+        "which sites are solved after a level (plan.interpolation)",
     )
     level.add_argument("--level", type=int, required=True, help="number of the level, from 0")
     add_laws(level, nargs="+", required=True)
@@ -49,7 +52,7 @@ def add(commands) -> None:
     derive = study_command(
         commands,
         "derive",
-        "between.derive",
+        "jobs.interpolation.derive",
         "a job's mirrored and interpolated cells, written beside the solved ones",
     )
     derive.add_argument("--number", type=int, required=True, help="number of the job, from 0")
@@ -58,7 +61,7 @@ def add(commands) -> None:
     slopes = study_command(
         commands,
         "sensitivities",
-        "mismatch.sensitivities",
+        "jobs.sensitivities.sensitivities",
         "the derivatives of one site's forces along all that a verdict may ask for",
     )
     slopes.add_argument("--cell", required=True, help="name of the cell in the plan")
@@ -68,7 +71,7 @@ def add(commands) -> None:
     in_order = study_command(
         commands,
         "simulate-session",
-        "factory.simulate_session",
+        "jobs.sites.simulate_session",
         "a session's indentations in recorded order on a sensor that softens; goes on where it was broken off",
     )
     in_order.add_argument("--session", required=True, help="name of the session")
@@ -80,54 +83,66 @@ def add(commands) -> None:
         ("readings", "a session's forces on the sensor, zero subtracted"),
         ("features", "optical-flow features of a session's images"),
     ):
-        command = study_command(commands, name, f"factory.{name}", text)
+        command = study_command(commands, name, f"jobs.recordings.{name}", text)
         command.add_argument("--session", required=True, help="name of the session")
         command.add_argument("--out", type=Path, required=True, help="CSV to write, of features HDF5")
         if name == "features":
             command.add_argument("--workers", type=int, default=1, help="threads that read and reduce images")
 
-    join = study_command(commands, "join", "factory.join", "one shard of the dataset")
+    join = study_command(commands, "join", "jobs.dataset.join", "one shard of the dataset")
     join.add_argument("--shard", type=int, required=True, help="number of the shard")
     join.add_argument("--out", type=Path, required=True, help="the shard's HDF5 file to write")
 
-    study_command(commands, "manifest", "factory.manifest", "checksums, provenance and card of the dataset")
+    study_command(
+        commands, "manifest", "jobs.dataset.manifest", "checksums, provenance and card of the dataset"
+    )
 
     agreement = study_command(
-        commands, "agreement", "factory.agreement", "simulated beside measured total force, per indentation"
+        commands,
+        "agreement",
+        "jobs.dataset.agreement",
+        "simulated beside measured total force, per indentation",
     )
     agreement.add_argument("--out", type=Path, required=True, help="CSV to write")
 
     synthesise = study_command(
-        commands, "synthesise", "learning.synthesise", "SYNTHETIC training rows of one drawn indentation"
+        commands, "synthesise", "jobs.dataset.synthesise", "SYNTHETIC training rows of one drawn indentation"
     )
     synthesise.add_argument("--number", type=int, required=True, help="number of the indentation, from 0")
     add_laws(synthesise, nargs="+", required=True)
     synthesise.add_argument("--out", type=Path, required=True, help="HDF5 file to write")
 
-    train = study_command(
-        commands, "train", "learning.train", "train the network; goes on from its last checkpoint"
-    )
-    train.add_argument("--model", type=Path, required=True, help="model.pt to write")
-    train.add_argument("--loss", type=Path, required=True, help="loss.csv to write")
 
-    adapt = study_command(
-        commands,
-        "adapt",
-        "learning.adapt",
-        "gains of a model for another sensor, from a few indentations with measured forces",
-    )
-    adapt.add_argument("--model", type=Path, required=True, help="model.pt as trained")
-    adapt.add_argument(
-        "--presses", type=int, default=20, help="recorded indentations to fit, drawn from those that train"
-    )
-    adapt.add_argument("--seed", type=int, default=0, help="seed of the draw")
-    adapt.add_argument("--out", type=Path, required=True, help="model.pt to write")
+def add_results(commands) -> None:
+    """Add what a finished study is shown by."""
+    study_command(commands, "tables", "jobs.results.tables", "the article's tables from saved predictions")
 
-    evaluate = study_command(commands, "evaluate", "learning.evaluate", "predict the held-out cells")
-    evaluate.add_argument("--model", type=Path, required=True, help="model.pt as trained")
-    evaluate.add_argument("--out", type=Path, required=True, help="HDF5 file of predictions to write")
-
-    study_command(commands, "tables", "factory.tables", "the article's tables from saved predictions")
-
-    report = study_command(commands, "report", "factory.report", "the study's offline page")
+    report = study_command(commands, "report", "jobs.results.report", "the study's offline page")
     report.add_argument("--out", type=Path, required=True, help="HTML page to write")
+
+
+def add_virtual_lab(commands) -> None:
+    """Add what makes SYNTHETIC data."""
+    materials = study_command(
+        commands,
+        "virtual-materials",
+        "jobs.virtual_lab.virtual_materials",
+        "SYNTHETIC raw material tests of a virtual lab",
+    )
+    materials.add_argument("--material", help="one material; all of the virtual lab if not given")
+
+    cell = study_command(
+        commands, "virtual-cell", "jobs.virtual_lab.virtual_cell", "one cell of the virtual sensor's truth"
+    )
+    cell.add_argument("--cell", required=True, help="name of the cell in the plan")
+    cell.add_argument("--out", type=Path, required=True, help="the cell's HDF5 file to write")
+    cell.add_argument("--fresh", action="store_true", help=FRESH)
+
+    session = study_command(
+        commands,
+        "virtual-session",
+        "jobs.virtual_lab.virtual_session",
+        "one SYNTHETIC session of a virtual lab",
+    )
+    session.add_argument("--session", required=True, help="name of the session in the virtual lab")
+    session.add_argument("--workers", type=int, default=1, help="threads that draw images")

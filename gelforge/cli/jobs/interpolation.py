@@ -1,4 +1,4 @@
-"""Commands of labels that are made from others: which sites are solved for them, and mirrored and interpolated cells."""
+"""Jobs of labels that are made from others: which sites are solved for them, and mirrored and interpolated cells."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 
-from gelforge.cli.factory import cell_path, print_outcome, study_laws
+from gelforge.cli.products.laws import study_laws
+from gelforge.cli.products.sites import cell_path, print_outcome, site_path
 from gelforge.config import ConfigError, Study, given, load_study
 from gelforge.progress import tracked
 
@@ -149,10 +150,6 @@ def checked_cell(study: Study, planned, laws: dict, path: Path | None = None):
     cell = read_cell(path)
     check_digest(path, planned.name, cell, inputs_digest(study, laws, planned))
     return cell
-
-
-def site_path(study: Study, name: str) -> Path:
-    return study.results_folder / "solved_sites" / f"{name}.h5"
 
 
 def read_decision(path: Path) -> dict:

@@ -1,26 +1,13 @@
-"""Commands of the learning stage: simulated training rows, training, predictions of held-out sites, adaptation."""
+"""Commands that train a network, ask it about held-out sites, and adapt it to another sensor."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from gelforge.cli.factory import laws_and_doubts, shard_paths, study_laws, truth_folder, virtual_lab_of
-from gelforge.config import ConfigError, Study, load_study
+from gelforge.cli.products.dataset import shard_paths
+from gelforge.cli.products.virtual_lab import truth_folder, virtual_lab_of
+from gelforge.config import Study, load_study
 from gelforge.progress import Stages, stage
-
-
-def synthesise(study: Path, number: int, laws: list[Path], out: Path) -> None:
-    """Write the rows of one drawn indentation of the study's simulated training set, and say what became of it."""
-    from gelforge.dataset.simulated import synthesise
-
-    described = load_study(study)
-    if described.synthesis is None:
-        raise ConfigError(f"{study}: the study has no synthesis; describe a simulated training set there")
-    if not 0 <= number < described.synthesis.indentations:
-        raise ConfigError(
-            f"{study}: indentation {number} does not exist; synthesis.indentations is {described.synthesis.indentations}"
-        )
-    print(synthesise(described, laws_and_doubts(study_laws(described, laws))[0], number, out))
 
 
 def train(study: Path, model: Path, loss: Path) -> None:

@@ -1,20 +1,23 @@
-"""Commands that use a model: export, predict, live."""
+"""Arguments of the network's commands: train, adapt, evaluate; export, predict, live."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from gelforge.cli.parsers.common import add_command, add_study
+from gelforge.cli.common import add_command, add_study, study_command
 from gelforge.dataset.exports import NAMES
 
 
-def add(commands) -> None:
+def add_use(commands) -> None:
     """Add the commands that use a model."""
     _export(commands)
 
     predict = add_command(
-        commands, "predict", "bench.predict", "force distribution of images [N], frame by frame, timed"
+        commands,
+        "predict",
+        "model.predict.predict",
+        "force distribution of images [N], frame by frame, timed",
     )
     _source(predict)
     predict.add_argument(
@@ -25,7 +28,7 @@ def add(commands) -> None:
     live = add_command(
         commands,
         "live",
-        "live.live",
+        "model.live.live",
         "forces of a camera as they come: a page in the browser, and JSON over a WebSocket for robots",
     )
     _source(live)
@@ -41,11 +44,37 @@ def add(commands) -> None:
     live.add_argument("--open", dest="browser", action="store_true", help="open the page in the browser")
 
 
+def add_learning(commands) -> None:
+    """Add the commands by which a model comes to be."""
+    train = study_command(
+        commands, "train", "model.learning.train", "train the network; goes on from its last checkpoint"
+    )
+    train.add_argument("--model", type=Path, required=True, help="model.pt to write")
+    train.add_argument("--loss", type=Path, required=True, help="loss.csv to write")
+
+    adapt = study_command(
+        commands,
+        "adapt",
+        "model.learning.adapt",
+        "gains of a model for another sensor, from a few indentations with measured forces",
+    )
+    adapt.add_argument("--model", type=Path, required=True, help="model.pt as trained")
+    adapt.add_argument(
+        "--presses", type=int, default=20, help="recorded indentations to fit, drawn from those that train"
+    )
+    adapt.add_argument("--seed", type=int, default=0, help="seed of the draw")
+    adapt.add_argument("--out", type=Path, required=True, help="model.pt to write")
+
+    evaluate = study_command(commands, "evaluate", "model.learning.evaluate", "predict the held-out cells")
+    evaluate.add_argument("--model", type=Path, required=True, help="model.pt as trained")
+    evaluate.add_argument("--out", type=Path, required=True, help="HDF5 file of predictions to write")
+
+
 def _export(commands) -> None:
     export = add_command(
         commands,
         "export",
-        "live.export",
+        "model.export.export_model",
         "a trained model as an ONNX file, compared with PyTorch's; export dataset: a dataset in another format",
     )
     # left out of the arguments where `dataset` follows
@@ -54,7 +83,7 @@ def _export(commands) -> None:
     dataset = add_command(
         export.add_subparsers(metavar="dataset"),
         "dataset",
-        "datasets.export",
+        "model.export.export_dataset",
         "a study's dataset in another format: " + ", ".join(NAMES),
     )
     dataset.add_argument("--format", dest="form", choices=NAMES, required=True, help="see docs/exports.md")

@@ -1,77 +1,20 @@
-"""Commands about a study as a whole: begin one, check it, look at a label, trace a row."""
+"""`gelforge check`: a study and all that it reads."""
 
 from __future__ import annotations
 
-import json
 from contextlib import contextmanager
 from pathlib import Path
 
-from gelforge.cli.cameras import scale_line
-from gelforge.cli.cost import estimate
-from gelforge.cli.factory import print_findings, virtual_lab_of
-from gelforge.cli.new_study import new_study_files
-from gelforge.cli.shipped_sensors import sensor_files, study_of_sensor
-from gelforge.cli.working_folder import make_runnable, write_examples, write_shipped
-from gelforge.config import NAME, ConfigError, Session, Study, load_session, load_study
-from gelforge.files import write_text
+from gelforge.cli.camera.pose import scale_line
+from gelforge.cli.products.sessions import print_findings
+from gelforge.cli.products.virtual_lab import virtual_lab_of
+from gelforge.cli.study.cost import estimate
+from gelforge.config import ConfigError, Session, Study, load_session, load_study
 from gelforge.laws_of_study import known_laws, law_path
-
-
-def init(study: str, sensor: str | None) -> None:
-    """Write the commented files of a new study, of a shipped sensor if one is named; an existing file is never replaced."""
-    if not NAME.fullmatch(study):
-        raise ConfigError(f"{study!r} is not a name; use letters, digits, '_' and '-'")
-    files = study_of_sensor(study, sensor) if sensor else new_study_files(study)
-    existing = [str(path) for path in files if path.exists()]
-    if existing:
-        raise ConfigError(f"{', '.join(existing)} exist(s) already; choose another name or delete them")
-    for path, text in files.items():
-        write_text(path, text)
-        print(path)
-    for path in [*write_shipped(sensor_files(sensor) if sensor else []), *make_runnable(study)]:
-        print(path)
-    if sensor:
-        print(f"labels only, ready: gelforge check {study}, then: snakemake --cores 2{choice_of(study)}")
-    else:
-        print(f"edit them, add your data, then: gelforge check {study}")
-
-
-def choice_of(study: str) -> str:
-    """Return what a Snakemake line in this folder needs in order to run a study."""
-    named, snakefile = f"config/{study}.yaml", Path("Snakefile")
-    is_default = snakefile.is_file() and named in snakefile.read_text()
-    return "" if is_default else f" --configfile {named}"
-
-
-def examples() -> None:
-    """Write the example studies and their data into this folder; an existing file is never replaced."""
-    for path in [*write_examples(), *make_runnable()]:
-        print(path)
-    print("the demo: snakemake --cores 2; another: snakemake --cores 2 --configfile config/test.yaml")
-
-
-def check_lab(study: Study, path: Path, cells: dict) -> None:
-    """Refuse a virtual lab that is wrong, or a path that it could not record."""
-    from gelforge.virtual_lab.truth import check_recordable
-
-    virtual_lab_of(study, path)
-    for planned in cells.values():
-        check_recordable(planned)
 
 
 class CheckFailed(ValueError):
     """What a check found wrong, a line for each."""
-
-
-@contextmanager
-def noted(errors: list[str]):
-    """Take note of an error of ours instead of ending; an error of another kind passes."""
-    try:
-        yield
-    except ValueError as error:
-        if not type(error).__module__.startswith("gelforge."):
-            raise
-        errors.append(str(error))
 
 
 def check(study: Path, picture: Path | None) -> None:
@@ -119,6 +62,26 @@ def check(study: Path, picture: Path | None) -> None:
     if errors:
         raise CheckFailed("\n".join(errors))
     print(f"{study}: {verdict_of_check(len(missing), doubtful)}")
+
+
+def check_lab(study: Study, path: Path, cells: dict) -> None:
+    """Refuse a virtual lab that is wrong, or a path that it could not record."""
+    from gelforge.virtual_lab.truth import check_recordable
+
+    virtual_lab_of(study, path)
+    for planned in cells.values():
+        check_recordable(planned)
+
+
+@contextmanager
+def noted(errors: list[str]):
+    """Take note of an error of ours instead of ending; an error of another kind passes."""
+    try:
+        yield
+    except ValueError as error:
+        if not type(error).__module__.startswith("gelforge."):
+            raise
+        errors.append(str(error))
 
 
 def verdict_of_check(missing: int, doubtful: int) -> str:
@@ -233,19 +196,3 @@ def pictured_session(study: Study, path: Path) -> Session | None:
     return (
         Session(session="virtual", camera=virtual_lab_of(study, path).camera) if study.virtual_lab else None
     )
-
-
-def show(path: Path, row: int | None, out: Path | None) -> None:
-    """Draw the label of a cell's depth or a shard's row."""
-    from gelforge.report.figures.label_figure import label_figure
-
-    target = out or Path(f"{path.stem}{'' if row is None else f'-{row}'}.png")
-    label_figure(path, row).savefig(target, dpi=110)
-    print(target)
-
-
-def explain(path: Path, row: int) -> None:
-    """Print where one row of a shard comes from."""
-    from gelforge.dataset.shard import lineage
-
-    print(json.dumps(lineage(path, row), indent=2, default=str))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gelforge.config import ConfigError, Study, load_study
+from gelforge.cli.study.cost import Costs
+from gelforge.config import Study, load_study
 from gelforge.progress import Stages, stage, tracked
 
 
@@ -41,7 +42,6 @@ def judge(
 
 def expected_seconds(study: Study, workers: int) -> float:
     """Return how long a verdict on a study's sessions is expected to take [s], where nothing of it is solved yet."""
-    from gelforge.cli.cost import Costs
     from gelforge.indentation.planning.plan import plan_cells
 
     return Costs(study, plan_cells(study)).mismatch() / workers
@@ -75,25 +75,6 @@ def plan(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: 
         table = experiments_table(solver_of(study, out, laws, kept, workers, []), read_verdict(out))
     write_table(out, "experiments", table)
     print(table.to_string(index=False, float_format="%.3g"))
-
-
-def sensitivities(study: Path, cell: str, laws: list[Path], out: Path) -> None:
-    """Solve the derivatives of one site's forces and write them into a file."""
-    from gelforge.indentation.planning.plan import plan_cells
-    from gelforge.mismatch.fem.site_slopes import slopes_of_site, write_site_slopes
-    from gelforge.mismatch.pipeline.stage import solver_of
-
-    described = load_study(study)
-    cells = plan_cells(described)
-    if cell not in cells:
-        raise ConfigError(f"{study}: the plan has no cell {cell!r}")
-    solver = solver_of(described, out.parent, laws, None, 1, [])
-    site = slopes_of_site(solver, cells[cell])
-    write_site_slopes(out, solver, site)
-    missing = [f"{key}: {one}" for key, one in site.found.items() if isinstance(one, str)]
-    print(f"{cell}: {len(site.found) - len(missing)} derivatives at {len(site.planned.depths_mm)} depths")
-    for line in missing:
-        print(f"no derivative along {line}")
 
 
 def published(config: Path, out: Path, workers: int) -> None:

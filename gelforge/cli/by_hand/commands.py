@@ -1,4 +1,4 @@
-"""Commands by hand: press, mesh, characterise, verify, mismatch and its relatives."""
+"""Arguments of the commands by hand: press, mesh, characterise, import, verify, mismatch and its relatives."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import argparse
 import math
 from pathlib import Path
 
-from gelforge.cli.parsers.common import add_command, add_laws, add_study
+from gelforge.cli.common import add_command, add_laws, add_study
 from gelforge.importing.public import NAMES as LAYOUTS
 
 
@@ -30,8 +30,23 @@ def depth_list(text: str) -> list[float]:
 
 def add(commands) -> None:
     """Add the commands by hand."""
+    _press(commands)
+    _mesh(commands)
+    _characterise(commands)
+    _import_logs(commands)
+    _import_set(commands)
+    _verify(commands)
+    _mismatch_materials(commands)
+    _mismatch(commands)
+    _mismatch_published(commands)
+    add_command(
+        commands, "warm-up", "by_hand.warm_up.warm_up", "compile the kernels and keep them for later runs"
+    )
+
+
+def _press(commands) -> None:
     press = add_command(
-        commands, "press", "bench.press", "press once on a sensor and print the force-depth table"
+        commands, "press", "by_hand.press.press", "press once on a sensor and print the force-depth table"
     )
     press.add_argument("--x", type=float, required=True, help="position along x [mm], origin at the corner")
     press.add_argument("--y", type=float, required=True, help="position along y [mm]")
@@ -68,10 +83,12 @@ def add(commands) -> None:
     add_study(press, text="whose sensor and settings are used; the article's if not given")
     add_laws(press, nargs="*", default=[])
 
+
+def _mesh(commands) -> None:
     mesh = add_command(
         commands,
         "mesh",
-        "bench.mesh",
+        "by_hand.mesh.mesh",
         "write the mesh of an indentation for ParaView or Gmsh, nothing is solved",
     )
     mesh.add_argument("--x", type=float, required=True, help="position along x [mm], origin at the corner")
@@ -85,10 +102,12 @@ def add(commands) -> None:
     )
     add_study(mesh, text="whose sensor and settings are used; the article's if not given")
 
+
+def _characterise(commands) -> None:
     characterise = add_command(
         commands,
         "characterise",
-        "characterise.characterise_command",
+        "by_hand.characterise.characterise_command",
         "fit a constitutive model to material tests; its figure and measured effects",
     )
     characterise.add_argument(
@@ -111,10 +130,12 @@ def add(commands) -> None:
     characterise.add_argument("--bootstrap", type=int, default=0, help="refits over samples, 0 for none")
     characterise.add_argument("--workers", type=int, default=1, help="processes of the bootstrap")
 
+
+def _import_logs(commands) -> None:
     raw = add_command(
         commands,
         "import",
-        "importing.import_command",
+        "by_hand.importing.import_command",
         "raw logs of a laboratory (force, stage, camera) to a session folder, with a page that draws what was done",
     )
     raw.add_argument(
@@ -124,10 +145,12 @@ def add(commands) -> None:
         "--out", type=Path, required=True, help="session folder to write: data/<study>/recordings/<session>"
     )
 
+
+def _import_set(commands) -> None:
     public = add_command(
         commands,
         "import-set",
-        "importing.import_set",
+        "by_hand.importing.import_set",
         "a public set of tactile images with forces to a folder of images and one table, see docs/public-sets.md",
     )
     public.add_argument("layout", choices=LAYOUTS, help="how the set is laid out")
@@ -144,19 +167,23 @@ def add(commands) -> None:
     )
     public.add_argument("--unit", default="N", help="of layout table: unit of the forces")
 
+
+def _verify(commands) -> None:
     verify = add_command(
         commands,
         "verify",
-        "bench.verify",
+        "by_hand.verify.verify",
         "check the finite elements against solutions from outside; a minute",
     )
     verify.add_argument("--out", type=Path, help="folder for verification.csv and verification.md")
     verify.add_argument("--only", nargs="+", metavar="CHECK", help="these alone, such as patch_test")
 
+
+def _mismatch_materials(commands) -> None:
     tests = add_command(
         commands,
         "mismatch-materials",
-        "mismatch_materials.mismatch_materials",
+        "by_hand.mismatch_materials.mismatch_materials",
         "what a constitutive model fitted to the fastest loading leaves out of a material's other tests",
     )
     tests.add_argument(
@@ -165,10 +192,12 @@ def add(commands) -> None:
     tests.add_argument("--mapping", type=Path, help="YAML that describes the files, see config/mappings")
     tests.add_argument("--out", type=Path, required=True, help="folder to write")
 
+
+def _mismatch(commands) -> None:
     mismatch = add_command(
         commands,
         "mismatch",
-        "mismatch.mismatch",
+        "by_hand.mismatch.mismatch",
         "which physics was left out: judge a recording; `limits`: what the plan could show; `plan`: what to record next",
     )
     mismatch.add_argument(
@@ -184,14 +213,14 @@ def add(commands) -> None:
         "--no-page", dest="page", action="store_false", help="verdict and tables only, no report.html"
     )
 
+
+def _mismatch_published(commands) -> None:
     published = add_command(
         commands,
         "mismatch-published",
-        "mismatch.published",
+        "by_hand.mismatch.published",
         "judge the article's own readings against its two curves and against our own solutions",
     )
     add_study(published, "--study", "--config", dest="config", required=True, text="the article's study")
     published.add_argument("--out", type=Path, required=True, help="folder to write")
     published.add_argument("--workers", type=int, default=1, help="indentations that are solved side by side")
-
-    add_command(commands, "warm-up", "bench.warm_up", "compile the kernels and keep them for later runs")

@@ -1,16 +1,19 @@
-"""Commands for a study: init, examples, sensors, check, show, explain, unlock."""
+"""Arguments of the commands for a study: init, examples, sensors, check, show, explain, unlock."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from gelforge.cli.parsers.common import add_command, add_study
+from gelforge.cli.common import add_command, add_study
 
 
 def add(commands) -> None:
     """Add the commands for a study."""
     init = add_command(
-        commands, "init", "studies.init", "write a commented configuration and sample tables for a new study"
+        commands,
+        "init",
+        "study.init.init",
+        "write a commented configuration and sample tables for a new study",
     )
     init.add_argument("study", help="name of the new study")
     init.add_argument(
@@ -20,14 +23,14 @@ def add(commands) -> None:
     add_command(
         commands,
         "examples",
-        "studies.examples",
+        "study.init.examples",
         "write the example studies, the demo among them, and their data into this folder",
     )
 
     sensors = add_command(
         commands,
         "sensors",
-        "shipped_sensors.sensors",
+        "study.shipped_sensors.sensors",
         "list the sensors that are shipped, or draw one cut through its middle",
     )
     sensors.add_argument("name", nargs="?", help="a shipped sensor, or a study's YAML file")
@@ -36,14 +39,14 @@ def add(commands) -> None:
     check = add_command(
         commands,
         "check",
-        "studies.check",
+        "study.check.check",
         "check a study and its data, all errors at once; draw it; print cells, minutes and disk",
     )
     add_study(check, "study")
     check.add_argument("--picture", type=Path, help="PNG to write; results/<study>/check.png if not given")
 
     show = add_command(
-        commands, "show", "studies.show", "draw a label: a cell's or a shard's force distribution"
+        commands, "show", "study.show.show", "draw a label: a cell's or a shard's force distribution"
     )
     show.add_argument("path", type=Path, metavar="CELL_OR_SHARD", help="an HDF5 file")
     show.add_argument(
@@ -54,7 +57,10 @@ def add(commands) -> None:
     )
 
     explain = add_command(
-        commands, "explain", "studies.explain", "say where one row of a shard comes from, down to raw files"
+        commands,
+        "explain",
+        "study.show.explain",
+        "say where one row of a shard comes from, down to raw files",
     )
     explain.add_argument("path", type=Path, metavar="SHARD", help="a shard")
     explain.add_argument("row", type=int, help="row of the shard")
@@ -62,6 +68,6 @@ def add(commands) -> None:
     add_command(
         commands,
         "unlock",
-        "unlock.unlock",
+        "study.unlock.unlock",
         "after a run that was killed: end what it left computing and release its lock",
     )

@@ -1,0 +1,1 @@
+"""Commands that the workflow's rules call: read, one call, write."""

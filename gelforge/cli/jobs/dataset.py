@@ -1,0 +1,86 @@
+"""Jobs of the dataset: shards, their manifest, agreement with what was measured, and simulated training rows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gelforge.cli.products.dataset import agreement_inputs, shard_paths
+from gelforge.cli.products.laws import read_laws, study_laws
+from gelforge.cli.products.sessions import feature_path, image_sessions, own_labels, session_of
+from gelforge.cli.products.sites import cell_path
+from gelforge.config import ConfigError, load_study
+from gelforge.laws_of_study import laws_and_doubts
+
+
+def join(study: Path, shard: int, out: Path) -> None:
+    """Write one shard: a fixed chunk of the plan, every cell checked against the present settings and laws."""
+    from gelforge.dataset.join import join_shard
+    from gelforge.indentation.planning.plan import plan_cells
+    from gelforge.indentation.solving.inputs import inputs_digest
+    from gelforge.recording.features import features_digest
+
+    described = load_study(study)
+    planned, size = plan_cells(described), described.dataset.cells_per_shard
+    chunk = list(planned)[shard * size : (shard + 1) * size]
+    if not chunk:
+        raise ConfigError(
+            f"shard {shard}: the plan's {len(planned)} cells fill {-(-len(planned) // size)} shards of {size}"
+        )
+    laws = read_laws(described)
+    features = {name: feature_path(described, name) for name in image_sessions(described)}
+    rows = join_shard(
+        described,
+        chunk,
+        {name: cell_path(described, name) for name in chunk},
+        features,
+        out,
+        {name: inputs_digest(described, laws, planned[name]) for name in chunk},
+        {
+            name: features_digest(
+                described.session_folder(name), session_of(described, name), described.features
+            )
+            for name in features
+        },
+        own_labels(described, {name: planned[name] for name in chunk}, laws),
+    )
+    print(f"{out}: {rows} rows" + ("" if features else " (labels only: the study has no images)"))
+
+
+def manifest(study: Path) -> None:
+    """Write manifest, checksums, card and Croissant description beside the shards."""
+    from gelforge.dataset.manifest import describe_dataset
+
+    described = load_study(study)
+    features = {name: feature_path(described, name) for name in image_sessions(described)}
+    describe_dataset(described, shard_paths(described), features, described.results_folder / "dataset")
+
+
+def agreement(study: Path, out: Path) -> None:
+    """Write total forces, simulated beside measured, one row per press."""
+    from gelforge.dataset.agreement import agreement_table, write_agreement
+    from gelforge.files import digest
+    from gelforge.indentation.planning.plan import plan_cells
+
+    described = load_study(study)
+    recorded = {name: described.results_folder / "recordings" / f"{name}.csv" for name in described.sessions}
+    planned = plan_cells(described)
+    cells = {name: cell_path(described, name) for name in planned}
+    laws = read_laws(described)
+    digests, raw = agreement_inputs(described, laws)
+    own = own_labels(described, planned, laws)
+    table = agreement_table(recorded, cells, own, digests, raw)
+    write_agreement(out, table, digest([digests, raw]))
+
+
+def synthesise(study: Path, number: int, laws: list[Path], out: Path) -> None:
+    """Write the rows of one drawn indentation of the study's simulated training set, and say what became of it."""
+    from gelforge.dataset.simulated import synthesise
+
+    described = load_study(study)
+    if described.synthesis is None:
+        raise ConfigError(f"{study}: the study has no synthesis; describe a simulated training set there")
+    if not 0 <= number < described.synthesis.indentations:
+        raise ConfigError(
+            f"{study}: indentation {number} does not exist; synthesis.indentations is {described.synthesis.indentations}"
+        )
+    print(synthesise(described, laws_and_doubts(study_laws(described, laws))[0], number, out))

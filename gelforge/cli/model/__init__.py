@@ -1,0 +1,1 @@
+"""Commands of the network: train it, judge it, export it, predict with it."""

@@ -1,0 +1,95 @@
+"""`gelforge predict`: forces of images, frame by frame, and how long each step takes."""
+
+from __future__ import annotations
+
+import csv
+import math
+from contextlib import contextmanager
+from pathlib import Path
+
+from gelforge.config import load_camera
+from gelforge.progress import tracked
+
+WARM_UP = 10  # frames whose times are not counted
+
+
+def predict(
+    source: str,
+    model: Path,
+    reference: Path | None,
+    crop: list[int] | None,
+    camera: Path | None,
+    plane_z_mm: float | None,
+    out: Path | None,
+    frames: int | None,
+) -> None:
+    """Print the total force of each frame, write the distributions, and print how long each step took."""
+    from itertools import islice
+
+    from gelforge.learning.deployment.predictor import Predictor, Timing, predict_frames
+    from gelforge.recording.imaging.flow import read_grey
+    from gelforge.recording.imaging.frames import frames as frames_of
+
+    zero = read_grey(reference) if reference else None
+    timing = Timing(WARM_UP)
+    seen_by = load_camera(camera) if camera else None
+    predictions = predict_frames(Predictor(model), frames_of(source), zero, crop, seen_by, plane_z_mm)
+    predictions = islice(predictions, frames)
+    flagged = []
+    with distribution_table(out) as write:
+        for prediction in tracked(predictions, f"frames of {source}", frames):
+            timing.add(prediction)
+            write(prediction)
+            flagged.append(prediction.unlike > 1)
+    if any(flagged):
+        print(
+            f"{sum(flagged)} of {len(flagged)} frames are unlike those that the model learnt from: distrust their forces "
+            "(another camera, gel or contact? docs/learning.md)"
+        )
+    print_timing(timing)
+
+
+@contextmanager
+def distribution_table(path: Path | None):
+    """Yield a function that writes a prediction as a row: name, time, total force, then every bin's force [N].
+
+    Rows are written as they come, so that a live run that is interrupted keeps what it has seen; without a path the
+    total force is printed instead. A time or a measure of unlikeness that is not known is left empty.
+    """
+    if path is None:
+        yield lambda p: print(
+            f"{p.name}  F = " + "  ".join(f"{f:+.3f}" for f in p.force_N.sum(axis=0)) + " N"
+        )
+        return
+    with path.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+
+        def write(p) -> None:
+            if file.tell() == 0:
+                bins = [f"f{axis}_{k}_N" for k in range(len(p.force_N)) for axis in "xyz"]
+                rows.writerow(["frame", "time_s", "unlike", "fx_N", "fy_N", "fz_N", *bins])
+            values = [*p.force_N.sum(axis=0), *p.force_N.ravel()]
+            seconds = f"{p.time_s:.6f}" if math.isfinite(p.time_s) else ""
+            unlike = f"{p.unlike:.3g}" if math.isfinite(p.unlike) else ""
+            rows.writerow([p.name, seconds, unlike, *(f"{value:.6g}" for value in values)])
+
+        yield write
+
+
+def print_timing(timing) -> None:
+    """Print p50, p95 and p99 of every step [ms] and the frames per second that they allow."""
+    from rich.console import Console
+    from rich.table import Table
+
+    counted = max(timing.seen - timing.warm_up, 0)
+    told = f"{counted} frames, after the first {timing.warm_up}, which are not counted"
+    if not counted:
+        print(f"no times: {timing.seen} frames, and the first {timing.warm_up} are not counted")
+        return
+    table = Table(title=f"time per frame ({told})")
+    for name in ("step", "p50, ms", "p95, ms", "p99, ms", "frames/s at p50", "frames/s at p99"):
+        table.add_column(name, justify="right")
+    for row in timing.table().itertuples(index=False):
+        times = (f"{value:.2f}" for value in (row.p50_ms, row.p95_ms, row.p99_ms))
+        table.add_row(row.step, *times, f"{row.fps_at_p50:.0f}", f"{row.fps_at_p99:.0f}")
+    Console().print(table)

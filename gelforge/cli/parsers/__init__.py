@@ -1,1 +1,0 @@
-"""Arguments of each family of commands; standard library only."""
