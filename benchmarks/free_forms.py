@@ -153,7 +153,7 @@ def hidden_of(kind: str, seed: int, laws: Laws, kept: Path) -> Hidden:
     if kind == "law":
         (c10,) = [laws["soft"].shear_modulus / 2]
         return Hidden(
-            as_solved(by={**laws, "soft": Yeoh(c10, STIFFER * c10, 0.0)}), steady, None, "law_exponent"
+            as_solved(by={**laws, "soft": Yeoh(c10, STIFFER * c10, 0.0)}), steady, None, "strain_energy"
         )
     return Hidden(as_solved(), steady, None, "")
 

@@ -34,7 +34,8 @@ LAYERS = [
 ROOMS = {
     "mechanics": ("laws", "meshes", "linear", "bodies", "indenters", "contact", "solving", "sensitivities"),
     "mismatch": (
-        *("readings", "model", "result", "evidence", "effects", "terms", "goodness", "inference"),
+        *("readings", "model", "result", "evidence", "effects", "terms", "free_forms"),
+        *("goodness", "inference"),
         *("fem", "images", "material", "summary", "pipeline"),
     ),
     "config": ("basis", "parts", "sessions", "studies", "foreign"),

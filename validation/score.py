@@ -22,6 +22,9 @@ GENERALISED = {
     ),
     "depth_map": ("contact_zero", "tilt"),
     "gain_in_time": ("force_gain", "body_stiffness"),
+    "relaxation": ("viscoelastic",),
+    "softening": ("mullins",),
+    "strain_energy": ("law_exponent",),
 }
 # States of verdicts of format 1, which sets of before have; a group was identified where it was as probable as a name.
 FORMER = {"null": "consistent", "named": "identified", "open": "unexplained", "insufficient": "inconclusive"}

@@ -9,10 +9,10 @@ import numpy as np
 from gelforge.config.parts.mismatch import Mismatch
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.covariance import readings_covariance
+from gelforge.mismatch.free_forms import modules_of
 from gelforge.mismatch.inference.judge import _state, judge
 from gelforge.mismatch.pipeline.published import at_first_order
 from gelforge.mismatch.terms.candidates import candidates_of
-from gelforge.mismatch.terms.modules import modules_of
 from gelforge.mismatch.terms.problem import Problem
 
 LOCATED = {"void", "inclusion", "delamination"}

@@ -12,17 +12,21 @@ from test_findings import verdict
 
 from gelforge.csv_table import read_csv
 from gelforge.mechanics.solving.equilibrium import NotConverged
+from gelforge.mismatch.effects.mullins import Energies, histories
 from gelforge.mismatch.evidence.alternatives import UNKNOWN
 from gelforge.mismatch.evidence.screen import Candidate
+from gelforge.mismatch.free_forms import modules_of
 from gelforge.mismatch.inference.discrepancy import modelled, through_solutions
 from gelforge.mismatch.inference.judge import judge
+from gelforge.mismatch.inference.posterior import Posterior
 from gelforge.mismatch.pipeline.patch import patch_of
 from gelforge.mismatch.result.verdict import VERDICT, Verdict, read_verdict, write_verdict
 from gelforge.mismatch.result.verdict_tables import MODULE, write_module
 from gelforge.mismatch.summary.model_section import correction_table
 from gelforge.mismatch.terms.body_map import BOX, WIDTH, boxes
+from gelforge.mismatch.terms.energy_terms import TERM
 from gelforge.mismatch.terms.holdout import split
-from gelforge.mismatch.terms.modules import modules_of
+from gelforge.mismatch.terms.unknown import Weighed
 
 MIDDLE = artificial.WIDTH / 2
 
@@ -72,6 +76,32 @@ def warming_sensor(context):
     return context.force * (1 + 0.24 * time * (1 - time))[:, None]
 
 
+def relaxing_by_a_power(base, size=0.15, power=0.35, start_s=0.2):
+    """Return the forces of a gel whose overstress fades as a power of the time, and not exponentially."""
+    table, found = base.observations.table, base.force.copy()
+    for rows in table.groupby("press", sort=False).indices.values():
+        press = table.iloc[rows]
+        t, d = (np.r_[0.0, press[name].to_numpy(float)] for name in ("press_time_s", "depth_mm"))
+        fine = np.linspace(0, t[-1], 2000)
+        D = base.derivatives["gel_stiffness"].at(press["site"].iloc[0], np.interp(fine, t, d))
+        rate = np.diff(D, axis=0)
+        middle = (fine[1:] + fine[:-1]) / 2
+        since = np.maximum(t[1:, None] - middle, 0.0)
+        kernel = np.where(middle < t[1:, None] + 1e-9, (1 + since / start_s) ** -power, 0.0)
+        found[rows] += size * kernel @ rate
+    return found
+
+
+def damaged(base, size=0.35):
+    """Return the forces of a gel that loses stiffness by another formula, and over another reach, than the effect."""
+    stiffness, found = base.derivative("gel_stiffness"), base.force.copy()
+    energies = Energies(base, wider=0.2)
+    for rows, W, peak in histories(base, energies):
+        lost = (peak / energies.largest) ** 0.7 * -np.expm1(-3 * (peak - W) / energies.largest)
+        found[rows] -= size * lost.mean(axis=1)[:, None] * stiffness[rows]
+    return found
+
+
 def problem(forces, seed=31):
     base = artificial.context(seed, per_side=4)
     return problem_of(
@@ -119,9 +149,12 @@ def test_a_map_is_as_wide_as_is_plausible():
 def test_one_place_has_no_map_of_places_and_one_press_none_of_time():
     base = artificial.context(3, per_side=3)
     rows = (base.observations.table["site"] == 0).to_numpy()
-    assert [one.name for one in modules_of(base.chosen(rows), ())] == ["gain_in_time"]
+    names = ["gain_in_time", "relaxation", "softening"]
+    assert [one.name for one in modules_of(base.chosen(rows), ())] == names
     first = (base.observations.table["order"] == 0).to_numpy()
-    assert modules_of(base.chosen(first), ()) == ()
+    assert [one.name for one in modules_of(base.chosen(first), ())] == names[1:]
+    going_down = (base.observations.table["phase"] == "load").to_numpy()
+    assert [one.name for one in modules_of(base.chosen(first & going_down), ())] == []
 
 
 def test_a_body_softer_to_one_side_is_said_with_its_map(modulus, tmp_path):
@@ -165,18 +198,89 @@ def test_the_patched_study_has_the_map_of_the_modulus():
     study = specimens.study()
     context = replace(artificial.context(3, per_side=3), study=study)
     shapes = boxes(study)
-    own = next(
-        iter(
-            modules_of(
-                context,
-                [Candidate(BOX.name, s, np.ones((4, 1)), BOX.widths, np.zeros(1, int)) for s in shapes],
-            )
-        )
-    )
+    flat = np.ones((len(context.observations.flat(context.force)), 1))
+    changes = [Candidate(BOX.name, s, flat, BOX.widths, np.zeros(1, int)) for s in shapes]
+    own = next(one for one in modules_of(context, changes) if one.name == "modulus_map")
     change = np.linspace(-0.2, 0.2, len(shapes))
     keys = patch_of(study, {}, None, own, own.map.assign(mean=change))
     patches = keys["mechanics"]["effects"]["geometry"]["patches"]
     assert [patch["factor"] for patch in patches] == pytest.approx((1 + change).tolist())
+
+
+def test_a_gel_that_relaxes_in_another_form_relaxes():
+    """Before the spectrum was a rival, a clock that is late was claimed in its place."""
+    hidden = problem(relaxing_by_a_power)
+    found = judge(hidden, SETTINGS, seed=1)
+    said = verdict(hidden, found)
+    assert said.state == "form_free" and said.model.cause == "relaxation" and not said.answer
+    assert found.posterior.holding(["viscoelastic"]) > 0.9 and not said.model.corrects_labels
+
+
+def test_a_gel_that_softens_in_another_form_softens():
+    hidden = problem(damaged)
+    found = judge(hidden, SETTINGS, seed=1)
+    said = verdict(hidden, found)
+    claimed = {group.names[0] for group in said.answer} | ({said.model.cause} if said.model else set())
+    assert said.state in ("identified", "form_free") and claimed <= {"mullins", "softening"}
+    assert found.posterior.holding(["mullins"]) > 0.9
+
+
+def test_a_form_counts_for_the_effect_that_it_generalises():
+    """All of a cause is known of a set that holds the effect, and its own share of one that holds something unknown."""
+    one = Weighed(
+        {"relaxation": 3.0, "smooth": 3.0},
+        {"relaxation": -0.7, "smooth": -0.7},
+        {"relaxation": ("a",), "smooth": ()},
+    )
+    known = Posterior({}, {}, {frozenset({"a"}): 4.0, frozenset({"unknown"}): 4.0}, {frozenset(): one}, 2, {})
+    both = known.probability[frozenset({"a"})], known.probability[frozenset({"unknown"})]
+    assert one.share_of({"a"}) == pytest.approx(0.5)
+    assert known.holding(["a"]) == pytest.approx(both[0] + both[1] / 2)
+    assert known.causes["relaxation"] == pytest.approx(known.holding(["a"]))
+    assert known.causes["smooth"] == pytest.approx(both[1] / 2)
+
+
+def test_each_cause_is_as_likely_as_all_manners_without_one(modulus):
+    one = modulus[1].posterior.unknown[frozenset()]
+    causes = {own.words for own in modulus[0].modules if own.tells}
+    share = 1 / (len(causes) + 1)
+    assert [one.priors[words] for words in causes] == pytest.approx([np.log(share)] * len(causes))
+    assert sum(np.exp(p) for words, p in one.priors.items() if words not in causes) == pytest.approx(share)
+
+
+def terms(context):
+    """Return the changes by the terms of the energy, as the solver would give them."""
+    flat = context.observations.flat(context.force)
+    return [
+        Candidate(TERM.name, shape, (k + 1.0) * flat[:, None], TERM.widths, np.zeros(1, int))
+        for k, shape in enumerate(TERM.shapes(context))
+    ]
+
+
+def test_a_study_has_the_terms_of_the_energy_that_make_the_map():
+    context = replace(artificial.context(3, per_side=3), study=specimens.study())
+    own = next(one for one in modules_of(context, terms(context)) if one.name == "strain_energy")
+    amounts = np.array([0.4, -0.2, 0.1, 0.3])
+    study = own.to_study(own.to_study(context.study, own.basis @ amounts), own.basis @ amounts)
+    correction = study.mechanics.effects.material.energy_correction
+    expected = 2 * TERM.widths[0] * amounts  # twice over
+    assert [correction["gel"].c2, correction["gel"].c3] == pytest.approx(expected[:2])
+    assert [correction["skin"].c2, correction["skin"].c3] == pytest.approx(expected[2:])
+    gel = (own.map["quantity"] == "gel's dW/dI1").to_numpy() & (own.map["I1_less_3"] == 0.5).to_numpy()
+    assert (own.basis @ amounts)[gel] == pytest.approx(TERM.widths[0] * (0.4 * 2 * 0.5 - 0.2 * 3 * 0.25))
+
+
+def test_a_study_has_the_branches_of_a_spectrum():
+    context = replace(artificial.context(3, per_side=3), study=specimens.study())
+    own = next(one for one in modules_of(context, ()) if one.name == "relaxation")
+    gel = (own.map["quantity"] == "gel's relative modulus").to_numpy()
+    moduli = np.where(gel, 0.05, -0.1)  # a negative one is none
+    moduli[0] = 0.0
+    branches = own.to_study(context.study, moduli).mechanics.effects.history.viscoelastic
+    assert list(branches) == ["gel"] and branches["gel"].relative_moduli == [0.05] * (gel.sum() - 1)
+    assert branches["gel"].times_s == own.map["relaxation_time_s"][gel].tolist()[1:]
+    assert own.to_study(context.study, -np.abs(moduli)) == context.study
+    assert own.effect.history
 
 
 @pytest.fixture(scope="module")

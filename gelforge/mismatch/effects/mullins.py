@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -55,9 +55,17 @@ def lost_share(context: Context, m: float) -> np.ndarray:
     Ogden & Roxburgh 1999 (doi 10.1098/rspa.1999.0431). m [kPa]. The points share the reading's energy evenly. Their peak is
     the largest that an earlier press left there, or this indentation so far.
     """
-    table, sites, energies = context.observations.table, context.observations.sites, Energies(context)
+    lost = np.zeros(len(context.observations.table))
+    for rows, W, peak in histories(context, Energies(context)):
+        lost[rows] = erf((peak - W) / (m + BETA * peak)).mean(axis=1)
+    return lost
+
+
+def histories(context: Context, energies: Energies) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield press by press the readings' numbers (r,), energy densities and largest so far (r, points) [kPa]."""
+    table, sites = context.observations.table, context.observations.sites
     depth, site = table["depth_mm"].to_numpy(float).clip(0), table["site"].to_numpy()
-    lost, deepest = np.zeros(len(table)), np.zeros(len(sites))  # before, at each site
+    deepest = np.zeros(len(sites))  # before, at each site
     for rows in table.groupby("press", sort=False).indices.values():
         s, d = site[rows[0]], depth[rows][:, None]
         at = energies.reach_at(d)[..., None] * POINTS  # (rows, points, 2) from the indentation's axis
@@ -66,27 +74,31 @@ def lost_share(context: Context, m: float) -> np.ndarray:
         for other in np.flatnonzero(deepest):
             r = np.linalg.norm(at + sites[s] - sites[other], axis=-1)
             peak = np.maximum(peak, energies.density(int(other), deepest[other], r))
-        lost[rows] = erf((peak - W) / (m + BETA * peak)).mean(axis=1)
+        yield rows, W, peak
         deepest[s] = max(deepest[s], float(table["deepest_mm"].iloc[rows[0]]))
-    return lost
 
 
 class Energies:
     """Energy densities under presses: all of an indentation's work, even over the height, falling away from its axis.
 
     As (1 + (r / b)^2)^-2: far away as r^-4, as under a point force on a half-space (Boussinesq); b is the contact's radius
-    and WIDER heights.
+    and some heights.
     """
 
-    def __init__(self, context: Context):
+    def __init__(self, context: Context, wider: float = WIDER):
         table = context.observations.table
         self.height = context.study.sensor.height_mm
         R = min(part.radius_mm for part in context.study.indenter.shapes)
         self.depths = np.linspace(0.0, max(table["depth_mm"].max(), table["deepest_mm"].max()), KNOTS)
         contact = np.sqrt(np.clip(2 * R * self.depths - self.depths**2, (0.1 * R) ** 2, R**2))
-        self.reach = contact + WIDER * self.height  # mm
+        self.reach = contact + wider * self.height  # mm
         pushing = [-context.curves.at(s, self.depths)[:, 2] for s in range(len(context.observations.sites))]
         self.work = cumulative_trapezoid(pushing, self.depths, initial=0.0)  # (sites, KNOTS) [mJ]
+
+    @property
+    def largest(self) -> float:
+        """Return the largest energy density [kPa] of all sites' curves."""
+        return float(max(self.density(s, self.depths[-1], np.zeros(())) for s in range(len(self.work))))
 
     def reach_at(self, depth: np.ndarray) -> np.ndarray:
         """Return b [mm] at depths [mm]."""

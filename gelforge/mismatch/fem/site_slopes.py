@@ -14,14 +14,13 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.sensitivities import Derivative, Variation
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mechanics.solving.equilibrium import NotConverged
-from gelforge.mismatch.effects import with_taken
 from gelforge.mismatch.fem.solutions import Solver, along_laws, each_derivative
 from gelforge.mismatch.fem.solver import asked_of, felt_by, forgetting
 from gelforge.mismatch.fem.stored import described, place_digest, write_stored
+from gelforge.mismatch.free_forms import asked_for
 from gelforge.mismatch.model.context import Context
 from gelforge.mismatch.model.images_of_presses import image_of
 from gelforge.mismatch.readings.observations import PLACE_DIGITS
-from gelforge.mismatch.terms.body_map import BOX
 from gelforge.mismatch.terms.candidates import effects_of_forces
 
 ZERO_BY = (
@@ -71,7 +70,7 @@ def slopes_of_site(solver: Solver, cell: PlannedCell) -> SiteSlopes:
 def asked_at(solver: Solver, planned: PlannedCell) -> dict[str, tuple[Variation, dict]]:
     """Return what is differentiated along at a place by name, each with its effect, parameter, unit and shape."""
     blank = Context.before_readings(solver.study)  # all that there could be
-    effects = [*with_taken(effects_of_forces(solver.study).values()), BOX]
+    effects = asked_for(solver.study, effects_of_forces(solver.study).values())
     found: dict[str, tuple[Variation, dict]] = {}
     known = []
     for zero_by in ZERO_BY:

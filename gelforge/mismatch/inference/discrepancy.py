@@ -23,7 +23,7 @@ from gelforge.mismatch.evidence.screen import SCALES, evidence
 from gelforge.mismatch.inference.fits import CURVED_SNR
 from gelforge.mismatch.result.verdict import SURE
 from gelforge.mismatch.terms.holdout import Blocks, Gain, gain, predictive_scores
-from gelforge.mismatch.terms.modules import Module
+from gelforge.mismatch.terms.module import Module
 from gelforge.mismatch.terms.problem import Problem, secant
 from gelforge.mismatch.terms.refit import Refitted
 from gelforge.mismatch.terms.unknown import FROM_PLACE_TO_PLACE, WITH_DEPTH, Manner, Span, manners
@@ -56,6 +56,11 @@ class Modelled:
     def sure(self) -> bool:
         """Return whether it is a cause, as probable as a claim has to be."""
         return self.module is not None and self.module.tells and self.probability >= SURE
+
+    @property
+    def form_of(self) -> tuple[str, ...]:
+        """Return the effects that are the same cause in another form."""
+        return () if self.module is None else self.module.form_of
 
     @property
     def of_place(self) -> bool:

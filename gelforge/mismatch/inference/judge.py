@@ -81,7 +81,7 @@ def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Jud
     model, note = None, ""
     if blocks.held_out.any() and (answer is None or out or _wanting(answer)):
         stage("a model of what no known effect explains")
-        model, note = _modelled(problem, manners, blocks, None if out else answer, found.manners)
+        model, note = _modelled(problem, manners, blocks, None if out else answer, found.causes)
         answer = answer if out else _beside_cause(problem, answer, model)
     notes += [note] if note else []
     return Judgement(_state(answer, out, model), blocks, mismatch, found, answer, model, tuple(notes), out)
@@ -97,16 +97,22 @@ def _modelled(
     """Return what is modelled with a free form, where it predicts, and what failed: beside the sure effects, if they lead.
 
     An effect that changes the readings by less than what is modelled beside it is no form of what is missing; beside a cause
-    of its own it is another one. chances: of the manners.
+    of its own it is another one. One that is a form of that cause is not beside it. chances: of the manners.
     """
-    if answer is not None and answer.sure:
+    alone = modelled(problem, manners, blocks, chances=chances)
+    if answer is not None and answer.sure and not _of_one_cause(alone, answer):
         left = problem.observations.flat(problem.observations.force - answer.after)
         found = modelled(problem, manners, blocks, answer.fit, left, chances)
         both = problem.covariance.whiten(np.column_stack([found.change, problem.residual - left]))
         more, own = np.linalg.norm(both, axis=0)
         if more < own or found.sure:
             return _where_it_predicts(problem, found, blocks, answer.fit, left)
-    return _where_it_predicts(problem, modelled(problem, manners, blocks, chances=chances), blocks)
+    return _where_it_predicts(problem, alone, blocks)
+
+
+def _of_one_cause(model: Modelled, answer: Answer) -> bool:
+    """Return whether all that an answer claims are forms of the cause that is modelled, which is sure."""
+    return model.sure and {group.members[0] for group in answer.sure} <= set(model.form_of)
 
 
 def _beside_cause(problem: Problem, answer: Answer | None, model: Modelled | None) -> Answer | None:

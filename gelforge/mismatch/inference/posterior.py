@@ -69,22 +69,40 @@ class Posterior:
         return sorted(self.sets, key=lambda effects: -self.weight(effects))
 
     def holding(self, names: Iterable[str]) -> float:
-        """Return the probability that one of some effects at least is part of what is missing."""
+        """Return the probability that one of some effects at least is part of what is missing, in its form or a free one."""
         wanted = set(names)
-        return float(min(sum(p for effects, p in self.probability.items() if effects & wanted), 1.0))
+        own = sum(p for effects, p in self.probability.items() if effects & wanted)
+        free = sum(
+            self.probability[effects | {UNKNOWN}] * one.share_of(wanted)
+            for effects, one in self.unknown.items()
+            if not effects & wanted
+        )
+        return float(min(own + free, 1.0))
 
     @cached_property
     def manners(self) -> dict[str, float]:
-        """Return the probability of each manner of a discrepancy, in words: they add up to that of a discrepancy.
-
-        Beside the same effects one manner is as likely before the readings as another, and its evidence counts for WORTH.
-        """
+        """Return the probability of each manner of a discrepancy, in words: they add up to that of a discrepancy."""
         found: dict[str, float] = {}
         for effects, one in self.unknown.items():
-            shares = normalised({words: WORTH * factor for words, factor in one.factors.items()})
-            for words, share in shares.items():
+            for words, share in one.shares.items():
                 found[words] = found.get(words, 0.0) + share * self.probability[effects | {UNKNOWN}]
         return found
+
+    @cached_property
+    def causes(self) -> dict[str, float]:
+        """Return the probability of each manner, in words, or of its cause in the catalogue's form and nothing unknown."""
+        forms = self.unknown[NOTHING].forms
+        return {
+            words: min(
+                p + sum(own for effects, own in self.probability.items() if self._is(effects, forms[words])),
+                1.0,
+            )
+            for words, p in self.manners.items()
+        }
+
+    @staticmethod
+    def _is(effects: Effects, forms: Iterable[str]) -> bool:
+        return UNKNOWN not in effects and bool(effects & set(forms))
 
     def classes(self, effects: Effects) -> frozenset[Effects]:
         """Return the classes of a set's effects."""

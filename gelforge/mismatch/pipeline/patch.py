@@ -10,7 +10,7 @@ import pandas as pd
 
 from gelforge.config import Study
 from gelforge.mismatch.model.effect import Effect
-from gelforge.mismatch.terms.modules import Module
+from gelforge.mismatch.terms.module import Module
 from gelforge.mismatch.terms.refit import Refitted
 
 

@@ -17,10 +17,10 @@ import pandas as pd
 from gelforge.config import Study
 from gelforge.csv_table import read_csv
 from gelforge.files import digest, file_sha256, write_text
-from gelforge.mismatch.effects import with_taken
 from gelforge.mismatch.evidence.covariance import readings_covariance
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import Base, base_of, forces_with
+from gelforge.mismatch.free_forms import asked_for, changes_of
 from gelforge.mismatch.inference.judge import Judgement, judge
 from gelforge.mismatch.model.context import Context, Curves
 from gelforge.mismatch.pipeline.experiments import with_experiments
@@ -30,7 +30,7 @@ from gelforge.mismatch.readings.observations import COLUMNS, Observations
 from gelforge.mismatch.result.verdict import SURE, NoiseCase, Provenance, Verdict
 from gelforge.mismatch.summary.effect_entries import group_entries
 from gelforge.mismatch.summary.findings import verdict_of, versions
-from gelforge.mismatch.terms.body_map import BOX, boxes_felt
+from gelforge.mismatch.terms.body_map import BOX
 from gelforge.mismatch.terms.candidates import candidates_of, effects_of_forces
 from gelforge.mismatch.terms.problem import Problem
 
@@ -113,7 +113,7 @@ def problem_of_case(
     observations = readings(table, sigma_N)
     effects = {name: e for name, e in effects_of_forces(solver.study).items() if not e.history}
     # All readings are needed: the curve that replaces the base has each of them.
-    own = base_of(solver, observations, [*with_taken(effects.values()), BOX])
+    own = base_of(solver, observations, asked_for(solver.study, effects.values()))
     base = own if case.column is None else with_curve(own, table[case.column].to_numpy(), effects)
     failed = dict(base.failed)
     candidates = candidates_of(base.context, effects, failed)
@@ -128,7 +128,7 @@ def problem_of_case(
     covariance = readings_covariance(base.context, base.law, floor, base.alike)
     problem = Problem(
         observations, base.context.force, covariance, candidates, effects, forces, failed,
-        solver.study.mismatch.change_error, boxes_felt(base.context),
+        solver.study.mismatch.change_error, [one for one in changes_of(base.context) if one.name == BOX.name],
     )  # fmt: skip
     return problem, base.context
 

@@ -20,6 +20,7 @@ from gelforge.mismatch.fem.known import with_known
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import Amounts, Base, forces_with, read_with
 from gelforge.mismatch.fem.unsolved import base_where_solved
+from gelforge.mismatch.free_forms import asked_for, changes_of, modules_of
 from gelforge.mismatch.goodness.spikes import without_spikes
 from gelforge.mismatch.images.flow import force_part, with_flow
 from gelforge.mismatch.inference.judge import Judgement, judge
@@ -40,9 +41,8 @@ from gelforge.mismatch.result.verdict_tables import (
 from gelforge.mismatch.summary.findings import readings_table, taken_over, verdict_of, versions
 from gelforge.mismatch.summary.flow_section import after_of, flow_section, flow_table
 from gelforge.mismatch.summary.model_section import correction_table
-from gelforge.mismatch.terms.body_map import BOX, body_map, boxes_felt
+from gelforge.mismatch.terms.body_map import BOX, body_map
 from gelforge.mismatch.terms.candidates import candidates_of, effects_of_forces
-from gelforge.mismatch.terms.modules import modules_of
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.progress import stage
 from gelforge.recording.imaging.images import reference_path
@@ -204,7 +204,7 @@ def problem_of(solver: Solver, observations: Observations, recorded: bool = True
     recorded: False of a plan, whose forces mean nothing.
     """
     effects = effects_of_forces(solver.study)
-    asked = [*with_taken(effects.values()), *([BOX] if recorded else [])]
+    asked = asked_for(solver.study, effects.values()) if recorded else with_taken(effects.values())
     stage("forces of the simulation, and how they follow the effects")
     base = with_known(base_where_solved(solver, observations, asked), solver)
     observations = base.context.observations
@@ -217,7 +217,7 @@ def problem_of(solver: Solver, observations: Observations, recorded: bool = True
     failed = dict(base.failed)
     stage("changes of the readings by each effect")
     candidates = candidates_of(base.context, effects, failed)
-    boxes = boxes_felt(base.context) if recorded else ()
+    changes = changes_of(base.context) if recorded else []
 
     def chosen(parts: Sequence[Candidate], amounts: Sequence[np.ndarray]) -> list[Amounts]:
         return [(effects[part.name], part.shape, a) for part, a in zip(parts, amounts)]
@@ -232,8 +232,8 @@ def problem_of(solver: Solver, observations: Observations, recorded: bool = True
             lambda parts, amounts, rows: forces_with(solver, base, chosen(parts, amounts), rows),
             failed,
             solver.study.mismatch.change_error,
-            boxes,
-            modules_of(base.context, boxes) if recorded else (),
+            [one for one in changes if one.name == BOX.name],
+            modules_of(base.context, changes) if recorded else (),
             lambda parts, amounts, change: read_with(
                 base, chosen(parts, amounts), base.context.force + change
             ),

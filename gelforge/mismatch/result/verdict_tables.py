@@ -31,7 +31,7 @@ FLOW_NUMBERS += [f"{name}_{axis}_px" for name in ("measured", "base", "sigma") f
 FLOW_OPTIONAL = ["after_u_px", "after_v_px"]
 CORRECTION_NUMBERS = ["x_mm", "y_mm", "depth_mm"]
 CORRECTION_NUMBERS += [f"{name}_{axis}_N" for axis in "xyz" for name in ("base", "change", "sigma")]
-MODULE_PLACES = ["x_mm", "y_mm", "z_mm", "session", "time_s"]
+MODULE_OF = ["x_mm", "y_mm", "z_mm", "session", "time_s", "relaxation_time_s", "peak", "gone", "I1_less_3"]
 BODY_MAP_NUMBERS = ["x_mm", "y_mm", "z_mm", "change", "sigma"]  # patch centre; modulus change, relative
 
 
@@ -80,16 +80,18 @@ def write_correction(folder: str | Path, table: pd.DataFrame | None) -> None:
 
 
 def write_module(folder: str | Path, table: pd.DataFrame | None) -> None:
-    """Write module.csv, or remove it where there is none: one row per quantity and place, or press.
+    """Write module.csv, or remove it where there is none: one row per quantity and what it is a function of.
 
-    quantity (text); x_mm, y_mm of a place, z_mm of a box's middle, or session and time_s of an indentation's first
-    reading, as the map has them; mean and sigma (standard deviation) of the map there in unit ("1": a share).
+    quantity (text); x_mm, y_mm of a place, z_mm of a box's middle; session and time_s of an indentation's first reading;
+    relaxation_time_s; peak (largest energy so far over the largest of all) and gone (share of it that is gone now);
+    I1_less_3 (the invariant I1 - 3), as the map has them; mean and sigma (standard deviation) of the map there
+    in unit ("1": a share).
     """
     path = Path(folder) / MODULE
     if table is None:
         path.unlink(missing_ok=True)
     else:
-        own = [name for name in MODULE_PLACES if name in table]
+        own = [name for name in MODULE_OF if name in table]
         _write_table(path, table, ["quantity", *own, "unit", "mean", "sigma"], [])
 
 

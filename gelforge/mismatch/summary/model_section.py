@@ -47,12 +47,8 @@ def in_words(model: Modelled) -> str:
     assert table is not None and module is not None  # of a cause
     best = table.loc[(table["mean"].abs() / table["sigma"]).idxmax()]
     unit, share = (" %", 100.0) if best["unit"] == "1" else (f" {best['unit']}", 1.0)
-    if "x_mm" in table:
-        where = f"near ({best['x_mm']:.4g}, {best['y_mm']:.4g}) mm"
-        where += f", {-best['z_mm']:.3g} mm below the surface" if "z_mm" in table else ""
-    else:
-        where = f"{best['time_s']:.4g} s into {best['session']}"
-    return f"{module.says}: {best['quantity']} {share * best['mean']:+.2g} ± {share * best['sigma']:.1g}{unit} {where}"
+    size = f"{share * best['mean']:+.2g} ± {share * best['sigma']:.1g}{unit}"
+    return f"{module.says}: {best['quantity']} {size} {module.where(best)}"
 
 
 def _of_readings(problem: Problem, entries: np.ndarray) -> np.ndarray:

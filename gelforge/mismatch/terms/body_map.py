@@ -15,10 +15,7 @@ import pandas as pd
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.mismatch.evidence.places import SPACING, FirstOrderAt, lines
-from gelforge.mismatch.evidence.screen import Candidate
-from gelforge.mismatch.model.context import Context
 from gelforge.mismatch.model.effect import Effect, Parameter, Shape
-from gelforge.mismatch.terms.candidates import candidates_of
 from gelforge.mismatch.terms.problem import Problem
 
 LEVELS = 3  # at least: the thickest part of the layers is halved until there are as many
@@ -73,11 +70,6 @@ BOX = Effect(
     to_forces=FirstOrderAt("box_modulus", boxes),
     shapes=lambda context: boxes(context.study),
 )
-
-
-def boxes_felt(context: Context) -> list[Candidate]:
-    """Return the linear change of the readings by the modulus of every box that they can show and that was solved."""
-    return candidates_of(context, {BOX.name: BOX}, {})
 
 
 def body_map(problem: Problem) -> pd.DataFrame | None:

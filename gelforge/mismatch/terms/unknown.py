@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import logsumexp
 
+from gelforge.mismatch.evidence.alternatives import WORTH, normalised
 from gelforge.mismatch.evidence.covariance import Covariance, Draws
 from gelforge.mismatch.evidence.screen import SCALES, Candidate, chance_of, evidence, log_evidence
 from gelforge.mismatch.terms.problem import Problem
@@ -41,6 +42,16 @@ class Manner:
         None  # (n,) int, groups of entries that differ each by itself; None: all together
     )
 
+    @property
+    def is_cause(self) -> bool:
+        """Return whether it is physics that can be claimed, with a form of its own."""
+        return False
+
+    @property
+    def generalises(self) -> tuple[str, ...]:
+        """Return the effects of the catalogue that are the same cause in another form."""
+        return ()
+
     def beside(self, covariance: Covariance, scale: float) -> Covariance:
         """Return the covariance of n entries with this manner at a scale of its plausible size."""
         wide = scale * self.directions
@@ -58,16 +69,29 @@ class Weighed:
     factors: Mapping[
         str, float
     ]  # by manner, in words: log, against the same without it, averaged over scales
+    priors: Mapping[str, float]  # by manner, log: each cause is as likely as all manners without one together
+    forms: Mapping[str, tuple[str, ...]]  # by manner: effects that are the same cause in another form
 
     @property
     def log_bayes_factor(self) -> float:
         """Return the log evidence against the same without it, averaged over manners."""
-        return float(logsumexp(list(self.factors.values())) - np.log(len(self.factors)))
+        return float(logsumexp([factor + self.priors[words] for words, factor in self.factors.items()]))
+
+    @cached_property
+    def shares(self) -> dict[str, float]:
+        """Return the probability of each manner if one of them is there; evidence counts for WORTH."""
+        return normalised(
+            {words: WORTH * factor + self.priors[words] for words, factor in self.factors.items()}
+        )
 
     @property
     def manner(self) -> str:
         """Return the likeliest, in words."""
-        return max(self.factors, key=self.factors.__getitem__)
+        return max(self.shares, key=self.shares.__getitem__)
+
+    def share_of(self, names: set[str]) -> float:
+        """Return the probability that it is a cause which is one of some effects in another form, if it is there."""
+        return sum(share for words, share in self.shares.items() if names & set(self.forms[words]))
 
     @property
     def p(self) -> float:
@@ -103,7 +127,14 @@ def weighed_unknown(
                 log_evidence(residual, manner.beside(covariance, scale), parts) - without for scale in SCALES
             ]
         found[manner.words] = float(logsumexp(factors) - np.log(len(factors)))
-    return Weighed(found)
+    return Weighed(found, _priors(manners), {manner.words: manner.generalises for manner in manners})
+
+
+def _priors(manners: Sequence[Manner]) -> dict[str, float]:
+    """Return log priors of manners: one share for each cause, and one that all manners without a cause have together."""
+    plain = sum(not manner.is_cause for manner in manners)
+    share = -np.log(len(manners) - plain + (plain > 0))
+    return {manner.words: float(share if manner.is_cause else share - np.log(plain)) for manner in manners}
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,73 @@
+"""The relaxation of the gel, and of the skin, as a smooth spectrum: what one relaxation time does not follow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from gelforge.config import Study
+from gelforge.indentation.effects.catalogue import gel_layers, skin_layer, with_keys
+from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.effects.viscoelastic import STIFFNESS, overstress, shapes
+from gelforge.mismatch.evidence.screen import Candidate
+from gelforge.mismatch.model.context import Context
+from gelforge.mismatch.terms.module import FreeForm, Module, blocks
+from gelforge.mismatch.terms.unknown import modes
+
+COSINES = 5  # over the logarithm of the time
+LEAST = 1e-4  # relative modulus of a branch in a patched study, below which there is none
+
+
+def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
+    """Return spectra of the layers under the skin and of the skin; none where all was read at first touch."""
+    effect, phases = CATALOGUE["viscoelastic"], context.observations.table["phase"]
+    if not effect.applies(context.study) or not phases.isin(["dwell", "unload"]).any():
+        return []
+    times: dict[str, list[float]] = {}
+    for shape in shapes(context):
+        if STIFFNESS[str(shape["part"])] in context.derivatives:
+            times.setdefault(str(shape["part"]), []).append(float(shape["time_s"]))
+    return [_spectra(context, {part: np.array(own) for part, own in times.items()})] if times else []
+
+
+def _spectra(context: Context, times: Mapping[str, np.ndarray]) -> Module:
+    """Return relative moduli at relaxation times [s] by part: together as wide as the catalogue's one branch."""
+    (branch,) = CATALOGUE["viscoelastic"].parameters
+    flat, directions, basis, maps = context.observations.flat, [], [], []
+    for part, own in times.items():
+        smooth = branch.width / np.sqrt(len(own)) * modes(np.log(own), min(COSINES, len(own)))
+        columns = np.column_stack([flat(overstress(context, STIFFNESS[part], tau)) for tau in own])
+        directions.append(columns @ smooth)
+        basis.append(smooth)
+        maps.append(pd.DataFrame({"quantity": f"{part}'s relative modulus", "relaxation_time_s": own}))
+    return Module(
+        words="relaxation over the time",
+        directions=np.column_stack(directions),
+        name="relaxation",
+        says="the layers relax with a spectrum of times",
+        map=pd.concat(maps, ignore_index=True),
+        basis=blocks(basis),
+        unit="1",
+        of_labels=False,  # it depends on the time of a press, which labels by place and depth do not have
+        where=lambda row: f"of what relaxes in {row['relaxation_time_s']:.3g} s",
+        form_of=("viscoelastic",),
+        to_study=lambda study, moduli: _with_branches(study, times, moduli),
+        history=True,
+    )
+
+
+def _with_branches(study: Study, times: Mapping[str, np.ndarray], moduli: np.ndarray) -> Study:
+    """Return the study with overstresses of relative moduli (G,), part by part; a negative one is none."""
+    ends, branches = np.cumsum([len(own) for own in times.values()])[:-1], {}
+    for (part, own), values in zip(times.items(), np.split(moduli, ends)):
+        kept = values > LEAST
+        names = gel_layers(study) if part == "gel" else [skin_layer(study)]
+        if kept.any():
+            branch = {"relative_moduli": values[kept].tolist(), "times_s": own[kept].tolist()}
+            branches |= dict.fromkeys(names, branch)
+    return with_keys(study, history={"viscoelastic": branches}) if branches else study
+
+
+FREE_FORM = FreeForm("relaxation", modules)
