@@ -3,7 +3,7 @@
 usage: python benchmarks/networks.py [results/demo] [--seeds 1 2 3] [--networks unet unet-turned cnn paper paper-converged]
        (one thread; the demo: two minutes a seed for unet, eight for paper)
 
-Prints a Markdown table: medians over seeds, which also draw the orbits that watch the loss. The paper's network is trained
+Prints a Markdown table: medians over seeds, which also draw the validation orbits. The paper's network is trained
 as the article does, with the epoch of the least validation loss.
 """
 

@@ -119,7 +119,7 @@ for answer in verdict["answer"]:
 print(Path("out/config.patch.yaml").read_text())
 
 # %% [markdown]
-# The true one is named, and 0.06 mm/N lies inside its interval. Where readings cannot tell several apart the answer is a group with the experiment that
+# The true one is named, and 0.06 mm/N lies inside its interval. Where readings cannot distinguish several the answer is a group with the experiment that
 # would decide; `gelforge mismatch plan` then says what to record next. `out/report.html` has the whole page.
 
 # %%
