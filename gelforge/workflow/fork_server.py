@@ -171,12 +171,16 @@ def digest() -> str:
 @cache
 def load(command: str) -> None:
     """Load what a command needs, once."""
+    from contextlib import suppress
     from importlib import import_module
 
     if command in SOLVING:
         load_solver()
     elif command in IMPORTS:
-        import_module(IMPORTS[command])
+        with suppress(
+            ModuleNotFoundError
+        ):  # an extra that this study may not need; else its fork names the extra
+            import_module(IMPORTS[command])
 
 
 @cache

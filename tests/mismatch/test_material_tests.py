@@ -307,6 +307,13 @@ def test_the_gel_under_the_probe_sticks():
 
 
 @shared_data.needs_shared
+def test_cells_whose_records_end_before_the_probe_is_free_relax():
+    """Their withdrawal ends below the contact point, so no height at which the probe comes free is tried."""
+    found = {name: v for name, v in shared("afm_indentation").items() if name.startswith("cell-")}
+    assert len(found) == 3 and all(named_in(v) == ["viscoelastic"] for v in found.values())
+
+
+@shared_data.needs_shared
 def test_the_two_load_cells_differ_in_gain_and_nothing_else():
     (verdict,) = shared("two_loadcells").values()
     assert verdict.state == "identified" and named_in(verdict) == ["force_gain"]

@@ -151,3 +151,9 @@ def test_commands_of_the_rules_are_those_that_are_loaded_for():
     once = {"report"}  # one job of a study, and nothing of it is another's
     assert commands - once == fork_server.SOLVING | set(fork_server.IMPORTS)
     assert all(find_spec(module) for module in fork_server.IMPORTS.values())
+
+
+def test_an_extra_that_is_not_installed_does_not_end_the_server(monkeypatch):
+    """A study of labels alone makes its tables without PyTorch."""
+    monkeypatch.setitem(fork_server.IMPORTS, "of an extra", "gelforge_needs_what_is_not_there")
+    fork_server.load("of an extra")

@@ -84,7 +84,7 @@ def print_force_depth(study: Study, cell) -> None:
         "Fy [N]",
         "Fz [N]",
         "± mesh",
-        "± constitutive model",
+        "± model",
         "touch",
         "slip",
         last,

@@ -208,13 +208,13 @@ def _adhesions(d, press, reduced, deepest, push) -> list[Candidate]:
     names = list(dict.fromkeys(press.segment))
     last = press.segment == names[-1]
     turn = float(d[last].max())
-    above = -d[last & (d < 0)]
-    heights = np.r_[
-        0.0, deepest * np.sinh(np.linspace(0, np.arcsinh(8 * above.max() / deepest), HEIGHTS)[1:]) / 8
-    ]
+    above = max(
+        -float(d[last].min()), 0.0
+    )  # none where the record ends before the ball is back at the surface
+    heights = deepest * np.sinh(np.linspace(0, np.arcsinh(8 * above / deepest), HEIGHTS)) / 8
     found = []
     for way in (0.5, 2.0):
-        for height in heights:
+        for height in np.unique(heights):
             attached = last & (d > -height)
             shape = reduced(np.where(attached, -np.expm1(-(turn - d) / (way * deepest)), 0.0))
             found.append(
