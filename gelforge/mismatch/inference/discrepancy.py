@@ -26,7 +26,7 @@ from gelforge.mismatch.terms.holdout import Blocks, Gain, gain, predictive_score
 from gelforge.mismatch.terms.module import Module
 from gelforge.mismatch.terms.problem import Problem, secant
 from gelforge.mismatch.terms.refit import Refitted
-from gelforge.mismatch.terms.unknown import FROM_PLACE_TO_PLACE, WITH_DEPTH, Manner, Span, manners
+from gelforge.mismatch.terms.unknown import FROM_PLACE_TO_PLACE, WITH_DEPTH, Manner, Span, log_priors, manners
 
 MOST_SOLUTIONS = 2  # of the study with the map of a cause
 FARTHEST_MM = 6.0  # from the nearest site that it was learnt from, beyond which a change from place to place is not known
@@ -118,7 +118,7 @@ def modelled(
     left: np.ndarray | None = None,
     chances: Mapping[str, float] = MappingProxyType({}),
 ) -> Modelled:
-    """Return the manner that the training readings find likeliest beside a fit, or alone, learnt from these and from all.
+    """Return the manner that the training readings make most probable beside a fit, or alone, learnt from them and from all.
 
     left (n,) [N]: what the fit leaves of all readings; chances: of manners, by all readings. What each indentation has of
     its own predicts no other and is not tried. Whether the readings held out confirm it is for the caller to ask (`gain`).
@@ -130,7 +130,11 @@ def modelled(
         if manner.each is None
         for scale in SCALES
     }
-    by_manner = {k: logsumexp([v for (j, _), v in evidence.items() if j == k]) for k, _ in evidence}
+    priors = log_priors(tried)
+    by_manner = {
+        k: WORTH * logsumexp([v for (j, _), v in evidence.items() if j == k]) + priors[tried[k].words]
+        for k, _ in evidence
+    }
     likeliest = tried[max(by_manner, key=by_manner.__getitem__)]
     chance = min(chances.get(likeliest.words, 0.0), 1.0)
     return _learnt(problem, base, blocks, likeliest, likeliest.directions, chance)

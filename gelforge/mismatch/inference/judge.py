@@ -111,8 +111,8 @@ def _modelled(
 
 
 def _of_one_cause(model: Modelled, answer: Answer) -> bool:
-    """Return whether all that an answer claims are forms of the cause that is modelled, which is sure."""
-    return model.sure and {group.members[0] for group in answer.sure} <= set(model.form_of)
+    """Return whether all that an answer claims may be the cause that is modelled, in another form."""
+    return all(set(model.form_of) & {*group.members, *group.or_else} for group in answer.sure)
 
 
 def _beside_cause(problem: Problem, answer: Answer | None, model: Modelled | None) -> Answer | None:

@@ -127,10 +127,10 @@ def weighed_unknown(
                 log_evidence(residual, manner.beside(covariance, scale), parts) - without for scale in SCALES
             ]
         found[manner.words] = float(logsumexp(factors) - np.log(len(factors)))
-    return Weighed(found, _priors(manners), {manner.words: manner.generalises for manner in manners})
+    return Weighed(found, log_priors(manners), {manner.words: manner.generalises for manner in manners})
 
 
-def _priors(manners: Sequence[Manner]) -> dict[str, float]:
+def log_priors(manners: Sequence[Manner]) -> dict[str, float]:
     """Return log priors of manners: one share for each cause, and one that all manners without a cause have together."""
     plain = sum(not manner.is_cause for manner in manners)
     share = -np.log(len(manners) - plain + (plain > 0))
