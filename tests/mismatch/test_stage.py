@@ -17,6 +17,7 @@ from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.pipeline import stage
 from gelforge.mismatch.pipeline.stage import check_matches, judge_recording
+from gelforge.mismatch.readings import sessions
 from gelforge.mismatch.readings.sessions import observe, session_folders
 from gelforge.mismatch.result.verdict import read_verdict
 from gelforge.mismatch.result.verdict_tables import read_readings
@@ -294,3 +295,15 @@ def test_sessions_are_found_in_a_folder_of_recordings(session, tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(ConfigError, match="no session"):
         session_folders(tmp_path / "empty")
+
+
+def test_a_recording_is_read_once(session, kept, tmp_path, monkeypatch):
+    read, whole = [], sessions.read_recording
+
+    def counted(folder, *others):
+        read.append(folder)
+        return whole(folder, *others)
+
+    monkeypatch.setattr(sessions, "read_recording", counted)
+    judge_recording(solver(kept), [session], tmp_path, "stiffer")
+    assert read == [session]

@@ -28,6 +28,7 @@ from gelforge.mismatch.model.effect import Effect
 from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.terms.holdout import Blocks
 from gelforge.mismatch.terms.problem import Problem
+from gelforge.recording.readings import Recording
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,13 +45,13 @@ class FlowChannel:
         return len(self.forces.labels)
 
 
-def with_flow(solver: Solver, base: Base, problem: Problem, folders: Sequence[Path]) -> Problem:
+def with_flow(solver: Solver, base: Base, problem: Problem, sessions: Sequence[Path | Recording]) -> Problem:
     """Return the problem with the flow of its sessions' images; as it is, and reported, where they cannot be used.
 
     Raises SolverFailed where the gel's motion cannot be solved.
     """
     study = solver.study
-    seen = seen_flows(folders, problem.observations, study.sensor)
+    seen = seen_flows(sessions, problem.observations, study.sensor)
     if not seen:
         return _saying(problem, "images were not used: no session has a camera and images in its dwell rows")
     reason = _unfit(study, seen)

@@ -21,10 +21,11 @@ from scipy.stats import qmc
 
 from gelforge.config import Camera, Sensor, VirtualImaging, VirtualParticles, given
 from gelforge.mismatch.readings.observations import Observations
+from gelforge.mismatch.readings.sessions import read_all
 from gelforge.recording.imaging.flow import Flow, crop, read_grey
 from gelforge.recording.imaging.images import image_path, reference_path
 from gelforge.recording.optics.camera import image_axes, project
-from gelforge.recording.readings import Recording, read_recording
+from gelforge.recording.readings import Recording
 from gelforge.virtual_lab.imaging import draw, expose
 from gelforge.virtual_lab.particles import gel_boxes, place_particles
 
@@ -135,15 +136,16 @@ def _shares(pixels: int) -> np.ndarray:
     return np.clip(np.minimum(edges[1:], start + 1) - np.maximum(edges[:-1], start), 0, 1) * REGIONS / pixels
 
 
-def seen_flows(folders: Sequence[Path], observations: Observations, sensor: Sensor) -> list[Seen]:
+def seen_flows(
+    sessions: Sequence[Path | Recording], observations: Observations, sensor: Sensor
+) -> list[Seen]:
     """Return the flow of at most two depths at at most MOST_SITES sites, of sessions that have images and say their camera.
 
     Depths are the deepest with images and the one nearest half of it; sites the first, then always the farthest from those.
     """
     held = observations.table[observations.table["phase"].isin(["load", "dwell"])]
     found, recordings = [], {}
-    for folder in folders:
-        recording = read_recording(folder, None, sensor)
+    for recording in read_all(sessions, sensor):
         rows = recording.readings[
             (recording.readings["phase"] == "dwell") & (recording.readings["image"] != "")
         ]

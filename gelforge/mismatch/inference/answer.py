@@ -16,6 +16,7 @@ from gelforge.mismatch.evidence.screen import Screened
 from gelforge.mismatch.goodness.residual_tests import ResidualTests, residual_tests
 from gelforge.mismatch.inference.few_sites import at_few_sites
 from gelforge.mismatch.inference.fits import by_columns, fitted, forces_of, through_solutions
+from gelforge.mismatch.inference.placing import placed
 from gelforge.mismatch.inference.posterior import Effects, Posterior, posterior_of
 from gelforge.mismatch.inference.proof import Proof, folds_of, having_paid, proof_of
 from gelforge.mismatch.result.verdict import SURE
@@ -75,9 +76,12 @@ def explained(
     rng: np.random.Generator,
 ) -> tuple[Answer | None, list[str]]:
     """Return the answer to a mismatch, None where no effect could be fitted, and what went wrong on the way."""
+    seated, note = placed(problem, at_few_sites(problem))
+    if seated is not problem:
+        problem, posterior = seated, posterior_of(seated, manners)
     real = at_few_sites(problem)
     found = fitted(real, posterior, lambda seated: posterior_of(seated, manners))
-    notes, mode = [*found.notes], found.mode
+    notes, mode = [*found.notes, *([note] if note else [])], found.mode
     if mode is None:
         return None, notes
     problem, posterior = found.problem, found.posterior

@@ -118,14 +118,15 @@ def modelled(
     left: np.ndarray | None = None,
     chances: Mapping[str, float] = MappingProxyType({}),
 ) -> Modelled:
-    """Return the manner that the training readings make most probable beside a fit, or alone, learnt from them and from all.
+    """Return the manner that is most probable beside a fit, or alone, learnt from the training readings and from all.
 
-    left (n,) [N]: what the fit leaves of all readings; chances: of manners, by all readings. What each indentation has of
-    its own predicts no other and is not tried. Whether the readings held out confirm it is for the caller to ask (`gain`).
+    left (n,) [N]: what the fit leaves of all readings; chances: of manners. All readings choose it, as they choose effects;
+    what each indentation has of its own predicts no other and is not tried. Whether the readings held out confirm it is
+    for the caller to ask (`gain`).
     """
-    base = _Beside.of(problem, fit, left)
+    base, every = _Beside.of(problem, fit, left), np.ones(len(problem.labels), bool)
     evidence = {
-        (k, scale): base.evidence(scale * manner.directions, blocks.train)
+        (k, scale): base.evidence(scale * manner.directions, every)
         for k, manner in enumerate(tried)
         if manner.each is None
         for scale in SCALES

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gelforge.config import ConfigError, Study, load_session, write_yaml
+from gelforge.config import ConfigError, Session, Study, load_session, write_yaml
 from gelforge.files import digest, file_sha256
 from gelforge.laws_of_study import laws_and_doubts, material_laws_of
 from gelforge.mismatch.effects import with_taken
@@ -28,7 +28,7 @@ from gelforge.mismatch.pipeline.experiments import with_experiments
 from gelforge.mismatch.pipeline.patch import patch_of
 from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.readings.runs import DEPTH_DIGITS
-from gelforge.mismatch.readings.sessions import observe, session_folders
+from gelforge.mismatch.readings.sessions import observe, read_all, session_folders
 from gelforge.mismatch.result.verdict import PATCH, Provenance, Verdict, write_verdict
 from gelforge.mismatch.result.verdict_tables import (
     BODY_MAP,
@@ -46,6 +46,7 @@ from gelforge.mismatch.terms.candidates import candidates_of, effects_of_forces
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.progress import stage
 from gelforge.recording.imaging.images import reference_path
+from gelforge.recording.readings import Recording
 
 IMAGES_LEFT_OUT = (
     "sessions with a camera are judged by their forces alone (mismatch.images: left_out); `fitted` judges their images too,"
@@ -69,19 +70,25 @@ def judge_folder(
     """
     own = recording.resolve() == study.data_folder.resolve()  # of its own data a study chooses the sessions
     folders = session_folders(recording, study.sessions if own else ())
-    check_matches(folders, study)
-    solver = solver_of(study, out, list(laws), kept, workers, folders)
-    return judge_recording(solver, folders, out, f"{recording.name} against study {study.study}")
+    check_matches(folders, study)  # first: what belongs to another sensor need not be read
+    recordings = read_all(folders, study.sensor)
+    solver = solver_of(study, out, list(laws), kept, workers, recordings)
+    return judge_recording(solver, recordings, out, f"{recording.name} against study {study.study}")
 
 
 def solver_of(
-    study: Study, out: Path, laws: list[Path], kept: Path | None, workers: int, folders: Sequence[Path]
+    study: Study,
+    out: Path,
+    laws: list[Path],
+    kept: Path | None,
+    workers: int,
+    recorded: Sequence[Path | Recording],
 ) -> Solver:
     """Return the finite elements of a study; where every session calls the constants exact, its laws are certain."""
     if workers < 1:
         raise ConfigError(f"--workers {workers}: 1 or more are needed")
     by_material, uncertain = laws_and_doubts(material_laws_of(study, laws))
-    sessions = [load_session(folder / "session.yaml") for folder in folders]
+    sessions = [_session(one) for one in recorded]
     if sessions and all(session.base_parameters == "exact" for session in sessions):
         uncertain = {}
     study = study.model_copy(update={"variants": {}})  # an effect need not go together with them
@@ -100,19 +107,20 @@ def solver_of(
     )
 
 
-def judge_recording(solver: Solver, folders: Sequence[Path], out: Path, title: str) -> Verdict:
+def judge_recording(solver: Solver, sessions: Sequence[Path | Recording], out: Path, title: str) -> Verdict:
     """Judge sessions against the solver's study, write the stage's files into a folder and return the verdict.
 
     Raises RecordingError for a recording that cannot be read, SolverFailed where the base cannot be solved.
     """
     study = solver.study
     stage("readings")
-    observations, synthetic = observations_of(folders, study)
+    recordings = read_all(sessions, study.sensor)
+    observations, synthetic = observations_of(recordings, study)
     forces, base = problem_of(solver, observations)
     joint = forces
     if study.mismatch.images != "left_out":
         stage("images, and the motion of the gel at their presses")
-        joint = with_flow(solver, base, forces, folders)
+        joint = with_flow(solver, base, forces, recordings)
     problem = joint if study.mismatch.images == "fitted" else forces
     judgement = judge(problem, study.mismatch, study.seed)
     in_newtons, after = force_part(problem, judgement), after_of(joint, judgement)
@@ -122,7 +130,7 @@ def judge_recording(solver: Solver, folders: Sequence[Path], out: Path, title: s
         title,
         synthetic,
         study.sensor,
-        provenance_of(folders, study, solver),
+        provenance_of([one.folder for one in recordings], study, solver),
         flow=flow_section(joint, judgement, after),
     )
     stage("experiments that would tell effects apart")
@@ -161,11 +169,12 @@ def write_results(out: Path, verdict: Verdict, in_newtons: tuple[Problem, Judgem
         write_body_map(out, patches)
 
 
-def observations_of(folders: Sequence[Path], study: Study) -> tuple[Observations, bool]:
+def observations_of(recorded: Sequence[Path | Recording], study: Study) -> tuple[Observations, bool]:
     """Return what is judged of some sessions, at most the study's number of sites, and whether it is synthetic."""
     speed = study.mechanics.effects.history.timing.speed_mm_per_s
-    observations = observe(folders, study.sensor, speed, study.mismatch.contact_point_scatter_mm)
-    sessions = [load_session(folder / "session.yaml") for folder in folders]
+    recordings = read_all(recorded, study.sensor)
+    observations = observe(recordings, study.sensor, speed, study.mismatch.contact_point_scatter_mm)
+    sessions = [recording.session for recording in recordings]
     if study.mismatch.images == "left_out" and any(session.camera for session in sessions):
         observations = observations.saying(IMAGES_LEFT_OUT)
     return spread(observations, study), any(session.synthetic for session in sessions)
@@ -243,6 +252,10 @@ def problem_of(solver: Solver, observations: Observations, recorded: bool = True
         ),
         base,
     )
+
+
+def _session(recorded: Path | Recording) -> Session:
+    return recorded.session if isinstance(recorded, Recording) else load_session(recorded / "session.yaml")
 
 
 def provenance_of(folders: Sequence[Path], study: Study, solver: Solver) -> Provenance:

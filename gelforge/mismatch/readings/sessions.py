@@ -44,8 +44,13 @@ def session_folders(folder: str | Path, names: Sequence[str] = ()) -> list[Path]
     )
 
 
+def read_all(sessions: Sequence[Path | Recording], sensor: Sensor) -> list[Recording]:
+    """Return sessions read; what has been read stays as it is. Raises RecordingError as the reader does."""
+    return [one if isinstance(one, Recording) else read_recording(one, None, sensor) for one in sessions]
+
+
 def observe(
-    folders: Sequence[Path],
+    sessions: Sequence[Path | Recording],
     sensor: Sensor,
     speed_mm_per_s: float = SPEED_MM_PER_S,
     contact_point_scatter_mm: float | None = None,
@@ -54,7 +59,7 @@ def observe(
 
     contact_point_scatter_mm: in place of what the sessions state, of indentations or sessions as `depth_zero.by` says.
     """
-    recordings = [read_recording(folder, None, sensor) for folder in folders]
+    recordings = read_all(sessions, sensor)
     parts = [_of_session(recording, speed_mm_per_s, contact_point_scatter_mm) for recording in recordings]
     return with_contact_point(_with_order(_joined(parts)))
 

@@ -158,4 +158,5 @@ def _tried(problem: Problem, part: Candidate) -> Candidate:
     """Return a part that a refit has moved, at the place that was tried."""
     if part.moved_from is None:
         return part
-    return replace(part, shape=part.moved_from, moved_from=None, columns=problem.own(part).columns)
+    there = replace(part, shape=part.moved_from)
+    return replace(there, moved_from=None, columns=problem.columns_at(there))

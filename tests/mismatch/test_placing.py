@@ -1,0 +1,79 @@
+"""A strong defect between the places that are tried is placed before sets are weighed. ARTIFICIAL readings."""
+
+from dataclasses import replace
+
+import artificial
+import numpy as np
+import pytest
+from artificial_problem import SETTINGS
+from test_places_between import away, beside_the_middle, bubble, solvable
+
+from gelforge.mechanics.solving.equilibrium import NotConverged
+from gelforge.mismatch.inference.judge import judge
+from gelforge.mismatch.inference.placing import placed
+from gelforge.mismatch.terms.problem import FORM_ERROR
+
+
+def quiet_base():
+    """Return a base whose readings are so quiet that a bubble between two places is neither of them."""
+    base = artificial.context(62)
+    seen = base.observations
+    errors = ("noise_N", "zero_N", "press_depth_mm", "session_depth_mm")
+    return replace(base, observations=replace(seen, **{name: getattr(seen, name) / 10 for name in errors}))
+
+
+@pytest.fixture(scope="module")
+def hidden():
+    base = quiet_base()
+    there, spacing = beside_the_middle(0.45, 0.4)
+    read = artificial.read(base, base.force + bubble(base, there), np.random.default_rng(63))
+    return solvable(read), there, spacing
+
+
+def the_void(problem):
+    (found,) = [one for one in problem.candidates if one.name == "void" and one.moved_from is not None]
+    return found
+
+
+def test_a_strong_defect_is_put_where_it_is(hidden):
+    problem, there, spacing = hidden
+    seated, failure = placed(problem, problem)
+    found = the_void(seated)
+    assert not failure and away(found.shape, there) < 0.1 * spacing < away(found.tried, there)
+    assert seated.error_of(found) == FORM_ERROR and len(seated.candidates) == len(problem.candidates)
+    changed = [one for one, other in zip(seated.candidates, problem.candidates) if one is not other]
+    assert changed == [found]
+    true = problem.observations.flat(
+        problem.forces_with([found], [np.array([1.0])], np.ones(len(problem.base), bool))
+    )
+    assert found.columns[:, 0] == pytest.approx(
+        true - problem.observations.flat(problem.base), rel=0.2, abs=0.01
+    )
+
+
+def test_it_alone_is_identified(hidden):
+    problem, there, spacing = hidden
+    found = judge(problem, SETTINGS, seed=1)
+    assert found.state == "identified" and [group.members[0] for group in found.answer.sure] == ["void"]
+    (part,) = found.answer.fit.parts
+    assert away(part.shape, there) < 0.1 * spacing
+
+
+def test_what_is_no_strong_defect_leaves_the_problem_as_it_is(hidden):
+    base = artificial.context(62)
+    tilted = solvable(artificial.with_effect(base, "tilt", [3.0, -2.0], np.random.default_rng(5)))
+    assert placed(tilted, tilted) == (tilted, "")
+    there, _ = beside_the_middle(0.45, 0.4)
+    faint = artificial.read(base, base.force + bubble(base, there, 0.02), np.random.default_rng(63))
+    faint = solvable(faint)
+    assert placed(faint, faint) == (faint, "")
+
+
+def test_a_defect_that_cannot_be_solved_stays_where_it_was_tried(hidden):
+    problem, *_ = hidden
+
+    def refusing(parts, amounts, rows):
+        raise NotConverged("no equilibrium at 2 mm")
+
+    same, failure = placed(problem, replace(problem, forces_with=refusing))
+    assert same is problem and failure == "void could not be placed: no equilibrium at 2 mm"
