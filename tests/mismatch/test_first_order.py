@@ -23,6 +23,7 @@ from gelforge.mismatch.evidence.places import FirstOrderAt
 from gelforge.mismatch.fem.solver import key_of
 from gelforge.mismatch.model.context import Context
 from gelforge.mismatch.model.solver_effects import FirstOrder
+from gelforge.mismatch.terms.energy_terms import TERM
 
 LAWS = specimens.STUDY_LAWS
 PLACE, DEPTH = specimens.CORNER, 0.5  # off every line of symmetry
@@ -39,12 +40,13 @@ WITHIN = 0.02  # of the change, as the specification of the stage asks
 # gradient has 22 % too. For that reason the judge takes those along moves of the grid across 0.1 mm (test_press_paths).
 SHARE_OF_AMOUNT = {"misregistration": 0.2}
 
+EFFECTS = CATALOGUE | {TERM.name: TERM}  # and what a free form is made of
 NAMES = [
     name
-    for name, effect in CATALOGUE.items()
+    for name, effect in EFFECTS.items()
     if effect.to_study and effect.to_forces and not (effect.switch or effect.history or effect.unloading)
 ]
-CASES = [(name, k) for name in NAMES for k in range(len(CATALOGUE[name].parameters))]
+CASES = [(name, k) for name in NAMES for k in range(len(EFFECTS[name].parameters))]
 
 
 def friction(name):
@@ -61,9 +63,9 @@ def base(mu):
 
 def shape_of(name):
     """Return number and shape of what has several: the first, of places the nearest to the press; nothing of others."""
-    if not isinstance(CATALOGUE[name].to_forces, FirstOrderAt):
+    if not isinstance(EFFECTS[name].to_forces, FirstOrderAt):
         return None, {}
-    shapes = CATALOGUE[name].shapes(Context.before_readings(base(STICKS)))
+    shapes = EFFECTS[name].shapes(Context.before_readings(base(STICKS)))
     if "x_mm" not in shapes[0]:
         return 0, shapes[0]
     away = [np.hypot(shape["x_mm"] - PLACE[0], shape["y_mm"] - PLACE[1]) for shape in shapes]
@@ -71,17 +73,17 @@ def shape_of(name):
 
 
 def amounts(name, k, amount):
-    return amount * np.eye(len(CATALOGUE[name].parameters))[k]
+    return amount * np.eye(len(EFFECTS[name].parameters))[k]
 
 
 def step(name, k):
     """Return the amount over which differences are taken."""
-    parameter = CATALOGUE[name].parameters[k]
-    return SHARE_OF_AMOUNT.get(name, 1.0) * CATALOGUE[name].step * parameter.width * (parameter.sign or 1)
+    parameter = EFFECTS[name].parameters[k]
+    return SHARE_OF_AMOUNT.get(name, 1.0) * EFFECTS[name].step * parameter.width * (parameter.sign or 1)
 
 
 def varied(name, k, amount):
-    return CATALOGUE[name].to_study(base(friction(name)), shape_of(name)[1], amounts(name, k, amount))
+    return EFFECTS[name].to_study(base(friction(name)), shape_of(name)[1], amounts(name, k, amount))
 
 
 @cache
@@ -101,7 +103,7 @@ def derivatives_at(mu):
     """Return force and derivatives (1, 3) by key of all effects beside one base, as the judge takes them."""
     asked = {}
     for name, k in CASES:
-        effect = CATALOGUE[name]
+        effect = EFFECTS[name]
         if friction(name) == mu and isinstance(effect.to_forces, FirstOrder | FirstOrderAt):
             amount = step(name, k)
             still = varied(name, k, 0.0) if effect.mesh_changes else None
@@ -131,7 +133,7 @@ def test_all_layers_stiffer_by_one_share_are_a_gain_of_all_forces():
 @pytest.mark.thorough(but_first=4)
 @pytest.mark.parametrize(("name", "k"), CASES)
 def test_the_first_order_is_the_slope_of_full_solutions(name, k):
-    effect, (_, shape) = CATALOGUE[name], shape_of(name)
+    effect, (_, shape) = EFFECTS[name], shape_of(name)
     parameter, here = effect.parameters[k], context(friction(name))
     h = step(name, k)
     change = effect.to_forces(here, shape, here.force, amounts(name, k, h)) - here.force

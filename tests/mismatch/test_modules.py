@@ -1,6 +1,8 @@
 """Causes with a free form: their maps do what they say, are found and named where they are hidden. ARTIFICIAL readings."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import artificial
 import numpy as np
@@ -28,6 +30,7 @@ from gelforge.mismatch.terms.energy_terms import TERM
 from gelforge.mismatch.terms.holdout import split
 from gelforge.mismatch.terms.unknown import Weighed
 
+GUIDE = Path("docs/adding/free-form.md")
 MIDDLE = artificial.WIDTH / 2
 
 
@@ -355,3 +358,17 @@ def test_an_effect_of_the_catalogue_stays_preferred():
 def test_chances_of_manners_add_up_to_that_of_something_unknown(modulus):
     posterior = modulus[1].posterior
     assert sum(posterior.manners.values()) == pytest.approx(posterior.holding([UNKNOWN]), abs=1e-9)
+
+
+def test_the_cause_that_the_page_shows_is_a_whole_one():
+    (text,) = re.findall(r"```python\n(.*?)```", GUIDE.read_text(encoding="utf-8"), re.DOTALL)
+    file = {}
+    exec(text, file)
+    context = artificial.context(3, per_side=3)
+    (own,) = file["FREE_FORM"].modules(context, ())
+    assert own.directions.shape[1] == own.basis.shape[1] and len(own.map) == len(own.basis)
+    drawn = own.values(np.ones(own.basis.shape[1]), np.eye(own.basis.shape[1]))
+    assert "into s1" in own.where(drawn.iloc[0]) and (drawn["sigma"] > 0).all()
+    moving = np.zeros(context.force.shape, bool)
+    moving[(context.observations.table["phase"] == "unload").to_numpy()] = True
+    assert not own.directions[~context.observations.flat(moving).astype(bool)].any() and own.directions.any()
