@@ -17,6 +17,7 @@ from gelforge.config import (
     variant_study,
     write_yaml,
 )
+from gelforge.csv_table import TableError
 from gelforge.files import atomic, digest, source_digest
 from gelforge.indentation.planning.derived import derived_chunks
 from gelforge.indentation.planning.lattice import lattice_of, solved_site
@@ -33,7 +34,7 @@ def _described():
         variants = {name: variant_cells(cells, study, name) for name in study.variants}
         lab = load_virtual_lab(study.virtual_lab) if study.virtual_lab else None
         return study, cells, variants, lab
-    except ConfigError as error:
+    except (ConfigError, TableError) as error:
         raise WorkflowError(str(error)) from None
 
 
@@ -137,7 +138,6 @@ def _session_study(session):
 
 def _pressed(session):
     """Return the cells that a session with labels of its own needs solved."""
-    from gelforge.csv_table import TableError
     from gelforge.dataset.recorded_presses import pressed_cells
     from gelforge.recording.readings import RecordingError
 
@@ -195,7 +195,6 @@ def material_tests(wildcards):
     What a virtual lab is still to make, and what cannot be read, is left to the job, which says what is wrong.
     """
     from gelforge.materials.readers.material_source import source_files
-    from gelforge.csv_table import TableError
 
     material = STUDY.materials[wildcards.material]
     if material.tests is None:
@@ -314,7 +313,6 @@ def check_raw_data(jobs):
     beside it. Material tests with pictures are left to their job, which takes minutes to track them.
     """
     from gelforge.materials.readers.material_source import source_of
-    from gelforge.csv_table import TableError
     from gelforge.recording.readings import RecordingError, read_recording
 
     try:

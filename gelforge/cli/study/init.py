@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from gelforge.cli.study.new_study import new_study_files
@@ -9,6 +10,10 @@ from gelforge.cli.study.shipped_sensors import sensor_files, study_of_sensor
 from gelforge.cli.study.working_folder import make_runnable, write_examples, write_shipped
 from gelforge.config import NAME, ConfigError
 from gelforge.files import write_text
+
+MODULE = re.compile(
+    r"^module \w+:", re.MULTILINE
+)  # of a Snakefile that uses the workflow as one, as snakedeploy writes it
 
 
 def init(study: str, sensor: str | None) -> None:
@@ -32,9 +37,12 @@ def init(study: str, sensor: str | None) -> None:
 
 def choice_of(study: str) -> str:
     """Return what a Snakemake line in this folder needs in order to run a study."""
-    named, snakefile = f"config/{study}.yaml", Path("Snakefile")
-    is_default = snakefile.is_file() and named in snakefile.read_text()
-    return "" if is_default else f" --configfile {named}"
+    named, snakefiles = f"config/{study}.yaml", (Path("Snakefile"), Path("workflow/Snakefile"))
+    rules = next((path.read_text() for path in snakefiles if path.is_file()), "")
+    if named in rules:
+        return ""
+    as_module = MODULE.search(rules) is not None  # whose own configuration --configfile only extends
+    return f" --configfile {named}" + (" --replace-workflow-config" if as_module else "")
 
 
 def examples() -> None:

@@ -48,16 +48,21 @@ def make_runnable(study: str | None = None) -> list[Path]:
 def write_examples() -> list[Path]:
     """Write the example studies (config/) and what they read (data/) into this folder; return the paths.
 
-    Raises ConfigError, and writes nothing, where a file of them exists.
+    What is there already as it is shipped stays: snakedeploy brings config/ without data/. Raises ConfigError, and writes
+    nothing, where one of the files differs.
     """
     shipped = [path for top in EXAMPLE_FOLDERS for path in sorted((EXAMPLES / top).rglob("*"))]
     shipped.append(EXAMPLES / ABOUT_DATA)
     found = {path.relative_to(EXAMPLES): path for path in shipped if path.is_file()}
     found = {to: path for to, path in found.items() if not MADE & set(to.parts)}
-    if existing := [str(to) for to in found if to.exists()]:
-        more = f" and {len(existing) - 3} more" if len(existing) > 3 else ""
-        raise ConfigError(f"{', '.join(existing[:3])}{more} exist(s) already; call it in an empty folder")
-    return [_written(to, path.read_bytes()) for to, path in found.items()]
+    new = {to: path for to, path in found.items() if not to.exists()}
+    others = [str(to) for to in found if to not in new and to.read_bytes() != found[to].read_bytes()]
+    if others:
+        more = f" and {len(others) - 3} more" if len(others) > 3 else ""
+        raise ConfigError(
+            f"{', '.join(others[:3])}{more} differ(s) from the example of that name; call it in an empty folder"
+        )
+    return [_written(to, path.read_bytes()) for to, path in new.items()]
 
 
 def write_shipped(paths: list[Path]) -> list[Path]:
