@@ -1,8 +1,10 @@
-"""FEATS's four readings of a GelSight Mini beside simulations: what friction, compressibility and stiffness make of them.
+"""Real readings beside predictions: FEATS's GelSight Mini, the article's sensor, and six sets of material tests.
 
-usage: python benchmarks/real_data.py [--figure docs/figures/gelsight_mini.png]      (one thread; a minute)
+usage: python benchmarks/real_data.py [feats article materials] [--figure docs/figures/gelsight_mini.png] [--data FOLDER]
 
-Nothing is fitted and no depth is moved: a row is what a set of assumptions predicts at the depths read.
+One thread; a minute for each of the first two, six for the material tests, which are not in the repository: `--data` is
+the folder that holds those of `config/mappings`. No depth is moved and no force is fitted: a row of the first two tables
+is what a set of assumptions predicts at the depths read. Of material tests one loading is fitted and the others predicted.
 """
 
 from __future__ import annotations
@@ -21,15 +23,31 @@ import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
-from gelforge.config import load_study, study_from  # noqa: E402
+from gelforge.config import Study, load_session, load_study, study_from  # noqa: E402
 from gelforge.config.basis.variants import merged  # noqa: E402
-from gelforge.indentation.planning.plan import plan_cells  # noqa: E402
+from gelforge.indentation.paths.planned_cell import PlannedCell  # noqa: E402
+from gelforge.indentation.planning.plan import plan_cells, press_path  # noqa: E402
 from gelforge.indentation.solving.companion import simulate_label  # noqa: E402
 from gelforge.laws_of_study import laws_of  # noqa: E402
+from gelforge.materials.readers.material_source import read_sources  # noqa: E402
+from gelforge.mismatch.material.material_tests import Judged, judge_sources  # noqa: E402
+from gelforge.mismatch.pipeline.published import SITES, STATED_N, read_table  # noqa: E402
+from gelforge.mismatch.readings.contact_point import CONTACT_POINT_MM  # noqa: E402
 from gelforge.progress import Progress, show  # noqa: E402
 
+PARTS = ("feats", "article", "materials")
 STUDY = Path("config/gelsight_mini.yaml")
 READINGS = Path("data/gelsight_mini/feats/indentations.csv")
+SESSION = Path("data/gelsight_mini/feats/session.yaml")
+ARTICLE = Path("config/paper.yaml")
+MATERIAL_SETS = (
+    "vhb_20C",
+    "oca_vhb_viscoelastic",
+    "nitrile",
+    "nist_foam_ageing",
+    "afm_indentation",
+    "two_loadcells",
+)
 # friction [-], bulk over shear modulus [-], shear modulus over that of FEATS [-]
 ASSUMED = [
     (0.0, 1000, 1.0),
@@ -57,37 +75,147 @@ def predicted(friction: float, bulk: float, stiffness: float) -> tuple[np.ndarra
     }
     study = study_from(merged(known, changes))
     (planned,) = plan_cells(study).values()
+    force, bar = pressed(study, planned)
+    return -force[:, 2], bar[:, 2]
+
+
+def pressed(study: Study, planned: PlannedCell) -> tuple[np.ndarray, np.ndarray]:
+    """Return the force on the sensor (D, 3) [N] of an indentation, and the mesh's error bar (D, 3)."""
     cell = simulate_label(study, laws_of(study, []), {}, planned)
     if not cell.converged:
-        raise SystemExit(f"friction {friction:g}, bulk over shear {bulk:g}: {cell.attributes['reason']}")
-    return -cell.arrays["total_force_N"][:, 2], cell.arrays["total_sigma_mesh_N"][:, 2]
+        raise SystemExit(f"{study.study}, {planned.name}: {cell.attributes['reason']}")
+    return cell.arrays["total_force_N"], cell.arrays["total_sigma_mesh_N"]
+
+
+def allowed(depths: np.ndarray, force: np.ndarray, mesh, noise_N: float, contact_mm: float) -> np.ndarray:
+    """Return the standard deviation (D,) [N] of predicted less read force: mesh, reading, and contact point by the slope."""
+    slope = np.gradient(np.r_[0.0, np.abs(force)], np.r_[0.0, depths])[1:]
+    return np.sqrt(np.square(mesh) + noise_N**2 + (slope * contact_mm) ** 2)
+
+
+def show_table(rows: list, names: list[str]) -> None:
+    print(pd.DataFrame(rows, columns=names).to_markdown(index=False, disable_numparse=True), end="\n\n")
+
+
+def feats(figure: Path | None) -> None:
+    """Print the forces that assumptions predict beside FEATS's, and how far off they are; draw them."""
+    read = pd.read_csv(READINGS)
+    read = read[read["phase"] == "load"]
+    rows = []
+    with Progress("presses", len(ASSUMED)) as progress:
+        for friction, bulk, stiffness in ASSUMED:
+            force, bar = predicted(friction, bulk, stiffness)
+            rows.append((friction, bulk, stiffness, force, bar))
+            progress.advance()
+    depths, known = read["depth_mm"].to_numpy(), -read["fz_N"].to_numpy()
+    names = ["friction", "K over mu", "mu over FEATS's", *(f"{d:g} mm" for d in depths)]
+    table = [["read", "", "", *(f"{f:.2f}" for f in known)]]
+    table += [
+        [f"{m:g}", f"{k:g}", f"{s:g}", *(f"{f:.2f} ± {b:.2f}" for f, b in zip(force, bar))]
+        for m, k, s, force, bar in rows
+    ]
+    show_table(table, names)
+    session = load_session(SESSION)
+    errors = session.force.repeatability_N[2], session.depth_zero.session_scatter_mm
+    table = []
+    for m, k, s, force, bar in rows:
+        off = zip(np.abs(force - known), allowed(depths, force, bar, *errors))
+        table.append([f"{m:g}", f"{k:g}", f"{s:g}", *(f"{d:.2f} ± {b:.2f}" for d, b in off)])
+    show_table(table, names)
+    if figure:
+        draw(figure, depths, known, rows)
+
+
+def article() -> None:
+    """Print the article's 16 readings beside its own two curves and our solutions with its parameters."""
+    table, study, rows, all_off = read_table(), load_study(ARTICLE), [], []
+    for place, (x, y) in SITES.items():
+        published = table[table["location"] == place]
+        depths = published["depth_mm"].to_numpy()
+        force, mesh = pressed(study, press_path(place, x, y, list(depths), None, False))
+        read = -published["ft_sensor_N"].to_numpy()
+        curves = [-published["fem_linear_N"].to_numpy(), -published["fem_N"].to_numpy(), -force[:, 2]]
+        off = np.abs(np.array(curves) - read)  # (3, D)
+        bar = [allowed(depths, f, m, STATED_N, CONTACT_POINT_MM) for f, m in zip(curves, (0, 0, mesh[:, 2]))]
+        all_off.append(off)
+        for i, depth in enumerate(depths):
+            own = f"{curves[2][i]:.3f} ± {mesh[i, 2]:.3f}"
+            beyond = (f"{off[k, i]:.3f} ± {bar[k][i]:.3f}" for k in range(3))
+            rows.append([place, f"{depth:g}", f"{read[i]:.3f}", own, *beyond])
+        sideways = ", ".join(f"{force[-1, a]:+.3f} ± {mesh[-1, a]:.3f}" for a in (0, 1))
+        print(f"predicted Fx, Fy at {depths[-1]:g} mm, {place}: {sideways} N")
+    rms = np.sqrt(np.mean(np.hstack(all_off) ** 2, axis=1))
+    rows.append(["rms", "", "", "", *(f"{value:.3f}" for value in rms)])
+    names = ["place", "depth [mm]", "read [N]", "ours [N]"]
+    show_table(rows, [*names, "its linear curve off by", "its hyperelastic curve off by", "ours off by"])
+
+
+def materials(data: Path) -> None:
+    """Print, for each set of material tests, what was fitted, how far off all others are, and what remains of that."""
+    rows = []
+    for name in MATERIAL_SETS:
+        if not (data / name).is_dir():
+            print(f"{data / name} is not there; --data names the folder with material tests")
+            continue
+        judged, reasons = judge_sources(read_sources([data / name], Path(f"config/mappings/{name}.yaml")))
+        rows += [material_row(name, one) for one in judged]
+        for reason in reasons:
+            print(f"not judged: {reason}")
+    names = [
+        "set",
+        "tests of",
+        "fitted",
+        "readings",
+        "nominal model off by (allowed)",
+        "held out: off by, nominal; with what was found",
+    ]
+    show_table(rows, [*names, "state", "what was found"])
+
+
+def material_row(name: str, judged: Judged) -> list[str]:
+    """Return a verdict's row; differences are root mean squares [MPa, or N of indentations and load cells]."""
+    verdict, table = judged.verdict, judged.table
+    stress = verdict.provenance.base.endswith("undeformed section")
+    largest = np.abs(table["measured"]).max()
+    unit, factor = ("kPa", 1e3) if stress else ("nN", 1e9) if largest < 1e-3 else ("N", 1.0)
+    fit, allowed_N = verdict.fit, np.sqrt(np.mean(table["sigma"] ** 2))
+
+    def size(value: float) -> str:
+        return f"{factor * value:.3g}"
+
+    held = "none held out"
+    if fit.held_out:
+        held = f"{size(fit.held_out.before.rmse_N[2])}; {size(fit.held_out.after.rmse_N[2])} {unit}"
+    fitted = verdict.provenance.base.partition(";")[0]
+    before = f"{size(fit.before.rmse_N[2])} ({size(allowed_N)}) {unit}"
+    found = ", ".join(" or ".join(group.members) for group in verdict.answer) or "nothing"
+    return [name, judged.name, fitted, str(fit.before.readings), before, held, verdict.state, found]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--figure", type=Path, help="PNG to write")
+    parser.add_argument(
+        "parts",
+        nargs="*",
+        choices=[*PARTS, []],
+        metavar="PART",
+        help=f"of {', '.join(PARTS)}; all if none is named",
+    )
+    parser.add_argument("--figure", type=Path, help="PNG of FEATS's readings to write")
+    parser.add_argument(
+        "--data", type=Path, default=Path("../shared/data"), help="folder with the material tests"
+    )
     options = parser.parse_args()
-    read = pd.read_csv(READINGS)
-    read = read[read["phase"] == "load"]
-    rows = []
     show()
-    with Progress("presses", len(ASSUMED)) as progress:
-        for friction, bulk, stiffness in ASSUMED:
-            force, bar = predicted(friction, bulk, stiffness)
-            rows.append((friction, bulk, stiffness, force, bar))
-            progress.advance()
-    depths = read["depth_mm"].to_numpy()
-    table = [["read", "", "", *(f"{-f:.2f}" for f in read["fz_N"])]]
-    table += [
-        [f"{m:g}", f"{k:g}", f"{s:g}", *(f"{f:.2f} ± {b:.2f}" for f, b in zip(force, bar))]
-        for m, k, s, force, bar in rows
-    ]
-    names = ["friction", "K over mu", "mu over FEATS's", *(f"{d:g} mm" for d in depths)]
-    print(pd.DataFrame(table, columns=names).to_markdown(index=False, disable_numparse=True))
-    if options.figure:
-        draw(options.figure, depths, -read["fz_N"].to_numpy(), rows)
+    for part in options.parts or PARTS:
+        print(f"{part}\n")
+        {
+            "feats": lambda: feats(options.figure),
+            "article": article,
+            "materials": lambda: materials(options.data),
+        }[part]()
 
 
 def draw(path: Path, depths: np.ndarray, read: np.ndarray, rows: list) -> None:
