@@ -30,6 +30,7 @@ def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
             unit="mm",
             of_labels=True,
             where=near,
+            form_of=("contact_zero", "tilt"),
         )
     ]
 

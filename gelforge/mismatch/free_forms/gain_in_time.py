@@ -40,6 +40,7 @@ def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
             unit="1",
             of_labels=False,
             where=lambda row: f"{row['time_s']:.4g} s into {row['session']}",
+            form_of=("force_gain",),
             instead="all forces in proportion over the session's time",
         )
     ]

@@ -37,6 +37,7 @@ def modules(context: Context, boxes: Sequence[Candidate]) -> list[Module]:
             unit="1",
             of_labels=True,
             where=_where,
+            form_of=("gel_stiffness", "skin_stiffness", "body_stiffness"),
             to_study=lambda study, change: _with_modulus(study, at, change),
         )
     ]
