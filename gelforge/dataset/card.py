@@ -5,6 +5,7 @@ from __future__ import annotations
 from gelforge import __version__
 from gelforge.config import Sensor, Study
 from gelforge.dataset.schema import columns
+from gelforge.indentation.sensor.unrolled import is_unrolled
 
 SYNTHETIC = (
     "> **SYNTHETIC RECORDINGS.** The images and force readings of this dataset were made by a virtual lab, not measured.\n"
@@ -110,10 +111,15 @@ def card(study: Study, manifest: dict) -> str:
 def label_text(sensor: Sensor) -> str:
     """Return what the label of a sensor is."""
     bins = sensor.bins
+    unrolled = (
+        " Bins have equal areas of the dome's surface, which is unrolled to the rectangle around it "
+        "(gelforge/indentation/sensor/unrolled.py)."
+    )
     return (
         f"The three-dimensional contact force on each of {bins.nx} x {bins.ny} bins of the undeformed surface "
         f"({sensor.width_x_mm:g} x {sensor.width_y_mm:g} mm), from a finite-element model ({METHOD}). Bin "
-        f"k = {bins.nx} iy + ix. Frame: x, y along the edges with the origin at a corner of the top surface, z up; a "
+        f"k = {bins.nx} iy + ix.{unrolled if is_unrolled(sensor) else ''} "
+        "Frame: x, y along the edges with the origin at a corner of the top surface, z up; a "
         "pressing ball gives negative Fz. Units: mm, N. The label is a simulation's result, not a measurement; measured "
         "total forces stand beside it where there are recordings."
     )

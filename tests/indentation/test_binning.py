@@ -8,12 +8,12 @@ from numpy.testing import assert_allclose
 
 from gelforge.config import Bins, Layer, Sensor
 from gelforge.indentation.cells.binning import (
-    bin_centres,
     bin_forces,
     node_shares,
     surface_shares,
     without_dust,
 )
+from gelforge.indentation.sensor.unrolled import bin_points
 from gelforge.mechanics.meshes.mesh import Block, Sizes, layered_block
 
 WIDTH, DEPTH, NX, NY = 8.0, 6.0, 5, 4
@@ -110,7 +110,7 @@ def test_six_node_triangles_fill_the_bins_that_they_lie_in():
         [[*f, *(4 + sides.index(tuple(sorted((f[k], f[(k + 1) % 3])))) for k in range(3))] for f in halves]
     )
     triangles = SimpleNamespace(X=X, ties=None, surface=SimpleNamespace(faces=faces, nodes=np.arange(len(X))))
-    sensor = SimpleNamespace(width_x_mm=8.0, width_y_mm=6.0, bins=SimpleNamespace(nx=4, ny=3))
+    sensor = SENSOR.model_copy(update={"bins": Bins(nx=4, ny=3)})
     share = surface_shares(triangles, sensor)
     assert_allclose(share.sum(axis=0), 1.0)
     assert_allclose(share[[2, 3]].sum(axis=0), 1.0)
@@ -118,10 +118,10 @@ def test_six_node_triangles_fill_the_bins_that_they_lie_in():
     assert (share[[2]].toarray()[0, left] > 0.5).all()
 
 
-def test_bin_centres_count_x_first():
-    centres = bin_centres(8.0, 6.0, 4, 3)
-    assert centres.shape == (12, 2)
-    assert_allclose(centres[[0, 1, 4, 11]], [[1, 1], [3, 1], [1, 3], [7, 5]])
+def test_bin_points_count_x_first():
+    points = bin_points(SENSOR.model_copy(update={"bins": Bins(nx=4, ny=3)}))
+    assert points.shape == (12, 3)
+    assert_allclose(points[[0, 1, 4, 11]], [[1, 1, 0], [3, 1, 0], [1, 3, 0], [7, 5, 0]])
 
 
 def test_dust_becomes_exact_zeros():

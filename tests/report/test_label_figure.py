@@ -55,6 +55,28 @@ def test_label_figure_shows_totals_units_and_frame(whole):
     assert low == -high
 
 
+def test_the_label_of_an_unrolled_dome_is_marked_where_its_position_lies_on_the_surface(shard):
+    layers = [{"name": "gel", "thickness_mm": 3.0, "material": "soft"}]
+    shape, bins = {"kind": "dome"}, {"nx": 4, "ny": 3, "over": "surface"}
+    sensor = {
+        "width_x_mm": 8.0,
+        "width_y_mm": 6.0,
+        "wall_mm": 0.0,
+        "layers": layers,
+        "shape": shape,
+        "bins": bins,
+    }
+    write_product_json(shard.parent / "manifest.json", {"settings": {"sensor": sensor}})
+    label = read_label(shard, 0)
+    assert (
+        label.position_mm == (7.0, 3.0) and 6.0 < label.unrolled_mm[0] < 7.0
+    )  # nearer the middle than from above
+    assert label.unrolled_mm[1] == pytest.approx(3.0)
+    figure = label_figure(shard, 0)
+    assert "surface unrolled" in figure.get_suptitle()
+    assert figure.axes[0].get_xlabel() == "x along the surface [mm]"
+
+
 def test_shard_row(shard):
     label = read_label(shard, 0)
     assert label.bins == (4, 3)

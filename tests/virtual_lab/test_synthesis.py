@@ -7,7 +7,7 @@ from artificial_truth import small_study
 from gelforge.config import ConfigError, study_from
 from gelforge.dataset.shard import ShardDataset, shard_attributes
 from gelforge.dataset.simulated import synthesise
-from gelforge.indentation.cells.binning import bin_centres
+from gelforge.indentation.sensor.unrolled import bin_points
 from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.virtual_lab.drawn_indentations import draw_indentation
 
@@ -106,8 +106,7 @@ def test_a_twisted_draw_has_labels_with_a_torque(tmp_path):
     rows = ShardDataset([tmp_path / "0.h5"])
     block = rows.read(np.arange(len(rows)), ["force_distribution_N", "phase", "position_mm"])
     assert list(block["phase"]) == ["zero", "load", "load", "twist", "twist"]
-    bins, sensor = study.sensor.bins, study.sensor
-    r = bin_centres(sensor.width_x_mm, sensor.width_y_mm, bins.nx, bins.ny) - block["position_mm"][0]
+    r = bin_points(study.sensor)[:, :2] - block["position_mm"][0]
     f = block["force_distribution_N"]
     torque = (r[:, 0] * f[..., 1] - r[:, 1] * f[..., 0]).sum(axis=1)
     twist = draw_indentation(study, 0).planned.twists_deg[-1]

@@ -29,10 +29,14 @@ class Flange(Section):
 
 
 class Bins(Section):
-    """Regular bins of the undeformed top surface that carry the label."""
+    """Bins of the undeformed top surface that carry the label: a regular grid of it as seen from above, or unrolled."""
 
     nx: int = Field(20, ge=1, le=200, description="number of bins along x [-]")
     ny: int = Field(20, ge=1, le=200, description="number of bins along y [-]")
+    over: Literal["plan", "surface"] = Field(
+        "plan",
+        description="plan: equal rectangles seen from above; surface: of a dome, equal areas of its surface, unrolled",
+    )
 
 
 class Shape(Section):
@@ -112,6 +116,10 @@ class Sensor(Section):
         if self.flange and self.shape.kind != "block":
             raise ValueError(
                 f"a flange belongs to a block, not to shape.kind: {self.shape.kind}; use flange: null"
+            )
+        if self.bins.over == "surface" and self.shape.kind == "surfaces":
+            raise ValueError(
+                "bins.over: surface unrolls a dome; surfaces from files have no unrolling that is known: use plan"
             )
         names = [layer.name for layer in self.layers]
         if self.shape.kind == "surfaces" and list(self.shape.files) != names:

@@ -16,7 +16,7 @@ from gelforge.dataset.schema import DatasetError, columns
 from gelforge.dataset.shard import ShardDataset
 from gelforge.dataset.splits import split_training
 from gelforge.files import file_sha256
-from gelforge.indentation.cells.binning import bin_centres
+from gelforge.indentation.sensor.unrolled import bin_points
 from gelforge.progress import tracked
 
 SPLITS = ("train", "validation", "test")
@@ -218,14 +218,3 @@ def wrench(forces: np.ndarray, total: np.ndarray, sensor: Sensor) -> np.ndarray 
     middle = np.array([sensor.width_x_mm / 2, sensor.width_y_mm / 2, 0])
     moment = np.cross(bin_points(sensor) - middle, forces).sum(axis=1, dtype=np.float64)
     return np.concatenate([total, moment], axis=1)
-
-
-def bin_points(sensor: Sensor) -> np.ndarray:
-    """Return the bins' centres (B, 3) [mm] on the undeformed surface; z is 0 on a surface from files."""
-    half = np.array([sensor.width_x_mm, sensor.width_y_mm]) / 2
-    centres = bin_centres(sensor.width_x_mm, sensor.width_y_mm, sensor.bins.nx, sensor.bins.ny)
-    z = np.zeros(len(centres))
-    if sensor.shape.kind == "dome":  # bins outside the ellipse carry no force
-        away = ((centres - half) / half) ** 2
-        z = sensor.height_mm * (np.sqrt(np.clip(1 - away.sum(axis=1), 0, None)) - 1)
-    return np.column_stack([centres, z])

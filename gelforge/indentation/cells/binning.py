@@ -6,6 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from gelforge.config import Sensor
+from gelforge.indentation.sensor.unrolled import unrolled
 from gelforge.mechanics.meshes.elements import TRIANGLE6_PARTS
 from gelforge.mechanics.meshes.mesh import Mesh
 
@@ -53,7 +54,7 @@ def surface_shares(mesh: Mesh, sensor: Sensor) -> sp.csr_matrix:
 
 
 def _triangle_shares(mesh: Mesh, sensor: Sensor) -> sp.csr_matrix:
-    """Return surface_shares of six-node triangles by quadrature: PARTS^2 equal parts of each, binned by their x and y.
+    """Return surface_shares of six-node triangles by quadrature: PARTS^2 equal parts of each, binned by where they lie.
 
     The integral of a corner's shape function over a flat face is zero, so that what little force a corner carries acts at
     no place of its own: it is shared as by the linear function of the corner.
@@ -64,7 +65,7 @@ def _triangle_shares(mesh: Mesh, sensor: Sensor) -> sp.csr_matrix:
     a, b = np.array([[0, 1], [1, 2], [2, 0]]).T
     middle = 4 * L[:, a] * L[:, b]
     position = np.concatenate([L * (2 * L - 1), middle], axis=1)  # the curved face's own shape functions
-    place = np.einsum("pk,fki->fpi", position, mesh.X[faces, :2])
+    place = unrolled(sensor, np.einsum("pk,fki->fpi", position, mesh.X[faces]))
     index = np.clip((place / width * [bins.nx, bins.ny]).astype(int), 0, [bins.nx - 1, bins.ny - 1])
     value = face_areas(mesh)[:, None, None] * np.concatenate([L, middle], axis=1)  # (F, parts, 6)
     rows = np.broadcast_to((bins.nx * index[..., 1] + index[..., 0])[..., None], value.shape)
@@ -127,8 +128,9 @@ def node_shares(mesh: Mesh, sensor: Sensor) -> sp.csr_matrix:
     """Return shares (B, S) of the paper's rule: all to the node's bin, a node on an edge to both sides equally."""
     surface, bins = mesh.surface, sensor.bins
     rows, columns, values = [], [], []
+    place = unrolled(sensor, mesh.X[surface.nodes])
     along = [
-        _bins_of(mesh.X[surface.nodes, axis] / width * n, n)
+        _bins_of(place[:, axis] / width * n, n)
         for axis, width, n in ((0, sensor.width_x_mm, bins.nx), (1, sensor.width_y_mm, bins.ny))
     ]
     for in_x in along[0]:
@@ -160,14 +162,6 @@ def bin_forces(forces: np.ndarray, shares: sp.csr_matrix) -> np.ndarray:
     D, S, _ = forces.shape
     binned = shares @ np.moveaxis(forces, 1, 0).reshape(S, D * 3)
     return np.moveaxis(binned.reshape(shares.shape[0], D, 3), 0, 1)
-
-
-def bin_centres(width_x: float, width_y: float, nx: int, ny: int) -> np.ndarray:
-    """Return the centres (ny*nx, 2) [mm] of the bins, k = nx iy + ix."""
-    y, x = np.meshgrid(
-        (np.arange(ny) + 0.5) * width_y / ny, (np.arange(nx) + 0.5) * width_x / nx, indexing="ij"
-    )
-    return np.stack([x.ravel(), y.ravel()], axis=-1)
 
 
 def without_dust(forces: np.ndarray) -> np.ndarray:

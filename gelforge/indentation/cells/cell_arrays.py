@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from gelforge.config import Bins, Mechanics, Sensor
+from gelforge.config import Mechanics, Sensor
 from gelforge.indentation.cells import binning
 from gelforge.indentation.cells.cut import plane_cut
+from gelforge.indentation.sensor.unrolled import bin_points
 from gelforge.mechanics.contact.state import State
 from gelforge.mechanics.meshes.mesh import Mesh
 
@@ -91,9 +92,8 @@ def gel_arrays(mesh: Mesh, states: list[State], sensor: Sensor) -> dict[str, np.
 
 def moment_shift(arrays: dict[str, np.ndarray], sensor: Sensor) -> list[float]:
     """Return per depth how much the moment about the sensor's centre differs between bins and nodes [N mm]."""
-    bins: Bins = sensor.bins
     middle = np.array([sensor.width_x_mm, sensor.width_y_mm]) / 2
-    centres = binning.bin_centres(sensor.width_x_mm, sensor.width_y_mm, bins.nx, bins.ny) - middle
+    centres = bin_points(sensor)[:, :2] - middle
     nodes = arrays["node_xy_mm"] - middle
 
     def moment(arms, forces):  # of forces in the plane z = 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gelforge.indentation.sensor.unrolled import is_unrolled, place_in_bins
 from gelforge.report.chapters.beside_paper import beside_paper, said_beside
 from gelforge.report.chapters.chapter import Chapter
 from gelforge.report.chapters.error_budget import tell_budget
@@ -116,13 +117,17 @@ def _show_map(chapter: Chapter, results: StudyResults, row: int, place: str) -> 
     assert columns is not None  # row is one of theirs
     predicted, true = results.predicted_map(row)
     x, y = columns["position_mm"][row]
+    sensor = results.study.sensor
     depth = float(columns["depth_mm"][row])
     radius = touched_radius_mm(results.study.indenter, depth)
     chapter.show(
         f"Held-out site {columns['cell'][row]} {place}, indenter at ({x:g}, {y:g}) mm, {depth:g} mm deep: left and"
         " middle are predicted and true, the right is their difference, on one colour scale per row. The dashed circle is"
-        " where the indenter cuts the undeformed surface.",
-        prediction_figure(predicted, true, bins.nx, bins.ny, results.widths_mm, (x, y), radius),
+        " where the indenter cuts the undeformed surface"
+        + (", which is drawn unrolled." if is_unrolled(sensor) else "."),
+        prediction_figure(
+            predicted, true, bins.nx, bins.ny, results.widths_mm, place_in_bins(sensor, x, y), radius
+        ),
     )
 
 

@@ -10,9 +10,11 @@ import h5py
 import numpy as np
 from matplotlib.figure import Figure
 
+from gelforge.config import Sensor
 from gelforge.files import read_product_json
 from gelforge.hdf5 import opened
 from gelforge.indentation.cells.cell_file import FORMAT as CELL_FORMAT
+from gelforge.indentation.sensor.unrolled import place_in_bins
 from gelforge.report.figures.force_maps import AXES, draw_force_map, row_limits, total_text
 from gelforge.report.figures.style import INK, frame_arrows, new_figure, styled
 
@@ -31,6 +33,7 @@ class Label:
     position_mm: tuple[float, float]
     depth_mm: float
     title: str
+    unrolled_mm: tuple[float, float] | None = None  # the position in a map that is not seen from above
 
 
 def read_label(path: str | Path, row: int | None = None) -> Label:
@@ -73,7 +76,14 @@ def _cell_label(file: h5py.File, path: Path, row: int | None) -> Label:
         (float(file.attrs["x_mm"]), float(file.attrs["y_mm"])),
         float(file["depth_mm"][row]),
         f"site {file.attrs['cell']}",
+        _unrolled(sensor, file.attrs["x_mm"], file.attrs["y_mm"]),
     )
+
+
+def _unrolled(sensor: dict, x_mm: float, y_mm: float) -> tuple[float, float] | None:
+    if sensor["bins"].get("over", "plan") == "plan":
+        return None
+    return place_in_bins(Sensor.model_validate(sensor), float(x_mm), float(y_mm))
 
 
 def _sensor_of_dataset(shard: Path) -> dict:
@@ -102,6 +112,7 @@ def _shard_label(file: h5py.File, path: Path, row: int | None) -> Label:
         (float(file["position_mm"][row][0]), float(file["position_mm"][row][1])),
         float(file["depth_mm"][row]),
         f"{path.name} row {row}: " + ", ".join(name for name in names if name),
+        _unrolled(sensor, *file["position_mm"][row]),
     )
 
 
@@ -109,18 +120,19 @@ def _shard_label(file: h5py.File, path: Path, row: int | None) -> Label:
 def label_figure(path: str | Path, row: int | None = None) -> Figure:
     """Return three maps (x, y, z) of a label with totals and the frame's arrows."""
     label = read_label(path, row)
-    limits = row_limits(label.bin_force_N)
+    limits, along = row_limits(label.bin_force_N), " along the surface" if label.unrolled_mm else ""
     figure, axes = new_figure(10.2, 4.2, nrows=1, ncols=3)
     for ax, axis, force, limit in zip(axes[0], AXES, label.bin_force_N.T, limits):
         mesh = draw_force_map(ax, force, *label.bins, label.widths_mm, limit)
         ax.set_title(f"$F_{axis}$  {total_text(force)}")
-        ax.set_xlabel("x [mm]")
+        ax.set_xlabel(f"x{along} [mm]")
         if label.depth_mm > 0:
-            ax.plot(*label.position_mm, "+", color=INK, ms=7)
+            ax.plot(*(label.unrolled_mm or label.position_mm), "+", color=INK, ms=7)
         figure.colorbar(mesh, ax=ax, label="[N per bin]", shrink=0.72, orientation="horizontal", pad=0.03)
-    axes[0, 0].set_ylabel("y [mm]")
+    axes[0, 0].set_ylabel(f"y{along} [mm]")
     size = 0.22 * min(label.widths_mm)
     frame_arrows(axes[0, 0], (0.1 * label.widths_mm[0], 0.1 * label.widths_mm[1]), size, ("x", "y"), out="z")
     where = f"at ({label.position_mm[0]:g}, {label.position_mm[1]:g}) mm, {label.depth_mm:g} mm deep"
-    figure.suptitle(f"{label.title}\nforce on the sensor {where}, seen from above", fontsize=10)
+    view = "surface unrolled" if label.unrolled_mm else "seen from above"
+    figure.suptitle(f"{label.title}\nforce on the sensor {where}, {view}", fontsize=10)
     return figure

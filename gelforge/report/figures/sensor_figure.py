@@ -11,6 +11,7 @@ from matplotlib.patches import Polygon, Rectangle
 from gelforge.config import Camera, Sensor, Session, Study
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.sensor.indenter_shapes import shape_of
+from gelforge.indentation.sensor.unrolled import is_unrolled, rolled
 from gelforge.mechanics.indenters.shapes import DOWN
 from gelforge.recording.optics.camera import CameraError, unproject
 from gelforge.report.figures.silhouette import draw_indenter
@@ -27,6 +28,7 @@ from gelforge.report.figures.style import (
 )
 
 WALL_COLOUR = SURROUND["wall"]
+LINE_POINTS = 60  # of the edge of a row of bins, which a dome bends
 OUTSIDE = "#E9E6DC"  # of a shape seen from above: the positions' blues must stand out
 
 
@@ -72,10 +74,11 @@ def _draw_above(ax: Axes, study: Study, cells: dict[str, PlannedCell], camera: C
         _draw_block_above(ax, sensor)
     else:
         _draw_surface_above(ax, sensor)
-    for edge in np.linspace(0, wx, sensor.bins.nx + 1):
-        ax.plot([edge, edge], [0, wy], color="#00000022", lw=0.5)
-    for edge in np.linspace(0, wy, sensor.bins.ny + 1):
-        ax.plot([0, wx], [edge, edge], color="#00000022", lw=0.5)
+    along_x, along_y = np.linspace(0, wx, LINE_POINTS), np.linspace(0, wy, LINE_POINTS)
+    edges = [np.stack(np.broadcast_arrays(x, along_y), -1) for x in np.linspace(0, wx, sensor.bins.nx + 1)]
+    edges += [np.stack(np.broadcast_arrays(along_x, y), -1) for y in np.linspace(0, wy, sensor.bins.ny + 1)]
+    for edge in edges:
+        ax.plot(*rolled(sensor, edge)[:, :2].T, color="#00000022", lw=0.5)
     solved = np.array([(c.x_mm, c.y_mm) for c in cells.values() if c.solved]).reshape(-1, 2)
     mirrored = np.array([(c.x_mm, c.y_mm) for c in cells.values() if c.source]).reshape(-1, 2)
     between = np.array([(c.x_mm, c.y_mm) for c in cells.values() if c.between and not c.source]).reshape(
@@ -105,7 +108,8 @@ def _draw_above(ax: Axes, study: Study, cells: dict[str, PlannedCell], camera: C
     ax.autoscale_view()
     ax.margins(0.06)
     nx, ny = sensor.bins.nx, sensor.bins.ny
-    bins = f"{nx} x {ny} bins of {wx / nx:.3g} x {wy / ny:.3g} mm"
+    of_each = "equal areas" if is_unrolled(sensor) else f"{wx / nx:.3g} x {wy / ny:.3g} mm"
+    bins = f"{nx} x {ny} bins of {of_each}"
     ax.set_title(f"from above: {wx:g} x {wy:g} mm, {bins}")
     ax.set_xlabel("x [mm]")
     ax.set_ylabel("y [mm]")

@@ -9,8 +9,9 @@ import numpy as np
 from gelforge.config import Camera
 from gelforge.dataset.exports.card import card
 from gelforge.dataset.exports.export import Export, Options, library
-from gelforge.dataset.exports.source import IMAGE, Press, Source, bin_points
+from gelforge.dataset.exports.source import IMAGE, Press, Source
 from gelforge.files import write_text
+from gelforge.indentation.sensor.unrolled import bin_points
 from gelforge.progress import tracked
 from gelforge.recording.optics.camera import project
 
