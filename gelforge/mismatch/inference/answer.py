@@ -76,6 +76,9 @@ def explained(
     rng: np.random.Generator,
 ) -> tuple[Answer | None, list[str]]:
     """Return the answer to a mismatch, None where no effect could be fitted, and what went wrong on the way."""
+    if posterior.holding([UNKNOWN]) >= SURE:
+        # Softening explains nothing by itself then: to follow all indentations in order takes minutes and decides nothing.
+        problem = problem.drafted()
     seated, note = placed(problem, at_few_sites(problem))
     if seated is not problem:
         problem, posterior = seated, posterior_of(seated, manners)
@@ -118,12 +121,13 @@ def _at_plausible_widths(
     """Return a fit once more with the priors' own widths, and why that could not be had.
 
     A fit has the scale of plausible values that had most evidence; once its effects are known that scale has no say. What
-    has a place goes on to where the real model fits best: between places that were tried its columns are but interpolated.
+    has a place goes on to where the real model fits best, unless it was placed before (placing.py): between places that were
+    tried its columns are but interpolated.
     """
     parts = tuple(replace(part, widths=seated.own(part).widths) for part in fit.parts)
     again = replace(start, parts=parts, amounts=np.concatenate(fit.amounts))
     try:
-        if any(part.moved_from is not None for part in parts):
+        if any(part.moved_from is not None and seated.own(part).moved_from is None for part in parts):
             every = np.ones(len(problem.labels), bool)
             return refitted(
                 replace(seated, forces_with=problem.drafted().forces_with), again, every, placing=True
