@@ -212,9 +212,9 @@ def effects_with_slopes() -> list[str]:
 def _check(study: Study, amounts: Mapping[str, float], wanted: Sequence[str]) -> None:
     """Raise ConfigError for what has no derivative along a press of a study."""
     if unknown := sorted(amounts.keys() - set(known := effects_with_slopes())):
-        raise ConfigError(f"effects: {unknown} have no derivative along a press; choose among {known}")
+        raise ConfigError(f"effects: {unknown} have no derivative along an indentation; choose among {known}")
     if unknown := sorted(set(wanted) - {*PLACE, *amounts}):
-        raise ConfigError(f"along: {unknown}; choose among {[*PLACE, *amounts]}, effects need an amount")
+        raise ConfigError(f"along: {unknown}; choose among {[*PLACE, *amounts]}, effects need a value")
     effects = study.mechanics.effects
     k = effects.kinematics
     if (
@@ -224,8 +224,8 @@ def _check(study: Study, amounts: Mapping[str, float], wanted: Sequence[str]) ->
         or k.base_bending_mm_per_N
     ):
         raise ConfigError(
-            "mechanics.effects: no derivatives along a press of a gel with a memory or a residual stretch, or with a machine"
-            " that yields; leave these out, or subtract two answers of gelforge.press"
+            "mechanics.effects: no derivatives along an indentation of a gel with a memory or a residual stretch, or with a"
+            " machine that yields; leave these out, or subtract two answers of gelforge.press"
         )
     block = study.sensor.shape.kind == "block" and study.mechanics.mesh.elements != "tetrahedra"
     if not block and {"x_mm", "y_mm"} & set(wanted):

@@ -54,8 +54,8 @@ def agreement_table(
         if name not in cell_files:
             press = presses.iloc[0]
             raise DatasetError(
-                f"{readings_files[press.session]}: press {press.press} belongs to cell {name!r}, which is not in the plan; "
-                "add its position to the plan"
+                f"{readings_files[press.session]}: indentation {press.press} belongs to site {name!r}, which is not in the"
+                " plan; add its position to the plan"
             )
         cell = checked_totals(cell_files[name], name, (cell_digests or {}).get(name))
         if cell.converged:
@@ -84,7 +84,7 @@ def _measured(session: str, path: str | Path) -> pd.DataFrame:
     lost = held[held[FORCE].isna().any(axis=1)]
     if len(lost):
         raise DatasetError(
-            f"{path}: press {lost.iloc[0]['press']} has an empty force; correct indentations.csv"
+            f"{path}: indentation {lost.iloc[0]['press']} has an empty force; correct indentations.csv"
         )
     first = {name: (name, "first") for name in ("cell", "x_mm", "y_mm", "depth_mm")}
     mean = {f"ft_{axis}_N": (name, "mean") for axis, name in zip(AXES, FORCE)}
@@ -98,7 +98,7 @@ def _with_fem(presses: pd.DataFrame, depths: np.ndarray, total: np.ndarray, path
     if far.any():
         press = presses.iloc[far.argmax()]
         raise DatasetError(
-            f"{path}: press {press.press} of session {press.session} has depth {press.depth_mm} mm, the cell has "
+            f"{path}: indentation {press.press} of session {press.session} has depth {press.depth_mm} mm, the site has "
             f"{depths.tolist()}; add the depth to the plan"
         )
     return presses.assign(**{f"fem_{axis}_N": total[step, i] for i, axis in enumerate(AXES)})
@@ -126,7 +126,7 @@ def checked_totals(path: str | Path, name: str, expected: str | None) -> Cell:
     check_digest(path, name, cell, expected)
     if not all(np.isfinite(array).all() for array in cell.arrays.values()):
         raise DatasetError(
-            f"{path}: cell {name}: forces or depths are not finite; simulate it again (snakemake -R {path})"
+            f"{path}: site {name}: forces or depths are not finite; simulate it again (snakemake -R {path})"
         )
     return cell
 

@@ -74,7 +74,7 @@ def join_shard(
     unknown = [name for name in cells_of_chunk if name not in planned]
     if unknown:
         raise DatasetError(
-            f"cells {unknown} are not in the plan of study {study.study}; join the study's own cells"
+            f"sites {unknown} are not in the plan of study {study.study}; join the study's own sites"
         )
     split, orbit = planned_split(planned, study.sensor, study.dataset.test_fraction, study.seed)
     bins = study.sensor.bins.nx * study.sensor.bins.ny
@@ -127,7 +127,7 @@ def _checked_cell(path: str | Path, planned: PlannedCell, bins: int, expected: s
     gap = max(abs(found["x_mm"] - planned.x_mm), abs(found["y_mm"] - planned.y_mm))
     if gap > 1e-6:  # the plan is rounded to 1e-6 mm
         raise DatasetError(
-            f"{path}: cell {planned.name} lies at ({found['x_mm']}, {found['y_mm']}) mm, the plan has "
+            f"{path}: site {planned.name} lies at ({found['x_mm']}, {found['y_mm']}) mm, the plan has "
             f"({planned.x_mm}, {planned.y_mm}) mm; simulate it again"
         )
     if cell.converged:
@@ -139,18 +139,18 @@ def _check_label(path: str | Path, cell: Cell, planned: PlannedCell, bins: int) 
     depths, total, label = (cell.arrays[name] for name in ("depth_mm", "total_force_N", "bin_force_N"))
     if len(depths) != len(planned.depths_mm) or np.abs(depths - planned.depths_mm).max() > 1e-6:
         raise DatasetError(
-            f"{path}: cell {planned.name} has depths {depths.tolist()} mm, the plan "
+            f"{path}: site {planned.name} has depths {depths.tolist()} mm, the plan "
             f"{list(planned.depths_mm)}; simulate it again"
         )
     if label.shape != (len(depths), bins, 3):
         raise DatasetError(
-            f"{path}: bin_force_N has shape {label.shape}, expected {(len(depths), bins, 3)}; simulate the cell again"
+            f"{path}: bin_force_N has shape {label.shape}, expected {(len(depths), bins, 3)}; simulate the site again"
         )
-    check_closure(path, f"cell {planned.name}", total, label)
+    check_closure(path, f"site {planned.name}", total, label)
     for name in sorted(ERROR_BARS & set(cell.arrays)):
         if not (cell.arrays[name] >= 0).all():  # also refuses what is not a number
             raise DatasetError(
-                f"{path}: cell {planned.name}: {name} holds what is no standard deviation; simulate it again"
+                f"{path}: site {planned.name}: {name} holds values that are no standard deviations; simulate it again"
                 f" (snakemake -R {path})"
             )
 
@@ -231,7 +231,7 @@ def _check_features(path: str | Path, session: str, study: Study, expected: str 
     with open_features(path) as file:
         if expected is not None and file.attrs["digest"] != expected:
             raise DatasetError(
-                f"{path}: session {session} was reduced with other settings (digest "
+                f"{path}: session {session} was made with other settings (digest "
                 f"{str(file.attrs['digest'])[:12]}, expected {expected[:12]}); extract the features again "
                 f"(snakemake -R {path})"
             )
@@ -276,7 +276,7 @@ def _presses(path: str | Path, planned: Mapping[str, PlannedCell], chunk: set[st
     for row, press, cell, phase, image, index, depth, xy, step in _scan(path):
         if cell not in planned:
             raise DatasetError(
-                f"{path}: press {press}, image {image}: its cell {cell!r} is not in the plan; "
+                f"{path}: indentation {press}, image {image}: its site {cell!r} is not in the plan; "
                 "join the recording to the plan again"
             )
         if planned[cell].follows_a_path:
@@ -290,7 +290,8 @@ def _presses(path: str | Path, planned: Mapping[str, PlannedCell], chunk: set[st
         rows = presses.setdefault(press, PressRows(cell, 0.0))
         if rows.cell != cell:
             raise DatasetError(
-                f"{path}: press {press} has images of cells {rows.cell!r} and {cell!r}; name presses apart"
+                f"{path}: indentation {press} has images of sites {rows.cell!r} and {cell!r}; give each indentation its own"
+                " name"
             )
         rows.row.append(row)
         rows.step.append(int(step))
@@ -310,14 +311,14 @@ def _check_pose(
     path: str | Path, press: str, image: str, planned: PlannedCell, step: int, pose: np.ndarray
 ) -> None:
     """Raise DatasetError unless an image (depth, x, y) was taken at the step of its cell's path that the features state."""
-    where = f"{path}: press {press}, image {image}: depth {pose[0]:g} mm at ({pose[1]:.4f}, {pose[2]:.4f}) mm"
+    where = f"{path}: indentation {press}, image {image}: depth {pose[0]:g} mm at ({pose[1]:.4f}, {pose[2]:.4f}) mm"
     if 0 <= step < len(planned.depths_mm):
         shear = planned.shears_mm[step] if planned.shears_mm else (0.0, 0.0)
         there = np.array([planned.depths_mm[step], planned.x_mm + shear[0], planned.y_mm + shear[1]])
         if np.abs(there - pose).max() <= POSITION_MATCH_MM:
             return
     raise DatasetError(
-        f"{where} is not at step {step} of the path of cell {planned.name}; extract the features again (snakemake -R {path})"
+        f"{where} is not at step {step} of the path of site {planned.name}; extract the features again (snakemake -R {path})"
     )
 
 
@@ -330,10 +331,14 @@ def _excluded_images(path: str | Path) -> dict[str, int]:
 def _check_images(path: str | Path, press: str, rows: PressRows, count: int, usual: int) -> None:
     gaps = sorted(set(range(len(rows.row))) - set(rows.image_index))
     if gaps or count != usual:
-        what = f"image_index {gaps} missing" if gaps else f"{count} images at depth, {usual} in most presses"
+        what = (
+            f"image_index {gaps} missing"
+            if gaps
+            else f"{count} images at depth, {usual} in most indentations"
+        )
         raise DatasetError(
-            f"{path}: press {press} of cell {rows.cell}: {what}; restore its images and extract the features again, "
-            "or remove the press from indentations.csv"
+            f"{path}: indentation {press} of site {rows.cell}: {what}; restore its images and extract the features again, "
+            "or remove the indentation from indentations.csv"
         )
     order = np.argsort(rows.image_index)
     rows.row, rows.image_index, rows.untouched, rows.step = (
@@ -374,8 +379,8 @@ def _steps(path: str | Path, press: str, rows: PressRows, planned: PlannedCell) 
     gap = abs(planned.depths_mm[step] - rows.depth_mm)
     if gap > POSITION_MATCH_MM and not all(rows.untouched):
         raise DatasetError(
-            f"{path}: press {press}: depth {rows.depth_mm} mm is {gap:.3g} mm from the nearest depth of cell {planned.name} "
-            f"({planned.depths_mm[step]} mm), limit {POSITION_MATCH_MM} mm; add the depth to the plan"
+            f"{path}: indentation {press}: depth {rows.depth_mm} mm is {gap:.3g} mm from the nearest depth of site"
+            f" {planned.name} ({planned.depths_mm[step]} mm), limit {POSITION_MATCH_MM} mm; add the depth to the plan"
         )
     return [step] * len(rows.row)
 
@@ -397,7 +402,7 @@ def _press_rows(
     bad = ~np.isfinite(feature).all(axis=1)
     if bad.any():
         raise DatasetError(
-            f"{path}: press {press}, image {image[bad.argmax()]}: features are not finite; extract the features again"
+            f"{path}: indentation {press}, image {image[bad.argmax()]}: features are not finite; extract the features again"
         )
     touched = ~untouched
     count = len(rows.row)

@@ -141,5 +141,5 @@ def _check_one_dataset(shards: Sequence[str | Path], attributes: Sequence[dict])
                 )
         for cell in one["cells"]:
             if cell in seen:
-                raise DatasetError(f"{path}: cell {cell} is also in {seen[cell]}; build the dataset again")
+                raise DatasetError(f"{path}: site {cell} is also in {seen[cell]}; build the dataset again")
             seen[cell] = path

@@ -71,7 +71,7 @@ def press_in_order(
     moved = {name: [law.description() for law in several] for name, several in uncertain.items()}
     bins = study.sensor.bins.nx * study.sensor.bins.ny
     labels, progress = _resumed(part, digest([identity, moved]), (len(presses), len(ROWS), 1 + bins, 3))
-    for number in tracked(range(progress.done, len(presses)), f"presses of session {session}"):
+    for number in tracked(range(progress.done, len(presses)), f"indentations of session {session}"):
         if progress.reason:
             break
         _press(study, laws, uncertain, presses[number], progress, labels[number])
@@ -93,7 +93,7 @@ def discard_part(out: Path) -> None:
     """Remove what an earlier job has solved of a session, so that it begins with the first press."""
     if part_of(out).exists():
         shutil.rmtree(part_of(out))
-        print("what was solved before is discarded, as asked: from the first press on", flush=True)
+        print("earlier solutions are discarded, as asked; starting with the first indentation", flush=True)
 
 
 def _press(
@@ -105,7 +105,7 @@ def _press(
     if not cell.converged:
         progress.reason = str(cell.attributes["reason"])
         return
-    check_finite(f"press {press.name}", cell)  # NaN in a label says that there is none
+    check_finite(f"indentation {press.name}", cell)  # NaN in a label says that there is none
     total, bins = cell.arrays["total_force_N"][-1:], cell.arrays["bin_force_N"][-1:]
     label[:] = np.nan
     label[0] = np.concatenate([total, bins[0]])
@@ -187,11 +187,12 @@ def _resumed(part: Path, identity: str, shape: tuple[int, ...]) -> tuple[np.memm
         if progress.digest == identity:
             solved = np.lib.format.open_memmap(labels, mode="r+")
             if solved.shape == shape and _sum_of(solved, progress.done) == progress.labels:
-                print(f"{progress.done} presses were solved before; going on from there", flush=True)
+                print(f"{progress.done} indentations were solved before; continuing from there", flush=True)
                 return solved, progress
             raise ValueError("the labels are not those that were kept")
         print(
-            "settings, presses or code have changed since this session was broken off: from the first press on"
+            "settings, indentations or code have changed since this session was interrupted; starting with the first"
+            " indentation"
         )
     except (OSError, ValueError, KeyError, BadZipFile):
         pass  # none yet, or damaged: it costs time, not the run
@@ -232,7 +233,13 @@ def _read_progress(path: Path) -> Progress:
 def _write(out, study, laws, session, identity, presses, progress: Progress, labels) -> None:
     """Write the file of a session's presses, whole or not at all."""
     count, left = len(presses), len(presses) - progress.done
-    later = [] if not left else [f"not solved: press {presses[progress.done].name} before it could not be"]
+    later = (
+        []
+        if not left
+        else [
+            f"not solved, because the earlier indentation {presses[progress.done].name} could not be solved"
+        ]
+    )
     reasons = [""] * progress.done + [progress.reason] * bool(left) + later * (left - 1)
     columns = {
         "press": [press.name for press in presses],

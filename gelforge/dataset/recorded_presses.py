@@ -48,8 +48,9 @@ def recorded_presses(
     sideways = readings.loc[readings["phase"] == "shear", "press"]
     if len(sideways):
         raise RecordingError(
-            f"press {sideways.iloc[0]} moves sideways; on a sensor that softens (mechanics.effects.history.mullins) presses"
-            " are followed straight down only: remove such presses from the session, or the effect from the study"
+            f"indentation {sideways.iloc[0]} moves sideways; on a sensor that softens (mechanics.effects.history.mullins)"
+            " indentations"
+            " are followed straight down only: remove such indentations from the session, or the effect from the study"
         )
     rows_of = readings.groupby("press").indices
     presses = []

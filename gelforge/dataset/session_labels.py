@@ -21,20 +21,23 @@ CLOSURE = (
 
 # name: (unit, description); P presses in the order recorded, B bins
 PRESS_DATASETS = {
-    "press": ("1", "press of the session (P)"),
-    "cell": ("1", "cell of the plan that it presses (P)"),
-    "reason": ("1", "why it has no label; empty: it has (P)"),
+    "press": ("1", "indentation of the session (P)"),
+    "cell": ("1", "site of the plan at which it is (P)"),
+    "reason": ("1", "why it has no label; empty: it has one (P)"),
     "companion_reason": ("1", "why its error bars are as large as its forces; empty: they are not (P)"),
-    "order": ("1", "order of the press in indentations.csv (P)"),
+    "order": ("1", "order of the indentation in indentations.csv (P)"),
     "position_mm": ("mm", "planned position x, y (P, 2)"),
     "depth_mm": ("mm", "planned depth (P)"),
-    "force_balance": ("1", "force of contact against that of the base, relative (P)"),
+    "force_balance": ("1", "contact force less the force on the sensor's base, relative (P)"),
     "total_force_N": ("N", "contact force on the sensor (P, 3)"),
     "bin_force_N": ("N", "force on the sensor per surface bin, k = nx iy + ix, undeformed surface (P, B, 3)"),
     "total_sigma_mesh_N": ("N", "standard deviation of total_force_N from discretisation (P, 3)"),
     "bin_sigma_mesh_N": ("N", "standard deviation of bin_force_N from discretisation (P, B, 3)"),
-    "total_sigma_material_N": ("N", "standard deviation of total_force_N from the laws (P, 3)"),
-    "bin_sigma_material_N": ("N", "standard deviation of bin_force_N from the laws (P, B, 3)"),
+    "total_sigma_material_N": (
+        "N",
+        "standard deviation of total_force_N from the constitutive models (P, 3)",
+    ),
+    "bin_sigma_material_N": ("N", "standard deviation of bin_force_N from the constitutive models (P, B, 3)"),
 }
 
 
@@ -71,7 +74,7 @@ class OwnPresses:
         if self.digest is not None and found["inputs_digest"] != self.digest:
             raise DatasetError(
                 f"{self.path}: made with other settings (inputs_digest {str(found['inputs_digest'])[:12]}, expected "
-                f"{self.digest[:12]}); press the session again (snakemake -R {self.path})"
+                f"{self.digest[:12]}); solve the session again (snakemake -R {self.path})"
             )
         return found
 
@@ -92,7 +95,7 @@ class OwnPresses:
         """Return why a press has no label; empty: it has."""
         if press not in self.reasons:
             raise DatasetError(
-                f"{self.path}: no press {press}; press the session again (snakemake -R {self.path})"
+                f"{self.path}: no indentation {press}; solve the session again (snakemake -R {self.path})"
             )
         return self.reasons[press][1]
 
@@ -103,7 +106,9 @@ class OwnPresses:
         row = self.reasons[press][0]
         with self._open() as file:
             known = {name: file[name][row] for name in PRESS_DATASETS if name.endswith("_N")}
-        check_closure(self.path, f"press {press}", known["total_force_N"][None], known["bin_force_N"][None])
+        check_closure(
+            self.path, f"indentation {press}", known["total_force_N"][None], known["bin_force_N"][None]
+        )
         return Label(
             known["total_force_N"],
             np.hypot(known["total_sigma_mesh_N"], known["total_sigma_material_N"]),
@@ -112,7 +117,7 @@ class OwnPresses:
         )
 
     def _open(self) -> h5py.File:
-        remedy = f"press the session again (snakemake -R {self.path})"
+        remedy = f"solve the session again (snakemake -R {self.path})"
         return opened(self.path, FORMAT, remedy, DatasetError)
 
 
@@ -136,10 +141,10 @@ def check_digest(path: str | Path, name: str, cell: Cell, expected: str | None) 
     """Raise DatasetError for the file of another cell, or of one made with other settings than the expected digest's."""
     found = cell.attributes
     if found["cell"] != name:
-        raise DatasetError(f"{path}: holds cell {found['cell']!r}, expected {name!r}; simulate it again")
+        raise DatasetError(f"{path}: holds site {found['cell']!r}, expected {name!r}; simulate it again")
     if expected is not None and found["inputs_digest"] != expected:
         raise DatasetError(
-            f"{path}: cell {name} was made with other settings (inputs_digest {str(found['inputs_digest'])[:12]}, "
+            f"{path}: site {name} was made with other settings (inputs_digest {str(found['inputs_digest'])[:12]}, "
             f"expected {expected[:12]}); simulate it again (snakemake -R {path})"
         )
 

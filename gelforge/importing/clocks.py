@@ -74,8 +74,8 @@ def coarse_match(
     ):
         raise ImportingError(
             f"{what}: its clock may be {start_s + lags[chosen]:.2f} or {start_s + lags[rival]:.2f} s later than the stage's"
-            f" (correlation {correlation[chosen]:.3f} and {correlation[rival]:.3f}): the presses repeat; set {key}.lag_s, or"
-            " record a rest before the first and after the last press in both logs"
+            f" (correlation {correlation[chosen]:.3f} and {correlation[rival]:.3f}): the indentations repeat; set"
+            f" {key}.lag_s, or record a rest before the first and after the last indentation in both logs"
         )
     next_best = None if rival is None else (float(lags[rival]), float(correlation[rival]))
     return Match(float(lags[chosen]), float(correlation[chosen]), level, power, lags, correlation, next_best)

@@ -85,7 +85,7 @@ def find_presses(
             untouched.append(float(stage.time_s[excursion.top]))
             continue
         number += 1
-        at = f"press {number} at {stage.time_s[excursion.top]:.1f} s"
+        at = f"indentation {number} at {stage.time_s[excursion.top]:.1f} s"
         if number in skip:
             left_out.append((number, float(stage.time_s[excursion.top]), "skip"))
         elif cut and drop_incomplete:
@@ -111,10 +111,10 @@ def find_presses(
         if touches:
             before_s = float(force_s[touches[-1][1]])
     if unknown := sorted(set(skip) - set(range(1, number + 1))):
-        raise ImportingError(f"skip names {unknown}, there are presses 1 to {number}; correct skip")
+        raise ImportingError(f"skip names {unknown}, there are indentations 1 to {number}; correct skip")
     if not kept:
         raise ImportingError(
-            f"no press is left of {number}; correct skip, or check force.columns and stage.z"
+            f"no indentation is left of {number}; correct skip, or check force.columns and stage.z"
         )
     return Presses(tuple(kept), tuple(left_out), tuple(untouched), smooth, threshold)
 
@@ -236,8 +236,8 @@ def depth_zero_mm(presses: tuple[Press, ...], rule, pressing: str) -> np.ndarray
         k = int(half.argmax())
         if half[k] > WIDEST_MM:
             raise ImportingError(
-                f"press {presses[k].number} at {presses[k].top_s:.1f} s: its contact point is known to {half[k]:.2g} mm"
-                f" only, the limit is {WIDEST_MM} mm; set depth_zero: session, or leave it out with"
+                f"indentation {presses[k].number} at {presses[k].top_s:.1f} s: its contact point is known to {half[k]:.2g}"
+                f" mm only, the limit is {WIDEST_MM} mm; set depth_zero: session, or leave it out with"
                 f" skip: [{presses[k].number}]"
             )
         return found
@@ -246,7 +246,7 @@ def depth_zero_mm(presses: tuple[Press, ...], rule, pressing: str) -> np.ndarray
     if abs(found[k] - middle) > WIDEST_MM:
         one = np.abs(np.delete(found, k) - middle).max(initial=0.0) <= WIDEST_MM
         raise ImportingError(
-            f"contact points lie up to {abs(found[k] - middle):.3g} mm off their median (press {presses[k].number} at"
+            f"contact points lie up to {abs(found[k] - middle):.3g} mm off their median (indentation {presses[k].number} at"
             f" {presses[k].top_s:.1f} s), the limit is {WIDEST_MM} mm: "
             + (
                 f"leave it out with skip: [{presses[k].number}], or set depth_zero: press"

@@ -183,7 +183,7 @@ def clock_law(bends: Bends, known: float | None, drift: bool, what: str, key: st
         return ClockLaw(known, 0.0, 0.0, bends)
     if len(np.unique(bends.excursion)) < LEAST_PRESSES:
         raise ImportingError(
-            f"{what}: {len(np.unique(bends.excursion))} presses show when the stage stops or leaves, at least"
+            f"{what}: {len(np.unique(bends.excursion))} indentations show when the stage stops or leaves, at least"
             f" {LEAST_PRESSES} are needed to align its clock; set {key}.lag_s, or log faster and wait longer at depth"
         )
     at, lag, sd = bends.by_press()
@@ -206,8 +206,8 @@ def clock_law(bends: Bends, known: float | None, drift: bool, what: str, key: st
     )
     if se > LARGEST_SE_S:
         raise ImportingError(
-            f"{what}: its lag is known to {2 * se * 1e3:.2g} ms only (two standard errors of {len(lag)} presses), the limit"
-            f" is {2 * LARGEST_SE_S * 1e3:g} ms; set {key}.lag_s, or log faster"
+            f"{what}: its lag is known to {2 * se * 1e3:.2g} ms only (two standard errors of {len(lag)} indentations), the"
+            f" limit is {2 * LARGEST_SE_S * 1e3:g} ms; set {key}.lag_s, or log faster"
         )
     if drift:
         return ClockLaw(float(offset), float(straight), se, bends)
@@ -258,6 +258,6 @@ def _refuse_jumps(at, lag, law, what: str, key: str) -> None:
         else f"name time stamps of each row in {key}.time"
     )
     raise ImportingError(
-        f"{what}: its lag jumps from {steady[k]:.3f} to {steady[k + 1]:.3f} s between the presses at {at[k]:.1f} and"
+        f"{what}: its lag jumps from {steady[k]:.3f} to {steady[k + 1]:.3f} s between the indentations at {at[k]:.1f} and"
         f" {at[k + 1]:.1f} s, the limit is {limit * 1e3:.2g} ms: {rows} were dropped; {remedy}, or record again"
     )

@@ -60,7 +60,7 @@ def about(settings: dict, model_sha256: str, source: str) -> dict:
         "sensor_width_mm": settings["sensor_width_mm"],
         "interval": COVER,
         "units": {
-            "force": "N, on the sensor, z up: a press is negative",
+            "force": "N, on the sensor, z up: an indentation is negative",
             "cop": "mm",
             "time": "s since 1970",
         },

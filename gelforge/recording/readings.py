@@ -130,8 +130,8 @@ def zero_force(path: Path, readings: pd.DataFrame) -> np.ndarray:
     if without.any():
         line = without.idxmax()
         raise RecordingError(
-            f"{path}, row {line}: press {readings.at[line, 'press']} has no zero row; record the force "
-            "before touch, "
+            f"{path}, row {line}: indentation {readings.at[line, 'press']} has no zero row; record the force "
+            "before contact, "
             "or set force.tared: true in session.yaml if zero is already subtracted"
         )
     return zero.loc[readings["press"]].to_numpy()

@@ -258,4 +258,6 @@ def quarter_turn() -> list[Check]:
     force = follow(sensor_press(), POSITION, DEPTHS)[-1].force
     turned = follow(sensor_press(turned_position), turned_position, DEPTHS)[-1].force
     error = np.linalg.norm(turned - [-force[1], force[0], force[2]]) / np.linalg.norm(force)
-    return [vanishing("force of the press turned by 90 degrees, over the force", "symmetry", error, 1e-8)]
+    return [
+        vanishing("force with the indentation turned by 90 degrees, over the force", "symmetry", error, 1e-8)
+    ]

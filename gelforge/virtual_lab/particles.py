@@ -111,7 +111,7 @@ def interpolation(nodes: np.ndarray, hexahedra: np.ndarray, points: np.ndarray) 
     if (found < 0).any():
         raise VirtualLabError(
             f"particle at {np.round(points[found.argmin()], 4)} mm lies in no element of the gel; "
-            "the cell was solved for another sensor"
+            "the site was solved with another sensor"
         )
     xi = (points - low[found]) / (high[found] - low[found])  # (P, 3) in [0, 1]
     at_high = corners[found] - low[found][:, None] > 0.5 * (high[found] - low[found])[:, None]  # (P, 8, 3)
@@ -184,7 +184,7 @@ def true_motion(cell: Cell, planned: PlannedCell, particles: np.ndarray, width_m
     load = phases == "load"
     if not load.any() or (np.diff(depth[load]) <= 0).any() or (np.diff(depth[~load]) >= 0).any():
         raise VirtualLabError(
-            f"cell {cell.attributes.get('cell')}: depths {depth.tolist()} with phases {phases.tolist()}; "
+            f"site {cell.attributes.get('cell')}: depths {depth.tolist()} with phases {phases.tolist()}; "
             "loading depths must increase, then unloading depths decrease"
         )
     weights = interpolation(nodes, cell.arrays["gel_hex"], particles)

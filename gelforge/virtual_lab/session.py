@@ -356,21 +356,21 @@ def read_truth(folder: Path, planned: PlannedCell, arrays: list[str] = TRUTH) ->
     cell = read_cell(path, arrays)
     if not cell.converged:
         raise VirtualLabError(
-            f"{path}: the truth cell failed ({cell.attributes['reason']}); change the virtual lab's mesh"
+            f"{path}: the true solution of the site failed ({cell.attributes['reason']}); change the virtual lab's mesh"
         )
     if planned.follows_a_path:
         depths = cell.arrays["depth_mm"]
         if len(depths) != len(planned.depths_mm) or np.abs(depths - planned.depths_mm).max() > 1e-9:
             raise VirtualLabError(
-                f"{path}: the truth has depths {depths.tolist()} mm, the path of cell {planned.name} "
-                f"{list(planned.depths_mm)}; solve the truth cell again"
+                f"{path}: the truth has depths {depths.tolist()} mm, the path of site {planned.name} "
+                f"{list(planned.depths_mm)}; solve the site's truth again"
             )
         return cell
     deepest = float(cell.arrays["depth_mm"].max())
     if deepest < planned.depths_mm[-1] - 1e-9:
         raise VirtualLabError(
-            f"{path}: the truth ends at {deepest} mm, but cell {planned.name} is pressed to "
-            f"{planned.depths_mm[-1]} mm; solve the truth cell again"
+            f"{path}: the truth ends at {deepest} mm, but site {planned.name} is pressed to "
+            f"{planned.depths_mm[-1]} mm; solve the site's truth again"
         )
     return cell
 

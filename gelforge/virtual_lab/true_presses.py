@@ -54,8 +54,8 @@ def true_presses(
     for session, press, name in wanted:
         if (session, press) not in made or made[session, press][1].cell.name != name:
             raise VirtualLabError(
-                f"session {session}: press {press} of cell {name} is none of this virtual lab's; record the session again "
-                "(gelforge virtual-session)"
+                f"session {session}: indentation {press} of site {name} is none of this virtual lab's; record the session"
+                " again (gelforge virtual-session)"
             )
     particles = place_particles(lab.particles, study.sensor, lab.serial)
     view = View.of(lab.camera, particles, lab.particles.diameter_mm)

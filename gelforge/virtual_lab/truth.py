@@ -54,13 +54,13 @@ def check_recordable(planned: PlannedCell) -> None:
     if others or any(map(any, planned.tilts_deg)) or any(planned.twists_deg):
         why = f"has phases {others or ['tilt or twist']}; recordings hold depth and position only"
     elif moves != sorted(moves, key=COURSE.index):
-        why = f"has phases in the order {', '.join(dict.fromkeys(moves))}; a recorded press runs load, shear, unload"
+        why = f"has phases in the order {', '.join(dict.fromkeys(moves))}; a recorded indentation runs load, shear, unload"
     elif planned.phases and (not down or any(b <= a for a, b in zip(down, down[1:]))):
         why = f"is loaded to {down} mm in turn; these must increase"
     else:
         return
     raise VirtualLabError(
-        f"cell {planned.name}: its path {why}: the virtual lab cannot record it; change the path or leave it out of the plan"
+        f"site {planned.name}: its path {why}: the virtual lab cannot record it; change the path or leave it out of the plan"
     )
 
 

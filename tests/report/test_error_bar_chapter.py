@@ -28,7 +28,8 @@ def test_table_has_median_and_largest_over_the_force():
     assert list(table["cells"]) == [2, 2]
     np.testing.assert_allclose(table.loc[0.5, ["mesh, median [%]", "mesh, largest [%]"]].tolist(), [2.0, 3.0])
     np.testing.assert_allclose(
-        table.loc[1.0, ["laws, median [%]", "laws, largest [%]"]].tolist(), [2.375, 4.0]
+        table.loc[1.0, ["constitutive models, median [%]", "constitutive models, largest [%]"]].tolist(),
+        [2.375, 4.0],
     )
 
 

@@ -16,7 +16,7 @@ class Variant(Section):
     sensor: dict[str, Any] = Field({}, description="keys of `sensor` that differ, e.g. flange: {...}")
     indenter: dict[str, Any] = Field({}, description="keys of `indenter` that differ")
     mechanics: dict[str, Any] = Field({}, description="keys of `mechanics` that differ, e.g. strain: small")
-    cells: list[Name] = Field([], description="cells of the plan; none: one at the centre, one at a corner")
+    cells: list[Name] = Field([], description="sites of the plan; none: one at the centre, one at a corner")
 
 
 def merged(content: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:

@@ -259,7 +259,7 @@ class TestMapping(Section):
     )
     rigid_board: FileName | None = Field(
         None,
-        description="indentation: name of the file of the same press on a rigid board (the machine's own give)",
+        description="indentation: name of the file of the same motion on a rigid board (the machine's own compliance)",
     )
     spring_constant_N_per_m: Positive | None = Field(None, description="AFM: bending F/k leaves the depth")
     rate_per_s: Positive | None = Field(None, description="stretch rate of the loading, as declared")
@@ -352,7 +352,8 @@ class Microindentation(Section):
         None, description="thickness on a rigid base; null: half space [mm]"
     )
     rigid_board: FileName | None = Field(
-        None, description="CSV beside it of the same press on a rigid board: the machine's own give"
+        None,
+        description="CSV in the same folder: the same motion on a rigid board, for the machine's own compliance",
     )
     odd_rows: Literal["refuse", "keep"] = Field(
         "refuse",

@@ -123,7 +123,7 @@ class Mechanics(Section):
         description="effects whose derivatives of total and bin forces are stored, e.g. gel_stiffness; with "
         "store_displacement those of the gel's displacement too",
     )
-    store_displacement: bool = Field(False, description="keep the gel's displacement in the cell file")
+    store_displacement: bool = Field(False, description="keep the gel's displacement in the site's file")
     effects: Effects = Field(Effects(), description="physics that the plain model leaves out")
 
     @model_validator(mode="after")

@@ -155,7 +155,7 @@ class IndenterPart(Section):
         description="x, y from the position, and height of the lowest point over that of the lowest part [mm]",
     )
     size_confirmed: bool = Field(
-        False, description="true: the size is meant, also if it is tiny or huge beside the sensor"
+        False, description="true: the size is meant, even if it is tiny or huge compared with the sensor"
     )
     need_not_touch: bool = Field(
         False, description="of one of several parts, true: it may stay clear of the sensor, as a ball's stem"

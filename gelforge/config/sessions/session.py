@@ -115,7 +115,7 @@ class DepthZero(Section):
         for name in (own, other):
             if keys.get(name) is not None:
                 raise ValueError(
-                    f"scatter_mm {scatter} beside {name} {keys[name]}: scatter_mm is the old name of {own} (by: {by}); "
+                    f"scatter_mm {scatter} and {name} {keys[name]}: scatter_mm is the old name of {own} (by: {by}); "
                     "remove it"
                 )
         return keys | {own: scatter, other: 0.0}
@@ -186,8 +186,8 @@ class Session(Section):
     def _one_view(self):
         if self.remap and self.crop_px:
             raise ValueError(
-                f"crop_px {self.crop_px} beside remap: remap.view says itself which part is seen; remove crop_px, and give "
-                "remap.view the size and centre_px of that part"
+                f"crop_px {self.crop_px} and remap are both given: remap.view already says which part is seen; remove"
+                " crop_px, and give remap.view the size and centre_px of that part"
             )
         if self.remap and self.camera is None:
             raise ValueError("remap needs the camera that took the images; describe it under camera")

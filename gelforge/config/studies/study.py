@@ -58,7 +58,7 @@ class Study(Section):
     learning: Learning = Field(Learning(), description="network and training")
     mismatch: Mismatch = Field(Mismatch(), description="how recordings are judged against the simulation")
     variants: dict[Name, Variant] = Field(
-        {}, description="presses under other assumptions, shown in the report beside the study's own"
+        {}, description="indentations under other assumptions, which the report compares with the study's own"
     )
     synthesis: Synthesis | None = Field(
         None,

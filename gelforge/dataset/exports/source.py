@@ -100,7 +100,7 @@ class Source:
     def blocks(self, presses: Sequence[Press], names: Sequence[str] | None = None) -> Iterator[dict]:
         """Yield the columns of presses in blocks of whole presses, about BLOCK_ROWS rows each."""
         start, count = 0, 0
-        for end, press in enumerate(tracked(presses, "presses exported"), 1):
+        for end, press in enumerate(tracked(presses, "indentations exported"), 1):
             count += len(press.rows)
             if count >= BLOCK_ROWS or end == len(presses):
                 yield self.read(presses[start:end], names)
@@ -126,8 +126,8 @@ class Source:
             chosen += [presses[i] for i in sorted(kept)]
         if sum(len(press.rows) for press in chosen) > left:
             raise DatasetError(
-                f"--sample-mb {limit_mb:g}: no room for a press of each split, a row takes {row / 1e6:.3g} MB; allow more, "
-                "or leave the images out"
+                f"--sample-mb {limit_mb:g}: no room for an indentation of each split, a row takes {row / 1e6:.3g} MB; allow"
+                " more, or leave the images out"
             )
         return replace(self, presses=tuple(chosen))
 
@@ -141,8 +141,9 @@ def open_source(
     """Return the dataset of a folder (`results/<study>/dataset`), its shards checked against the manifest.
 
     images: rows hold the image files' content, see RowImages for `data`; validation_fraction: share of the training orbits
-    that are the split `validation`, the same ones that watch the loss when the study's network is trained (None: as usual).
-    Raises DatasetError for a folder without a dataset, shards that are not the manifest's, and images that do not exist.
+    that are the split `validation`, the same ones that monitor the loss when the study's network is trained (None: as
+    usual). Raises DatasetError for a folder without a dataset, shards that are not the manifest's, and images that do not
+    exist.
     """
     folder = Path(folder)
     manifest = read_manifest(folder / "manifest.json")
@@ -150,7 +151,7 @@ def open_source(
     check_shards(shards, folder / "manifest.json")
     rows = ShardDataset(shards)
     if not len(rows):
-        raise DatasetError(f"{folder}: the dataset has no rows; see failed cells in its README.md")
+        raise DatasetError(f"{folder}: the dataset has no rows; see failed sites in its README.md")
     labels_only = manifest["labels_only"]
     if images and labels_only:
         raise DatasetError(
@@ -171,7 +172,7 @@ def _variables(rows: ShardDataset, labels_only: bool, images: RowImages | None) 
         for name, column in columns(labels_only).items()
     }
     variables["split"] = replace(
-        variables["split"], description="train, validation or test, by orbit: a cell with its mirror images"
+        variables["split"], description="train, validation or test, by orbit: a site with its mirror images"
     )
     if images:
         shape = images.shape(first["session"][0], first["image"][0])

@@ -20,7 +20,7 @@ FORMAT = "gelforge-cell-1"
 # name: (unit, description); D depths, B bins, S surface nodes, G gel nodes, E gel elements
 DATASETS = {
     "depth_mm": ("mm", "commanded depths (D)"),
-    "shear_mm": ("mm", "displacement of the indenter along x and y from the cell's position (D, 2)"),
+    "shear_mm": ("mm", "displacement of the indenter along x and y from the site's position (D, 2)"),
     "tilt_deg": ("deg", "turns of the indenter about the sensor's x and y axes since the first touch (D, 2)"),
     "twist_deg": ("deg", "turn of the indenter about the sensor's z axis; absent where none turns (D)"),
     "indenter_mm": ("mm", "the indenter's centre (D, 3)"),
@@ -35,14 +35,17 @@ DATASETS = {
     "bin_sigma_mesh_N": ("N", "standard deviation of bin_force_N from discretisation (D, B, 3)"),
     "bin_sigma_material_N": (
         "N",
-        "standard deviation of bin_force_N from the covariance of the laws' parameters (D, B, 3)",
+        "standard deviation of bin_force_N from the covariance of the constitutive models' parameters (D, B, 3)",
     ),
     "bin_sigma_interpolation_N": (
         "N",
         "of a label between solved sites, standard deviation of bin_force_N from what is solved there (D, B, 3)",
     ),
     "total_sigma_mesh_N": ("N", "standard deviation of total_force_N from discretisation (D, 3)"),
-    "total_sigma_material_N": ("N", "standard deviation of total_force_N from the laws (D, 3)"),
+    "total_sigma_material_N": (
+        "N",
+        "standard deviation of total_force_N from the constitutive models (D, 3)",
+    ),
     "total_sigma_interpolation_N": ("N", "the same of total_force_N (D, 3)"),
     "sensitivity_total": ("N/unit", "d total_force_N / d amount of each of sensitivity_names (P, D, 3)"),
     "sensitivity_bin": ("N/unit", "d bin_force_N / d amount of each of sensitivity_names (P, D, B, 3)"),
@@ -62,7 +65,7 @@ DATASETS = {
     "node_displacement_mm": ("mm", "displacement of the surface nodes (D, S, 3)"),
     "section_node_mm": (
         "mm",
-        "undeformed nodes of the vertical mesh plane y = const nearest the cell (P, 3)",
+        "undeformed nodes of the vertical mesh plane y = const nearest the site (P, 3)",
     ),
     "section_quad": ("1", "4 corners of each face of the plane as rows of section_node_mm (Q, 4)"),
     "section_region": ("1", "region of each face, an index into the attribute regions (Q)"),
@@ -175,7 +178,7 @@ def check_finite(whose: str | Path, cell: Cell) -> None:
         raise CellError(
             f"{whose}: {len(bad)} of {values.size} numbers of {name} are not finite, the first is"
             f" {values[tuple(bad[0])]} at {bad[0].tolist()}; nothing is written: press in smaller steps of depth or on"
-            " another mesh, and report the cell's settings"
+            " another mesh, and report the site's settings"
         )
 
 
@@ -192,7 +195,7 @@ def read_cell(path: str | Path, arrays: list[str] | None = None, if_held: Collec
         content = {name: file[name][()] for name in wanted if name in file}
     if missing:
         raise CellError(
-            f"{path}: datasets {missing} are missing; simulate the cell again with the settings that keep them"
+            f"{path}: datasets {missing} are missing; simulate the site again with the settings that keep them"
         )
     return Cell(content, attributes)
 

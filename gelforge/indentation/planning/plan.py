@@ -94,10 +94,10 @@ def variant_cells(cells: dict[str, PlannedCell], study: Study, variant: str) -> 
     names = study.variants[variant].cells or [cell.name for cell in landmarks(cells, study).values()]
     unknown = [name for name in names if name not in cells]
     if unknown:
-        raise ConfigError(f"variants.{variant}.cells: {unknown} are not in the plan; name cells of the plan")
+        raise ConfigError(f"variants.{variant}.cells: {unknown} are not in the plan; name sites of the plan")
     if not names:
         raise ConfigError(
-            f"variants.{variant}: the plan has no cell at the centre or {CORNER_MM:g} mm from two edges; name `cells`"
+            f"variants.{variant}: the plan has no site at the centre or {CORNER_MM:g} mm from two edges; name `cells`"
         )
     chosen = {name: replace(cells[name], source=None, symmetry=None, between="") for name in names}
     check_inside(chosen, variant_study(study, variant))
@@ -174,14 +174,14 @@ def _from_file(path: Path, mm_per_unit: float) -> dict[str, PlannedCell]:
     cells = {}
     for name, rows in rows_of.items():
         if not NAME.fullmatch(name):
-            raise ConfigError(f"{path}: cell {name!r} is not a name; use letters, digits, '_' and '-'")
+            raise ConfigError(f"{path}: site {name!r} is not a name; use letters, digits, '_' and '-'")
         numbers, turns = places[rows], moves[rows]
         if not np.isfinite(numbers).all():
             raise ConfigError(
-                f"{path}: cell {name} has an empty or non-finite number; fill x_mm, y_mm and depth_mm"
+                f"{path}: site {name} has an empty or non-finite number; fill x_mm, y_mm and depth_mm"
             )
         if np.ptp(numbers[:, :2], axis=0).max() > 1e-9:
-            raise ConfigError(f"{path}: cell {name} has several positions; give each position its own cell")
+            raise ConfigError(f"{path}: site {name} has several positions; give each position its own site")
         x, y = float(numbers[0, 0]), float(numbers[0, 1])
         phased = [phases[row] for row in rows]
         if turns.any() or any(phased):
@@ -190,7 +190,7 @@ def _from_file(path: Path, mm_per_unit: float) -> dict[str, PlannedCell]:
         depths = tuple(sorted(numbers[:, 2]))
         if depths[0] <= 0 or len(set(depths)) < len(depths):
             raise ConfigError(
-                f"{path}: cell {name} has depths {depths}; they must be positive and differ, unless phase or shear_x_mm, "
+                f"{path}: site {name} has depths {depths}; they must be positive and differ, unless phase or shear_x_mm, "
                 "shear_y_mm make its rows a path"
             )
         cells[name] = PlannedCell(name, x, y, depths)
@@ -208,14 +208,14 @@ def _path(
     """Return a cell whose rows are followed in the order of the file; an empty phase is found from what moves."""
     if depths[0] <= 0:
         raise ConfigError(
-            f"{file}: cell {name}: its path begins at depth {depths[0]:g} mm; begin with a positive depth"
+            f"{file}: site {name}: its path begins at depth {depths[0]:g} mm; begin with a positive depth"
         )
     before = np.vstack([np.zeros(6), np.column_stack([depths, turns])[:-1]])
     moves = np.column_stack([depths, turns]) - before
     for row, move in enumerate(moves):
         phases[row] = phases[row] or _phase(move)
         if phases[row] not in PHASES:
-            raise ConfigError(f"{file}: cell {name}: phase {phases[row]!r} is not one of {', '.join(PHASES)}")
+            raise ConfigError(f"{file}: site {name}: phase {phases[row]!r} is not one of {', '.join(PHASES)}")
     shears, tilts = ([(float(a), float(b)) for a, b in turns[:, k : k + 2]] for k in (0, 2))
     return PlannedCell(
         name,
@@ -290,7 +290,7 @@ def check_inside(cells: dict[str, PlannedCell], study: Study) -> None:
     checked = set()
     check_over_sensor(study, cells)
     for cell in cells.values():
-        where = f"cell {cell.name}"
+        where = f"site {cell.name}"
         for shear in cell.shears_mm or ((0.0, 0.0),):
             x, y = cell.x_mm + shear[0], cell.y_mm + shear[1]
             if not (0 <= x <= sensor.width_x_mm and 0 <= y <= sensor.width_y_mm):

@@ -27,12 +27,12 @@ def check_places(cells: Mapping[str, PlannedCell], within_mm: float) -> None:
         one, two = cells[names[i]], cells[names[j]]
         if not (one.follows_a_path or two.follows_a_path):
             raise ConfigError(
-                f"cells {one.name} and {two.name} are both at ({one.x_mm:g}, {one.y_mm:g}) mm, within {within_mm:g} mm:"
-                " give one cell the depths of both"
+                f"sites {one.name} and {two.name} are both at ({one.x_mm:g}, {one.y_mm:g}) mm, within {within_mm:g} mm:"
+                " give one site the depths of both"
             )
         if _way(one) == _way(two):
             raise ConfigError(
-                f"cells {one.name} and {two.name} follow the same path from ({one.x_mm:g}, {one.y_mm:g}) mm; remove one"
+                f"sites {one.name} and {two.name} follow the same path from ({one.x_mm:g}, {one.y_mm:g}) mm; remove one"
             )
 
 
@@ -100,5 +100,5 @@ def check_count(count: int) -> None:
     """Refuse a grid of more cells than anybody presses."""
     if count > MOST_CELLS:
         raise ConfigError(
-            f"plan.grid.spacing_mm gives {count} cells; at most {MOST_CELLS} are planned, make it larger (it is in mm)"
+            f"plan.grid.spacing_mm gives {count} sites; at most {MOST_CELLS} are planned, make it larger (it is in mm)"
         )

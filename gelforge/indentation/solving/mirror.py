@@ -22,7 +22,7 @@ def mirror_cell(source: Cell, study: Study, laws: dict[str, PrincipalLaw], plann
     wall_clock, cpu_clock = time.perf_counter(), time.process_time()
     name, width, n = planned.symmetry, study.sensor.width_x_mm, study.sensor.bins.nx
     if name is None:
-        raise ValueError(f"cell {planned.name} mirrors no other; solve it")
+        raise ValueError(f"site {planned.name} mirrors no other; solve it")
     # Shear and tilt are zero: a cell that shears or tilts is solved itself.
     plain = ("depth_mm", "shear_mm", "tilt_deg")
     arrays = {key: source.arrays[key] for key in plain if key in source.arrays}

@@ -133,7 +133,7 @@ def model_of(
     if sensor.shape.kind != "block":
         tops = np.full(len(centres), surface_point(mesh, *place)[0][2])
     reach = reach_of(shape, centres, tops, soft_base(sensor, effects))
-    where = f"the press at ({trajectory.x_mm:g}, {trajectory.y_mm:g}) mm"
+    where = f"the indentation at ({trajectory.x_mm:g}, {trajectory.y_mm:g}) mm"
     check_reach(reach, max(trajectory.depths_mm), where)
     known = base is not None and base.body.laws == body.laws  # a base that was checked differs little
     if mechanics.strain == "finite" and not known:  # small strains use the laws at rest only

@@ -64,7 +64,7 @@ def orbits_of(shards: Sequence[str | Path]) -> dict[str, str]:
 def training_and_validation(
     rows: ShardDataset, shards: Sequence[str | Path], study: Study
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the numbers of the rows that train and of those that only watch the loss, by orbit."""
+    """Return the numbers of the rows that train and of those that only monitor the loss, by orbit."""
     places = positions_of(rows)
     known = orbits_of(shards)
     orbit = {name: known.get(name, name) for name in places}
@@ -120,7 +120,7 @@ def measure_scaling(
     prefers a place or a direction: zero means, and one scale for both components of the flow and of the horizontal force.
     """
     if not len(index):
-        raise ModelError("no training rows; give the study more cells or a smaller dataset.test_fraction")
+        raise ModelError("no training rows; give the study more sites or a smaller dataset.test_fraction")
     mean = [np.zeros(()), np.zeros(())]
     for flow, label in _blocks(rows, index, form, turn):
         mean = [m + v.sum(axis=0, dtype=np.float64) / len(index) for m, v in zip(mean, (flow, label))]

@@ -59,6 +59,6 @@ def forces_as_tensors(solved: Callable, values: Mapping[str, Tensor | float]) ->
     for name, tensor in zip(values, tensors):
         if tensor.numel() != 1:
             raise ConfigError(
-                f"{name}: a tensor of shape {tuple(tensor.shape)}; one number is needed, call once for each press"
+                f"{name}: a tensor of shape {tuple(tensor.shape)}; one number is needed, call once for each indentation"
             )
     return TorchForces(*_Press.apply(solved, tuple(values), *tensors))

@@ -183,7 +183,11 @@ def reliability_table(predictions: Predictions) -> pd.DataFrame:
     rows = [
         ("Fz of untouched images, rms", _rms(predicted[~touched, 2]), "N"),
         (f"contacts of {1e3 * CONTACT_N:g} mN and more that are seen", _mean(seen[felt]), "1"),
-        (f"mean error of Fz of presses up to {1e3 * LIGHT_N:g} mN", _mean((predicted - true)[light, 2]), "N"),
+        (
+            f"mean error of Fz of indentations up to {1e3 * LIGHT_N:g} mN",
+            _mean((predicted - true)[light, 2]),
+            "N",
+        ),
         ("centre of pressure, median distance", _quantile(distance[touched], 0.5), "mm"),
         ("centre of pressure, 95th percentile", _quantile(distance[touched], 0.95), "mm"),
     ]

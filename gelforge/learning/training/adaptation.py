@@ -70,7 +70,7 @@ def drawn_presses(names: np.ndarray, count: int, seed: int) -> set[str]:
     known = np.unique(names[names != ""].astype(str))
     if not LEAST_PRESSES <= count <= len(known):
         raise ModelError(
-            f"{count} presses asked for, {len(known)} are there with images and measured forces; give between "
+            f"{count} indentations asked for, {len(known)} are there with images and measured forces; give between "
             f"{LEAST_PRESSES} and that"
         )
     return set(np.random.default_rng(seed).choice(known, count, replace=False).tolist())

@@ -92,8 +92,9 @@ def _check_single_rows(path, lines, position, force, segment) -> None:
         row = single_row(position[own], force[own])
         if row is not None:
             raise TableError(
-                f"{path}, row {lines[own[row]]}: a force of {force[own[row]]:.4g} N, far off the rows beside it; correct or"
-                " drop the row, or confirm it (`odd_rows: keep` beside the ball's radius, of a mapping in `corrections`)"
+                f"{path}, row {lines[own[row]]}: a force of {force[own[row]]:.4g} N, far off the neighbouring rows; correct"
+                " or"
+                " drop the row, or confirm it (`odd_rows: keep` next to the ball's radius, of a mapping in `corrections`)"
             )
 
 
@@ -110,7 +111,7 @@ def check_modulus(path, test: IndentationTest, radius_mm: float, thickness_mm: f
     if not low <= E <= high:
         raise TableError(
             f"{path}: force and depth give a Young's modulus of some {E:.2g} MPa; {low:g} to {high:g} MPa is expected: check"
-            " the units of depth_mm, force_N and ball_radius_mm, or confirm it with `odd_rows: keep` beside the radius"
+            " the units of depth_mm, force_N and ball_radius_mm, or confirm it with `odd_rows: keep` next to the radius"
         )
 
 

@@ -200,6 +200,6 @@ def _board(
     board = read_mapped(found[0], entry)[0]
     if not isinstance(board, IndentationTest):
         raise TableError(
-            f"{found[0]}: named as rigid_board, but the mapping reads it as {entry.kind}, not as a press"
+            f"{found[0]}: named as rigid_board, but the mapping reads it as {entry.kind}, not as an indentation"
         )
     return board, found[:1]

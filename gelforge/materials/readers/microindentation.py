@@ -253,5 +253,7 @@ def _limits(test, deepest, radius, thickness, rows, machine, E) -> list[str]:
             f"sqrt(R d)/h is {np.sqrt(radius * deepest) / thickness:.2f}, beyond the correction's {LARGEST_CHI:g}"
         )
     if machine is None:
-        said.append("no press on a rigid board is given: the machine's give is counted as the sample's")
+        said.append(
+            "no test on a rigid board is given: the machine's compliance is counted as the specimen's"
+        )
     return said

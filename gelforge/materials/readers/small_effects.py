@@ -109,7 +109,7 @@ def small_effects(small: SmallTests) -> tuple[list[MeasuredEffect], list[tuple[s
     for press in small.presses:
         if press.test.is_the_board:
             not_judged.append(
-                ("microindentation", f"{press.test.source} is the press on the rigid board itself")
+                ("microindentation", f"{press.test.source} is the test on the rigid board itself")
             )
         elif press.test.ball_radius_mm is not None:
             _keep(found, not_judged, "microindentation", lambda press=press: _modulus(press))
@@ -186,7 +186,7 @@ def _modulus(press: Press) -> MeasuredEffect:
         "Young's modulus by Hertz with thin-layer correction",
         fit.youngs_modulus,
         fit.interval,
-        "bootstrap of the press's residuals (one press)",
+        "bootstrap of the indentation's residuals (one indentation)",
         "MPa",
         "measured",
         f"{name}: Young's modulus {fit.youngs_modulus:.4g} MPa (95 % interval {low:.4g} to {high:.4g}), contact at"
@@ -208,13 +208,13 @@ def _mean_modulus(moduli: list[MeasuredEffect]) -> MeasuredEffect:
     return MeasuredEffect(
         "microindentation",
         "indentation",
-        "Young's modulus, mean of presses",
+        "Young's modulus, mean of indentations",
         mean.value,
         mean.interval,
-        "Student's t over the presses",
+        "Student's t over the indentations",
         "MPa",
         "measured",
-        f"The mean of {mean.count} presses is {mean.value:.4g} MPa (95 % interval {low:.4g} to {high:.4g}).",
+        f"The mean of {mean.count} indentations is {mean.value:.4g} MPa (95 % interval {low:.4g} to {high:.4g}).",
         tuple(m.samples[0] for m in moduli),
         {"deviation_MPa": mean.deviation},
     )
@@ -234,7 +234,7 @@ def _creep(test: IndentationTest, segment: str) -> MeasuredEffect:
         "further depth in a hold",
         moved,
         (moved - noise, moved + noise),
-        "scatter of neighbouring rows (one press)",
+        "scatter of neighbouring rows (one indentation)",
         "mm",
         "measured",
         f"{test.sample}: In the hold{time} the ball sinks by {moved * 1e3:.3g} um and the force changes by {changed:.2g} N"
@@ -271,7 +271,7 @@ def _adhesion(test: IndentationTest) -> MeasuredEffect:
         "pull-off force over the largest push",
         found.ratio,
         (found.ratio - noise, found.ratio + noise) if found.detached else None,
-        "noise of the force (one press)" if found.detached else "none: the ball stays attached",
+        "noise of the force (one indentation)" if found.detached else "none: the ball stays attached",
         "1",
         verdict,
         f"{test.sample}: {found.sentence}",
@@ -297,7 +297,7 @@ def _gain(pair: ForcePair) -> MeasuredEffect:
         listed = ", ".join(f"{np.mean(v):+.1%} at {place}" for place, v in gains.items())
         text += (
             f": it depends on where the body is pressed ({listed}; within {within:.1%} at one place), so one gain does"
-            " not describe it; part of the force bypasses a cell, or the cells feel moments"
+            " not describe it; part of the force bypasses a load cell, or the load cells also respond to moments"
         )
     if max(map(abs, offsets)) > NOTABLE_OFFSET:
         text += f"; an offset of {min(offsets):+.1%} to {max(offsets):+.1%} of the force comes with the load and is no gain"

@@ -89,7 +89,7 @@ def gain_mismatch(pair: ForcePair) -> Mean:
     gains = by_place([(press.place, press.gain) for press in pressed_pairs(pair)])
     if len(gains) < LEAST_TRIALS:
         raise ValueError(
-            f"{pair.source}: {sum(map(len, gains.values()))} presses at {len(gains)} places; {LEAST_TRIALS} independent"
+            f"{pair.source}: {sum(map(len, gains.values()))} indentations at {len(gains)} places; {LEAST_TRIALS} independent"
             " ones at least give the scatter of the gain"
         )
     return mean_of([np.mean(at_place) for at_place in gains.values()])

@@ -112,7 +112,7 @@ class _Chain:
         for one in varied:
             if not np.array_equal(one.body.mesh.elements, base.body.mesh.elements):
                 raise ValueError(
-                    "a varied press has a mesh of other elements than the base's; subtract two solutions instead"
+                    "a varied indentation has a mesh of other elements than the base's; subtract two solutions instead"
                 )
         self.base, self.varied = base, varied
         self.amounts = np.array([one.amount for one in varied]).reshape(-1, 1, 1)

@@ -60,7 +60,7 @@ class Covariance:
             if np.any(coarse.group != coarse.group[first][number.ravel()]):
                 raise ValueError(
                     "a group of draws is spread over two groups of the next level; order the levels from"
-                    " fine to coarse (press, site, all) and give every press one site"
+                    " fine to coarse (press, site, all) and give every indentation one site"
                 )
 
     def __len__(self) -> int:

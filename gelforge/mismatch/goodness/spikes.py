@@ -44,7 +44,7 @@ def without_spikes(observations: Observations, base: np.ndarray, covariance: Cov
             depth_mm=row.depth_mm,
             axis=AXES[row.axis],
             size=round(abs(row.away), 1),
-            reason="far from what the other readings of its press, place and depth say of it",
+            reason="far from what the other readings of its indentation, place and depth say of it",
         )
         for row in labels.itertuples()
     )

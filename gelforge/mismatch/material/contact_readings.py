@@ -250,7 +250,7 @@ def pair_readings(pair: ForcePair) -> ContactTest:
             )
             found = sorted((own[level == k] for k in np.unique(level)), key=lambda g: g[0])
             groups += found
-            rows += [(branch, f"{number}/{branch}", f"press {number + 1}", place, k / max(len(found) - 1, 1))
+            rows += [(branch, f"{number}/{branch}", f"indentation {number + 1}", place, k / max(len(found) - 1, 1))
                      for k in range(len(found))]  # fmt: skip
     if len(groups) < 10:
         raise ValueError(

@@ -127,7 +127,7 @@ def _judged(name, test: ContactTest, word, sources, synthetic, seed) -> Judged:
     after = final.prediction if answer and final else None
     unit = "MPa" if test.at_unit == "stretch" else "N"
     content = v.Verdict(
-        title=f"{name}: {word or 'stress tests'} beside {test.base_words}",
+        title=f"{name}: {word or 'stress tests'} against {test.base_words}",
         synthetic=synthetic,
         state=state,
         sentence=sentence_of(name, test, state, answer, fit, adequacy, where, limits, final, unit, further),

@@ -119,7 +119,7 @@ def judge_recording(solver: Solver, sessions: Sequence[Path | Recording], out: P
     forces, base = problem_of(solver, observations)
     joint = forces
     if study.mismatch.images != "left_out":
-        stage("images, and the motion of the gel at their presses")
+        stage("images, and the motion of the gel at their indentations")
         joint = with_flow(solver, base, forces, recordings)
     problem = joint if study.mismatch.images == "fitted" else forces
     judgement = judge(problem, study.mismatch, study.seed)
@@ -133,7 +133,7 @@ def judge_recording(solver: Solver, sessions: Sequence[Path | Recording], out: P
         provenance_of([one.folder for one in recordings], study, solver),
         flow=flow_section(joint, judgement, after),
     )
-    stage("experiments that would tell effects apart")
+    stage("experiments that would distinguish effects")
     verdict = with_experiments(verdict, forces, base.context)
     stage("tables")
     write_results(out, verdict, in_newtons)

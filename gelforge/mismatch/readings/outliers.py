@@ -31,7 +31,7 @@ def without_outliers(recording: Recording, noise: np.ndarray) -> tuple[pd.DataFr
             time_s=row.time_s,
             depth_mm=row.depth_mm,
             size=round(value, 1),
-            reason="far from the other readings of its press at that depth",
+            reason="far from the other readings of its indentation at that depth",
         )
         for row, value in zip(held[far].itertuples(), size[far])
     ]

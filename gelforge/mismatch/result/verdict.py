@@ -124,7 +124,7 @@ class Unknown(Section):
     """What no known effect explains: a smooth change by one kernel, of unknown size and form."""
 
     probability: Probability = Field(description="Probability that it is part of what is missing [-]")
-    words: str = Field(description="The kernel that it would most probably have, beside the answer")
+    words: str = Field(description="The kernel that it would most probably have, together with the answer")
 
 
 class Group(Section):
@@ -255,7 +255,9 @@ class DetectionLimit(Section):
     effect: Name = Field(description="Canonical name")
     parameter: str = Field(description="The parameter")
     unit: str = Field(description="Its unit")
-    amount: Positive | None = Field(description="Smallest value that would be seen [unit]; empty: none would")
+    amount: Positive | None = Field(
+        description="Smallest value that would be detected [unit]; empty: none would"
+    )
     plausible: Positive = Field(description="A plausible value, the standard deviation of its prior [unit]")
 
     @property
@@ -272,7 +274,7 @@ class NoiseCase(Section):
     state: State = Field(description="The state that it gives")
     answer: list[list[Name]] = Field([], description="The groups that it gives")
     beside: list[Name] = Field(
-        [], description="Effects that fit what remains beside them, none of them sure enough to be named"
+        [], description="Effects that fit the residual of the answer, none of them sure enough to be named"
     )
     probability: Probability | None = Field(None, description="Of the groups [-]")
     p: Probability | None = Field(None, description="Of the mismatch by chance [-]")
@@ -283,9 +285,7 @@ class Noise(Section):
 
     stated_N: ThreeAxes = Field(description="Standard deviation of one reading, x, y, z [N]")
     zero_N: ThreeAxes = Field(description="Of the subtracted zero, one draw per indentation, x, y, z [N]")
-    touchdown_mm: NonNegative = Field(
-        description="Of the contact point: both errors of the depth below together [mm]"
-    )
+    touchdown_mm: NonNegative = Field(description="Of the depth, both errors below together [mm]")
     press_depth_mm: NonNegative | None = Field(
         None, description="Of the depth, one draw per indentation [mm]"
     )
@@ -390,7 +390,9 @@ class Verdict(Section):
         [], description="What is missing: one effect of each group is there, the most probable group first"
     )
     effects: list[NamedEffect] = Field([], description="All that were tried, the most probable first")
-    unknown: Unknown | None = Field(None, description="What no known effect explains, weighed beside them")
+    unknown: Unknown | None = Field(
+        None, description="The discrepancy: what no known effect explains, with its probability"
+    )
     null_probability: Probability = Field(description="Probability that nothing is missing [-]")
     fit: Fit = Field(description="Before and after, on all readings and on those held out")
     adequacy: Adequacy | None = Field(None, description="What remains after the answer")

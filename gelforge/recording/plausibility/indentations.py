@@ -70,7 +70,8 @@ def _sites(xy: np.ndarray) -> np.ndarray:
 
 
 def scatter_N(readings: pd.DataFrame, names: list[str]) -> np.ndarray:
-    """Return the standard deviations (3,) [N] of one reading, from differences between neighbours before touch and at rest.
+    """Return the standard deviations (3,) [N] of one reading, from differences between neighbours before contact and at
+    rest.
 
     Robust: the median of the differences, so that steps, spikes and relaxation count little.
     """

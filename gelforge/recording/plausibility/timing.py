@@ -22,7 +22,7 @@ BETTER = 3.0  # by so many times less must remain at the lag than without it
 NEAR_BEST = 0.05  # of what a lag explains: the least lag that misses no more than this is the one
 LEAST_LIMIT_S = 0.15  # filters of force sensors, and a stage that settles
 COARSE_S, STEP_S = 0.1, 0.02  # between lags that are tried, at first and around the best one
-DENSE_S = 0.05  # between times within a wait, or before touch
+DENSE_S = 0.05  # between times within a wait, or before contact
 FARTHEST_S = 60.0  # the largest lag that is looked for
 RISEN = 0.9  # of the force reached while waiting: at the commanded depth it is there
 
@@ -85,7 +85,7 @@ def _shortest_wait_s(readings: pd.DataFrame) -> float:
 
 
 def _known_depths(readings: pd.DataFrame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return times [s], depths [mm] and indentation numbers where the depth is known: before touch, and waiting at depth."""
+    """Return times [s], depths [mm], indentation numbers where the depth is known: before contact, and waiting at depth."""
     names = readings["press"].unique()
     chosen = names[np.unique(np.linspace(0, len(names) - 1, min(len(names), MOST_INDENTATIONS)).astype(int))]
     parts = []

@@ -44,13 +44,13 @@ def cells_of_presses(path: Path, readings: pd.DataFrame, cells: Mapping[str, Pla
     ends = readings[readings["phase"] == "shear"].groupby("press").last()
     joined = {}
     for press, gap, index, near in zip(presses.itertuples(), distance, nearest, around):
-        where = f"{path}, row {press.row}: press {press.press}"
+        where = f"{path}, row {press.row}: indentation {press.press}"
         end = ends.loc[press.press] if press.press in ends.index else None
         here = [cells[names[k]] for k in sorted(near)] or [cells[names[index]]]
         cell = _cell_of(press, end, here, where)
         if gap > POSITION_MATCH_MM:
             raise RecordingError(
-                f"{where} at ({press.x_mm:.4f}, {press.y_mm:.4f}) mm has no planned cell within "
+                f"{where} at ({press.x_mm:.4f}, {press.y_mm:.4f}) mm has no planned site within "
                 f"{POSITION_MATCH_MM} mm; "
                 f"the nearest is {cell.name} at ({cell.x_mm}, {cell.y_mm}) mm: add the position to the "
                 "plan or correct "
@@ -59,17 +59,17 @@ def cells_of_presses(path: Path, readings: pd.DataFrame, cells: Mapping[str, Pla
         if min(abs(depth - press.depth_mm) for depth in cell.depths_mm) > POSITION_MATCH_MM:
             raise RecordingError(
                 f"{where}: depth_mm {press.depth_mm:.4f} is not among the depths {list(cell.depths_mm)} of "
-                f"cell {cell.name}; "
+                f"site {cell.name}; "
                 "add it to the plan"
             )
         if end is not None and not _passes(cell, end):
             raise RecordingError(
-                f"{where} moves sideways to {_offset(cell, end)} mm at depth {end.depth_mm:g} mm, which is no step of cell "
+                f"{where} moves sideways to {_offset(cell, end)} mm at depth {end.depth_mm:g} mm, which is no step of site "
                 f"{cell.name}, within {POSITION_MATCH_MM} mm; add such a path to the plan (shear_x_mm, shear_y_mm)"
             )
         if press.cell not in ("", cell.name):
             raise RecordingError(
-                f"{where} names cell {press.cell!r} but lies at cell {cell.name!r}; correct or empty the "
+                f"{where} names site {press.cell!r} but lies at site {cell.name!r}; correct or empty the "
                 "column `cell`"
             )
         joined[press.press] = cell.name
@@ -91,7 +91,7 @@ def _cell_of(press, end: pd.Series | None, here: list[PlannedCell], where: str) 
     fitting = [cell for cell in here if _passes(cell, end)]
     if len(fitting) > 1:
         raise RecordingError(
-            f"{where} fits the paths of cells {[cell.name for cell in fitting]}; name its cell in the column `cell`"
+            f"{where} fits the paths of sites {[cell.name for cell in fitting]}; name its site in the column `cell`"
         )
     return (fitting or here)[0]
 
@@ -165,7 +165,7 @@ def cells_from_presses(readings: list[pd.DataFrame]) -> dict[str, PlannedCell]:
         name = recorded[0] if recorded else f"p{number:04d}"
         if len(recorded) > 1 or name in cells:
             raise RecordingError(
-                f"position ({xy[index][0]:.4f}, {xy[index][1]:.4f}) mm: recorded cells "
+                f"position ({xy[index][0]:.4f}, {xy[index][1]:.4f}) mm: recorded sites "
                 f"{recorded or [name]} do not name "
                 "one position each; correct or empty the column `cell`"
             )

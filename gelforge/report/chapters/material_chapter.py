@@ -32,7 +32,7 @@ def materials(results: StudyResults) -> Chapter:
         chapter.miss(f"No table of parameters: {results.folder / 'tables' / 'material.csv'} is not there.")
     else:
         chapter.tabulate(
-            said_beside("Parameters with 95 % intervals{beside the paper's}", results.paper)
+            said_beside("Parameters with 95 % intervals{with the paper's}", results.paper)
             + "; the single constants of a constitutive model differ more between"
             " equally good fits than Young's modulus E does.",
             beside_paper("material", table, results.paper),

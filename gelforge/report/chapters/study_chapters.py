@@ -145,7 +145,7 @@ def force_depth(results: StudyResults) -> Chapter:
     chapter.show(words, force_depth_figure(curves, results.resolution_N[2]))
     tables = [table for curve in curves if (table := deviation_table(curve)) is not None and len(table)]
     if tables:
-        words = "Vertical force beside the published FEM's; nothing was tuned to bring them together."
+        words = "Vertical force and that of the published FEM; nothing was tuned to bring them together."
         chapter.tabulate(words, pd.concat(tables))
     return chapter
 
@@ -184,7 +184,7 @@ def inside(results: StudyResults) -> Chapter:
 
 
 def images(results: StudyResults) -> Chapter:
-    """Return one image with its flow, and the flow of all images beside that before touch."""
+    """Return one image with its flow, and the flow of all images beside that before contact."""
     chapter = _one_image(results)
     tell_flow_floor(chapter, results)
     return chapter

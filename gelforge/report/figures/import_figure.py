@@ -31,12 +31,12 @@ def import_figure(imported: Imported, folder: Path) -> Figure:
     parts = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
     signals = 3 if imported.frames else 2
     span = (0.0, float(imported.stage.time_s[-1]))
-    _signals(imported, parts[0].subplots(signals, 1, sharex=True), span, "All presses (number above)")
+    _signals(imported, parts[0].subplots(signals, 1, sharex=True), span, "All indentations (number above)")
     _signals(
         imported,
         parts[1].subplots(signals, 1, sharex=True),
         _close_span(imported),
-        "The first presses, close",
+        "The first indentations, close",
     )
     _clocks(imported, parts[2])
     _contacts(imported, contacts, parts[3].subplots(contact_rows, columns, squeeze=False))
@@ -48,7 +48,7 @@ def import_figure(imported: Imported, folder: Path) -> Figure:
 def title(imported: Imported) -> str:
     """Return the page's title: the session and what was found."""
     kept, left = imported.presses.kept, imported.presses.left_out
-    text = f"Session {imported.session.session}: {len(kept)} presses from {imported.mapping.describes}"
+    text = f"Session {imported.session.session}: {len(kept)} indentations from {imported.mapping.describes}"
     return text + (f"; left out: {', '.join(str(number) for number, _, _ in left)}" if left else "")
 
 
@@ -129,7 +129,7 @@ def _clocks(imported: Imported, part) -> None:
         axes[-1].annotate(phase, (1.1, -k), va="center")
     last = -len(colours)
     axes[-1].plot([0, 1], [last] * 2, color=PREDICTED, lw=1.2)
-    axes[-1].annotate("contact; law of a clock", (1.1, last), va="center")
+    axes[-1].annotate("contact; line of a clock", (1.1, last), va="center")
     axes[-1].plot([0.5], [last - 1], ".", color=INK, ms=4)
     axes[-1].annotate("lag of a stop or start", (1.1, last - 1), va="center")
     axes[-1].set(xlim=(0, 5), title="What is drawn")

@@ -120,14 +120,14 @@ def limits(results: MismatchResults) -> Chapter:
                 "effect": pretty(limit.effect),
                 "parameter": pretty(limit.parameter),
                 "unit": limit.unit,
-                "smallest seen": number(limit.amount),
+                "smallest detectable": number(limit.amount),
                 "plausible": limit.plausible,
-                "would be seen": limit.seen,
+                "detectable": limit.seen,
             }
             for limit in found
         ]
         chapter.tabulate(
-            f"The smallest value that these readings would show, beside a plausible one: {hidden} of {len(found)} would"
+            f"The smallest value that these readings would show, and a plausible one: {hidden} of {len(found)} would"
             " stay hidden.",
             pd.DataFrame(rows),
         )

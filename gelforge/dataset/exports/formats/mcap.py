@@ -66,7 +66,7 @@ def _write_split(source: Source, split: str, path: Path, fps: float) -> None:
         about = {"study": source.manifest["study"], "manifest_sha256": source.manifest_sha256}
         writer.add_metadata("gelforge", about | {"synthetic": str(source.manifest["synthetic"]).lower()})
         row = 0
-        for press in tracked(source.of_split(split), f"presses of {split} exported"):
+        for press in tracked(source.of_split(split), f"indentations of {split} exported"):
             for messages in _messages(source, press, fps, row):
                 time = round(row / fps * 1e9)
                 for topic, content in messages.items():

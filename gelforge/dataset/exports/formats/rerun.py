@@ -43,7 +43,7 @@ def write(source: Source, folder: Path, options: Options) -> None:
         recording = rr.RecordingStream("gelforge", recording_id=name)
         recording.save(folder / f"{split}.rrd", layout.Blueprint(layout.Horizontal(*views)))
         row = 0
-        for press in tracked(source.of_split(split), f"presses of {split} exported"):
+        for press in tracked(source.of_split(split), f"indentations of {split} exported"):
             row = _log(rr, recording, source, press, row)
         recording.flush()
         recording.disconnect()

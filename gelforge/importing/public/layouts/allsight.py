@@ -68,9 +68,9 @@ LAYOUT = Layout(
     name="allsight",
     what="domes of AllSight pressed by spheres and other indenters on a robot; gel and LEDs by folder",
     force="measured: the load cell's wrench",
-    reference="one image without contact per press",
-    lacks="presses run along the normals of a dome at poses of a robot and images are picked from each press at times of its"
-    " own, so that there is no log from before contact on from which depth could be found",
+    reference="one image without contact per indentation",
+    lacks="indentations run along the normals of a dome at poses of a robot and images are picked from each indentation at"
+    " times of its own, so that there is no log from before contact on from which depth could be found",
     licence="none is stated",
     read=read,
 )

@@ -58,7 +58,7 @@ class YeohFamily(LinearFamily):
     name, title, kind, free = "yeoh", "Yeoh", Yeoh, (False, True, False)
     parameters, logarithmic = ("C10_kPa", "C20_kPa", "C30_kPa"), (True, False, False)
     modulus_per_parameter = (6.0, 0.0, 0.0)
-    bound_means = "the curves do not follow this law; try ogden2"
+    bound_means = "the curves do not follow this model; try ogden2"
 
     def columns(self, points):
         x = points.I1 - 3
