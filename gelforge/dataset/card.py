@@ -144,14 +144,14 @@ def sessions_text(manifest: dict) -> str:
 
 
 def _labels_of(session: dict) -> str:
-    """Return in words where the labels of a session are from, if not from the plan's cells."""
+    """Return in words where the labels of a session are from, if not from the plan's sites."""
     if "presses" in session:
         return "; each indentation has its own label, softened by the earlier ones"
     return "; labels at the sensor's age and temperature in this session" if "cells" in session else ""
 
 
 def failures_text(manifest: dict) -> str:
-    """Return cells of the plan that failed, then those of sessions and their presses, with the reason."""
+    """Return sites of the plan that failed, then those of sessions and their indentations, with the reason."""
     found = sorted(manifest["failed_cells"].items())
     for name, session in sorted(manifest["sessions"].items()):
         for kind in ("failed_cells", "failed_presses"):

@@ -1,4 +1,4 @@
-"""Labels that belong to a session: its own cells where the sensor had another age or temperature, or its own presses."""
+"""Labels of a session: its own sites where the sensor had another age or temperature, or its own indentations."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CLOSURE = (
     1e-6  # bins against the total force: relative, and as many newtons for bins below 1e-9 N stored as zero
 )
 
-# name: (unit, description); P presses in the order recorded, B bins
+# name: (unit, description); P indentations in the order recorded, B bins
 PRESS_DATASETS = {
     "press": ("1", "indentation of the session (P)"),
     "cell": ("1", "site of the plan at which it is (P)"),
@@ -43,7 +43,7 @@ PRESS_DATASETS = {
 
 @dataclass(frozen=True)
 class Label:
-    """Forces of one press with their standard deviations [N], NaN where there are no error bars."""
+    """Forces of one indentation with their standard deviations [N], NaN where there are no error bars."""
 
     total: np.ndarray  # (3,)
     total_sigma: np.ndarray  # (3,)
@@ -53,7 +53,7 @@ class Label:
 
 @dataclass(frozen=True)
 class OwnCells:
-    """The cells of a session whose sensor had an age or a temperature of its own, and what their digests must be."""
+    """The sites of a session whose sensor had an age or a temperature of its own, and what their digests must be."""
 
     files: Mapping[str, Path]
     digests: Mapping[str, str] = field(default_factory=dict)  # those that are to be checked
@@ -61,7 +61,7 @@ class OwnCells:
 
 @dataclass(frozen=True)
 class OwnPresses:
-    """The file of a session's presses on a sensor that softens, and what its digest must be."""
+    """The file of a session's indentations on a sensor that softens, and what its digest must be."""
 
     path: Path
     digest: str | None = None
@@ -92,7 +92,7 @@ class OwnPresses:
             return dict(zip(file["press"].asstr()[()], file["total_force_N"][()]))
 
     def reason(self, press: str) -> str:
-        """Return why a press has no label; empty: it has."""
+        """Return why an indentation has no label; empty: it has."""
         if press not in self.reasons:
             raise DatasetError(
                 f"{self.path}: no indentation {press}; solve the session again (snakemake -R {self.path})"
@@ -100,7 +100,7 @@ class OwnPresses:
         return self.reasons[press][1]
 
     def label(self, press: str) -> Label | str:
-        """Return the label of a press, or why it has none."""
+        """Return the label of an indentation, or why it has none."""
         if reason := self.reason(press):
             return reason
         row = self.reasons[press][0]
@@ -122,13 +122,13 @@ class OwnPresses:
 
 
 def cell_label(cell: Cell, step: int) -> Label:
-    """Return the label of one depth of a cell."""
+    """Return the label of one depth of a site."""
     total, bins = cell.arrays["total_force_N"][step], cell.arrays["bin_force_N"][step]
     return Label(total, sigma(cell, "total")[step], bins, sigma(cell, "bin")[step])
 
 
 def sigma(cell: Cell, quantity: str) -> np.ndarray:
-    """Return the standard deviation of a cell's "bin" or "total" forces, NaN for a cell without error bars."""
+    """Return the standard deviation of a site's "bin" or "total" forces, NaN for a site without error bars."""
     arrays = cell.arrays
     mesh = arrays.get(f"{quantity}_sigma_mesh_N")
     if mesh is None:
@@ -138,7 +138,7 @@ def sigma(cell: Cell, quantity: str) -> np.ndarray:
 
 
 def check_digest(path: str | Path, name: str, cell: Cell, expected: str | None) -> None:
-    """Raise DatasetError for the file of another cell, or of one made with other settings than the expected digest's."""
+    """Raise DatasetError for the file of another site, or of one made with other settings than the expected digest's."""
     found = cell.attributes
     if found["cell"] != name:
         raise DatasetError(f"{path}: holds site {found['cell']!r}, expected {name!r}; simulate it again")

@@ -1,4 +1,4 @@
-"""How far one clock lies behind another: candidate lags by correlation, and which of them the presses contradict."""
+"""How far one clock lies behind another: candidate lags by correlation, and which of them the indentations contradict."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LEAST_CORRELATION = 0.5
 CANDIDATE, RIVAL = 0.9, 0.95  # of the best correlation: looked at; as good
 APART_S = 0.3
 NEAR_STEPS = 6  # of the grid, about the best lag: relaxation shifts it
-STRONG = 0.3  # of the median peak: a press that both signals must show
+STRONG = 0.3  # of the median peak: an indentation that both signals must show
 MARGIN_S = 0.3
 
 
@@ -153,7 +153,7 @@ def runs_above(values: np.ndarray, limit: float) -> list[tuple[int, int]]:
 
 
 def contradictions(grid, depth, times, height, lag: float) -> int:
-    """Return how many strong presses, whole inside what both logs cover, one of two signals shows and the other does not."""
+    """Return how many strong indentations inside what both logs cover one of two signals shows and the other does not."""
     start, end = max(grid[0], times[0] - lag) + MARGIN_S, min(grid[-1], times[-1] - lag) - MARGIN_S
     pairs = [(grid, depth, times - lag, height), (times - lag, height, grid, depth)]
     count = 0

@@ -59,7 +59,7 @@ class Imported:
 
     @property
     def contacts(self) -> pd.DataFrame:
-        """Return one row per press: number, contact point with its interval and depth zero, on the stage's axis [mm]."""
+        """Return a row per indentation: number, contact point with its interval, depth zero; on the stage's axis [mm]."""
         sign = -1 if self.mapping.stage.pressing == "-z" else 1
         rows = []
         for press, zero in zip(self.presses.kept, self.zero_mm):

@@ -1,4 +1,4 @@
-"""The session folder: session.yaml, indentations.csv, ft.csv, images, and import.csv with what was found of each press."""
+"""The session folder: session.yaml, indentations.csv, ft.csv, images, and import.csv with a row per indentation."""
 
 from __future__ import annotations
 

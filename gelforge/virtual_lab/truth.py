@@ -1,4 +1,4 @@
-"""Cells of the virtual sensor: its true physics, on a mesh of its own, loading and unloading."""
+"""Sites of the virtual sensor: its true physics, on a mesh of its own, loading and unloading."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def true_laws(study: Study, lab: VirtualLab) -> dict[str, PrincipalLaw]:
 
 
 def simulate_truth_cell(study: Study, lab: VirtualLab, planned: PlannedCell) -> Cell:
-    """Return the cell of the virtual sensor, gel displacement included.
+    """Return the site of the virtual sensor, gel displacement included.
 
     After the plan's depths it is unloaded; a path is followed as planned.
     """
@@ -43,7 +43,7 @@ def _down_and_up(lab: VirtualLab, planned: PlannedCell) -> Trajectory:
     return Trajectory(planned.x_mm, planned.y_mm, planned.depths_mm + unload, phases)
 
 
-COURSE = ("load", "shear", "unload")  # of a press that a recording can show
+COURSE = ("load", "shear", "unload")  # of an indentation that a recording can show
 
 
 def check_recordable(planned: PlannedCell) -> None:
@@ -65,7 +65,7 @@ def check_recordable(planned: PlannedCell) -> None:
 
 
 def truth_digest(study: Study, lab: VirtualLab, planned: PlannedCell) -> str:
-    """Return the digest of everything that decides a cell of the virtual sensor."""
+    """Return the digest of everything that decides a site of the virtual sensor."""
     return digest(
         {
             "sensor": study.sensor.model_dump(mode="json"),

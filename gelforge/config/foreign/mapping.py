@@ -2,7 +2,7 @@
 
 A mapping says how the table is written and which column is what, in which unit, sign and measure; the readers
 need no code for a new machine. `gelforge.config` does not import this module: a study does not contain a mapping, and
-the table reader behind it loads pandas, which a cell's job does without.
+the table reader behind it loads pandas, which a site's job does without.
 """
 
 from __future__ import annotations

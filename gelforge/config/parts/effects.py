@@ -267,7 +267,7 @@ class PressTiming(Section):
 
 
 class HistoryEffects(Section):
-    """What the material remembers; any of it makes every press a path of its own."""
+    """What the material remembers; any of it makes every indentation a path of its own."""
 
     viscoelastic: dict[Name, Prony] = Field({}, description="finite-strain viscoelasticity by region")
     mullins: dict[Name, Mullins] = Field({}, description="softening by region")
@@ -280,7 +280,7 @@ class HistoryEffects(Section):
 
     @property
     def softens(self) -> bool:
-        """Whether a press leaves something behind for the next."""
+        """Whether an indentation leaves something behind for the next."""
         return any(mullins.amount for mullins in self.mullins.values())
 
     @property
@@ -355,7 +355,7 @@ class Effects(Section):
 
     @property
     def has_symmetry_of_square(self) -> bool:
-        """Whether every press of a square sensor still has mirror images: nothing has a place, a direction or an order."""
+        """Whether indentations of a square sensor still have mirror images: nothing has a place, a direction or an order."""
         geometry, k = self.geometry, self.kinematics
         directed = [*k.tilt_deg, *k.misregistration_mm, k.yaw_deg]
         directed += [g for t in geometry.thickness.values() for g in t.gradient]

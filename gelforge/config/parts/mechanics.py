@@ -1,4 +1,4 @@
-"""The finite-element model of one press."""
+"""The finite-element model of one indentation."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class Solver(Section):
 
 
 class Mechanics(Section):
-    """The finite-element model of one press."""
+    """The finite-element model of one indentation."""
 
     strain: Literal["finite", "small"] = Field(
         "finite", description="finite strain, or small-strain linear elasticity"

@@ -235,5 +235,5 @@ class Indenter(IndenterPart):
 
     @property
     def is_upright_and_round(self) -> bool:
-        """Whether it looks the same from all sides, as reused mirrored cells need."""
+        """Whether it looks the same from all sides, as reused mirrored sites need."""
         return self.kind == "sphere" or (self.kind == "cylinder" and not any(self.orientation_deg[:2]))

@@ -78,7 +78,7 @@ class StageToSensor(Section):
 
 
 class DepthZero(Section):
-    """How depth zero was found, and the two errors of the depth: one of each press, one of the whole session.
+    """How depth zero was found, and the two errors of the depth: one of each indentation, one of the whole session.
 
     `scatter_mm`, the old key for either, is read until version 0.2: as that of `by`, the other is 0 (see `old_scatter`).
     """
@@ -99,7 +99,7 @@ class DepthZero(Section):
 
     @property
     def both_scatter_mm(self) -> float:
-        """Return the standard deviation of a press's depth from both errors, as far as they are known [mm]."""
+        """Return the standard deviation of an indentation's depth from both errors, as far as they are known [mm]."""
         return math.hypot(self.press_scatter_mm or 0.0, self.session_scatter_mm or 0.0)
 
     @model_validator(mode="before")

@@ -38,7 +38,7 @@ class Variable:
 
 @dataclass(frozen=True)
 class Press:
-    """Rows that belong together, in order: a press with its images, or a cell with its depths where there are no images."""
+    """Rows that belong together, in order: an indentation with its images; without images a site with its depths."""
 
     name: str
     split: str
@@ -47,7 +47,7 @@ class Press:
 
 @dataclass(frozen=True)
 class Source:
-    """A dataset whose shards are those of its manifest; presses in the order train, validation, test."""
+    """A dataset whose shards are those of its manifest; indentations in the order train, validation, test."""
 
     folder: Path
     manifest: dict
@@ -67,7 +67,7 @@ class Source:
         return file_sha256(self.folder / "manifest.json")
 
     def of_split(self, split: str) -> tuple[Press, ...]:
-        """Return the presses of a split."""
+        """Return the indentations of a split."""
         return tuple(press for press in self.presses if press.split == split)
 
     @property
@@ -77,7 +77,7 @@ class Source:
         return {split: count for split, count in counts.items() if count}
 
     def read(self, presses: Sequence[Press], names: Sequence[str] | None = None) -> dict:
-        """Return the named columns (n, ...) of the rows of presses; images as a list of encoded files."""
+        """Return the named columns (n, ...) of the rows of indentations; images as a list of encoded files."""
         names = list(self.variables) if names is None else list(names)
         block = self.read_rows(
             np.concatenate([press.rows for press in presses]), [n for n in names if n != "split"]
@@ -98,7 +98,7 @@ class Source:
         return block
 
     def blocks(self, presses: Sequence[Press], names: Sequence[str] | None = None) -> Iterator[dict]:
-        """Yield the columns of presses in blocks of whole presses, about BLOCK_ROWS rows each."""
+        """Yield the columns of indentations in blocks of whole indentations, about BLOCK_ROWS rows each."""
         start, count = 0, 0
         for end, press in enumerate(tracked(presses, "indentations exported"), 1):
             count += len(press.rows)
@@ -107,9 +107,9 @@ class Source:
                 start, count = end, 0
 
     def sampled(self, limit_mb: float) -> Source:
-        """Return a part of at most limit_mb, uncompressed: presses drawn by the study's seed, of every split its share.
+        """Return a part of at most limit_mb, uncompressed: indentations drawn by the study's seed, of every split its share.
 
-        Raises DatasetError where not even one press of each split has room.
+        Raises DatasetError where not even one indentation of each split has room.
         """
         row = sum(
             int(np.prod(v.shape)) * BYTES.get(v.kind, 1) for v in self.variables.values()
@@ -181,7 +181,7 @@ def _variables(rows: ShardDataset, labels_only: bool, images: RowImages | None) 
 
 
 def _presses(rows: ShardDataset, manifest: dict, fraction: float) -> tuple[Press, ...]:
-    """Return the rows by press, or by cell where there are labels only, in the order of splits and shards."""
+    """Return the rows by indentation, or by site where there are labels only, in the order of splits and shards."""
     labels_only = manifest["labels_only"]
     keys = ["cell"] if labels_only else ["session", "press"]
     index = np.arange(len(rows))
@@ -198,7 +198,7 @@ def _presses(rows: ShardDataset, manifest: dict, fraction: float) -> tuple[Press
 
 
 def _with_validation(read: dict, manifest: dict, fraction: float) -> dict[str, str]:
-    """Return the split of each cell that has rows."""
+    """Return the split of each site that has rows."""
     split = dict(zip(read["cell"], read["split"]))
     places = {c: xy for c, xy in zip(read["cell"], read["position_mm"]) if split[c] == "train"}
     orbits = {name: manifest["cells"][name].get("orbit", name) for name in places}

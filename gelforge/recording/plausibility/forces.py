@@ -48,7 +48,7 @@ def tared_zero(data: SessionData) -> list[Finding]:
     limit = np.maximum(noise, TARED_SHARE * largest)
     by_press = zero.groupby("press", sort=False)[
         FORCE
-    ].median()  # one outlier among the rows of a press is none
+    ].median()  # one outlier among the rows of an indentation is none
     size = by_press.abs().to_numpy() / limit
     far = size.max(axis=1) > 1
     axis = int(size.max(axis=0).argmax())

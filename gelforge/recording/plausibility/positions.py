@@ -68,7 +68,7 @@ def planned_count(data: SessionData) -> list[Finding]:
 def missing_indentations(
     cells: Mapping[str, PlannedCell], done: list[tuple[str, float]]
 ) -> list[tuple[str, float]]:
-    """Return the planned (cell, depth) that were not recorded; done: cell and deepest depth of each indentation."""
+    """Return the planned (site, depth) that were not recorded; done: site and deepest depth of each indentation."""
     depths: dict[str, list[float]] = {}
     for cell, depth in done:
         depths.setdefault(cell, []).append(depth)

@@ -10,9 +10,9 @@ import pandas as pd
 from gelforge.config import ForceSensor, Sensor
 from gelforge.indentation.planning.plan import POSITION_MATCH_MM
 
-# A press runs through its phases in this order; approach and touch may alternate, and so may load and dwell.
+# An indentation runs through its phases in this order; approach and touch may alternate, and so may load and dwell.
 PHASES = {"zero": 0, "approach": 1, "touch": 1, "load": 2, "dwell": 2, "shear": 3, "unload": 4}
-DEPTH_MM = (0.02, 30.0)  # deepest press of a session: below it is metres, above it micrometres
+DEPTH_MM = (0.02, 30.0)  # deepest indentation of a session: below it is metres, above it micrometres
 FORCE_N = 100.0  # no soft gel bears more at these depths; above it is millinewtons
 # Resolutions, with the scatter of readings, by which a force has to grow where depth does, to be stuck if it does not
 STUCK_STEPS = 3.0
@@ -36,7 +36,7 @@ def check_finite(path: Path, table: pd.DataFrame, names: list[str]) -> None:
 
 
 def check_rows(path: Path, table: pd.DataFrame) -> None:
-    """Raise RecordingError unless the rows are complete presses in the order taken, with depths in millimetres."""
+    """Raise RecordingError unless the rows are complete indentations in the order taken, with depths in millimetres."""
     unknown = ~table["phase"].isin(PHASES)
     if unknown.any():
         line = unknown.idxmax()
@@ -127,7 +127,7 @@ def _check_depths(path: Path, table: pd.DataFrame) -> None:
 
 
 def before_shear(readings: pd.DataFrame) -> np.ndarray:
-    """Return (N,) bool: the readings of a press before it moves sideways; all of a press that does not."""
+    """Return (N,) bool: the readings of an indentation before it moves sideways; all of an indentation that does not."""
     return ~(readings["phase"] == "shear").groupby(readings["press"]).cummax().to_numpy()
 
 
@@ -162,7 +162,7 @@ def check_clock(path: Path, table: pd.DataFrame) -> None:
 
 
 def check_positions(path: Path, readings: pd.DataFrame, sensor: Sensor | None) -> None:
-    """Raise RecordingError for a press that moves sideways before its `shear` rows, or lies outside the sensor.
+    """Raise RecordingError for an indentation that moves sideways before its `shear` rows, or lies outside the sensor.
 
     readings: positions in the sensor's frame.
     """
@@ -217,7 +217,8 @@ def check_raw_force(path: Path, table: pd.DataFrame, raw: np.ndarray, force: For
 def check_saturation(
     path: Path, table: pd.DataFrame, raw: np.ndarray, force: ForceSensor, scatter_N: np.ndarray
 ) -> None:
-    """Raise RecordingError for an axis whose largest reading stays the same, to the last digit, while presses go deeper.
+    """Raise RecordingError for an axis whose largest reading stays the same, to the last digit, while indentations go
+    deeper.
 
     A gel's force grows at least in proportion to depth, so between two depths of one place it should grow by their ratio.
     What rounding and the scatter of a reading (3,) [N] may hide is let pass, and rounded readings that noise made equal: of

@@ -1,4 +1,4 @@
-"""LeRobot, layout v3.0: an episode per press, forces and images as observations."""
+"""LeRobot, layout v3.0: an episode per indentation, forces and images as observations."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def _variables(source: Source) -> dict[str, Variable]:
 
 
 def _episodes(source: Source, variables: dict[str, Variable], fps: float) -> Iterator[dict]:
-    """Yield the rows of each press."""
+    """Yield the rows of each indentation."""
     index = 0
     for number, press in enumerate(tracked(source.presses, "indentations exported")):
         rows = source.read([press])

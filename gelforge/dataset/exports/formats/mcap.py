@@ -77,7 +77,7 @@ def _write_split(source: Source, split: str, path: Path, fps: float) -> None:
 
 
 def _messages(source: Source, press, fps: float, start: int):
-    """Yield the messages of each row of a press by topic."""
+    """Yield the messages of each row of an indentation by topic."""
     rows = source.read([press])
     resultant = wrench(rows["force_distribution_N"], rows["total_force_fem_N"], source.sensor)
     for i in range(len(press.rows)):

@@ -51,7 +51,7 @@ def write(source: Source, folder: Path, options: Options) -> None:
 
 
 def _log(rr, recording, source: Source, press: Press, row: int) -> int:
-    """Log the rows of a press; return the number of the next row."""
+    """Log the rows of an indentation; return the number of the next row."""
     rows = source.read([press])
     points = bin_points(source.sensor)
     scale = source.sensor.width_x_mm / source.sensor.bins.nx / FULL  # mm per N

@@ -15,7 +15,7 @@ BEST_FIRST = ("_transformed_annotated", "_transformed", "")  # of one recording 
 
 
 def read(path: Path, options: Options) -> Iterator[Reading]:
-    """Yield a reading per image; a group is one press. Folder names as in `<gel>/<leds>/data/<indenter>/data_<date>/`."""
+    """Yield a reading per image; a group is an indentation. Folders as in `<gel>/<leds>/data/<indenter>/data_<date>/`."""
     folders = sorted({p.parent for p in path.rglob("data_*.json")}) if path.is_dir() else [path.parent]
     if not folders:
         raise ImportingError(
