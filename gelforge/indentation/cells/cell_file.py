@@ -89,9 +89,9 @@ OPTIONAL = (
 )
 SECTION = {
     name for name in DATASETS if name.startswith("section_")
-}  # a mirrored cell's is that of its source
+}  # a mirrored site's is that of its source
 NODES = {name for name in DATASETS if name.startswith("node_")}  # an interpolated label has none
-# attributes that differ from run to run: they go into a file of their own, so that a cell's bytes repeat
+# attributes that differ from run to run: they go into a file of their own, so that a site's bytes repeat
 TIMINGS = ("seconds", "cpu_seconds", "error_bar_seconds", "sensitivity_seconds")
 UNKNOWN_IS_NAN = {
     "volume_outside_valid_range"
@@ -99,7 +99,7 @@ UNKNOWN_IS_NAN = {
 
 
 class CellError(ValueError):
-    """A cell file that cannot be used: which, what was found, what to do."""
+    """A site file that cannot be used: which, what was found, what to do."""
 
 
 @dataclass(frozen=True)
@@ -107,8 +107,8 @@ class Cell:
     """One simulated position: arrays named as in DATASETS, attributes as in docs/file-formats.md.
 
     attributes always hold: format, cell, x_mm, y_mm, status ("converged" or "failed"), reason, last_good_depth_mm,
-    inputs_digest, code_version, iterations; of a cell just solved also TIMINGS.
-    Arrays of a failed cell hold the depths that converged.
+    inputs_digest, code_version, iterations; of a site just solved also TIMINGS.
+    Arrays of a failed site hold the depths that converged.
     """
 
     arrays: dict[str, np.ndarray]
@@ -120,7 +120,7 @@ class Cell:
 
 
 def write_cell(path: str | Path, cell: Cell) -> None:
-    """Write a cell, whole or not at all.
+    """Write a site, whole or not at all.
 
     Raises CellError for a number that is not finite: forces, fields, error bars, derivatives and attributes all are, but
     for UNKNOWN_IS_NAN. What TIMINGS name goes into <name>.timings.json beside it, see read_timings; the rest is the same,
@@ -168,7 +168,7 @@ def timings_path(path: str | Path) -> Path:
 
 
 def check_finite(whose: str | Path, cell: Cell) -> None:
-    """Raise CellError, naming whose cell it is, for a number that is not finite."""
+    """Raise CellError, naming whose site it is, for a number that is not finite."""
     known = {name: value for name, value in cell.attributes.items() if name not in UNKNOWN_IS_NAN}
     for name, value in (cell.arrays | known).items():
         values = np.asarray(value)
@@ -183,7 +183,7 @@ def check_finite(whose: str | Path, cell: Cell) -> None:
 
 
 def read_cell(path: str | Path, arrays: list[str] | None = None, if_held: Collection[str] = ()) -> Cell:
-    """Return a cell: the named arrays and those of if_held that it holds, or without names all that a cell holds.
+    """Return a site: the named arrays and those of if_held that it holds, or without names all that a site holds.
 
     Raises CellError naming the file for a file that is missing, damaged, of another format or incomplete.
     """
@@ -201,7 +201,7 @@ def read_cell(path: str | Path, arrays: list[str] | None = None, if_held: Collec
 
 
 def _held(attributes: dict, file: h5py.File) -> list[str]:
-    """Return the names of the arrays that a cell must hold, and of the optional ones that it does hold."""
+    """Return the names of the arrays that a site must hold, and of the optional ones that it does hold."""
     between = "interpolated_from" in attributes or "solved_as" in attributes
     absent = (
         OPTIONAL | (SECTION if attributes.get("source") or between else set()) | (NODES if between else set())

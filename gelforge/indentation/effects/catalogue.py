@@ -47,7 +47,7 @@ class Effect:
     enters: str  # the keys of the configuration
     apply: Callable[[Study, float, Place], Study]
     mesh_changes: bool = False
-    history: bool = False  # every press is a path of its own
+    history: bool = False  # every indentation is a path of its own
     located: bool = False  # the place counts
     switch: bool = False  # values are 0 and 1 only
     unloading: bool = False  # seen during unloading only

@@ -31,7 +31,7 @@ def check_reaches(study: Study, shape: Shape, cells: dict[str, PlannedCell]) -> 
     sections, parts = {}, {}
     for cell in cells.values():
         deepest = cell.deepest_mm + max(effects.kinematics.contact_zero_mm, 0.0)
-        if deepest not in sections:  # most cells of a plan press equally deep
+        if deepest not in sections:  # most sites of a plan press equally deep
             sections[deepest] = shape.section(deepest if block else 2 * shape.size)
             parts[deepest] = list(_parts(study.indenter, shape, deepest))
         places = np.array(cell.shears_mm or ((0.0, 0.0),)) + [cell.x_mm, cell.y_mm]

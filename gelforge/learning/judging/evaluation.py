@@ -170,11 +170,12 @@ LIGHT_N = 0.05
 
 
 def reliability_table(predictions: Predictions) -> pd.DataFrame:
-    """Return how far the network is to be trusted: zeros, contacts seen, light presses, the centre, intervals.
+    """Return how far the network is to be trusted: zeros, contacts seen, light indentations, the centre, intervals.
 
     quantity, value, unit: Fz of untouched images (rms); share of contacts of CONTACT_N and more that are seen; mean error of
-    presses up to LIGHT_N; the centre of pressure's distance (median, 95th percentile of touched rows); how many of the bins
-    that carry force, and of the totals of touched rows, lie in their 90 % intervals, and the intervals' mean half widths.
+    indentations up to LIGHT_N; the centre of pressure's distance (median, 95th percentile of touched rows); how many of the
+    bins that carry force, and of the totals of touched rows, lie in their 90 % intervals, and the intervals' mean half
+    widths.
     """
     errors = RowErrors.of(predictions)
     predicted, true, seen, distance = errors.total, errors.true_total, errors.seen, errors.distance

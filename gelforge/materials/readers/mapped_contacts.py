@@ -1,4 +1,4 @@
-"""Mapped presses of an indenter, and pairs of load cells, to the common form."""
+"""Mapped indentations of an indenter, and pairs of load cells, to the common form."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def _check_single_rows(path, lines, position, force, segment) -> None:
 
 
 def check_modulus(path, test: IndentationTest, radius_mm: float, thickness_mm: float | None) -> None:
-    """Refuse a press in the project's own format whose size of force no soft body has; its contact is taken coarsely.
+    """Refuse an indentation in the project's own format whose size of force no soft body has; its contact is taken coarsely.
 
     Raises TableError.
     """
@@ -116,7 +116,7 @@ def check_modulus(path, test: IndentationTest, radius_mm: float, thickness_mm: f
 
 
 def _check_press(path, entry, position, force, segment) -> None:
-    """Refuse a press whose force does not stand out at its deepest end: columns swapped, or a wrong sign."""
+    """Refuse an indentation whose force does not stand out at its deepest end: columns swapped, or a wrong sign."""
     deep = position >= np.quantile(position, 0.98)
     shallow = position <= np.quantile(position, 0.3)
     rise = np.median(force[deep]) - np.median(force[shallow])

@@ -156,7 +156,7 @@ def _read(source: Path, mapping: Mapping | None) -> list[MaterialSource]:
 
 
 def _small_file(path: Path) -> MaterialSource:
-    """Return a small test in the project's format: friction.csv, thickness.csv, or a press with its sidecar."""
+    """Return a small test in the project's format: friction.csv, thickness.csv, or an indentation with its sidecar."""
     files = [path]
     if path.name == FRICTION:
         small = SmallTests(friction=static_friction(path))
@@ -186,7 +186,7 @@ def _mapped(test: Read, otherwise: str, folder: Path, mapping: Mapping) -> Mater
 def _board(
     test: IndentationTest, folder: Path, mapping: Mapping
 ) -> tuple[IndentationTest | None, list[Path]]:
-    """Return the press on a rigid board that a mapping names for a press, and its file; none for the board itself."""
+    """Return the test on a rigid board that a mapping names for an indentation, and its file; none for the board itself."""
     if test.rigid_board is None or test.is_the_board:
         return None, []
     beside = (folder / test.source).with_name(test.rigid_board)

@@ -1,4 +1,4 @@
-"""Friction, sheet thickness, presses of a ball and pairs of load cells as measured effects."""
+"""Friction, sheet thickness, indentations of a ball and pairs of load cells as measured effects."""
 
 from __future__ import annotations
 
@@ -27,12 +27,14 @@ from gelforge.materials.readers.small_tests import (
 FRICTION, THICKNESS = "friction.csv", "thickness.csv"
 T_INTERVAL = "Student's t over the trials"
 SIGMAS = 2.0  # of a 95 % interval
-NOTABLE_OFFSET = 0.01  # of the largest force of a press: as much as load cells of one per cent are off anyway
+NOTABLE_OFFSET = (
+    0.01  # of the largest force of an indentation: as much as load cells of one per cent are off anyway
+)
 
 
 @dataclass(frozen=True)
 class Press:
-    """A ball pressed into a layer, its thickness on a rigid base, and the same press on a rigid board."""
+    """A ball pressed into a layer, its thickness on a rigid base, and the same indentation on a rigid board."""
 
     test: IndentationTest
     thickness_mm: float | None = None
@@ -50,12 +52,12 @@ class SmallTests:
 
     @property
     def contacts(self) -> list[IndentationTest | ForcePair]:
-        """Return the tests that are read from tables of rows: presses and pairs of load cells."""
+        """Return the tests that are read from tables of rows: indentations and pairs of load cells."""
         return [*(press.test for press in self.presses), *self.force_pairs]
 
 
 def small_test_files(folder: str | Path) -> list[Path]:
-    """Return the small tests of a folder: friction.csv, thickness.csv, and the files of presses."""
+    """Return the small tests of a folder: friction.csv, thickness.csv, and the files of indentations."""
     folder = Path(folder)
     # what is there and no file, a pipe or a dangling link, is refused where it is read
     named = [folder / name for name in (FRICTION, THICKNESS) if os.path.lexists(folder / name)]
@@ -66,12 +68,12 @@ def small_test_files(folder: str | Path) -> list[Path]:
 
 
 def press_files(path: Path) -> list[Path]:
-    """Return the files of a press <name>.csv: itself, <name>.yaml, and the press on a rigid board named there."""
+    """Return the files of an indentation <name>.csv: itself, <name>.yaml, and the test on a rigid board named there."""
     sidecar = path.with_suffix(".yaml")
     try:
         board = load_microindentation(sidecar).rigid_board
     except ConfigError:
-        board = None  # reading the press says what is wrong with its sidecar
+        board = None  # reading the indentation says what is wrong with its sidecar
     return [path, sidecar, *([path.with_name(board)] if board else [])]
 
 
@@ -89,7 +91,7 @@ def read_small_tests(folder: str | Path) -> SmallTests:
 
 
 def read_press(path: str | Path) -> Press:
-    """Return a press in the project's own format and, where its sidecar names one, the press on a rigid board."""
+    """Return an indentation in the project's own format and the test on a rigid board, if its sidecar names one."""
     test, sidecar = read_microindentation(path)
     board = None
     if sidecar.rigid_board is not None:

@@ -61,7 +61,7 @@ def _uncertain(results: StudyResults, cell: PlannedCell) -> set[str]:
 
 
 def _vertical(results: StudyResults, planned: PlannedCell) -> list[dict]:
-    """Return depth, Fz and its standard deviations [N] of a cell's loading, row by row; none where it holds no bars."""
+    """Return depth, Fz and its standard deviations [N] of a site's loading, row by row; none where it holds no bars."""
     cell = read_cell(results.cell_path(planned.name), ["depth_mm", "total_force_N"], PARTS.values())
     if not set(PARTS.values()) <= set(cell.arrays):
         return []
@@ -93,7 +93,7 @@ def sigma_table(rows: pd.DataFrame) -> pd.DataFrame:
 
 @styled
 def error_bar_figure(cell: pd.DataFrame, rows: pd.DataFrame, place: str) -> Figure:
-    """Return the force of one cell with its band, and the parts of the band over the force in all cells."""
+    """Return the force of one site with its band, and the parts of the band over the force in all sites."""
     figure, axes = new_figure(8.2, 3.3, ncols=2)
     left, right = axes[0]
     sigma = np.hypot(cell["mesh"], cell["constitutive models"])

@@ -1,4 +1,4 @@
-"""Chapters about the study itself: overview, simulated indentations, images, failed cells, time."""
+"""Chapters about the study itself: overview, simulated indentations, images, failed sites, time."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def force_depth(results: StudyResults) -> Chapter:
 
 
 def _variant_curves(results: StudyResults, name: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Return depths [mm] and Fz [N] of a cell by variant, of the variants that have solved it."""
+    """Return depths [mm] and Fz [N] of a site by variant, of the variants that have solved it."""
     found = {variant: results.variant_cell(variant, name) for variant in results.study.variants}
     return {
         variant: (cell.arrays["depth_mm"], cell.arrays["total_force_N"][:, 2])
@@ -223,7 +223,7 @@ def _one_image(results: StudyResults) -> Chapter:
 
 
 def failed_cells(results: StudyResults) -> Chapter:
-    """Return the cells that failed or are missing, by name and reason."""
+    """Return the sites that failed or are missing, by name and reason."""
     chapter = Chapter("failed", "Failed sites")
     failed = results.not_converged()
     if not failed:
@@ -249,7 +249,7 @@ def failed_cells(results: StudyResults) -> Chapter:
 
 
 def time_per_stage(results: StudyResults) -> Chapter:
-    """Return the time of each stage and of a cell."""
+    """Return the time of each stage and of a site."""
     chapter = Chapter("time", "Time per stage")
     truth = results.study.data_folder / "virtual_truth" / "cells"
     stages = stage_times(results.folder, set(results.planned), truth)

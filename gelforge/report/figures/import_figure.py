@@ -1,4 +1,4 @@
-"""One page of an import: signals with the phases marked, the clocks, the contact point of every press, and frames."""
+"""One page of an import: signals with the phases marked, the clocks, the contact point of every indentation, and frames."""
 
 from __future__ import annotations
 
@@ -173,7 +173,7 @@ def _lags(name: str, clock: Aligned, imported: Imported, ax) -> None:
 
 
 def _contacts(imported: Imported, presses, axes) -> None:
-    """Draw force over depth about the contact point of each press, with its interval and the law that was fitted."""
+    """Draw force over depth about the contact point of each indentation, with its interval and the law that was fitted."""
     zero = dict(zip((press.number for press in imported.presses.kept), imported.zero_mm))
     travel = np.interp(imported.force_s, imported.stage.time_s, imported.stage.values[:, 2])
     for ax, press in zip(axes.flat, presses):
@@ -200,7 +200,7 @@ def _contacts(imported: Imported, presses, axes) -> None:
 
 
 def _frames(imported: Imported, images: Path, part) -> None:
-    """Draw the reference, and of some presses the last frame of the wait and what changed against their zero frame."""
+    """Draw the reference, and of some indentations the last frame of the wait and what changed against their zero frame."""
     kept = imported.presses.kept
     chosen = [kept[i] for i in np.unique(np.linspace(0, len(kept) - 1, MOST_FRAMES).astype(int))]
     names = imported.table[imported.table["image"] != ""].groupby("press")["image"]
