@@ -1,4 +1,4 @@
-"""Presses of the base that find no equilibrium: their readings are left out and reported, the others are judged."""
+"""Indentations of the base that find no equilibrium: their readings are left out and reported, the others are judged."""
 
 from __future__ import annotations
 

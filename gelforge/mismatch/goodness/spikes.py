@@ -1,8 +1,8 @@
 """Single readings that nothing beside them shares: glitches of a force sensor, left out before anything is asked.
 
 No effect changes one reading of one indentation by many standard deviations and leaves its neighbours in depth, time and
-place as they are. One such reading is evidence for something that differs from press to press, though, and would be
-reported as that.
+place as they are. One such reading is evidence for something that differs from one indentation to the next, though, and
+would be reported as that.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ TRIED = 200  # entries looked at, those farthest off
 def without_spikes(observations: Observations, base: np.ndarray, covariance: Covariance) -> Observations:
     """Return the observations without single entries far off all others; each is reported in `set_aside`.
 
-    base (R, 3) [N]; covariance of the n entries. What strikes several readings of one press the judge must explain: that
-    press keeps them. So do all where more than MOST are far off.
+    base (R, 3) [N]; covariance of the n entries. What strikes several readings of one indentation the judge must explain:
+    that press keeps them. So do all where more than MOST are far off.
     """
     found = spikes(Problem(observations, base, covariance, (), {}, never_solved, {}))
     labels = observations.labels().iloc[list(found)].assign(away=found.values())

@@ -56,7 +56,7 @@ class Judged:
 
 
 def judge_material(source: MaterialSource, seed: int = SEED) -> tuple[list[Judged], list[str]]:
-    """Return the verdicts on a material: one on its stress tests, one per press and per pair; and what was not judged."""
+    """Return the verdicts on a material: one on its stress tests, one per indentation and pair; and what was not judged."""
     found, reasons = [], []
     sources = {p.name: file_sha256(p) for p in source.files}
     if source.tests:

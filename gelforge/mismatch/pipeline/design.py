@@ -35,7 +35,7 @@ def planned_observations(
     ways_up: tuple[float, ...] = (),
     ages_days: tuple[float, ...] = (np.nan,),
 ) -> Observations:
-    """Return the readings that a study's plan would give, force zero: every cell to each of its depths in random order.
+    """Return the readings that a study's plan would give, force zero: every site to each of its depths in random order.
 
     Noise is that of a force sensor as the session's defaults describe it, and so is what shares one depth zero; contact
     point's scatter is the study's, or CONTACT_POINT_MM; one session for each age of the sensor.

@@ -186,7 +186,7 @@ def spread(observations: Observations, study: Study) -> Observations:
 
 
 def spread_depths(observations: Observations, study: Study) -> Observations:
-    """Return the observations of presses to no more depths than the study judges, spread evenly, the deepest among them."""
+    """Return the observations at no more depths than the study judges, spread evenly, the deepest among them."""
     depth = observations.table["deepest_mm"].round(DEPTH_DIGITS)
     levels, most = np.unique(depth), study.mismatch.depths
     if most is None or len(levels) <= most:

@@ -8,7 +8,7 @@ import pandas as pd
 from gelforge.mismatch.readings.observations import SetAside
 from gelforge.recording.readings import FORCE, Recording
 
-# Standard deviations of a held reading from the course of the others of its press at that depth
+# Standard deviations of a held reading from the course of the others of its indentation at that depth
 OUTLIER = 8.0
 
 

@@ -71,7 +71,7 @@ FAMILY = YeohFamily()
 class YeohParameters(GivenParameters):
     """Yeoh's model W = sum C_k0 (I1 - 3)^k, as in Abaqus and ANSYS; initial shear modulus 2 C10.
 
-    C20 and C30 may be negative: a press is refused where the model is unstable at stretches that it may reach.
+    C20 and C30 may be negative: an indentation is refused where the model is unstable at stretches that it may reach.
     """
 
     law: Literal["yeoh"] = Field(description="constitutive model")
