@@ -61,7 +61,12 @@ def test_a_known_force_sensor_reads_changes_as_it_reads_forces(effect, amounts, 
     [
         ("force_frame", {"on": 1}, {}, r"must have \['axes'\]; those tried are axes: turned by 180 deg, "),
         ("force_unit", {"on": 1}, {}, r"must have \['unit'\]; those tried are unit: .*kgf"),
-        ("force_frame", {"on": 1}, {"axes": "askew"}, "no axes 'askew'; there is axes: turned by 180 deg"),
+        (
+            "force_frame",
+            {"on": 1},
+            {"axes": "askew"},
+            "no axes 'askew'; those tried are axes: turned by 180 deg",
+        ),
         ("force_frame", {"on": 1}, {"axis": "y reversed"}, r"its shape has \['axis'\] and must have"),
         ("force_gain", {"z": 0.1}, {"axes": "y reversed"}, r"must have \[\]; those tried are none"),
         ("force_gain", {"w": 0.1}, {}, r"no parameter \['w'\]; it has"),

@@ -83,7 +83,7 @@ def sigma_table(rows: pd.DataFrame) -> pd.DataFrame:
     """Return median and largest standard deviation of the mesh and of the constitutive models over Fz [%] by depth."""
     table = []
     for depth, at in rows.groupby("depth"):
-        found = {"depth_mm": depth, "cells": len(at)}
+        found = {"depth_mm": depth, "sites": len(at)}
         for name in PARTS:
             relative = 100 * at[name] / at["force"].abs()
             found |= {f"{name}, median [%]": relative.median(), f"{name}, largest [%]": relative.max()}
