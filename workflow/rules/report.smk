@@ -2,7 +2,7 @@
 
 
 rule verify:
-    """The finite elements against independent reference solutions: the same for all studies, unless one asks for some only."""
+    """The finite elements against independent reference solutions: one table for all studies, unless one asks for parts."""
     output:
         expand(f"{RESULTS}/tables/verification.{{suffix}}", suffix=("csv", "md")),
     log:
