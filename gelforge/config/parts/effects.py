@@ -52,7 +52,7 @@ class EnergyCorrection(Section):
 
 
 class MaterialEffects(Section):
-    """What the material is besides its law."""
+    """What the material is besides its constitutive model."""
 
     stiffness_factor: dict[Name, Positive] = Field(
         {}, description="factor on all moduli of a region, bulk modulus included [-]"
@@ -233,7 +233,7 @@ class KinematicEffects(Section):
 
 
 class Prony(Section):
-    """Relaxing overstresses beside the law, which holds at rest: moduli over that of the law, and their times."""
+    """Relaxing overstresses in addition to the constitutive model, which holds at rest: moduli over its own, and times."""
 
     relative_moduli: list[NonNegative] = Field(
         min_length=1, description="overstress moduli over the constitutive model's [-]"
@@ -290,7 +290,7 @@ class HistoryEffects(Section):
 
 
 class Effects(Section):
-    """Physics beside the plain model, by family."""
+    """Physics in addition to the plain model, by family."""
 
     material: MaterialEffects = Field(MaterialEffects(), description="material")
     geometry: GeometryEffects = Field(GeometryEffects(), description="geometry")

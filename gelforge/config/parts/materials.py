@@ -42,7 +42,9 @@ class Fitting(Section):
         " that predicts"
         " held-out tests best, or the first named",
     )
-    loss: Literal["linear", "soft_l1"] = Field("linear", description="soft_l1 forgives outliers")
+    loss: Literal["linear", "soft_l1"] = Field(
+        "linear", description="linear: least squares; soft_l1: robust against outliers"
+    )
     bootstrap: int = Field(
         0, ge=0, le=100_000, description="bootstrap fits over specimens, for further intervals [-]"
     )

@@ -14,7 +14,9 @@ class Known(Section):
 
     effect: Name = Field(description="name in the catalogue")
     amounts: dict[str, float] = Field(description="value by parameter, in the parameter's unit")
-    shape: dict[str, float | str] = Field({}, description="what is scanned and not fitted")
+    shape: dict[str, float | str] = Field(
+        {}, description="hyperparameters of the effect: scanned, not fitted"
+    )
 
 
 class Mismatch(Section):
@@ -52,8 +54,8 @@ class Mismatch(Section):
     )
     sensitivities: Literal["auto", "stored", "none"] = Field(
         "auto",
-        description="derivatives of the forces at every solved site are stored, so that a verdict solves little: in"
-        " studies with sessions (auto), always, or not at all",
+        description="derivatives of the forces at every solved site are stored, so that a verdict needs few solutions of"
+        " its own: in studies with sessions (auto), always, or not at all",
     )
     contact_point_scatter_mm: NonNegative | None = Field(
         None,
