@@ -19,7 +19,7 @@ from gelforge.indentation.solving.mirror import mirror_cell
 from gelforge.interpolation.solved_sites import OWN, SolvedSites
 from gelforge.mechanics.laws.law import PrincipalLaw
 
-# attributes of the nearest solved site that tell of a label between as well: ranges of stretch, what was touched
+# attributes of the nearest solved site that hold for a label between as well: ranges of stretch, what was touched
 OF_SITE = (
     "settings",
     "regions",

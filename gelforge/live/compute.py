@@ -159,8 +159,8 @@ class LiveForce:
         mark(place)
         warnings = mark(self.look.warnings(image))
         if unlike > 1:
-            told = f"the image is unlike those that the model learnt from ({unlike:.1f} times the limit): distrust its force"
-            warnings = (*warnings, told)
+            warning = f"the image is unlike the training images ({unlike:.1f} times the limit): do not rely on its force"
+            warnings = (*warnings, warning)
         return Reading(
             shot.number,
             shot.t_capture,

@@ -1,7 +1,7 @@
 """Quadratic tetrahedra of solids bounded by closed surfaces: conforming at interfaces, fine under the contact.
 
 All surfaces go to the mesher as one complex, so each of them becomes a surface of the mesh within the mesher's envelope.
-Every tetrahedron then lies on one side of each surface, which its middle's signed distance tells, and the nodes of the
+Every tetrahedron then lies on one side of each surface, which its middle's signed distance gives, and the nodes of the
 boundary and of the interfaces are moved onto the surfaces themselves.
 """
 

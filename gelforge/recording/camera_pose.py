@@ -35,7 +35,7 @@ class Pose:
     residual_px: np.ndarray  # (P, 2)
     left_out: dict[str, str]
     per_tilt_mm: float  # by how much a tilt of 1 deg that is not known moves the position found
-    per_tilt_px: float  # and by how much it changes the residual: what could tell
+    per_tilt_px: float  # and by how much it changes the residual, which could show it
 
 
 def particle_plane_mm(sensor: Sensor) -> float:

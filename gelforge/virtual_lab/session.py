@@ -276,7 +276,7 @@ def path_rows(
 
 
 def _described(rows: pd.DataFrame, press: Press, bench: Bench) -> pd.DataFrame:
-    """Return rows of an indentation with its name, and positions and times as its stage and clock tell them."""
+    """Return rows of an indentation with its name, and positions and times as its stage and clock report them."""
     away = rows[["shear_x_mm", "shear_y_mm"]].to_numpy() if "shear_x_mm" in rows else np.zeros((len(rows), 2))
     stage = sensor_to_stage(away + [press.cell.x_mm, press.cell.y_mm], bench.session.stage_to_sensor)
     rows = rows.assign(

@@ -70,11 +70,11 @@ def ask_for_group(job, minutes: Callable[[float, int], int]) -> None:
 
 def wait_for_controller(logger) -> None:
     """Return when Slurm's controller answers, or cannot be asked."""
-    told = False
+    reported = False
     while not controller_answers():
-        if not told:
+        if not reported:
             logger.warning("Slurm's controller does not answer; jobs are submitted when it is back")
-            told = True
+            reported = True
         time.sleep(PATIENCE_S)
 
 

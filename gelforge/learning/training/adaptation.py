@@ -51,8 +51,8 @@ def press_names(rows: ShardDataset) -> np.ndarray:
     names = [np.empty(0, object)]
     for block in rows.batches(("total_force_ft_N", "untouched", "press", "session"), 8192):
         known = ~block["untouched"] & np.isfinite(block["total_force_ft_N"]).all(axis=1)
-        told = [f"{s}/{p}" if k else "" for s, p, k in zip(block["session"], block["press"], known)]
-        names.append(np.array(told, object))
+        pressed = [f"{s}/{p}" if k else "" for s, p, k in zip(block["session"], block["press"], known)]
+        names.append(np.array(pressed, object))
     return np.concatenate(names)
 
 

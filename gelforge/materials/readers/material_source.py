@@ -125,7 +125,7 @@ def _with_folder(test: MaterialTest) -> str:
 
 
 def _below(folder: Path, material: MaterialSource) -> MaterialSource:
-    """Return a material whose tests tell their files with the folder: several sources may have files of one name."""
+    """Return a material whose tests name their files with the folder: several sources may have files of one name."""
     tests = tuple(replace(t, source=(folder / t.source).as_posix()) for t in material.tests)
     return replace(material, tests=tests)
 

@@ -25,7 +25,7 @@ LARGEST_GIVE = (
 )
 LEAST_ROWS = 8  # in contact
 BEFORE_START = 0.05  # of the travel: machines that zero where they touch begin so near to the contact
-AT_TOUCH = 0.98  # share of rows in contact from which there is none to tell the force at rest
+AT_TOUCH = 0.98  # share of rows in contact from which there is none left that shows the force at rest
 LARGEST_SHIFT = 0.1  # of the largest push, between the baselines before and after an indentation
 FLAT = 0.02  # of the largest push: change over the far rows of a withdrawal that is free of the sample
 BOOTSTRAPS = 200

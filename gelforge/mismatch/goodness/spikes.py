@@ -36,7 +36,7 @@ def without_spikes(observations: Observations, base: np.ndarray, covariance: Cov
         return observations
     force = observations.force.copy()
     force[labels["reading"], labels["axis"]] = np.nan
-    told = tuple(
+    reported = tuple(
         SetAside(
             session=row.session,
             press=row.press.removeprefix(f"{row.session}/"),
@@ -48,7 +48,7 @@ def without_spikes(observations: Observations, base: np.ndarray, covariance: Cov
         )
         for row in labels.itertuples()
     )
-    return replace(observations, force=force, set_aside=(*observations.set_aside, *told))
+    return replace(observations, force=force, set_aside=(*observations.set_aside, *reported))
 
 
 def spikes(problem: Problem) -> dict[int, float]:

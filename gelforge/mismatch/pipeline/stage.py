@@ -192,8 +192,8 @@ def spread_depths(observations: Observations, study: Study) -> Observations:
     if most is None or len(levels) <= most:
         return observations
     chosen = levels[np.round(np.linspace(0, len(levels) - 1, most)).astype(int)]
-    told = f"of indentations to {len(levels)} depths those to {most} of them are judged (mismatch.depths)"
-    return observations.chosen(depth.isin(chosen).to_numpy()).saying(told)
+    reported = f"of indentations to {len(levels)} depths those to {most} of them are judged (mismatch.depths)"
+    return observations.chosen(depth.isin(chosen).to_numpy()).saying(reported)
 
 
 def spread_sites(observations: Observations, study: Study) -> Observations:
@@ -203,8 +203,8 @@ def spread_sites(observations: Observations, study: Study) -> Observations:
         return observations
     middle = np.array([study.sensor.width_x_mm, study.sensor.width_y_mm]) / 2
     chosen = spread_out(sites, most, int(np.argmin(np.linalg.norm(sites - middle, axis=1))))
-    told = f"of {len(sites)} positions {most}, spread over the sensor, are judged (mismatch.sites)"
-    return observations.at_sites(chosen).saying(told)
+    reported = f"of {len(sites)} positions {most}, spread over the sensor, are judged (mismatch.sites)"
+    return observations.at_sites(chosen).saying(reported)
 
 
 def problem_of(solver: Solver, observations: Observations, recorded: bool = True) -> tuple[Problem, Base]:

@@ -57,16 +57,18 @@ def tared_zero(data: SessionData) -> list[Finding]:
     remedy = (
         "set force.tared: false in session.yaml, so that the zero rows of each indentation are subtracted"
     )
-    told = partial(Finding, "force_before_touch", channel="force", remedy=remedy, unit="N", value=abs(read))
+    finding = partial(
+        Finding, "force_before_touch", channel="force", remedy=remedy, unit="N", value=abs(read)
+    )
     if far.mean() > TARED_INDENTATIONS:
         found = (
             f"reads up to {read:.3g} N ({AXES[axis]}, indentation {press}) in the zero rows of a tared session, beyond the"
             f" limit in {far.sum()} of {len(far)} indentations (resolution {data.session.force.resolution_N[axis]:g} N)"
         )
-        return [told(level="error", found=found, limit=float(limit[axis]))]
+        return [finding(level="error", found=found, limit=float(limit[axis]))]
     if (by_press.abs().to_numpy() > noise).any(axis=1).mean() > TARED_INDENTATIONS:
         found = f"reads up to {read:.3g} N ({AXES[axis]}, indentation {press}) in the zero rows of a tared session"
-        return [told(level="note", found=found, limit=float(noise[axis]))]
+        return [finding(level="note", found=found, limit=float(noise[axis]))]
     return []
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gelforge.recording.plausibility.session import SessionData
 
 LEAST_INDENTATIONS = 3  # that a lag is found from
-MOST_INDENTATIONS = 200  # spread evenly: more tell nothing new
+MOST_INDENTATIONS = 200  # spread evenly: more add nothing
 UNEXPLAINED = (
     0.1  # share of the force's variance that depth leaves unexplained: sites and relaxation leave less
 )
@@ -31,7 +31,7 @@ def force_in_step(data: SessionData) -> list[Finding]:
     """Return that the force lags or leads the depth by more than the waits allow, with the lag found.
 
     With ft.csv the lag is in time: at the stage's clock plus the lag the log agrees with the depths. Without it whole rows
-    of the table are shifted. Relaxation during a wait is no lag: it makes the force fall, and a lag would be seen as a rise.
+    of the table are shifted. Relaxation during a wait is no lag: it makes the force fall, and a lag would appear as a rise.
     """
     if data.log is None:
         return _rows_shifted(data)

@@ -120,7 +120,7 @@ def steps_of_path(cell: PlannedCell, rows: pd.DataFrame) -> np.ndarray:
 
     rows: phase, x_mm, y_mm (sensor frame), depth_mm in the order taken. A reading belongs to the first step, not before that
     of an earlier reading, whose depth and sideways displacement are its own within 0.01 mm. Steps that turn are no
-    reading's: a recording does not tell them.
+    reading's: a recording does not state them.
     """
     count = len(cell.depths_mm)
     shears = np.array(cell.shears_mm or np.zeros((count, 2)))

@@ -31,7 +31,7 @@ def residuals_N(agreement: pd.DataFrame) -> np.ndarray:
 def residual_map_figure(agreement: pd.DataFrame, widths_mm: tuple[float, float], resolution_N) -> Figure:
     """Return the mean residual F/T - FEM over all depths at each position, one panel per axis.
 
-    Colours reach at least the resolution (3) [N], so that what the F/T sensor cannot tell stays pale.
+    Colours reach at least the resolution (3) [N], so that what the F/T sensor cannot resolve stays pale.
     """
     table = agreement[["x_mm", "y_mm"]].round(3)
     for axis, column in zip(AXES, residuals_N(agreement).T):

@@ -41,8 +41,10 @@ def in_short(results: MismatchResults) -> Chapter:
         first = next(effect for effect in verdict.effects if effect.name == group.members[0])
         facts += [("Value", f"{pretty(first.name)}: {amounts_text(first)}")] if first.amounts else []
     if verdict.unknown is not None and verdict.state in ("unexplained", "modelled"):
-        told = f"{chance_text(verdict.unknown.probability)} probable; it would change {verdict.unknown.words}"
-        facts.append(("No known effect", told))
+        reported = (
+            f"{chance_text(verdict.unknown.probability)} probable; it would change {verdict.unknown.words}"
+        )
+        facts.append(("No known effect", reported))
     held_out = verdict.fit.held_out
     if held_out:
         facts.append((f"Error of F{axis}, held out", _before_after(held_out, axis)))
@@ -57,8 +59,8 @@ def in_short(results: MismatchResults) -> Chapter:
     facts.append(("By chance alone", chance))
     if verdict.adequacy:
         a = verdict.adequacy
-        told = f"{a.words}: by chance {p_text(a.p)}, as strong a pattern {p_text(a.scan_p)}"
-        facts.append(("After it", told))
+        reported = f"{a.words}: by chance {p_text(a.p)}, as strong a pattern {p_text(a.scan_p)}"
+        facts.append(("After it", reported))
     chapter.blocks.append(Facts(facts))
     return chapter
 
