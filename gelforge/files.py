@@ -1,4 +1,4 @@
-"""Files that are whole or absent, that tell when they were changed, and digests that say what made them.
+"""Files that are whole or absent, that show when they were changed, and digests of what made them.
 
 A product that a later stage reads holds the SHA-256 of its own bytes as `sha256:` and 64 digits, which count as zeros in
 the sum: in the user block of HDF5, in the comment of a zip archive (model.pt, npz), as the first key of JSON, as the name

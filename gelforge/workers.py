@@ -45,6 +45,6 @@ def _leave_ctrl_c_to_the_command() -> None:
 
 
 def _process_ids(pool: ProcessPoolExecutor) -> set[int]:
-    """Return the ids of a pool's processes: no public name tells them before Python 3.14."""
+    """Return the ids of a pool's processes: no public name gives them before Python 3.14."""
     processes: dict[int, Any] = getattr(pool, "_processes", None) or {}
     return set(processes)

@@ -109,7 +109,7 @@ def test_an_old_key_is_read_as_the_new_one_with_a_warning(tmp_path, section):
 def test_an_old_key_beside_the_new_one_is_refused(tmp_path, section):
     both = {"touchdown_mm": 0.003, "contact_point_scatter_mm": 0.004}
     with pytest.raises(
-        ConfigError, match=rf"{section}.*touchdown_mm 0.003 beside contact_point_scatter_mm 0.004.*remove it"
+        ConfigError, match=rf"{section}.*touchdown_mm 0.003 and contact_point_scatter_mm 0.004.*remove it"
     ):
         with_scatter(tmp_path, section, both)
 

@@ -82,7 +82,7 @@ def test_an_old_key_without_a_number_says_nothing(tmp_path):
 def test_the_old_key_beside_a_new_one_is_refused(tmp_path):
     keys = "depth_zero: {scatter_mm: 0.01, press_scatter_mm: 0.004}"
     with pytest.raises(
-        ConfigError, match="depth_zero.*scatter_mm 0.01 beside press_scatter_mm 0.004.*remove it"
+        ConfigError, match="depth_zero.*scatter_mm 0.01 and press_scatter_mm 0.004.*remove it"
     ):
         load_session(written(tmp_path, keys))
 

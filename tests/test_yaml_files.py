@@ -125,12 +125,12 @@ def planned(tmp_path, rows, **plan):
 
 
 def test_two_cells_at_one_place_are_refused_and_two_paths_are_not(tmp_path):
-    with pytest.raises(ConfigError, match=r"cells a and b are both at \(8, 8\) mm"):
+    with pytest.raises(ConfigError, match=r"sites a and b are both at \(8, 8\) mm"):
         planned(tmp_path, ["a,8,8,0.2,,", "b,8.004,8,0.4,,"])
     assert len(planned(tmp_path, ["a,8,8,0.2,,", "b,8.4,8,0.4,,"])) == 2
     left, right = ["a,8,8,0.4,load,0", "a,8,8,0.4,shear,-0.1"], ["b,8,8,0.4,load,0", "b,8,8,0.4,shear,0.1"]
     assert len(planned(tmp_path, [*left, *right])) == 2
-    with pytest.raises(ConfigError, match="cells a and b follow the same path"):
+    with pytest.raises(ConfigError, match="sites a and b follow the same path"):
         planned(tmp_path, [*left, *(row.replace("a,", "b,") for row in left)])
 
 

@@ -76,7 +76,7 @@ def _rows_of(depth: float) -> list[tuple]:
 
 
 def commanded_depth(at_s: np.ndarray, deepest: np.ndarray) -> np.ndarray:
-    """Return the stage's depth (R,) [mm] at times since a press's start (R,) [s]: down, wait, up; 0 before touch."""
+    """Return the stage's depth (R,) [mm] at times since a press's start (R,) [s]: down, wait, up; 0 before contact."""
     down = (at_s - TOUCH_S) * SPEED
     left = TOUCH_S + deepest / SPEED + DWELL_S[-1] + 0.1
     up = deepest - (at_s - left) * SPEED

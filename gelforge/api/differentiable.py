@@ -1,4 +1,4 @@
-"""A press whose forces come with derivatives along place, depth and effects: what an optimiser or a network needs."""
+"""An indentation whose forces come with derivatives along place, depth and effects: what an optimiser or a network needs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ OTHER_PATH = {"frame_compliance", "base_bending", "prestretch"}  # effects that 
 
 @dataclass(frozen=True)
 class PressSlopes:
-    """Forces at each step of a press, and their derivatives by the name of what they follow.
+    """Forces at each step of an indentation, and their derivatives by the name of what they follow.
 
     D steps; B = nx ny bins of the undeformed top surface, k = nx iy + ix; axes as in `Pressed`.
     """
@@ -50,7 +50,7 @@ def press_slopes(
     mechanics: Described | None = None,
     study: Study | str | Path | None = None,
 ) -> PressSlopes:
-    """Return the forces of a press with their derivatives along its place, its depth and effects.
+    """Return the forces of an indentation with their derivatives along its place, its depth and effects.
 
     One run of the finite elements gives both: derivatives are those of the converged states (direct differentiation, path
     history of friction included), each at the cost of a back-substitution.
@@ -73,8 +73,8 @@ def press_slopes(
     Raises
     ------
     ConfigError
-        As `gelforge.press`; and for what has no derivative along a press: an effect that is on or off, has a memory, brings
-        another mesh or another path, and a place on a sensor that is no block or is meshed by tetrahedra.
+        As `gelforge.press`; and for what has no derivative along an indentation: an effect that is on or off, has a memory,
+        brings another mesh or another path, and a place on a sensor that is no block or is meshed by tetrahedra.
     NotConverged
         The solution of a step was not found: take more steps or a smaller depth.
 
@@ -140,11 +140,11 @@ def torch_press(
     effects: Mapping[str, Tensor | float] | None = None,
     **described: Any,
 ) -> TorchForces:
-    """Return the forces of a press as tensors whose gradients are the derivatives of the finite elements.
+    """Return the forces of an indentation as tensors whose gradients are the derivatives of the finite elements.
 
     Gradients flow to those of x_mm, y_mm [mm], depth_mm [mm] and the amounts of `effects` that are tensors with
     requires_grad; only for these derivatives are computed. They are first derivatives: a second one is refused by PyTorch. A
-    call solves one press, in seconds; several presses are several calls.
+    call solves one indentation, in seconds; several indentations are several calls.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def torch_press(
     Returns
     -------
     TorchForces
-        Forces [N] in total (D, 3) and per bin (D, B, 3) at each step of the press; the last is that at depth_mm.
+        Forces [N] in total (D, 3) and per bin (D, B, 3) at each step of the indentation; the last is that at depth_mm.
 
     Raises
     ------
@@ -199,7 +199,7 @@ def torch_press(
 
 
 def effects_with_slopes() -> list[str]:
-    """Return the names of the effects that have a derivative along a press."""
+    """Return the names of the effects that have a derivative along an indentation."""
     from gelforge.indentation.effects.catalogue import CATALOGUE
 
     return sorted(
@@ -210,11 +210,11 @@ def effects_with_slopes() -> list[str]:
 
 
 def _check(study: Study, amounts: Mapping[str, float], wanted: Sequence[str]) -> None:
-    """Raise ConfigError for what has no derivative along a press of a study."""
+    """Raise ConfigError for what has no derivative along an indentation of a study."""
     if unknown := sorted(amounts.keys() - set(known := effects_with_slopes())):
-        raise ConfigError(f"effects: {unknown} have no derivative along a press; choose among {known}")
+        raise ConfigError(f"effects: {unknown} have no derivative along an indentation; choose among {known}")
     if unknown := sorted(set(wanted) - {*PLACE, *amounts}):
-        raise ConfigError(f"along: {unknown}; choose among {[*PLACE, *amounts]}, effects need an amount")
+        raise ConfigError(f"along: {unknown}; choose among {[*PLACE, *amounts]}, effects need a value")
     effects = study.mechanics.effects
     k = effects.kinematics
     if (
@@ -224,8 +224,8 @@ def _check(study: Study, amounts: Mapping[str, float], wanted: Sequence[str]) ->
         or k.base_bending_mm_per_N
     ):
         raise ConfigError(
-            "mechanics.effects: no derivatives along a press of a gel with a memory or a residual stretch, or with a machine"
-            " that yields; leave these out, or subtract two answers of gelforge.press"
+            "mechanics.effects: no derivatives along an indentation of a gel with a memory or a residual stretch, or with a"
+            " machine that yields; leave these out, or subtract two answers of gelforge.press"
         )
     block = study.sensor.shape.kind == "block" and study.mechanics.mesh.elements != "tetrahedra"
     if not block and {"x_mm", "y_mm"} & set(wanted):

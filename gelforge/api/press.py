@@ -1,4 +1,4 @@
-"""A press whose answer is forces with error bars."""
+"""An indentation whose answer is forces with error bars."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ class Pressed:
     """Forces on the sensor, depth by depth.
 
     D depths; B = nx ny bins of the undeformed top surface, k = nx iy + ix; S nodes of the top surface. Vectors have the axes
-    x, y, z of the sensor's frame: origin at a corner of the top surface, z up, so that a press has negative Fz. Standard
-    deviations are those of discretisation and, of fitted materials, of the constitutive model, added in squares; of single
-    nodes none is known. The bins and `side_force_N` add up to the total.
+    x, y, z of the sensor's frame: origin at a corner of the top surface, z up, so that an indentation has negative Fz.
+    Standard deviations are those of discretisation and, of fitted materials, of the constitutive model, added in squares;
+    of single nodes none is known. The bins and `side_force_N` add up to the total.
     """
 
     phase: tuple[str, ...]  # D: "load", "shear", "twist", "unload"
@@ -59,7 +59,7 @@ class Pressed:
 
     @classmethod
     def of(cls, cell: Cell) -> Pressed:
-        """Return the forces of a solved cell."""
+        """Return the forces of a solved site."""
         a, attributes = cell.arrays, cell.attributes
         slopes = {
             str(name): Slopes(str(unit), a["sensitivity_total"][k], a["sensitivity_bin"][k])

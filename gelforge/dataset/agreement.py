@@ -33,13 +33,14 @@ def agreement_table(
     cell_digests: Mapping[str, str] | None = None,
     raw_digests: Mapping[str, str] | None = None,
 ) -> pd.DataFrame:
-    """Return one row per press: total force [N] of the finite elements and the mean of the press's load and dwell readings.
+    """Return one row per indentation: total force [N] of the finite elements and the mean of the indentation's load and
+    dwell readings.
 
-    readings_files: recordings/<session>.csv of each session; images are not needed. cell_files: the file of each cell;
-    own_labels: of sessions that have their own, see join_shard. Only readings at the deepest depth of a press count, and of
-    these only those with a force: indentations whose force a test of the session excluded are left out.
-    Presses of failed cells, and those that failed themselves, are left out, as in the shards. Raises DatasetError for a
-    press without its cell or depth, CellError for a cell that is missing or truncated.
+    readings_files: recordings/<session>.csv of each session; images are not needed. cell_files: the file of each site;
+    own_labels: of sessions that have their own, see join_shard. Only readings at the deepest depth of an indentation count,
+    and of these only those with a force: indentations whose force a test of the session excluded are left out.
+    Indentations of failed sites, and those that failed themselves, are left out, as in the shards. Raises DatasetError for a
+    indentation without its site or depth, CellError for a site that is missing or truncated.
     """
     for session, expected in (raw_digests or {}).items():
         path = readings_files[session]
@@ -54,8 +55,8 @@ def agreement_table(
         if name not in cell_files:
             press = presses.iloc[0]
             raise DatasetError(
-                f"{readings_files[press.session]}: press {press.press} belongs to cell {name!r}, which is not in the plan; "
-                "add its position to the plan"
+                f"{readings_files[press.session]}: indentation {press.press} belongs to site {name!r}, which is not in the"
+                " plan; add its position to the plan"
             )
         cell = checked_totals(cell_files[name], name, (cell_digests or {}).get(name))
         if cell.converged:
@@ -67,7 +68,7 @@ def agreement_table(
 
 
 def _measured(session: str, path: str | Path) -> pd.DataFrame:
-    """Return session, press, cell, position, depth and mean force [N] of each press, in the order taken."""
+    """Return session, press, cell, position, depth and mean force [N] of each indentation, in the order taken."""
     readings = read_product_table(
         path,
         f"make the readings again (snakemake -R {path})",
@@ -84,7 +85,7 @@ def _measured(session: str, path: str | Path) -> pd.DataFrame:
     lost = held[held[FORCE].isna().any(axis=1)]
     if len(lost):
         raise DatasetError(
-            f"{path}: press {lost.iloc[0]['press']} has an empty force; correct indentations.csv"
+            f"{path}: indentation {lost.iloc[0]['press']} has an empty force; correct indentations.csv"
         )
     first = {name: (name, "first") for name in ("cell", "x_mm", "y_mm", "depth_mm")}
     mean = {f"ft_{axis}_N": (name, "mean") for axis, name in zip(AXES, FORCE)}
@@ -92,20 +93,20 @@ def _measured(session: str, path: str | Path) -> pd.DataFrame:
 
 
 def _with_fem(presses: pd.DataFrame, depths: np.ndarray, total: np.ndarray, path: str | Path) -> pd.DataFrame:
-    gap = np.abs(presses["depth_mm"].to_numpy()[:, None] - depths)  # (presses, D)
+    gap = np.abs(presses["depth_mm"].to_numpy()[:, None] - depths)  # (indentations, D)
     step = gap.argmin(axis=1)
     far = gap.min(axis=1) > POSITION_MATCH_MM
     if far.any():
         press = presses.iloc[far.argmax()]
         raise DatasetError(
-            f"{path}: press {press.press} of session {press.session} has depth {press.depth_mm} mm, the cell has "
+            f"{path}: indentation {press.press} of session {press.session} has depth {press.depth_mm} mm, the site has "
             f"{depths.tolist()}; add the depth to the plan"
         )
     return presses.assign(**{f"fem_{axis}_N": total[step, i] for i, axis in enumerate(AXES)})
 
 
 def _with_own(presses: pd.DataFrame, own: OwnCells | OwnPresses) -> list[pd.DataFrame]:
-    """Return the presses of a session that has its own labels, beside them."""
+    """Return the indentations of a session that has its own labels, beside them."""
     if isinstance(own, OwnPresses):
         known = presses[[not own.reason(press) for press in presses["press"]]]
         total = np.array([own.totals[press] for press in known["press"]]).reshape(-1, 3)
@@ -121,23 +122,23 @@ def _with_own(presses: pd.DataFrame, own: OwnCells | OwnPresses) -> list[pd.Data
 
 
 def checked_totals(path: str | Path, name: str, expected: str | None) -> Cell:
-    """Return depths and total forces of a cell, after checking that it is the one asked for and that they are numbers."""
+    """Return depths and total forces of a site, after checking that it is the one asked for and that they are numbers."""
     cell = read_cell(path, ["depth_mm", "total_force_N"])
     check_digest(path, name, cell, expected)
     if not all(np.isfinite(array).all() for array in cell.arrays.values()):
         raise DatasetError(
-            f"{path}: cell {name}: forces or depths are not finite; simulate it again (snakemake -R {path})"
+            f"{path}: site {name}: forces or depths are not finite; simulate it again (snakemake -R {path})"
         )
     return cell
 
 
 def write_agreement(path: str | Path, table: pd.DataFrame, inputs: str = "") -> None:
-    """Write agreement.csv; nine digits, more than any force sensor has. inputs: digest of the cells and readings."""
+    """Write agreement.csv; nine digits, more than any force sensor has. inputs: digest of the sites and readings."""
     write_product_table(path, table, "%.9g", inputs)
 
 
 def read_agreement(path: str | Path, inputs: str | None = None) -> pd.DataFrame:
-    """Return agreement.csv; names stay text. inputs: what the digest of its cells and readings must be."""
+    """Return agreement.csv; names stay text. inputs: what the digest of its sites and readings must be."""
     if inputs is not None:
         check_table_inputs(path, inputs, f"make the agreement again (snakemake -R {path})", DatasetError)
     return read_product_table(
@@ -149,7 +150,7 @@ def read_agreement(path: str | Path, inputs: str | None = None) -> pd.DataFrame:
 
 
 def rmse_gt_table(agreement: pd.DataFrame, resolution_N: Mapping[str, Sequence[float]]) -> pd.DataFrame:
-    """Return RMSE_GT (Sferrazza et al. 2019, table 1): rms over presses of F/T minus FEM total force [N], per axis.
+    """Return RMSE_GT (Sferrazza et al. 2019, table 1): rms over indentations of F/T minus FEM total force [N], per axis.
 
     One row per axis for all sessions together, then per session; beside it the mean difference and the F/T sensor's
     resolution_N of each session (the coarsest for all together).

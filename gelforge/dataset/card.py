@@ -9,7 +9,7 @@ from gelforge.indentation.sensor.unrolled import is_unrolled
 
 SYNTHETIC = (
     "> **SYNTHETIC RECORDINGS.** The images and force readings of this dataset were made by a virtual lab, not measured.\n"
-    "> They show that the chain works; they say nothing about any real sensor.\n"
+    "> They show that the software works from end to end; they say nothing about a real sensor.\n"
 )
 # Shards hold all splits. Hugging Face's loader would call them `train`.
 FRONT_MATTER = """\
@@ -49,8 +49,8 @@ METHOD = (
     "IEEE Access 2019, doi 10.1109/ACCESS.2019.2956882"
 )
 SPLIT = (
-    "By cell, so that no image of a press is on both sides. Where the plan has mirror images, a held-out cell's label "
-    "may mirror a training cell's; its images do not."
+    "By site, so that no image of an indentation is on both sides. Where the plan has mirror images, a held-out site's"
+    " label may mirror a training site's; its images do not."
 )
 LOADING = """\
 ```python
@@ -58,14 +58,14 @@ import torch
 from gelforge import load_dataset
 
 rows = load_dataset("FOLDER", "train")  # this folder; or "validation", "test"; without a split: all three by name
-row = rows[0]  # a dict of tensors; names of cells and presses are text
+row = rows[0]  # a dict of tensors; names of sites and indentations are text
 row["force_distribution_N"].shape  # (bins, 3) [N]
 loader = torch.utils.data.DataLoader(rows, batch_size=64, shuffle=True)
 for batch in loader:
     batch["force_distribution_N"].shape  # (64, bins, 3) [N]
 ```
 
-`validation` are the training rows that watch the loss when gelforge trains. `gelforge export dataset` writes other
+`validation` holds the training rows on which gelforge monitors the loss. `gelforge export dataset` writes other
 formats."""
 
 
@@ -79,9 +79,9 @@ def card(study: Study, manifest: dict) -> str:
         "**Labels only:** the study has no recordings with images, so there are no features.\n"
         if manifest["labels_only"]
         else "",
-        f"{rows['all']} rows ({rows['train']} train, {rows['test']} test) of {len(splits)} cells "
+        f"{rows['all']} rows ({rows['train']} train, {rows['test']} test) of {len(splits)} sites "
         f"({splits.count('train')} train, {splits.count('test')} test) in {len(manifest['shards'])} shards. "
-        f"A cell is one position with all its depths.",
+        f"A site is one position with all its depths.",
         "## Loading",
         LOADING,
         "## Label",
@@ -97,10 +97,10 @@ def card(study: Study, manifest: dict) -> str:
         ),
         "## Sessions",
         sessions_text(manifest),
-        "## Failed cells",
+        "## Failed sites",
         failures_text(manifest),
         "## Provenance",
-        "`manifest.json` names every shard, cell, feature file and raw file with its SHA-256 and all settings; "
+        "`manifest.json` names every shard, site, feature file and raw file with its SHA-256 and all settings; "
         "`sha256sum -c SHA256SUMS` verifies what lies here. Axis 0 is the sample in every dataset of every shard. "
         f"Made by gelforge {manifest['code_version']}. No licence is granted by this card: "
         "the owner of the recordings states it.",
@@ -121,7 +121,7 @@ def label_text(sensor: Sensor) -> str:
         f"k = {bins.nx} iy + ix.{unrolled if is_unrolled(sensor) else ''} "
         "Frame: x, y along the edges with the origin at a corner of the top surface, z up; a "
         "pressing ball gives negative Fz. Units: mm, N. The label is a simulation's result, not a measurement; measured "
-        "total forces stand beside it where there are recordings."
+        "total forces are given too where there are recordings."
     )
 
 
@@ -131,8 +131,8 @@ def interpolated_text(manifest: dict) -> str:
     if not between:
         return ""
     return (
-        f"Labels of {len(between)} cells are interpolated between solved sites, which `manifest.json` names by cell "
-        "(`interpolated_from`); their error bars are larger by how far they may lie from what would be solved there."
+        f"Labels of {len(between)} sites are interpolated between solved sites, which `manifest.json` names by site "
+        "(`interpolated_from`); their error bars include the error of the interpolation."
     )
 
 
@@ -150,14 +150,14 @@ def sessions_text(manifest: dict) -> str:
 
 
 def _labels_of(session: dict) -> str:
-    """Return in words where the labels of a session are from, if not from the plan's cells."""
+    """Return in words where the labels of a session are from, if not from the plan's sites."""
     if "presses" in session:
-        return "; each press has its own label, softened by those before it"
+        return "; each indentation has its own label, softened by the earlier ones"
     return "; labels at the sensor's age and temperature in this session" if "cells" in session else ""
 
 
 def failures_text(manifest: dict) -> str:
-    """Return cells of the plan that failed, then those of sessions and their presses, with the reason."""
+    """Return sites of the plan that failed, then those of sessions and their indentations, with the reason."""
     found = sorted(manifest["failed_cells"].items())
     for name, session in sorted(manifest["sessions"].items()):
         for kind in ("failed_cells", "failed_presses"):

@@ -1,4 +1,4 @@
-"""Labels of simulated cells and features of recorded images, joined row by row into one shard."""
+"""Labels of simulated sites and features of recorded images, joined row by row into one shard."""
 
 from __future__ import annotations
 
@@ -33,16 +33,18 @@ from gelforge.progress import tracked
 
 FEATURE_FORMAT = "gelforge-features-1"
 SCAN_ROWS = 4096  # rows of a feature file whose names are in memory at a time
-Labels = Callable[[str, int], "Label | str"]  # of a press at a depth step of its cell, or why it has none
+Labels = Callable[
+    [str, int], "Label | str"
+]  # of an indentation at a depth step of its site, or why it has none
 
 
 @dataclass
 class PressRows:
-    """Where one press's images lie in a session's feature file, in the order of their index."""
+    """Where one indentation's images lie in a session's feature file, in the order of their index."""
 
     cell: str
     depth_mm: float
-    step: list[int] = field(default_factory=list)  # of the cell's path, -1 of none
+    step: list[int] = field(default_factory=list)  # of the site's path, -1 of none
     row: list[int] = field(default_factory=list)
     image_index: list[int] = field(default_factory=list)
     untouched: list[bool] = field(default_factory=list)
@@ -58,23 +60,23 @@ def join_shard(
     feature_digests: Mapping[str, str] | None = None,
     own_labels: Mapping[str, OwnCells | OwnPresses] | None = None,
 ) -> int:
-    """Write the shard of some planned cells and return its number of rows.
+    """Write the shard of some planned sites and return its number of rows.
 
-    cell_files: the file of each of these cells; feature_files: the features of each session that has images, none for
-    a shard of labels only (one row per cell and depth). cell_digests and feature_digests: what `inputs_digest` of each
-    cell and `digest` of each session's features must be under the study's present settings. own_labels: of sessions whose
-    labels are not those of the plan's cells, as the sensor had another age or temperature or remembers earlier presses.
+    cell_files: the file of each of these sites; feature_files: the features of each session that has images, none for
+    a shard of labels only (one row per site and depth). cell_digests and feature_digests: what `inputs_digest` of each
+    site and `digest` of each session's features must be under the study's present settings. own_labels: of sessions whose
+    labels are not those of the plan's sites, as the sensor had another age or temperature or remembers earlier indentations.
 
-    Rows follow the cells as given, then sessions and presses in the order recorded, then images. Memory holds the rows of
-    one cell. A failed cell is left out and listed with its reason in the attribute `failed_cells`; what is a session's own
-    in its attributes `failed_cells` and `failed_presses`. Raises DatasetError or CellError naming the cell, press, image or
-    file that is missing, truncated or from other settings.
+    Rows follow the sites as given, then sessions and indentations in the order recorded, then images. Memory holds the rows
+    of one site. A failed site is left out and listed with its reason in the attribute `failed_cells`; what is a session's
+    own in its attributes `failed_cells` and `failed_presses`. Raises DatasetError or CellError naming the site,
+    indentation, image or file that is missing, truncated or from other settings.
     """
     planned = plan_cells(study)
     unknown = [name for name in cells_of_chunk if name not in planned]
     if unknown:
         raise DatasetError(
-            f"cells {unknown} are not in the plan of study {study.study}; join the study's own cells"
+            f"sites {unknown} are not in the plan of study {study.study}; join the study's own sites"
         )
     split, orbit = planned_split(planned, study.sensor, study.dataset.test_fraction, study.seed)
     bins = study.sensor.bins.nx * study.sensor.bins.ny
@@ -118,16 +120,16 @@ def join_shard(
         return writer.rows
 
 
-# -------------------------------------------------------------------------------------------------- cells
+# -------------------------------------------------------------------------------------------------- sites
 def _checked_cell(path: str | Path, planned: PlannedCell, bins: int, expected: str | None) -> Cell:
-    """Return a cell's label arrays after checking that they belong to the plan and to the present settings."""
+    """Return a site's label arrays after checking that they belong to the plan and to the present settings."""
     cell = read_cell(path, ["depth_mm", "total_force_N", "bin_force_N"], ERROR_BARS)
     found = cell.attributes
     check_digest(path, planned.name, cell, expected)
     gap = max(abs(found["x_mm"] - planned.x_mm), abs(found["y_mm"] - planned.y_mm))
     if gap > 1e-6:  # the plan is rounded to 1e-6 mm
         raise DatasetError(
-            f"{path}: cell {planned.name} lies at ({found['x_mm']}, {found['y_mm']}) mm, the plan has "
+            f"{path}: site {planned.name} lies at ({found['x_mm']}, {found['y_mm']}) mm, the plan has "
             f"({planned.x_mm}, {planned.y_mm}) mm; simulate it again"
         )
     if cell.converged:
@@ -139,18 +141,18 @@ def _check_label(path: str | Path, cell: Cell, planned: PlannedCell, bins: int) 
     depths, total, label = (cell.arrays[name] for name in ("depth_mm", "total_force_N", "bin_force_N"))
     if len(depths) != len(planned.depths_mm) or np.abs(depths - planned.depths_mm).max() > 1e-6:
         raise DatasetError(
-            f"{path}: cell {planned.name} has depths {depths.tolist()} mm, the plan "
+            f"{path}: site {planned.name} has depths {depths.tolist()} mm, the plan "
             f"{list(planned.depths_mm)}; simulate it again"
         )
     if label.shape != (len(depths), bins, 3):
         raise DatasetError(
-            f"{path}: bin_force_N has shape {label.shape}, expected {(len(depths), bins, 3)}; simulate the cell again"
+            f"{path}: bin_force_N has shape {label.shape}, expected {(len(depths), bins, 3)}; simulate the site again"
         )
-    check_closure(path, f"cell {planned.name}", total, label)
+    check_closure(path, f"site {planned.name}", total, label)
     for name in sorted(ERROR_BARS & set(cell.arrays)):
         if not (cell.arrays[name] >= 0).all():  # also refuses what is not a number
             raise DatasetError(
-                f"{path}: cell {planned.name}: {name} holds what is no standard deviation; simulate it again"
+                f"{path}: site {planned.name}: {name} holds values that are no standard deviations; simulate it again"
                 f" (snakemake -R {path})"
             )
 
@@ -181,9 +183,10 @@ def _labels(
     about: dict,
     split: str,
 ) -> Labels | None:
-    """Return where a session's presses of a cell have their labels from, None where the cell failed; about: the session's
+    """Return where a session's indentations of a site have their labels from, None where the site failed; about: the
+    session's
 
-    attributes, which name its own cell and its failure.
+    attributes, which name its own site and its failure.
     """
     if isinstance(own, OwnPresses):
         return lambda press, step: own.label(press)
@@ -231,7 +234,7 @@ def _check_features(path: str | Path, session: str, study: Study, expected: str 
     with open_features(path) as file:
         if expected is not None and file.attrs["digest"] != expected:
             raise DatasetError(
-                f"{path}: session {session} was reduced with other settings (digest "
+                f"{path}: session {session} was made with other settings (digest "
                 f"{str(file.attrs['digest'])[:12]}, expected {expected[:12]}); extract the features again "
                 f"(snakemake -R {path})"
             )
@@ -266,17 +269,18 @@ def _scan(path: str | Path) -> Iterator[tuple[int, str, str, str, str, int, floa
 
 
 def _presses(path: str | Path, planned: Mapping[str, PlannedCell], chunk: set[str]) -> dict[str, PressRows]:
-    """Return the presses of a chunk's cells, every image of theirs in its place.
+    """Return the indentations of a chunk's sites, every image of theirs in its place.
 
-    The number of images of a touching press is what most presses of the session have; a path has as many as its steps.
+    The number of images of a touching indentation is what most indentations of the session have; a path has as many as its
+    steps.
     """
     presses: dict[str, PressRows] = {}
-    touching: Counter[str] = Counter()  # images per straight press, of the whole session
-    following: set[str] = set()  # presses that follow a path
+    touching: Counter[str] = Counter()  # images per straight indentation, of the whole session
+    following: set[str] = set()  # indentations that follow a path
     for row, press, cell, phase, image, index, depth, xy, step in _scan(path):
         if cell not in planned:
             raise DatasetError(
-                f"{path}: press {press}, image {image}: its cell {cell!r} is not in the plan; "
+                f"{path}: indentation {press}, image {image}: its site {cell!r} is not in the plan; "
                 "join the recording to the plan again"
             )
         if planned[cell].follows_a_path:
@@ -290,7 +294,8 @@ def _presses(path: str | Path, planned: Mapping[str, PlannedCell], chunk: set[st
         rows = presses.setdefault(press, PressRows(cell, 0.0))
         if rows.cell != cell:
             raise DatasetError(
-                f"{path}: press {press} has images of cells {rows.cell!r} and {cell!r}; name presses apart"
+                f"{path}: indentation {press} has images of sites {rows.cell!r} and {cell!r}; give each indentation its own"
+                " name"
             )
         rows.row.append(row)
         rows.step.append(int(step))
@@ -309,15 +314,15 @@ def _presses(path: str | Path, planned: Mapping[str, PlannedCell], chunk: set[st
 def _check_pose(
     path: str | Path, press: str, image: str, planned: PlannedCell, step: int, pose: np.ndarray
 ) -> None:
-    """Raise DatasetError unless an image (depth, x, y) was taken at the step of its cell's path that the features state."""
-    where = f"{path}: press {press}, image {image}: depth {pose[0]:g} mm at ({pose[1]:.4f}, {pose[2]:.4f}) mm"
+    """Raise DatasetError unless an image (depth, x, y) was taken at the step of its site's path that the features state."""
+    where = f"{path}: indentation {press}, image {image}: depth {pose[0]:g} mm at ({pose[1]:.4f}, {pose[2]:.4f}) mm"
     if 0 <= step < len(planned.depths_mm):
         shear = planned.shears_mm[step] if planned.shears_mm else (0.0, 0.0)
         there = np.array([planned.depths_mm[step], planned.x_mm + shear[0], planned.y_mm + shear[1]])
         if np.abs(there - pose).max() <= POSITION_MATCH_MM:
             return
     raise DatasetError(
-        f"{where} is not at step {step} of the path of cell {planned.name}; extract the features again (snakemake -R {path})"
+        f"{where} is not at step {step} of the path of site {planned.name}; extract the features again (snakemake -R {path})"
     )
 
 
@@ -330,10 +335,14 @@ def _excluded_images(path: str | Path) -> dict[str, int]:
 def _check_images(path: str | Path, press: str, rows: PressRows, count: int, usual: int) -> None:
     gaps = sorted(set(range(len(rows.row))) - set(rows.image_index))
     if gaps or count != usual:
-        what = f"image_index {gaps} missing" if gaps else f"{count} images at depth, {usual} in most presses"
+        what = (
+            f"image_index {gaps} missing"
+            if gaps
+            else f"{count} images at depth, {usual} in most indentations"
+        )
         raise DatasetError(
-            f"{path}: press {press} of cell {rows.cell}: {what}; restore its images and extract the features again, "
-            "or remove the press from indentations.csv"
+            f"{path}: indentation {press} of site {rows.cell}: {what}; restore its images and extract the features again, "
+            "or remove the indentation from indentations.csv"
         )
     order = np.argsort(rows.image_index)
     rows.row, rows.image_index, rows.untouched, rows.step = (
@@ -350,7 +359,7 @@ def _session_rows(
     about: dict,
     split: str,
 ) -> list[dict[str, np.ndarray]]:
-    """Return the rows of a session's presses of one cell, a block per press; one without label is noted in about."""
+    """Return the rows of a session's indentations at one site, a block for each; one without label is noted in about."""
     blocks = []
     with open_features(path) as file:
         for press, rows in pressed.items():
@@ -367,15 +376,15 @@ def _session_rows(
 
 
 def _steps(path: str | Path, press: str, rows: PressRows, planned: PlannedCell) -> list[int]:
-    """Return for each image of a press at which of its cell's depths, or steps of its path, it was taken."""
+    """Return for each image of an indentation at which of its site's depths, or steps of its path, it was taken."""
     if planned.follows_a_path:
         return [max(step, 0) for step in rows.step]  # untouched rows have no step, and no use for one
     step = int(np.argmin(np.abs(np.array(planned.depths_mm) - rows.depth_mm)))
     gap = abs(planned.depths_mm[step] - rows.depth_mm)
     if gap > POSITION_MATCH_MM and not all(rows.untouched):
         raise DatasetError(
-            f"{path}: press {press}: depth {rows.depth_mm} mm is {gap:.3g} mm from the nearest depth of cell {planned.name} "
-            f"({planned.depths_mm[step]} mm), limit {POSITION_MATCH_MM} mm; add the depth to the plan"
+            f"{path}: indentation {press}: depth {rows.depth_mm} mm is {gap:.3g} mm from the nearest depth of site"
+            f" {planned.name} ({planned.depths_mm[step]} mm), limit {POSITION_MATCH_MM} mm; add the depth to the plan"
         )
     return [step] * len(rows.row)
 
@@ -391,13 +400,13 @@ def _press_rows(
     labels: list[Label],
     split,
 ) -> dict[str, np.ndarray]:
-    """Return one press's rows: the label of each at its step, or zero where the ball had not touched."""
+    """Return one indentation's rows: the label of each at its step, or zero where the ball had not touched."""
     untouched = np.array(rows.untouched)
     feature, image = _rows_of(file["feature"], rows.row), _rows_of(file["image"].asstr(), rows.row)
     bad = ~np.isfinite(feature).all(axis=1)
     if bad.any():
         raise DatasetError(
-            f"{path}: press {press}, image {image[bad.argmax()]}: features are not finite; extract the features again"
+            f"{path}: indentation {press}, image {image[bad.argmax()]}: features are not finite; extract the features again"
         )
     touched = ~untouched
     count = len(rows.row)
@@ -440,7 +449,7 @@ def _rows_of(data, rows: list[int]) -> np.ndarray:
 
 # --------------------------------------------------------------------------------------------- attributes
 def shard_settings_digest(study: Study) -> str:
-    """Return the digest of the settings that decide a shard beside its cells and features."""
+    """Return the digest of the settings that decide a shard beside its sites and features."""
     names = {"seed", "dataset", "plan", "sensor", "features"}
     return digest(study.model_dump(mode="json", include=names))
 

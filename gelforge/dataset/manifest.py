@@ -45,7 +45,7 @@ def describe_dataset(
 def make_manifest(
     study: Study, shards: Sequence[str | Path], feature_files: Mapping[str, str | Path]
 ) -> dict:
-    """Return the dataset's files, cells, sessions, raw files and settings, each with its SHA-256 or digest."""
+    """Return the dataset's files, sites, sessions, raw files and settings, each with its SHA-256 or digest."""
     attributes = [shard_attributes(path) for path in shards]
     _check_one_dataset(shards, attributes)
     for name, expected in (("study", study.study), ("settings_digest", shard_settings_digest(study))):
@@ -131,7 +131,7 @@ def _file(path: str | Path, whole_path: bool = False, **more) -> dict:
 
 
 def _check_one_dataset(shards: Sequence[str | Path], attributes: Sequence[dict]) -> None:
-    """Raise DatasetError for shards of different studies or settings, or a cell in two of them."""
+    """Raise DatasetError for shards of different studies or settings, or a site in two of them."""
     seen: dict[str, str | Path] = {}
     for path, one in zip(shards, attributes):
         for name in ("study", "settings_digest", "split_seed", "test_fraction", "labels_only"):
@@ -141,5 +141,5 @@ def _check_one_dataset(shards: Sequence[str | Path], attributes: Sequence[dict])
                 )
         for cell in one["cells"]:
             if cell in seen:
-                raise DatasetError(f"{path}: cell {cell} is also in {seen[cell]}; build the dataset again")
+                raise DatasetError(f"{path}: site {cell} is also in {seen[cell]}; build the dataset again")
             seen[cell] = path

@@ -1,7 +1,7 @@
-"""The recorded presses of a session, solved one after another on one sensor that softens.
+"""The recorded indentations of a session, solved one after another on one sensor that softens.
 
-`presses.h5` holds one label per press. Until it is whole, a folder `presses.part` beside it holds what is solved so far and
-the softening left, so that a killed job goes on where it was.
+`presses.h5` holds one label per indentation. Until it is whole, a folder `presses.part` beside it holds what is solved so
+far and the softening left, so that a killed job goes on where it was.
 """
 
 from __future__ import annotations
@@ -35,16 +35,16 @@ from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.progress import tracked
 
 ROWS = ("force", "sigma_mesh", "sigma_material")  # of a label, each the total and then the bins (1 + B, 3)
-COPIED = 256  # presses that are in memory at a time when the file is written
+COPIED = 256  # indentations that are in memory at a time when the file is written
 
 
 @dataclass
 class Progress:
-    """How far a session is followed: kept after every press."""
+    """How far a session is followed: kept after every indentation."""
 
     digest: str
     done: int = 0
-    reason: str = ""  # why the press after those done could not be solved
+    reason: str = ""  # why the indentation after those done could not be solved
     labels: str = ""  # SHA-256 of the labels of those done
     companion_reasons: list[str] = field(default_factory=list)
     seconds: list[float] = field(default_factory=list)
@@ -60,9 +60,10 @@ def press_in_order(
     session: str,
     out: Path,
 ) -> str:
-    """Write the labels of a session's presses, followed in their order from an untouched sensor; return why it ended early.
+    """Write the labels of a session's indentations, followed in their order from an untouched sensor; return why it ended
+    early.
 
-    study: as it was in the session; laws by material; uncertain: see companion.simulate_label. What a press leaves is
+    study: as it was in the session; laws by material; uncertain: see companion.simulate_label. What an indentation leaves is
     carried to the next, so one that cannot be solved ends the session: it and those after it are in the file with the
     reason.
     """
@@ -71,7 +72,7 @@ def press_in_order(
     moved = {name: [law.description() for law in several] for name, several in uncertain.items()}
     bins = study.sensor.bins.nx * study.sensor.bins.ny
     labels, progress = _resumed(part, digest([identity, moved]), (len(presses), len(ROWS), 1 + bins, 3))
-    for number in tracked(range(progress.done, len(presses)), f"presses of session {session}"):
+    for number in tracked(range(progress.done, len(presses)), f"indentations of session {session}"):
         if progress.reason:
             break
         _press(study, laws, uncertain, presses[number], progress, labels[number])
@@ -90,22 +91,22 @@ def part_of(out: Path) -> Path:
 
 
 def discard_part(out: Path) -> None:
-    """Remove what an earlier job has solved of a session, so that it begins with the first press."""
+    """Remove what an earlier job has solved of a session, so that it begins with the first indentation."""
     if part_of(out).exists():
         shutil.rmtree(part_of(out))
-        print("what was solved before is discarded, as asked: from the first press on", flush=True)
+        print("earlier solutions are discarded, as asked; starting with the first indentation", flush=True)
 
 
 def _press(
     study: Study, laws: Laws, uncertain, press: RecordedPress, progress: Progress, label: np.ndarray
 ) -> None:
-    """Solve one press into its label (3, 1 + B, 3), and note what it left behind, or why it could not be solved."""
+    """Solve one indentation into its label (3, 1 + B, 3), and note what it left behind, or why it could not be solved."""
     wall_clock = time.perf_counter()
     cell, grid = _solved(study, laws, press, progress.grids["fine"])
     if not cell.converged:
         progress.reason = str(cell.attributes["reason"])
         return
-    check_finite(f"press {press.name}", cell)  # NaN in a label says that there is none
+    check_finite(f"indentation {press.name}", cell)  # NaN in a label says that there is none
     total, bins = cell.arrays["total_force_N"][-1:], cell.arrays["bin_force_N"][-1:]
     label[:] = np.nan
     label[0] = np.concatenate([total, bins[0]])
@@ -127,7 +128,7 @@ def _press(
 def _solved(
     study: Study, laws: Laws, press: RecordedPress, grid: PeakGrid | None
 ) -> tuple[Cell, PeakGrid | None]:
-    """Return the cell of one press and the softening left after it."""
+    """Return the site of one indentation and the softening left after it."""
     by_layer = {layer.name: laws[layer.material] for layer in study.sensor.layers}
     return next(
         simulate_in_order(study.sensor, study.indenter, study.mechanics, by_layer, [press.path], grid)
@@ -137,9 +138,10 @@ def _solved(
 def _companion(
     study: Study, laws: Laws, uncertain, press: RecordedPress, grid: PeakGrid | None
 ) -> tuple[Companion, PeakGrid | None, str]:
-    """Return the coarser solution of a press, which carries its own softening, what that is then, and why there is none.
+    """Return the coarser solution of an indentation, which carries its own softening, what that is then, and why there is
+    none.
 
-    How forces follow the laws is taken from a press without history, as for cells.
+    How forces follow the laws is taken from an indentation without history, as for sites.
     """
     bins = study.sensor.bins.nx * study.sensor.bins.ny
     slopes = np.zeros((0, 1, 3)), np.zeros((0, 1, bins, 3))
@@ -187,11 +189,12 @@ def _resumed(part: Path, identity: str, shape: tuple[int, ...]) -> tuple[np.memm
         if progress.digest == identity:
             solved = np.lib.format.open_memmap(labels, mode="r+")
             if solved.shape == shape and _sum_of(solved, progress.done) == progress.labels:
-                print(f"{progress.done} presses were solved before; going on from there", flush=True)
+                print(f"{progress.done} indentations were solved before; continuing from there", flush=True)
                 return solved, progress
             raise ValueError("the labels are not those that were kept")
         print(
-            "settings, presses or code have changed since this session was broken off: from the first press on"
+            "settings, indentations or code have changed since this session was interrupted; starting with the first"
+            " indentation"
         )
     except (OSError, ValueError, KeyError, BadZipFile):
         pass  # none yet, or damaged: it costs time, not the run
@@ -230,9 +233,15 @@ def _read_progress(path: Path) -> Progress:
 
 
 def _write(out, study, laws, session, identity, presses, progress: Progress, labels) -> None:
-    """Write the file of a session's presses, whole or not at all."""
+    """Write the file of a session's indentations, whole or not at all."""
     count, left = len(presses), len(presses) - progress.done
-    later = [] if not left else [f"not solved: press {presses[progress.done].name} before it could not be"]
+    later = (
+        []
+        if not left
+        else [
+            f"not solved, because the earlier indentation {presses[progress.done].name} could not be solved"
+        ]
+    )
     reasons = [""] * progress.done + [progress.reason] * bool(left) + later * (left - 1)
     columns = {
         "press": [press.name for press in presses],

@@ -25,7 +25,7 @@ def label_ranges(shards: Sequence[str | Path]) -> np.ndarray:
         high = np.maximum(high, [label.max(axis=(0, 1)), total.max(axis=0)])
     if not np.isfinite(low).all():
         raise DatasetError(
-            "no label at all; every cell of the study failed, see the shards' attribute failed_cells"
+            "no label at all; every site of the study failed, see the shards' attribute failed_cells"
         )
     return np.stack([low, high], axis=1)
 

@@ -1,4 +1,4 @@
-"""The presses of a recorded session as the finite elements follow them: their places, their order, their times."""
+"""The indentations of a recorded session as the finite elements follow them: their places, their order, their times."""
 
 from __future__ import annotations
 
@@ -39,17 +39,18 @@ class RecordedPress:
 def recorded_presses(
     readings: pd.DataFrame, cells: Mapping[str, PlannedCell], study: Study
 ) -> list[RecordedPress]:
-    """Return the presses of a session's readings, joined to the plan, in the order recorded.
+    """Return the indentations of a session's readings, joined to the plan, in the order recorded.
 
-    Where the study's materials relax, a press passes its load and dwell readings when they were taken, up to the last one at
-    its depth; else it goes down without time.
+    Where the study's materials relax, an indentation passes its load and dwell readings when they were taken, up to the
+    last one at its depth; else it goes down without time.
     """
     history = study.mechanics.effects.history
     sideways = readings.loc[readings["phase"] == "shear", "press"]
     if len(sideways):
         raise RecordingError(
-            f"press {sideways.iloc[0]} moves sideways; on a sensor that softens (mechanics.effects.history.mullins) presses"
-            " are followed straight down only: remove such presses from the session, or the effect from the study"
+            f"indentation {sideways.iloc[0]} moves sideways; on a sensor that softens (mechanics.effects.history.mullins)"
+            " indentations"
+            " are followed straight down only: remove such indentations from the session, or the effect from the study"
         )
     rows_of = readings.groupby("press").indices
     presses = []
@@ -65,7 +66,7 @@ def recorded_presses(
 
 
 def _timed(path: Trajectory, rows: pd.DataFrame, timing) -> Trajectory:
-    """Return a press through its load and dwell readings, time counted from the first touch.
+    """Return an indentation through its load and dwell readings, time counted from the first touch.
 
     The touch is as long before the first of them as the stage needs at timing.speed_mm_per_s; between two readings the stage
     moves evenly, in steps of at most timing.step_mm.
@@ -81,7 +82,7 @@ def _timed(path: Trajectory, rows: pd.DataFrame, timing) -> Trajectory:
 
 
 def presses_digest(study: Study, laws: Laws, presses: Sequence[RecordedPress]) -> str:
-    """Return the digest of everything that decides the labels of a session's presses; study: as it was in the session."""
+    """Return the digest of all that decides the labels of a session's indentations; study: as it was in the session."""
     paths = [[p.name, p.cell, p.path.x_mm, p.path.y_mm, p.path.depths_mm, p.path.times_s] for p in presses]
     sources = source_digest(
         "dataset/presses_in_order.py", "dataset/recorded_presses.py", "recording/tables/path_through.py"
@@ -108,7 +109,7 @@ def read_presses(folder: Path, cells: Mapping[str, PlannedCell]) -> pd.DataFrame
 
 
 def pressed_cells(folder: Path, cells: Mapping[str, PlannedCell]) -> list[str]:
-    """Return the cells that a session needs solved, in the order of the plan: those pressed, and those that these mirror."""
+    """Return the sites that a session needs solved, in the order of the plan: those pressed, and those that these mirror."""
     pressed = set(read_presses(folder, cells)["cell"].dropna())
     needed = pressed | {cells[name].source for name in pressed}
     return [name for name in cells if name in needed]

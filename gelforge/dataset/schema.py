@@ -46,7 +46,8 @@ COLUMNS = {
         ("B", "3"),
         "f4",
         "N",
-        "standard deviation of force_distribution_N: discretisation and law; NaN where cells have no error bars",
+        "standard deviation of force_distribution_N: discretisation and constitutive models; NaN where sites have no error"
+        " bars",
         False,
     ),
     "total_force_fem_N": Column(
@@ -75,16 +76,16 @@ COLUMNS = {
         (),
         "text",
         "1",
-        "zero before touch, else load, shear, tilt, dwell or unload: the step of the path",
+        "zero before contact, else load, shear, tilt, dwell or unload: the step of the path",
         False,
     ),
-    "cell": Column((), "text", "1", "cell of the plan: one position with all its depths", False),
-    "press": Column((), "text", "1", "press of the session", True),
-    "image_index": Column((), "i4", "1", "number of the image within its press, from 0", True),
+    "cell": Column((), "text", "1", "site of the plan: one position with all its depths", False),
+    "press": Column((), "text", "1", "indentation of the session", True),
+    "image_index": Column((), "i4", "1", "number of the image within its indentation, from 0", True),
     "image": Column((), "text", "1", "file name of the image in the session's folder images", True),
     "session": Column((), "text", "1", "recording session", True),
-    "split": Column((), "text", "1", "train or test, by orbit: a cell with its mirror images", False),
-    "untouched": Column((), "bool", "1", "true: recorded before touch; the label is zero", False),
+    "split": Column((), "text", "1", "train or test, by orbit: a site with its mirror images", False),
+    "untouched": Column((), "bool", "1", "true: recorded before contact; the label is zero", False),
 }
 
 

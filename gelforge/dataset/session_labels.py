@@ -1,4 +1,4 @@
-"""Labels that belong to a session: its own cells where the sensor had another age or temperature, or its own presses."""
+"""Labels of a session: its own sites where the sensor had another age or temperature, or its own indentations."""
 
 from __future__ import annotations
 
@@ -19,28 +19,31 @@ CLOSURE = (
     1e-6  # bins against the total force: relative, and as many newtons for bins below 1e-9 N stored as zero
 )
 
-# name: (unit, description); P presses in the order recorded, B bins
+# name: (unit, description); P indentations in the order recorded, B bins
 PRESS_DATASETS = {
-    "press": ("1", "press of the session (P)"),
-    "cell": ("1", "cell of the plan that it presses (P)"),
-    "reason": ("1", "why it has no label; empty: it has (P)"),
+    "press": ("1", "indentation of the session (P)"),
+    "cell": ("1", "site of the plan at which it is (P)"),
+    "reason": ("1", "why it has no label; empty: it has one (P)"),
     "companion_reason": ("1", "why its error bars are as large as its forces; empty: they are not (P)"),
-    "order": ("1", "order of the press in indentations.csv (P)"),
+    "order": ("1", "order of the indentation in indentations.csv (P)"),
     "position_mm": ("mm", "planned position x, y (P, 2)"),
     "depth_mm": ("mm", "planned depth (P)"),
-    "force_balance": ("1", "force of contact against that of the base, relative (P)"),
+    "force_balance": ("1", "contact force less the force on the sensor's base, relative (P)"),
     "total_force_N": ("N", "contact force on the sensor (P, 3)"),
     "bin_force_N": ("N", "force on the sensor per surface bin, k = nx iy + ix, undeformed surface (P, B, 3)"),
     "total_sigma_mesh_N": ("N", "standard deviation of total_force_N from discretisation (P, 3)"),
     "bin_sigma_mesh_N": ("N", "standard deviation of bin_force_N from discretisation (P, B, 3)"),
-    "total_sigma_material_N": ("N", "standard deviation of total_force_N from the laws (P, 3)"),
-    "bin_sigma_material_N": ("N", "standard deviation of bin_force_N from the laws (P, B, 3)"),
+    "total_sigma_material_N": (
+        "N",
+        "standard deviation of total_force_N from the constitutive models (P, 3)",
+    ),
+    "bin_sigma_material_N": ("N", "standard deviation of bin_force_N from the constitutive models (P, B, 3)"),
 }
 
 
 @dataclass(frozen=True)
 class Label:
-    """Forces of one press with their standard deviations [N], NaN where there are no error bars."""
+    """Forces of one indentation with their standard deviations [N], NaN where there are no error bars."""
 
     total: np.ndarray  # (3,)
     total_sigma: np.ndarray  # (3,)
@@ -50,7 +53,7 @@ class Label:
 
 @dataclass(frozen=True)
 class OwnCells:
-    """The cells of a session whose sensor had an age or a temperature of its own, and what their digests must be."""
+    """The sites of a session whose sensor had an age or a temperature of its own, and what their digests must be."""
 
     files: Mapping[str, Path]
     digests: Mapping[str, str] = field(default_factory=dict)  # those that are to be checked
@@ -58,7 +61,7 @@ class OwnCells:
 
 @dataclass(frozen=True)
 class OwnPresses:
-    """The file of a session's presses on a sensor that softens, and what its digest must be."""
+    """The file of a session's indentations on a sensor that softens, and what its digest must be."""
 
     path: Path
     digest: str | None = None
@@ -71,7 +74,7 @@ class OwnPresses:
         if self.digest is not None and found["inputs_digest"] != self.digest:
             raise DatasetError(
                 f"{self.path}: made with other settings (inputs_digest {str(found['inputs_digest'])[:12]}, expected "
-                f"{self.digest[:12]}); press the session again (snakemake -R {self.path})"
+                f"{self.digest[:12]}); solve the session again (snakemake -R {self.path})"
             )
         return found
 
@@ -89,21 +92,23 @@ class OwnPresses:
             return dict(zip(file["press"].asstr()[()], file["total_force_N"][()]))
 
     def reason(self, press: str) -> str:
-        """Return why a press has no label; empty: it has."""
+        """Return why an indentation has no label; empty: it has."""
         if press not in self.reasons:
             raise DatasetError(
-                f"{self.path}: no press {press}; press the session again (snakemake -R {self.path})"
+                f"{self.path}: no indentation {press}; solve the session again (snakemake -R {self.path})"
             )
         return self.reasons[press][1]
 
     def label(self, press: str) -> Label | str:
-        """Return the label of a press, or why it has none."""
+        """Return the label of an indentation, or why it has none."""
         if reason := self.reason(press):
             return reason
         row = self.reasons[press][0]
         with self._open() as file:
             known = {name: file[name][row] for name in PRESS_DATASETS if name.endswith("_N")}
-        check_closure(self.path, f"press {press}", known["total_force_N"][None], known["bin_force_N"][None])
+        check_closure(
+            self.path, f"indentation {press}", known["total_force_N"][None], known["bin_force_N"][None]
+        )
         return Label(
             known["total_force_N"],
             np.hypot(known["total_sigma_mesh_N"], known["total_sigma_material_N"]),
@@ -112,18 +117,18 @@ class OwnPresses:
         )
 
     def _open(self) -> h5py.File:
-        remedy = f"press the session again (snakemake -R {self.path})"
+        remedy = f"solve the session again (snakemake -R {self.path})"
         return opened(self.path, FORMAT, remedy, DatasetError)
 
 
 def cell_label(cell: Cell, step: int) -> Label:
-    """Return the label of one depth of a cell."""
+    """Return the label of one depth of a site."""
     total, bins = cell.arrays["total_force_N"][step], cell.arrays["bin_force_N"][step]
     return Label(total, sigma(cell, "total")[step], bins, sigma(cell, "bin")[step])
 
 
 def sigma(cell: Cell, quantity: str) -> np.ndarray:
-    """Return the standard deviation of a cell's "bin" or "total" forces, NaN for a cell without error bars."""
+    """Return the standard deviation of a site's "bin" or "total" forces, NaN for a site without error bars."""
     arrays = cell.arrays
     mesh = arrays.get(f"{quantity}_sigma_mesh_N")
     if mesh is None:
@@ -133,13 +138,13 @@ def sigma(cell: Cell, quantity: str) -> np.ndarray:
 
 
 def check_digest(path: str | Path, name: str, cell: Cell, expected: str | None) -> None:
-    """Raise DatasetError for the file of another cell, or of one made with other settings than the expected digest's."""
+    """Raise DatasetError for the file of another site, or of one made with other settings than the expected digest's."""
     found = cell.attributes
     if found["cell"] != name:
-        raise DatasetError(f"{path}: holds cell {found['cell']!r}, expected {name!r}; simulate it again")
+        raise DatasetError(f"{path}: holds site {found['cell']!r}, expected {name!r}; simulate it again")
     if expected is not None and found["inputs_digest"] != expected:
         raise DatasetError(
-            f"{path}: cell {name} was made with other settings (inputs_digest {str(found['inputs_digest'])[:12]}, "
+            f"{path}: site {name} was made with other settings (inputs_digest {str(found['inputs_digest'])[:12]}, "
             f"expected {expected[:12]}); simulate it again (snakemake -R {path})"
         )
 

@@ -154,7 +154,7 @@ class ShardDataset:
 
 
 def lineage(path: str | Path, row: int) -> dict:
-    """Return where one row of a shard comes from: its label's cell, its image and the files behind both."""
+    """Return where one row of a shard comes from: its label's site, its image and the files behind both."""
     attributes = shard_attributes(path)
     if not 0 <= row < attributes["rows"]:
         raise DatasetError(f"{path}: row {row} does not exist; rows are 0 to {attributes['rows'] - 1}")

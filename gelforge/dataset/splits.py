@@ -1,4 +1,4 @@
-"""Which cells train and which test: by orbit, so that neither an image of a press nor its mirror image is on both sides."""
+"""Training and test sites, split by orbit: neither an image of an indentation nor its mirror image is on both sides."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 
 
 def orbits(planned: Mapping[str, PlannedCell], sensor: Sensor) -> dict[str, str]:
-    """Return for each cell the first cell of the plan that its sensor's symmetry carries it to: itself where there is none.
+    """Return for each site the first site of the plan that its sensor's symmetry carries it to: itself where there is none.
 
-    A rectangular sensor is its own mirror image along both sides, a square one along its diagonals too. Cells at one place
+    A rectangular sensor is its own mirror image along both sides, a square one along its diagonals too. Sites at one place
     are one orbit, whatever their paths: a label and its mirror image on two sides of a split would be no test.
     """
     first: dict[tuple, str] = {}
@@ -34,9 +34,9 @@ def split_orbits(
 ) -> dict[str, str]:
     """Return "train" or "test" for each cell: a seeded draw of test_fraction of the orbits, at least one of two or more.
 
-    orbit: of each cell; from_wall: the distance of each cell from the nearest wall [mm]. Orbits are put in the order of that
-    distance, cut into as many parts as are to be drawn, and one is drawn of each part: presses near walls and in the middle
-    are both tested. The draw depends on orbits, distances and seed only, not on the order of the cells.
+    orbit: of each site; from_wall: the distance of each site from the nearest wall [mm]. Orbits are put in the order of that
+    distance, cut into as many parts as are to be drawn, and one is drawn of each part: indentations near walls and in the
+    middle are both tested. The draw depends on orbits, distances and seed only, not on the order of the sites.
     """
     distance: dict[str, float] = {}
     for cell in sorted(orbit):
@@ -52,7 +52,7 @@ def split_orbits(
 def planned_split(
     planned: Mapping[str, PlannedCell], sensor: Sensor, test_fraction: float, seed: int
 ) -> tuple[dict[str, str], dict[str, str]]:
-    """Return "train" or "test" of every cell of a plan, and its orbit."""
+    """Return "train" or "test" of every site of a plan, and its orbit."""
     orbit = orbits(planned, sensor)
     places = {name: np.array([cell.x_mm, cell.y_mm]) for name, cell in planned.items()}
     return split_orbits(orbit, distances_from_wall(places, sensor), test_fraction, seed), orbit
@@ -61,12 +61,12 @@ def planned_split(
 def split_training(
     places: Mapping[str, np.ndarray], orbit: Mapping[str, str], sensor: Sensor, fraction: float, seed: int
 ) -> dict[str, str]:
-    """Return "train" or "validation" of each training cell; places (2,) [mm]: of cells with rows, seed: of the study."""
+    """Return "train" or "validation" of each training site; places (2,) [mm]: of sites with rows, seed: of the study."""
     split = split_orbits(orbit, distances_from_wall(places, sensor), fraction, seed + 1)
     return {cell: "validation" if side == "test" else "train" for cell, side in split.items()}
 
 
 def distances_from_wall(places: Mapping[str, np.ndarray], sensor: Sensor) -> dict[str, float]:
-    """Return the distance [mm] of each cell's position (2,) [mm] from the nearest side of the sensor."""
+    """Return the distance [mm] of each site's position (2,) [mm] from the nearest side of the sensor."""
     widths = np.array([sensor.width_x_mm, sensor.width_y_mm])
     return {name: float(np.minimum(place, widths - place).min()) for name, place in places.items()}

@@ -1,4 +1,4 @@
-"""How far one clock lies behind another: candidate lags by correlation, and which of them the presses contradict."""
+"""How far one clock lies behind another: candidate lags by correlation, and which of them the indentations contradict."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LEAST_CORRELATION = 0.5
 CANDIDATE, RIVAL = 0.9, 0.95  # of the best correlation: looked at; as good
 APART_S = 0.3
 NEAR_STEPS = 6  # of the grid, about the best lag: relaxation shifts it
-STRONG = 0.3  # of the median peak: a press that both signals must show
+STRONG = 0.3  # of the median peak: an indentation that both signals must show
 MARGIN_S = 0.3
 
 
@@ -74,8 +74,8 @@ def coarse_match(
     ):
         raise ImportingError(
             f"{what}: its clock may be {start_s + lags[chosen]:.2f} or {start_s + lags[rival]:.2f} s later than the stage's"
-            f" (correlation {correlation[chosen]:.3f} and {correlation[rival]:.3f}): the presses repeat; set {key}.lag_s, or"
-            " record a rest before the first and after the last press in both logs"
+            f" (correlation {correlation[chosen]:.3f} and {correlation[rival]:.3f}): the indentations repeat; set"
+            f" {key}.lag_s, or record a rest before the first and after the last indentation in both logs"
         )
     next_best = None if rival is None else (float(lags[rival]), float(correlation[rival]))
     return Match(float(lags[chosen]), float(correlation[chosen]), level, power, lags, correlation, next_best)
@@ -153,7 +153,7 @@ def runs_above(values: np.ndarray, limit: float) -> list[tuple[int, int]]:
 
 
 def contradictions(grid, depth, times, height, lag: float) -> int:
-    """Return how many strong presses, whole inside what both logs cover, one of two signals shows and the other does not."""
+    """Return how many strong indentations inside what both logs cover one of two signals shows and the other does not."""
     start, end = max(grid[0], times[0] - lag) + MARGIN_S, min(grid[-1], times[-1] - lag) - MARGIN_S
     pairs = [(grid, depth, times - lag, height), (times - lag, height, grid, depth)]
     count = 0

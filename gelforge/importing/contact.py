@@ -1,4 +1,4 @@
-r"""The contact point of a press: where the force begins to follow the travel, with a 95 % interval.
+r"""The contact point of an indentation: where the force begins to follow the travel, with a 95 % interval.
 
 .. math:: F(s) = F_0 + k \, \max(s - s_0, 0)^n
 

@@ -59,7 +59,7 @@ class Imported:
 
     @property
     def contacts(self) -> pd.DataFrame:
-        """Return one row per press: number, contact point with its interval and depth zero, on the stage's axis [mm]."""
+        """Return a row per indentation: number, contact point with its interval, depth zero; on the stage's axis [mm]."""
         sign = -1 if self.mapping.stage.pressing == "-z" else 1
         rows = []
         for press, zero in zip(self.presses.kept, self.zero_mm):
@@ -114,7 +114,7 @@ def import_logs(mapping_file: str | Path, name: str) -> Imported:
     if deep.min() <= 0:
         press = presses.kept[int(deep.argmin())]
         raise ImportingError(
-            f"press {press.number} at {press.top_s:.1f} s reaches {deep.min():.3f} mm only; set depth_zero: press, or"
+            f"indentation {press.number} at {press.top_s:.1f} s reaches {deep.min():.3f} mm only; set depth_zero: press, or"
             f" leave it out with skip: [{press.number}]"
         )
     table, images = rows_of_presses(presses.kept, zero, stage, frames, mapping)
@@ -171,21 +171,21 @@ def _depth_zero(mapping: ImportMapping, presses: Presses) -> dict[str, Any]:
     if mapping.depth_zero == "press":
         return {
             "by": "press",
-            "how": "contact point of each press, from force over travel",
+            "how": "contact point of each indentation, from force over travel",
             "press_scatter_mm": round(own, 5),
         }
     spread = float(np.std(found, ddof=1)) if len(found) > 1 else own
     keys = {"by": "session", "press_scatter_mm": round(spread, 5)}
     if isinstance(mapping.depth_zero, Surface):
         return keys | {"how": f"the laboratory's own, at {mapping.depth_zero.at_mm:g} mm of the stage"}
-    how = f"median contact point of {len(found)} presses, from force over travel"
+    how = f"median contact point of {len(found)} indentations, from force over travel"
     return keys | {"how": how, "session_scatter_mm": round(spread / np.sqrt(len(found)), 5)}
 
 
 def _notes(mapping: ImportMapping, force: Aligned, camera: Aligned | None, presses: Presses) -> str:
     parts = [f"imported: {mapping.describes}", clock_words("force", force)]
     parts += [clock_words("camera", camera)] if camera else []
-    parts += [f"press {number} left out ({why})" for number, _, why in presses.left_out]
+    parts += [f"indentation {number} left out ({why})" for number, _, why in presses.left_out]
     return "; ".join(parts)
 
 

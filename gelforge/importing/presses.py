@@ -1,4 +1,4 @@
-"""Presses with their phases, from the stage's excursions and the force: none lost, none invented, none that slipped off."""
+"""Indentations with their phases, from the stage's excursions and the force; none is lost, invented or slipped off."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ ZERO_S = 2.0  # the zero phase is the last of the rest before contact
 LEAST_ZERO_S = 0.1
 CLEAR_S, CLEAR_MM = 0.1, 0.02  # from the zero phase to contact
 AFTER_S = 0.3  # after contact was lost, before the next zero phase
-SLIP_S, SLIP = 0.1, 0.3  # of the press's largest force, lost within so long while the stage does not retreat
+SLIP_S, SLIP = (
+    0.1,
+    0.3,
+)  # of the indentation's largest force, lost within so long while the stage does not retreat
 WIDEST_MM = 0.1  # half of a contact point's interval, and contact points off their median
 
 
@@ -44,7 +47,7 @@ class Press:
 
 @dataclass(frozen=True)
 class Presses:
-    """What was found: presses, those left out with the reason, and excursions on which nothing was touched [s]."""
+    """What was found: indentations, those left out with the reason, and excursions on which nothing was touched [s]."""
 
     kept: tuple[Press, ...]
     left_out: tuple[tuple[int, float, str], ...]
@@ -63,10 +66,10 @@ def find_presses(
     skip: list[int],
     drop_incomplete: bool,
 ) -> Presses:
-    """Return the presses. push (m,) [N]: force towards the gel at force_s (m,) [s] on the stage's clock.
+    """Return the indentations. push (m,) [N]: force towards the gel at force_s (m,) [s] on the stage's clock.
 
-    level_mm: travel about which contact begins; frames_s: first and last frame. Raises ImportingError naming the press and
-    the key that settles it.
+    level_mm: travel about which contact begins; frames_s: first and last frame. Raises ImportingError naming the
+    indentation and the key that settles it.
     """
     smooth, threshold = _above_rest(force_s, push)
     merged = _merged(stage, found, force_s, smooth, threshold)
@@ -85,7 +88,7 @@ def find_presses(
             untouched.append(float(stage.time_s[excursion.top]))
             continue
         number += 1
-        at = f"press {number} at {stage.time_s[excursion.top]:.1f} s"
+        at = f"indentation {number} at {stage.time_s[excursion.top]:.1f} s"
         if number in skip:
             left_out.append((number, float(stage.time_s[excursion.top]), "skip"))
         elif cut and drop_incomplete:
@@ -111,10 +114,10 @@ def find_presses(
         if touches:
             before_s = float(force_s[touches[-1][1]])
     if unknown := sorted(set(skip) - set(range(1, number + 1))):
-        raise ImportingError(f"skip names {unknown}, there are presses 1 to {number}; correct skip")
+        raise ImportingError(f"skip names {unknown}, there are indentations 1 to {number}; correct skip")
     if not kept:
         raise ImportingError(
-            f"no press is left of {number}; correct skip, or check force.columns and stage.z"
+            f"no indentation is left of {number}; correct skip, or check force.columns and stage.z"
         )
     return Presses(tuple(kept), tuple(left_out), tuple(untouched), smooth, threshold)
 
@@ -149,7 +152,7 @@ def _merged(stage, found, force_s, smooth, threshold) -> list[Excursion]:
 
 
 def _cut(stage, excursion, force_s, smooth, threshold, level_mm, frames_s) -> str:
-    """Return which log begins or ends within a press, "" where none does."""
+    """Return which log begins or ends within an indentation, "" where none does."""
     travel = stage.values[excursion.first : excursion.last + 1, 2]
     deep = np.flatnonzero(travel > level_mm)
     if not len(deep):
@@ -183,7 +186,7 @@ def _refuse_slip(at, number, stage, excursion, force_s, smooth, travel) -> None:
 
 
 def _press(at, number, stage, excursion, force_s, push, travel_at, rows, from_s) -> Press:
-    """Return a press whose force exceeds its noise in these rows of the force log; from_s: rest may begin here."""
+    """Return an indentation whose force exceeds its noise in these rows of the force log; from_s: rest may begin here."""
     time, travel = stage.time_s, stage.values[:, 2]
     guess_s, end_s = float(force_s[rows.start]), float(force_s[rows.stop - 1])
     guess = float(travel_at[rows.start])
@@ -226,7 +229,8 @@ def _press(at, number, stage, excursion, force_s, push, travel_at, rows, from_s)
 
 
 def depth_zero_mm(presses: tuple[Press, ...], rule, pressing: str) -> np.ndarray:
-    """Return the travel (P,) [mm] at depth zero of each press. Raises ImportingError where contact points deny the rule.
+    """Return the travel (P,) [mm] at depth zero of each indentation. Raises ImportingError where contact points deny the
+    rule.
 
     rule: `session`, `press`, or a surface `at_mm` on the axis that presses.
     """
@@ -236,8 +240,8 @@ def depth_zero_mm(presses: tuple[Press, ...], rule, pressing: str) -> np.ndarray
         k = int(half.argmax())
         if half[k] > WIDEST_MM:
             raise ImportingError(
-                f"press {presses[k].number} at {presses[k].top_s:.1f} s: its contact point is known to {half[k]:.2g} mm"
-                f" only, the limit is {WIDEST_MM} mm; set depth_zero: session, or leave it out with"
+                f"indentation {presses[k].number} at {presses[k].top_s:.1f} s: its contact point is known to {half[k]:.2g}"
+                f" mm only, the limit is {WIDEST_MM} mm; set depth_zero: session, or leave it out with"
                 f" skip: [{presses[k].number}]"
             )
         return found
@@ -246,7 +250,7 @@ def depth_zero_mm(presses: tuple[Press, ...], rule, pressing: str) -> np.ndarray
     if abs(found[k] - middle) > WIDEST_MM:
         one = np.abs(np.delete(found, k) - middle).max(initial=0.0) <= WIDEST_MM
         raise ImportingError(
-            f"contact points lie up to {abs(found[k] - middle):.3g} mm off their median (press {presses[k].number} at"
+            f"contact points lie up to {abs(found[k] - middle):.3g} mm off their median (indentation {presses[k].number} at"
             f" {presses[k].top_s:.1f} s), the limit is {WIDEST_MM} mm: "
             + (
                 f"leave it out with skip: [{presses[k].number}], or set depth_zero: press"

@@ -1,4 +1,4 @@
-"""The session folder: session.yaml, indentations.csv, ft.csv, images, and import.csv with what was found of each press."""
+"""The session folder: session.yaml, indentations.csv, ft.csv, images, and import.csv with a row per indentation."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def _rows(
         k, at = frames.near(rows[-1]["time_s"])
         if not press.zero_s[0] <= at <= press.zero_s[1]:
             raise ImportingError(
-                f"press {press.number}: no frame in its zero phase; leave it out with skip: [{press.number}]"
+                f"indentation {press.number}: no frame in its zero phase; leave it out with skip: [{press.number}]"
             )
         rows[-1] = _zero_row(press, zero, stage, at, xy) | {"frame": k}
         rows.sort(key=lambda row: row["time_s"])
@@ -126,8 +126,8 @@ def _wait_rows(press, wait, phase, xy, depth, frames, mapping) -> list[dict]:
         )
         if not len(few):
             raise ImportingError(
-                f"press {press.number} at {arrive:.1f} s: no frame while it waits ({leave - arrive:.2f} s); leave it out"
-                f" with skip: [{press.number}], or lower settle_s"
+                f"indentation {press.number} at {arrive:.1f} s: no frame while it waits ({leave - arrive:.2f} s); leave it"
+                f" out with skip: [{press.number}], or lower settle_s"
             )
         chosen = [(int(k), float(frames.time_s[k])) for k in few]
     waiting = "dwell" if phase == "load" else phase

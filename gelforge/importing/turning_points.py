@@ -16,7 +16,7 @@ from gelforge.importing.clocks import Match
 from gelforge.importing.refusals import ImportingError
 from gelforge.importing.stage_motion import Excursion
 
-LOCAL_S, LOCAL_STEP_S = 1.0, 0.01  # around the coarse lag, each press on its own
+LOCAL_S, LOCAL_STEP_S = 1.0, 0.01  # around the coarse lag, each indentation on its own
 RATE_STEPS = 6  # between which rates are taken
 BEND_S, BEND_STEP_S = 0.08, 0.002  # around that, each bend
 WINDOW_S = 0.35  # of the signal on each side of a bend
@@ -25,7 +25,7 @@ RECENTRED = 4  # times that a bend at the end of what was tried is looked for fa
 MOST_SAMPLES = 200  # of a bend's window: a faster log is averaged over neighbours
 LARGEST_SE_S = 0.01  # of the lag of the whole session
 DRIFT_S, DRIFT_SE = 0.006, 4.0  # over the session: drift beyond both
-JUMP_S, JUMP_SPREADS = 0.02, 5.0  # of a press's lag off the law
+JUMP_S, JUMP_SPREADS = 0.02, 5.0  # of an indentation's lag off the line
 LEAST_PRESSES = 3
 
 
@@ -39,7 +39,7 @@ class Bends:
     excursion: np.ndarray
 
     def by_press(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return time, weighted mean lag and its standard deviation of each press [s]."""
+        """Return time, weighted mean lag and its standard deviation of each indentation [s]."""
         rows = []
         for number in np.unique(self.excursion):
             own = self.excursion == number
@@ -89,7 +89,7 @@ def find_bends(
 
 
 def _local_lag(log_s, travel, excursion, signal_s, signal, match, contact_mm) -> float | None:
-    """Return the lag [s] at which the signal of one press follows its depth best, None where it is not covered."""
+    """Return the lag [s] at which the signal of one indentation follows its depth best, None where it is not covered."""
     time = np.arange(log_s[excursion.first], log_s[excursion.last], LOCAL_STEP_S)
     model = np.maximum(np.interp(time, log_s, travel) - contact_mm, 0.0) ** match.power
     pressed = np.flatnonzero(model > 0)
@@ -183,7 +183,7 @@ def clock_law(bends: Bends, known: float | None, drift: bool, what: str, key: st
         return ClockLaw(known, 0.0, 0.0, bends)
     if len(np.unique(bends.excursion)) < LEAST_PRESSES:
         raise ImportingError(
-            f"{what}: {len(np.unique(bends.excursion))} presses show when the stage stops or leaves, at least"
+            f"{what}: {len(np.unique(bends.excursion))} indentations show when the stage stops or leaves, at least"
             f" {LEAST_PRESSES} are needed to align its clock; set {key}.lag_s, or log faster and wait longer at depth"
         )
     at, lag, sd = bends.by_press()
@@ -206,8 +206,8 @@ def clock_law(bends: Bends, known: float | None, drift: bool, what: str, key: st
     )
     if se > LARGEST_SE_S:
         raise ImportingError(
-            f"{what}: its lag is known to {2 * se * 1e3:.2g} ms only (two standard errors of {len(lag)} presses), the limit"
-            f" is {2 * LARGEST_SE_S * 1e3:g} ms; set {key}.lag_s, or log faster"
+            f"{what}: its lag is known to {2 * se * 1e3:.2g} ms only (two standard errors of {len(lag)} indentations), the"
+            f" limit is {2 * LARGEST_SE_S * 1e3:g} ms; set {key}.lag_s, or log faster"
         )
     if drift:
         return ClockLaw(float(offset), float(straight), se, bends)
@@ -244,8 +244,8 @@ def _robust_mean(lag, sd) -> float:
 
 
 def _refuse_jumps(at, lag, law, what: str, key: str) -> None:
-    """Raise ImportingError where the lags of presses do not follow the law: frames or rows were lost, or presses misread."""
-    steady = median_filter(lag, 3, mode="nearest")  # one press alone that was misread is no jump
+    """Raise ImportingError where the lags of indentations leave their line: frames or rows were lost, or one was misread."""
+    steady = median_filter(lag, 3, mode="nearest")  # one indentation alone that was misread is no jump
     steps, off = np.abs(np.diff(steady)), np.abs(steady - law)
     limit = max(JUMP_S, JUMP_SPREADS * 1.4826 * float(np.median(np.abs(np.diff(lag)))))
     if max(off.max(), steps.max()) <= limit:
@@ -258,6 +258,6 @@ def _refuse_jumps(at, lag, law, what: str, key: str) -> None:
         else f"name time stamps of each row in {key}.time"
     )
     raise ImportingError(
-        f"{what}: its lag jumps from {steady[k]:.3f} to {steady[k + 1]:.3f} s between the presses at {at[k]:.1f} and"
+        f"{what}: its lag jumps from {steady[k]:.3f} to {steady[k + 1]:.3f} s between the indentations at {at[k]:.1f} and"
         f" {at[k + 1]:.1f} s, the limit is {limit * 1e3:.2g} ms: {rows} were dropped; {remedy}, or record again"
     )

@@ -1,4 +1,4 @@
-"""Cells of an interpolated plan: a label between solved sites, or the solved one that lies at its place."""
+"""Sites of an interpolated plan: a label between solved sites, or the solved one that lies at its place."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gelforge.indentation.solving.mirror import mirror_cell
 from gelforge.interpolation.solved_sites import OWN, SolvedSites
 from gelforge.mechanics.laws.law import PrincipalLaw
 
-# attributes of the nearest solved site that tell of a label between as well: ranges of stretch, what was touched
+# attributes of the nearest solved site that hold for a label between as well: ranges of stretch, what was touched
 OF_SITE = (
     "settings",
     "regions",
@@ -78,7 +78,7 @@ class Labels:
         return np.zeros((0, bins.nx * bins.ny, 3))
 
     def _solved_there(self, planned: PlannedCell) -> Cell | None:
-        """Return the solved cell at a site's place, or the image that lies there, if it has the same depths."""
+        """Return the solved site at a site's place, or the image that lies there, if it has the same depths."""
         lattice = self.solved.lattice
         if planned.depths_mm != lattice.depths_mm:
             return None

@@ -26,7 +26,7 @@ class NodalForces:
 
     @classmethod
     def of(cls, cell: Cell) -> NodalForces:
-        """Return the nodes of a cell that carry a force at any depth."""
+        """Return the nodes of a site that carry a force at any depth."""
         arrays = cell.arrays
         force = np.concatenate([arrays["node_normal_N"], arrays["node_shear_N"]], axis=-1)
         loaded = (force != 0).any(axis=(0, 2))

@@ -17,8 +17,8 @@ from gelforge.recording.imaging.frames import Frame
 from gelforge.recording.optics.remap import remap_to
 
 STEPS = ("crop", "flow", "features", "network", "intervals", "camera check")
-# Presses of the demo change its mean grey level by 0.5 and its sharpness by 2 % at most. A blur of one pixel takes 36 % of
-# the sharpness away, an exposure of a fifth more or less shifts the mean by a fifth.
+# Indentations of the demo change its mean grey level by 0.5 and its sharpness by 2 % at most. A blur of one pixel takes 36
+# % of the sharpness away, an exposure of a fifth more or less shifts the mean by a fifth.
 GREY_SHARE, GREY_LEAST = 0.1, 5.0  # of the reference's mean grey level; grey levels
 SHARP_SHARE = 0.25  # of the reference's sharpness
 SPARSE = 4  # every so many pixels are looked at
@@ -159,8 +159,8 @@ class LiveForce:
         mark(place)
         warnings = mark(self.look.warnings(image))
         if unlike > 1:
-            told = f"the image is unlike those that the model learnt from ({unlike:.1f} times the limit): distrust its force"
-            warnings = (*warnings, told)
+            warning = f"the image is unlike the training images ({unlike:.1f} times the limit): do not rely on its force"
+            warnings = (*warnings, warning)
         return Reading(
             shot.number,
             shot.t_capture,

@@ -60,7 +60,7 @@ def about(settings: dict, model_sha256: str, source: str) -> dict:
         "sensor_width_mm": settings["sensor_width_mm"],
         "interval": COVER,
         "units": {
-            "force": "N, on the sensor, z up: a press is negative",
+            "force": "N, on the sensor, z up: an indentation is negative",
             "cop": "mm",
             "time": "s since 1970",
         },
@@ -69,7 +69,7 @@ def about(settings: dict, model_sha256: str, source: str) -> dict:
 
 def of_reading(reading: Reading, state: dict, field: bool) -> dict:
     """Return the message of a reading, but for t_sent and latency_ms; state: rates, dropped frames, recording."""
-    told = {
+    fields = {
         "type": "force",
         "n": reading.number,
         "t_capture": round(reading.t_capture, 6),
@@ -83,9 +83,9 @@ def of_reading(reading: Reading, state: dict, field: bool) -> dict:
         **state,
     }
     if field:
-        told["field_N"] = _numbers(reading.force_N)
-        told["field_half_N"] = _numbers(reading.half_N)
-    return told
+        fields["field_N"] = _numbers(reading.force_N)
+        fields["field_half_N"] = _numbers(reading.half_N)
+    return fields
 
 
 def text_of(message: dict) -> str:

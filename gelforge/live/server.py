@@ -205,8 +205,8 @@ class Server:
             if command not in COMMANDS:
                 raise ValueError
         except (ValueError, TypeError, KeyError, RecursionError):
-            told = f'not understood; send {{"do": "{COMMANDS[0]}"}}, or one of {", ".join(COMMANDS)}'
-            await client.send(text_of({"type": "refused", "text": told}))
+            reported = f'not understood; send {{"do": "{COMMANDS[0]}"}}, or one of {", ".join(COMMANDS)}'
+            await client.send(text_of({"type": "refused", "text": reported}))
             return
         self.commands.put(command)
 

@@ -49,7 +49,7 @@ MEAN = "mean"  # the sample name of the averaged curve
 SEED = 20191113  # of the bootstrap; the same files give the same intervals
 CIRCUMSTANCE_NAMES = {c.effect for c in CIRCUMSTANCES}
 FITTED_SHARE = 0.8  # of the largest strain of any sample; a range fitted below that is worth a note
-NOTHING_MEASURED = "the law's parameters were given; nothing was measured"
+NOTHING_MEASURED = "the parameters of the constitutive model were given; nothing was measured"
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Characterised:
     @property
     def summary(self) -> str:
         """Return in a few lines which law was chosen, why, what to beware of, and the effects' sentences."""
-        lines: list[str] = [f"{self.name}: no law is fitted"]
+        lines: list[str] = [f"{self.name}: no constitutive model is fitted"]
         warnings: list[str] = []
         if self.comparison:
             fit, warnings = self.comparison.chosen.fitted, self.comparison.warnings
@@ -285,7 +285,8 @@ def _averaged(tests: list[MaterialTest], effects: MeasuredEffects) -> list[str]:
     """Return which significant influences the fitted law averages over."""
     kinds = {t.test for t in tests}
     return [
-        f"the law averages over the tests' {e.effect.replace('_', ' ')}, whose influence is significant: {e.sentence}"
+        f"the constitutive model averages over the tests' {e.effect.replace('_', ' ')}, whose influence is significant:"
+        f" {e.sentence}"
         for e in effects.effects
         if e.effect in CIRCUMSTANCE_NAMES and e.verdict.startswith("significant s") and e.test in kinds
     ]

@@ -44,7 +44,8 @@ class PressedSurface:
 
 
 def hertz(depth: float, radius: float, modulus: float) -> PressedSurface:
-    """Return the press of a half space, F = 4/3 E* sqrt(R) depth^(3/2), a = sqrt(R depth) (Hertz 1882; Johnson 1985, 4.2).
+    """Return the indentation of a half space, F = 4/3 E* sqrt(R) depth^(3/2), a = sqrt(R depth) (Hertz 1882; Johnson 1985,
+    4.2).
 
     depth and radius R [mm], modulus E* [MPa].
     """
@@ -81,7 +82,7 @@ def layer_compliance(u: np.ndarray, nu: float) -> np.ndarray:
 def bonded_layer_at_radius(
     contact_radius: float, radius: float, thickness: float, shear_modulus: float, nu: float
 ) -> PressedSurface:
-    r"""Return the press of a layer bonded to a rigid base whose contact radius a is given [mm].
+    r"""Return the indentation of a layer bonded to a rigid base whose contact radius a is given [mm].
 
     With p(xi) = \int_0^a phi(t) cos(xi t) dt the pressure vanishes outside a, and the contact condition
     w = depth - r^2 / (2 R) becomes the Fredholm equation of the second kind (Sneddon 1966, ch. 4; Gladwell 1980)
@@ -114,7 +115,7 @@ def bonded_layer_at_radius(
 def bonded_layer(
     depth: float, radius: float, thickness: float, shear_modulus: float, nu: float
 ) -> PressedSurface:
-    """Return the press of a bonded layer [mm, MPa] to a depth; see bonded_layer_at_radius."""
+    """Return the indentation of a bonded layer [mm, MPa] to a depth; see bonded_layer_at_radius."""
 
     def too_deep(contact_radius):
         return (
@@ -147,7 +148,7 @@ class PressedWithFriction:
 
 
 def pressed_with_friction(friction: float, nu: float, rings: int = 200) -> PressedWithFriction:
-    r"""Return the press of a flat indenter of radius 1 on a half space with Coulomb friction (Spence 1968, 1975).
+    r"""Return the indentation of a flat indenter of radius 1 on a half space with Coulomb friction (Spence 1968, 1975).
 
     Pressure p and outward friction q move the surface (indenter's radius and shear modulus 1) by
 

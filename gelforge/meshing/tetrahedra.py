@@ -1,7 +1,7 @@
 """Quadratic tetrahedra of solids bounded by closed surfaces: conforming at interfaces, fine under the contact.
 
 All surfaces go to the mesher as one complex, so each of them becomes a surface of the mesh within the mesher's envelope.
-Every tetrahedron then lies on one side of each surface, which its middle's signed distance tells, and the nodes of the
+Every tetrahedron then lies on one side of each surface, which its middle's signed distance gives, and the nodes of the
 boundary and of the interfaces are moved onto the surfaces themselves.
 """
 
@@ -124,7 +124,7 @@ def _snapped(X, tetrahedra, skins, solids: Solids, limit: float) -> np.ndarray:
     moved = _projected(X, [np.unique(skin) for skin in skins], solids)
     if (furthest := np.linalg.norm(moved - X, axis=1).max()) > limit:
         raise MeshingError(
-            f"the mesh's surfaces lie up to {furthest:.2g} mm beside those of the solids {list(solids.names)} (limit "
+            f"the mesh's surfaces lie up to {furthest:.2g} mm off those of the solids {list(solids.names)} (limit "
             f"{limit:g} mm): one of them crosses itself; join its overlapping parts in the program that wrote the file"
         )
     inverted = _volumes(moved, tetrahedra) <= 0

@@ -1,1 +1,1 @@
-"""Recorded presses and images to forces and flow features."""
+"""Recorded indentations and images to forces and flow features."""

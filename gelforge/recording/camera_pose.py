@@ -1,4 +1,4 @@
-"""A camera's pose from presses at known places: the stage moves the target, the flow shows where it is in the image."""
+"""A camera's pose from indentations at known places: the stage moves the target, the flow shows where it is in the image."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gelforge.recording.readings import Recording, at_commanded_depth
 LEAST_POSITIONS = 4  # three determine the four unknowns twice over only with a fourth's residual
 LEAST_WIDTH = 0.1  # spread of the positions across their line, over that along it
 MOST_PRESSES = 40
-OUTLIER = 4.0  # over the median residual; such a press is left out once
+OUTLIER = 4.0  # over the median residual; such an indentation is left out once
 UNKNOWNS = ("x", "y", "z", "turn about z")
 UNITS = ("mm", "mm", "mm", "deg")
 
@@ -35,7 +35,7 @@ class Pose:
     residual_px: np.ndarray  # (P, 2)
     left_out: dict[str, str]
     per_tilt_mm: float  # by how much a tilt of 1 deg that is not known moves the position found
-    per_tilt_px: float  # and by how much it changes the residual: what could tell
+    per_tilt_px: float  # and by how much it changes the residual, which could show it
 
 
 def particle_plane_mm(sensor: Sensor) -> float:
@@ -57,9 +57,10 @@ def particle_plane_mm(sensor: Sensor) -> float:
 
 
 def press_centres(recording: Recording, camera: Camera) -> tuple[list[str], np.ndarray, np.ndarray]:
-    """Return the names, places (P, 2) [mm] and centres (P, 2) [px] of presses whose images show where they are.
+    """Return the names, places (P, 2) [mm] and centres (P, 2) [px] of indentations whose images show where they are.
 
-    Each press's last image at its depth, of those at least half as deep as the deepest; at most MOST_PRESSES, evenly taken.
+    Each indentation's last image at its depth, of those at least half as deep as the deepest; at most MOST_PRESSES, evenly
+    taken.
     """
     rows = recording.readings
     rows = rows[at_commanded_depth(rows) & (rows["image"] != "").to_numpy()]
@@ -93,7 +94,8 @@ def press_centres(recording: Recording, camera: Camera) -> tuple[list[str], np.n
 def fit_pose(
     camera: Camera, names: list[str], places: np.ndarray, centres: np.ndarray, plane_z_mm: float
 ) -> Pose:
-    """Return the camera's pose by presses at places (P, 2) [mm] seen at centres (P, 2) [px] on the plane z = plane_z_mm.
+    """Return the camera's pose by indentations at places (P, 2) [mm] seen at centres (P, 2) [px] on the plane z =
+    plane_z_mm.
 
     Fitted: position x, y, z and the turn about z. Held: the tilts about x and y, which at one height look like a shift, and
     everything of the lens. Only the distance from the plane to the pinhole shows: z is wrong by what plane_z_mm is.

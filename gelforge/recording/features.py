@@ -39,15 +39,15 @@ OF_ANY_IMAGE = {"image_readable", "image_content", "image_exposure"}  # tests th
 # name: (unit, description), N images
 DATASETS = {
     "session": ("1", "session (N)"),
-    "press": ("1", "press (N)"),
-    "cell": ("1", "cell of the plan (N)"),
-    "order": ("1", "order of the press within the session (N)"),
+    "press": ("1", "indentation (N)"),
+    "cell": ("1", "site of the plan (N)"),
+    "order": ("1", "order of the indentation within the session (N)"),
     "phase": ("1", "zero, load or dwell, of a path also shear and unload (N)"),
     "image": ("1", "file name of the image (N)"),
-    "image_index": ("1", "number of the image within its press, from 0 (N)"),
+    "image_index": ("1", "number of the image within its indentation, from 0 (N)"),
     "step": (
         "1",
-        "step of its cell's path that the indentation follows, -1: of none; absent without paths (N)",
+        "step of its site's path that the indentation follows, -1: of none; absent without paths (N)",
     ),
     "position_mm": ("mm", "commanded position in the sensor frame (N, 2)"),
     "depth_mm": ("mm", "commanded depth, 0 for untouched rows (N)"),
@@ -58,8 +58,8 @@ DATASETS = {
     "flow_px": ("px", "root mean square of the flow's length over the image (N)"),
     "flow_lost": (
         "1",
-        "share of the textured pixels whose flow does not fit the image, of the first image of an indentation before touch "
-        "and at depth (N)",
+        "share of the textured pixels whose flow does not fit the image, of the first image of an indentation before"
+        " contact and at depth (N)",
     ),
     "feature": (
         "px, rad",
@@ -231,8 +231,8 @@ def _features_in_batches(
 ) -> Iterator[list[tuple[np.ndarray, Measures]]]:
     """Yield features (2 m) and measures of a recording's images in their order, up to BATCH at a time.
 
-    Whether the flow fits the image is measured of the first image of an indentation before touch, at depth and at each step
-    of a path.
+    Whether the flow fits the image is measured of the first image of an indentation before contact, at depth and at each
+    step of a path.
     """
     picture = picture_of(recording.session, settings.image_scale)
     reference = read_as(picture, reference_path(recording.folder))

@@ -51,9 +51,9 @@ class Recording:
 def read_recording(
     folder: str | Path, cells: Mapping[str, PlannedCell] | None = None, sensor: Sensor | None = None
 ) -> Recording:
-    """Return a checked session: positions in the sensor frame, forces on the sensor, zero subtracted, presses joined.
+    """Return a checked session: positions in the sensor frame, forces on the sensor, zero subtracted, indentations joined.
 
-    Presses join the planned cells by position within 0.01 mm and by depth. Without cells the column `cell` stays as
+    Indentations join the planned sites by position within 0.01 mm and by depth. Without sites the column `cell` stays as
     recorded; without a sensor positions are not checked against its outline. Images are checked for presence, size
     and completeness from their headers; a sample is decoded and tested with the session as a whole. Raises
     RecordingError naming file, row, value and remedy.
@@ -121,17 +121,17 @@ def force_on_sensor(raw: np.ndarray, force: ForceSensor) -> np.ndarray:
 
 
 def zero_force(path: Path, readings: pd.DataFrame) -> np.ndarray:
-    """Return for each reading the mean force (N, 3) [N] of its press's zero rows.
+    """Return for each reading the mean force (N, 3) [N] of its indentation's zero rows.
 
-    Raises RecordingError for a press without a zero row.
+    Raises RecordingError for an indentation without a zero row.
     """
     zero = readings[readings["phase"] == "zero"].groupby("press")[FORCE].mean()
     without = ~readings["press"].isin(zero.index)
     if without.any():
         line = without.idxmax()
         raise RecordingError(
-            f"{path}, row {line}: press {readings.at[line, 'press']} has no zero row; record the force "
-            "before touch, "
+            f"{path}, row {line}: indentation {readings.at[line, 'press']} has no zero row; record the force "
+            "before contact, "
             "or set force.tared: true in session.yaml if zero is already subtracted"
         )
     return zero.loc[readings["press"]].to_numpy()

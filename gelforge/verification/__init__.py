@@ -1,1 +1,1 @@
-"""Checks of the finite elements against solutions from outside: the tests and the report's table run the same functions."""
+"""Checks of the finite elements against independent reference solutions, shared by the tests and the report's table."""

@@ -1,4 +1,4 @@
-"""Checks of contact: presses whose force is known, and what every press must balance."""
+"""Checks of contact: indentations whose force is known, and what every indentation must balance."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ PER_RADIUS = 8  # elements over the contact radius
 
 
 def hertz_presses() -> list[Check]:
-    """Return force, contact radius and exponent of a press of a nearly infinite block.
+    """Return force, contact radius and exponent of an indentation of a nearly infinite block.
 
     The block's outer part is stretched to 130 contact radii, where its base still adds 0.8 % to the force (the bonded
     layer's solution); 8 elements over the contact radius and few far away add 0.9 %.
@@ -72,7 +72,7 @@ def half_space(far: float = 1.0) -> tuple[Mesh, float]:
 
 
 def bonded_layers(ratios=(0.3, 0.5, 1.0)) -> list[Check]:
-    """Return force and contact radius of presses of bonded layers, by the ratio of contact radius to thickness.
+    """Return force and contact radius of indentations of bonded layers, by the ratio of contact radius to thickness.
 
     The force at 8 elements over the contact radius lies within 0.6 % of that at 16, which lies within 0.4 % of the solution.
     """
@@ -170,7 +170,7 @@ def follow(press: Press, position: tuple[float, float], depths, start: State | N
 
 
 def _press_flat(mesh: Mesh, middle: float, depths) -> tuple[list[State], Press]:
-    """Return the states of a frictionless press by the large ball in the middle of a block, and the press."""
+    """Return the states of a frictionless indentation by the large ball in the middle of a block, and the indentation."""
     settings = Settings(friction=0.0, gap_tolerance=1e-6)
     press = Press(Body(mesh, {"gel": NEO_HOOKE}, BULK_TO_SHEAR), Sphere(RADIUS), settings)
     return follow(press, (middle, middle), depths), press
@@ -188,7 +188,7 @@ BALL_MM = 5.0  # radius
 
 
 def sensor_press(position: tuple[float, float] = POSITION, settings: Settings = ROUNDING) -> Press:
-    """Return the press of a small two-layer sensor with a wall, off its centre, by a ball."""
+    """Return the indentation of a small two-layer sensor with a wall, off its centre, by a ball."""
     block = Block(WIDTH, WIDTH, (("gel", 3.0), ("skin", 1.0)), wall=1.0)
     mesh = layered_block(block, *position, Sizes(near=1.0, near_radius=2.5, growth=0.3, far=2.0))
     return Press(Body(mesh, {"gel": GEL, "skin": SKIN, "wall": SKIN}, 1000.0), Sphere(BALL_MM), settings)
@@ -252,10 +252,12 @@ def energy_and_cycle() -> list[Check]:
 
 
 def quarter_turn() -> list[Check]:
-    """Return how well the press at a position turned by 90 degrees gives the force turned by 90 degrees."""
+    """Return how well the indentation at a position turned by 90 degrees gives the force turned by 90 degrees."""
     x, y = POSITION
     turned_position = (WIDTH - y, x)
     force = follow(sensor_press(), POSITION, DEPTHS)[-1].force
     turned = follow(sensor_press(turned_position), turned_position, DEPTHS)[-1].force
     error = np.linalg.norm(turned - [-force[1], force[0], force[2]]) / np.linalg.norm(force)
-    return [vanishing("force of the press turned by 90 degrees, over the force", "symmetry", error, 1e-8)]
+    return [
+        vanishing("force with the indentation turned by 90 degrees, over the force", "symmetry", error, 1e-8)
+    ]

@@ -1,4 +1,4 @@
-"""Tracer particles in the undeformed gel, and where a simulated press moves them."""
+"""Tracer particles in the undeformed gel, and where a simulated indentation moves them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.sensor.symmetry import transform_points, transform_vectors
 
-SAME_MM = 1e-4  # coordinates this close are one: cell files may hold float32, and no element is that thin
+SAME_MM = 1e-4  # coordinates this close are one: site files may hold float32, and no element is that thin
 
 
 class VirtualLabError(ValueError):
@@ -111,7 +111,7 @@ def interpolation(nodes: np.ndarray, hexahedra: np.ndarray, points: np.ndarray) 
     if (found < 0).any():
         raise VirtualLabError(
             f"particle at {np.round(points[found.argmin()], 4)} mm lies in no element of the gel; "
-            "the cell was solved for another sensor"
+            "the site was solved with another sensor"
         )
     xi = (points - low[found]) / (high[found] - low[found])  # (P, 3) in [0, 1]
     at_high = corners[found] - low[found][:, None] > 0.5 * (high[found] - low[found])[:, None]  # (P, 8, 3)
@@ -128,7 +128,7 @@ def _distinct(values: np.ndarray, tolerance: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Motion:
-    """What a truth cell says of one position, smooth in depth: depth [mm] -> displacement (P, 3) [mm], force (3,) [N]."""
+    """What a true solution says of one position, smooth in depth: depth [mm] -> displacement (P, 3) [mm], force (3,) [N]."""
 
     displacement: Callable[[float], np.ndarray]
     force: Callable[[float], np.ndarray]
@@ -138,7 +138,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class PathMotion:
-    """What a truth cell says of a path: displacements (S, P, 3) [mm] and forces (S, 3) [N] at its steps."""
+    """What a true solution says of a path: displacements (S, P, 3) [mm] and forces (S, 3) [N] at its steps."""
 
     displacement: np.ndarray
     force: np.ndarray
@@ -160,7 +160,7 @@ class PathMotion:
 
 
 def path_motion(cell: Cell, particles: np.ndarray) -> PathMotion:
-    """Return how a press that follows a path moves the particles (P, 3), from its truth cell; a path is never mirrored."""
+    """Return how an indentation along a path moves the particles (P, 3), by its true solution; paths are never mirrored."""
     depth, force = cell.arrays["depth_mm"], cell.arrays["total_force_N"]
     load = np.array([str(phase) for phase in cell.attributes["phases"]]) == "load"
     weights = interpolation(cell.arrays["gel_node_mm"], cell.arrays["gel_hex"], particles)
@@ -170,9 +170,9 @@ def path_motion(cell: Cell, particles: np.ndarray) -> PathMotion:
 
 
 def true_motion(cell: Cell, planned: PlannedCell, particles: np.ndarray, width_mm: float) -> Motion:
-    """Return how a press at a planned cell moves the particles (P, 3), from the truth cell of it or of its source.
+    """Return how an indentation at a planned site moves the particles (P, 3), from the true solution of it or of its source.
 
-    A mirrored cell's mesh and fields are the source's carried by the symmetry; the particles stay where they are.
+    A mirrored site's mesh and fields are the source's carried by the symmetry; the particles stay where they are.
     Piecewise cubic in depth without overshoot (PCHIP), from zero at depth 0. The unloading path starts at the deepest.
     """
     phases = np.array([str(phase) for phase in cell.attributes["phases"]])
@@ -184,7 +184,7 @@ def true_motion(cell: Cell, planned: PlannedCell, particles: np.ndarray, width_m
     load = phases == "load"
     if not load.any() or (np.diff(depth[load]) <= 0).any() or (np.diff(depth[~load]) >= 0).any():
         raise VirtualLabError(
-            f"cell {cell.attributes.get('cell')}: depths {depth.tolist()} with phases {phases.tolist()}; "
+            f"site {cell.attributes.get('cell')}: depths {depth.tolist()} with phases {phases.tolist()}; "
             "loading depths must increase, then unloading depths decrease"
         )
     weights = interpolation(nodes, cell.arrays["gel_hex"], particles)

@@ -1,4 +1,4 @@
-"""Synthetic sessions: presses in random order, force/torque readings and images, in the format of a laboratory's own."""
+"""Synthetic sessions: indentations in random order, force/torque readings and images, as a laboratory's own."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ COLUMNS = [
     "speed_mm_per_s",
     "dwell_s",
 ]
-# The course of a press: zero is read above the surface, then the stage goes down, waits, takes images and goes up. On a path
-# it waits at every step and takes one image there.
+# The course of an indentation: zero is read above the surface, then the stage goes down, waits, takes images and goes up.
+# On a path it waits at every step and takes one image there.
 CLEAR_MM, SPEED_MM_PER_S = 1.0, 1.0
 ZERO_S, LOAD_S, SETTLE_S, FRAME_S, PRESS_S = (0.0, 0.1, 0.2), 4.0, 0.5, 0.1, 12.0
 # Noise has no repeats to be found: Huffman codes alone are smaller and twice as fast as any level of the full search.
@@ -73,7 +73,7 @@ session.
 
 @dataclass(frozen=True)
 class Press:
-    """One press of a session: to a depth, or along the path of its cell."""
+    """One indentation of a session: to a depth, or along the path of its site."""
 
     order: int
     cell: PlannedCell
@@ -94,22 +94,22 @@ class Bench:
     particles: np.ndarray  # (P, 3) undeformed centres [mm]
     untouched: np.ndarray  # (H, W[, 3]) noise-free image at zero force
     offset_N: np.ndarray  # (3,) untared zero in the force sensor's axes
-    last: int = 0  # number of the session's last press
+    last: int = 0  # number of the session's last indentation
 
     def exposure(self, press: Press) -> float:
-        """Return the exposure at a press over that of the first; it drifts by the same from press to press."""
+        """Return the exposure at an indentation over that of the first; it drifts evenly from one to the next."""
         drift = self.lab.imaging.exposure_drift
         return 1.0 + drift * press.order / self.last if drift and self.last else 1.0
 
 
 def session_cells(lab: VirtualLab, cells: Mapping[str, PlannedCell]) -> dict[str, list[str]]:
-    """Return the cells that each session presses: disjoint, all covered, by share, drawn by the sensor's serial."""
+    """Return the sites that each session visits: disjoint, all covered, by share, drawn by the sensor's serial."""
     names = np.array(list(cells), dtype=object)
     order = np.random.default_rng(serial_seed(lab.serial)).permutation(len(names))
     shares = np.cumsum([session.share for session in lab.sessions])
     ends = np.rint(shares / shares[-1] * len(names)).astype(int)
     parts = np.split(order, ends[:-1])
-    # within a session the cells stand in the order of the plan
+    # within a session the sites stand in the order of the plan
     return {session.session: list(names[np.sort(part)]) for session, part in zip(lab.sessions, parts)}
 
 
@@ -122,10 +122,10 @@ def make_session(
     out_folder: str | Path,
     workers: int = 1,
 ) -> None:
-    """Write a synthetic session folder, whole or not at all, from the truth cells truth_folder/<cell>.h5.
+    """Write a synthetic session folder, whole or not at all, from the true solutions truth_folder/<cell>.h5.
 
     The same inputs give the same bytes, however many worker threads draw. Raises VirtualLabError when out_folder holds
-    anything but a synthetic session, and for a truth cell that failed or does not reach a depth of the plan.
+    anything but a synthetic session, and for a true solution that failed or does not reach a depth of the plan.
     """
     out_folder = Path(out_folder)
     _refuse_real(out_folder)
@@ -160,9 +160,9 @@ def make_session(
 
 
 def random_presses(lab_session: VirtualSession, cells: list[PlannedCell]) -> list[Press]:
-    """Return the presses of all cells and depths in a random order, so that drift and position do not run together.
+    """Return the indentations of all sites and depths in a random order, so that drift and position do not run together.
 
-    A path is one press.
+    A path is one indentation.
     """
     every = [(c, depth) for c in cells for depth in ((c.deepest_mm,) if c.follows_a_path else c.depths_mm)]
     order = np.random.default_rng([lab_session.seed, 0]).permutation(len(every))
@@ -178,9 +178,9 @@ def random_presses(lab_session: VirtualSession, cells: list[PlannedCell]) -> lis
 
 
 def path_times(cell: PlannedCell) -> np.ndarray:
-    """Return when each step of a cell's path is read (S,) [s], from the start of the press: after a wait at the step.
+    """Return when each step of a site's path is read (S,) [s], from the start of the indentation: after a wait at the step.
 
-    [0] for a cell without a path.
+    [0] for a site without a path.
     """
     if not cell.follows_a_path:
         return np.zeros(1)
@@ -224,7 +224,7 @@ def sensor_to_stage(xy: np.ndarray, stage: StageToSensor) -> np.ndarray:
 def press_rows(
     press: Press, truth: Motion, contact_point_off_mm: float, bench: Bench
 ) -> tuple[pd.DataFrame, np.ndarray]:
-    """Return the rows of a press without forces, and the true force (R, 3) [N] on the sensor at each.
+    """Return the rows of an indentation without forces, and the true force (R, 3) [N] on the sensor at each.
 
     The stage goes to the commanded depth from a contact point that is off by contact_point_off_mm. An indentation to the
     site's deepest depth is followed during unloading; unloading from other depths has not been simulated and is not read.
@@ -252,7 +252,8 @@ def press_rows(
 def path_rows(
     press: Press, truth: PathMotion, deeper_mm: float, bench: Bench
 ) -> tuple[pd.DataFrame, np.ndarray]:
-    """Return the rows of a press along its cell's path without forces, and the true force (R, 3) [N] on the sensor at each.
+    """Return the rows of an indentation along its site's path without forces, and the true force (R, 3) [N] on the sensor
+    at each.
 
     One reading with its image at each step, after the stage has come to rest there; a planned wait has the phase of the
     motion before it.
@@ -275,7 +276,7 @@ def path_rows(
 
 
 def _described(rows: pd.DataFrame, press: Press, bench: Bench) -> pd.DataFrame:
-    """Return rows of a press with its name, and positions and times as its stage and clock tell them."""
+    """Return rows of an indentation with its name, and positions and times as its stage and clock report them."""
     away = rows[["shear_x_mm", "shear_y_mm"]].to_numpy() if "shear_x_mm" in rows else np.zeros((len(rows), 2))
     stage = sensor_to_stage(away + [press.cell.x_mm, press.cell.y_mm], bench.session.stage_to_sensor)
     rows = rows.assign(
@@ -309,7 +310,7 @@ def _bench(lab: VirtualLab, lab_session: VirtualSession, study: Study) -> Bench:
 def _record_cell(
     bench: Bench, study: Study, truth_folder: Path, images: Path, presses: list[Press]
 ) -> list[pd.DataFrame]:
-    """Write the images of one cell's presses and return their rows."""
+    """Write the images of one site's indentations and return their rows."""
     planned = presses[0].cell
     cell = read_truth(truth_folder, planned)
     truth: Motion | PathMotion
@@ -323,7 +324,7 @@ def _record_cell(
 def drawn_contact_point(
     lab: VirtualLab, lab_session: VirtualSession, press: Press
 ) -> tuple[float, np.random.Generator]:
-    """Return by how much [mm] a press goes deeper than its commanded depth, and where its further noise is drawn from."""
+    """Return by how much [mm] an indentation is deeper than commanded, and where its further noise is drawn from."""
     rng = np.random.default_rng([lab_session.seed, 2, press.order])
     return rng.normal(0, lab.force.contact_point_scatter_mm), rng
 
@@ -351,26 +352,26 @@ def _record_press(bench: Bench, truth: Motion | PathMotion, images: Path, press:
 
 
 def read_truth(folder: Path, planned: PlannedCell, arrays: list[str] = TRUTH) -> Cell:
-    """Return the truth cell of a planned cell, or of the one that it mirrors; it must have converged and be deep enough."""
+    """Return the true solution of a planned site, or of the one that it mirrors, which must be converged and deep enough."""
     path = folder / f"{planned.source or planned.name}.h5"
     cell = read_cell(path, arrays)
     if not cell.converged:
         raise VirtualLabError(
-            f"{path}: the truth cell failed ({cell.attributes['reason']}); change the virtual lab's mesh"
+            f"{path}: the true solution of the site failed ({cell.attributes['reason']}); change the virtual lab's mesh"
         )
     if planned.follows_a_path:
         depths = cell.arrays["depth_mm"]
         if len(depths) != len(planned.depths_mm) or np.abs(depths - planned.depths_mm).max() > 1e-9:
             raise VirtualLabError(
-                f"{path}: the truth has depths {depths.tolist()} mm, the path of cell {planned.name} "
-                f"{list(planned.depths_mm)}; solve the truth cell again"
+                f"{path}: the truth has depths {depths.tolist()} mm, the path of site {planned.name} "
+                f"{list(planned.depths_mm)}; solve the site's truth again"
             )
         return cell
     deepest = float(cell.arrays["depth_mm"].max())
     if deepest < planned.depths_mm[-1] - 1e-9:
         raise VirtualLabError(
-            f"{path}: the truth ends at {deepest} mm, but cell {planned.name} is pressed to "
-            f"{planned.depths_mm[-1]} mm; solve the truth cell again"
+            f"{path}: the truth ends at {deepest} mm, but site {planned.name} is pressed to "
+            f"{planned.depths_mm[-1]} mm; solve the site's truth again"
         )
     return cell
 

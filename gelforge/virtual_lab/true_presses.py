@@ -31,7 +31,7 @@ from gelforge.virtual_lab.session import (
 
 @dataclass(frozen=True)
 class TruePress:
-    """One recorded press as it was."""
+    """One recorded indentation as it was."""
 
     feature: np.ndarray  # (2 m,) of a camera and a flow without error
     bin_force_N: np.ndarray  # (B, 3) on the sensor, at the depth that was reached
@@ -45,17 +45,17 @@ def true_presses(
     truth_folder: str | Path,
     recorded: Iterable[tuple[str, str, str]],
 ) -> Iterator[tuple[tuple[str, str], TruePress]]:
-    """Yield session and press, and the truth of each, for recorded presses (session, press, cell), cell by cell.
+    """Yield session and indentation, and the truth of each, for recorded indentations (session, press, cell), site by site.
 
-    Raises VirtualLabError for presses that this virtual lab has not made.
+    Raises VirtualLabError for indentations that this virtual lab has not made.
     """
     made = _made_presses(lab, cells)
     wanted = sorted(set(recorded), key=lambda press: press[2])
     for session, press, name in wanted:
         if (session, press) not in made or made[session, press][1].cell.name != name:
             raise VirtualLabError(
-                f"session {session}: press {press} of cell {name} is none of this virtual lab's; record the session again "
-                "(gelforge virtual-session)"
+                f"session {session}: indentation {press} of site {name} is none of this virtual lab's; record the session"
+                " again (gelforge virtual-session)"
             )
     particles = place_particles(lab.particles, study.sensor, lab.serial)
     view = View.of(lab.camera, particles, lab.particles.diameter_mm)
@@ -76,7 +76,7 @@ def true_presses(
 def _made_presses(
     lab: VirtualLab, cells: Mapping[str, PlannedCell]
 ) -> dict[tuple[str, str], tuple[VirtualSession, Press]]:
-    """Return what every press of the virtual lab is, by session and name."""
+    """Return what every indentation of the virtual lab is, by session and name."""
     shared_out = session_cells(lab, cells)
     return {
         (one.session, press.name): (one, press)

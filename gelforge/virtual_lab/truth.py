@@ -1,4 +1,4 @@
-"""Cells of the virtual sensor: its true physics, on a mesh of its own, loading and unloading."""
+"""Sites of the virtual sensor: its true physics, on a mesh of its own, loading and unloading."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def true_laws(study: Study, lab: VirtualLab) -> dict[str, PrincipalLaw]:
 
 
 def simulate_truth_cell(study: Study, lab: VirtualLab, planned: PlannedCell) -> Cell:
-    """Return the cell of the virtual sensor, gel displacement included.
+    """Return the site of the virtual sensor, gel displacement included.
 
     After the plan's depths it is unloaded; a path is followed as planned.
     """
@@ -43,7 +43,7 @@ def _down_and_up(lab: VirtualLab, planned: PlannedCell) -> Trajectory:
     return Trajectory(planned.x_mm, planned.y_mm, planned.depths_mm + unload, phases)
 
 
-COURSE = ("load", "shear", "unload")  # of a press that a recording can show
+COURSE = ("load", "shear", "unload")  # of an indentation that a recording can show
 
 
 def check_recordable(planned: PlannedCell) -> None:
@@ -54,18 +54,18 @@ def check_recordable(planned: PlannedCell) -> None:
     if others or any(map(any, planned.tilts_deg)) or any(planned.twists_deg):
         why = f"has phases {others or ['tilt or twist']}; recordings hold depth and position only"
     elif moves != sorted(moves, key=COURSE.index):
-        why = f"has phases in the order {', '.join(dict.fromkeys(moves))}; a recorded press runs load, shear, unload"
+        why = f"has phases in the order {', '.join(dict.fromkeys(moves))}; a recorded indentation runs load, shear, unload"
     elif planned.phases and (not down or any(b <= a for a, b in zip(down, down[1:]))):
         why = f"is loaded to {down} mm in turn; these must increase"
     else:
         return
     raise VirtualLabError(
-        f"cell {planned.name}: its path {why}: the virtual lab cannot record it; change the path or leave it out of the plan"
+        f"site {planned.name}: its path {why}: the virtual lab cannot record it; change the path or leave it out of the plan"
     )
 
 
 def truth_digest(study: Study, lab: VirtualLab, planned: PlannedCell) -> str:
-    """Return the digest of everything that decides a cell of the virtual sensor."""
+    """Return the digest of everything that decides a site of the virtual sensor."""
     return digest(
         {
             "sensor": study.sensor.model_dump(mode="json"),

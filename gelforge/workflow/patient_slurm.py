@@ -4,7 +4,7 @@ Seen with snakemake-executor-plugin-slurm 2.8.0: if no query of the jobs' states
 all active jobs and the workflow waits for ever; a submission that fails uses up the job's retries within seconds. Here a job
 stays active until its end is reported, and jobs are submitted when the controller answers.
 
-Snakemake adds the times of a group's jobs in whole minutes, layer by layer: sixteen cells of five seconds and their hundred
+Snakemake adds the times of a group's jobs in whole minutes, layer by layer: sixteen sites of five seconds and their hundred
 mirror images of half a second would ask for an hour. Here a group asks for the sum of its jobs' `cpu_ms` over its cores.
 """
 
@@ -70,11 +70,11 @@ def ask_for_group(job, minutes: Callable[[float, int], int]) -> None:
 
 def wait_for_controller(logger) -> None:
     """Return when Slurm's controller answers, or cannot be asked."""
-    told = False
+    reported = False
     while not controller_answers():
-        if not told:
+        if not reported:
             logger.warning("Slurm's controller does not answer; jobs are submitted when it is back")
-            told = True
+            reported = True
         time.sleep(PATIENCE_S)
 
 

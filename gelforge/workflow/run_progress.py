@@ -25,7 +25,7 @@ STAGES = {  # by rule; a rule that is not here is a stage of its own name
     "solve_site": "sites",
     "level": "sites",
     "session_cell": "sites",
-    "session_presses": "presses in recorded order",
+    "session_presses": "indentations in recorded order",
     "variant": "variants",
     "site_sensitivities": "derivatives",
     "readings": "readings",

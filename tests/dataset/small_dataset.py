@@ -103,7 +103,7 @@ def sample_table(study: Study, session: str) -> pd.DataFrame:
 
 
 def measured(table: pd.DataFrame) -> np.ndarray:
-    """Return (N, 3) readings [N]: the label's total force, 10 % more, zero before touch."""
+    """Return (N, 3) readings [N]: the label's total force, 10 % more, zero before contact."""
     return np.array([1.1 * label(row, row.depth_mm).sum(axis=0) for row in table.itertuples()])
 
 

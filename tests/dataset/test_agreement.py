@@ -98,5 +98,5 @@ def test_a_press_at_a_depth_that_was_not_simulated_stops(recorded):
     readings = pd.read_csv(path, dtype={"press": str})
     readings.loc[readings["press"] == "p001", "depth_mm"] += 0.05
     write_product_table(path, readings)
-    with pytest.raises(DatasetError, match="press p001 of session day1 has depth 1.05 mm"):
+    with pytest.raises(DatasetError, match="indentation p001 of session day1 has depth 1.05 mm"):
         agreement_table(recorded.readings, recorded.cells)

@@ -160,7 +160,7 @@ def test_cell_of_another_position(made):
 
 def test_file_of_another_cell(made):
     made.cells["x1_y1"].write_bytes(made.cells["x0_y1"].read_bytes())
-    with pytest.raises(DatasetError, match=r"x1_y1\.h5: holds cell 'x0_y1'"):
+    with pytest.raises(DatasetError, match=r"x1_y1\.h5: holds site 'x0_y1'"):
         made.join()
 
 
@@ -192,7 +192,7 @@ def test_truncated_features(made):
 
 def test_features_of_other_settings(made):
     made.feature_digests["day1"] = "digest of now"
-    with pytest.raises(DatasetError, match="day1 was reduced with other settings"):
+    with pytest.raises(DatasetError, match="day1 was made with other settings"):
         made.join()
 
 
@@ -213,13 +213,13 @@ def without(made, **where):
 
 def test_missing_image_in_the_middle(made):
     without(made, press="p002", image_index=2)
-    with pytest.raises(DatasetError, match=r"press p002 .*image_index \[2\] missing"):
+    with pytest.raises(DatasetError, match=r"indentation p002 .*image_index \[2\] missing"):
         made.join()
 
 
 def test_missing_last_image(made):
     without(made, press="p002", image_index=DWELL)
-    with pytest.raises(DatasetError, match="press p002 .*2 images at depth, 3 in most presses"):
+    with pytest.raises(DatasetError, match="indentation p002 .*2 images at depth, 3 in most indentations"):
         made.join()
 
 
@@ -240,7 +240,7 @@ def test_what_tests_of_the_session_excluded_is_left_out_without_an_error(made):
 
 def test_missing_zero_image(made):
     without(made, press="p002", image_index=0)
-    with pytest.raises(DatasetError, match=r"press p002 .*image_index \[0\] missing"):
+    with pytest.raises(DatasetError, match=r"indentation p002 .*image_index \[0\] missing"):
         made.join()
 
 
@@ -248,7 +248,7 @@ def test_press_without_its_cell(made):
     table = sample_table(made.study, "day1")
     table.loc[table["press"] == "p001", "cell"] = ""
     write_features(made.features["day1"], made.study, table)
-    with pytest.raises(DatasetError, match="press p001.*cell '' is not in the plan"):
+    with pytest.raises(DatasetError, match="indentation p001.*site '' is not in the plan"):
         made.join()
 
 

@@ -243,7 +243,10 @@ def test_each_press_has_its_own_row_and_a_failed_one_is_listed(pressed, tmp_path
     for (session, press), total in found.items():
         np.testing.assert_array_equal(total, own[session].label(press).total)
     listed = make_manifest(study, shards, {})["sessions"]["deep_last"]["failed_presses"]
-    assert listed == {"p1": reason, "p2": "not solved: press p1 before it could not be"}
+    assert listed == {
+        "p1": reason,
+        "p2": "not solved, because the earlier indentation p1 could not be solved",
+    }
     assert shard_attributes(shards[0])["sessions"]["deep_first"]["presses"]["status"] == "converged"
 
     readings = {}
@@ -310,7 +313,7 @@ def test_a_force_that_is_no_number_becomes_no_label(pressed, tmp_path, monkeypat
         return cell, grid
 
     monkeypatch.setattr(presses_in_order, "_solved", without_a_number)
-    with pytest.raises(CellError, match="press p0: 1 of 300 numbers of bin_force_N are not finite"):
+    with pytest.raises(CellError, match="indentation p0: 1 of 300 numbers of bin_force_N are not finite"):
         presses_in_order.press_in_order(study, LAWS, {}, presses, "deep_first", tmp_path / "presses.h5")
     assert not (tmp_path / "presses.h5").exists()
 
@@ -321,7 +324,7 @@ def test_what_is_missing_or_of_other_settings_is_refused(pressed, tmp_path):
         OwnPresses(files["deep_first"], "another").attributes["status"]
     with pytest.raises(DatasetError, match="none.h5: no such file"):
         OwnPresses(tmp_path / "none.h5").label("p0")
-    with pytest.raises(DatasetError, match="no press p7"):
+    with pytest.raises(DatasetError, match="no indentation p7"):
         OwnPresses(files["deep_first"]).label("p7")
 
 

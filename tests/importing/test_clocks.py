@@ -68,7 +68,7 @@ def test_repeating_presses_are_ambiguous_without_a_rest_at_the_ends(tmp_path):
     lab = replace(
         REPEATED, presses=8, cut_force_s=(7.5, 0.0)
     )  # the log begins between two of the equal presses
-    with pytest.raises(ImportingError, match=r"the presses repeat; set force\.lag_s"):
+    with pytest.raises(ImportingError, match=r"the indentations repeat; set force\.lag_s"):
         imported(tmp_path, lab)
     found = imported(tmp_path, lab, with_force(f"lag_s: {lab.force_lag_s}") + "incomplete: drop\n")
     assert [number for number, _, _ in found.presses.left_out] == [1]

@@ -84,7 +84,7 @@ def test_motions_without_force_are_no_presses(tmp_path):
 def test_a_log_that_begins_within_a_press(tmp_path):
     lab = replace(LAB, cut_force_s=(4.6, 0.0))
     with pytest.raises(
-        ImportingError, match=r"press 1 at .* the force log begins within it, .* set incomplete: drop"
+        ImportingError, match=r"indentation 1 at .* the force log begins within it, .* set incomplete: drop"
     ):
         imported(tmp_path, lab)
     _, found = imported(tmp_path, lab, MAPPING + "incomplete: drop\n")
@@ -104,7 +104,7 @@ def slipping(t, push, number):
 def test_a_press_that_slips_off(tmp_path):
     lab = replace(LAB, fault={"push": slipping})
     with pytest.raises(
-        ImportingError, match=r"press 3 at .* the indenter slipped off; leave it out with skip: \[3\]"
+        ImportingError, match=r"indentation 3 at .* the indenter slipped off; leave it out with skip: \[3\]"
     ):
         imported(tmp_path, lab)
     _, found = imported(tmp_path, lab, MAPPING + "skip: [3]\n")
@@ -128,5 +128,5 @@ def test_a_declared_zero_that_the_force_denies(tmp_path):
 
 
 def test_an_unknown_press_cannot_be_skipped(tmp_path):
-    with pytest.raises(ImportingError, match=r"skip names \[9\], there are presses 1 to 6"):
+    with pytest.raises(ImportingError, match=r"skip names \[9\], there are indentations 1 to 6"):
         imported(tmp_path, LAB, MAPPING + "skip: [9]\n")

@@ -148,11 +148,11 @@ def test_plan_file(tmp_path):
         ("cell,x_mm,y_mm,depth_mm\na b,5,5,0.5\n", ["plan.csv", "a b", "letters"]),
         ("cell,x_mm,y_mm,depth_mm\na,5,,0.5\n", ["plan.csv"]),
         ("cell,x_mm,y_mm,depth_mm\na,five,5,0.5\n", ["plan.csv", "five"]),
-        ("cell,x_mm,y_mm,depth_mm\na,5,5,0.5\na,6,5,0.7\n", ["plan.csv", "cell a", "several positions"]),
-        ("cell,x_mm,y_mm,depth_mm\na,5,5,0.5\na,5,5,0.5\n", ["plan.csv", "cell a", "differ"]),
-        ("cell,x_mm,y_mm,depth_mm\na,5,5,-0.5\n", ["plan.csv", "cell a", "-0.5", "positive"]),
-        ("cell,x_mm,y_mm,depth_mm\na,17,5,0.5\n", ["cell a", "17", "outside", "16.0"]),
-        ("cell,x_mm,y_mm,depth_mm\na,5,5,2.5\n", ["cell a", "2.5", "4.0", "press less deep"]),
+        ("cell,x_mm,y_mm,depth_mm\na,5,5,0.5\na,6,5,0.7\n", ["plan.csv", "site a", "several positions"]),
+        ("cell,x_mm,y_mm,depth_mm\na,5,5,0.5\na,5,5,0.5\n", ["plan.csv", "site a", "differ"]),
+        ("cell,x_mm,y_mm,depth_mm\na,5,5,-0.5\n", ["plan.csv", "site a", "-0.5", "positive"]),
+        ("cell,x_mm,y_mm,depth_mm\na,17,5,0.5\n", ["site a", "17", "outside", "16.0"]),
+        ("cell,x_mm,y_mm,depth_mm\na,5,5,2.5\n", ["site a", "2.5", "4.0", "press less deep"]),
     ],
 )
 def test_a_plan_file_that_cannot_be_used_is_refused(tmp_path, text, words):
@@ -244,5 +244,5 @@ def test_cells_that_the_plan_lacks_are_refused():
     with pytest.raises(ConfigError, match=r"variants\.v\.cells: \['x9_y9'\] are not in the plan"):
         variant_cells(cells, study, "v")
     cells, study = with_variant(plan={"grid": {"spacing_mm": 4.0, "margin_mm": 6.0}, "depths_mm": [0.5]})
-    with pytest.raises(ConfigError, match="no cell at the centre or 5 mm from two edges"):
+    with pytest.raises(ConfigError, match="no site at the centre or 5 mm from two edges"):
         variant_cells(cells, study, "v")

@@ -33,7 +33,7 @@ def effects(**families):
         (
             0.8,
             effects(kinematics={"contact_zero_mm": 3.0}),
-            r"cell x0_y0: depth 3\.8 mm \(commanded: 0\.8 mm\) would pierce .* 0\.6 of their height 4\.0 mm there"
+            r"site x0_y0: depth 3\.8 mm \(commanded: 0\.8 mm\) would pierce .* 0\.6 of their height 4\.0 mm there"
             r" \(2\.4 mm\); press less deep, or correct contact_zero_mm",
         ),
         (1.8, effects(geometry={"thickness": {"gel": {"change_mm": -1.2}}}), r"height 2\.8 mm there \(1\.68"),
@@ -44,7 +44,7 @@ def effects(**families):
             r"x0_y0: .* height 3\.7 mm",
         ),
         # the side of larger x stands nearer by 3 mm sin 6 deg, where the depth counts from the middle
-        (2.2, effects(kinematics=TILTED_BACK), r"cell x[02]_y0: depth 2\.5\d* mm \(commanded: 2\.2 mm\)"),
+        (2.2, effects(kinematics=TILTED_BACK), r"site x[02]_y0: depth 2\.5\d* mm \(commanded: 2\.2 mm\)"),
     ],
     ids=["zero", "thinner", "graded", "session"],
 )
@@ -83,7 +83,7 @@ def test_a_variant_that_would_pierce_is_refused_with_the_plan():
     study = specimens.study()
     deeper = Variant(cells=["x1_y1"], mechanics=effects(kinematics={"contact_zero_mm": 2.0}))
     study = study.model_copy(update={"variants": {"deeper": deeper}})
-    with pytest.raises(ConfigError, match=r"cell x1_y1: depth 2\.8 mm \(commanded: 0\.8 mm\)"):
+    with pytest.raises(ConfigError, match=r"site x1_y1: depth 2\.8 mm \(commanded: 0\.8 mm\)"):
         variant_cells(plan_cells(study), study, "deeper")
 
 

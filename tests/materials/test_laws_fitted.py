@@ -198,7 +198,7 @@ def test_what_curves_do_not_determine_is_refused(kinds, rows, name, message):
 
 def test_few_rows_are_named():
     fit = fit_law(mean_curves(exact(NeoHooke(0.01), 2.0, rows=10)), "neo_hooke")
-    assert "fewer than 12 rows per sample" in fit.notes[0]
+    assert "fewer than 12 rows per specimen" in fit.notes[0]
     assert "equibiaxial (10)" in fit.notes[0]
 
 

@@ -286,7 +286,7 @@ def test_layer_and_rigid_board_are_declared_in_a_mapping(read, tmp_path):
     assert modulus.samples == ("soft",) and modulus.value == pytest.approx(
         3.0, rel=0.02
     )  # touch of the board: a row
-    assert dict(both.not_judged)["microindentation"] == "board.csv is the press on the rigid board itself"
+    assert dict(both.not_judged)["microindentation"] == "board.csv is the test on the rigid board itself"
     [alone] = read_sources([tmp_path / "soft.csv"], mapping)
     assert measured_effects(alone).effects[0].value == pytest.approx(modulus.value, rel=1e-9)
     assert {p.name for p in alone.files} == {"soft.csv", "board.csv", mapping.name}

@@ -55,7 +55,7 @@ def test_circumstances_that_change_together_are_not_told_apart():
     found = effects_of(tests)
     assert not named(found, "age") and not named(found, "temperature")
     reasons = dict(found.not_judged)
-    assert "only together with other circumstances" in reasons["age"]
+    assert "only together with other covariates" in reasons["age"]
 
 
 def test_rates_a_tenth_apart_are_one_rate():
@@ -336,7 +336,7 @@ def test_small_tests_alone_need_no_law_by_hand_but_a_study_does(folder, tmp_path
     result = characterise_source(
         read_sources([folder / "friction.csv"])[0], Fitting(), tmp_path / "out", law_needed=False
     )
-    assert result.comparison is None and "no law is fitted" in result.summary
+    assert result.comparison is None and "no constitutive model is fitted" in result.summary
     assert not (tmp_path / "out" / "law.json").exists()
     for name in ("samples.csv", *(p.name for p in folder.glob("u*.csv"))):
         (folder / name).unlink()

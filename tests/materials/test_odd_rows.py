@@ -33,7 +33,9 @@ def checked(test, **more):
     ("row", "factor"), [(25, 1e3), (25, 1e-3), (30, -1.0), (49, 1e-3), (49, 1e3), (40, 1.4)]
 )
 def test_a_single_row_far_off_is_refused(row, factor):
-    with pytest.raises(TableError, match=rf"a.csv, row {row + 2}: .* far off the rows beside it.*or keep it"):
+    with pytest.raises(
+        TableError, match=rf"a.csv, row {row + 2}: .* far off the neighbouring rows.*or keep it"
+    ):
         checked(curve(change={row: factor}, noise=0.001))
 
 
@@ -147,7 +149,7 @@ def test_a_press_with_a_row_or_a_unit_that_is_off_is_refused_and_confirmed(tmp_p
     force = 0.15 * np.maximum(z - 0.05, 0) ** 1.5 + 2e-5 * np.random.default_rng(0).normal(size=100)
     assert len(ball(tmp_path, z, force).force_N) == 100
     spoilt = force * np.where(np.arange(100) == 80, 1e-3, 1)
-    with pytest.raises(TableError, match="row 82: a force of .* far off the rows beside it"):
+    with pytest.raises(TableError, match="row 82: a force of .* far off the neighbouring rows"):
         ball(tmp_path, z, spoilt)
     assert len(ball(tmp_path, z, spoilt, "ball_radius_mm: 2\nodd_rows: keep\n").force_N) == 100
     with pytest.raises(TableError, match="Young's modulus of some .* MPa"):

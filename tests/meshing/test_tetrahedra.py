@@ -128,7 +128,7 @@ def test_a_surface_that_crosses_itself_is_refused():
     twice = np.concatenate([vertices, vertices * [0.5, 0.5, 0.5] + [3.0, 2.0, -0.5]])
     both = closed_surface(twice, np.concatenate([triangles, triangles + len(vertices)]))
     solids = Solids(("gel",), (both,), ((both.vertices, both.triangles),), -3.5)
-    with pytest.raises(MeshingError, match=r"lie up to 1\.\d mm beside.*crosses itself"):
+    with pytest.raises(MeshingError, match=r"lie up to 1\.\d mm off those.*crosses itself"):
         tetrahedral_mesh(solids, Sizes(near=1.0, far=2.0), np.array([[5.0, 4.0, 0.0, 0.0]]))
 
 

@@ -64,7 +64,7 @@ def test_a_sure_effect_stands_beside_what_is_modelled():
     assert said.model.beside == ["tilt"]
     # before it stands the effect alone, whose amounts follow the training readings
     assert said.model.held_out.before.rmse_N == said.fit.held_out.after.rmse_N
-    assert "in a form of its own or with a discrepancy beside it" in said.sentence
+    assert "in a form of its own or together with a discrepancy" in said.sentence
 
 
 def test_the_correction_has_every_judged_place_and_depth_while_loading(modelled, tmp_path):

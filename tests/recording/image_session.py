@@ -38,7 +38,7 @@ def write_image_session(
 ):
     """Write a session and return its folder.
 
-    images: at each depth; before: one before touch too. change(names, pictures): alters the pictures in the order taken.
+    images: at each depth; before: one before contact too. change(names, pictures): alters the pictures in the order taken.
     gain(k): brightness of the k-th picture. finish: what is done to every picture, the reference frame too.
     """
     folder, pattern = Path(folder), pattern or speckle()

@@ -62,7 +62,7 @@ def test_features_name_the_indentations_that_the_flow_cannot_follow(tmp_path):
     assert lost == {"p04"}
     assert untouched.max() < 0.05
     assert any(
-        line.startswith("press p04 at 41 s: flow of p04_1.png fits the image on all but")
+        line.startswith("indentation p04 at 41 s: flow of p04_1.png fits the image on all but")
         for line in found_in(out)
     )
 

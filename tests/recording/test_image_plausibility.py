@@ -42,7 +42,7 @@ HONEST = {
     "speckle": {},
     "dots": {"pattern": dots()},
     "five images": {"images": 5},
-    "none before touch": {"before": False, "images": 2},
+    "none before contact": {"before": False, "images": 2},
     "light drifts by a fifth": {"gain": lambda k: 1 - 0.2 * k / 18},
     "lamp switched between indentations": {"gain": lambda k: 1.0 if k < 8 else 0.6},
     "no noise": {"noise": 0.0},
@@ -87,7 +87,7 @@ def late(steps):
 )
 def test_frames_behind_their_readings_are_refused_with_the_lag(steps, images, words, tmp_path):
     folder = write_image_session(tmp_path / "s", images=images, change=late(steps))
-    refused(folder, rf"before touch move by .* px: frames lag the readings by {words} \(about .* s\)")
+    refused(folder, rf"before contact move by .* px: frames lag the readings by {words} \(about .* s\)")
 
 
 def test_frames_ahead_of_their_readings_are_refused(tmp_path):
@@ -112,7 +112,7 @@ def test_a_camera_that_looks_elsewhere_is_refused(tmp_path):
     def elsewhere(names, pictures):
         return [photograph(speckle(), seed=200 + k) for k in range(len(pictures))]
 
-    refused(write_image_session(tmp_path / "s", change=elsewhere), "do not answer the indentations")
+    refused(write_image_session(tmp_path / "s", change=elsewhere), "do not respond to the indentations")
 
 
 # ------------------------------------------------------------------------------------------ single images
@@ -125,7 +125,7 @@ def test_black_and_white_images_are_left_out_by_name(look, grey, tmp_path):
     recording = read_recording(write_image_session(tmp_path / "s", change=put(p03_1=lambda p: flat)))
     (line,) = recording.findings.lines("excluded")
     assert f"image p03_1.png is {look}" in line
-    assert "press p03 at 31 s" in line
+    assert "indentation p03 at 31 s" in line
     assert "image left out there" in line
     assert recording.readings.loc[recording.readings["excluded"] != "", "image"].to_list() == [""]
 
@@ -150,12 +150,14 @@ def test_a_frozen_image_is_left_out(tmp_path):
     folder = write_image_session(
         tmp_path / "s", change=lambda names, pictures: [*pictures[:9], pictures[8], *pictures[10:]]
     )
-    assert ("excluded", "image_repeats", "p04") in found(folder)  # at depth it equals the image before touch
+    assert ("excluded", "image_repeats", "p04") in found(
+        folder
+    )  # at depth it equals the image before contact
 
 
 def test_a_camera_that_freezes_is_refused(tmp_path):
     folder = write_image_session(tmp_path / "s", change=lambda n, p: p[:3] + [p[3]] * (len(p) - 3))
-    refused(folder, "image_repeats|frames|do not answer|before touch move")
+    refused(folder, "image_repeats|frames|do not respond|before contact move")
 
 
 def test_one_image_before_touch_that_shows_an_indentation_is_left_out(tmp_path):

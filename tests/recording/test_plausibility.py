@@ -168,14 +168,14 @@ REFUSED = {
         r"force leads the depth by 1 row\(s\)",
     ),
     "an indentation late": ({"fault": {"table": shifted(8)}}, r"force lags the depth by 8 row\(s\)"),
-    "dead from the start": ({"fault": {"table": from_press(0, 99, 0.0)}}, r"answers no indentation"),
+    "dead from the start": ({"fault": {"table": from_press(0, 99, 0.0)}}, r"does not respond to indentation"),
     "noise alone": (
         {"fault": {"table": from_press(0, 99, 0.0, noise_N=0.002)}},
-        r"answers no indentation: .* on average",
+        r"does not respond to indentation: .* on average",
     ),
     "dead for most of it": (
         {"fault": {"table": from_press(3, 99, 0.0)}},
-        r"repeats one value to the last digit from press p003 on .*12 indentations in all",
+        r"repeats one value to the last digit from indentation p003 on .*12 indentations in all",
     ),
     "tared once, drifts": (
         {"tared": True, "drift_N_per_s": 5e-4},
@@ -299,7 +299,7 @@ EXCLUDED = {
     "gap": (
         {"log_s": 0.005, "fault": {"log": lambda log, rng: without(log, 1.5, 6)}},
         {"p000"},
-        r"press p000 at 2\.\d+ s: force has no sample in ft\.csv for 4\.5\d* s",
+        r"indentation p000 at 2\.\d+ s: force has no sample in ft\.csv for 4\.5\d* s",
     ),
     "gap of all zero rows": (
         {"log_s": 0.005, "fault": {"log": lambda log, rng: without(log, 0.01, 0.8)}},
@@ -309,12 +309,12 @@ EXCLUDED = {
     "frozen for a while": (
         {"fault": {"table": from_press(4, 8, None)}},
         {"p004", "p005", "p006", "p007", "p008"},
-        r"repeats one value to the last digit from press p004 on \(.*fz = .*5 indentations in all",
+        r"repeats one value to the last digit from indentation p004 on \(.*fz = .*5 indentations in all",
     ),
     "frozen to the end": (
         {"fault": {"table": from_press(12, 99, 0.0)}},
         {"p012", "p013", "p014"},
-        r"from press p012 on \(.*fz = 0 N\)",
+        r"from indentation p012 on \(.*fz = 0 N\)",
     ),
     "dead, steps of 60 mN": (
         {"resolution_N": 0.06, "noise_N": 0.01, "fault": {"table": from_press(10, 99, 0.0)}},
@@ -324,14 +324,14 @@ EXCLUDED = {
     "a lateral axis freezes": (
         {"noise_N": 0.006, "fault": {"table": from_press(10, 99, None, ["fx_N"])}},
         {"p010", "p011", "p012", "p013", "p014"},
-        r"repeats one value to the last digit from press p010 on \(fx = ",
+        r"repeats one value to the last digit from indentation p010 on \(fx = ",
     ),
     "does not grow": ({"fault": {"table": weak}}, None, r"does not grow with depth: .* of the same site"),
     "no answer": ({"fault": {"table": silent}}, None, r"is -?0\.00\d* N at 1\.2 mm, where 0\.\d+ N is usual"),
     "touches among its zero rows": (
         {"fault": {"table": touches_early}},
         {"p003"},
-        r"force changes by .* N .* before touch",
+        r"force changes by .* N .* before contact",
     ),
 }
 
@@ -451,7 +451,7 @@ def test_findings_survive_their_file_and_speak_one_line_a_test(tmp_path):
     findings = Findings("s", tuple(made))
     (line,) = findings.lines()
     assert line == (
-        "press p5 at 5 s: force misses 5 s (limit 0.5 s); 5 indentations in all: p1, p2, p3, ...; "
+        "indentation p5 at 5 s: force misses 5 s (limit 0.5 s); 5 indentations in all: p1, p2, p3, ...; "
         "force left out there; log"
     )
     write_findings(tmp_path / "f.csv", findings)
@@ -471,7 +471,7 @@ FIELD = {
     "img_good": None,
     "img_good_dots": None,
     "rec_ft_shared_stamps": None,
-    "rec_sensor_dies": r"repeats one value to the last digit from press p027 on .*27 indentations in all",
+    "rec_sensor_dies": r"repeats one value to the last digit from indentation p027 on .*27 indentations in all",
     "rec_ft_gap": r"force has no sample in ft\.csv for 1\.\d+ s .*18 indentations in all",
     "rec_tared_drift": r"zero rows of a tared session.*resolution of 0\.001 N.*set force\.tared: false",
 }

@@ -251,17 +251,17 @@ BAD = {
     "NaN force": (replace(",1,0,0.6,", ",1,0,NaN,", 1), r"row 4: fx_N is 'NaN'"),
     "text for number": (replace("a,,0,2,", "a,,0,two,"), r"row 4: time_s is 'two'"),
     "empty press": (replace("a,,0,2,load", ",,0,2,load"), r"row 4: press is empty"),
-    "unknown phase": (replace(",dwell,", ",hold,", 1), r"row 5: phase 'hold' is none of"),
+    "unknown phase": (replace(",dwell,", ",hold,", 1), r"row 5: phase 'hold' is not one of"),
     "phase order": (swap_lines(3, 7), r"time_s|order"),
-    "zero after load": (replace("unload", "zero", 1), r"row 7: phase zero after dwell in press a"),
+    "zero after load": (replace("unload", "zero", 1), r"row 7: phase zero after dwell in indentation a"),
     "time backwards": (replace("a,,0,2,load", "a,,0,0.05,load"), r"row 4: time_s 0\.05 after 0\.1"),
     "order backwards": (replace("b,,1,", "b,,-1,"), r"row 8: order -1 after 0"),
-    "two presses of one order": (replace("b,,1,", "b,,0,"), r"row 8: press b with order 0"),
-    "press comes back": (replace("b,,1,", "a,,1,"), r"row 8: press a with order 1"),
+    "two presses of one order": (replace("b,,1,", "b,,0,"), r"row 8: indentation b with order 0"),
+    "press comes back": (replace("b,,1,", "a,,1,"), r"row 8: indentation a with order 1"),
     "fractional order": (replace("b,,1,", "b,,1.5,"), r"order 1\.5 is not a whole number"),
     "no load or dwell": (
         lambda f: [replace(p, "approach")(f) for p in ("load", "dwell", "unapproach")],
-        r"press a has no load or dwell row",
+        r"indentation a has no load or dwell row",
     ),
     "negative depth held": (
         replace("load,10,12,0.5", "load,10,12,-0.5", 1),
@@ -284,20 +284,20 @@ BAD = {
         session("session: day\nforce: {acts_on: indenter}\n"),
         r"pressing gives fz_N 0\.75 N .* correct force\.acts_on",
     ),
-    "no zero rows": (replace("zero", "approach"), r"row 2: press a has no zero row; .*tared"),
-    "sideways": (replace("dwell,10,", "dwell,10.2,", 1), r"row 5: press a moves 0\.2 mm sideways"),
+    "no zero rows": (replace("zero", "approach"), r"row 2: indentation a has no zero row; .*tared"),
+    "sideways": (replace("dwell,10,", "dwell,10.2,", 1), r"row 5: indentation a moves 0\.2 mm sideways"),
     "outside": (replace(",10,12,", ",10,33,"), r"row 2: position \(10, 33\) mm .*32\.0 x 32\.0 mm"),
     "position in m": (scale(1e-3, "x_mm", "y_mm"), r"row 2: position \(0\.01, 0\.012\) mm .*metres"),
     "position in um": (scale(1e3, "x_mm", "y_mm"), r"row 2: position \(10000, 12000\) mm .*micrometres"),
     "press without its cell": (
         replace(",11,12,", ",11.3,12,"),
-        r"row 8: press b at \(11\.3000, 12\.0000\) mm has no planned cell within 0\.01 mm; the nearest is right",
+        r"row 8: indentation b at \(11\.3000, 12\.0000\) mm has no planned site within 0\.01 mm; the nearest is right",
     ),
     "depth not planned": (
         replace(",11,12,1.0,", ",11,12,0.8,"),
-        r"row 8: press b: depth_mm 0\.8000 is not among",
+        r"row 8: indentation b: depth_mm 0\.8000 is not among",
     ),
-    "another cell": (replace("b,,", "b,left,"), r"press b names cell 'left' but lies at cell 'right'"),
+    "another cell": (replace("b,,", "b,left,"), r"indentation b names site 'left' but lies at site 'right'"),
 }
 
 
@@ -356,7 +356,7 @@ def test_a_row_that_stands_twice_is_refused_and_a_like_one_is_not(tmp_path):
     lines = press_lines("a", 0, 10, 12, 0.5, False)
     again = [HEADER, *lines[:4], lines[3], *lines[4:]]
     with pytest.raises(
-        RecordingError, match=r"row 6: press a: the row stands twice, time_s 3 and force included"
+        RecordingError, match=r"row 6: indentation a: the row appears twice, time_s 3 and force included"
     ):
         read_recording(write_session(tmp_path / "day", lines=again))
     later = lines[3].replace(",3,dwell", ",3.5,dwell")  # the same force to the digit half a second later

@@ -80,7 +80,7 @@ def session_with(**more):
 
 def test_a_session_is_cropped_or_remapped_never_both():
     remap = {"plane_z_mm": Z, "view": VIEW.model_dump()}
-    with pytest.raises(ValueError, match="crop_px .* beside remap"):
+    with pytest.raises(ValueError, match="crop_px .* and remap are both given"):
         session_with(crop_px=[0, 0, 200, 200], remap=remap)
     with pytest.raises(ValueError, match="remap needs the camera"):
         Session(session="day", remap=remap)

@@ -11,24 +11,25 @@ from edited_file import edited
 from gelforge.report.chapters.error_bar_chapter import PARTS, error_bar_figure, error_bars, sigma_table
 from gelforge.report.chapters.results_reader import StudyResults
 
-# Two cells at two depths: forces, and sigmas of which the shares are easily told.
+# Two sites at two depths: forces, and sigmas of which the shares are easily seen.
 ROWS = pd.DataFrame(
     {
         "cell": ["a", "a", "b", "b"],
         "depth": [0.5, 1.0, 0.5, 1.0],
         "force": [0.1, 0.4, 0.2, 0.5],
         "mesh": [0.003, 0.004, 0.002, 0.015],
-        "laws": [0.004, 0.003, 0.001, 0.020],
+        "constitutive models": [0.004, 0.003, 0.001, 0.020],
     }
 )
 
 
 def test_table_has_median_and_largest_over_the_force():
     table = sigma_table(ROWS).set_index("depth_mm")
-    assert list(table["cells"]) == [2, 2]
+    assert list(table["sites"]) == [2, 2]
     np.testing.assert_allclose(table.loc[0.5, ["mesh, median [%]", "mesh, largest [%]"]].tolist(), [2.0, 3.0])
     np.testing.assert_allclose(
-        table.loc[1.0, ["laws, median [%]", "laws, largest [%]"]].tolist(), [2.375, 4.0]
+        table.loc[1.0, ["constitutive models, median [%]", "constitutive models, largest [%]"]].tolist(),
+        [2.375, 4.0],
     )
 
 

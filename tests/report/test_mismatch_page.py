@@ -216,7 +216,7 @@ def test_what_is_modelled_without_a_cause_is_said_with_its_range(tmp_path):
     assert "form free: the missing physics has a name" in html
     effects = section(html, "effects")
     assert (
-        "Modelled without a known cause beside gel stiffness: a change of the pressing force with depth"
+        "Modelled without a known cause together with gel stiffness: a change of the pressing force with depth"
         in effects
     )
     assert "0.05 N at most" in effects and "0.25 to 2 mm at 25 positions" in effects and "+12 ± 3" in effects
@@ -225,7 +225,7 @@ def test_what_is_modelled_without_a_cause_is_said_with_its_range(tmp_path):
     folder = fake_verdict.write_fake_verdict(tmp_path / "of a cause", content)
     effects = section(write_mismatch_page(folder).read_text(encoding="utf-8"), "effects")
     assert (
-        "A cause with a free form, of probability 0.97; module.csv has its map beside gel stiffness"
+        "A cause with a free form, of probability 0.97; module.csv has its map together with gel stiffness"
         in effects
     )
     assert "Modelled without a known cause" not in effects

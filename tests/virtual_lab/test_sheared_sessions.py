@@ -170,10 +170,10 @@ def test_the_verdict_sees_the_loading_of_a_sheared_press_alone(recorded):
     ("change", "message"),
     [
         ({"cell": ""}, None),
-        ({"cell": "straight"}, "names cell 'straight' but lies at cell"),
+        ({"cell": "straight"}, "names site 'straight' but lies at site"),
         (
             {"cell": "back"},
-            r"moves sideways to \(0\.6, \S+\) mm at depth 1\.2 mm, which is no step of cell back",
+            r"moves sideways to \(0\.6, \S+\) mm at depth 1\.2 mm, which is no step of site back",
         ),
         ({"phase": "dwell"}, "moves 0.6 mm sideways; .* `shear`"),
     ],

@@ -123,6 +123,6 @@ def _components(feature):
 def test_a_press_of_another_lab_is_refused(recorded, tmp_path):
     name = next(iter(CELLS))
     with pytest.raises(
-        VirtualLabError, match="session one: press p99999 of cell .* record the session again"
+        VirtualLabError, match="session one: indentation p99999 of site .* record the session again"
     ):
         list(true_presses(STUDY, LAB, CELLS, tmp_path, [("one", "p99999", name)]))

@@ -175,7 +175,7 @@ def edited(folder, name, old, new):
         (smaller_image, ["images/a_1.png: 70 x 60 px", "140 x 120 px"]),
         (
             lambda folder: edited(folder, "indentations.csv", ",16,16,", ",17,16,"),
-            ["row 2: press a", "no planned cell"],
+            ["row 2: indentation a", "no planned site"],
         ),
         (
             lambda folder: edited(folder, "indentations.csv", ",0.8,1,0,", ",0.8,1,x,"),

@@ -6,7 +6,7 @@ from gelforge.cli.study.cost import Costs
 from gelforge.workflow.patient_slurm import make_patient, reaches_jobs
 
 START_S = 60  # a job of a cluster starts Snakemake twice, 10 to 30 s on a busy machine
-MARGIN = 2  # machines differ, and so do cells
+MARGIN = 2  # machines differ, and so do sites
 FIT_S, PICTURES_S = 20, 300  # a material; one whose tests are pictures
 VERIFY_S, PAPER_S = 90, 1200
 SHORT_S = 20  # a job that reads, sums and writes
@@ -30,7 +30,7 @@ def asks(seconds):
 
 
 def counts(seconds):
-    """Return a rule's `cpu_ms`, by which a group of cells asks for its time: see gelforge/workflow/patient_slurm.py."""
+    """Return a rule's `cpu_ms`, by which a group of sites asks for its time: see gelforge/workflow/patient_slurm.py."""
     return lambda wildcards: math.ceil(1000 * seconds(wildcards)) if workflow.non_local_exec else 1
 
 

@@ -26,7 +26,7 @@ from gelforge.workflow import fork_server
 
 
 def _described():
-    """Return study, cells, cells by variant and virtual lab, or stop with one plain message before any job."""
+    """Return study, sites, sites by variant and virtual lab, or stop with one plain message before any job."""
     files = map(str, workflow.config_settings.configfiles or ["config/config.yaml"])
     try:
         study = study_from(config, ", ".join(files))
@@ -105,7 +105,7 @@ def cell_files(cells):
 
 
 def variant_files():
-    """Return the cells of every variant that the study declares."""
+    """Return the sites of every variant that the study declares."""
     return [f"{RESULTS}/variants/{name}/{cell}.h5" for name, cells in VARIANTS.items() for cell in cells]
 
 
@@ -137,7 +137,7 @@ def _session_study(session):
 
 
 def _pressed(session):
-    """Return the cells that a session with labels of its own needs solved."""
+    """Return the sites that a session with labels of its own needs solved."""
     from gelforge.dataset.recorded_presses import pressed_cells
     from gelforge.recording.readings import RecordingError
 
@@ -152,7 +152,7 @@ def _pressed(session):
 
 IMAGE_SESSIONS = [session for session in STUDY.sessions if _has_images(session)]
 SESSION_STUDIES = {session: _session_study(session) for session in STUDY.sessions}
-IN_ORDER = STUDY.sessions if STUDY.mechanics.effects.history.softens else []  # each press has its own label
+IN_ORDER = STUDY.sessions if STUDY.mechanics.effects.history.softens else []  # labels of their own
 OWN_CELLS = {
     session: _pressed(session)
     for session, study in SESSION_STUDIES.items()
@@ -174,7 +174,7 @@ def shard_cells(shard):
 
 
 def session_label_files(cells):
-    """Return the files with labels that belong to a session: its presses, or those of these cells that it needs."""
+    """Return the files with labels that belong to a session: its indentations, or those of these sites that it needs."""
     presses = [f"{RESULTS}/sessions/{session}/presses.h5" for session in IN_ORDER]
     own = [(session, cell) for session, pressed in OWN_CELLS.items() for cell in pressed if cell in cells]
     return presses + [f"{RESULTS}/sessions/{session}/cells/{cell}.h5" for session, cell in own]
@@ -329,7 +329,7 @@ def check_raw_data(jobs):
 
 
 def _pressed_truth(session):
-    """Return the truth of the cells that a session presses; a mirrored cell is seen through its source."""
+    """Return the truth of the sites that a session presses; a mirrored site is seen through its source."""
     from gelforge.virtual_lab.session import session_cells
 
     pressed = session_cells(LAB, CELLS)[session]
@@ -341,7 +341,7 @@ def true_cells(wildcards):
 
 
 def recorded_truth(_):
-    """Return the truth of the cells that the study's sessions press; nothing where no virtual lab makes them."""
+    """Return the truth of the sites that the study's sessions press; nothing where no virtual lab makes them."""
     return sorted({path for session in STUDY.sessions for path in _pressed_truth(session)}) if LAB else []
 
 

@@ -5,7 +5,7 @@ JOIN_SOURCES = [f"dataset/{name}.py" for name in ("join", "schema", "session_lab
 
 
 rule join:
-    """One shard: a fixed chunk of the plan's cells with every recorded image of their presses."""
+    """One shard: a fixed chunk of the plan's sites with every recorded image of their indentations."""
     input:
         laws=law_files(),
         cells=lambda wildcards: cell_files(shard_cells(wildcards.shard)),
@@ -47,7 +47,7 @@ rule labels:
 
 
 rule agreement:
-    """Total force of the finite elements beside the force sensor's, press by press."""
+    """Total force of the finite elements and the force sensor's, indentation by indentation."""
     input:
         laws=law_files(),
         cells=cell_files(CELLS),

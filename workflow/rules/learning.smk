@@ -1,4 +1,4 @@
-"""Training, prediction of the held-out cells, and the article's tables from what was saved."""
+"""Training, prediction of the held-out sites, and the article's tables from what was saved."""
 
 if SYNTHETIC:
 
@@ -76,7 +76,7 @@ rule train:
 
 
 rule evaluate:
-    """Predict every row of the held-out cells and keep the predictions; beside them the truth, where a virtual lab knows it."""
+    """Predict every row of the held-out sites and keep the predictions, with the truth where a virtual lab knows it."""
     input:
         model=f"{RESULTS}/model/model.pt",
         shards=expand(f"{RESULTS}/dataset/shard-{{shard}}.h5", shard=SHARDS),
@@ -104,7 +104,7 @@ rule evaluate:
 
 
 rule tables:
-    """The article's tables, from saved predictions, agreement and laws only: seconds, no cell and no training."""
+    """The article's tables, from what was saved: takes seconds, as no site is solved and nothing trained."""
     input:
         laws=law_files(),
         agreement=f"{RESULTS}/agreement.csv" if STUDY.sessions else [],

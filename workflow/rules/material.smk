@@ -1,10 +1,10 @@
-"""Raw material tests, or given parameters, to one law per material."""
+"""Raw material tests, or given parameters, to one constitutive model per material."""
 
 MATERIAL = f"{RESULTS}/materials/{{material}}"
 
 
 rule characterise:
-    """Fit laws to the material's tests and measure effects, or write down the given law: the same inputs, the same bytes."""
+    """Fit constitutive models to the tests and measure effects, or write the given one: equal inputs give equal bytes."""
     input:
         tests=material_tests,
     output:

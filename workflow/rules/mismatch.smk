@@ -85,7 +85,7 @@ rule mismatch:
 
 
 rule paper_mismatch:
-    """The article's own readings against its two published curves and against our cells; needs no study of yours."""
+    """The article's own readings against its two published curves and against our sites; needs no study of yours."""
     input:
         study="config/paper.yaml",
         table="data/paper/force_depth.csv",

@@ -2,7 +2,7 @@
 
 
 rule verify:
-    """The finite elements beside solutions from outside; whatever the study, but for which it asks for."""
+    """The finite elements against independent reference solutions: one table for all studies, unless one asks for parts."""
     output:
         expand(f"{RESULTS}/tables/verification.{{suffix}}", suffix=("csv", "md")),
     log:

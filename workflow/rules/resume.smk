@@ -28,7 +28,7 @@ SOLVES = {
     "variant",
     "session_cell",
     "virtual_cell",
-}  # rules whose output is one solved cell
+}  # rules whose output is one solved site
 
 
 def forced(jobs):
@@ -78,7 +78,7 @@ def begin_jobs(jobs):
 
 
 def solved_files():
-    """Return the files of all cells that the study solves, mirrored ones among them."""
+    """Return the files of all sites that the study solves, mirrored ones among them."""
     own = [
         f"{RESULTS}/sessions/{session}/cells/{cell}.h5"
         for session, cells in OWN_CELLS.items()
@@ -90,5 +90,5 @@ def solved_files():
 
 
 def tidy_up():
-    """Remove kept solutions whose cells are there: a run that ended well needs them no more."""
+    """Remove kept solutions whose sites are there: a run that ended well needs them no more."""
     tidy(solved_files())

@@ -29,7 +29,7 @@ rule plan:
 
 
 rule simulate:
-    """Press at one position, depth by depth; a cell that fails is a file that says so."""
+    """Press at one position, depth by depth; a site that fails is a file that says so."""
     input:
         laws=law_files(),
         indenter=indenter_files(),
@@ -60,7 +60,7 @@ rule simulate:
 if BETWEEN:
 
     rule solve_site:
-        """Press at one of the places between which labels are interpolated; its forces are stored as a cell's."""
+        """Press at one of the places between which labels are interpolated; its forces are stored as a site's."""
         input:
             laws=law_files(),
             indenter=indenter_files(),
@@ -110,7 +110,7 @@ for number, names in DERIVED.items():
     rule:
         name:
             f"derive_{number}"
-        # The cells of one job that mirror solved ones or lie between them (gelforge/indentation/planning/derived.py).
+        # The sites of one job that mirror solved ones or lie between them (gelforge/indentation/planning/derived.py).
         input:
             laws=law_files(),
             sources=lambda wildcards, names=names: derived_sources(names),
@@ -190,7 +190,7 @@ rule session_cell:
 
 
 rule session_presses:
-    """Follow a session's presses in recorded order on one sensor that softens; goes on where it was broken off."""
+    """Follow a session's indentations in recorded order on one sensor that softens; continues where it was interrupted."""
     input:
         laws=law_files(),
         readings=f"{RESULTS}/recordings/{{session}}.csv",
@@ -223,7 +223,7 @@ rule session_presses:
 
 
 rule cells:
-    """Every cell of the plan, and those of sessions."""
+    """Every site of the plan, and those of sessions."""
     input:
         cell_files(CELLS),
         session_label_files(CELLS),

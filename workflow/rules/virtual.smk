@@ -3,7 +3,7 @@
 if LAB:
 
     rule virtual_cell:
-        """Press the virtual sensor at one position: true laws, a mesh of its own, loading and unloading."""
+        """Press the virtual sensor at one position: true constitutive models, a mesh of its own, loading and unloading."""
         input:
             lab=ancient(STUDY.virtual_lab.as_posix()),
         output:

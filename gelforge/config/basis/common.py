@@ -76,7 +76,7 @@ def renamed(value: object, names: Mapping[str, str]) -> object:
             continue
         if keys.get(new) is not None:
             raise ValueError(
-                f"{old} {value[old]} beside {new} {keys[new]}: {old} is the old name of {new}; remove it"
+                f"{old} {value[old]} and {new} {keys[new]}: {old} is the old name of {new}; remove it"
             )
         warnings.warn(
             f"{old} {value[old]} is read as {new}; gelforge 0.2 will not read it, write {new}",

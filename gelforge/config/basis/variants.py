@@ -1,4 +1,4 @@
-"""Variants: the same presses under other assumptions, to be shown beside the study's own."""
+"""Variants: the same indentations under other assumptions, to be shown beside the study's own."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from gelforge.config.basis.common import Name, Section
 
 
 class Variant(Section):
-    """Some cells of the plan solved again with other keys; nothing is trained on them."""
+    """Some sites of the plan solved again with other keys; nothing is trained on them."""
 
     describes: str = Field("", description="what is different, in words, for the report")
     sensor: dict[str, Any] = Field({}, description="keys of `sensor` that differ, e.g. flange: {...}")
     indenter: dict[str, Any] = Field({}, description="keys of `indenter` that differ")
     mechanics: dict[str, Any] = Field({}, description="keys of `mechanics` that differ, e.g. strain: small")
-    cells: list[Name] = Field([], description="cells of the plan; none: one at the centre, one at a corner")
+    cells: list[Name] = Field([], description="sites of the plan; none: one at the centre, one at a corner")
 
 
 def merged(content: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:

@@ -58,7 +58,9 @@ class Clock(Section):
     @model_validator(mode="after")
     def _one_time(self):
         if self.time and self.rate_hz:
-            raise ValueError("time beside rate_hz; keep the one that says when rows were taken")
+            raise ValueError(
+                "time and rate_hz are both given; keep the one that says when the rows were taken"
+            )
         if self.even and not self.time:
             raise ValueError("even is about time stamps; name their column under `time`")
         return self

@@ -2,7 +2,7 @@
 
 A mapping says how the table is written and which column is what, in which unit, sign and measure; the readers
 need no code for a new machine. `gelforge.config` does not import this module: a study does not contain a mapping, and
-the table reader behind it loads pandas, which a cell's job does without.
+the table reader behind it loads pandas, which a site's job does without.
 """
 
 from __future__ import annotations
@@ -259,7 +259,7 @@ class TestMapping(Section):
     )
     rigid_board: FileName | None = Field(
         None,
-        description="indentation: name of the file of the same press on a rigid board (the machine's own give)",
+        description="indentation: name of the file of the same motion on a rigid board (the machine's own compliance)",
     )
     spring_constant_N_per_m: Positive | None = Field(None, description="AFM: bending F/k leaves the depth")
     rate_per_s: Positive | None = Field(None, description="stretch rate of the loading, as declared")
@@ -352,7 +352,8 @@ class Microindentation(Section):
         None, description="thickness on a rigid base; null: half space [mm]"
     )
     rigid_board: FileName | None = Field(
-        None, description="CSV beside it of the same press on a rigid board: the machine's own give"
+        None,
+        description="CSV in the same folder: the same motion on a rigid board, for the machine's own compliance",
     )
     odd_rows: Literal["refuse", "keep"] = Field(
         "refuse",

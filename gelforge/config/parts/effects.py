@@ -52,7 +52,7 @@ class EnergyCorrection(Section):
 
 
 class MaterialEffects(Section):
-    """What the material is besides its law."""
+    """What the material is besides its constitutive model."""
 
     stiffness_factor: dict[Name, Positive] = Field(
         {}, description="factor on all moduli of a region, bulk modulus included [-]"
@@ -233,7 +233,7 @@ class KinematicEffects(Section):
 
 
 class Prony(Section):
-    """Relaxing overstresses beside the law, which holds at rest: moduli over that of the law, and their times."""
+    """Relaxing overstresses in addition to the constitutive model, which holds at rest: moduli over its own, and times."""
 
     relative_moduli: list[NonNegative] = Field(
         min_length=1, description="overstress moduli over the constitutive model's [-]"
@@ -267,7 +267,7 @@ class PressTiming(Section):
 
 
 class HistoryEffects(Section):
-    """What the material remembers; any of it makes every press a path of its own."""
+    """What the material remembers; any of it makes every indentation a path of its own."""
 
     viscoelastic: dict[Name, Prony] = Field({}, description="finite-strain viscoelasticity by region")
     mullins: dict[Name, Mullins] = Field({}, description="softening by region")
@@ -280,7 +280,7 @@ class HistoryEffects(Section):
 
     @property
     def softens(self) -> bool:
-        """Whether a press leaves something behind for the next."""
+        """Whether an indentation leaves something behind for the next."""
         return any(mullins.amount for mullins in self.mullins.values())
 
     @property
@@ -290,7 +290,7 @@ class HistoryEffects(Section):
 
 
 class Effects(Section):
-    """Physics beside the plain model, by family."""
+    """Physics in addition to the plain model, by family."""
 
     material: MaterialEffects = Field(MaterialEffects(), description="material")
     geometry: GeometryEffects = Field(GeometryEffects(), description="geometry")
@@ -355,7 +355,7 @@ class Effects(Section):
 
     @property
     def has_symmetry_of_square(self) -> bool:
-        """Whether every press of a square sensor still has mirror images: nothing has a place, a direction or an order."""
+        """Whether indentations of a square sensor still have mirror images: nothing has a place, a direction or an order."""
         geometry, k = self.geometry, self.kinematics
         directed = [*k.tilt_deg, *k.misregistration_mm, k.yaw_deg]
         directed += [g for t in geometry.thickness.values() for g in t.gradient]

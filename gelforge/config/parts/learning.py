@@ -41,8 +41,8 @@ class Features(Section):
 class Dataset(Section):
     """How rows become shards and splits."""
 
-    test_fraction: float = Field(0.2, gt=0, lt=1, description="share of cells held out for testing [-]")
-    cells_per_shard: int = Field(16, ge=1, description="cells in one shard file [-]")
+    test_fraction: float = Field(0.2, gt=0, lt=1, description="share of sites held out for testing [-]")
+    cells_per_shard: int = Field(16, ge=1, description="sites in one shard file [-]")
 
 
 # What the files of networks state of themselves; they are read and not imported: PyTorch takes seconds and stands above.
@@ -82,17 +82,16 @@ class Learning(Section):
     )
     dropout: float = Field(0.1, ge=0, lt=1, description="dropout after each hidden layer (paper) [-]")
     learning_rate: Positive | None = Field(
-        None, description="Adam's largest step size; as usual for the network: 1e-4 for paper, else 3e-3 [-]"
+        None, description="Adam's largest step size; null: the network's usual one (docs/learning.md) [-]"
     )
     batch_size: int | None = Field(
-        None, ge=1, description="rows per step; as usual for the network: 400 for paper, else 32 [-]"
+        None, ge=1, description="rows per step; null: the network's usual number (docs/learning.md) [-]"
     )
     epochs: int | None = Field(
         None,
         ge=1,
-        description="passes over the training rows, one image of each indentation in a pass but for paper, which"
-        " takes all; as "
-        "usual for the network: 400 for paper, else 35 [-]",
+        description="passes over the training rows (paper: over all images, else over one image of each indentation);"
+        " null: the network's usual number (docs/learning.md) [-]",
     )
     patience: int | None = Field(
         None,
@@ -100,7 +99,7 @@ class Learning(Section):
         description="epochs without a better validation loss after which training ends; null: none [-]",
     )
     validation_fraction: float = Field(
-        0.1, gt=0, lt=1, description="share of training orbits that watch the loss [-]"
+        0.1, gt=0, lt=1, description="share of training orbits on which the loss is monitored [-]"
     )
 
     @model_validator(mode="before")

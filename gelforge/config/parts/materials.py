@@ -40,10 +40,14 @@ class Fitting(Section):
         "aicc",
         description="law.json is the constitutive model of lowest AICc among those that describe the tests, the one"
         " that predicts"
-        " tests left out best, or the first named",
+        " held-out tests best, or the first named",
     )
-    loss: Literal["linear", "soft_l1"] = Field("linear", description="soft_l1 forgives outliers")
-    bootstrap: int = Field(0, ge=0, le=100_000, description="refits over samples for further intervals [-]")
+    loss: Literal["linear", "soft_l1"] = Field(
+        "linear", description="linear: least squares; soft_l1: robust against outliers"
+    )
+    bootstrap: int = Field(
+        0, ge=0, le=100_000, description="bootstrap fits over specimens, for further intervals [-]"
+    )
 
     @model_validator(mode="after")
     def _once(self):

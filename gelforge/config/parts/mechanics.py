@@ -1,4 +1,4 @@
-"""The finite-element model of one press."""
+"""The finite-element model of one indentation."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class Solver(Section):
 
 
 class Mechanics(Section):
-    """The finite-element model of one press."""
+    """The finite-element model of one indentation."""
 
     strain: Literal["finite", "small"] = Field(
         "finite", description="finite strain, or small-strain linear elasticity"
@@ -123,7 +123,7 @@ class Mechanics(Section):
         description="effects whose derivatives of total and bin forces are stored, e.g. gel_stiffness; with "
         "store_displacement those of the gel's displacement too",
     )
-    store_displacement: bool = Field(False, description="keep the gel's displacement in the cell file")
+    store_displacement: bool = Field(False, description="keep the gel's displacement in the site's file")
     effects: Effects = Field(Effects(), description="physics that the plain model leaves out")
 
     @model_validator(mode="after")

@@ -10,11 +10,13 @@ from gelforge.config.basis.common import Name, NonNegative, Section, renamed
 
 
 class Known(Section):
-    """An effect of force sensor, clock, camera or single presses that is taken as known: the judge adds it to the base."""
+    """An effect of force sensor, clock, camera or single indentations that is taken as known, in the nominal model."""
 
     effect: Name = Field(description="name in the catalogue")
     amounts: dict[str, float] = Field(description="value by parameter, in the parameter's unit")
-    shape: dict[str, float | str] = Field({}, description="what is scanned and not fitted")
+    shape: dict[str, float | str] = Field(
+        {}, description="hyperparameters of the effect: scanned, not fitted"
+    )
 
 
 class Mismatch(Section):
@@ -38,12 +40,12 @@ class Mismatch(Section):
         description="changes by effects are solved on a mesh of so many times the study's sizes [-]",
     )
     draws: int = Field(2000, ge=1000, description="draws of the maximum statistic of the scan [-]")
-    known: list[Known] = Field([], description="effects that belong to the base")
+    known: list[Known] = Field([], description="effects that belong to the nominal model")
     leave_out: list[Name] = Field([], description="effects of the catalogue that are not tried")
     discretisation: NonNegative | None = Field(
         None,
-        description="error of the base's mesh, a standard deviation as a share of the force, where it is known better"
-        " than from a mesh of twice the sizes [-]",
+        description="standard deviation of the nominal model's discretisation error as a share of the force, where it is"
+        " known better than from a mesh of twice the sizes [-]",
     )
     change_error: NonNegative = Field(
         0.1,
@@ -52,8 +54,8 @@ class Mismatch(Section):
     )
     sensitivities: Literal["auto", "stored", "none"] = Field(
         "auto",
-        description="derivatives of the forces at every solved site are stored, so that a verdict solves little: in"
-        " studies with sessions (auto), always, or not at all",
+        description="derivatives of the forces at every solved site are stored, so that a verdict needs few solutions of"
+        " its own: in studies with sessions (auto), always, or not at all",
     )
     contact_point_scatter_mm: NonNegative | None = Field(
         None,

@@ -44,7 +44,8 @@ class Plan(Section):
     depths_mm: list[Positive] | None = Field(None, description="increasing depths of every position [mm]")
     file: Path | None = Field(
         None,
-        description="CSV with cell, x_mm, y_mm, depth_mm, for a path also phase, shear_x_mm, shear_y_mm, tilts and twist",
+        description="CSV with cell (the site), x_mm, y_mm, depth_mm, for a path also phase, shear_x_mm, shear_y_mm, tilts"
+        " and twist",
     )
     mm_per_unit: Positive | None = Field(
         None,
@@ -53,7 +54,7 @@ class Plan(Section):
     )
     symmetry: Literal["auto", "d4", "none"] = Field(
         "auto",
-        description="cells that mirror and rotate into each other are solved once: auto: where sensor, indenter and effects "
+        description="sites that mirror and rotate into each other are solved once: auto: where sensor, indenter and effects "
         "allow it; d4: an error where they do not; none: each is solved",
     )
     approach: Literal["vertical", "normal"] = Field(

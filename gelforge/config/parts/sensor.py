@@ -163,7 +163,7 @@ class IndenterPart(Section):
         description="x, y from the position, and height of the lowest point over that of the lowest part [mm]",
     )
     size_confirmed: bool = Field(
-        False, description="true: the size is meant, also if it is tiny or huge beside the sensor"
+        False, description="true: the size is meant, even if it is tiny or huge compared with the sensor"
     )
     need_not_touch: bool = Field(
         False, description="of one of several parts, true: it may stay clear of the sensor, as a ball's stem"
@@ -243,5 +243,5 @@ class Indenter(IndenterPart):
 
     @property
     def is_upright_and_round(self) -> bool:
-        """Whether it looks the same from all sides, as reused mirrored cells need."""
+        """Whether it looks the same from all sides, as reused mirrored sites need."""
         return self.kind == "sphere" or (self.kind == "cylinder" and not any(self.orientation_deg[:2]))

@@ -78,7 +78,7 @@ class StageToSensor(Section):
 
 
 class DepthZero(Section):
-    """How depth zero was found, and the two errors of the depth: one of each press, one of the whole session.
+    """How depth zero was found, and the two errors of the depth: one of each indentation, one of the whole session.
 
     `scatter_mm`, the old key for either, is read until version 0.2: as that of `by`, the other is 0 (see `old_scatter`).
     """
@@ -99,7 +99,7 @@ class DepthZero(Section):
 
     @property
     def both_scatter_mm(self) -> float:
-        """Return the standard deviation of a press's depth from both errors, as far as they are known [mm]."""
+        """Return the standard deviation of an indentation's depth from both errors, as far as they are known [mm]."""
         return math.hypot(self.press_scatter_mm or 0.0, self.session_scatter_mm or 0.0)
 
     @model_validator(mode="before")
@@ -115,7 +115,7 @@ class DepthZero(Section):
         for name in (own, other):
             if keys.get(name) is not None:
                 raise ValueError(
-                    f"scatter_mm {scatter} beside {name} {keys[name]}: scatter_mm is the old name of {own} (by: {by}); "
+                    f"scatter_mm {scatter} and {name} {keys[name]}: scatter_mm is the old name of {own} (by: {by}); "
                     "remove it"
                 )
         return keys | {own: scatter, other: 0.0}
@@ -186,8 +186,8 @@ class Session(Section):
     def _one_view(self):
         if self.remap and self.crop_px:
             raise ValueError(
-                f"crop_px {self.crop_px} beside remap: remap.view says itself which part is seen; remove crop_px, and give "
-                "remap.view the size and centre_px of that part"
+                f"crop_px {self.crop_px} and remap are both given: remap.view already says which part is seen; remove"
+                " crop_px, and give remap.view the size and centre_px of that part"
             )
         if self.remap and self.camera is None:
             raise ValueError("remap needs the camera that took the images; describe it under camera")

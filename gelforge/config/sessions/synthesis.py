@@ -24,7 +24,7 @@ Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class DrawnShapes(Section):
-    """Indenters that are drawn, each as often as its weight says beside the others'."""
+    """Indenters that are drawn, each in proportion to its weight."""
 
     own: NonNegative = Field(4.0, description="weight of the study's own indenter [-]")
     ball: NonNegative = Field(4.0, description="weight of balls [-]")
@@ -54,8 +54,8 @@ class DrawnShapes(Section):
 class DrawnViews(Section):
     """Standard deviations of what differs from one image series to the next; each has its own particles.
 
-    Those of the camera are what a calibration and a remap leave. A network cannot tell a camera that looks 1 px aside from a
-    press aside, so larger ones blur what it says of places.
+    Those of the camera are what a calibration and a remap leave. A network cannot distinguish a camera that looks 1 px
+    aside from an indentation that is aside, so larger ones blur the places that it predicts.
     """
 
     focal_share: NonNegative = Field(0.002, description="focal length, share of it [-]")

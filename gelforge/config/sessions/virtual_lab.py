@@ -112,7 +112,7 @@ class VirtualSession(Section):
     share: float = Field(
         gt=0,
         le=1,
-        description="share of the plan's cells pressed in this session, relative to the others [-]",
+        description="share of the plan's sites pressed in this session, relative to the others [-]",
     )
     seed: int = Field(ge=0, description="seed of order, noise and contact point [-]")
     acts_on: Literal["sensor", "indenter"] = Field(

@@ -36,7 +36,7 @@ Check = Literal[
     "cone_edge",
     "frictionless_slide",
 ]
-SOFT_SHARE = 0.6  # of the soft layers' height, beyond which a press would pierce them
+SOFT_SHARE = 0.6  # of the soft layers' height, beyond which an indentation would pierce them
 
 
 class Study(Section):
@@ -58,7 +58,7 @@ class Study(Section):
     learning: Learning = Field(Learning(), description="network and training")
     mismatch: Mismatch = Field(Mismatch(), description="how recordings are judged against the simulation")
     variants: dict[Name, Variant] = Field(
-        {}, description="presses under other assumptions, shown in the report beside the study's own"
+        {}, description="indentations under other assumptions, which the report compares with the study's own"
     )
     synthesis: Synthesis | None = Field(
         None,
@@ -157,7 +157,7 @@ class Study(Section):
 
     @property
     def has_symmetry_of_square(self) -> bool:
-        """Whether the pressed body looks the same from all sides of a square: every press has mirror images."""
+        """Whether the pressed body looks the same from all sides of a square: every indentation has mirror images."""
         return self.sensor_has_symmetry_of_square and self.indenter.is_upright_and_round
 
     @property
@@ -168,7 +168,7 @@ class Study(Section):
 
     @property
     def mirrors_cells(self) -> bool:
-        """Whether cells of the plan are made from their images, which lack derivatives and the gel's displacement."""
+        """Whether sites of the plan are made from their images, which lack derivatives and the gel's displacement."""
         if self.plan.symmetry != "auto":
             return self.plan.symmetry == "d4"
         asks_for_more = self.mechanics.store_displacement or bool(self.mechanics.sensitivities)

@@ -38,7 +38,7 @@ class Variable:
 
 @dataclass(frozen=True)
 class Press:
-    """Rows that belong together, in order: a press with its images, or a cell with its depths where there are no images."""
+    """Rows that belong together, in order: an indentation with its images; without images a site with its depths."""
 
     name: str
     split: str
@@ -47,7 +47,7 @@ class Press:
 
 @dataclass(frozen=True)
 class Source:
-    """A dataset whose shards are those of its manifest; presses in the order train, validation, test."""
+    """A dataset whose shards are those of its manifest; indentations in the order train, validation, test."""
 
     folder: Path
     manifest: dict
@@ -67,7 +67,7 @@ class Source:
         return file_sha256(self.folder / "manifest.json")
 
     def of_split(self, split: str) -> tuple[Press, ...]:
-        """Return the presses of a split."""
+        """Return the indentations of a split."""
         return tuple(press for press in self.presses if press.split == split)
 
     @property
@@ -77,7 +77,7 @@ class Source:
         return {split: count for split, count in counts.items() if count}
 
     def read(self, presses: Sequence[Press], names: Sequence[str] | None = None) -> dict:
-        """Return the named columns (n, ...) of the rows of presses; images as a list of encoded files."""
+        """Return the named columns (n, ...) of the rows of indentations; images as a list of encoded files."""
         names = list(self.variables) if names is None else list(names)
         block = self.read_rows(
             np.concatenate([press.rows for press in presses]), [n for n in names if n != "split"]
@@ -98,18 +98,18 @@ class Source:
         return block
 
     def blocks(self, presses: Sequence[Press], names: Sequence[str] | None = None) -> Iterator[dict]:
-        """Yield the columns of presses in blocks of whole presses, about BLOCK_ROWS rows each."""
+        """Yield the columns of indentations in blocks of whole indentations, about BLOCK_ROWS rows each."""
         start, count = 0, 0
-        for end, press in enumerate(tracked(presses, "presses exported"), 1):
+        for end, press in enumerate(tracked(presses, "indentations exported"), 1):
             count += len(press.rows)
             if count >= BLOCK_ROWS or end == len(presses):
                 yield self.read(presses[start:end], names)
                 start, count = end, 0
 
     def sampled(self, limit_mb: float) -> Source:
-        """Return a part of at most limit_mb, uncompressed: presses drawn by the study's seed, of every split its share.
+        """Return a part of at most limit_mb, uncompressed: indentations drawn by the study's seed, of every split its share.
 
-        Raises DatasetError where not even one press of each split has room.
+        Raises DatasetError where not even one indentation of each split has room.
         """
         row = sum(
             int(np.prod(v.shape)) * BYTES.get(v.kind, 1) for v in self.variables.values()
@@ -126,8 +126,8 @@ class Source:
             chosen += [presses[i] for i in sorted(kept)]
         if sum(len(press.rows) for press in chosen) > left:
             raise DatasetError(
-                f"--sample-mb {limit_mb:g}: no room for a press of each split, a row takes {row / 1e6:.3g} MB; allow more, "
-                "or leave the images out"
+                f"--sample-mb {limit_mb:g}: no room for an indentation of each split, a row takes {row / 1e6:.3g} MB; allow"
+                " more, or leave the images out"
             )
         return replace(self, presses=tuple(chosen))
 
@@ -141,8 +141,9 @@ def open_source(
     """Return the dataset of a folder (`results/<study>/dataset`), its shards checked against the manifest.
 
     images: rows hold the image files' content, see RowImages for `data`; validation_fraction: share of the training orbits
-    that are the split `validation`, the same ones that watch the loss when the study's network is trained (None: as usual).
-    Raises DatasetError for a folder without a dataset, shards that are not the manifest's, and images that do not exist.
+    that are the split `validation`, the same ones that monitor the loss when the study's network is trained (None: as
+    usual). Raises DatasetError for a folder without a dataset, shards that are not the manifest's, and images that do not
+    exist.
     """
     folder = Path(folder)
     manifest = read_manifest(folder / "manifest.json")
@@ -150,7 +151,7 @@ def open_source(
     check_shards(shards, folder / "manifest.json")
     rows = ShardDataset(shards)
     if not len(rows):
-        raise DatasetError(f"{folder}: the dataset has no rows; see failed cells in its README.md")
+        raise DatasetError(f"{folder}: the dataset has no rows; see failed sites in its README.md")
     labels_only = manifest["labels_only"]
     if images and labels_only:
         raise DatasetError(
@@ -171,7 +172,7 @@ def _variables(rows: ShardDataset, labels_only: bool, images: RowImages | None) 
         for name, column in columns(labels_only).items()
     }
     variables["split"] = replace(
-        variables["split"], description="train, validation or test, by orbit: a cell with its mirror images"
+        variables["split"], description="train, validation or test, by orbit: a site with its mirror images"
     )
     if images:
         shape = images.shape(first["session"][0], first["image"][0])
@@ -180,7 +181,7 @@ def _variables(rows: ShardDataset, labels_only: bool, images: RowImages | None) 
 
 
 def _presses(rows: ShardDataset, manifest: dict, fraction: float) -> tuple[Press, ...]:
-    """Return the rows by press, or by cell where there are labels only, in the order of splits and shards."""
+    """Return the rows by indentation, or by site where there are labels only, in the order of splits and shards."""
     labels_only = manifest["labels_only"]
     keys = ["cell"] if labels_only else ["session", "press"]
     index = np.arange(len(rows))
@@ -197,7 +198,7 @@ def _presses(rows: ShardDataset, manifest: dict, fraction: float) -> tuple[Press
 
 
 def _with_validation(read: dict, manifest: dict, fraction: float) -> dict[str, str]:
-    """Return the split of each cell that has rows."""
+    """Return the split of each site that has rows."""
     split = dict(zip(read["cell"], read["split"]))
     places = {c: xy for c, xy in zip(read["cell"], read["position_mm"]) if split[c] == "train"}
     orbits = {name: manifest["cells"][name].get("orbit", name) for name in places}

@@ -31,7 +31,7 @@ class Reading:
 
     image: Image
     force_N: np.ndarray  # (3,)
-    group: str = "all"  # readings of one press or one recording: never on two sides of a split
+    group: str = "all"  # readings of one indentation or one recording: never on two sides of a split
     reference: Image | None = None  # without contact
     time_s: float = float("nan")  # within the group
     position_mm: np.ndarray | tuple = UNKNOWN  # of the indenter

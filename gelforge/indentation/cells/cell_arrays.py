@@ -1,4 +1,4 @@
-"""States of the finite-element model to the arrays of a cell's file."""
+"""States of the finite-element model to the arrays of a site's file."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def _displacement(states: list[State], nodes: np.ndarray) -> np.ndarray:
 
 
 def section_arrays(mesh: Mesh, states: list[State], y_mm: float) -> dict[str, np.ndarray]:
-    """Return the mesh plane y = const nearest the cell, for drawing; a cut through the cell itself otherwise."""
+    """Return the mesh plane y = const nearest the site, for drawing; a cut through the site itself otherwise."""
     if mesh.elements.shape[1] == 10:
         polygons, element, values = plane_cut(mesh.X, mesh.elements, y_mm)
         displacement = [values @ state.u for state in states]

@@ -20,7 +20,7 @@ FORMAT = "gelforge-cell-1"
 # name: (unit, description); D depths, B bins, S surface nodes, G gel nodes, E gel elements
 DATASETS = {
     "depth_mm": ("mm", "commanded depths (D)"),
-    "shear_mm": ("mm", "displacement of the indenter along x and y from the cell's position (D, 2)"),
+    "shear_mm": ("mm", "displacement of the indenter along x and y from the site's position (D, 2)"),
     "tilt_deg": ("deg", "turns of the indenter about the sensor's x and y axes since the first touch (D, 2)"),
     "twist_deg": ("deg", "turn of the indenter about the sensor's z axis; absent where none turns (D)"),
     "indenter_mm": ("mm", "the indenter's centre (D, 3)"),
@@ -35,14 +35,17 @@ DATASETS = {
     "bin_sigma_mesh_N": ("N", "standard deviation of bin_force_N from discretisation (D, B, 3)"),
     "bin_sigma_material_N": (
         "N",
-        "standard deviation of bin_force_N from the covariance of the laws' parameters (D, B, 3)",
+        "standard deviation of bin_force_N from the covariance of the constitutive models' parameters (D, B, 3)",
     ),
     "bin_sigma_interpolation_N": (
         "N",
         "of a label between solved sites, standard deviation of bin_force_N from what is solved there (D, B, 3)",
     ),
     "total_sigma_mesh_N": ("N", "standard deviation of total_force_N from discretisation (D, 3)"),
-    "total_sigma_material_N": ("N", "standard deviation of total_force_N from the laws (D, 3)"),
+    "total_sigma_material_N": (
+        "N",
+        "standard deviation of total_force_N from the constitutive models (D, 3)",
+    ),
     "total_sigma_interpolation_N": ("N", "the same of total_force_N (D, 3)"),
     "sensitivity_total": ("N/unit", "d total_force_N / d amount of each of sensitivity_names (P, D, 3)"),
     "sensitivity_bin": ("N/unit", "d bin_force_N / d amount of each of sensitivity_names (P, D, B, 3)"),
@@ -62,7 +65,7 @@ DATASETS = {
     "node_displacement_mm": ("mm", "displacement of the surface nodes (D, S, 3)"),
     "section_node_mm": (
         "mm",
-        "undeformed nodes of the vertical mesh plane y = const nearest the cell (P, 3)",
+        "undeformed nodes of the vertical mesh plane y = const nearest the site (P, 3)",
     ),
     "section_quad": ("1", "4 corners of each face of the plane as rows of section_node_mm (Q, 4)"),
     "section_region": ("1", "region of each face, an index into the attribute regions (Q)"),
@@ -86,9 +89,9 @@ OPTIONAL = (
 )
 SECTION = {
     name for name in DATASETS if name.startswith("section_")
-}  # a mirrored cell's is that of its source
+}  # a mirrored site's is that of its source
 NODES = {name for name in DATASETS if name.startswith("node_")}  # an interpolated label has none
-# attributes that differ from run to run: they go into a file of their own, so that a cell's bytes repeat
+# attributes that differ from run to run: they go into a file of their own, so that a site's bytes repeat
 TIMINGS = ("seconds", "cpu_seconds", "error_bar_seconds", "sensitivity_seconds")
 UNKNOWN_IS_NAN = {
     "volume_outside_valid_range"
@@ -96,7 +99,7 @@ UNKNOWN_IS_NAN = {
 
 
 class CellError(ValueError):
-    """A cell file that cannot be used: which, what was found, what to do."""
+    """A site file that cannot be used: which, what was found, what to do."""
 
 
 @dataclass(frozen=True)
@@ -104,8 +107,8 @@ class Cell:
     """One simulated position: arrays named as in DATASETS, attributes as in docs/file-formats.md.
 
     attributes always hold: format, cell, x_mm, y_mm, status ("converged" or "failed"), reason, last_good_depth_mm,
-    inputs_digest, code_version, iterations; of a cell just solved also TIMINGS.
-    Arrays of a failed cell hold the depths that converged.
+    inputs_digest, code_version, iterations; of a site just solved also TIMINGS.
+    Arrays of a failed site hold the depths that converged.
     """
 
     arrays: dict[str, np.ndarray]
@@ -117,7 +120,7 @@ class Cell:
 
 
 def write_cell(path: str | Path, cell: Cell) -> None:
-    """Write a cell, whole or not at all.
+    """Write a site, whole or not at all.
 
     Raises CellError for a number that is not finite: forces, fields, error bars, derivatives and attributes all are, but
     for UNKNOWN_IS_NAN. What TIMINGS name goes into <name>.timings.json beside it, see read_timings; the rest is the same,
@@ -165,7 +168,7 @@ def timings_path(path: str | Path) -> Path:
 
 
 def check_finite(whose: str | Path, cell: Cell) -> None:
-    """Raise CellError, naming whose cell it is, for a number that is not finite."""
+    """Raise CellError, naming whose site it is, for a number that is not finite."""
     known = {name: value for name, value in cell.attributes.items() if name not in UNKNOWN_IS_NAN}
     for name, value in (cell.arrays | known).items():
         values = np.asarray(value)
@@ -175,12 +178,12 @@ def check_finite(whose: str | Path, cell: Cell) -> None:
         raise CellError(
             f"{whose}: {len(bad)} of {values.size} numbers of {name} are not finite, the first is"
             f" {values[tuple(bad[0])]} at {bad[0].tolist()}; nothing is written: press in smaller steps of depth or on"
-            " another mesh, and report the cell's settings"
+            " another mesh, and report the site's settings"
         )
 
 
 def read_cell(path: str | Path, arrays: list[str] | None = None, if_held: Collection[str] = ()) -> Cell:
-    """Return a cell: the named arrays and those of if_held that it holds, or without names all that a cell holds.
+    """Return a site: the named arrays and those of if_held that it holds, or without names all that a site holds.
 
     Raises CellError naming the file for a file that is missing, damaged, of another format or incomplete.
     """
@@ -192,13 +195,13 @@ def read_cell(path: str | Path, arrays: list[str] | None = None, if_held: Collec
         content = {name: file[name][()] for name in wanted if name in file}
     if missing:
         raise CellError(
-            f"{path}: datasets {missing} are missing; simulate the cell again with the settings that keep them"
+            f"{path}: datasets {missing} are missing; simulate the site again with the settings that keep them"
         )
     return Cell(content, attributes)
 
 
 def _held(attributes: dict, file: h5py.File) -> list[str]:
-    """Return the names of the arrays that a cell must hold, and of the optional ones that it does hold."""
+    """Return the names of the arrays that a site must hold, and of the optional ones that it does hold."""
     between = "interpolated_from" in attributes or "solved_as" in attributes
     absent = (
         OPTIONAL | (SECTION if attributes.get("source") or between else set()) | (NODES if between else set())

@@ -1,9 +1,9 @@
-"""Solved cells that outlive the job that solved them.
+"""Solved sites that outlive the job that solved them.
 
 Workflow managers delete the output of a job that failed, was cancelled or ran out of time, and of a group of jobs all
-outputs if one member fails. A solved cell is therefore written as `.solved/<cell>.<digest of its inputs>.h5` beside its
-target and linked to it: while both exist they are one file and take the disk once. The next job for the same cell takes it
-up where the inputs are equal and its checksum is right. There is one entry per cell; the workflow removes those that are
+outputs if one member fails. A solved site is therefore written as `.solved/<cell>.<digest of its inputs>.h5` beside its
+target and linked to it: while both exist they are one file and take the disk once. The next job for the same site takes it
+up where the inputs are equal and its checksum is right. There is one entry per site; the workflow removes those that are
 no longer needed, and those of forced jobs before they start.
 """
 
@@ -23,9 +23,9 @@ DIGITS = 16  # of the digest, in the name
 
 
 def solved_once(out: Path, inputs: str, solve: Callable[[], Cell], fresh: bool = False) -> tuple[Cell, str]:
-    """Return the cell that is now in the file `out`, and in words whether it was solved or taken up.
+    """Return the site that is now in the file `out`, and in words whether it was solved or taken up.
 
-    inputs: digest of everything that decides the cell. fresh: solve in any case.
+    inputs: digest of everything that decides the site. fresh: solve in any case.
     """
     entry = out.parent / FOLDER / f"{out.stem}.{inputs[:DIGITS]}.h5"
     cell, words = (None, "solved anew, as asked") if fresh else _kept(entry)
@@ -40,7 +40,7 @@ def solved_once(out: Path, inputs: str, solve: Callable[[], Cell], fresh: bool =
 
 
 def _kept(entry: Path) -> tuple[Cell | None, str]:
-    """Return the kept cell, none where there is none or it is damaged, and what is done in words."""
+    """Return the kept site, none where there is none or it is damaged, and what is done in words."""
     if not entry.is_file():
         return None, "solved"
     try:
@@ -60,12 +60,12 @@ def _link(entry: Path, out: Path) -> None:
 
 
 def entries(out: Path) -> list[Path]:
-    """Return the kept solutions of a cell's file."""
+    """Return the kept solutions of a site's file."""
     return sorted((out.parent / FOLDER).glob(f"{escape(out.stem)}.{'[0-9a-f]' * DIGITS}.h5"))
 
 
 def forget(outs: Iterable[Path]) -> int:
-    """Remove the kept solutions of these cells' files and return how many there were."""
+    """Remove the kept solutions of these sites' files and return how many there were."""
     found = [entry for out in outs for entry in entries(out)]
     _remove(found)
     return len(found)

@@ -47,7 +47,7 @@ class Effect:
     enters: str  # the keys of the configuration
     apply: Callable[[Study, float, Place], Study]
     mesh_changes: bool = False
-    history: bool = False  # every press is a path of its own
+    history: bool = False  # every indentation is a path of its own
     located: bool = False  # the place counts
     switch: bool = False  # values are 0 and 1 only
     unloading: bool = False  # seen during unloading only
@@ -182,7 +182,7 @@ CATALOGUE: dict[str, Effect] = {
             "material.stiffness_factor", lambda study, amount, place: _stiffness(study, [skin_layer(study)], amount),
         ),
         Effect(
-            "law_exponent", "material", "growth of the laws' exponents, moduli kept", "1", 0.3,
+            "law_exponent", "material", "growth of the constitutive models' exponents, moduli unchanged", "1", 0.3,
             "material.exponent_factor", _exponent,
         ),
         Effect(
@@ -194,7 +194,7 @@ CATALOGUE: dict[str, Effect] = {
             "geometry.base", _elastic_base, mesh_changes=True,
         ),
         Effect(
-            "linear_elasticity", "material", "neo-Hookean laws in place of the fitted ones", "1", 1.0,
+            "linear_elasticity", "material", "neo-Hookean models in place of the fitted ones", "1", 1.0,
             "material.linear_law", lambda study, amount, place: with_keys(study, material={"linear_law": bool(amount)}),
             switch=True,
         ),
@@ -205,7 +205,7 @@ CATALOGUE: dict[str, Effect] = {
             switch=True,
         ),
         Effect(
-            "viscoelastic", "history", "overstress modulus of the soft layers over the law's, time 1 s", "1", 0.2,
+            "viscoelastic", "history", "overstress modulus of the soft layers over the elastic one, time 1 s", "1", 0.2,
             "history.viscoelastic", _overstress, history=True,
         ),
         Effect(

@@ -44,8 +44,8 @@ def carried_mesh(mesh: Mesh, sensor: Sensor, touched: np.ndarray, by: np.ndarray
     """Return the mesh of a block whose touched part is moved by (2,) [mm] while its edges, wall and all outside stay.
 
     From the discs touched (n, 3) = (x, y, radius) [mm] nodes follow in proportion, linearly in x and in y: on the top to its
-    edges, below the top layer to the wall, in between linearly in z; heights stay. A press that is moved with its nodes sees
-    no other pattern of elements. None where the discs leave no room to the edges.
+    edges, below the top layer to the wall, in between linearly in z; heights stay. An indentation that is moved with its
+    nodes sees no other pattern of elements. None where the discs leave no room to the edges.
     """
     wall = sensor.wall_mm if len(sensor.layers) > 1 else 0.0
     on_top, below = np.ones(len(mesh.X)), np.ones(len(mesh.X))

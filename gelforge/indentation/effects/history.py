@@ -1,4 +1,4 @@
-"""Presses as paths in time, and what regions remember of them."""
+"""Indentations as paths in time, and what regions remember of them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DWELL_GROWTH = 2.0  # of a wait's steps: relaxation slows down
 
 @dataclass(frozen=True)
 class TimedPath:
-    """Poses in time of one press after another, each from rest, and those that are readings."""
+    """Poses in time of one indentation after another, each from rest, and those that are readings."""
 
     trajectory: Trajectory  # with times_s
     presses: tuple[slice, ...]
@@ -53,7 +53,7 @@ def in_time(trajectory: Trajectory, timing: PressTiming) -> TimedPath:
     """Return a trajectory as paths in time.
 
     One that has times keeps them; one with phases of its own gets them from the speed, a pose that does not move is a wait.
-    Planned depths become presses of their own: down in steps, then the wait; the reading is at its end.
+    Planned depths become indentations of their own: down in steps, then the wait; the reading is at its end.
     """
     if trajectory.times_s or trajectory.is_path:
         count = len(trajectory.depths_mm)

@@ -33,8 +33,8 @@ def plane_touch(
     """Return the centre (3,) [mm] at which the indenter first touches the flat top, and how much deeper it goes from there.
 
     The sensor stands tilted about its top's middle and its top may slope with the layers' thickness. The depth counts from
-    the touch of this press, or (`zero_by: session`) from that at the middle of the sensor: where the top is farther away
-    than there, the indenter then goes less deep than commanded [mm].
+    the touch of this indentation, or (`zero_by: session`) from that at the middle of the sensor: where the top is farther
+    away than there, the indenter then goes less deep than commanded [mm].
     """
     middle = np.array([sensor.width_x_mm / 2, sensor.width_y_mm / 2, 0.0])
     frame, slope = machine_frame(effects), top_slope(effects)

@@ -66,7 +66,7 @@ def region_bulk(sensor: Sensor, mechanics: Mechanics, regions: tuple[str, ...]) 
 def stretches_ahead(
     sensor: Sensor, effects: Effects, laws: dict[str, PrincipalLaw], regions: tuple[str, ...], share: float
 ) -> dict[str, tuple[float, float]]:
-    """Return by region the smallest and largest principal stretch that a press may reach; laws are given by layer.
+    """Return by region the smallest and largest principal stretch that an indentation may reach; laws are given by layer.
 
     share: of the soft height that the indenter really presses. Layers in series take it by their compliance h / mu, so a
     soft layer among stiff ones is strained more than the whole: e = share max(1, w H / h), and the stretches are

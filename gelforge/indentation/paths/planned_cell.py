@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import final
 
 
-@final  # a path to be solved is a planned cell or a trajectory, never both
+@final  # a path to be solved is a planned site or a trajectory, never both
 @dataclass(frozen=True)
 class PlannedCell:
     """One position [mm] in the sensor's frame with its depths [mm]: increasing, or a path of several phases.
@@ -19,7 +19,7 @@ class PlannedCell:
     x_mm: float
     y_mm: float
     depths_mm: tuple[float, ...]
-    source: str | None = None  # the cell that this one mirrors
+    source: str | None = None  # the site that this one mirrors
     symmetry: str | None = None  # the element of D4 that carries the source here
     phases: tuple[str, ...] = ()  # one of PHASES per depth; none: all "load"
     shears_mm: tuple[tuple[float, float], ...] = ()

@@ -44,7 +44,7 @@ class Trajectory:
 
     @property
     def is_path(self) -> bool:
-        """Whether it does more than press: then it is one press, also where history makes every depth a press of its own."""
+        """Whether it does more than press: then it is one indentation, also where history makes each depth one itself."""
         return any(phase != "load" for phase in self.phases) or bool(
             self.shears_mm or self.tilts_deg or self.twists_deg
         )

@@ -1,4 +1,4 @@
-"""The plan of a study: its cells, each one position with all its depths."""
+"""The plan of a study: its sites, each one position with all its depths."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ if TYPE_CHECKING:  # pandas takes 0.3 s to import: only those who make or read t
     import pandas as pd
 
 PHASES = ("load", "shear", "tilt", "twist", "dwell", "unload")
-SHEAR_STEP_MM, TWIST_STEP_DEG = 0.1, 1.0  # of a press by hand: friction is followed step by step
+SHEAR_STEP_MM, TWIST_STEP_DEG = 0.1, 1.0  # of an indentation by hand: friction is followed step by step
 PATH_NUMBERS = ("shear_x_mm", "shear_y_mm", "tilt_x_deg", "tilt_y_deg", "twist_deg")
-POSITION_MATCH_MM = 0.01  # recorded presses join the plan within this distance
+POSITION_MATCH_MM = 0.01  # recorded indentations join the plan within this distance
 
 
 def plan_cells(study: Study) -> dict[str, PlannedCell]:
-    """Return the study's cells by name, in the order of the plan, with mirrored cells naming their source."""
+    """Return the study's sites by name, in the order of the plan, with mirrored sites naming their source."""
     plan = study.plan
     cells = _from_file(plan.file, plan.mm_per_unit or 1.0) if plan.file else _from_grid(study)
     check_unit(cells, study)
@@ -57,7 +57,7 @@ def plan_cells(study: Study) -> dict[str, PlannedCell]:
 
 
 def _between_sites(cells: dict[str, PlannedCell], study: Study) -> dict[str, PlannedCell]:
-    """Return the cells with those marked whose label is interpolated between solved sites."""
+    """Return the sites with those marked whose label is interpolated between solved sites."""
     check_interpolation(study)
     lattice = lattice_of(study, cells)
     if lattice is None:
@@ -73,7 +73,7 @@ CORNER_MM = 5.0  # the article's "corner": this far from two edges
 
 
 def landmarks(cells: dict[str, PlannedCell], study: Study) -> dict[str, PlannedCell]:
-    """Return the cells at "centre" and "corner" (5 mm from two edges, that of large x and y first) that exist."""
+    """Return the sites at "centre" and "corner" (5 mm from two edges, that of large x and y first) that exist."""
     wx, wy = study.sensor.width_x_mm, study.sensor.width_y_mm
     corners = [(x, y) for x in (wx - CORNER_MM, CORNER_MM) for y in (wy - CORNER_MM, CORNER_MM)]
     found = {}
@@ -90,14 +90,14 @@ def landmarks(cells: dict[str, PlannedCell], study: Study) -> dict[str, PlannedC
 
 
 def variant_cells(cells: dict[str, PlannedCell], study: Study, variant: str) -> dict[str, PlannedCell]:
-    """Return the cells of a variant, each to be solved itself: a variant need not have the plan's symmetry."""
+    """Return the sites of a variant, each to be solved itself: a variant need not have the plan's symmetry."""
     names = study.variants[variant].cells or [cell.name for cell in landmarks(cells, study).values()]
     unknown = [name for name in names if name not in cells]
     if unknown:
-        raise ConfigError(f"variants.{variant}.cells: {unknown} are not in the plan; name cells of the plan")
+        raise ConfigError(f"variants.{variant}.cells: {unknown} are not in the plan; name sites of the plan")
     if not names:
         raise ConfigError(
-            f"variants.{variant}: the plan has no cell at the centre or {CORNER_MM:g} mm from two edges; name `cells`"
+            f"variants.{variant}: the plan has no site at the centre or {CORNER_MM:g} mm from two edges; name `cells`"
         )
     chosen = {name: replace(cells[name], source=None, symmetry=None, between="") for name in names}
     check_inside(chosen, variant_study(study, variant))
@@ -105,7 +105,7 @@ def variant_cells(cells: dict[str, PlannedCell], study: Study, variant: str) -> 
 
 
 def plan_table(cells: dict[str, PlannedCell]) -> pd.DataFrame:
-    """Return the plan as a table, one row per cell and depth."""
+    """Return the plan as a table, one row per site and depth."""
     import pandas as pd
 
     rows = [
@@ -123,7 +123,7 @@ def plan_table(cells: dict[str, PlannedCell]) -> pd.DataFrame:
 
 
 def _steps(cell: PlannedCell) -> list[tuple]:
-    """Return phase, shears, tilts and twist of each depth of a cell."""
+    """Return phase, shears, tilts and twist of each depth of a site."""
     count = len(cell.depths_mm)
     phases, none = cell.phases or ("load",) * count, ((0.0, 0.0),) * count
     moves = zip(phases, cell.shears_mm or none, cell.tilts_deg or none, cell.twists_deg or (0.0,) * count)
@@ -174,14 +174,14 @@ def _from_file(path: Path, mm_per_unit: float) -> dict[str, PlannedCell]:
     cells = {}
     for name, rows in rows_of.items():
         if not NAME.fullmatch(name):
-            raise ConfigError(f"{path}: cell {name!r} is not a name; use letters, digits, '_' and '-'")
+            raise ConfigError(f"{path}: site {name!r} is not a name; use letters, digits, '_' and '-'")
         numbers, turns = places[rows], moves[rows]
         if not np.isfinite(numbers).all():
             raise ConfigError(
-                f"{path}: cell {name} has an empty or non-finite number; fill x_mm, y_mm and depth_mm"
+                f"{path}: site {name} has an empty or non-finite number; fill x_mm, y_mm and depth_mm"
             )
         if np.ptp(numbers[:, :2], axis=0).max() > 1e-9:
-            raise ConfigError(f"{path}: cell {name} has several positions; give each position its own cell")
+            raise ConfigError(f"{path}: site {name} has several positions; give each position its own site")
         x, y = float(numbers[0, 0]), float(numbers[0, 1])
         phased = [phases[row] for row in rows]
         if turns.any() or any(phased):
@@ -190,7 +190,7 @@ def _from_file(path: Path, mm_per_unit: float) -> dict[str, PlannedCell]:
         depths = tuple(sorted(numbers[:, 2]))
         if depths[0] <= 0 or len(set(depths)) < len(depths):
             raise ConfigError(
-                f"{path}: cell {name} has depths {depths}; they must be positive and differ, unless phase or shear_x_mm, "
+                f"{path}: site {name} has depths {depths}; they must be positive and differ, unless phase or shear_x_mm, "
                 "shear_y_mm make its rows a path"
             )
         cells[name] = PlannedCell(name, x, y, depths)
@@ -205,17 +205,17 @@ def _path(
     turns: np.ndarray,
     phases: list[str],
 ) -> PlannedCell:
-    """Return a cell whose rows are followed in the order of the file; an empty phase is found from what moves."""
+    """Return a site whose rows are followed in the order of the file; an empty phase is found from what moves."""
     if depths[0] <= 0:
         raise ConfigError(
-            f"{file}: cell {name}: its path begins at depth {depths[0]:g} mm; begin with a positive depth"
+            f"{file}: site {name}: its path begins at depth {depths[0]:g} mm; begin with a positive depth"
         )
     before = np.vstack([np.zeros(6), np.column_stack([depths, turns])[:-1]])
     moves = np.column_stack([depths, turns]) - before
     for row, move in enumerate(moves):
         phases[row] = phases[row] or _phase(move)
         if phases[row] not in PHASES:
-            raise ConfigError(f"{file}: cell {name}: phase {phases[row]!r} is not one of {', '.join(PHASES)}")
+            raise ConfigError(f"{file}: site {name}: phase {phases[row]!r} is not one of {', '.join(PHASES)}")
     shears, tilts = ([(float(a), float(b)) for a, b in turns[:, k : k + 2]] for k in (0, 2))
     return PlannedCell(
         name,
@@ -237,7 +237,7 @@ def press_path(
     unload: bool,
     twist: float = 0.0,
 ) -> PlannedCell:
-    """Return a cell that is pressed by increasing depths, then, if asked, moved by shear (2,) [mm], twisted and unloaded.
+    """Return a site that is pressed by increasing depths, then, if asked, moved by shear (2,) [mm], twisted and unloaded.
 
     twist [deg]: about z, through the indenter's centre.
     """
@@ -278,7 +278,7 @@ def _phase(move: np.ndarray) -> str:
 
 
 def check_inside(cells: dict[str, PlannedCell], study: Study) -> None:
-    """Refuse positions outside the sensor, and presses that would pierce it, sink the indenter or pass between nodes."""
+    """Refuse positions outside the sensor, and indentations that pierce it, sink the indenter or pass between nodes."""
     sensor, effects = study.sensor, study.mechanics.effects
     check_sensor_size(sensor)
     check_mesh(study)
@@ -286,11 +286,11 @@ def check_inside(cells: dict[str, PlannedCell], study: Study) -> None:
     check_indenter(study)
     described = shape_of(study.indenter)
     real = real_indenter(described, effects)
-    same_everywhere = not touches_a_slope(effects)  # then most cells of a plan press equally deep
+    same_everywhere = not touches_a_slope(effects)  # then most sites of a plan press equally deep
     checked = set()
     check_over_sensor(study, cells)
     for cell in cells.values():
-        where = f"cell {cell.name}"
+        where = f"site {cell.name}"
         for shear in cell.shears_mm or ((0.0, 0.0),):
             x, y = cell.x_mm + shear[0], cell.y_mm + shear[1]
             if not (0 <= x <= sensor.width_x_mm and 0 <= y <= sensor.width_y_mm):
@@ -322,12 +322,12 @@ def _check_mirrored(related: dict[str, PlannedCell], sensor: Sensor) -> None:
 
 
 def _with_sources(cells: dict[str, PlannedCell], sensor: Sensor) -> dict[str, PlannedCell]:
-    """Return the cells of a square sensor, each with the first of the plan that it is an image of, if there is one."""
+    """Return the sites of a square sensor, each with the first of the plan that it is an image of, if there is one."""
     names = list(cells)
     positions = np.array([(cell.x_mm, cell.y_mm) for cell in cells.values()]).reshape(-1, 2)
-    images = np.stack([transform_points(s, positions, sensor.width_x_mm) for s in D4])  # (8, cells, 2)
+    images = np.stack([transform_points(s, positions, sensor.width_x_mm) for s in D4])  # (8, sites, 2)
     places = [list(map(tuple, row)) for row in np.round(images, 6).swapaxes(0, 1).tolist()]
-    solved: dict[tuple, int] = {}  # number of the cell solved at a place, to some depths
+    solved: dict[tuple, int] = {}  # number of the site solved at a place, to some depths
     related = {}
     for number, cell in enumerate(cells.values()):
         if cell.follows_a_path:  # solved itself: its moves have directions of their own

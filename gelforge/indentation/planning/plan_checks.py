@@ -1,4 +1,4 @@
-"""What cannot be meant in a plan: two cells at one place, and lengths in metres or inches."""
+"""What cannot be meant in a plan: two sites at one place, and lengths in metres or inches."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 
 MOST_CELLS = 200_000  # of a grid: the article's has 1681; a spacing in metres has a million times as many
 MOST_ELEMENTS = 5e6  # a hundred times those of the article's mesh; their factors alone would need a terabyte
-MOST_STEPS = 1e4  # of one press; a hundred resolve any history
+MOST_STEPS = 1e4  # of one indentation; a hundred resolve any history
 UNITS = {"metres": 1e3, "inches": 25.4}  # mm of a unit that is taken for a millimetre
 
 
 def check_places(cells: Mapping[str, PlannedCell], within_mm: float) -> None:
-    """Refuse cells that stand at one place, as a recorded press joins the plan by its position.
+    """Refuse sites that stand at one place, as a recorded indentation joins the plan by its position.
 
     Paths may share a place where they differ: a shear to the left and one to the right.
     """
@@ -27,12 +27,12 @@ def check_places(cells: Mapping[str, PlannedCell], within_mm: float) -> None:
         one, two = cells[names[i]], cells[names[j]]
         if not (one.follows_a_path or two.follows_a_path):
             raise ConfigError(
-                f"cells {one.name} and {two.name} are both at ({one.x_mm:g}, {one.y_mm:g}) mm, within {within_mm:g} mm:"
-                " give one cell the depths of both"
+                f"sites {one.name} and {two.name} are both at ({one.x_mm:g}, {one.y_mm:g}) mm, within {within_mm:g} mm:"
+                " give one site the depths of both"
             )
         if _way(one) == _way(two):
             raise ConfigError(
-                f"cells {one.name} and {two.name} follow the same path from ({one.x_mm:g}, {one.y_mm:g}) mm; remove one"
+                f"sites {one.name} and {two.name} follow the same path from ({one.x_mm:g}, {one.y_mm:g}) mm; remove one"
             )
 
 
@@ -86,7 +86,7 @@ def check_mesh(study: Study) -> None:
 
 
 def check_steps(cells: Mapping[str, PlannedCell], study: Study) -> None:
-    """Refuse steps of a press with history that nobody could solve one after the other."""
+    """Refuse steps of an indentation with history that nobody could solve one after the other."""
     step = study.mechanics.effects.history.timing.step_mm
     deepest = max((cell.deepest_mm for cell in cells.values()), default=0.0)
     if deepest > MOST_STEPS * step:
@@ -97,8 +97,8 @@ def check_steps(cells: Mapping[str, PlannedCell], study: Study) -> None:
 
 
 def check_count(count: int) -> None:
-    """Refuse a grid of more cells than anybody presses."""
+    """Refuse a grid of more sites than anyone would press."""
     if count > MOST_CELLS:
         raise ConfigError(
-            f"plan.grid.spacing_mm gives {count} cells; at most {MOST_CELLS} are planned, make it larger (it is in mm)"
+            f"plan.grid.spacing_mm gives {count} sites; at most {MOST_CELLS} are planned, make it larger (it is in mm)"
         )

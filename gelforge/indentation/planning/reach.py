@@ -16,7 +16,7 @@ from gelforge.mechanics.indenters.shapes import Indenter as Shape
 
 @dataclass(frozen=True)
 class Reach:
-    """The deepest pose of a press: its lowest point under the undeformed top over its centre, and the soft height there."""
+    """The deepest pose of an indentation: its lowest point below the undeformed top over its centre, and the soft height."""
 
     depth_mm: float
     height_mm: float
@@ -28,7 +28,7 @@ class Reach:
 
 
 def planned_reach(sensor: Sensor, effects: Effects, shape: Shape, trajectory: Trajectory) -> Reach:
-    """Return the reach of a press without a mesh: of a block as it really is, of other shapes at their highest point.
+    """Return the reach of an indentation without a mesh: of a block as it really is, of other shapes at their highest point.
 
     shape is the real indenter (indenter_shapes.real_indenter). What frame and base yield only makes the press less deep.
     """
@@ -60,7 +60,7 @@ def soft_base(sensor: Sensor, effects: Effects) -> float:
 
 
 def check_reach(reach: Reach, commanded_mm: float, where: str) -> None:
-    """Refuse a press that would pierce the layers. Raises ConfigError with the depth found and the limit."""
+    """Refuse an indentation that would pierce the layers. Raises ConfigError with the depth found and the limit."""
     if reach.share <= SOFT_SHARE - 1e-9:
         return
     more = abs(reach.depth_mm - commanded_mm) > 1e-6

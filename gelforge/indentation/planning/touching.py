@@ -31,14 +31,14 @@ def check_reaches(study: Study, shape: Shape, cells: dict[str, PlannedCell]) -> 
     sections, parts = {}, {}
     for cell in cells.values():
         deepest = cell.deepest_mm + max(effects.kinematics.contact_zero_mm, 0.0)
-        if deepest not in sections:  # most cells of a plan press equally deep
+        if deepest not in sections:  # most sites of a plan press equally deep
             sections[deepest] = shape.section(deepest if block else 2 * shape.size)
             parts[deepest] = list(_parts(study.indenter, shape, deepest))
         places = np.array(cell.shears_mm or ((0.0, 0.0),)) + [cell.x_mm, cell.y_mm]
         if not _over(sections[deepest], places, width):
             away = np.hypot(*sections[deepest][0, :2])
             raise ConfigError(
-                f"cell {cell.name}: no depth touches: at its deepest, {cell.deepest_mm:g} mm, the indenter lies beside the "
+                f"site {cell.name}: no depth touches: at its deepest, {cell.deepest_mm:g} mm, the indenter lies beside the "
                 f"sensor, {away:.3g} mm from the position ({cell.x_mm:g}, {cell.y_mm:g}) mm; correct its origin_mm or "
                 "offset_mm, or the plan"
             )
@@ -50,7 +50,7 @@ def check_reaches(study: Study, shape: Shape, cells: dict[str, PlannedCell]) -> 
                 continue
             why = "lies beside the sensor there" if reached else f"lies {height:.4g} mm over the lowest part"
             raise ConfigError(
-                f"cell {cell.name}: indenter, part {number} never touches: it {why}, the deepest depth is {deepest:g} mm; "
+                f"site {cell.name}: indenter, part {number} never touches: it {why}, the deepest depth is {deepest:g} mm; "
                 "correct its offset_mm or the plan, or set its need_not_touch: true"
             )
 
@@ -78,7 +78,7 @@ def check_over_sensor(study: Study, cells: dict[str, PlannedCell]) -> None:
         if np.hypot(*(place / half - 1)) < 1 if dome else tops_over(solids, *place):
             continue
         raise ConfigError(
-            f"cell {cell.name}: no surface of the sensor lies below ({cell.x_mm:g}, {cell.y_mm:g}) mm; move the position or "
+            f"site {cell.name}: no surface of the sensor lies below ({cell.x_mm:g}, {cell.y_mm:g}) mm; move the position or "
             "make plan.grid.margin_mm larger"
         )
 

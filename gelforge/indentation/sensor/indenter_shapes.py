@@ -1,4 +1,4 @@
-"""Indenters from their descriptions, and what is checked of a press before anything is solved."""
+"""Indenters from their descriptions, and what is checked of an indentation before anything is solved."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ def read_triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def check_widest(shape: Shape, words: str, depth_mm: float, where: str) -> None:
-    """Refuse a press that would sink the indenter; the depth is the real one, words those of the indenter."""
+    """Refuse an indentation that would sink the indenter; the depth is the real one, words those of the indenter."""
     if depth_mm > shape.reach + 1e-9:
         raise ConfigError(
             f"{where}: depth {depth_mm:.4g} mm is beyond the widest part of the {words}, {shape.reach:.3g} mm above its "

@@ -1,4 +1,4 @@
-"""Digests of the surface files that shape sensor and indenter: another content is another cell."""
+"""Digests of the surface files that shape sensor and indenter: another content is another site."""
 
 from __future__ import annotations
 

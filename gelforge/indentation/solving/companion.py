@@ -1,4 +1,4 @@
-"""A cell with its error bars: the press itself, and a coarse-mesh solution that says how sure its forces are."""
+"""A site with its error bars: the indentation itself, and a coarse-mesh solution that shows how uncertain its forces are."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def simulate_label(
     planned: PlannedCell,
     outside: dict[str, Outside] | None = None,
 ) -> Cell:
-    """Return the solved cell of a plan with the error bars of its forces, unless mechanics.error_bars is false.
+    """Return the solved site of a plan with the error bars of its forces, unless mechanics.error_bars is false.
 
     laws by material; uncertain: by material, its law moved by error_bars.AMOUNT of a standard deviation along each
     independent direction of its parameters (materials.fitting.law_file.moved_laws); outside: see simulate_cell. A site that
@@ -49,7 +49,7 @@ def simulate_label(
     except (
         ConfigError,
         NotConverged,
-    ) as failure:  # the cell itself is solved: its bars are as large as its force
+    ) as failure:  # the site itself is solved: its bars are as large as its force
         companion, reason, unknowns = _unknown(bins.nx * bins.ny), str(failure), 0
     done = min(len(companion.total), len(cell.arrays["depth_mm"]))  # either may have ended early
     companion = Companion(
@@ -72,13 +72,13 @@ def simulate_label(
 
 
 def _with_derivatives(cell: Cell, study: Study, laws: dict[str, PrincipalLaw], planned: PlannedCell) -> Cell:
-    """Return a cell with the derivatives asked for, or with the reason why they could not be followed."""
+    """Return a site with the derivatives asked for, or with the reason why they could not be followed."""
     names = study.mechanics.sensitivities
     if not (names and cell.converged):
         return cell
     try:
         return with_sensitivities(cell, sensitivities(study, laws, planned, names))
-    except (ConfigError, NotConverged) as failure:  # the cell itself is solved
+    except (ConfigError, NotConverged) as failure:  # the site itself is solved
         return Cell(cell.arrays, cell.attributes | {"sensitivity_reason": str(failure)})
 
 

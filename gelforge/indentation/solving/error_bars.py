@@ -1,12 +1,12 @@
 """The error bar of every label: discretisation from a coarse-mesh solution, material from the covariance of the laws.
 
-Both are standard deviations per force component, of bins and of the total. The coarse-mesh solution is the same press on a
-mesh with all sizes doubled. What it differs by is no error bar yet: near the contact's rim the difference of a bin changes
-sign from place to place. Its mean square over a bin, its neighbours and the depths before and after does not, and the true
-error is a stable part of its root, beside a small share of the bin's own force. In a total the errors of near and far size
-can cancel, at other depths than in the coarse-mesh solution's difference: a part of the bins' bars stands beside that. The
-parts below were found on some positions of the article's sensor, that one on a small sensor (benchmarks/total_bars.py),
-and checked on others (benchmarks/error_bars.py, docs/accuracy.md).
+Both are standard deviations per force component, of bins and of the total. The coarse-mesh solution is the same indentation
+on a mesh with all sizes doubled. What it differs by is no error bar yet: near the contact's rim the difference of a bin
+changes sign from place to place. Its mean square over a bin, its neighbours and the depths before and after does not, and
+the true error is a stable part of its root, beside a small share of the bin's own force. In a total the errors of near and
+far size can cancel, at other depths than in the coarse-mesh solution's difference: a part of the bins' bars stands beside
+that. The parts below were found on some positions of the article's sensor, that one on a small sensor
+(benchmarks/total_bars.py), and checked on others (benchmarks/error_bars.py, docs/accuracy.md).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from scipy.ndimage import gaussian_filter
 
 from gelforge.mechanics.laws.law import PrincipalLaw
 
-COARSER = 2.0  # the coarse-mesh solution's sizes over the cell's
+COARSER = 2.0  # the coarse-mesh solution's sizes over the site's
 SMOOTHING = 0.6  # standard deviation of the weights of the mean square: of bins along x and y, and of depths
 PART_BINS = np.array([0.30, 0.30, 0.34])  # x, y, z: of the root mean square difference of bins
 SHARE_BINS = 0.007  # of the force of the bin itself
@@ -46,7 +46,7 @@ class Companion:
 def error_bars(
     total: np.ndarray, bins: np.ndarray, shape: tuple[int, int], companion: Companion
 ) -> dict[str, np.ndarray]:
-    """Return the error bars of a cell's totals (D, 3) and bins (D, B, 3) [N] on a grid of (ny, nx) bins.
+    """Return the error bars of a site's totals (D, 3) and bins (D, B, 3) [N] on a grid of (ny, nx) bins.
 
     Depths that the coarse-mesh solution did not reach take its last depth's bars, grown with the force.
     """

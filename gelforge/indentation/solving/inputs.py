@@ -1,4 +1,4 @@
-"""What decides a cell's numbers, as one digest."""
+"""What decides a site's numbers, as one digest."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gelforge.mechanics.laws.law import PrincipalLaw
 
 
 def inputs_digest(study: Study, laws: Mapping[str, PrincipalLaw], planned: PlannedCell) -> str:
-    """Return the digest of everything that decides a cell's numbers: settings, laws, position, depths, sources."""
+    """Return the digest of everything that decides a site's numbers: settings, laws, position, depths, sources."""
     materials = {layer.material for layer in study.sensor.layers}
     return digest(
         {
@@ -35,7 +35,7 @@ def inputs_digest(study: Study, laws: Mapping[str, PrincipalLaw], planned: Plann
 def solution_digest(
     study: Study, laws: Mapping[str, PrincipalLaw], planned: PlannedCell, law_files: Iterable[Path]
 ) -> str:
-    """Return the digest of everything that decides a solved cell's file, its error bars and warnings too.
+    """Return the digest of everything that decides a solved site's file, its error bars and warnings too.
 
     These follow the covariances and tested ranges in the files of the laws.
     """

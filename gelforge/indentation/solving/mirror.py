@@ -1,4 +1,4 @@
-"""Cells that are mirror images of solved ones."""
+"""Sites that are mirror images of solved ones."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from gelforge.mechanics.laws.law import PrincipalLaw
 
 
 def mirror_cell(source: Cell, study: Study, laws: dict[str, PrincipalLaw], planned: PlannedCell) -> Cell:
-    """Return the cell that the symmetry of the plan makes of its source, without section, gel displacement and derivatives.
+    """Return the site that the symmetry of the plan makes of its source, without section, gel displacement and derivatives.
 
     Its seconds are those of the mirroring; the iterations and balances are its source's.
     """
     wall_clock, cpu_clock = time.perf_counter(), time.process_time()
     name, width, n = planned.symmetry, study.sensor.width_x_mm, study.sensor.bins.nx
     if name is None:
-        raise ValueError(f"cell {planned.name} mirrors no other; solve it")
-    # Shear and tilt are zero: a cell that shears or tilts is solved itself.
+        raise ValueError(f"site {planned.name} mirrors no other; solve it")
+    # Shear and tilt are zero: a site that shears or tilts is solved itself.
     plain = ("depth_mm", "shear_mm", "tilt_deg")
     arrays = {key: source.arrays[key] for key in plain if key in source.arrays}
     for key in (

@@ -1,9 +1,9 @@
-"""How a cell's forces, and the gel's displacement, follow the effects that the finite elements know, at value zero.
+"""How a site's forces, and the gel's displacement, follow the effects that the finite elements know, at value zero.
 
 Effects that leave the elements and the kind of path alone are differentiated along one base run, all together
-(mechanics.sensitivities.direct); a press at another place takes the touched part of the mesh along. For effects that
-bring another mesh or turn every press into a path of its own, and where the base remembers or yields, two solutions are
-subtracted.
+(mechanics.sensitivities.direct); an indentation at another place takes the touched part of the mesh along. For effects that
+bring another mesh or turn every indentation into a path of its own, and where the base remembers or yields, two solutions
+are subtracted.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def derivable(name: str) -> bool:
 def sensitivities(
     study: Study, laws: dict[str, PrincipalLaw], planned: PlannedCell, names: Sequence[str]
 ) -> dict[str, Derivative]:
-    """Return the derivatives of a cell's forces with respect to the named effects of the catalogue, in their order.
+    """Return the derivatives of a site's forces with respect to the named effects of the catalogue, in their order.
 
     Raises ConfigError as variations_of, NotConverged as the solver does.
     """
@@ -105,7 +105,7 @@ def derivatives(
     planned: PlannedCell,
     variations: Mapping[str, Variation],
 ) -> tuple[Cell, dict[str, Derivative]]:
-    """Return a cell's forces, and its gel if the study stores it, with derivatives along variations, in their order.
+    """Return a site's forces, and its gel if the study stores it, with derivatives along variations, in their order.
 
     Raises NotConverged.
     """
@@ -133,7 +133,7 @@ def derivatives(
 
 
 def unmirrored(study: Study) -> Study:
-    """Return the study for one cell by itself: whether its images could be mirrored with an effect does not matter.
+    """Return the study for one site by itself: whether its images could be mirrored with an effect does not matter.
 
     Only `d4` asks for it and is refused; `auto` mirrors nothing where it does not hold.
     """
@@ -199,7 +199,7 @@ def _along(
 
 
 def _carried(base: Model, varied: Model, amount: float) -> np.ndarray | None:
-    """Return how nodes (N, 3) [mm/unit] are carried to a press at another place; None where it is at the base's."""
+    """Return how nodes (N, 3) [mm/unit] are carried to an indentation at another place; None where it is at the base's."""
     return None if varied.drawn is base.drawn else (varied.drawn.X - base.drawn.X) / amount
 
 
@@ -251,7 +251,7 @@ def _solved(study: Study, laws, planned: PlannedCell) -> Cell:
 
 
 def with_sensitivities(cell: Cell, derivatives: Mapping[str, Derivative]) -> Cell:
-    """Return a cell with derivatives by effect stored in the order of the attribute sensitivity_names."""
+    """Return a site with derivatives by effect stored in the order of the attribute sensitivity_names."""
     arrays = {
         "sensitivity_total": np.array([d.total for d in derivatives.values()]),
         "sensitivity_bin": np.array([d.bins for d in derivatives.values()], np.float32),

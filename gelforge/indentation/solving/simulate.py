@@ -1,4 +1,4 @@
-"""One cell: the finite-element solution of one position with all its depths."""
+"""One site: the finite-element solution of one position with all its depths."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def simulate_cell(
     planned: PlannedCell,
     outside: dict[str, Outside] | None = None,
 ) -> Cell:
-    """Return the solved cell of a plan; laws are named by material. A cell that fails says so in its attributes.
+    """Return the solved site of a plan; laws are named by material. A site that fails says so in its attributes.
 
     outside: by material, whether principal stretches leave the range in which its law was tested.
     """
@@ -99,7 +99,7 @@ class Model:
     yielding: np.ndarray | None  # (3,) [mm/N] of machine and base plate, along the path
     drawn: Mesh  # of the sensor as drawn
     drawn_for: tuple  # all that decides it
-    place: np.ndarray  # (2,) where the press really is [mm]
+    place: np.ndarray  # (2,) where the indentation really is [mm]
 
 
 def model_of(
@@ -112,8 +112,8 @@ def model_of(
 ) -> Model:
     """Return the model of a trajectory; laws are named by layer.
 
-    base: one that lends what is the same of both. A press that is elsewhere than the base's then takes the touched part of
-    a block's mesh along, where there is room to the walls.
+    base: one that lends what is the same of both. An indentation that is elsewhere than the base's then takes the touched
+    part of a block's mesh along, where there is room to the walls.
     """
     effects = mechanics.effects
     effects.check(sensor)
@@ -133,7 +133,7 @@ def model_of(
     if sensor.shape.kind != "block":
         tops = np.full(len(centres), surface_point(mesh, *place)[0][2])
     reach = reach_of(shape, centres, tops, soft_base(sensor, effects))
-    where = f"the press at ({trajectory.x_mm:g}, {trajectory.y_mm:g}) mm"
+    where = f"the indentation at ({trajectory.x_mm:g}, {trajectory.y_mm:g}) mm"
     check_reach(reach, max(trajectory.depths_mm), where)
     known = base is not None and base.body.laws == body.laws  # a base that was checked differs little
     if mechanics.strain == "finite" and not known:  # small strains use the laws at rest only
@@ -143,7 +143,7 @@ def model_of(
 
 
 def _taken_along(base: Model, sensor: Sensor, touched: np.ndarray, place: np.ndarray) -> Mesh:
-    """Return the drawn mesh of a base for a press at another place (2,) [mm]; its own where that cannot be had.
+    """Return the drawn mesh of a base for an indentation at another place (2,) [mm]; its own where that cannot be had.
 
     touched (n, 3): discs (x, y, radius) [mm] of the base.
     """
@@ -227,7 +227,7 @@ def simulate_trajectory(
     trajectory: Trajectory,
     outside: dict[str, Outside | None] | None = None,
 ) -> Cell:
-    """Return the solution of a trajectory; laws are named by layer. What fails ends the cell, with its reason."""
+    """Return the solution of a trajectory; laws are named by layer. What fails ends the site, with its reason."""
     return _simulated(sensor, indenter, mechanics, laws, trajectory, outside, None)[0]
 
 

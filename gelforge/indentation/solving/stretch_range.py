@@ -1,4 +1,4 @@
-"""How far the elements of a cell are stretched, and whether a law leaves the range in which it was tested."""
+"""How far the elements of a site are stretched, and whether a law leaves the range in which it was tested."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def element_stretches(
 def stretch_ranges(
     stretches: Sequence[np.ndarray], volume: np.ndarray, region: np.ndarray, outside: Sequence[Outside | None]
 ) -> dict[str, np.ndarray]:
-    """Return the attributes of a cell about its stretches.
+    """Return the attributes of a site about its stretches.
 
     stretches: (E, 3) per depth; volume (E,) [mm^3]; region (E,) numbers; outside: the test of each region's law, None
     where nothing is known of its range. `stretch_range` (D, R, 2) is the smallest and largest principal stretch of a
@@ -66,7 +66,7 @@ def unstable_shares(
     region: np.ndarray,
     laws: Sequence[PrincipalLaw | None],
 ) -> dict[str, np.ndarray]:
-    """Return the attributes of a cell about the stability of its laws at the stretches that were really reached.
+    """Return the attributes of a site about the stability of its laws at the stretches that were really reached.
 
     Arguments as in stretch_ranges; laws: of each region, None where stretches do not matter. `volume_law_unstable` (D, R) is
     the share of a region's volume in which its law is not Drucker-stable; `law_unstable` (D,) is 1 where any is, else 0.

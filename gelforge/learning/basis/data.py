@@ -15,7 +15,7 @@ from gelforge.learning.basis.scaling import ModelError, Scaling, input_flow
 from gelforge.learning.basis.turns import flow_centre, image_on_sensor
 
 FEATURE, LABEL = "feature", "force_distribution_N"
-BLOCK_ROWS = 64  # consecutive rows that are read together; about one cell
+BLOCK_ROWS = 64  # consecutive rows that are read together; about one site
 BUFFER_ROWS = 16384  # rows in memory while training: 290 MB of the paper's features and labels
 
 
@@ -39,7 +39,7 @@ class TactileRows(torch.utils.data.Dataset):
 
 
 def subset(rows: ShardDataset, cells: set[str]) -> np.ndarray:
-    """Return the numbers (n,) of the rows that belong to some cells, in order."""
+    """Return the numbers (n,) of the rows that belong to some sites, in order."""
     parts, start = [np.empty(0, np.int64)], 0
     for block in rows.batches(("cell",), 8192):
         parts.append(start + np.flatnonzero([name in cells for name in block["cell"]]))
@@ -48,7 +48,7 @@ def subset(rows: ShardDataset, cells: set[str]) -> np.ndarray:
 
 
 def positions_of(rows: ShardDataset) -> dict[str, np.ndarray]:
-    """Return the position (2,) [mm] of each cell that rows belong to, by its name, sorted."""
+    """Return the position (2,) [mm] of each site that rows belong to, by its name, sorted."""
     places: dict[str, np.ndarray] = {}
     for block in rows.batches(("cell", "position_mm"), 8192):
         places |= dict(zip(block["cell"], block["position_mm"]))
@@ -56,7 +56,7 @@ def positions_of(rows: ShardDataset) -> dict[str, np.ndarray]:
 
 
 def orbits_of(shards: Sequence[str | Path]) -> dict[str, str]:
-    """Return the orbit of each cell of shards: the first of the cells that are its mirror images."""
+    """Return the orbit of each site of shards: the first of the sites that are its mirror images."""
     cells = {name: about for path in shards for name, about in shard_attributes(path)["cells"].items()}
     return {name: about.get("orbit", name) for name, about in cells.items()}
 
@@ -64,7 +64,7 @@ def orbits_of(shards: Sequence[str | Path]) -> dict[str, str]:
 def training_and_validation(
     rows: ShardDataset, shards: Sequence[str | Path], study: Study
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the numbers of the rows that train and of those that only watch the loss, by orbit."""
+    """Return the numbers of the rows that train and of those that only monitor the loss, by orbit."""
     places = positions_of(rows)
     known = orbits_of(shards)
     orbit = {name: known.get(name, name) for name in places}
@@ -75,7 +75,7 @@ def training_and_validation(
 
 
 def images_of_presses(rows: ShardDataset, index: np.ndarray) -> np.ndarray:
-    """Return for each of the rows numbered by index (n,) the number of its group: the images of a press in one state."""
+    """Return for each of the rows index (n,) the number of its group: the images of an indentation in one state."""
     groups: dict[tuple, int] = {}
     found = []
     for start in range(0, len(index), 8192):
@@ -120,7 +120,7 @@ def measure_scaling(
     prefers a place or a direction: zero means, and one scale for both components of the flow and of the horizontal force.
     """
     if not len(index):
-        raise ModelError("no training rows; give the study more cells or a smaller dataset.test_fraction")
+        raise ModelError("no training rows; give the study more sites or a smaller dataset.test_fraction")
     mean = [np.zeros(()), np.zeros(())]
     for flow, label in _blocks(rows, index, form, turn):
         mean = [m + v.sum(axis=0, dtype=np.float64) / len(index) for m, v in zip(mean, (flow, label))]

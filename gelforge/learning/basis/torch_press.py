@@ -1,4 +1,4 @@
-"""A press whose derivatives are known, as a differentiable function of PyTorch."""
+"""An indentation whose derivatives are known, as a differentiable function of PyTorch."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gelforge.config import ConfigError
 
 
 class TorchForces(NamedTuple):
-    """Forces of a press, float64 on the CPU, step by step: D steps, B bins, axes x, y, z of the sensor."""
+    """Forces of an indentation, float64 on the CPU, step by step: D steps, B bins, axes x, y, z of the sensor."""
 
     total_N: Tensor  # (D, 3)
     bins_N: Tensor  # (D, B, 3), k = nx iy + ix
@@ -46,7 +46,7 @@ class _Press(torch.autograd.Function):
 
 
 def forces_as_tensors(solved: Callable, values: Mapping[str, Tensor | float]) -> TorchForces:
-    """Return the forces of a press as tensors whose gradients are the derivatives that come with its solution.
+    """Return the forces of an indentation as tensors whose gradients are the derivatives that come with its solution.
 
     solved(numbers, along): total_force_N (D, 3), bin_force_N (D, B, 3), and total_slope and bin_slope by name, at numbers by
     name, with the derivatives along these names. values: tensors of one element, or floats, by name. Raises ConfigError for
@@ -59,6 +59,6 @@ def forces_as_tensors(solved: Callable, values: Mapping[str, Tensor | float]) ->
     for name, tensor in zip(values, tensors):
         if tensor.numel() != 1:
             raise ConfigError(
-                f"{name}: a tensor of shape {tuple(tensor.shape)}; one number is needed, call once for each press"
+                f"{name}: a tensor of shape {tuple(tensor.shape)}; one number is needed, call once for each indentation"
             )
     return TorchForces(*_Press.apply(solved, tuple(values), *tensors))

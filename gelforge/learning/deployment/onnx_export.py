@@ -37,7 +37,7 @@ OPSET = 20  # ONNX 1.15, ONNX Runtime 1.17 and newer
 LIMIT = 1e-4
 UNITS = {
     "features": "magnitudes [px], then directions [rad], regions row by row from the image's top left",
-    "force_N": "on the sensor [N], bins k = nx iy + ix, axes x, y, z (z up: a press is negative)",
+    "force_N": "on the sensor [N], bins k = nx iy + ix, axes x, y, z (z up: an indentation is negative)",
 }
 
 

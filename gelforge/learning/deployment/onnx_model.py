@@ -106,11 +106,11 @@ def model_of(content: bytes, where: str, threads: int = 1) -> OnnxModel:
         session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # ONNX Runtime raises a class of its own for each kind of damage
         raise ModelError(f"{where}: ONNX Runtime cannot read it ({type(error).__name__}); {REMEDY}") from None
-    told = session.get_modelmeta().custom_metadata_map.get(KEY)
-    if told is None:
+    metadata = session.get_modelmeta().custom_metadata_map.get(KEY)
+    if metadata is None:
         raise ModelError(f"{where}: an ONNX file, but not one that gelforge has exported; {REMEDY}")
     try:
-        return _from_metadata(session, json.loads(told), where)
+        return _from_metadata(session, json.loads(metadata), where)
     except (KeyError, TypeError, ValueError) as error:
         if isinstance(error, ModelError):
             raise
@@ -120,12 +120,12 @@ def model_of(content: bytes, where: str, threads: int = 1) -> OnnxModel:
         ) from None
 
 
-def _from_metadata(session, told: dict, where: str) -> OnnxModel:
-    if told.get("format") != FORMAT:
+def _from_metadata(session, metadata: dict, where: str) -> OnnxModel:
+    if metadata.get("format") != FORMAT:
         raise ModelError(
-            f"{where}: of format {told.get('format')!r}, this version reads {FORMAT!r}; {REMEDY}"
+            f"{where}: of format {metadata.get('format')!r}, this version reads {FORMAT!r}; {REMEDY}"
         )
-    settings, bins = told["settings"], told["settings"]["bins"]
+    settings, bins = metadata["settings"], metadata["settings"]["bins"]
     taken, given = session.get_inputs(), session.get_outputs()
     count = 2 * settings["features"]["regions"] ** 2
     shape = [bins["nx"] * bins["ny"], 3]
@@ -133,19 +133,19 @@ def _from_metadata(session, told: dict, where: str) -> OnnxModel:
         raise ModelError(
             f"{where}: takes {[(i.name, i.shape) for i in taken]}, not {count} features; {REMEDY}"
         )
-    limits = told["familiar"]
+    limits = metadata["familiar"]
     if [o.name for o in given] != ([OUTPUT, STATISTICS] if limits else [OUTPUT]) or given[0].shape[
         1:
     ] != shape:
         raise ModelError(f"{where}: gives {[(o.name, o.shape) for o in given]}, not forces {shape}; {REMEDY}")
-    intervals = told["intervals"]
+    intervals = metadata["intervals"]
     return OnnxModel(
         session,
         settings,
-        Zero(**told["zero"]),
+        Zero(**metadata["zero"]),
         Intervals(**{name: np.array(values) for name, values in intervals.items()}) if intervals else None,
         {name: np.array(values) for name, values in limits.items()} if limits else None,
-        np.array(told["largest_N"]),
-        told["model_sha256"],
+        np.array(metadata["largest_N"]),
+        metadata["model_sha256"],
         where,
     )

@@ -1,1 +1,1 @@
-"""Predictions of held-out cells, and what they are worth."""
+"""Predictions of held-out sites, and what they are worth."""

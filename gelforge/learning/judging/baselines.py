@@ -62,10 +62,12 @@ class Baseline:
 def fit_baselines(
     rows: ShardDataset, training: np.ndarray, validation: np.ndarray, scaling: Scaling, grid: tuple, seed: int
 ) -> Iterator[Baseline]:
-    """Yield each baseline, fitted to one image of each press of rows training (n,), chosen by those of validation (m,).
+    """Yield each baseline, fitted to one image of each indentation of rows training (n,), chosen by those of validation
+    (m,).
 
-    Inputs and targets are the network's. At most MOST_ROWS presses are taken, drawn by seed: kernel ridge keeps them all.
-    The choice is that of the least mean squared error; zeros are found as `find_zero` does. grid: bins nx, ny, widths [mm].
+    Inputs and targets are the network's. At most MOST_ROWS indentations are taken, drawn by seed: kernel ridge keeps them
+    all. The choice is that of the least mean squared error; zeros are found as `find_zero` does. grid: bins nx, ny, widths
+    [mm].
     """
     inputs, targets, _ = _read(rows, _one_of_each_press(rows, training, seed), scaling)
     watched, wanted, untouched = _read(rows, _at_most(validation, MOST_WATCHED, seed), scaling)
@@ -100,7 +102,7 @@ def _read(
 
 
 def _one_of_each_press(rows: ShardDataset, index: np.ndarray, seed: int) -> np.ndarray:
-    """Return one row of each press and depth among the rows index (n,), untouched ones too, at most MOST_ROWS."""
+    """Return one row of each indentation and depth among the rows index (n,), untouched ones too, at most MOST_ROWS."""
     _, first = np.unique(images_of_presses(rows, index), return_index=True)
     return _at_most(index[first], MOST_ROWS, seed)
 

@@ -170,11 +170,12 @@ LIGHT_N = 0.05
 
 
 def reliability_table(predictions: Predictions) -> pd.DataFrame:
-    """Return how far the network is to be trusted: zeros, contacts seen, light presses, the centre, intervals.
+    """Return how far the network is to be trusted: zeros, contacts seen, light indentations, the centre, intervals.
 
     quantity, value, unit: Fz of untouched images (rms); share of contacts of CONTACT_N and more that are seen; mean error of
-    presses up to LIGHT_N; the centre of pressure's distance (median, 95th percentile of touched rows); how many of the bins
-    that carry force, and of the totals of touched rows, lie in their 90 % intervals, and the intervals' mean half widths.
+    indentations up to LIGHT_N; the centre of pressure's distance (median, 95th percentile of touched rows); how many of the
+    bins that carry force, and of the totals of touched rows, lie in their 90 % intervals, and the intervals' mean half
+    widths.
     """
     errors = RowErrors.of(predictions)
     predicted, true, seen, distance = errors.total, errors.true_total, errors.seen, errors.distance
@@ -183,7 +184,11 @@ def reliability_table(predictions: Predictions) -> pd.DataFrame:
     rows = [
         ("Fz of untouched images, rms", _rms(predicted[~touched, 2]), "N"),
         (f"contacts of {1e3 * CONTACT_N:g} mN and more that are seen", _mean(seen[felt]), "1"),
-        (f"mean error of Fz of presses up to {1e3 * LIGHT_N:g} mN", _mean((predicted - true)[light, 2]), "N"),
+        (
+            f"mean error of Fz of indentations up to {1e3 * LIGHT_N:g} mN",
+            _mean((predicted - true)[light, 2]),
+            "N",
+        ),
         ("centre of pressure, median distance", _quantile(distance[touched], 0.5), "mm"),
         ("centre of pressure, 95th percentile", _quantile(distance[touched], 0.95), "mm"),
     ]

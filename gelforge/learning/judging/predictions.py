@@ -63,7 +63,7 @@ def predict_test_rows(
     rows, learnt = ShardDataset(sets.tested, sets.split), ShardDataset(sets.learnt, "train")
     if not len(rows):
         raise DatasetError(
-            f"{sets.tested[0]}: no test row in {len(sets.tested)} shards; give the study more cells"
+            f"{sets.tested[0]}: no test row in {len(sets.tested)} shards; give the study more sites"
         )
     check_same_images(model, study.features.regions, views_of(sets.tested))
     bins, nx = model.scaling.output_mean.shape[0], model.settings["bins"]["nx"]
@@ -175,7 +175,7 @@ def training_mean(rows: ShardDataset) -> np.ndarray:
         total = total + block[LABEL][touched].sum(axis=0, dtype=np.float64)
         count += int(touched.sum())
     if not count:
-        raise DatasetError("no touched training row; give the study more cells")
+        raise DatasetError("no touched training row; give the study more sites")
     return total / count
 
 

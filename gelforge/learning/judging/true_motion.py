@@ -14,7 +14,7 @@ from gelforge.learning.models.model_file import Model
 from gelforge.virtual_lab.true_presses import TruePress
 
 BLOCK = 256  # rows in memory at a time
-MOST_LEARNT = 300  # training presses that tell what the flow makes of true motion: 12 seconds
+MOST_LEARNT = 300  # training indentations that show what the flow makes of true motion: 12 seconds
 RIDGE_PX2 = (
     1e-3  # keeps regions that hardly move from a map of their noise; 1e-2 gives the same parts of the error
 )
@@ -90,7 +90,7 @@ def write_truth(
 ) -> None:
     """Write a group `truth` of every row: true force, prediction from true motion, how far the flow is off.
 
-    learnt: training rows of the same virtual sensor, which tell what its flow makes of true motion; without any all that the
+    learnt: training rows of the same virtual sensor, which show what its flow makes of true motion; without any all that the
     flow does to it counts as error. Untouched rows are zero; where no row is touched nothing is written.
     """
     recorded = _recorded(rows, np.arange(len(rows)))
@@ -138,7 +138,7 @@ def _recorded(rows: ShardDataset, index: np.ndarray) -> list[Recorded | None]:
 
 
 def _flow_map(learnt: ShardDataset, truth: Truth) -> FlowMap | None:
-    """Return the map from true motion to the flow of training images, one image of each of MOST_LEARNT presses."""
+    """Return the map from true motion to the flow of training images, one image of each of MOST_LEARNT indentations."""
     if not len(learnt):
         return None
     first = {press: row for row, press in enumerate(_recorded(learnt, np.arange(len(learnt)))) if press}

@@ -1,4 +1,4 @@
-"""A trained model on another sensor of its kind: gains from a few presses whose total force was measured."""
+"""A trained model on another sensor of its kind: gains from a few indentations whose total force was measured."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FORMS = {"none": (), "one gain": ((0, 1, 2),), "horizontal and vertical gain": (
 
 @dataclass(frozen=True)
 class Presses:
-    """Rows of some presses: what the images showed and what the force sensor read."""
+    """Rows of some indentations: what the images showed and what the force sensor read."""
 
     feature: np.ndarray  # (n, F)
     measured: np.ndarray  # (n, 3) [N]
@@ -38,26 +38,26 @@ class Presses:
 
 @dataclass(frozen=True)
 class Adaptation:
-    """How a model was adapted: which gains, chosen among which by the error on presses left out."""
+    """How a model was adapted: which gains, chosen among which by the error on indentations left out."""
 
     form: str
     gain: np.ndarray  # (3,)
-    left_out_N: dict[str, float]  # rms error of the total force on presses left out, by form
+    left_out_N: dict[str, float]  # rms error of the total force on indentations left out, by form
     widened: np.ndarray  # (3,) times the intervals of totals
 
 
 def press_names(rows: ShardDataset) -> np.ndarray:
-    """Return for each row the press (N,) whose force was measured, "" for an untouched or unmeasured one."""
+    """Return for each row the indentation (N,) whose force was measured, "" for an untouched or unmeasured one."""
     names = [np.empty(0, object)]
     for block in rows.batches(("total_force_ft_N", "untouched", "press", "session"), 8192):
         known = ~block["untouched"] & np.isfinite(block["total_force_ft_N"]).all(axis=1)
-        told = [f"{s}/{p}" if k else "" for s, p, k in zip(block["session"], block["press"], known)]
-        names.append(np.array(told, object))
+        pressed = [f"{s}/{p}" if k else "" for s, p, k in zip(block["session"], block["press"], known)]
+        names.append(np.array(pressed, object))
     return np.concatenate(names)
 
 
 def measured_presses(rows: ShardDataset, names: np.ndarray, chosen: set[str] | None = None) -> Presses:
-    """Return the rows of presses (names as press_names) whose force was measured, all or the chosen."""
+    """Return the rows of indentations (names as press_names) whose force was measured, all or the chosen."""
     index = np.flatnonzero([name != "" and (chosen is None or name in chosen) for name in names])
     if not len(index):
         return Presses(np.empty((0, 0)), np.empty((0, 3)), np.empty(0, object))
@@ -66,11 +66,11 @@ def measured_presses(rows: ShardDataset, names: np.ndarray, chosen: set[str] | N
 
 
 def drawn_presses(names: np.ndarray, count: int, seed: int) -> set[str]:
-    """Return the names of a number of presses drawn at random. Raises ModelError for fewer than there are or need be."""
+    """Return the names of indentations drawn at random. Raises ModelError for more than there are or fewer than needed."""
     known = np.unique(names[names != ""].astype(str))
     if not LEAST_PRESSES <= count <= len(known):
         raise ModelError(
-            f"{count} presses asked for, {len(known)} are there with images and measured forces; give between "
+            f"{count} indentations asked for, {len(known)} are there with images and measured forces; give between "
             f"{LEAST_PRESSES} and that"
         )
     return set(np.random.default_rng(seed).choice(known, count, replace=False).tolist())
@@ -80,9 +80,9 @@ def adapt(model: Model, presses: Presses) -> tuple[Model, Adaptation]:
     """Return the model with gains that make its totals those measured, and how they were chosen.
 
     Gains are least squares through zero. Of no gain, one, and two, the simplest is taken that no other, whose gains
-    are sure, betters clearly on presses left out one at a time. Thresholds follow the gain; intervals follow it too, and
-    those of totals are widened or narrowed to hold nine in ten of the errors at hand. Raises ModelError for a vertical gain
-    of no sensor of the model's kind.
+    are sure, betters clearly on indentations left out one at a time. Thresholds follow the gain; intervals follow it too,
+    and those of totals are widened or narrowed to hold nine in ten of the errors at hand. Raises ModelError for a vertical
+    gain of no sensor of the model's kind.
     """
     said = predicted(model, presses.feature).sum(axis=1)  # (n, 3)
     error = {form: _left_out(said, presses, axes) for form, axes in FORMS.items()}
@@ -116,13 +116,13 @@ def _gains(said: np.ndarray, measured: np.ndarray, axes: tuple[tuple[int, ...], 
 
 
 def _is_usable(said: np.ndarray, presses: Presses, shared: tuple[int, ...]) -> bool:
-    """Return whether presses determine the gain that axes share: horizontal forces of straight presses are too small to."""
+    """Return whether indentations determine the gain that axes share; forces of straight ones aside are too small to."""
     gain = _gains(said, presses.measured, (shared,))[shared[0]]
     return GAIN_LIMITS[0] <= gain <= GAIN_LIMITS[1] and _deviation(said, presses, shared) < SURE
 
 
 def _deviation(said: np.ndarray, presses: Presses, shared: tuple[int, ...]) -> float:
-    """Return the standard deviation of a gain that axes share; rows of one press err alike and count as one."""
+    """Return the standard deviation of a gain that axes share; rows of one indentation err alike and count as one."""
     there, wanted = said[:, shared], presses.measured[:, shared]
     size = float((there**2).sum())
     if not size:
@@ -134,7 +134,7 @@ def _deviation(said: np.ndarray, presses: Presses, shared: tuple[int, ...]) -> f
 
 
 def _left_out(said: np.ndarray, presses: Presses, axes: tuple) -> float:
-    """Return the rms length [N] of the total's error on presses left out one at a time."""
+    """Return the rms length [N] of the total's error on indentations left out one at a time."""
     errors = []
     for name in np.unique(presses.press.astype(str)):
         out = presses.press == name
@@ -187,7 +187,7 @@ def predicted(model: Model, feature: np.ndarray) -> np.ndarray:
 
 
 def errors_table(models: dict[str, Model], presses: Presses) -> pd.DataFrame:
-    """Return the rms error of the total force [N] of models by name on presses, and how many lie in their 90 % intervals."""
+    """Return the rms error of the total force [N] of models on indentations, and the share in their 90 % intervals."""
     rows = []
     for name, model in models.items():
         force = predicted(model, presses.feature)

@@ -156,7 +156,7 @@ def plan_of(study: Study, rows: ShardDataset, training: np.ndarray) -> tuple[Pla
     if network_of(learning.network).as_article:
         scaling = measure_scaling(rows, training, learning.form)
         return Plan(learning, grids, ("identity",)), scaling
-    if study.synthesis:  # flow follows an edge or a sheared ball too loosely to tell
+    if study.synthesis:  # flow follows an edge or a sheared ball too loosely to decide
         turn, along_axis = seen_by_camera(study.synthesis.camera, study.sensor)
     else:
         turn, along_axis = lie_of_images(rows, training, np.array(width))

@@ -177,16 +177,14 @@ def _judged(tests, keys, number, circumstance, repeats) -> tuple[list[MeasuredEf
             continue
         found.append(_measured(circumstance.effect, own[0].test, effect, own))
     if not found and not reasons and len({key[number] for key in keys} - {None}) > 1:
-        reasons.append(
-            f"{circumstance.word} changes only together with other circumstances; test one at a time"
-        )
+        reasons.append(f"{circumstance.word} changes only together with other covariates; test one at a time")
     return found, reasons
 
 
 def _measured(name: str, kind: str, effect: Effect, tests: list[MaterialTest]) -> MeasuredEffect:
     slope = None if effect.slope_interval is None else list(effect.slope_interval)
     source = (
-        f"Student's t, {CONFIDENCE:.0%}, scatter between samples" if effect.interval else "none: no repeats"
+        f"Student's t, {CONFIDENCE:.0%}, scatter between specimens" if effect.interval else "none: no repeats"
     )
     return MeasuredEffect(
         name,

@@ -53,7 +53,7 @@ class Effect:
         """Return "negligible", "significant stiffening", "significant softening", "small" or "undecided".
 
         negligible: the whole interval within +-5 %; significant: the interval leaves out 0 and the change exceeds
-        5 %; small: it leaves out 0 but the change does not exceed 5 %; undecided: the data do not tell. Without an
+        5 %; small: it leaves out 0 but the change does not exceed 5 %; undecided: the data do not decide. Without an
         interval only what samples that scatter by UNLIKELY_SCATTER could not show by chance is significant.
         """
         if self.interval is None:

@@ -28,7 +28,7 @@ from gelforge.materials.readers.measured_effects import MeasuredEffect
 from gelforge.materials.readers.small_tests import mean_of
 
 LEAST_SAMPLES = 3  # whose scatter gives an interval that says something (Student's t of two is 12.7)
-BETWEEN_SAMPLES = "Student's t, scatter between samples"
+BETWEEN_SAMPLES = "Student's t, scatter between specimens"
 ISOCHORIC = {"uniaxial": -0.5, "pure_shear": 0.0, "equibiaxial": 1.0}  # ln lam_2 / ln lam_1
 LEAST_LATERAL_STRAIN = 0.05  # of ln lam_1: below it noise decides the ratio
 

@@ -85,8 +85,8 @@ class Comparison:
         )
         return [
             f"DOES NOT DESCRIBE THE TESTS: R2 of the nominal stress {listed}; {POOR_R2:g} at least is expected."
-            f"{rejected} All laws here are elastic, isotropic and incompressible: look for samples that differ, an"
-            " offset or a toe, a foam, or rates and ages in one fit, or try other laws"
+            f"{rejected} All constitutive models here are elastic, isotropic and incompressible: look for samples that"
+            " differ, an offset or a toe, a foam, or rates and ages in one fit, or try other models"
         ]
 
     @property
@@ -117,9 +117,9 @@ class Comparison:
         elif best:
             held_out = (
                 f"a test left out is predicted better by {best.fitted.family.title} ({best.held_out_error:.1%} against"
-                f" {self.chosen.held_out_error:.1%}): trust the chosen law only where it was tested"
+                f" {self.chosen.held_out_error:.1%}): trust the chosen model only where it was tested"
             )
-        criterion = f"the lowest AICc of {len(usable)} determined and stable laws"
+        criterion = f"the lowest AICc of {len(usable)} determined and stable models"
         if self.chosen is not lowest:
             difference = self.chosen.aicc - lowest.aicc
             criterion = f"its AICc is {difference:.3g} above that of {lowest.fitted.family.title}"
@@ -162,7 +162,7 @@ def compare_laws(
     of points that the correlated residuals of the closest law are worth.
     """
     if not names:
-        raise FitError(f"no law is named; give some of {', '.join(FAMILIES)}")
+        raise FitError(f"no constitutive model is named; give some of {', '.join(FAMILIES)}")
     fits: dict[str, LawFit | FitError] = {}
     for name in dict.fromkeys(names):
         try:
@@ -181,7 +181,7 @@ def compare_laws(
     usable = [c for c in candidates if c.usable]
     if not usable:
         reasons = "; ".join(c.refused or f"{c.name}: {', '.join(c.fitted.notes)}" for c in candidates)
-        raise FitError(f"no law of {', '.join(fits)} is determined and stable: {reasons}")
+        raise FitError(f"no constitutive model of {', '.join(fits)} is determined and stable: {reasons}")
     chosen = min([c for c in usable if c.describes] or usable, key=lambda c: c.aicc)
     predicted = [c for c in usable if np.isfinite(c.held_out_error)]
     if choose == "held_out" and predicted:
@@ -191,7 +191,7 @@ def compare_laws(
         if not chosen.usable:
             reason = chosen.refused or ", ".join(chosen.fitted.notes)
             raise FitError(
-                f"{chosen.name} is the first law named, but it is not determined and stable: {reason}"
+                f"{chosen.name} is the first constitutive model named, but it is not determined and stable: {reason}"
             )
     return Comparison(candidates, chosen, n, choose, prediction_widths(curves, chosen.fitted))
 

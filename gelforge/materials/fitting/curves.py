@@ -97,7 +97,8 @@ def monotonic_loading(tests: list[MaterialTest]) -> tuple[list[MaterialTest], li
     kept, notes = _loadings([t for t in tests if t.history != "relaxation"])
     if kept:
         notes += [
-            f"{t.test} {t.sample}: a relaxation test is not fitted by an elastic law; left out" for t in held
+            f"{t.test} {t.sample}: a relaxation test is not fitted by an elastic model; left out"
+            for t in held
         ]
         return kept, notes
     ramps, more = _loadings(held)
@@ -108,7 +109,7 @@ def _loadings(tests: list[MaterialTest]) -> tuple[list[MaterialTest], list[str]]
     kept, notes = [], []
     for t in tests:
         if t.test not in LOAD_CASE_OF:
-            notes.append(f"{t.test} {t.sample}: not fitted by an elastic law; left out")
+            notes.append(f"{t.test} {t.sample}: not fitted by an elastic model; left out")
         elif t.cycle is not None and t.cycle > 1:
             notes.append(f"{t.test} {t.sample}: cycle {t.cycle} of a softened sample is not fitted; left out")
         elif t.history == "monotonic":

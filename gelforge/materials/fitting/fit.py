@@ -349,7 +349,10 @@ def _check_rows(curves: list[MeanCurve], family: Family) -> None:
 
 def _few_rows(curves: list[MeanCurve]) -> list[str]:
     few = [f"{c.label} ({max(c.row_counts)})" for c in curves if max(c.row_counts) < FEW_ROWS]
-    remark = f"fewer than {FEW_ROWS} rows per sample: the curve between them is not seen, and no interval knows of it"
+    remark = (
+        f"fewer than {FEW_ROWS} rows per specimen: the curve between them is not measured, and the intervals do not"
+        " include that"
+    )
     return [f"{remark}: {', '.join(few)}"] if few else []
 
 

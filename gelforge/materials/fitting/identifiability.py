@@ -42,9 +42,9 @@ class PredictionWidth:
     def text(self) -> str:
         """Return the width in words."""
         return (
-            f"{self.case} was not tested: laws that fit the tests as well put its nominal stress at"
+            f"{self.case} was not tested: constitutive models that fit the tests as well put its nominal stress at"
             f" stretch {self.stretch:.3g} at least between {self.low * 1e3:.3g} and {self.high * 1e3:.3g} kPa, a factor of"
-            f" {self.high / self.low:.3g} (this law: {self.stress * 1e3:.3g} kPa)"
+            f" {self.high / self.low:.3g} (this model: {self.stress * 1e3:.3g} kPa)"
         )
 
     @property

@@ -15,7 +15,7 @@ from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.laws.models import MODELS, family_of, parameters_of
 
 FORMAT = "gelforge-law-1"
-# As a press strains gel and skin, and half as far again.
+# As an indentation strains gel and skin, and half as far again.
 STATES = np.concatenate(
     [
         principal_stretches(test, np.array([1.03, 1.1, 1.2, 1.4]))

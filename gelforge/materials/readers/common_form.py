@@ -107,7 +107,7 @@ HOLD_MOVES = 0.1  # of the longest way of a segment: a hold moves by creep alone
 
 @dataclass(frozen=True)
 class IndentationTest:
-    """One press into a sample: position along the press, growing with depth (its zero is unknown), and force."""
+    """One indentation of a specimen: position along the indentation, growing with depth (its zero is unknown), and force."""
 
     sample: str
     position_mm: np.ndarray  # (n,)
@@ -119,11 +119,11 @@ class IndentationTest:
     findings: tuple[str, ...] = ()
     source: str = ""
     layer_thickness_mm: float | None = None  # on a rigid base; None: half space
-    rigid_board: str | None = None  # name of the file of the same press on a rigid board
+    rigid_board: str | None = None  # name of the file of the same indentation on a rigid board
 
     @property
     def is_the_board(self) -> bool:
-        """Return whether this is itself the press on the rigid board that it names."""
+        """Return whether this is itself the indentation on the rigid board that it names."""
         return self.rigid_board is not None and f"/{self.source}".endswith(f"/{self.rigid_board}")
 
     @property

@@ -254,7 +254,7 @@ def _time(test):
     if len(positive) > 10:
         slow, fast = np.quantile(positive, [0.98, 0.02])
         if slow > INTERVAL_SPREAD * fast:
-            yield f"the sampling interval is between {fast:.3g} and {slow:.3g} s: rows are no equal weights"
+            yield f"the sampling interval is between {fast:.3g} and {slow:.3g} s: the rows do not have equal weights"
 
 
 def _rate(test, stated, stated_by):

@@ -1,4 +1,4 @@
-"""Mapped presses of an indenter, and pairs of load cells, to the common form."""
+"""Mapped indentations of an indenter, and pairs of load cells, to the common form."""
 
 from __future__ import annotations
 
@@ -92,13 +92,14 @@ def _check_single_rows(path, lines, position, force, segment) -> None:
         row = single_row(position[own], force[own])
         if row is not None:
             raise TableError(
-                f"{path}, row {lines[own[row]]}: a force of {force[own[row]]:.4g} N, far off the rows beside it; correct or"
-                " drop the row, or confirm it (`odd_rows: keep` beside the ball's radius, of a mapping in `corrections`)"
+                f"{path}, row {lines[own[row]]}: a force of {force[own[row]]:.4g} N, far off the neighbouring rows; correct"
+                " or"
+                " drop the row, or confirm it (`odd_rows: keep` next to the ball's radius, of a mapping in `corrections`)"
             )
 
 
 def check_modulus(path, test: IndentationTest, radius_mm: float, thickness_mm: float | None) -> None:
-    """Refuse a press in the project's own format whose size of force no soft body has; its contact is taken coarsely.
+    """Refuse an indentation in the project's own format whose size of force no soft body has; its contact is taken coarsely.
 
     Raises TableError.
     """
@@ -110,12 +111,12 @@ def check_modulus(path, test: IndentationTest, radius_mm: float, thickness_mm: f
     if not low <= E <= high:
         raise TableError(
             f"{path}: force and depth give a Young's modulus of some {E:.2g} MPa; {low:g} to {high:g} MPa is expected: check"
-            " the units of depth_mm, force_N and ball_radius_mm, or confirm it with `odd_rows: keep` beside the radius"
+            " the units of depth_mm, force_N and ball_radius_mm, or confirm it with `odd_rows: keep` next to the radius"
         )
 
 
 def _check_press(path, entry, position, force, segment) -> None:
-    """Refuse a press whose force does not stand out at its deepest end: columns swapped, or a wrong sign."""
+    """Refuse an indentation whose force does not stand out at its deepest end: columns swapped, or a wrong sign."""
     deep = position >= np.quantile(position, 0.98)
     shallow = position <= np.quantile(position, 0.3)
     rise = np.median(force[deep]) - np.median(force[shallow])

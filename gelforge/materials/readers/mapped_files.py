@@ -97,9 +97,9 @@ def read_mapped(path: str | Path, entry: TestMapping) -> list[Read]:
 def read_microindentation(
     path: str | Path, like: Microindentation | None = None
 ) -> tuple[IndentationTest, Microindentation]:
-    """Return a press in the project's own format, <name>.csv with <name>.yaml, and what that sidecar says.
+    """Return an indentation in the project's own format, <name>.csv with <name>.yaml, and what that sidecar says.
 
-    like: the sidecar of another press with the same ball; then none is read.
+    like: the sidecar of another indentation with the same ball; then none is read.
     """
     path = Path(path)
     sidecar = like or load_microindentation(path.with_suffix(".yaml"))

@@ -125,7 +125,7 @@ def _with_folder(test: MaterialTest) -> str:
 
 
 def _below(folder: Path, material: MaterialSource) -> MaterialSource:
-    """Return a material whose tests tell their files with the folder: several sources may have files of one name."""
+    """Return a material whose tests name their files with the folder: several sources may have files of one name."""
     tests = tuple(replace(t, source=(folder / t.source).as_posix()) for t in material.tests)
     return replace(material, tests=tests)
 
@@ -156,7 +156,7 @@ def _read(source: Path, mapping: Mapping | None) -> list[MaterialSource]:
 
 
 def _small_file(path: Path) -> MaterialSource:
-    """Return a small test in the project's format: friction.csv, thickness.csv, or a press with its sidecar."""
+    """Return a small test in the project's format: friction.csv, thickness.csv, or an indentation with its sidecar."""
     files = [path]
     if path.name == FRICTION:
         small = SmallTests(friction=static_friction(path))
@@ -186,7 +186,7 @@ def _mapped(test: Read, otherwise: str, folder: Path, mapping: Mapping) -> Mater
 def _board(
     test: IndentationTest, folder: Path, mapping: Mapping
 ) -> tuple[IndentationTest | None, list[Path]]:
-    """Return the press on a rigid board that a mapping names for a press, and its file; none for the board itself."""
+    """Return the test on a rigid board that a mapping names for an indentation, and its file; none for the board itself."""
     if test.rigid_board is None or test.is_the_board:
         return None, []
     beside = (folder / test.source).with_name(test.rigid_board)
@@ -200,6 +200,6 @@ def _board(
     board = read_mapped(found[0], entry)[0]
     if not isinstance(board, IndentationTest):
         raise TableError(
-            f"{found[0]}: named as rigid_board, but the mapping reads it as {entry.kind}, not as a press"
+            f"{found[0]}: named as rigid_board, but the mapping reads it as {entry.kind}, not as an indentation"
         )
     return board, found[:1]

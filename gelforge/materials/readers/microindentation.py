@@ -25,8 +25,8 @@ LARGEST_GIVE = (
 )
 LEAST_ROWS = 8  # in contact
 BEFORE_START = 0.05  # of the travel: machines that zero where they touch begin so near to the contact
-AT_TOUCH = 0.98  # share of rows in contact from which there is none to tell the force at rest
-LARGEST_SHIFT = 0.1  # of the largest push, between the baselines before and after a press
+AT_TOUCH = 0.98  # share of rows in contact from which there is none left that shows the force at rest
+LARGEST_SHIFT = 0.1  # of the largest push, between the baselines before and after an indentation
 FLAT = 0.02  # of the largest push: change over the far rows of a withdrawal that is free of the sample
 BOOTSTRAPS = 200
 
@@ -62,7 +62,7 @@ def fit_modulus(
 ) -> Modulus:
     """Return Young's modulus of an incompressible layer from one loading.
 
-    machine: the same press on a rigid board; its own give at each force is taken off the depth (contact points of
+    machine: the same indentation on a rigid board; its own give at each force is taken off the depth (contact points of
     both are found separately). Raises ValueError where the data hold no contact or no rest.
     """
     if test.ball_radius_mm is None:
@@ -142,7 +142,7 @@ class Adhesion:
 
 
 def adhesion(approach: IndentationTest, withdrawal: IndentationTest, far_share: float = 0.1) -> Adhesion:
-    """Return the adhesion of a press; the baselines are the farthest rows (far_share) of either way."""
+    """Return the adhesion of an indentation; the baselines are the farthest rows (far_share) of either way."""
     far_in = approach.force_N[approach.position_mm <= np.quantile(approach.position_mm, far_share)]
     far_out = withdrawal.force_N[withdrawal.position_mm <= np.quantile(withdrawal.position_mm, far_share)]
     before, after = float(np.median(far_in)), float(np.median(far_out))
@@ -253,5 +253,7 @@ def _limits(test, deepest, radius, thickness, rows, machine, E) -> list[str]:
             f"sqrt(R d)/h is {np.sqrt(radius * deepest) / thickness:.2f}, beyond the correction's {LARGEST_CHI:g}"
         )
     if machine is None:
-        said.append("no press on a rigid board is given: the machine's give is counted as the sample's")
+        said.append(
+            "no test on a rigid board is given: the machine's compliance is counted as the specimen's"
+        )
     return said

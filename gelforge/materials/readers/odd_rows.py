@@ -46,7 +46,7 @@ def check_rows(
             i = segment.start + row
             raise TableError(
                 f"{path}, row {lines[i]}: a nominal stress of {test.nominal_stress[i] * 1e3:.4g} kPa at"
-                f" {test.abscissa} {test.stretch[i]:.4g}, far off the rows beside it; correct or drop the row, {remedy}"
+                f" {test.abscissa} {test.stretch[i]:.4g}, far off the neighbouring rows; correct or drop the row, {remedy}"
             )
     first = next((segment for segment in test.segments if segment.kind == "load"), None)
     if first is None or zeroed or test.test == "biaxial":

@@ -1,4 +1,4 @@
-"""Friction, sheet thickness, presses of a ball and pairs of load cells as measured effects."""
+"""Friction, sheet thickness, indentations of a ball and pairs of load cells as measured effects."""
 
 from __future__ import annotations
 
@@ -27,12 +27,14 @@ from gelforge.materials.readers.small_tests import (
 FRICTION, THICKNESS = "friction.csv", "thickness.csv"
 T_INTERVAL = "Student's t over the trials"
 SIGMAS = 2.0  # of a 95 % interval
-NOTABLE_OFFSET = 0.01  # of the largest force of a press: as much as load cells of one per cent are off anyway
+NOTABLE_OFFSET = (
+    0.01  # of the largest force of an indentation: as much as load cells of one per cent are off anyway
+)
 
 
 @dataclass(frozen=True)
 class Press:
-    """A ball pressed into a layer, its thickness on a rigid base, and the same press on a rigid board."""
+    """A ball pressed into a layer, its thickness on a rigid base, and the same indentation on a rigid board."""
 
     test: IndentationTest
     thickness_mm: float | None = None
@@ -50,12 +52,12 @@ class SmallTests:
 
     @property
     def contacts(self) -> list[IndentationTest | ForcePair]:
-        """Return the tests that are read from tables of rows: presses and pairs of load cells."""
+        """Return the tests that are read from tables of rows: indentations and pairs of load cells."""
         return [*(press.test for press in self.presses), *self.force_pairs]
 
 
 def small_test_files(folder: str | Path) -> list[Path]:
-    """Return the small tests of a folder: friction.csv, thickness.csv, and the files of presses."""
+    """Return the small tests of a folder: friction.csv, thickness.csv, and the files of indentations."""
     folder = Path(folder)
     # what is there and no file, a pipe or a dangling link, is refused where it is read
     named = [folder / name for name in (FRICTION, THICKNESS) if os.path.lexists(folder / name)]
@@ -66,12 +68,12 @@ def small_test_files(folder: str | Path) -> list[Path]:
 
 
 def press_files(path: Path) -> list[Path]:
-    """Return the files of a press <name>.csv: itself, <name>.yaml, and the press on a rigid board named there."""
+    """Return the files of an indentation <name>.csv: itself, <name>.yaml, and the test on a rigid board named there."""
     sidecar = path.with_suffix(".yaml")
     try:
         board = load_microindentation(sidecar).rigid_board
     except ConfigError:
-        board = None  # reading the press says what is wrong with its sidecar
+        board = None  # reading the indentation says what is wrong with its sidecar
     return [path, sidecar, *([path.with_name(board)] if board else [])]
 
 
@@ -89,7 +91,7 @@ def read_small_tests(folder: str | Path) -> SmallTests:
 
 
 def read_press(path: str | Path) -> Press:
-    """Return a press in the project's own format and, where its sidecar names one, the press on a rigid board."""
+    """Return an indentation in the project's own format and the test on a rigid board, if its sidecar names one."""
     test, sidecar = read_microindentation(path)
     board = None
     if sidecar.rigid_board is not None:
@@ -109,7 +111,7 @@ def small_effects(small: SmallTests) -> tuple[list[MeasuredEffect], list[tuple[s
     for press in small.presses:
         if press.test.is_the_board:
             not_judged.append(
-                ("microindentation", f"{press.test.source} is the press on the rigid board itself")
+                ("microindentation", f"{press.test.source} is the test on the rigid board itself")
             )
         elif press.test.ball_radius_mm is not None:
             _keep(found, not_judged, "microindentation", lambda press=press: _modulus(press))
@@ -186,7 +188,7 @@ def _modulus(press: Press) -> MeasuredEffect:
         "Young's modulus by Hertz with thin-layer correction",
         fit.youngs_modulus,
         fit.interval,
-        "bootstrap of the press's residuals (one press)",
+        "bootstrap of the indentation's residuals (one indentation)",
         "MPa",
         "measured",
         f"{name}: Young's modulus {fit.youngs_modulus:.4g} MPa (95 % interval {low:.4g} to {high:.4g}), contact at"
@@ -208,13 +210,13 @@ def _mean_modulus(moduli: list[MeasuredEffect]) -> MeasuredEffect:
     return MeasuredEffect(
         "microindentation",
         "indentation",
-        "Young's modulus, mean of presses",
+        "Young's modulus, mean of indentations",
         mean.value,
         mean.interval,
-        "Student's t over the presses",
+        "Student's t over the indentations",
         "MPa",
         "measured",
-        f"The mean of {mean.count} presses is {mean.value:.4g} MPa (95 % interval {low:.4g} to {high:.4g}).",
+        f"The mean of {mean.count} indentations is {mean.value:.4g} MPa (95 % interval {low:.4g} to {high:.4g}).",
         tuple(m.samples[0] for m in moduli),
         {"deviation_MPa": mean.deviation},
     )
@@ -234,7 +236,7 @@ def _creep(test: IndentationTest, segment: str) -> MeasuredEffect:
         "further depth in a hold",
         moved,
         (moved - noise, moved + noise),
-        "scatter of neighbouring rows (one press)",
+        "scatter of neighbouring rows (one indentation)",
         "mm",
         "measured",
         f"{test.sample}: In the hold{time} the ball sinks by {moved * 1e3:.3g} um and the force changes by {changed:.2g} N"
@@ -271,7 +273,7 @@ def _adhesion(test: IndentationTest) -> MeasuredEffect:
         "pull-off force over the largest push",
         found.ratio,
         (found.ratio - noise, found.ratio + noise) if found.detached else None,
-        "noise of the force (one press)" if found.detached else "none: the ball stays attached",
+        "noise of the force (one indentation)" if found.detached else "none: the ball stays attached",
         "1",
         verdict,
         f"{test.sample}: {found.sentence}",
@@ -297,7 +299,7 @@ def _gain(pair: ForcePair) -> MeasuredEffect:
         listed = ", ".join(f"{np.mean(v):+.1%} at {place}" for place, v in gains.items())
         text += (
             f": it depends on where the body is pressed ({listed}; within {within:.1%} at one place), so one gain does"
-            " not describe it; part of the force bypasses a cell, or the cells feel moments"
+            " not describe it; part of the force bypasses a load cell, or the load cells also respond to moments"
         )
     if max(map(abs, offsets)) > NOTABLE_OFFSET:
         text += f"; an offset of {min(offsets):+.1%} to {max(offsets):+.1%} of the force comes with the load and is no gain"

@@ -15,7 +15,7 @@ TILT_DEG = (1.6, 80.0)  # radians end at pi / 2 = 1.571; a friction of 0.028 is 
 THICKNESS_MM = (0.02, 15.0)  # a sheet of 20 um in um, and one of 15 mm in m, fall out
 LEAST_TRIALS = 3
 LEAST_ROWS_OF_PRESS = 5
-LEAST_RISE = 0.5  # of the largest force of a press
+LEAST_RISE = 0.5  # of the largest force of an indentation
 
 
 @dataclass(frozen=True)
@@ -82,14 +82,14 @@ class PressedPair:
 def gain_mismatch(pair: ForcePair) -> Mean:
     """Return the gain of the second of two load cells that carry the same force, less 1, with its interval.
 
-    Presses at one place share how the force splits there and are no independent readings: where places are named,
-    each counts once. All presses in one regression would weigh places by their rows, and the line of one force over
+    Indentations at one place share how the force splits there and are no independent readings: where places are named,
+    each counts once. All indentations in one regression would weigh places by their rows, and the line of one force over
     the other would differ from the converse, as the scatter is that between places and in both.
     """
     gains = by_place([(press.place, press.gain) for press in pressed_pairs(pair)])
     if len(gains) < LEAST_TRIALS:
         raise ValueError(
-            f"{pair.source}: {sum(map(len, gains.values()))} presses at {len(gains)} places; {LEAST_TRIALS} independent"
+            f"{pair.source}: {sum(map(len, gains.values()))} indentations at {len(gains)} places; {LEAST_TRIALS} independent"
             " ones at least give the scatter of the gain"
         )
     return mean_of([np.mean(at_place) for at_place in gains.values()])
@@ -104,9 +104,9 @@ def by_place(values: list[tuple[str, float]]) -> dict[str, list[float]]:
 
 
 def pressed_pairs(pair: ForcePair, loaded_share: float = 0.05) -> list[PressedPair]:
-    """Return the presses of a pair; where no places are named each is a place of its own.
+    """Return the indentations of a pair; where no places are named each is a place of its own.
 
-    A press is the rows above loaded_share of the largest force; its line is that of total least squares, both forces
+    An indentation is the rows above loaded_share of the largest force; its line is that of total least squares, both forces
     being measured. The line is not forced through the origin: an offset that comes with the load is no gain.
     """
     one, two = pair.force_1_N - _rest(pair.force_1_N), pair.force_2_N - _rest(pair.force_2_N)
@@ -117,7 +117,7 @@ def pressed_pairs(pair: ForcePair, loaded_share: float = 0.05) -> list[PressedPa
     for a, b in zip(edges[::2], edges[1::2]):
         x, y, largest = one[a:b], two[a:b], float(mean[a:b].max())
         if b - a < LEAST_ROWS_OF_PRESS or np.ptp(mean[a:b]) < LEAST_RISE * largest:
-            continue  # the slope of a press that hardly rises is noise
+            continue  # the slope of an indentation that hardly rises is noise
         place = str(a) if pair.position is None else str(pair.position[a])
         slope, top = _slope(x - x.mean(), y - y.mean()), int(np.argmax(mean[a:b]))
         offset = float(y.mean() - slope * x.mean())

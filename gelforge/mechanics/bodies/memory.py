@@ -72,7 +72,7 @@ class RememberingBody(Body):
         peak: np.ndarray | None = None,
         **body,
     ):
-        """peak (E, Q) [MPa]: the largest energy densities that earlier presses have left; none without."""
+        """peak (E, Q) [MPa]: the largest energy densities that earlier indentations have left; none without."""
         super().__init__(mesh, laws, bulk_to_shear, **body)
         self._assemble = ASSEMBLE_WITH_MEMORY[mesh.elements.shape[1]]
         R, shape = len(mesh.regions), self.weight.shape
@@ -90,7 +90,7 @@ class RememberingBody(Body):
         self.forget(np.zeros(shape) if peak is None else peak)
 
     def forget(self, peak: np.ndarray) -> None:
-        """Take the state at rest with peaks (E, Q) [MPa] that earlier presses have left as that from which all begins."""
+        """Start from the state at rest with peaks (E, Q) [MPa] that earlier indentations have left."""
         self.initial = self._at_rest(np.array(peak, dtype=float))
         self.begin(self.initial, 0.0)
 

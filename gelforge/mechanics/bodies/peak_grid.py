@@ -64,10 +64,10 @@ class PeakGrid:
         before: np.ndarray,
         after: np.ndarray,
     ) -> PeakGrid:
-        """Return the grid after a press that has raised peaks (E, Q) [MPa], as they were read, from before to after.
+        """Return the grid after an indentation that has raised peaks (E, Q) [MPa], as they were read, from before to after.
 
-        Only what was raised is added: a press that raises nothing leaves the grid as it is, so that reading and writing
-        again and again spreads nothing.
+        Only what was raised is added: an indentation that raises nothing leaves the grid as it is, so that reading and
+        writing again and again spreads nothing.
         """
         boxes = {}
         for name, box in self.boxes.items():

@@ -230,7 +230,7 @@ def _principal(F: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     J = np.linalg.det(F)
     if not (J > 0).all():
         raise ValueError(
-            f"det F = {np.min(J):.4g} at the worst of {J.size} points; a law needs det F > 0, halve the step"
+            f"det F = {np.min(J):.4g} at the worst of {J.size} points; a constitutive model needs det F > 0, halve the step"
         )
     return np.linalg.svd(F)
 

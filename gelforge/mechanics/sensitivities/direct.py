@@ -38,7 +38,7 @@ LITTLE = 1e-4  # of what a residual stretch moves per unit
 
 @dataclass(frozen=True)
 class Varied:
-    """What a press has that differs from a base by a small amount of one parameter.
+    """What an indentation has that differs from a base by a small amount of one parameter.
 
     Nodes may lie elsewhere than the base's; elements must be the same.
     """
@@ -66,7 +66,7 @@ def follow_with_slopes(
     varied: Sequence[Varied],
     seconds: list[float] | None = None,
 ) -> Iterator[tuple[State, Slopes]]:
-    """Yield the base's state at each centre (D, 3) or (D, 6) in turn, with its derivatives along each varied press.
+    """Yield the base's state at each centre (D, 3) or (D, 6) in turn, with its derivatives along each varied indentation.
 
     seconds: to it the wall seconds of every step's derivatives are added. Raises NotConverged as the base does, ValueError
     where a mesh has other elements or the body remembers.
@@ -112,7 +112,7 @@ class _Chain:
         for one in varied:
             if not np.array_equal(one.body.mesh.elements, base.body.mesh.elements):
                 raise ValueError(
-                    "a varied press has a mesh of other elements than the base's; subtract two solutions instead"
+                    "a varied indentation has a mesh of other elements than the base's; subtract two solutions instead"
                 )
         self.base, self.varied = base, varied
         self.amounts = np.array([one.amount for one in varied]).reshape(-1, 1, 1)

@@ -245,7 +245,7 @@ class Press:
             f"{penetration:.1e} of an element (limit {s.gap_tolerance:.0e}), {changes} nodes still changing contact, "
             f"smallest J {response.smallest_J:.3f}"
             + (
-                f", a point at {response.largest_extension:.3g} of its law's limit of extension"
+                f", a point at {response.largest_extension:.3g} of its constitutive model's limit of extension"
                 if response.largest_extension
                 else ""
             )

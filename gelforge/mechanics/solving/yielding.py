@@ -1,4 +1,4 @@
-"""A press whose machine or base plate yields: the indenter stays behind the commanded path by compliance times force."""
+"""An indentation whose machine or base plate yields: the indenter lags the commanded path by compliance times force."""
 
 from __future__ import annotations
 

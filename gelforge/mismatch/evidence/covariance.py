@@ -39,7 +39,7 @@ class Estimated:
 class Covariance:
     """C = diag(variance) + the sum over levels and groups of U U', U a group's directions: block-diagonal plus low rank.
 
-    Groups of a level lie inside groups of the next one (presses in sites in all), so a level's correction keeps the
+    Groups of a level lie inside groups of the next one (indentations in sites in all), so a level's correction keeps the
     blocks of the levels after it, and whitening takes the levels in turn: with W of the levels before and V = W U, the
     next W is (I + V V')^(-1/2) W (Woodbury, symmetric root), exact whatever the sizes.
     """
@@ -60,7 +60,7 @@ class Covariance:
             if np.any(coarse.group != coarse.group[first][number.ravel()]):
                 raise ValueError(
                     "a group of draws is spread over two groups of the next level; order the levels from"
-                    " fine to coarse (press, site, all) and give every press one site"
+                    " fine to coarse (press, site, all) and give every indentation one site"
                 )
 
     def __len__(self) -> int:

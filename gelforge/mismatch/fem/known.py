@@ -96,12 +96,12 @@ def _check_shape(known: Known, offered: Sequence[Shape]) -> None:
     if not offered:
         return
     ways = {key: sorted({shape[key] for shape in offered}) for key in offered[0]}
-    told = "; ".join(f"{key}: {', '.join(map(str, values))}" for key, values in ways.items()) or "none"
+    tried = "; ".join(f"{key}: {', '.join(map(str, values))}" for key, values in ways.items()) or "none"
     if set(known.shape) != set(ways):
         raise ConfigError(
             f"mismatch.known, {known.effect}: its shape has {sorted(known.shape)} and must have {sorted(ways)};"
-            f" the judge tries {told}"
+            f" those tried are {tried}"
         )
     for key, value in known.shape.items():
         if isinstance(value, str) and value not in ways[key]:
-            raise ConfigError(f"mismatch.known, {known.effect}: no {key} {value!r}; there is {told}")
+            raise ConfigError(f"mismatch.known, {known.effect}: no {key} {value!r}; those tried are {tried}")

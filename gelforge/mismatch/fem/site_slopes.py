@@ -44,9 +44,9 @@ class SiteSlopes:
 
 
 def slopes_of_site(solver: Solver, cell: PlannedCell) -> SiteSlopes:
-    """Return the derivatives at a planned cell's place, or the image that stands for it, as deep as the coarser mesh goes.
+    """Return the derivatives at a planned site's place, or the image that stands for it, as deep as the coarser mesh goes.
 
-    They are those of a straight press through the cell's depths, however it goes on from there.
+    They are those of a straight indentation through the site's depths, however it goes on from there.
     """
     clock = time.perf_counter()
     solver = forgetting(solver)

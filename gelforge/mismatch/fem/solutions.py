@@ -77,10 +77,10 @@ class Solver:
         str, Sequence[PrincipalLaw]
     ]  # by material, laws moved by LAW_AMOUNT of a standard deviation
     kept: Path
-    cells: Path | None = None  # folder of the study's own cells
+    cells: Path | None = None  # folder of the study's own sites
     workers: int = 1
     zero_by: str = "press"  # what depth zero was found for, once: an indentation or the session; tilt is seen differently
-    stored: Path | None = None  # folder of the derivatives of the study's own cells
+    stored: Path | None = None  # folder of the derivatives of the study's own sites
 
     @property
     def coarse(self) -> Study:
@@ -113,7 +113,7 @@ def fine(task: tuple[Solver, PlannedCell]) -> np.ndarray | Unsolved:
 
 
 def own_cell(solver: Solver, planned: PlannedCell) -> np.ndarray | None:
-    """Return the forces of the study's own cell at a position, where it has all these depths and these settings."""
+    """Return the forces of the study's own site at a position, where it has all these depths and these settings."""
     if solver.cells is None:
         return None
     for cell in plan_cells(solver.study).values():

@@ -69,8 +69,8 @@ class Base:
 def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect]) -> Base:
     """Return the base of observations with the derivatives of all effects that need the solver.
 
-    Derivatives and the mesh's error are those of the study without what remembers. Raises SolverFailed where base presses
-    do not converge (unsolved.py leaves those out).
+    Derivatives and the mesh's error are those of the study without what remembers. Raises SolverFailed where base
+    indentations do not converge (unsolved.py leaves those out).
     """
     remembering, solver = solver, forgetting(solver)
     runs = runs_of(observations)
@@ -111,7 +111,7 @@ def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect
 def _companion_curves(
     solver: Solver, ways: Sequence[PlannedCell], base: Sequence[np.ndarray]
 ) -> list[np.ndarray] | None:
-    """Return the base forces (D, 3) of every loading on the mesh that shows a cell's error bar.
+    """Return the base forces (D, 3) of every loading on the mesh that shows a site's error bar.
 
     Where the study knows its error these are forces that differ as much as it. None where that mesh is the coarser one
     itself, or where it cannot be solved: the coarser one is farther off.
@@ -135,7 +135,7 @@ def _solved_once(solver: Solver, ways: Sequence[PlannedCell]) -> np.ndarray:
 
 
 def _base_curves(solver: Solver, ways: Sequence[PlannedCell]) -> list[np.ndarray]:
-    """Return the base forces (D, 3) of every loading: the study's own cell's where it is that indentation, else solved."""
+    """Return the base forces (D, 3) of every loading: the study's own site's where it is that indentation, else solved."""
     own = [own_cell(solver, way) for way in ways]
     missing = [way for way, stored in zip(ways, own) if stored is None]
     solved, symmetries = solved_for_all(
@@ -178,7 +178,7 @@ def _base(found: list) -> list:
 
 
 def forgetting(solver: Solver) -> Solver:
-    """Return the finite elements of the study without relaxation and softening, which its own cells have."""
+    """Return the finite elements of the study without relaxation and softening, which its own sites have."""
     mechanics = solver.study.mechanics
     if not mechanics.effects.history.any:
         return solver
@@ -223,9 +223,9 @@ def forces_with(
 ) -> np.ndarray:
     """Return the forces (R, 3) [N] at readings (R,) bool with some effects, by the finite elements; nan at the others.
 
-    Presses are followed as a whole, whatever was chosen of them, and where the gel softens all of them: what remembers, or
-    looks at the way before a reading, must not take the others for missing. Effects that are not solved act on the forces
-    that result. Raises NotConverged.
+    Indentations are followed as a whole, whatever was chosen of them, and where the gel softens all of them: what
+    remembers, or looks at the way before a reading, must not take the others for missing. Effects that are not solved act
+    on the forces that result. Raises NotConverged.
     """
     context = base.context
     press = context.observations.table["press"].to_numpy()

@@ -1,4 +1,4 @@
-"""Presses of the base that find no equilibrium: their readings are left out and reported, the others are judged."""
+"""Indentations of the base that find no equilibrium: their readings are left out and reported, the others are judged."""
 
 from __future__ import annotations
 
@@ -61,12 +61,12 @@ def without(solver: Solver, observations: Observations, presses: Sequence[Unsolv
     part = replace(
         part, table=part.table.assign(deepest_mm=np.where(cut[~left_out], reached, deepest[~left_out]))
     )
-    told = (
+    reported = (
         f"{left_out.sum()} of {len(left_out)} readings are not judged, as {_why(presses)}; how these indentations"
         " softened the"
         " gel is not followed"
     )
-    return part.at_sites(np.unique(part.table["site"])).saying(told)
+    return part.at_sites(np.unique(part.table["site"])).saying(reported)
 
 
 def _why(presses: Sequence[Unsolved]) -> str:

@@ -1,8 +1,8 @@
 """Single readings that nothing beside them shares: glitches of a force sensor, left out before anything is asked.
 
 No effect changes one reading of one indentation by many standard deviations and leaves its neighbours in depth, time and
-place as they are. One such reading is evidence for something that differs from press to press, though, and would be
-reported as that.
+place as they are. One such reading is evidence for something that differs from one indentation to the next, though, and
+would be reported as that.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ TRIED = 200  # entries looked at, those farthest off
 def without_spikes(observations: Observations, base: np.ndarray, covariance: Covariance) -> Observations:
     """Return the observations without single entries far off all others; each is reported in `set_aside`.
 
-    base (R, 3) [N]; covariance of the n entries. What strikes several readings of one press the judge must explain: that
-    press keeps them. So do all where more than MOST are far off.
+    base (R, 3) [N]; covariance of the n entries. What strikes several readings of one indentation the judge must explain:
+    that press keeps them. So do all where more than MOST are far off.
     """
     found = spikes(Problem(observations, base, covariance, (), {}, never_solved, {}))
     labels = observations.labels().iloc[list(found)].assign(away=found.values())
@@ -36,7 +36,7 @@ def without_spikes(observations: Observations, base: np.ndarray, covariance: Cov
         return observations
     force = observations.force.copy()
     force[labels["reading"], labels["axis"]] = np.nan
-    told = tuple(
+    reported = tuple(
         SetAside(
             session=row.session,
             press=row.press.removeprefix(f"{row.session}/"),
@@ -44,11 +44,11 @@ def without_spikes(observations: Observations, base: np.ndarray, covariance: Cov
             depth_mm=row.depth_mm,
             axis=AXES[row.axis],
             size=round(abs(row.away), 1),
-            reason="far from what the other readings of its press, place and depth say of it",
+            reason="far from what the other readings of its indentation, place and depth say of it",
         )
         for row in labels.itertuples()
     )
-    return replace(observations, force=force, set_aside=(*observations.set_aside, *told))
+    return replace(observations, force=force, set_aside=(*observations.set_aside, *reported))
 
 
 def spikes(problem: Problem) -> dict[int, float]:

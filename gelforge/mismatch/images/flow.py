@@ -72,7 +72,7 @@ def _unfit(study: Study, seen: Sequence[Seen]) -> str:
     if not any(layer.particle_volume_fraction > 0 for layer in study.sensor.layers):
         return "no layer of the study carries particles (particle_volume_fraction)"
     if any(CATALOGUE[known.effect].to_places is not None for known in study.mismatch.known):
-        return "indentations that are known to land beside their places (mismatch.known) are not followed in images"
+        return "indentations that are known to land off their positions (mismatch.known) are not followed in images"
     if any(not np.isfinite(press.noise).all() for press in seen):
         return "one image per indentation and none at zero force: their noise is not known"
     return ""

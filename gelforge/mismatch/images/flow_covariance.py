@@ -26,7 +26,8 @@ class Scatter:
     """How far one placement of particles, as the real ones are, is off the mean over placements: standard deviations.
 
     Where the particles of a region are near the camera, or at the side that moves more, it shows the same share too much of
-    the flow in all images; what is left stays from press to press of a site, but for what lies elsewhere in the moved image.
+    the flow in all images; what is left stays from one indentation to the next of a site, but for what lies elsewhere in
+    the moved image.
     """
 
     alike: np.ndarray  # (F, m, 2) [px] by the regions' shares of the flow
@@ -97,7 +98,7 @@ def flow_covariance(
 
 
 def scatter_of(drawn: np.ndarray, site: np.ndarray, shown: np.ndarray) -> Scatter:
-    """Return the scatter of drawn flows (F, K, m, 2) [px] over K placements, at presses of sites (F,) int.
+    """Return the scatter of drawn flows (F, K, m, 2) [px] over K placements, at indentations of sites (F,) int.
 
     Correlations are those of regions (m,) bool that show the gel. Shares fitted to few indentations take some of what
     these keep with them.
@@ -187,7 +188,7 @@ def _smoothed(square: np.ndarray) -> np.ndarray:
 
 
 def _contact_points(problem: Problem, model: FlowModel, rows: Rows):
-    """Return the forces' directions per press without the contact point of those with images, these as shared columns."""
+    """Return the forces' directions per indentation without the contact point of those with images; it as shared columns."""
     *_, press, alike, common = problem.covariance.levels
     labels, slope = problem.labels, model.slope()
     by_press = press.directions.copy()

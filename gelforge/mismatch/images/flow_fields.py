@@ -66,7 +66,8 @@ def moved_by(task: tuple[Solver, Study, PlannedCell]) -> Moved | str:
 
 
 def moved_along(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> Moved:
-    """Return how a press moves the gel on the coarser mesh, with derivatives along variations and the laws' directions.
+    """Return how an indentation moves the gel on the coarser mesh, with derivatives along variations and the laws'
+    directions.
 
     Variations that could not be solved are missing. Raises SolverFailed where the base could not.
     """
@@ -104,7 +105,7 @@ def _storing(variation: Variation) -> Variation:
 def solved_with(
     solver: Solver, study: Study, planned: Sequence[PlannedCell], points: np.ndarray
 ) -> list[np.ndarray]:
-    """Return the displacement (D, P, 3) at points of every press on a study's coarser mesh. Raises NotConverged."""
+    """Return the displacement (D, P, 3) at points of every indentation on a study's coarser mesh. Raises NotConverged."""
     own = replace(solver, study=study)
     found = solver.each(moved_by, [(own, own.coarse, one) for one in planned])
     for result in found:

@@ -165,7 +165,7 @@ def seen_flows(
 
 
 def _with_common_noise(seen: list[Seen]) -> list[Seen]:
-    """Return the presses with each region's noise averaged over all: where nothing is seen the search finds anything."""
+    """Return the indentations with each region's noise averaged over all: without texture the search finds anything."""
     if not seen:
         return seen
     noise = np.sqrt(np.mean([press.noise**2 for press in seen], axis=0))

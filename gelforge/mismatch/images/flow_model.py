@@ -33,7 +33,7 @@ class FlowUnknown(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class FlowModel:
-    """Displacements behind the flow of F presses with images."""
+    """Displacements behind the flow of F indentations with images."""
 
     solver: Solver
     base: Base
@@ -167,7 +167,7 @@ class FlowModel:
         return np.where(np.abs(own) > least, change[rows, 2] / step / np.where(own == 0, 1, own), 0.0)
 
     def _by_landing(self, effect: Effect, shape: Shape, k: int) -> np.ndarray:
-        """Return the change of the flow (F, m, 2) [px per unit] by amount k of an effect that shifts presses."""
+        """Return the change of the flow (F, m, 2) [px per unit] by amount k of an effect that shifts indentations."""
         assert effect.to_places is not None  # the caller has asked
         context, one = self.base.context, np.eye(len(effect.parameters))[k]
         shift = effect.to_places(context, shape, tuple(one)) - effect.to_places(

@@ -1,4 +1,4 @@
-"""Presses of a ball beside Hertz's half space, and a pair of load cells beside their equality: readings and effects."""
+"""Indentations of a ball beside Hertz's half space, and a pair of load cells beside their equality: readings and effects."""
 
 from __future__ import annotations
 
@@ -250,7 +250,7 @@ def pair_readings(pair: ForcePair) -> ContactTest:
             )
             found = sorted((own[level == k] for k in np.unique(level)), key=lambda g: g[0])
             groups += found
-            rows += [(branch, f"{number}/{branch}", f"press {number + 1}", place, k / max(len(found) - 1, 1))
+            rows += [(branch, f"{number}/{branch}", f"indentation {number + 1}", place, k / max(len(found) - 1, 1))
                      for k in range(len(found))]  # fmt: skip
     if len(groups) < 10:
         raise ValueError(
@@ -277,7 +277,7 @@ def pair_readings(pair: ForcePair) -> ContactTest:
     noise = np.hypot(np.hypot(row_noise(one), row_noise(two)) / np.sqrt(count), FORCE_CLASS * largest)
     place, press = table["place"].to_numpy(), table["part"].to_numpy()
     C = np.diag(noise**2) + (FORCE_CLASS * largest) ** 2 * (press[:, None] == press)
-    # what comes with the load at a place and is no gain: friction at the fixture, a force that bypasses a cell
+    # what comes with the load at a place and is no gain: friction at the fixture, a force that bypasses a load cell
     C += (UNDER_LOAD * largest) ** 2 * (place[:, None] == place)
     per_row = reduced(np.gradient(one))  # [N] from one reading to the next
     # load cells that are not read at one instant: either value may be up to a reading old, now more and now less

@@ -153,9 +153,11 @@ def dated(tests: StressTests) -> list[Candidate]:
                 changed = " and ".join(
                     [*([f"{what} of the constitutive model"] if law else []), *(["relaxation"] * relaxes)]
                 )
-                told = {"from": span[0], "to": span[1], "per": unit, "of": changed}
+                span_in_words = {"from": span[0], "to": span[1], "per": unit, "of": changed}
                 found.append(
-                    Candidate("ageing", (*law, *((loss,) * relaxes)), apply, ORDER["ageing"], shape=told)
+                    Candidate(
+                        "ageing", (*law, *((loss,) * relaxes)), apply, ORDER["ageing"], shape=span_in_words
+                    )
                 )
     return found
 

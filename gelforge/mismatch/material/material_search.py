@@ -61,8 +61,8 @@ class Step:
 def with_pieces(readings: Readings, rng: np.random.Generator) -> tuple[Readings, list[str]]:
     """Return the readings with their pieces named, and those held out: a quarter, before anything is chosen.
 
-    Presses of a pair of load cells; else whole samples where there are enough; else whole branches; else a quarter of each
-    branch. Never the loading that the base was fitted to; training keeps every kind of branch and every place.
+    Indentations of a pair of load cells; else whole samples where there are enough; else whole branches; else a quarter of
+    each branch. Never the loading that the base was fitted to; training keeps every kind of branch and every place.
     """
     table = readings.table
     free = ~table["is_base"].to_numpy()

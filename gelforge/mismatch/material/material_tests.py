@@ -56,7 +56,7 @@ class Judged:
 
 
 def judge_material(source: MaterialSource, seed: int = SEED) -> tuple[list[Judged], list[str]]:
-    """Return the verdicts on a material: one on its stress tests, one per press and per pair; and what was not judged."""
+    """Return the verdicts on a material: one on its stress tests, one per indentation and pair; and what was not judged."""
     found, reasons = [], []
     sources = {p.name: file_sha256(p) for p in source.files}
     if source.tests:
@@ -127,7 +127,7 @@ def _judged(name, test: ContactTest, word, sources, synthetic, seed) -> Judged:
     after = final.prediction if answer and final else None
     unit = "MPa" if test.at_unit == "stretch" else "N"
     content = v.Verdict(
-        title=f"{name}: {word or 'stress tests'} beside {test.base_words}",
+        title=f"{name}: {word or 'stress tests'} against {test.base_words}",
         synthetic=synthetic,
         state=state,
         sentence=sentence_of(name, test, state, answer, fit, adequacy, where, limits, final, unit, further),

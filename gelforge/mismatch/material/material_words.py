@@ -230,11 +230,11 @@ def sentence_of(name, test, state, answer, fit: v.Fit, adequacy, where, limits, 
     if state == "consistent":
         seen = ", ".join(x.effect for x in limits if x.seen)
         return (
-            f"{name}: nothing is missing within the errors ({before} beside {test.base_words}); plausible values of {seen}"
-            " would have been seen."
+            f"{name}: nothing is missing within the errors ({before} from {test.base_words}); plausible values of {seen}"
+            " would have been detected."
         )
     if state == "inconclusive":
-        return f"{name}: nothing is seen, but these tests could not show plausible values of what may be missing."
+        return f"{name}: nothing is detected, but these tests could not show plausible values of what may be missing."
     place = where.best.name
     if not answer:
         return f"{name}: {test.base_words} is off by {before}, most clearly in {place}; no effect known here explains it."
@@ -247,7 +247,7 @@ def sentence_of(name, test, state, answer, fit: v.Fit, adequacy, where, limits, 
     text += f" ({numbers})" if numbers else ""
     if state == "unexplained" and further:
         words = " or ".join(WORDS[n] for n in further)
-        text += f"; there is evidence for {words} beside it, which what was held out does not confirm"
+        text += f"; there is also evidence for {words}, which the held-out readings do not confirm"
     elif state == "unexplained":
         text += f"; something remains ({adequacy.remains})" if not adequacy.passed else "; it is not certain"
     if all(FAMILY_OF[g.members[0]] == "force sensor" for g in answer) and test.no_signature:
@@ -284,7 +284,7 @@ def _relaxation(candidate: Candidate, a: np.ndarray) -> str:
             f"{amounts['flow_stiffness']:.2g} of the nominal stiffness flows, the faster the higher its stress"
         )
     if share := sum(x for name, x in amounts.items() if name.startswith("share")):
-        per = " per decade of time" if "share_per_decade" in amounts else ", which relaxes beside it"
+        per = " per decade of time" if "share_per_decade" in amounts else ", which relaxes in addition"
         said.append(f"{share:.2g} of the fastest loading's stress{per}")
     return ", ".join(said)
 

@@ -1,4 +1,4 @@
-"""Presses that are mirror images of one another on a square sensor: one is solved, the others are carried from it."""
+"""Indentations that are mirror images of one another on a square sensor: one is solved, the others are carried from it."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from gelforge.mismatch.model.effect import Parameter, Shape
 
 ON = (-0.5, 1.5)  # bounds of what is off (0) or on (1)
 LARGEST_MOVE = 0.3  # [mm]; beside a wall the pull sets in within half a millimetre
-FAR_OUT = 0.3  # of the sensor's width from its middle: where the outermost presses of usual plans are
+FAR_OUT = 0.3  # of the sensor's width from its middle: where the outermost indentations of usual plans are
 
 
 def amount(
@@ -34,7 +34,7 @@ def half_an_element(study: Study) -> float:
 
 
 def half_an_element_far_out(study: Study) -> float:
-    """Return the angle [rad] or the growth by which the outermost presses move so far."""
+    """Return the angle [rad] or the growth by which the outermost indentations move so far."""
     return half_an_element(study) / (FAR_OUT * study.sensor.width_x_mm)
 
 
@@ -47,7 +47,7 @@ def solver(
     """Return the fields of an Effect with one value that the catalogue of the finite elements adds to a study.
 
     present: what the base has of it already, for entries that replace a number; limit: beyond it more changes nothing;
-    directed: it has a place, a direction or an order, so presses of a square have no mirror images.
+    directed: it has a place, a direction or an order, so indentations of a square have no mirror images.
     """
     known = CATALOGUE[name]
 

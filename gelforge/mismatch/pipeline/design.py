@@ -35,7 +35,7 @@ def planned_observations(
     ways_up: tuple[float, ...] = (),
     ages_days: tuple[float, ...] = (np.nan,),
 ) -> Observations:
-    """Return the readings that a study's plan would give, force zero: every cell to each of its depths in random order.
+    """Return the readings that a study's plan would give, force zero: every site to each of its depths in random order.
 
     Noise is that of a force sensor as the session's defaults describe it, and so is what shares one depth zero; contact
     point's scatter is the study's, or CONTACT_POINT_MM; one session for each age of the sensor.
@@ -118,7 +118,7 @@ def experiments_table(solver: Solver, verdict: Verdict) -> pd.DataFrame:
     """Return for each experiment its cost and the expected log odds of the right one of two surviving effects.
 
     Where the readings could not show enough to leave any: what each experiment would show (`visibility_table`). Raises
-    ConfigError for a verdict with nothing left to tell apart, or with effects of the camera alone.
+    ConfigError for a verdict with nothing left to distinguish, or with effects of the camera alone.
     """
     effects = {effect.name: effect for effect in verdict.effects}
     pairs = rivals(verdict)
@@ -132,8 +132,8 @@ def experiments_table(solver: Solver, verdict: Verdict) -> pd.DataFrame:
     seen_alone = {name for pair in pairs for name in of_camera(pair)}
     pairs = [pair for pair in pairs if not of_camera(pair)]
     if not pairs:
-        told = "; ".join(f"{name}: {CATALOGUE[name].separated_by}" for name in sorted(seen_alone))
-        raise ConfigError(f"no indentation shows what the camera alone sees ({told})")
+        reported = "; ".join(f"{name}: {CATALOGUE[name].separated_by}" for name in sorted(seen_alone))
+        raise ConfigError(f"no indentation shows what the camera alone sees ({reported})")
     plans = list(plans_of(solver, [effects[name] for pair in pairs for name in pair]))
     rows = []
     for first, second in pairs:

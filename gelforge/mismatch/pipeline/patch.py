@@ -1,4 +1,4 @@
-"""The answer as keys of the configuration: a study run with them has the effect in its cells."""
+"""The answer as keys of the configuration: a study run with them has the effect in its sites."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""The article's own case: its force/torque readings against its two published curves and against our cells.
+"""The article's own case: its force/torque readings against its two published curves and against our sites.
 
 Sferrazza et al. 2019 (doi 10.1109/ACCESS.2019.2956882), figure 6: Fz over eight depths at the centre and at the corner. A
 published curve is a base without cells: an effect that is another model of the indentation (a switch) replaces the curve
-by our cells with it; all others add what they change in our cells that follow the curve's own assumptions.
+by our sites with it; all others add what they change in our sites that follow the curve's own assumptions.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ TABLE = Path("data/paper/force_depth.csv")
 SITES = {"center": (16.0, 16.0), "corner": (27.0, 27.0)}  # mm
 SIGMAS_N = (0.017, 0.02, 0.025, 0.03, 0.04, 0.05, 0.06)
 STATED_N = 0.06  # the article's resolution of Fz
-CURVE_ERROR = 0.01  # relative, of a published curve: our converged cells lie 1 to 1.6 % below such meshes (docs/accuracy.md)
+CURVE_ERROR = 0.01  # relative, of a published curve: our converged sites lie 1 to 1.6 % below such meshes (docs/accuracy.md)
 LINEAR = {"mechanics": {"strain": "small", "contact_normals": "initial"}}
 NO_TIMES = (
     "the article gives one reading per depth and no times: history effects, drift and repeats cannot be judged",
@@ -52,7 +52,7 @@ class Case:
 
     name: str
     title: str
-    column: str | None  # of the table; None: our own cells
+    column: str | None  # of the table; None: our own sites
     changes: dict  # keys of the study that describe the curve's assumptions
 
 
@@ -134,9 +134,9 @@ def problem_of_case(
 
 
 def with_curve(base: Base, curve: np.ndarray, effects) -> Base:
-    """Return the base with a published curve of Fz (R,) in place of our cells' forces.
+    """Return the base with a published curve of Fz (R,) in place of our sites' forces.
 
-    A switch's change is then all of our cells with it less the curve.
+    A switch's change is then all of our sites with it less the curve.
     """
     context = base.context
     force = np.zeros_like(context.force)

@@ -119,7 +119,7 @@ def judge_recording(solver: Solver, sessions: Sequence[Path | Recording], out: P
     forces, base = problem_of(solver, observations)
     joint = forces
     if study.mismatch.images != "left_out":
-        stage("images, and the motion of the gel at their presses")
+        stage("images, and the motion of the gel at their indentations")
         joint = with_flow(solver, base, forces, recordings)
     problem = joint if study.mismatch.images == "fitted" else forces
     judgement = judge(problem, study.mismatch, study.seed)
@@ -133,7 +133,7 @@ def judge_recording(solver: Solver, sessions: Sequence[Path | Recording], out: P
         provenance_of([one.folder for one in recordings], study, solver),
         flow=flow_section(joint, judgement, after),
     )
-    stage("experiments that would tell effects apart")
+    stage("experiments that would distinguish effects")
     verdict = with_experiments(verdict, forces, base.context)
     stage("tables")
     write_results(out, verdict, in_newtons)
@@ -186,14 +186,14 @@ def spread(observations: Observations, study: Study) -> Observations:
 
 
 def spread_depths(observations: Observations, study: Study) -> Observations:
-    """Return the observations of presses to no more depths than the study judges, spread evenly, the deepest among them."""
+    """Return the observations at no more depths than the study judges, spread evenly, the deepest among them."""
     depth = observations.table["deepest_mm"].round(DEPTH_DIGITS)
     levels, most = np.unique(depth), study.mismatch.depths
     if most is None or len(levels) <= most:
         return observations
     chosen = levels[np.round(np.linspace(0, len(levels) - 1, most)).astype(int)]
-    told = f"of indentations to {len(levels)} depths those to {most} of them are judged (mismatch.depths)"
-    return observations.chosen(depth.isin(chosen).to_numpy()).saying(told)
+    reported = f"of indentations to {len(levels)} depths those to {most} of them are judged (mismatch.depths)"
+    return observations.chosen(depth.isin(chosen).to_numpy()).saying(reported)
 
 
 def spread_sites(observations: Observations, study: Study) -> Observations:
@@ -203,8 +203,8 @@ def spread_sites(observations: Observations, study: Study) -> Observations:
         return observations
     middle = np.array([study.sensor.width_x_mm, study.sensor.width_y_mm]) / 2
     chosen = spread_out(sites, most, int(np.argmin(np.linalg.norm(sites - middle, axis=1))))
-    told = f"of {len(sites)} positions {most}, spread over the sensor, are judged (mismatch.sites)"
-    return observations.at_sites(chosen).saying(told)
+    reported = f"of {len(sites)} positions {most}, spread over the sensor, are judged (mismatch.sites)"
+    return observations.at_sites(chosen).saying(reported)
 
 
 def problem_of(solver: Solver, observations: Observations, recorded: bool = True) -> tuple[Problem, Base]:

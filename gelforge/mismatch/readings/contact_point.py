@@ -1,4 +1,4 @@
-"""How well depth zero was found: as sessions state it, as repeated presses show it, or assumed."""
+"""How well depth zero was found: as sessions state it, as repeated indentations show it, or assumed."""
 
 from __future__ import annotations
 
@@ -11,11 +11,14 @@ from gelforge.config import DepthZero
 from gelforge.mismatch.readings.noise import LEAST_FREEDOM
 from gelforge.mismatch.readings.observations import Observations
 
-CONTACT_POINT_MM = 0.02  # assumed where neither the session nor repeated presses say how well zero was found
+CONTACT_POINT_MM = (
+    0.02  # assumed where neither the session nor repeated indentations say how well zero was found
+)
 
 
 def depth_scatter(zero: DepthZero, instead_mm: float | None = None) -> tuple[float, float]:
-    """Return the standard deviations [mm] of the depth from press to press and of the session's contact point; nan: missing.
+    """Return the standard deviations [mm] of the depth from one indentation to the next and of the session's contact point;
+    nan: missing.
 
     The one that the session does not find its zero by is 0 where nothing is said of either; where the contact point is
     stated and the indentations are not, repeats may show these. instead_mm stands in place of what is stated of `zero.by`.
@@ -30,9 +33,10 @@ def depth_scatter(zero: DepthZero, instead_mm: float | None = None) -> tuple[flo
 
 
 def with_contact_point(found: Observations) -> Observations:
-    """Fill scatter of the depth that no session states: from repeated presses, or assumed and reported.
+    """Fill scatter of the depth that no session states: from repeated indentations, or assumed and reported.
 
-    Repeats show what differs from press to press; a session's contact point, which all its indentations share, is assumed.
+    Repeats show what differs from one indentation to the next; a session's contact point, which all its indentations share,
+    is assumed.
     """
     press, session = found.press_depth_mm, found.session_depth_mm
     lone, shared = np.isnan(press), np.isnan(session)
@@ -65,10 +69,10 @@ def _keys(*missing: np.ndarray) -> str:
 
 
 def _repeated_contact_points(found: Observations, of: np.ndarray) -> float | None:
-    """Return the scatter [mm] of contact point that repeated presses show in Fz, less the noise; None with few repeats.
+    """Return the scatter [mm] of contact point that repeated indentations show in Fz, less the noise; None with few repeats.
 
-    of (R,) bool: the readings that count. Of each press the depth by which all its loading readings are off their means, as
-    the slope has it; presses less places are the repeats.
+    of (R,) bool: the readings that count. Of each indentation the depth by which all its loading readings are off their
+    means, as the slope has it; indentations less places are the repeats.
     """
     table = found.table.assign(fz=found.force[:, 2], noise=found.noise_N[:, 2], zero=found.zero_N[:, 2])
     loads = table[(table["phase"] == "load") & of & np.isfinite(table["fz"])]

@@ -51,7 +51,7 @@ def reading_noise(
         tails = _tails(found.fourths, found.expected, scatter, rounding == 0)
         return np.maximum(scatter, LEAST_SCATTER * step), rounding, (float(found.freedom), tails), said
     stated = np.broadcast_to(session.force.repeatability_N or 0.0, 3)
-    told = (
+    reported = (
         f"{session.session}: {found.freedom:.3g} repeated readings, {LEAST_FREEDOM} are needed to know the noise; "
         + (
             "the stated repeatability is used"
@@ -59,7 +59,7 @@ def reading_noise(
             else "the stated resolution is taken as its standard deviation"
         )
     )
-    return np.where(stated > 0, stated, step), np.zeros(3), (np.inf, 1.0), [told]
+    return np.where(stated > 0, stated, step), np.zeros(3), (np.inf, 1.0), [reported]
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,7 +40,7 @@ def _zero() -> np.ndarray:
 
 @dataclass(frozen=True)
 class Observations:
-    """R readings of the force on the sensor, zero subtracted; rows before touch are not among them.
+    """R readings of the force on the sensor, zero subtracted; rows before contact are not among them.
 
     noise_N, rounding_N and zero_N are standard deviations; zero_N is of the subtracted zero, one draw per indentation and
     axis. So are press_depth_mm (the stage's repeatability, a zero that each indentation finds by itself) and

@@ -8,7 +8,7 @@ import pandas as pd
 from gelforge.mismatch.readings.observations import SetAside
 from gelforge.recording.readings import FORCE, Recording
 
-# Standard deviations of a held reading from the course of the others of its press at that depth
+# Standard deviations of a held reading from the course of the others of its indentation at that depth
 OUTLIER = 8.0
 
 
@@ -31,7 +31,7 @@ def without_outliers(recording: Recording, noise: np.ndarray) -> tuple[pd.DataFr
             time_s=row.time_s,
             depth_mm=row.depth_mm,
             size=round(value, 1),
-            reason="far from the other readings of its press at that depth",
+            reason="far from the other readings of its indentation at that depth",
         )
         for row, value in zip(held[far].itertuples(), size[far])
     ]

@@ -1,4 +1,4 @@
-"""The presses behind the readings: which paths the finite elements must follow, and which step of them each reading is."""
+"""The indentations behind the readings: paths that the finite elements must follow, and the step of each reading."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TIME_DIGITS = 2  # [s]
 
 @dataclass(frozen=True)
 class Runs:
-    """Distinct paths of the readings, without time: where nothing remembers, presses to other depths share one loading."""
+    """Distinct paths of the readings, without time: where there is no memory, indentations to all depths share a loading."""
 
     planned: tuple[PlannedCell, ...]
     site: np.ndarray  # (n,) of each run
@@ -34,7 +34,7 @@ class Runs:
 
 
 def runs_of(observations: Observations) -> Runs:
-    """Return the runs of observations: per site one loading through all depths, and one unloading per press read so.
+    """Return the runs of observations: per site one loading through all depths, and one unloading per indentation read so.
 
     The unloading from a site's deepest indentation continues its loading; from others the loading is followed again to
     their depth.
@@ -77,7 +77,7 @@ def runs_of(observations: Observations) -> Runs:
 
 @dataclass(frozen=True)
 class TimedRuns:
-    """The paths of the readings in time, where something remembers: presses alike in site, depths and times are one run."""
+    """The paths of the readings in time, with memory: indentations alike in site, depths and times are one run."""
 
     trajectories: tuple[Trajectory, ...]
     run: np.ndarray  # (R,)

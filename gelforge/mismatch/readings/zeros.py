@@ -1,4 +1,4 @@
-"""Noise and drift of the force sensor from the zero rows of all presses together, where single presses have one each."""
+"""Noise and drift of the force sensor from the zero rows of all indentations together, where each has only one."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Zeros:
 
 
 def zeros_together(recording: Recording) -> Zeros | None:
-    """Return what the zero rows of all presses say together; None where single indentations show it, or all are too few."""
+    """Return what the zero rows of all indentations say together; None where single ones show it, or all are too few."""
     readings = recording.readings
     rows = readings[readings["phase"] == "zero"]
     if len(rows) < LEAST_FREEDOM or repeats_of(readings, "zero", 1).freedom >= LEAST_FREEDOM:

@@ -53,7 +53,7 @@ class VerdictError(ValueError):
 
 
 class Where(Section):
-    """Where readings differ from the base. Keys that do not matter are left out; a located defect has x, y and radius."""
+    """Where readings differ from the nominal model; a defect has x, y and radius. Keys without meaning are left out."""
 
     words: str = Field(description="The place in plain words")
     channel: str | None = Field(None, description="What differs: force x, y or z, or flow")
@@ -95,7 +95,7 @@ class Amount(Section):
 
 
 class NamedEffect(Section):
-    """An effect that was tried, with what speaks for it."""
+    """An effect that was tried, with its evidence."""
 
     name: Name = Field(description="Canonical name")
     # a type checker wants the names themselves, which effects have in one place
@@ -111,10 +111,12 @@ class NamedEffect(Section):
         {}, description="Place, size, part, time constant; keys carry units"
     )
     in_range: bool = Field(
-        description="Values have their physical sign, inside their bounds and not on them, but for all that there can"
-        " be; of several of one sign some may be none"
+        description="Values have their physical sign and lie inside their bounds; on a bound only where no larger value"
+        " exists (a lost bond); of several values of one sign some may be zero"
     )
-    refitted: bool = Field(False, description="Judged in the real solver; otherwise to first order only")
+    refitted: bool = Field(
+        False, description="Fitted in the finite elements; otherwise by sensitivities only"
+    )
     group: list[str] = Field(
         [], description="What these readings cannot distinguish it from, itself included"
     )
@@ -124,7 +126,7 @@ class Unknown(Section):
     """What no known effect explains: a smooth change by one kernel, of unknown size and form."""
 
     probability: Probability = Field(description="Probability that it is part of what is missing [-]")
-    words: str = Field(description="The kernel that it would most probably have, beside the answer")
+    words: str = Field(description="The kernel that it would most probably have, together with the answer")
 
 
 class Group(Section):
@@ -184,7 +186,9 @@ class HeldOut(Section):
     gain: float = Field(description="Log score after minus before [-]")
     standard_error: NonNegative = Field(description="Of the gain [-]")
     paid: float = Field(
-        0.0, le=0, description="What the gain has to pay as these readings helped to choose the answer [-]"
+        0.0,
+        le=0,
+        description="Selection penalty of the gain, as these readings helped to choose the answer [-]",
     )
 
     @property
@@ -205,7 +209,7 @@ class Flow(Section):
 
 
 class Fit(Section):
-    """The base and the base with the effect, beside the readings."""
+    """The nominal model, without and with the effect, compared with the readings."""
 
     before: Score = Field(description="The nominal model on all readings")
     after: Score | None = Field(None, description="With the effect in it, on all readings")
@@ -215,17 +219,17 @@ class Fit(Section):
 
 
 class Mismatch(Section):
-    """Whether the base explains the readings at all."""
+    """Whether the nominal model explains the readings."""
 
     chi2: NonNegative = Field(description="Squared whitened residual, summed [-]")
     degrees: int = Field(ge=0, description="Its number of degrees of freedom [-]")
     p: Probability = Field(description="Of as much by chance [-]")
     scan_p: Probability = Field(description="Of the strongest pattern by chance, looked for everywhere [-]")
     unknown_p: Probability | None = Field(
-        None, description="Bound on as much evidence for a discrepancy by chance [-]"
+        None, description="Bound on the probability of so much evidence for a discrepancy by chance [-]"
     )
     known_p: Probability | None = Field(
-        None, description="Bound on as much evidence for the known effects by chance [-]"
+        None, description="Bound on the probability of so much evidence for the known effects by chance [-]"
     )
 
 
@@ -255,7 +259,9 @@ class DetectionLimit(Section):
     effect: Name = Field(description="Canonical name")
     parameter: str = Field(description="The parameter")
     unit: str = Field(description="Its unit")
-    amount: Positive | None = Field(description="Smallest value that would be seen [unit]; empty: none would")
+    amount: Positive | None = Field(
+        description="Smallest value that would be detected [unit]; empty: none would"
+    )
     plausible: Positive = Field(description="A plausible value, the standard deviation of its prior [unit]")
 
     @property
@@ -272,7 +278,7 @@ class NoiseCase(Section):
     state: State = Field(description="The state that it gives")
     answer: list[list[Name]] = Field([], description="The groups that it gives")
     beside: list[Name] = Field(
-        [], description="Effects that fit what remains beside them, none of them sure enough to be named"
+        [], description="Effects that fit the residual of the answer, none of them sure enough to be named"
     )
     probability: Probability | None = Field(None, description="Of the groups [-]")
     p: Probability | None = Field(None, description="Of the mismatch by chance [-]")
@@ -283,9 +289,7 @@ class Noise(Section):
 
     stated_N: ThreeAxes = Field(description="Standard deviation of one reading, x, y, z [N]")
     zero_N: ThreeAxes = Field(description="Of the subtracted zero, one draw per indentation, x, y, z [N]")
-    touchdown_mm: NonNegative = Field(
-        description="Of the contact point: both errors of the depth below together [mm]"
-    )
+    touchdown_mm: NonNegative = Field(description="Of the depth, both errors below together [mm]")
     press_depth_mm: NonNegative | None = Field(
         None, description="Of the depth, one draw per indentation [mm]"
     )
@@ -304,7 +308,7 @@ class Noise(Section):
 
 
 class Experiment(Section):
-    """Something to record that would decide."""
+    """An experiment that would decide."""
 
     words: str = Field(description="What to do")
     separates: list[Name] = Field(description="What it distinguishes")
@@ -375,7 +379,7 @@ class Provenance(Section):
 
 
 class Verdict(Section):
-    """The verdict on one recording and its base study."""
+    """The verdict on one recording of a study."""
 
     format: Literal["gelforge-verdict-2"] = Field(FORMAT, description="Of this file")
     title: str = Field(description="What was judged, a few words")
@@ -390,7 +394,9 @@ class Verdict(Section):
         [], description="What is missing: one effect of each group is there, the most probable group first"
     )
     effects: list[NamedEffect] = Field([], description="All that were tried, the most probable first")
-    unknown: Unknown | None = Field(None, description="What no known effect explains, weighed beside them")
+    unknown: Unknown | None = Field(
+        None, description="The discrepancy: what no known effect explains, with its probability"
+    )
     null_probability: Probability = Field(description="Probability that nothing is missing [-]")
     fit: Fit = Field(description="Before and after, on all readings and on those held out")
     adequacy: Adequacy | None = Field(None, description="What remains after the answer")

@@ -43,7 +43,8 @@ def flow_section(joint: Problem, judgement: Judgement, after: np.ndarray | None)
 
 
 def flow_table(joint: Problem, after: np.ndarray | None) -> pd.DataFrame | None:
-    """Return the rows of flow.csv, after (R, 3) by `after_of`: one per press with images and region that shows the gel.
+    """Return the rows of flow.csv, after (R, 3) by `after_of`: one per indentation with images and region that shows the
+    gel.
 
     None without images.
     """

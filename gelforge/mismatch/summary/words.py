@@ -56,7 +56,7 @@ def sentence_of(problem: Problem, judgement: Judgement) -> str:
     rest = [group for group in answer.groups if group not in answer.sure]
     found = f"{where}; {_joined(problem, answer, answer.sure)}{_also(problem, answer, rest)}"
     if state == "form_free":
-        return f"{found}, in a form of its own or with a discrepancy beside it: {_model(judgement)}."
+        return f"{found}, in a form of its own or together with a discrepancy: {_model(judgement)}."
     return f"{found}{_unknown_too(judgement)}."
 
 
@@ -66,7 +66,7 @@ def _joined(problem: Problem, answer: Answer, groups: Sequence[Group]) -> str:
 
 
 def _also(problem: Problem, answer: Answer, groups: Sequence[Group]) -> str:
-    """Return what is not sure beside what is."""
+    """Return what is not sure, in addition to what is."""
     return "".join(
         f"; {'probably' if group.probability >= LIKELY else 'possibly'} also ({group.probability:.2f})"
         f" {_in_words(problem, answer, group)}"
@@ -136,7 +136,7 @@ def _model(judgement: Judgement) -> str:
 
 
 def _beside(problem: Problem, judgement: Judgement) -> str:
-    """Return the sure effects beside which a cause acts."""
+    """Return the sure effects together with which a cause acts."""
     if not judgement.modelled.beside:
         return ""
     return f"{_joined(problem, judgement.answered, judgement.answered.sure)}; together with this, "
@@ -181,8 +181,8 @@ def left_over(judgement: Judgement) -> list[str]:
     if left.p > form.ADEQUATE_P:
         return []
     return [
-        f"something small may be there beside the answer, most clearly {plain(left.scan.best)}: as much is left by chance"
-        f" with p = {left.p:.2g}; below {form.LEFT_P:g} nothing would have been identified"
+        f"something small may be there in addition to the answer, most clearly {plain(left.scan.best)}: as much is left by"
+        f" chance with p = {left.p:.2g}; below {form.LEFT_P:g} nothing would have been identified"
     ]
 
 

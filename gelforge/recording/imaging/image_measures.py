@@ -115,7 +115,7 @@ def _moved_back(field: np.ndarray, flow: np.ndarray) -> np.ndarray:
 
 
 def with_images(readings: pd.DataFrame) -> pd.DataFrame:
-    """Return the readings before touch and under load that have an image."""
+    """Return the readings before contact and under load that have an image."""
     return readings[(readings["image"] != "") & readings["phase"].isin(["zero", "load", "dwell"])]
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 # Immerkaer's operator of 1996 (doi:10.1006/cviu.1996.0060) divided by its norm: white noise keeps its standard deviation.
 NOISE = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32) / 6
-NOISE_PX = 16  # side of the squares among which the smoothest tell the noise
+NOISE_PX = 16  # side of the squares among which the smoothest show the noise
 NOISE_PERCENTILE = 2.0
 NOISE_GREY = (
     0.3,

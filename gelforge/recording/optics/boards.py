@@ -86,7 +86,7 @@ class Views:
     size: tuple[int, int]  # width, height [px]
     seen: list[View] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)  # name: reason
-    mirrored: bool | None = None  # None: a checkerboard does not tell
+    mirrored: bool | None = None  # None: a checkerboard does not show it
 
 
 def find_boards(folder: str | Path, board: Board) -> Views:

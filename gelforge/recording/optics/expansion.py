@@ -1,4 +1,4 @@
-"""Where a press was, in the image: the centre from which its flow expands."""
+"""Where an indentation was, in the image: the centre from which its flow expands."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ BLOCKS = 40  # along the larger side
 
 
 def centre_of_expansion(flow: np.ndarray, vanishing_px: np.ndarray | None) -> np.ndarray | None:
-    """Return the pixel (2,) around which a flow (H, W, 2) [px] of one press is symmetric; None for hardly any flow.
+    """Return the pixel (2,) around which a flow (H, W, 2) [px] of one indentation is symmetric; None for hardly any flow.
 
-    A press moves the gel aside and down by the distance r from its axis. Aside is seen along the pixel's offset from the
-    centre c, down along that from the vanishing point e of the sensor's z axis (None: parallel rays, down is not seen):
+    An indentation moves the gel aside and down by the distance r from its axis. Aside is seen along the pixel's offset from
+    the centre c, down along that from the vanishing point e of the sensor's z axis (None: parallel rays, down is not seen):
 
         flow(p) = A(r) (p - c) + H(r) (p - e),   r = |p - c|
 
@@ -29,7 +29,7 @@ def centre_of_expansion(flow: np.ndarray, vanishing_px: np.ndarray | None) -> np
     if squares.max() < LEAST_PX**2:
         return None
     reach = REACH * min(flow.shape[:2])
-    near = squares > 0.25 * squares.max()  # far from the press noise has no direction, and much area
+    near = squares > 0.25 * squares.max()  # far from the indentation noise has no direction, and much area
     start = squares[near] @ points[near] / squares[near].sum()
 
     def left(c: np.ndarray) -> np.ndarray:

@@ -165,7 +165,8 @@ def remap_to(
         )
     if crop_px is not None:
         raise ImageError(
-            f"--crop {crop_px} beside --camera: {differs}, and what is remapped shows the model's view; leave out --crop"
+            f"--crop {crop_px} and --camera are both given: {differs}, and remapped frames show the model's view; leave out"
+            " --crop"
         )
     pixels = np.stack(np.meshgrid(np.arange(view.width_px), np.arange(view.height_px)), axis=-1)
     same_size = (camera.width_px, camera.height_px) == (view.width_px, view.height_px)

@@ -34,8 +34,8 @@ NAMED = 3  # indentations that one line names; the table holds all
 class Finding:
     """One thing that a test found in a session.
 
-    found: what is wrong, as the predicate of a sentence whose subject is the channel ("read 0.24 N before touch"). value and
-    limit are what was compared, in `unit` (NaN where a test compares no numbers). remedy: what mends it.
+    found: what is wrong, as the predicate of a sentence whose subject is the channel ("read 0.24 N before contact"). value
+    and limit are what was compared, in `unit` (NaN where a test compares no numbers). remedy: what mends it.
     """
 
     test: str  # name in `session.TESTS`; what `confirmed` of session.yaml names
@@ -125,7 +125,7 @@ def read_findings(path: str | Path) -> pd.DataFrame:
 def _line(group: list[Finding]) -> str:
     """Return findings of one test and level as one line; the finding farthest beyond its limit speaks for all."""
     worst = max(group, key=_excess)
-    where = "" if not worst.press else f"press {worst.press}"
+    where = "" if not worst.press else f"indentation {worst.press}"
     if where and np.isfinite(worst.time_s):
         where += f" at {worst.time_s:.6g} s"
     limit = f" (limit {worst.limit:.3g} {worst.unit})".replace(" )", ")") if np.isfinite(worst.limit) else ""

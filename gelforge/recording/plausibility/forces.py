@@ -1,4 +1,4 @@
-"""Tests of the force: near zero before touch, answering the indentation, growing with depth at a site."""
+"""Tests of the force: near zero before contact, answering the indentation, growing with depth at a site."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ GROWING_FLOORS = 10.0
 
 
 def force_before_touch(data: SessionData) -> list[Finding]:
-    """Return sessions whose tared zero is none, and indentations whose force steps or touches before touch."""
+    """Return sessions whose tared zero is none, and indentations whose force steps or touches before contact."""
     return [*tared_zero(data), *steps_before_touch(data)]
 
 
@@ -48,7 +48,7 @@ def tared_zero(data: SessionData) -> list[Finding]:
     limit = np.maximum(noise, TARED_SHARE * largest)
     by_press = zero.groupby("press", sort=False)[
         FORCE
-    ].median()  # one outlier among the rows of a press is none
+    ].median()  # one outlier among the rows of an indentation is none
     size = by_press.abs().to_numpy() / limit
     far = size.max(axis=1) > 1
     axis = int(size.max(axis=0).argmax())
@@ -57,17 +57,18 @@ def tared_zero(data: SessionData) -> list[Finding]:
     remedy = (
         "set force.tared: false in session.yaml, so that the zero rows of each indentation are subtracted"
     )
-    told = partial(Finding, "force_before_touch", channel="force", remedy=remedy, unit="N", value=abs(read))
+    finding = partial(
+        Finding, "force_before_touch", channel="force", remedy=remedy, unit="N", value=abs(read)
+    )
     if far.mean() > TARED_INDENTATIONS:
         found = (
-            f"reads up to {read:.3g} N ({AXES[axis]}, press {press}) in the zero rows of a tared session, beyond the"
-            f" limit in {far.sum()} of {len(far)} indentations, of a resolution of"
-            f" {data.session.force.resolution_N[axis]:g} N"
+            f"reads up to {read:.3g} N ({AXES[axis]}, indentation {press}) in the zero rows of a tared session, beyond the"
+            f" limit in {far.sum()} of {len(far)} indentations (resolution {data.session.force.resolution_N[axis]:g} N)"
         )
-        return [told(level="error", found=found, limit=float(limit[axis]))]
+        return [finding(level="error", found=found, limit=float(limit[axis]))]
     if (by_press.abs().to_numpy() > noise).any(axis=1).mean() > TARED_INDENTATIONS:
-        found = f"reads up to {read:.3g} N ({AXES[axis]}, press {press}) in the zero rows of a tared session"
-        return [told(level="note", found=found, limit=float(noise[axis]))]
+        found = f"reads up to {read:.3g} N ({AXES[axis]}, indentation {press}) in the zero rows of a tared session"
+        return [finding(level="note", found=found, limit=float(noise[axis]))]
     return []
 
 
@@ -99,7 +100,7 @@ def steps_before_touch(data: SessionData) -> list[Finding]:
                 value=float(spread.iloc[k, axis]),
                 limit=float(limit[k, axis]),
                 unit="N",
-                found=f"changes by {spread.iloc[k, axis]:.3g} N ({AXES[axis]}) before touch",
+                found=f"changes by {spread.iloc[k, axis]:.3g} N ({AXES[axis]}) before contact",
                 remedy="record zero rows clear of the surface and at rest",
                 rows=tuple(own),
             )
@@ -135,7 +136,8 @@ def force_repeats(data: SessionData) -> list[Finding]:
                 time_s=float(rows.at[first, "time_s"]),
                 value=float(len(rows)),
                 unit="rows",
-                found=f"repeats one value to the last digit from press {readings.at[since[first], 'press']} on ({names})",
+                found=f"repeats one value to the last digit from indentation {readings.at[since[first], 'press']} on"
+                f" ({names})",
                 remedy="check the sensor's supply and plug, and record these indentations again",
                 rows=tuple(own.index if zero_gone else rows.index),
             )
@@ -205,7 +207,7 @@ def _no_answer_at_all(every: pd.DataFrame) -> Finding | None:
         value=float(push.mean()),
         limit=float(3 * error),
         unit="N",
-        found=f"answers no indentation: {push.mean():.3g} N on average over {len(push)} indentations",
+        found=f"does not respond to indentation: {push.mean():.3g} N on average over {len(push)} indentations",
         remedy="check force.axes and the sensor; fz_N must fall below zero where the indenter presses",
     )
 
@@ -255,7 +257,7 @@ def _fallen(data: SessionData, site: pd.DataFrame, usual, off: float, least: flo
                 unit="N",
                 found=(
                     f"does not grow with depth: {push[k]:.3g} N at {depth[k]:g} mm, {push[against]:.3g} N at"
-                    f" {depth[against]:g} mm of the same site (press {site.index[against]})"
+                    f" {depth[against]:g} mm of the same site (indentation {site.index[against]})"
                 ),
                 remedy="check depth_mm and the force of both indentations, and record the wrong one again",
                 rows=tuple(data.readings.index[data.readings["press"] == press]),

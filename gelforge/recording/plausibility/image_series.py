@@ -45,12 +45,12 @@ class ImageSeries:
 
     @cached_property
     def depth(self) -> pd.Series:
-        """Return the depth [mm] of each of these, 0 before touch."""
+        """Return the depth [mm] of each of these, 0 before contact."""
         return self.shown["depth_mm"].where(self.shown["phase"] != "zero", 0.0).fillna(0.0)
 
     @cached_property
     def before(self) -> pd.DataFrame:
-        """Return those before touch that are not the reference frame itself."""
+        """Return those before contact that are not the reference frame itself."""
         shown = self.shown
         return shown[(shown["phase"] == "zero") & (shown["pixels"] != self.reference)]
 
@@ -61,7 +61,7 @@ class ImageSeries:
 
     @cached_property
     def floor_px(self) -> tuple[float, float]:
-        """Return the median flow of the images before touch and its robust standard deviation; 0 where there are none."""
+        """Return the median flow of the images before contact and its robust standard deviation; 0 where there are none."""
         flow = self.before["flow_px"]
         if flow.empty:
             return 0.0, LEAST_SPREAD_PX

@@ -1,4 +1,5 @@
-"""Tests of the images: they show the surface, stand still before touch, follow the indentation, and are images of their own.
+"""Tests of the images: they show the surface, stand still before contact, follow the indentation, and are images of their
+own.
 
 The tests see measures of images (`image_measures`), of a sample while a session is read and of all when features are made.
 """
@@ -20,8 +21,8 @@ from gelforge.recording.plausibility.image_steps import lag
 
 DARK, BRIGHT = 10.0, 245.0  # mean grey levels that are called black and white
 EXPOSURE_STEP = 0.15  # lamps warm by less from one image to the next, and pressing shades less
-LIGHT_IMAGES = 11  # in the running median of the light where an indentation has no image before touch
-BEFORE_SHARE = 0.5  # of the flow under load: images before touch that move more do not stand still
+LIGHT_IMAGES = 11  # in the running median of the light where an indentation has no image before contact
+BEFORE_SHARE = 0.5  # of the flow under load: images before contact that move more do not stand still
 ONE_BEFORE_SHARE = 0.3  # of the flow under load, of a single image
 SPREADS = 6.0  # robust standard deviations of the untouched images' flow, beyond which one is no accident
 MOVES_PX = 0.1  # a session whose images move by less is judged by its answer alone
@@ -86,7 +87,7 @@ def image_exposure(series: ImageSeries) -> list[Finding]:
             series,
             row,
             "image_exposure",
-            f"{row.image} has {100 * row.gain / usual[row.Index]:.0f} % of the brightness before touch: exposure or gain"
+            f"{row.image} has {100 * row.gain / usual[row.Index]:.0f} % of the brightness before contact: exposure or gain"
             " changed by itself",
             "switch automatic exposure and gain of the camera off and record anew",
             step[row.Index],
@@ -117,7 +118,7 @@ def image_repeats(series: ImageSeries) -> list[Finding]:
                     row,
                     "image_repeats",
                     f"{row.image} equals an earlier one in every pixel, though depth went from {earlier:g} to {depth:g} mm",
-                    "the camera or its buffer stood still: record it anew",
+                    "the camera or its buffer repeated a frame: record it anew",
                     moved_px,
                     REPEAT_PX,
                     "px",
@@ -127,7 +128,7 @@ def image_repeats(series: ImageSeries) -> list[Finding]:
 
 
 def image_in_step(series: ImageSeries) -> list[Finding]:
-    """Return that images move before touch as they do under load, lag or lead the readings, or show nothing of them."""
+    """Return that images move before contact as they do under load, lag or lead the readings, or show nothing of them."""
     before, spread = series.floor_px
     table = series.shown
     if len(table) < 2 or not (series.depth > 0).any():
@@ -137,7 +138,7 @@ def image_in_step(series: ImageSeries) -> list[Finding]:
         if not why and len(series.before) and before > BEFORE_SHARE * series.answer_px:
             why = "the flow does not fit this surface, or the images belong to other rows"
         if why:
-            text = f"before touch move by {before:.2g} px and those under load by {series.answer_px:.2g} px: {why}"
+            text = f"before contact move by {before:.2g} px and those under load by {series.answer_px:.2g} px: {why}"
             remedy = "save each image when its row is read, after the stage has come to rest"
             limit = BEFORE_SHARE * series.answer_px
             return [
@@ -155,18 +156,20 @@ def _silent(series: ImageSeries, before: float, spread: float) -> Finding:
     limit = before + SPREADS * spread
     deepest = float(series.depth.max())
     expected = series.least_px_per_mm * deepest
-    text = f"do not answer the indentations: flow {series.answer_px:.2g} px at depths up to {deepest:g} mm"
+    text = (
+        f"do not respond to the indentations: flow {series.answer_px:.2g} px at depths up to {deepest:g} mm"
+    )
     level: Level = "error" if expected > limit else "note"
     remedy = "check that the camera sees the gel and that images and rows match"
     if level == "note":
-        text, remedy = text + ", within that before touch", "none where the indentations are that shallow"
+        text, remedy = text + ", within that before contact", "none where the indentations are that shallow"
     return Finding(
         "image_in_step", level, "images", text, remedy, value=series.answer_px, limit=limit, unit="px"
     )
 
 
 def image_before_touch(series: ImageSeries) -> list[Finding]:
-    """Return single images before touch that move as those under load do."""
+    """Return single images before contact that move as those under load do."""
     before, spread = series.floor_px
     limit = max(before + SPREADS * spread, ONE_BEFORE_SHARE * series.answer_px)
     table = series.before[series.before["flow_px"] > limit]
@@ -175,8 +178,8 @@ def image_before_touch(series: ImageSeries) -> list[Finding]:
             series,
             row,
             "image_before_touch",
-            f"{row.image} before touch moves by {row.flow_px:.2g} px",
-            "the surface was still touched, or the image belongs to another row: record it anew",
+            f"{row.image} before contact moves by {row.flow_px:.2g} px",
+            "the indenter was still in contact, or the image belongs to another row: record it anew",
             row.flow_px,
             limit,
             "px",
@@ -199,7 +202,7 @@ def image_alike(series: ImageSeries) -> list[Finding]:
             row,
             "image_alike",
             f"{row.image} moves by {row.flow_px:.2g} px, the median of this indentation's by {usual[row.Index]:.2g} px",
-            "the camera was behind, or the image belongs to another row: record the indentation anew",
+            "the camera lagged, or the image belongs to another row: record the indentation anew",
             row.flow_px,
             few[row.Index] if row.flow_px < few[row.Index] else many[row.Index],
             "px",
@@ -212,7 +215,7 @@ def image_alike(series: ImageSeries) -> list[Finding]:
 def image_grows(series: ImageSeries) -> list[Finding]:
     """Return the indentations whose images move less than those at a smaller depth of the same place.
 
-    Only loading counts: before touch, load and dwell. A place with one depth says nothing, as a camera may not see it.
+    Only loading counts: before contact, load and dwell. A place with one depth says nothing, as a camera may not see it.
     """
     before, spread = series.floor_px
     held = series.shown.assign(depth_mm=series.depth)[series.depth > 0]
@@ -231,7 +234,7 @@ def image_grows(series: ImageSeries) -> list[Finding]:
             if flow >= limit or limit <= before:
                 continue
             rows = place[place["press"] == press]
-            text = f"move by {flow:.2g} px at {depth:g} mm, less than at smaller depths of this place"
+            text = f"move by {flow:.2g} px at {depth:g} mm, less than at smaller depths at this site"
             remedy = (
                 "the images belong to another row, or the flow lost the surface: record the indentation anew"
             )

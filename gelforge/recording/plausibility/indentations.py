@@ -33,7 +33,7 @@ class ForceOverDepth:
 
 
 def at_commanded_depth(readings: pd.DataFrame) -> np.ndarray:
-    """Return (N,) bool: the load and dwell readings at the press's commanded depth, its deepest load or dwell row."""
+    """Return (N,) bool: the load and dwell readings at the indentation's commanded depth, its deepest load or dwell row."""
     held = readings["phase"].isin(["load", "dwell"])
     deepest = readings["depth_mm"].where(held).groupby(readings["press"]).transform("max")
     return (held & ((deepest - readings["depth_mm"]).abs() <= POSITION_MATCH_MM)).to_numpy()
@@ -70,7 +70,8 @@ def _sites(xy: np.ndarray) -> np.ndarray:
 
 
 def scatter_N(readings: pd.DataFrame, names: list[str]) -> np.ndarray:
-    """Return the standard deviations (3,) [N] of one reading, from differences between neighbours before touch and at rest.
+    """Return the standard deviations (3,) [N] of one reading, from differences between neighbours before contact and at
+    rest.
 
     Robust: the median of the differences, so that steps, spikes and relaxation count little.
     """

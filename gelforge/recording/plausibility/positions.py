@@ -21,7 +21,7 @@ def mirrored_axes(data: SessionData) -> list[Finding]:
     if np.linalg.det(axes) > 0 or data.session.stage_to_sensor.handedness == "left":
         return []
     if np.allclose(axes, -np.eye(3)):
-        remedy = "all three signs are those of the other body: use the unit axes and force.acts_on"
+        remedy = "all three signs are reversed, as for the force on the other body: use the unit axes and force.acts_on"
     elif axes[2, 2] < 0 and np.linalg.det(axes[:2, :2]) > 0:
         remedy = "a sensor whose z points down has one lateral axis reversed too: correct a sign, or use force.acts_on"
     else:
@@ -60,7 +60,7 @@ def planned_count(data: SessionData) -> list[Finding]:
             value=float(len(missing)),
             found=f"has {planned} indentations at the sites visited, {len(missing)} of them not recorded: {named}"
             + (", ..." if len(missing) > 3 else ""),
-            remedy="nothing is missing for what was recorded; record them, or leave them out of the plan",
+            remedy="the readings of the others are complete; record these too, or remove them from the plan",
         )
     ]
 
@@ -68,7 +68,7 @@ def planned_count(data: SessionData) -> list[Finding]:
 def missing_indentations(
     cells: Mapping[str, PlannedCell], done: list[tuple[str, float]]
 ) -> list[tuple[str, float]]:
-    """Return the planned (cell, depth) that were not recorded; done: cell and deepest depth of each indentation."""
+    """Return the planned (site, depth) that were not recorded; done: site and deepest depth of each indentation."""
     depths: dict[str, list[float]] = {}
     for cell, depth in done:
         depths.setdefault(cell, []).append(depth)

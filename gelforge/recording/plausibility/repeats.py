@@ -80,7 +80,7 @@ def _without_chance(number: np.ndarray, depth: np.ndarray, start: int, end: int)
 def _too_even(readings: pd.DataFrame, value: np.ndarray) -> Callable[[int, int], bool]:
     """Return a function that says whether a channel's noise outside a run makes the run practically impossible.
 
-    The chance of a run is share^(rows - 1), share: of neighbours at rest that are equal, before touch or in a dwell,
+    The chance of a run is share^(rows - 1), share: of neighbours at rest that are equal, before contact or in a dwell,
     whichever is larger, and at the upper end of what the count of pairs allows.
     """
     press, phase = readings["press"].to_numpy(), readings["phase"].to_numpy()

@@ -100,7 +100,7 @@ def refuse(folder: Path, findings: Findings) -> None:
     tests = ", ".join(dict.fromkeys(finding.test for finding in errors))
     more = f"; {len(lines) - 1} further error(s) after this one" if len(lines) > 1 else ""
     raise RecordingError(
-        f"{folder}: {lines[0]}; or, if it is right, `confirmed: [{tests}]` in session.yaml{more}"
+        f"{folder}: {lines[0]}; if the readings are right, add `confirmed: [{tests}]` to session.yaml{more}"
     )
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gelforge.recording.plausibility.session import SessionData
 
 LEAST_INDENTATIONS = 3  # that a lag is found from
-MOST_INDENTATIONS = 200  # spread evenly: more tell nothing new
+MOST_INDENTATIONS = 200  # spread evenly: more add nothing
 UNEXPLAINED = (
     0.1  # share of the force's variance that depth leaves unexplained: sites and relaxation leave less
 )
@@ -22,7 +22,7 @@ BETTER = 3.0  # by so many times less must remain at the lag than without it
 NEAR_BEST = 0.05  # of what a lag explains: the least lag that misses no more than this is the one
 LEAST_LIMIT_S = 0.15  # filters of force sensors, and a stage that settles
 COARSE_S, STEP_S = 0.1, 0.02  # between lags that are tried, at first and around the best one
-DENSE_S = 0.05  # between times within a wait, or before touch
+DENSE_S = 0.05  # between times within a wait, or before contact
 FARTHEST_S = 60.0  # the largest lag that is looked for
 RISEN = 0.9  # of the force reached while waiting: at the commanded depth it is there
 
@@ -31,7 +31,7 @@ def force_in_step(data: SessionData) -> list[Finding]:
     """Return that the force lags or leads the depth by more than the waits allow, with the lag found.
 
     With ft.csv the lag is in time: at the stage's clock plus the lag the log agrees with the depths. Without it whole rows
-    of the table are shifted. Relaxation during a wait is no lag: it makes the force fall, and a lag would be seen as a rise.
+    of the table are shifted. Relaxation during a wait is no lag: it makes the force fall, and a lag would appear as a rise.
     """
     if data.log is None:
         return _rows_shifted(data)
@@ -85,7 +85,7 @@ def _shortest_wait_s(readings: pd.DataFrame) -> float:
 
 
 def _known_depths(readings: pd.DataFrame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return times [s], depths [mm] and indentation numbers where the depth is known: before touch, and waiting at depth."""
+    """Return times [s], depths [mm], indentation numbers where the depth is known: before contact, and waiting at depth."""
     names = readings["press"].unique()
     chosen = names[np.unique(np.linspace(0, len(names) - 1, min(len(names), MOST_INDENTATIONS)).astype(int))]
     parts = []

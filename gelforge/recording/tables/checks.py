@@ -10,9 +10,9 @@ import pandas as pd
 from gelforge.config import ForceSensor, Sensor
 from gelforge.indentation.planning.plan import POSITION_MATCH_MM
 
-# A press runs through its phases in this order; approach and touch may alternate, and so may load and dwell.
+# An indentation runs through its phases in this order; approach and touch may alternate, and so may load and dwell.
 PHASES = {"zero": 0, "approach": 1, "touch": 1, "load": 2, "dwell": 2, "shear": 3, "unload": 4}
-DEPTH_MM = (0.02, 30.0)  # deepest press of a session: below it is metres, above it micrometres
+DEPTH_MM = (0.02, 30.0)  # deepest indentation of a session: below it is metres, above it micrometres
 FORCE_N = 100.0  # no soft gel bears more at these depths; above it is millinewtons
 # Resolutions, with the scatter of readings, by which a force has to grow where depth does, to be stuck if it does not
 STUCK_STEPS = 3.0
@@ -36,12 +36,12 @@ def check_finite(path: Path, table: pd.DataFrame, names: list[str]) -> None:
 
 
 def check_rows(path: Path, table: pd.DataFrame) -> None:
-    """Raise RecordingError unless the rows are complete presses in the order taken, with depths in millimetres."""
+    """Raise RecordingError unless the rows are complete indentations in the order taken, with depths in millimetres."""
     unknown = ~table["phase"].isin(PHASES)
     if unknown.any():
         line = unknown.idxmax()
         raise RecordingError(
-            f"{path}, row {line}: phase {table.at[line, 'phase']!r} is none of {list(PHASES)}"
+            f"{path}, row {line}: phase {table.at[line, 'phase']!r} is not one of {list(PHASES)}"
         )
     _check_order(path, table)
     _check_phases(path, table)
@@ -53,7 +53,8 @@ def _check_order(path: Path, table: pd.DataFrame) -> None:
     if not whole.all():
         line = (~whole).idxmax()
         raise RecordingError(
-            f"{path}, row {line}: order {table.at[line, 'order']} is not a whole number; count presses"
+            f"{path}, row {line}: order {table.at[line, 'order']} is not a whole number; number the indentations 1, 2, 3,"
+            " ..."
         )
     for name, what in (("order", "presses"), ("time_s", "readings")):
         backward = np.flatnonzero(np.diff(table[name]) < 0)
@@ -70,9 +71,9 @@ def _check_order(path: Path, table: pd.DataFrame) -> None:
     if again.any() or (new_press != new_order).any():
         line = table.index[(again | (new_press != new_order)).argmax()]
         raise RecordingError(
-            f"{path}, row {line}: press {table.at[line, 'press']} with order "
-            f"{table.at[line, 'order']:.0f}; every press "
-            "has one order and its rows stand together, give repeated presses names of their own"
+            f"{path}, row {line}: indentation {table.at[line, 'press']} with order "
+            f"{table.at[line, 'order']:.0f}; every indentation "
+            "has one order and its rows stand together, give repeated indentations different names"
         )
 
 
@@ -84,15 +85,16 @@ def _check_phases(path: Path, table: pd.DataFrame) -> None:
         line = table.index[backward.argmax() + 1]
         raise RecordingError(
             f"{path}, row {line}: phase {table.at[line, 'phase']} after "
-            f"{table['phase'].iloc[backward.argmax()]} in press "
-            f"{table.at[line, 'press']}; a press runs zero, approach or touch, load or dwell, shear, unload"
+            f"{table['phase'].iloc[backward.argmax()]} in indentation "
+            f"{table.at[line, 'press']}; the phases of an indentation are zero, approach or touch, load or dwell, shear,"
+            " unload, in this order"
         )
     held = table["phase"].isin(["load", "dwell"]).groupby(table["press"], sort=False).any()
     if not held.all():
         press = held.index[~held.to_numpy()][0]
         line = (table["press"] == press).idxmax()
         raise RecordingError(
-            f"{path}, row {line}: press {press} has no load or dwell row; record one or remove the press"
+            f"{path}, row {line}: indentation {press} has no load or dwell row; record one or remove the indentation"
         )
 
 
@@ -104,7 +106,7 @@ def _check_depths(path: Path, table: pd.DataFrame) -> None:
         line = shallow.idxmax()
         raise RecordingError(
             f"{path}, row {line}: depth_mm {table.at[line, 'depth_mm']} in phase {table.at[line, 'phase']}; "
-            "it must be positive, call rows before touch `zero`"
+            "it must be positive, name rows before contact `zero`"
         )
     deep_zero = (table["phase"] == "zero") & (table["depth_mm"] > 0)
     if deep_zero.any():
@@ -118,14 +120,14 @@ def _check_depths(path: Path, table: pd.DataFrame) -> None:
     if not low <= deepest <= high:
         unit = "metres" if deepest < low else "micrometres"
         raise RecordingError(
-            f"{path}, row {line}: the deepest press has depth_mm {deepest:.6g}; {low} to {high} mm is "
+            f"{path}, row {line}: the deepest indentation has depth_mm {deepest:.6g}; {low} to {high} mm is "
             "expected, "
             f"is it in {unit}?"
         )
 
 
 def before_shear(readings: pd.DataFrame) -> np.ndarray:
-    """Return (N,) bool: the readings of a press before it moves sideways; all of a press that does not."""
+    """Return (N,) bool: the readings of an indentation before it moves sideways; all of an indentation that does not."""
     return ~(readings["phase"] == "shear").groupby(readings["press"]).cummax().to_numpy()
 
 
@@ -136,8 +138,8 @@ def check_repeated_rows(path: Path, table: pd.DataFrame) -> None:
     if again.any():
         line = again.idxmax()
         raise RecordingError(
-            f"{path}, row {line}: press {table.at[line, 'press']}: the row stands twice, time_s {table.at[line, 'time_s']:g}"
-            " and force included; remove one"
+            f"{path}, row {line}: indentation {table.at[line, 'press']}: the row appears twice, time_s"
+            f" {table.at[line, 'time_s']:g} and force included; remove one"
         )
 
 
@@ -160,7 +162,7 @@ def check_clock(path: Path, table: pd.DataFrame) -> None:
 
 
 def check_positions(path: Path, readings: pd.DataFrame, sensor: Sensor | None) -> None:
-    """Raise RecordingError for a press that moves sideways before its `shear` rows, or lies outside the sensor.
+    """Raise RecordingError for an indentation that moves sideways before its `shear` rows, or lies outside the sensor.
 
     readings: positions in the sensor's frame.
     """
@@ -170,9 +172,9 @@ def check_positions(path: Path, readings: pd.DataFrame, sensor: Sensor | None) -
     if drift.max() > POSITION_MATCH_MM:
         line = drift.idxmax()
         raise RecordingError(
-            f"{path}, row {line}: press {readings.at[line, 'press']} moves {drift[line]:.4g} mm sideways; "
-            f"commanded positions stay within {POSITION_MATCH_MM} mm before phase `shear`: give each position its own press,"
-            " or call the rows of a sideways motion `shear`"
+            f"{path}, row {line}: indentation {readings.at[line, 'press']} moves {drift[line]:.4g} mm sideways; "
+            f"commanded positions stay within {POSITION_MATCH_MM} mm before phase `shear`: give each position its own"
+            " indentation, or name the rows of a sideways motion `shear`"
         )
     if sensor is None:
         return
@@ -215,7 +217,8 @@ def check_raw_force(path: Path, table: pd.DataFrame, raw: np.ndarray, force: For
 def check_saturation(
     path: Path, table: pd.DataFrame, raw: np.ndarray, force: ForceSensor, scatter_N: np.ndarray
 ) -> None:
-    """Raise RecordingError for an axis whose largest reading stays the same, to the last digit, while presses go deeper.
+    """Raise RecordingError for an axis whose largest reading stays the same, to the last digit, while indentations go
+    deeper.
 
     A gel's force grows at least in proportion to depth, so between two depths of one place it should grow by their ratio.
     What rounding and the scatter of a reading (3,) [N] may hide is let pass, and rounded readings that noise made equal: of
@@ -232,7 +235,7 @@ def check_saturation(
                 (x, y), (low, high) = growth.idxmax(), depth.loc[growth.idxmax()]
                 raise RecordingError(
                     f"{path}: {name} is {extreme:.6g} N at {low:g} and at {high:g} mm of ({x:g}, {y:g}) and never beyond: "
-                    "the force sensor is saturated; remove the presses that reach it, or record with a larger range"
+                    "the force sensor is saturated; remove the indentations that reach it, or record with a larger range"
                 )
 
 
@@ -260,7 +263,7 @@ def check_force(path: Path, readings: pd.DataFrame, force: ForceSensor) -> None:
         )
     if deep["fz_N"].median() > force.resolution_N[2]:
         raise RecordingError(
-            f"{path}: pressing gives fz_N {deep['fz_N'].median():.3g} N (median of the deep presses); it "
+            f"{path}: pressing gives fz_N {deep['fz_N'].median():.3g} N (median of the deep indentations); it "
             "must be negative "
             "on the sensor, z up: correct force.acts_on or force.axes in session.yaml"
         )

@@ -1,4 +1,4 @@
-"""Presses and the planned cells that they belong to."""
+"""Indentations and the planned sites that they belong to."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gelforge.recording.tables.checks import RecordingError
 
 
 def press_table(readings: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per press: press, order, cell, x_mm, y_mm (sensor frame), depth_mm commanded, row."""
+    """Return one row per indentation: press, order, cell, x_mm, y_mm (sensor frame), depth_mm commanded, row."""
     held = readings[readings["phase"].isin(["load", "dwell"])]
     presses = held.groupby("press", sort=False).agg(
         order=("order", "first"),
@@ -30,10 +30,10 @@ def press_table(readings: pd.DataFrame) -> pd.DataFrame:
 
 
 def cells_of_presses(path: Path, readings: pd.DataFrame, cells: Mapping[str, PlannedCell]) -> np.ndarray:
-    """Return the name of the planned cell (N,) of each reading, by position within 0.01 mm and by depth.
+    """Return the name of the planned site (N,) of each reading, by position within 0.01 mm and by depth.
 
-    A press that moves sideways joins a path that passes where its last `shear` row stands. Raises RecordingError for a press
-    without its cell, or one whose recorded cell is another.
+    An indentation that moves sideways joins a path that passes where its last `shear` row stands. Raises RecordingError for
+    an indentation without its site, or one whose recorded site is another.
     """
     presses = press_table(readings)
     names = list(cells)
@@ -44,13 +44,13 @@ def cells_of_presses(path: Path, readings: pd.DataFrame, cells: Mapping[str, Pla
     ends = readings[readings["phase"] == "shear"].groupby("press").last()
     joined = {}
     for press, gap, index, near in zip(presses.itertuples(), distance, nearest, around):
-        where = f"{path}, row {press.row}: press {press.press}"
+        where = f"{path}, row {press.row}: indentation {press.press}"
         end = ends.loc[press.press] if press.press in ends.index else None
         here = [cells[names[k]] for k in sorted(near)] or [cells[names[index]]]
         cell = _cell_of(press, end, here, where)
         if gap > POSITION_MATCH_MM:
             raise RecordingError(
-                f"{where} at ({press.x_mm:.4f}, {press.y_mm:.4f}) mm has no planned cell within "
+                f"{where} at ({press.x_mm:.4f}, {press.y_mm:.4f}) mm has no planned site within "
                 f"{POSITION_MATCH_MM} mm; "
                 f"the nearest is {cell.name} at ({cell.x_mm}, {cell.y_mm}) mm: add the position to the "
                 "plan or correct "
@@ -59,17 +59,17 @@ def cells_of_presses(path: Path, readings: pd.DataFrame, cells: Mapping[str, Pla
         if min(abs(depth - press.depth_mm) for depth in cell.depths_mm) > POSITION_MATCH_MM:
             raise RecordingError(
                 f"{where}: depth_mm {press.depth_mm:.4f} is not among the depths {list(cell.depths_mm)} of "
-                f"cell {cell.name}; "
+                f"site {cell.name}; "
                 "add it to the plan"
             )
         if end is not None and not _passes(cell, end):
             raise RecordingError(
-                f"{where} moves sideways to {_offset(cell, end)} mm at depth {end.depth_mm:g} mm, which is no step of cell "
+                f"{where} moves sideways to {_offset(cell, end)} mm at depth {end.depth_mm:g} mm, which is no step of site "
                 f"{cell.name}, within {POSITION_MATCH_MM} mm; add such a path to the plan (shear_x_mm, shear_y_mm)"
             )
         if press.cell not in ("", cell.name):
             raise RecordingError(
-                f"{where} names cell {press.cell!r} but lies at cell {cell.name!r}; correct or empty the "
+                f"{where} names site {press.cell!r} but lies at site {cell.name!r}; correct or empty the "
                 "column `cell`"
             )
         joined[press.press] = cell.name
@@ -77,10 +77,10 @@ def cells_of_presses(path: Path, readings: pd.DataFrame, cells: Mapping[str, Pla
 
 
 def _cell_of(press, end: pd.Series | None, here: list[PlannedCell], where: str) -> PlannedCell:
-    """Return the cell of those at a press's position that it joins: the one it names, else the one that it fits.
+    """Return the site of those at an indentation's position that it joins: the one it names, else the one that it fits.
 
-    end: its last reading while it moved sideways, None of a straight press, which fits any of these cells; a cell without a
-    path comes first then. Where none fits the first is returned, which is refused afterwards.
+    end: its last reading while it moved sideways, None of a straight indentation, which fits any of these sites; a site
+    without a path comes first then. Where none fits the first is returned, which is refused afterwards.
     """
     named = [cell for cell in here if cell.name == press.cell]
     if named:
@@ -91,18 +91,18 @@ def _cell_of(press, end: pd.Series | None, here: list[PlannedCell], where: str) 
     fitting = [cell for cell in here if _passes(cell, end)]
     if len(fitting) > 1:
         raise RecordingError(
-            f"{where} fits the paths of cells {[cell.name for cell in fitting]}; name its cell in the column `cell`"
+            f"{where} fits the paths of sites {[cell.name for cell in fitting]}; name its site in the column `cell`"
         )
     return (fitting or here)[0]
 
 
 def _offset(cell: PlannedCell, row: pd.Series) -> str:
-    """Return where a reading was taken from a cell's position, in words."""
+    """Return where a reading was taken from a site's position, in words."""
     return f"({row.x_mm - cell.x_mm:.4g}, {row.y_mm - cell.y_mm:.4g})"
 
 
 def _passes(cell: PlannedCell, end: pd.Series) -> bool:
-    """Return whether a reading (phase, x_mm, y_mm, depth_mm) was taken at a step of a cell's path."""
+    """Return whether a reading (phase, x_mm, y_mm, depth_mm) was taken at a step of a site's path."""
     return bool((steps_of_path(cell, pd.DataFrame([end])) >= 0).all())
 
 
@@ -116,11 +116,11 @@ PLANNED = {
 
 
 def steps_of_path(cell: PlannedCell, rows: pd.DataFrame) -> np.ndarray:
-    """Return the step (n,) of a cell's path at which each reading of one press was taken, -1 where at none.
+    """Return the step (n,) of a site's path at which each reading of one indentation was taken, -1 where at none.
 
     rows: phase, x_mm, y_mm (sensor frame), depth_mm in the order taken. A reading belongs to the first step, not before that
     of an earlier reading, whose depth and sideways displacement are its own within 0.01 mm. Steps that turn are no
-    reading's: a recording does not tell them.
+    reading's: a recording does not state them.
     """
     count = len(cell.depths_mm)
     shears = np.array(cell.shears_mm or np.zeros((count, 2)))
@@ -141,7 +141,7 @@ def steps_of_path(cell: PlannedCell, rows: pd.DataFrame) -> np.ndarray:
 
 
 def path_steps(readings: pd.DataFrame, cells: Mapping[str, PlannedCell]) -> np.ndarray:
-    """Return for each reading (N,) the step of its cell's path, see `steps_of_path`; -1 elsewhere."""
+    """Return for each reading (N,) the step of its site's path, see `steps_of_path`; -1 elsewhere."""
     steps = np.full(len(readings), -1)
     paths = {name for name, cell in cells.items() if cell.follows_a_path}
     followed = np.flatnonzero(readings["cell"].isin(paths))
@@ -152,9 +152,9 @@ def path_steps(readings: pd.DataFrame, cells: Mapping[str, PlannedCell]) -> np.n
 
 
 def cells_from_presses(readings: list[pd.DataFrame]) -> dict[str, PlannedCell]:
-    """Return a plan derived from recordings: one cell per position (within 0.01 mm) with the depths pressed there.
+    """Return a plan derived from recordings: one site per position (within 0.01 mm) with the depths pressed there.
 
-    A cell takes the recorded name where there is one, else p0000, p0001, ... in the order of first pressing.
+    A site takes the recorded name where there is one, else p0000, p0001, ... in the order of first pressing.
     """
     presses = pd.concat([press_table(one) for one in readings], ignore_index=True)
     xy = presses[["x_mm", "y_mm"]].to_numpy()
@@ -165,7 +165,7 @@ def cells_from_presses(readings: list[pd.DataFrame]) -> dict[str, PlannedCell]:
         name = recorded[0] if recorded else f"p{number:04d}"
         if len(recorded) > 1 or name in cells:
             raise RecordingError(
-                f"position ({xy[index][0]:.4f}, {xy[index][1]:.4f}) mm: recorded cells "
+                f"position ({xy[index][0]:.4f}, {xy[index][1]:.4f}) mm: recorded sites "
                 f"{recorded or [name]} do not name "
                 "one position each; correct or empty the column `cell`"
             )

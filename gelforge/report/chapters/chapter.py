@@ -101,5 +101,5 @@ def cell_text(value) -> str:
 
 
 def count(number: int, one: str, many: str | None = None) -> str:
-    """Return a number with its noun: 1 cell, 25 cells."""
+    """Return a number with its noun: 1 site, 25 sites."""
     return f"{number:,} {one if number == 1 else many or one + 's'}"

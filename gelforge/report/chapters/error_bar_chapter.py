@@ -14,13 +14,13 @@ from gelforge.report.chapters.results_reader import StudyResults
 from gelforge.report.figures.style import MEASURED, SIMULATED, new_figure, styled
 
 SIGMAS = 2.0  # standard deviations of a band
-PARTS = {"mesh": "total_sigma_mesh_N", "laws": "total_sigma_material_N"}
-LOOKS = {"mesh": (SIMULATED, "o"), "laws": (MEASURED, "s")}
+PARTS = {"mesh": "total_sigma_mesh_N", "constitutive models": "total_sigma_material_N"}
+LOOKS = {"mesh": (SIMULATED, "o"), "constitutive models": (MEASURED, "s")}
 
 
 def error_bars(results: StudyResults) -> Chapter:
-    """Return how sure the simulated vertical forces are, of the mesh and of the laws, by depth."""
-    chapter = Chapter("sure", "How sure the labels are")
+    """Return the uncertainty of the simulated vertical forces by depth: of the mesh and of the constitutive models."""
+    chapter = Chapter("sure", "Label uncertainty")
     if not results.study.mechanics.error_bars:
         chapter.say("No error bars: the study has mechanics.error_bars: false.")
         return chapter
@@ -56,12 +56,12 @@ def error_bars(results: StudyResults) -> Chapter:
 
 
 def _uncertain(results: StudyResults, cell: PlannedCell) -> set[str]:
-    """Return the materials whose laws have a covariance, as a cell knew them."""
+    """Return the materials whose constitutive models have a covariance, as the site's file says."""
     return {str(name) for name in results.cell_attributes[cell.name].get("uncertain_materials", ())}
 
 
 def _vertical(results: StudyResults, planned: PlannedCell) -> list[dict]:
-    """Return depth, Fz and its standard deviations [N] of a cell's loading, row by row; none where it holds no bars."""
+    """Return depth, Fz and its standard deviations [N] of a site's loading, row by row; none where it holds no bars."""
     cell = read_cell(results.cell_path(planned.name), ["depth_mm", "total_force_N"], PARTS.values())
     if not set(PARTS.values()) <= set(cell.arrays):
         return []
@@ -80,10 +80,10 @@ def _vertical(results: StudyResults, planned: PlannedCell) -> list[dict]:
 
 
 def sigma_table(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return median and largest standard deviation of the mesh and of the laws over Fz [%] by depth."""
+    """Return median and largest standard deviation of the mesh and of the constitutive models over Fz [%] by depth."""
     table = []
     for depth, at in rows.groupby("depth"):
-        found = {"depth_mm": depth, "cells": len(at)}
+        found = {"depth_mm": depth, "sites": len(at)}
         for name in PARTS:
             relative = 100 * at[name] / at["force"].abs()
             found |= {f"{name}, median [%]": relative.median(), f"{name}, largest [%]": relative.max()}
@@ -93,10 +93,10 @@ def sigma_table(rows: pd.DataFrame) -> pd.DataFrame:
 
 @styled
 def error_bar_figure(cell: pd.DataFrame, rows: pd.DataFrame, place: str) -> Figure:
-    """Return the force of one cell with its band, and the parts of the band over the force in all cells."""
+    """Return the force of one site with its band, and the parts of the band over the force in all sites."""
     figure, axes = new_figure(8.2, 3.3, ncols=2)
     left, right = axes[0]
-    sigma = np.hypot(cell["mesh"], cell["laws"])
+    sigma = np.hypot(cell["mesh"], cell["constitutive models"])
     left.fill_between(
         cell["depth"],
         cell["force"] - SIGMAS * sigma,

@@ -38,7 +38,8 @@ def tell_budget(chapter: Chapter, results: StudyResults) -> None:
     elif table is None:
         path = results.folder / "tables" / "error_budget.csv"
         chapter.miss(
-            f"No error budget: {path} is not there; the log of `evaluate` says why, as where presses follow a path."
+            f"No error budget: {path} is not there; the log of `evaluate` says why; indentations that follow a path have"
+            " none."
         )
     elif table[PANELS[0][0]].notna().any():
         chapter.say(budget_words(table))

@@ -17,7 +17,7 @@ LEAST_PX = 1e-3  # drawn at least: images without noise have no false flow
 
 
 def flow_table(columns: dict[str, np.ndarray]) -> pd.DataFrame:
-    """Return one row per image of a session: depth_mm (0 before touch), flow_px, lost (bool), press."""
+    """Return one row per image of a session: depth_mm (0 before contact), flow_px, lost (bool), press."""
     return pd.DataFrame(
         {
             "press": columns["press"],

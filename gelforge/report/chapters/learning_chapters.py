@@ -101,7 +101,7 @@ def _say_how_good(chapter: Chapter, results: StudyResults) -> None:
     baselines, by, reliability = tables
     chapter.say(network_words(baselines, by, reliability, results.loss, _only_simulated(results)))
     chapter.show(
-        "Error of the vertical force of pressed bins on held-out sites (RMSES): the network beside its baselines, and by"
+        "Error of the vertical force of pressed bins on held-out sites (RMSES): the network and its baselines, and by"
         " depth, distance from the nearest wall and session.",
         errors_figure(baselines, by),
     )
@@ -132,8 +132,8 @@ def _show_map(chapter: Chapter, results: StudyResults, row: int, place: str) -> 
 
 
 TABLES = {
-    "rmse": "Errors of the network on held-out sites{beside the paper's (another sensor, 13,448 indentations)}.",
-    "baselines": "The network beside baselines on the same rows and inputs: ridge, kernel ridge, nearest neighbours, the"
+    "rmse": "Errors of the network on held-out sites{with the paper's (another sensor, 13,448 indentations)}.",
+    "baselines": "The network and baselines on the same rows and inputs: ridge, kernel ridge, nearest neighbours, the"
     " mean label of training, no force at all. total Fz: rms error of the sum over bins; RMSES: error of pressed bins.",
     "errors_by": "Errors of the network by depth, by distance from the nearest wall and by session (of touched rows), and"
     " the share of images flagged as unlike the training images.",
@@ -143,8 +143,8 @@ TABLES = {
     "reliability": "How far to trust the network on held-out sites. A share far from 0.9 in the 90 % intervals says that the"
     " validation sites are unlike these. Measured totals are readings, whose own noise and what the labels lack of the real"
     " gel are not in the interval.",
-    "rmse_gt": "Measured against simulated total force over indentations (difference: F/T − FEM){beside the paper's}.",
-    "force_ranges": "Range of the labels{beside the paper's}.",
+    "rmse_gt": "Measured against simulated total force over indentations (difference: F/T − FEM){with the paper's}.",
+    "force_ranges": "Range of the labels{with the paper's}.",
 }
 
 

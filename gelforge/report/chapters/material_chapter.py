@@ -1,4 +1,4 @@
-"""The chapter about materials: laws and their fits, what else the tests say, and where cells leave the tested range."""
+"""The chapter about materials: laws and their fits, what else the tests say, and where sites leave the tested range."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LEAVES = 1  # of the attribute leaves_valid_range
 
 
 def materials(results: StudyResults) -> Chapter:
-    """Return the material laws with their fits, the measured effects, and the cells beyond the tested range."""
+    """Return the material laws with their fits, the measured effects, and the sites beyond the tested range."""
     chapter = Chapter("materials", "Materials")
     for name in results.study.materials:
         folder = results.folder / "materials" / name
@@ -32,7 +32,7 @@ def materials(results: StudyResults) -> Chapter:
         chapter.miss(f"No table of parameters: {results.folder / 'tables' / 'material.csv'} is not there.")
     else:
         chapter.tabulate(
-            said_beside("Parameters with 95 % intervals{beside the paper's}", results.paper)
+            said_beside("Parameters with 95 % intervals{with the paper's}", results.paper)
             + "; the single constants of a constitutive model differ more between"
             " equally good fits than Young's modulus E does.",
             beside_paper("material", table, results.paper),
@@ -99,7 +99,7 @@ def _range_words(name: str, law: MaterialLaw) -> str:
 
 
 def _beyond_tests(chapter: Chapter, results: StudyResults) -> None:
-    """List the cells whose elements leave the range in which a law was tested."""
+    """List the sites whose elements leave the range in which a law was tested."""
     rows, unknown, judged = [], 0, 0
     for cell in results.converged():
         attributes = results.cell_attributes[cell.name]
@@ -127,7 +127,7 @@ def _beyond_tests(chapter: Chapter, results: StudyResults) -> None:
 
 
 def _unstable(chapter: Chapter, results: StudyResults) -> None:
-    """List the cells in which a law is unstable at the stretches that were reached; files without the check are silent."""
+    """List the sites in which a law is unstable at the stretches that were reached; files without the check are silent."""
     rows = []
     for cell in results.converged():
         attributes = results.cell_attributes[cell.name]

@@ -99,12 +99,12 @@ def _remedy(by: pd.DataFrame, loss: pd.DataFrame | None, is_good: bool) -> str:
     best = loss.loc[loss.validation.idxmin()]
     if best.validation > OVERFIT * best.training:
         return (
-            "More sites would help: at its best epoch the loss on sites it has not seen is "
-            f"{best.validation / best.training:.1f} times that on its own."
+            "More sites would help: at its best epoch the loss on held-out sites is "
+            f"{best.validation / best.training:.1f} times that on training sites."
         )
     if not is_good:
         return ""
-    return "Sites it has not seen are as good as its own: more sites of the same kind would help little."
+    return "The loss on held-out sites is close to that on training sites: more sites of the same kind would help little."
 
 
 def _mN(newtons: float) -> str:

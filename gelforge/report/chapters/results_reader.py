@@ -38,7 +38,7 @@ class StudyResults:
 
     @cached_property
     def cell_attributes(self) -> dict[str, dict]:
-        """Attributes of each planned cell; an absent or unreadable file has status "missing" and a reason."""
+        """Attributes of each planned site; an absent or unreadable file has status "missing" and a reason."""
         attributes = {}
         for name in self.planned:
             try:
@@ -68,11 +68,11 @@ class StudyResults:
         return np.array(self.widths_mm) / 2
 
     def centre_cell(self) -> PlannedCell | None:
-        """Return the converged cell at the surface's centre, or None."""
+        """Return the converged site at the surface's centre, or None."""
         return self._landmarks.get("centre")
 
     def corner_cell(self) -> PlannedCell | None:
-        """Return a converged cell 5 mm from two edges, or None; the corner of large x and y is preferred."""
+        """Return a converged site 5 mm from two edges, or None; the corner of large x and y is preferred."""
         return self._landmarks.get("corner")
 
     @cached_property
@@ -80,7 +80,7 @@ class StudyResults:
         return landmarks({cell.name: cell for cell in self.converged()}, self.study)
 
     def variant_cell(self, variant: str, name: str) -> Cell | None:
-        """Return a cell as a variant of the study has it, or None where it is not there or has not converged."""
+        """Return a site as a variant of the study has it, or None where it is not there or has not converged."""
         try:
             cell = read_cell(self.folder / "variants" / variant / f"{name}.h5")
         except CellError:

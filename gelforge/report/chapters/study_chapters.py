@@ -1,4 +1,4 @@
-"""Chapters about the study itself: overview, simulated indentations, images, failed cells, time."""
+"""Chapters about the study itself: overview, simulated indentations, images, failed sites, time."""
 
 from __future__ import annotations
 
@@ -145,13 +145,13 @@ def force_depth(results: StudyResults) -> Chapter:
     chapter.show(words, force_depth_figure(curves, results.resolution_N[2]))
     tables = [table for curve in curves if (table := deviation_table(curve)) is not None and len(table)]
     if tables:
-        words = "Vertical force beside the published FEM's; nothing was tuned to bring them together."
+        words = "Vertical force and that of the published FEM; nothing was tuned to bring them together."
         chapter.tabulate(words, pd.concat(tables))
     return chapter
 
 
 def _variant_curves(results: StudyResults, name: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Return depths [mm] and Fz [N] of a cell by variant, of the variants that have solved it."""
+    """Return depths [mm] and Fz [N] of a site by variant, of the variants that have solved it."""
     found = {variant: results.variant_cell(variant, name) for variant in results.study.variants}
     return {
         variant: (cell.arrays["depth_mm"], cell.arrays["total_force_N"][:, 2])
@@ -184,7 +184,7 @@ def inside(results: StudyResults) -> Chapter:
 
 
 def images(results: StudyResults) -> Chapter:
-    """Return one image with its flow, and the flow of all images beside that before touch."""
+    """Return one image with its flow, and the flow of all images beside that before contact."""
     chapter = _one_image(results)
     tell_flow_floor(chapter, results)
     return chapter
@@ -223,7 +223,7 @@ def _one_image(results: StudyResults) -> Chapter:
 
 
 def failed_cells(results: StudyResults) -> Chapter:
-    """Return the cells that failed or are missing, by name and reason."""
+    """Return the sites that failed or are missing, by name and reason."""
     chapter = Chapter("failed", "Failed sites")
     failed = results.not_converged()
     if not failed:
@@ -249,7 +249,7 @@ def failed_cells(results: StudyResults) -> Chapter:
 
 
 def time_per_stage(results: StudyResults) -> Chapter:
-    """Return the time of each stage and of a cell."""
+    """Return the time of each stage and of a site."""
     chapter = Chapter("time", "Time per stage")
     truth = results.study.data_folder / "virtual_truth" / "cells"
     stages = stage_times(results.folder, set(results.planned), truth)

@@ -6,7 +6,7 @@ from gelforge.report.chapters.chapter import Chapter, Link, count
 from gelforge.report.chapters.results_reader import StudyResults
 
 TITLE = "Verification of the finite elements"
-PAGE = "verification.html"  # beside the report
+PAGE = "verification.html"  # in the folder of the report
 
 
 def verification(results: StudyResults) -> Chapter:
@@ -23,7 +23,8 @@ def verification(results: StudyResults) -> Chapter:
         chapter.miss(f"No {path}; gelforge verify writes it.")
     else:
         chapter.say(
-            f"Beside solutions from outside, computed on this machine by this version: {_outcome(results, table)}."
+            f"Compared with independent reference solutions, on this machine and with this version:"
+            f" {_outcome(results, table)}."
         )
         chapter.blocks.append(Link("All checks, number by number", PAGE))
     return chapter
@@ -39,8 +40,8 @@ def verification_table(results: StudyResults, report: str) -> Chapter | None:
         return None
     chapter = Chapter("verification", TITLE)
     chapter.tabulate(
-        "Each number was computed on this machine by this version and stands beside a solution from outside; errors are"
-        f" relative where the reference is a size, else differences: {_outcome(results, table)}.",
+        "Each number was computed on this machine with this version and is compared with an independent reference; errors"
+        f" are relative where the reference is a size, else differences: {_outcome(results, table)}.",
         table,
     )
     chapter.blocks.append(Link("Back to the report of the study", f"{report}#verification"))

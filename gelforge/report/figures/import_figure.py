@@ -1,4 +1,4 @@
-"""One page of an import: signals with the phases marked, the clocks, the contact point of every press, and frames."""
+"""One page of an import: signals with the phases marked, the clocks, the contact point of every indentation, and frames."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ def import_figure(imported: Imported, folder: Path) -> Figure:
     parts = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
     signals = 3 if imported.frames else 2
     span = (0.0, float(imported.stage.time_s[-1]))
-    _signals(imported, parts[0].subplots(signals, 1, sharex=True), span, "All presses (number above)")
+    _signals(imported, parts[0].subplots(signals, 1, sharex=True), span, "All indentations (number above)")
     _signals(
         imported,
         parts[1].subplots(signals, 1, sharex=True),
         _close_span(imported),
-        "The first presses, close",
+        "The first indentations, close",
     )
     _clocks(imported, parts[2])
     _contacts(imported, contacts, parts[3].subplots(contact_rows, columns, squeeze=False))
@@ -48,7 +48,7 @@ def import_figure(imported: Imported, folder: Path) -> Figure:
 def title(imported: Imported) -> str:
     """Return the page's title: the session and what was found."""
     kept, left = imported.presses.kept, imported.presses.left_out
-    text = f"Session {imported.session.session}: {len(kept)} presses from {imported.mapping.describes}"
+    text = f"Session {imported.session.session}: {len(kept)} indentations from {imported.mapping.describes}"
     return text + (f"; left out: {', '.join(str(number) for number, _, _ in left)}" if left else "")
 
 
@@ -129,7 +129,7 @@ def _clocks(imported: Imported, part) -> None:
         axes[-1].annotate(phase, (1.1, -k), va="center")
     last = -len(colours)
     axes[-1].plot([0, 1], [last] * 2, color=PREDICTED, lw=1.2)
-    axes[-1].annotate("contact; law of a clock", (1.1, last), va="center")
+    axes[-1].annotate("contact; line of a clock", (1.1, last), va="center")
     axes[-1].plot([0.5], [last - 1], ".", color=INK, ms=4)
     axes[-1].annotate("lag of a stop or start", (1.1, last - 1), va="center")
     axes[-1].set(xlim=(0, 5), title="What is drawn")
@@ -173,7 +173,7 @@ def _lags(name: str, clock: Aligned, imported: Imported, ax) -> None:
 
 
 def _contacts(imported: Imported, presses, axes) -> None:
-    """Draw force over depth about the contact point of each press, with its interval and the law that was fitted."""
+    """Draw force over depth about the contact point of each indentation, with its interval and the law that was fitted."""
     zero = dict(zip((press.number for press in imported.presses.kept), imported.zero_mm))
     travel = np.interp(imported.force_s, imported.stage.time_s, imported.stage.values[:, 2])
     for ax, press in zip(axes.flat, presses):
@@ -200,7 +200,7 @@ def _contacts(imported: Imported, presses, axes) -> None:
 
 
 def _frames(imported: Imported, images: Path, part) -> None:
-    """Draw the reference, and of some presses the last frame of the wait and what changed against their zero frame."""
+    """Draw the reference, and of some indentations the last frame of the wait and what changed against their zero frame."""
     kept = imported.presses.kept
     chosen = [kept[i] for i in np.unique(np.linspace(0, len(kept) - 1, MOST_FRAMES).astype(int))]
     names = imported.table[imported.table["image"] != ""].groupby("press")["image"]

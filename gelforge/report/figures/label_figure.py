@@ -1,4 +1,4 @@
-"""One label drawn: the force distribution of a cell's depth or of a shard's row."""
+"""One label drawn: the force distribution of a site's depth or of a shard's row."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Label:
 
 
 def read_label(path: str | Path, row: int | None = None) -> Label:
-    """Return the label of a cell's depth (row; the deepest if None) or of a shard's row (the first if None)."""
+    """Return the label of a site's depth (row; the deepest if None) or of a shard's row (the first if None)."""
     path = Path(path)
     with opened(
         path, None, f"name a site's file or a shard, or make it again (snakemake -R {path})", LabelError

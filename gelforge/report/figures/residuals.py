@@ -31,7 +31,7 @@ def residuals_N(agreement: pd.DataFrame) -> np.ndarray:
 def residual_map_figure(agreement: pd.DataFrame, widths_mm: tuple[float, float], resolution_N) -> Figure:
     """Return the mean residual F/T - FEM over all depths at each position, one panel per axis.
 
-    Colours reach at least the resolution (3) [N], so that what the F/T sensor cannot tell stays pale.
+    Colours reach at least the resolution (3) [N], so that what the F/T sensor cannot resolve stays pale.
     """
     table = agreement[["x_mm", "y_mm"]].round(3)
     for axis, column in zip(AXES, residuals_N(agreement).T):
@@ -39,7 +39,7 @@ def residual_map_figure(agreement: pd.DataFrame, widths_mm: tuple[float, float],
     mean = table.groupby(["x_mm", "y_mm"], as_index=False).mean()
     size = np.clip(
         14000 / max(len(mean), 1), 6, 420
-    )  # marker area in points^2: cells nearly touch on a regular grid
+    )  # marker area in points^2: sites nearly touch on a regular grid
     figure, axes = new_figure(9.6, 3.1, nrows=1, ncols=3, sharey=True)
     for ax, axis, resolution in zip(axes[0], AXES, resolution_N):
         limit = signed_limit(mean[axis].to_numpy(), floor=resolution)

@@ -46,7 +46,7 @@ def ranking(results: MismatchResults) -> Chapter:
         for effect in verdict.effects[:RANKED]
     ]
     chapter.tabulate(
-        f"What was tried, the most probable first, alone or beside others; that nothing is missing has probability"
+        f"What was tried, the most probable first, alone or together with others; that nothing is missing has probability"
         f" {chance_text(verdict.null_probability)}{unknown_text(verdict.unknown)}. A good fit alone names nothing: an"
         " value must also be physically possible.",
         filled(rows),
@@ -74,7 +74,7 @@ def _model_text(model: Model, axes: list[str]) -> str:
     """Return in words what is modelled, with a cause of free form or without one, where it holds, and what it predicts."""
     largest = max(model.largest_N["xyz".index(axis)] or 0.0 for axis in axes)
     low, high = model.depth_mm
-    beside = f" beside {' and '.join(map(pretty, model.beside))}" if model.beside else ""
+    beside = f" together with {' and '.join(map(pretty, model.beside))}" if model.beside else ""
     held = model.held_out
     what = (
         f"A cause with a free form, of probability {model.probability:.2g}; module.csv has its map"

@@ -41,8 +41,10 @@ def in_short(results: MismatchResults) -> Chapter:
         first = next(effect for effect in verdict.effects if effect.name == group.members[0])
         facts += [("Value", f"{pretty(first.name)}: {amounts_text(first)}")] if first.amounts else []
     if verdict.unknown is not None and verdict.state in ("unexplained", "modelled"):
-        told = f"{chance_text(verdict.unknown.probability)} probable; it would change {verdict.unknown.words}"
-        facts.append(("No known effect", told))
+        reported = (
+            f"{chance_text(verdict.unknown.probability)} probable; it would change {verdict.unknown.words}"
+        )
+        facts.append(("No known effect", reported))
     held_out = verdict.fit.held_out
     if held_out:
         facts.append((f"Error of F{axis}, held out", _before_after(held_out, axis)))
@@ -57,8 +59,8 @@ def in_short(results: MismatchResults) -> Chapter:
     facts.append(("By chance alone", chance))
     if verdict.adequacy:
         a = verdict.adequacy
-        told = f"{a.words}: by chance {p_text(a.p)}, as strong a pattern {p_text(a.scan_p)}"
-        facts.append(("After it", told))
+        reported = f"{a.words}: by chance {p_text(a.p)}, as strong a pattern {p_text(a.scan_p)}"
+        facts.append(("After it", reported))
     chapter.blocks.append(Facts(facts))
     return chapter
 
@@ -120,14 +122,14 @@ def limits(results: MismatchResults) -> Chapter:
                 "effect": pretty(limit.effect),
                 "parameter": pretty(limit.parameter),
                 "unit": limit.unit,
-                "smallest seen": number(limit.amount),
+                "smallest detectable": number(limit.amount),
                 "plausible": limit.plausible,
-                "would be seen": limit.seen,
+                "detectable": limit.seen,
             }
             for limit in found
         ]
         chapter.tabulate(
-            f"The smallest value that these readings would show, beside a plausible one: {hidden} of {len(found)} would"
+            f"The smallest value that these readings would show, and a plausible one: {hidden} of {len(found)} would"
             " stay hidden.",
             pd.DataFrame(rows),
         )

@@ -15,7 +15,7 @@ SIZES = "Blues"  # sizes, white at none
 
 @styled
 def flow_residual_figure(results: MismatchResults) -> Figure:
-    """Return the size of measured less simulated flow at the deepest press of each site, before and after, on one scale."""
+    """Return the size of measured less simulated flow at each site's deepest indentation, before and after, on one scale."""
     flow = results.flow
     assert flow is not None  # the chapter has looked
     columns = ["base", "after"] if flow["after_u_px"].notna().any() else ["base"]

@@ -40,7 +40,7 @@ class MismatchResults:
 
     @cached_property
     def flow(self) -> pd.DataFrame | None:
-        """The deepest press with images at each site: its flow, one row per region; None where no images were judged."""
+        """The flow of each site's deepest indentation with images, one row per region; None where no images were judged."""
         table = read_flow(self.folder)
         if table is None:
             return None

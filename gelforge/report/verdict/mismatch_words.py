@@ -17,7 +17,7 @@ STATES = {
     "form_free": "the missing physics has a name, its form was fitted",
     "modelled": "what differs is modelled, its cause is unknown",
     "ambiguous": "several causes are possible, and none is sure",
-    "inconclusive": "these readings cannot tell",
+    "inconclusive": "these readings cannot decide",
     "unexplained": "something is missing that no known effect explains",
 }
 STATE_MEANS = {

@@ -21,7 +21,7 @@ from gelforge.indentation.planning.plan import plan_cells
 
 
 def test_splits_are_those_of_training(made_once):
-    """`validation` are the rows that watch the loss; no orbit is on two sides, every row is in one split."""
+    """`validation` are the rows that monitor the loss; no orbit is on two sides, every row is in one split."""
     from gelforge.learning.basis.data import training_and_validation
 
     source = made_once.source
@@ -55,7 +55,7 @@ def test_a_sample_holds_its_share_of_every_split_and_keeps_its_size(made_once, t
     part = source.sampled(whole / 2)
     assert 0.3 * len(source.rows) < sum(part.counts.values()) <= 0.5 * len(source.rows)
     assert list(part.counts) == list(SPLITS)
-    with pytest.raises(DatasetError, match="no room for a press of each split"):
+    with pytest.raises(DatasetError, match="no room for an indentation of each split"):
         source.sampled(whole / 1000)
     too_much = Export("much", "", lambda source, folder, options: (folder / "a").write_bytes(b"0" * 10_000))
     with pytest.raises(DatasetError, match=r"takes 0.0 MB, --sample-mb is 0.005"):

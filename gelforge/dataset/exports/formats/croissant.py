@@ -66,7 +66,7 @@ def _splits(source: Source) -> dict:
         "@type": "cr:RecordSet",
         "@id": "splits",
         "name": "splits",
-        "description": "the splits that have rows, by orbit: a cell with its mirror images",
+        "description": "the splits that have rows, by orbit: a site with its mirror images",
         "dataType": "cr:Split",
         "key": {"@id": "splits/name"},
         "field": [

@@ -1,4 +1,4 @@
-"""LeRobot, layout v3.0: an episode per press, forces and images as observations."""
+"""LeRobot, layout v3.0: an episode per indentation, forces and images as observations."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ TAKEN = (
 )
 STATE = ["x_mm", "y_mm", "depth_mm"]
 INDICES = {
-    "timestamp": ("f4", "s", "frame_index / fps; presses are quasi-static, the shards hold no times"),
+    "timestamp": ("f4", "s", "frame_index / fps; indentations are quasi-static, the shards hold no times"),
     "frame_index": ("i8", "1", "number of the row within its episode"),
     "episode_index": ("i8", "1", "number of the episode"),
     "index": ("i8", "1", "number of the row"),
@@ -42,7 +42,7 @@ USE = """\
 ```python
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
-dataset = LeRobotDataset("gelforge/{study}", root="FOLDER")  # an episode is a press, or a cell with its depths
+dataset = LeRobotDataset("gelforge/{study}", root="FOLDER")  # an episode is an indentation, or a site with its depths
 row = dataset[0]
 row["observation.forces_3d"]  # {label} [N]
 ```
@@ -103,9 +103,9 @@ def _variables(source: Source) -> dict[str, Variable]:
 
 
 def _episodes(source: Source, variables: dict[str, Variable], fps: float) -> Iterator[dict]:
-    """Yield the rows of each press."""
+    """Yield the rows of each indentation."""
     index = 0
-    for number, press in enumerate(tracked(source.presses, "presses exported")):
+    for number, press in enumerate(tracked(source.presses, "indentations exported")):
         rows = source.read([press])
         count = len(press.rows)
         block = {name: rows[column] for name, column, _ in TAKEN if name in variables}
@@ -253,4 +253,6 @@ def _info(source: Source, variables: dict[str, Variable], fps: float, splits: di
     }
 
 
-EXPORT = Export("lerobot", "LeRobot v3.0: LeRobotDataset(..., root=FOLDER), an episode per press", write)
+EXPORT = Export(
+    "lerobot", "LeRobot v3.0: LeRobotDataset(..., root=FOLDER), an episode per indentation", write
+)

@@ -66,7 +66,7 @@ def _write_split(source: Source, split: str, path: Path, fps: float) -> None:
         about = {"study": source.manifest["study"], "manifest_sha256": source.manifest_sha256}
         writer.add_metadata("gelforge", about | {"synthetic": str(source.manifest["synthetic"]).lower()})
         row = 0
-        for press in tracked(source.of_split(split), f"presses of {split} exported"):
+        for press in tracked(source.of_split(split), f"indentations of {split} exported"):
             for messages in _messages(source, press, fps, row):
                 time = round(row / fps * 1e9)
                 for topic, content in messages.items():
@@ -77,7 +77,7 @@ def _write_split(source: Source, split: str, path: Path, fps: float) -> None:
 
 
 def _messages(source: Source, press, fps: float, start: int):
-    """Yield the messages of each row of a press by topic."""
+    """Yield the messages of each row of an indentation by topic."""
     rows = source.read([press])
     resultant = wrench(rows["force_distribution_N"], rows["total_force_fem_N"], source.sensor)
     for i in range(len(press.rows)):

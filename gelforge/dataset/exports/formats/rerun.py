@@ -44,7 +44,7 @@ def write(source: Source, folder: Path, options: Options) -> None:
         recording = rr.RecordingStream("gelforge", recording_id=name)
         recording.save(folder / f"{split}.rrd", layout.Blueprint(layout.Horizontal(*views)))
         row = 0
-        for press in tracked(source.of_split(split), f"presses of {split} exported"):
+        for press in tracked(source.of_split(split), f"indentations of {split} exported"):
             row = _log(rr, recording, source, press, row)
         recording.flush()
         recording.disconnect()
@@ -52,7 +52,7 @@ def write(source: Source, folder: Path, options: Options) -> None:
 
 
 def _log(rr, recording, source: Source, press: Press, row: int) -> int:
-    """Log the rows of a press; return the number of the next row."""
+    """Log the rows of an indentation; return the number of the next row."""
     rows = source.read([press])
     points = bin_points(source.sensor)
     scale = source.sensor.width_x_mm / source.sensor.bins.nx / FULL  # mm per N

@@ -1,4 +1,4 @@
-"""robomimic: one HDF5 file with a demonstration per press and masks for the splits."""
+"""robomimic: one HDF5 file with a demonstration per indentation and masks for the splits."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ file["data"][names[0]]["obs/force_distribution_N"][:]  # (images, {label}) [N]
 ```
 
 `data/<demo>/actions` are the planned position x, y and depth [mm] of each row; `obs` holds the columns below, `image` as
-pixels. Text of a row (cell, phase, image file) is in `data/<demo>/about`. robomimic reads a split with
+pixels. Text of a row (`cell`, `phase`, `image_file`) is in `data/<demo>/about`. robomimic reads a split with
 `hdf5_filter_by_attribute="train"`."""
 
 
@@ -39,9 +39,11 @@ def write(source: Source, folder: Path, options: Options) -> None:
         data.attrs["total"] = sum(source.counts.values())
         data.attrs["env_args"] = json.dumps({"env_name": "gelforge", "type": 1, "env_kwargs": {}})
         about = {name: [v.unit, v.description] for name, v in source.variables.items()}
-        data.attrs["columns"] = json.dumps(about)  # once: on every dataset they would outweigh small presses
+        data.attrs["columns"] = json.dumps(
+            about
+        )  # once: on every dataset they would outweigh small indentations
         data.attrs["manifest_sha256"] = source.manifest_sha256
-        for number, press in enumerate(tracked(source.presses, "presses exported")):
+        for number, press in enumerate(tracked(source.presses, "indentations exported")):
             _write_press(data.create_group(f"demo_{number}"), source, press)
         for split in SPLITS:
             names = [f"demo_{n}" for n, press in enumerate(source.presses) if press.split == split]
@@ -59,7 +61,7 @@ def _write_press(group: h5py.Group, source: Source, press: Press) -> None:
             values = np.char.encode(rows[name].astype(str), "utf-8")
             kind = h5py.string_dtype(
                 "utf-8", max(values.itemsize, 1)
-            )  # of one length: others take 4 kB for each press
+            )  # of one length: others take 4 kB for each indentation
             group.create_dataset(f"about/{name}", data=values.astype(kind), dtype=kind)
         else:
             image = variable.kind == "image"
@@ -78,5 +80,5 @@ def _write_press(group: h5py.Group, source: Source, press: Press) -> None:
 
 
 EXPORT = Export(
-    "robomimic", "one HDF5 file with a demonstration per press and masks, as robomimic reads it", write
+    "robomimic", "one HDF5 file with a demonstration per indentation and masks, as robomimic reads it", write
 )

@@ -15,7 +15,7 @@ BEST_FIRST = ("_transformed_annotated", "_transformed", "")  # of one recording 
 
 
 def read(path: Path, options: Options) -> Iterator[Reading]:
-    """Yield a reading per image; a group is one press. Folder names as in `<gel>/<leds>/data/<indenter>/data_<date>/`."""
+    """Yield a reading per image; a group is an indentation. Folders as in `<gel>/<leds>/data/<indenter>/data_<date>/`."""
     folders = sorted({p.parent for p in path.rglob("data_*.json")}) if path.is_dir() else [path.parent]
     if not folders:
         raise ImportingError(
@@ -68,9 +68,9 @@ LAYOUT = Layout(
     name="allsight",
     what="domes of AllSight pressed by spheres and other indenters on a robot; gel and LEDs by folder",
     force="measured: the load cell's wrench",
-    reference="one image without contact per press",
-    lacks="presses run along the normals of a dome at poses of a robot and images are picked from each press at times of its"
-    " own, so that there is no log from before contact on from which depth could be found",
+    reference="one image without contact per indentation",
+    lacks="indentations run along the normals of a dome at poses of a robot and images are picked from each indentation at"
+    " times of its own, so that there is no log from before contact on from which depth could be found",
     licence="none is stated",
     read=read,
 )

@@ -62,7 +62,7 @@ class _Images:
         self.files = sorted(p for p in folder.glob("dataset_*_[0-9]*.npz"))
         if not self.files:
             raise ImportingError(
-                f"{folder}: no dataset_<sensor>_<number>.npz beside {FORCES}.npz; fetch and convert the images too"
+                f"{folder}: no dataset_<sensor>_<number>.npz in the folder of {FORCES}.npz; fetch and convert the images too"
             )
         self.starts = [0]  # of the chunks whose length is known
         self.chunk = -1

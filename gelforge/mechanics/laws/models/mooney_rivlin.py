@@ -52,7 +52,7 @@ class MooneyRivlinFamily(LinearFamily):
     name, title, kind, free = "mooney_rivlin", "Mooney-Rivlin", MooneyRivlin, (False, False)
     parameters, logarithmic = ("C10_kPa", "C01_kPa"), (True, False)
     modulus_per_parameter = (6.0, 6.0)
-    bound_means = "the curves do not follow this law; try ogden1"
+    bound_means = "the curves do not follow this model; try ogden1"
 
     def columns(self, points):
         l1, l3 = points.lam[:, 0], points.lam[:, 2]

@@ -58,7 +58,7 @@ class YeohFamily(LinearFamily):
     name, title, kind, free = "yeoh", "Yeoh", Yeoh, (False, True, False)
     parameters, logarithmic = ("C10_kPa", "C20_kPa", "C30_kPa"), (True, False, False)
     modulus_per_parameter = (6.0, 0.0, 0.0)
-    bound_means = "the curves do not follow this law; try ogden2"
+    bound_means = "the curves do not follow this model; try ogden2"
 
     def columns(self, points):
         x = points.I1 - 3
@@ -71,7 +71,7 @@ FAMILY = YeohFamily()
 class YeohParameters(GivenParameters):
     """Yeoh's model W = sum C_k0 (I1 - 3)^k, as in Abaqus and ANSYS; initial shear modulus 2 C10.
 
-    C20 and C30 may be negative: a press is refused where the model is unstable at stretches that it may reach.
+    C20 and C30 may be negative: an indentation is refused where the model is unstable at stretches that it may reach.
     """
 
     law: Literal["yeoh"] = Field(description="constitutive model")
