@@ -121,6 +121,26 @@ def test_a_study_is_begun_and_its_workflow_planned_without_the_checkout(installe
     assert jobs["simulate"] == "3" and jobs["all"] == "1"
 
 
+@pytest.mark.thorough
+def test_a_whole_study_of_a_shipped_sensor_runs_without_the_checkout(installed, tmp_path):
+    """One coarse site of a GelSight Mini, from `gelforge init` to the report; kernels are compiled, a minute."""
+    installed.with_extras("workflow")
+    assert (
+        installed.run("gelforge", "init", "mine", "--sensor", "gelsight_mini", folder=tmp_path).returncode
+        == 0
+    )
+    config = tmp_path / "config/mine.yaml"
+    study = yaml.safe_load(config.read_text()) | {"verification": []}
+    study["plan"] = {"grid": {"spacing_mm": 5.0, "margin_mm": 10.0}, "depths_mm": [0.3]}
+    study["mechanics"]["mesh"] = {"near_mm": 2.0, "near_radius_mm": 2.0, "far_mm": 4.0}
+    config.write_text(yaml.safe_dump(study))
+    ran = installed.run("snakemake", "--cores", "1", folder=tmp_path)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert "Traceback" not in ran.stdout + ran.stderr  # the jobs are forks, also of what an extra would bring
+    for name in ("dataset/manifest.json", "tables/force_ranges.csv", "report.html"):
+        assert (tmp_path / "results/mine" / name).is_file()
+
+
 def test_commands_without_extras_name_the_one_that_they_lack(installed, tmp_path):
     installed.with_extras()
     assert installed.run("gelforge", "init", "mine", folder=tmp_path).returncode == 0
@@ -145,6 +165,11 @@ def test_extras_are_those_of_the_installation():
 
 
 def test_one_version_everywhere():
+    """The tags of this commit among them, where this is a clone."""
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     assert citation["version"] == gelforge.__version__
     assert f"\n## {gelforge.__version__} " in (ROOT / "CHANGELOG.md").read_text()
+    tags = subprocess.run(
+        ["git", "tag", "--points-at", "HEAD", "v*.*.*"], cwd=ROOT, capture_output=True, text=True
+    )
+    assert set(tags.stdout.split()) <= {f"v{gelforge.__version__}"}
