@@ -290,7 +290,7 @@ def test_the_press_on_a_rigid_board_that_the_sidecar_names_is_taken_off(tmp_path
     sidecar = "ball_radius_mm: 2\n"
     alone, _ = small(tmp_path / "alone", ball_csv=ball_on(give), ball_yaml=sidecar)
     assert alone["microindentation"].value < 0.9 * 3.0
-    assert "machine's give is counted as the sample's" in alone["microindentation"].sentence
+    assert "machine's compliance is counted as the specimen's" in alone["microindentation"].sentence
     both, _ = small(
         tmp_path / "both",
         ball_csv=ball_on(give),

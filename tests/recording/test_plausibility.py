@@ -473,7 +473,7 @@ FIELD = {
     "rec_ft_shared_stamps": None,
     "rec_sensor_dies": r"repeats one value to the last digit from indentation p027 on .*27 indentations in all",
     "rec_ft_gap": r"force has no sample in ft\.csv for 1\.\d+ s .*18 indentations in all",
-    "rec_tared_drift": r"zero rows of a tared session.*resolution of 0\.001 N.*set force\.tared: false",
+    "rec_tared_drift": r"zero rows of a tared session.*resolution 0\.001 N.*set force\.tared: false",
 }
 
 
