@@ -60,7 +60,8 @@ def _spectra(context: Context, times: Mapping[str, np.ndarray]) -> Module:
 
 def _with_branches(study: Study, times: Mapping[str, np.ndarray], moduli: np.ndarray) -> Study:
     """Return the study with overstresses of relative moduli (G,), part by part; a negative one is none."""
-    ends, branches = np.cumsum([len(own) for own in times.values()])[:-1], {}
+    ends = np.cumsum([len(own) for own in times.values()])[:-1]
+    branches: dict[str, dict[str, list[float]]] = {}
     for (part, own), values in zip(times.items(), np.split(moduli, ends)):
         kept = values > LEAST
         names = gel_layers(study) if part == "gel" else [skin_layer(study)]
