@@ -42,7 +42,7 @@ ROOMS = {
     "indentation": ("sensor", "paths", "effects", "cells", "planning", "solving"),
     "recording": ("tables", "imaging", "optics", "plausibility"),
     "learning": ("basis", "networks", "models", "training", "judging", "deployment"),
-    "materials": ("imaging", "readers", "covariates", "fitting"),
+    "materials": ("imaging", "basis", "plausibility", "small_tests", "readers", "covariates", "fitting"),
     "report": ("figures", "chapters", "verdict"),
     "cli": ("common", "products", "camera", "study", "by_hand", "model", "jobs"),
 }
