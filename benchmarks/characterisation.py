@@ -17,11 +17,11 @@ import numpy as np
 import pandas as pd
 from scipy.stats import t as student
 
+from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.fitting.bootstrap import bootstrap
 from gelforge.materials.fitting.choice import compare_laws
 from gelforge.materials.fitting.curves import MeanCurve, mean_curves
 from gelforge.materials.fitting.fit import LawFit, fit_law
-from gelforge.materials.readers.common_form import MaterialTest
 from gelforge.mechanics.laws.homogeneous import LOAD_CASES, nominal_stress, stress_points
 from gelforge.mechanics.laws.models import FAMILIES
 from gelforge.mechanics.laws.models.ogden import Ogden

@@ -4,6 +4,7 @@ import ast
 import subprocess
 import sys
 import time
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -42,7 +43,7 @@ ROOMS = {
     "indentation": ("sensor", "paths", "effects", "cells", "planning", "solving"),
     "recording": ("tables", "imaging", "optics", "plausibility"),
     "learning": ("basis", "networks", "models", "training", "judging", "deployment"),
-    "materials": ("imaging", "readers", "covariates", "fitting"),
+    "materials": ("imaging", "basis", "plausibility", "small_tests", "readers", "covariates", "fitting"),
     "report": ("figures", "chapters", "verdict"),
     "cli": ("common", "products", "camera", "study", "by_hand", "model", "jobs"),
 }
@@ -135,6 +136,34 @@ def test_rooms_import_what_is_below_them():
     assert found == []
     assert seen == {(part, room) for part, rooms in ROOMS.items() for room in rooms}
     assert upward("mismatch", "readings", "from gelforge.mismatch.evidence.screen import Candidate")
+
+
+def circle(sources: dict[str, str]) -> list[str]:
+    """Return modules that import each other in a circle as they are loaded, of sources by name; none: an empty list."""
+    needs: dict[str, set[str]] = {}
+    for name, source in sources.items():
+        top = [node for node in ast.parse(source).body if isinstance(node, ast.Import | ast.ImportFrom)]
+        found = imported(ast.unparse(ast.Module(top, [])))
+        # of `from module import function` the module counts
+        needs[name] = {full if full in sources else full.rpartition(".")[0] for full in found} & set(sources)
+    try:
+        TopologicalSorter(needs).prepare()
+    except CycleError as error:
+        return error.args[1]
+    return []
+
+
+def test_no_modules_import_each_other():
+    """What a function imports as it runs, and what types alone need, may point back."""
+    named = {
+        ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): path
+        for path in MODULES
+    }
+    assert circle({name: path.read_text(encoding="utf-8") for name, path in named.items()}) == []
+    assert circle({"a.b": "from a.c import f", "a.c": "import a.b"}) in (
+        ["a.b", "a.c", "a.b"],
+        ["a.c", "a.b", "a.c"],
+    )
 
 
 @pytest.mark.parametrize(

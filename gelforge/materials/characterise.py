@@ -20,6 +20,8 @@ import pandas as pd
 
 from gelforge.config import Fitting, Material, given
 from gelforge.files import digest, file_sha256, write_json, write_product_table, write_table, write_text
+from gelforge.materials.basis.common_form import MaterialTest
+from gelforge.materials.basis.measured_effects import MeasuredEffects
 from gelforge.materials.covariates.circumstances import CIRCUMSTANCES, circumstance_effects
 from gelforge.materials.covariates.history_effects import cycle_effects, lateral_effects, relaxation_effects
 from gelforge.materials.fitting.bootstrap import bootstrap as bootstrap_samples
@@ -30,10 +32,8 @@ from gelforge.materials.fitting.law_file import MaterialLaw, read_law, rounded, 
 from gelforge.materials.fitting.material_table import material_table
 from gelforge.materials.fitting.sample_scatter import scatter
 from gelforge.materials.fitting.stiffness import check_stiffness
-from gelforge.materials.readers.common_form import MaterialTest
 from gelforge.materials.readers.material_source import MaterialSource, source_of
-from gelforge.materials.readers.measured_effects import MeasuredEffects
-from gelforge.materials.readers.small_effects import small_effects
+from gelforge.materials.small_tests.small_effects import small_effects
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.laws.parameters import GivenParameters
 

@@ -14,7 +14,7 @@ from gelforge.laws_of_study import known_laws
 from gelforge.mechanics.indenters.closed_surface import ClosedSurface
 from gelforge.mechanics.indenters.shapes import DOWN
 from gelforge.meshing.solids import Solids
-from gelforge.report.figures.silhouette import draw_indenter
+from gelforge.report.figures.simulation.silhouette import draw_indenter
 from gelforge.report.figures.style import INK, SURROUND, Style, new_figure, region_colours, styled
 
 BASE, ROOM = 0.06, 0.16  # height of the drawn base and room of a dimension line, over the larger width

@@ -17,7 +17,7 @@ from gelforge.interpolation.labels import Labels
 from gelforge.interpolation.nodal_forces import NodalForces
 from gelforge.interpolation.solved_sites import SolvedSites
 from gelforge.interpolation.weights import depth_weights, nearest, place_weights, positive_weights
-from gelforge.report.figures.label_figure import read_label
+from gelforge.report.figures.simulation.label_figure import read_label
 
 PLACES = [(9.3, 11.7), (14.2, 15.1), (16.0, 7.1), (24.9, 25.3), (6.4, 6.2)]
 

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
+from gelforge.materials.basis.common_form import MaterialTest
+from gelforge.materials.basis.segments import find_segments
 from gelforge.materials.covariates.effects import (
     ageing_effect,
     effect_of,
@@ -18,8 +20,6 @@ from gelforge.materials.covariates.hysteresis import (
     softening_sentence,
 )
 from gelforge.materials.covariates.relaxation import fit_relaxation, relaxation_of
-from gelforge.materials.readers.common_form import MaterialTest
-from gelforge.materials.readers.segments import find_segments
 
 LAM = np.linspace(1.0, 2.0, 80)
 

@@ -5,13 +5,13 @@ import pytest
 from numpy.testing import assert_allclose
 from shared_data import ROOT, SHARED, needs_shared
 
+from gelforge.materials.basis.common_form import MaterialTest, Segment
 from gelforge.materials.fitting.bootstrap import bootstrap
 from gelforge.materials.fitting.choice import compare_laws, held_out_errors
 from gelforge.materials.fitting.curves import mean_curves, monotonic_loading
 from gelforge.materials.fitting.fit import FitError, Problem, effective_points, fit_law
 from gelforge.materials.fitting.identifiability import prediction_widths
 from gelforge.materials.fitting.valid_range import ValidRange, unstable_from
-from gelforge.materials.readers.common_form import MaterialTest, Segment
 from gelforge.materials.readers.material_source import read_sources
 from gelforge.mechanics.laws.homogeneous import LOAD_CASES, nominal_stress, principal_stretches, stress_points
 from gelforge.mechanics.laws.models import FAMILIES, family_of, parameters_of

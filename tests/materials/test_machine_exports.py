@@ -11,8 +11,8 @@ from gelforge.materials.fitting.curves import mean_curves
 from gelforge.materials.fitting.sample_scatter import scatter
 from gelforge.materials.readers.mapped_files import read_mapped
 from gelforge.materials.readers.material_source import read_sources
-from gelforge.materials.readers.microindentation import fit_modulus
-from gelforge.materials.readers.small_effects import small_effects
+from gelforge.materials.small_tests.microindentation import fit_modulus
+from gelforge.materials.small_tests.small_effects import small_effects
 from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.units import UNITS, unit_named
 

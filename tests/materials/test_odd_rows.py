@@ -5,11 +5,11 @@ import pytest
 
 from gelforge.config import ConfigError
 from gelforge.csv_table import TableError
-from gelforge.materials.readers.common_form import MaterialTest, Segment
+from gelforge.materials.basis.common_form import MaterialTest, Segment
+from gelforge.materials.plausibility.odd_rows import check_copies, check_rows
 from gelforge.materials.readers.mapped_files import read_microindentation
 from gelforge.materials.readers.material_tests import read_material_tests
-from gelforge.materials.readers.odd_rows import check_copies, check_rows
-from gelforge.materials.readers.small_tests import sheet_thickness, static_friction
+from gelforge.materials.small_tests.trials import sheet_thickness, static_friction
 
 G = 0.05  # MPa
 LAM = np.linspace(1.0, 2.0, 50)

@@ -11,12 +11,12 @@ from scipy.stats import t as student
 
 from gelforge.config import Material, OgdenParameters, load_virtual_lab
 from gelforge.files import seal, without_seal
+from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.characterise import CURVE_COLUMNS, characterise
 from gelforge.materials.fitting.curves import MeanCurve, mean_curves
 from gelforge.materials.fitting.fit import FitError, fit_law
 from gelforge.materials.fitting.law_file import LawFileError, MaterialLaw, read_law, write_law
 from gelforge.materials.fitting.material_table import material_table
-from gelforge.materials.readers.common_form import MaterialTest
 from gelforge.materials.readers.material_tests import read_material_tests
 from gelforge.mechanics.laws.homogeneous import LOAD_CASES, nominal_stress
 from gelforge.mechanics.laws.models.ogden import Ogden

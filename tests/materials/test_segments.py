@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gelforge.materials.readers.segments import find_segments, first_reversal
+from gelforge.materials.basis.segments import find_segments, first_reversal
 
 
 def path(*corners, dt=0.1):

@@ -10,13 +10,13 @@ from shared_data import MAPPINGS, SHARED, files_of, needs_shared
 
 from gelforge.config.foreign.mapping import load_mapping
 from gelforge.csv_table import TableError
+from gelforge.materials.basis.common_form import ForcePair, IndentationTest, MaterialTest
 from gelforge.materials.covariates.effects import first_loading, rate_effect, scatter_between
 from gelforge.materials.covariates.hysteresis import loops
 from gelforge.materials.covariates.relaxation import relaxation_of
-from gelforge.materials.readers.common_form import ForcePair, IndentationTest, MaterialTest
 from gelforge.materials.readers.mapped_files import read_mapped, read_mapped_folder
-from gelforge.materials.readers.microindentation import adhesion, fit_modulus
-from gelforge.materials.readers.small_tests import by_place, gain_mismatch, pressed_pairs
+from gelforge.materials.small_tests.microindentation import adhesion, fit_modulus
+from gelforge.materials.small_tests.trials import by_place, gain_mismatch, pressed_pairs
 
 pytestmark = needs_shared
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from gelforge.csv_table import TableError
-from gelforge.materials.readers.common_form import ForcePair, IndentationTest
-from gelforge.materials.readers.microindentation import adhesion, contact_point, fit_modulus, layer_factor
-from gelforge.materials.readers.small_effects import SmallTests, small_effects
-from gelforge.materials.readers.small_tests import (
+from gelforge.materials.basis.common_form import ForcePair, IndentationTest
+from gelforge.materials.small_tests.microindentation import adhesion, contact_point, fit_modulus, layer_factor
+from gelforge.materials.small_tests.small_effects import SmallTests, small_effects
+from gelforge.materials.small_tests.trials import (
     gain_mismatch,
     pressed_pairs,
     sheet_thickness,

@@ -17,11 +17,11 @@ import specimens  # noqa: E402
 import twins  # noqa: E402
 
 from gelforge.config import LAW_NAMES, Fitting, Material  # noqa: E402
+from gelforge.materials.basis.common_form import MaterialTest  # noqa: E402
 from gelforge.materials.characterise import given_law  # noqa: E402
 from gelforge.materials.fitting.curves import mean_curves  # noqa: E402
 from gelforge.materials.fitting.fit import fit_law  # noqa: E402
 from gelforge.materials.fitting.law_file import read_law, write_law  # noqa: E402
-from gelforge.materials.readers.common_form import MaterialTest  # noqa: E402
 from gelforge.mechanics.bodies.body import Body  # noqa: E402
 from gelforge.mechanics.laws.homogeneous import LOAD_CASES, nominal_stress  # noqa: E402
 from gelforge.mechanics.laws.models.gent import Gent  # noqa: E402

@@ -12,10 +12,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from gelforge.cli import main
-from gelforge.materials.readers.common_form import ForcePair, MaterialTest, Segment
+from gelforge.materials.basis.common_form import ForcePair, MaterialTest, Segment
+from gelforge.materials.basis.segments import find_segments
 from gelforge.materials.readers.material_source import MaterialSource, read_sources
-from gelforge.materials.readers.segments import find_segments
-from gelforge.materials.readers.small_effects import SmallTests
+from gelforge.materials.small_tests.small_effects import SmallTests
 from gelforge.mismatch.material.material_evidence import Candidate, Readings, fitted
 from gelforge.mismatch.material.material_law import foam_stress
 from gelforge.mismatch.material.material_tests import judge_material, judge_sources

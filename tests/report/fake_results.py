@@ -20,9 +20,9 @@ from gelforge.hdf5 import writing
 from gelforge.indentation.cells.cell_file import Cell, write_cell
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.planning.plan import plan_cells, variant_cells
+from gelforge.materials.basis.measured_effects import MeasuredEffect, MeasuredEffects
 from gelforge.materials.fitting.law_file import MaterialLaw, write_law
 from gelforge.materials.fitting.material_table import material_table
-from gelforge.materials.readers.measured_effects import MeasuredEffect, MeasuredEffects
 from gelforge.mechanics.laws.homogeneous import cauchy_stress
 from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.recording.plausibility.findings import Finding, Findings, write_findings

@@ -13,16 +13,16 @@ from matplotlib.text import Text
 
 from gelforge.config import Camera, Indenter, load_session, load_study
 from gelforge.indentation.planning.plan import plan_cells
-from gelforge.report.figures.flow_figure import region_flow
-from gelforge.report.figures.force_depth import ForceDepth, deviation_table, force_depth_figure
-from gelforge.report.figures.force_maps import prediction_figure, total_force_figure
-from gelforge.report.figures.residuals import residual_depth_figure, residual_map_figure
-from gelforge.report.figures.section import boundary_edges, contact_pressure_kPa, section_figure
-from gelforge.report.figures.sensor_figure import camera_footprint, sensor_figure
-from gelforge.report.figures.silhouette import touched_radius_mm
+from gelforge.report.figures.learning.training_figure import loss_figure
+from gelforge.report.figures.measurements.flow_figure import region_flow
+from gelforge.report.figures.simulation.force_depth import ForceDepth, deviation_table, force_depth_figure
+from gelforge.report.figures.simulation.force_maps import prediction_figure, total_force_figure
+from gelforge.report.figures.simulation.residuals import residual_depth_figure, residual_map_figure
+from gelforge.report.figures.simulation.section import boundary_edges, contact_pressure_kPa, section_figure
+from gelforge.report.figures.simulation.sensor_figure import camera_footprint, sensor_figure
+from gelforge.report.figures.simulation.silhouette import touched_radius_mm
 from gelforge.report.figures.style import region_colours, svg
 from gelforge.report.figures.timing import stage_times, timing_figure
-from gelforge.report.figures.training_figure import loss_figure
 
 
 def texts(figure) -> str:

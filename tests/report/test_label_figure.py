@@ -9,7 +9,7 @@ from matplotlib.text import Text
 
 from gelforge.files import write_product_json
 from gelforge.hdf5 import writing
-from gelforge.report.figures.label_figure import LabelError, label_figure, read_label
+from gelforge.report.figures.simulation.label_figure import LabelError, label_figure, read_label
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import pytest
 
 from gelforge.config import Material, OgdenParameters
 from gelforge.materials.characterise import characterise
-from gelforge.report.figures.material_figure import material_figure
+from gelforge.report.figures.measurements.material_figure import material_figure
 
 
 def drawn(folder, tests=None, parameters=None):

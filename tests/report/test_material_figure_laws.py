@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from gelforge.config import Fitting
+from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.characterise import characterise_source
-from gelforge.materials.readers.common_form import MaterialTest
 from gelforge.materials.readers.material_source import MaterialSource
 from gelforge.mechanics.laws.homogeneous import nominal_stress, stress_points
 from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
-from gelforge.report.figures.material_figure import material_figure
+from gelforge.report.figures.measurements.material_figure import material_figure
 
 LAW = NeoHooke(0.02)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from gelforge.config import Fitting, section_from
 from gelforge.materials.characterise import characterise_source
 from gelforge.materials.readers.material_source import read_sources
-from gelforge.report.figures.material_figure import material_figure
+from gelforge.report.figures.measurements.material_figure import material_figure
 
 
 def characterise_command(

@@ -15,7 +15,7 @@ from gelforge.importing.refusals import ImportingError
 from gelforge.importing.streams import Stream
 from gelforge.recording.readings import read_recording
 from gelforge.recording.tables.checks import RecordingError
-from gelforge.report.figures.import_figure import import_figure
+from gelforge.report.figures.measurements.import_figure import import_figure
 
 
 def import_command(mapping: Path, out: Path) -> None:

@@ -35,7 +35,7 @@ def calibrate_camera(
     if report:
         from gelforge.recording.imaging.flow import read_grey
         from gelforge.recording.optics.calibration import without_distortion
-        from gelforge.report.figures.calibration_figure import calibration_figure
+        from gelforge.report.figures.measurements.calibration_figure import calibration_figure
 
         example = read_grey(folder / found.views.seen[0].name)
         calibration_figure(found, example, without_distortion(found, example)).savefig(report, dpi=110)

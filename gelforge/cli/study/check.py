@@ -27,7 +27,7 @@ def check(study: Path, picture: Path | None) -> None:
     from gelforge.indentation.planning.stability_ahead import check_stable_ahead
     from gelforge.indentation.sensor.sizes import indenter_words
     from gelforge.materials.fitting.stiffness import stiffness_words
-    from gelforge.report.figures.sensor_figure import sensor_figure
+    from gelforge.report.figures.simulation.sensor_figure import sensor_figure
 
     described = load_study(study)
     cells = plan_cells(described)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 def show(path: Path, row: int | None, out: Path | None) -> None:
     """Draw the label of a cell's depth or a shard's row."""
-    from gelforge.report.figures.label_figure import label_figure
+    from gelforge.report.figures.simulation.label_figure import label_figure
 
     target = out or Path(f"{path.stem}{'' if row is None else f'-{row}'}.png")
     label_figure(path, row).savefig(target, dpi=110)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gelforge.materials.basis.common_form import MaterialTest
+from gelforge.materials.basis.measured_effects import MeasuredEffect
 from gelforge.materials.covariates.effects import (
     CONFIDENCE,
     Effect,
@@ -19,8 +21,6 @@ from gelforge.materials.covariates.effects import (
     temperature_effect,
 )
 from gelforge.materials.covariates.relaxation import Relaxation
-from gelforge.materials.readers.common_form import MaterialTest
-from gelforge.materials.readers.measured_effects import MeasuredEffect
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from gelforge.materials.readers.common_form import MaterialTest
+from gelforge.materials.basis.common_form import MaterialTest
 
 NOTABLE_TURN = (
     0.1  # of ln stress between both ends of the comparison: the curves differ in shape, not by a factor

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from gelforge.materials.basis.common_form import MaterialTest
+from gelforge.materials.basis.measured_effects import MeasuredEffect
 from gelforge.materials.covariates.circumstances import (
     alike_groups,
     alike_holds,
@@ -23,9 +25,7 @@ from gelforge.materials.covariates.hysteresis import (
     softening_verdict,
 )
 from gelforge.materials.covariates.relaxation import Relaxation, relaxation_of
-from gelforge.materials.readers.common_form import MaterialTest
-from gelforge.materials.readers.measured_effects import MeasuredEffect
-from gelforge.materials.readers.small_tests import mean_of
+from gelforge.materials.small_tests.trials import mean_of
 
 LEAST_SAMPLES = 3  # whose scatter gives an interval that says something (Student's t of two is 12.7)
 BETWEEN_SAMPLES = "Student's t, scatter between specimens"

@@ -18,8 +18,8 @@ from scipy import stats
 from scipy.optimize import least_squares
 from scipy.special import erf
 
+from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.covariates.effects import first_loading
-from gelforge.materials.readers.common_form import MaterialTest
 
 NEGLIGIBLE = 0.05
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares, nnls
 
-from gelforge.materials.readers.common_form import MaterialTest
+from gelforge.materials.basis.common_form import MaterialTest
 
 BINS_PER_DECADE = 15  # rows are averaged in equal bins of log time: late, dense rows shall not decide alone
 TERMS_PER_DECADE = 2  # closer times cannot be distinguished (the kernel exp(-t/tau) is a decade wide)

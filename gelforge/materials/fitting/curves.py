@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
+from gelforge.materials.basis.common_form import LOAD_CASE_OF, MaterialTest
 from gelforge.materials.covariates.effects import first_loading
-from gelforge.materials.readers.common_form import LOAD_CASE_OF, MaterialTest
 from gelforge.mechanics.laws.homogeneous import StressPoints, stress_points
 
 LEAST_RAMP = 0.02  # of stretch: less does not distinguish a law from a straight line

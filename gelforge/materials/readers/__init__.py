@@ -1,1 +1,1 @@
-"""Material tests as laboratories write them, in one common form."""
+"""Material tests as laboratories write them, in the common form."""

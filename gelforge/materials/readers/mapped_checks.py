@@ -6,10 +6,10 @@ import numpy as np
 
 from gelforge.config.foreign.mapping import Strain
 from gelforge.csv_table import TableError
-from gelforge.materials.readers.common_form import MaterialTest, Segment
+from gelforge.materials.basis.common_form import MaterialTest, Segment
+from gelforge.materials.basis.segments import find_segments, first_reversal
+from gelforge.materials.basis.stresses import neo_hookean_shape
 from gelforge.materials.readers.mapped_columns import nominal_stress_of, stretch_of
-from gelforge.materials.readers.segments import find_segments, first_reversal
-from gelforge.materials.readers.stresses import neo_hookean_shape
 
 # The softest silicones break below a stretch of 20, foams densify at 0.1: per cent read as a number, or a length
 # read as a stretch, fall out. Adhesives are sheared up to 10.

@@ -10,7 +10,7 @@ import pandas as pd
 
 from gelforge.config.foreign.mapping import Column, Strain, Stress, TestMapping
 from gelforge.csv_table import TableError
-from gelforge.materials.readers.stresses import (
+from gelforge.materials.basis.stresses import (
     LEAST_RADIUS_TO_THICKNESS,
     membrane_cauchy,
     nominal_from_cauchy,

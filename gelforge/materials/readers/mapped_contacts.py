@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from gelforge.csv_table import TableError
-from gelforge.materials.readers.common_form import ForcePair, IndentationTest
-from gelforge.materials.readers.findings import few_rows
+from gelforge.materials.basis.common_form import ForcePair, IndentationTest
+from gelforge.materials.basis.segments import first_reversal
+from gelforge.materials.plausibility.findings import few_rows
+from gelforge.materials.plausibility.odd_rows import single_row
 from gelforge.materials.readers.mapped_checks import unnoticed_unit
 from gelforge.materials.readers.mapped_columns import values
-from gelforge.materials.readers.microindentation import layer_factor
-from gelforge.materials.readers.odd_rows import single_row
-from gelforge.materials.readers.segments import first_reversal
+from gelforge.materials.small_tests.microindentation import layer_factor
 
 LARGEST_TRAVEL = (
     50.0  # of the ball's radius: the way to the contact included; um read as mm are 1000 times more

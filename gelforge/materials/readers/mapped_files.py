@@ -21,8 +21,9 @@ from gelforge.config.foreign.mapping import (
     load_microindentation,
 )
 from gelforge.csv_table import TableError, read_csv
-from gelforge.materials.readers.common_form import ForcePair, IndentationTest, MaterialTest
-from gelforge.materials.readers.findings import corrected, findings, rate_while_loading
+from gelforge.materials.basis.common_form import ForcePair, IndentationTest, MaterialTest
+from gelforge.materials.plausibility.findings import corrected, findings, rate_while_loading
+from gelforge.materials.plausibility.odd_rows import check_rows
 from gelforge.materials.readers.mapped_checks import (
     check_also,
     check_declared_rate,
@@ -38,7 +39,6 @@ from gelforge.materials.readers.mapped_columns import (
     values,
 )
 from gelforge.materials.readers.mapped_contacts import check_modulus, force_pair, indentation_test
-from gelforge.materials.readers.odd_rows import check_rows
 
 LEAST_ROWS = 5
 

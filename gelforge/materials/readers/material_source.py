@@ -9,20 +9,13 @@ from pathlib import Path
 
 from gelforge.config.foreign.mapping import Mapping, load_mapping
 from gelforge.csv_table import TableError
-from gelforge.materials.readers.common_form import ForcePair, IndentationTest, MaterialTest
+from gelforge.materials.basis.common_form import ForcePair, IndentationTest, MaterialTest
+from gelforge.materials.plausibility.odd_rows import check_copies
 from gelforge.materials.readers.mapped_files import Read, read_mapped, read_mapped_folder
 from gelforge.materials.readers.material_tests import declared_synthetic, input_files, read_material_tests
-from gelforge.materials.readers.odd_rows import check_copies
-from gelforge.materials.readers.small_effects import (
-    FRICTION,
-    THICKNESS,
-    Press,
-    SmallTests,
-    press_files,
-    read_press,
-    read_small_tests,
-)
-from gelforge.materials.readers.small_tests import sheet_thickness, static_friction
+from gelforge.materials.readers.small_files import press_files, read_press, read_small_tests
+from gelforge.materials.small_tests.small_effects import Press, SmallTests
+from gelforge.materials.small_tests.trials import FRICTION, THICKNESS, sheet_thickness, static_friction
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,9 @@ import pandas as pd
 
 from gelforge.config import NAME
 from gelforge.csv_table import TableError, read_comments, read_csv
+from gelforge.materials.basis.common_form import HISTORIES, MaterialTest, Segment
+from gelforge.materials.basis.segments import find_segments, first_reversal
+from gelforge.materials.basis.stresses import LEAST_RADIUS_TO_THICKNESS, membrane_cauchy, too_thick
 from gelforge.materials.imaging.piece_pictures import (
     PICTURE_SETTINGS,
     has_pictures,
@@ -23,14 +26,11 @@ from gelforge.materials.imaging.piece_pictures import (
     tracked_inflation,
     tracked_tension,
 )
-from gelforge.materials.readers.common_form import HISTORIES, MaterialTest, Segment
-from gelforge.materials.readers.findings import corrected, findings, rate_while_loading
+from gelforge.materials.plausibility.findings import corrected, findings, rate_while_loading
+from gelforge.materials.plausibility.odd_rows import check_rows
 from gelforge.materials.readers.mapped_checks import unnoticed_unit
-from gelforge.materials.readers.odd_rows import check_rows
-from gelforge.materials.readers.segments import find_segments, first_reversal
-from gelforge.materials.readers.small_effects import THICKNESS, small_test_files
-from gelforge.materials.readers.small_tests import Mean, sheet_thickness
-from gelforge.materials.readers.stresses import LEAST_RADIUS_TO_THICKNESS, membrane_cauchy, too_thick
+from gelforge.materials.readers.small_files import small_test_files
+from gelforge.materials.small_tests.trials import THICKNESS, Mean, sheet_thickness
 from gelforge.mechanics.laws.homogeneous import LOAD_CASES, principal_stretches
 
 RELAXATION = "relaxation"  # as a `test` in samples.csv: a strip in uniaxial tension whose stretch is held

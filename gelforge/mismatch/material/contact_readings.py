@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from scipy.special import erf
 
-from gelforge.materials.readers.common_form import ForcePair, IndentationTest
-from gelforge.materials.readers.microindentation import contact_point
+from gelforge.materials.basis.common_form import ForcePair, IndentationTest
+from gelforge.materials.small_tests.microindentation import contact_point
 from gelforge.mismatch.material.material_effects import (
     ORDER,
     SENSOR,

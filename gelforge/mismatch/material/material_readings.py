@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.covariates.circumstances import CIRCUMSTANCES, alike_groups
 from gelforge.materials.covariates.effects import NEGLIGIBLE, Scatter, scatter_between
 from gelforge.materials.fitting.curves import mean_curves, monotonic_loading
-from gelforge.materials.readers.common_form import MaterialTest
-from gelforge.materials.readers.findings import STRAIN_AT_START
+from gelforge.materials.plausibility.findings import STRAIN_AT_START
 from gelforge.mismatch.material.material_evidence import Readings
 from gelforge.mismatch.material.material_law import BaseLaw, base_law
 

@@ -11,11 +11,11 @@ from gelforge.report.chapters.error_budget import tell_budget
 from gelforge.report.chapters.network_words import network_words
 from gelforge.report.chapters.results_reader import StudyResults
 from gelforge.report.chapters.study_chapters import FORCE_ONLY, LABELS_ONLY
-from gelforge.report.figures.force_maps import prediction_figure, total_force_figure
-from gelforge.report.figures.network_figure import errors_figure
-from gelforge.report.figures.residuals import residual_depth_figure, residual_map_figure
-from gelforge.report.figures.silhouette import touched_radius_mm
-from gelforge.report.figures.training_figure import loss_figure
+from gelforge.report.figures.learning.network_figure import errors_figure
+from gelforge.report.figures.learning.training_figure import loss_figure
+from gelforge.report.figures.simulation.force_maps import prediction_figure, total_force_figure
+from gelforge.report.figures.simulation.residuals import residual_depth_figure, residual_map_figure
+from gelforge.report.figures.simulation.silhouette import touched_radius_mm
 
 
 def agreement(results: StudyResults) -> Chapter:

@@ -13,7 +13,7 @@ from gelforge.mechanics.laws.homogeneous import LOAD_CASES
 from gelforge.report.chapters.beside_paper import beside_paper, said_beside
 from gelforge.report.chapters.chapter import Chapter, count
 from gelforge.report.chapters.results_reader import StudyResults
-from gelforge.report.figures.material_figure import material_figure
+from gelforge.report.figures.measurements.material_figure import material_figure
 
 LEAVES = 1  # of the attribute leaves_valid_range
 

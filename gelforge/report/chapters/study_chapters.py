@@ -10,10 +10,10 @@ from gelforge.recording.optics.remap import picture_of
 from gelforge.report.chapters.chapter import Chapter, Facts, count
 from gelforge.report.chapters.flow_floor import tell_flow_floor
 from gelforge.report.chapters.results_reader import StudyResults, is_papers_sensor
-from gelforge.report.figures.flow_figure import flow_figure, read_picture
-from gelforge.report.figures.force_depth import ForceDepth, deviation_table, force_depth_figure
-from gelforge.report.figures.section import section_figure
-from gelforge.report.figures.sensor_figure import sensor_figure
+from gelforge.report.figures.measurements.flow_figure import flow_figure, read_picture
+from gelforge.report.figures.simulation.force_depth import ForceDepth, deviation_table, force_depth_figure
+from gelforge.report.figures.simulation.section import section_figure
+from gelforge.report.figures.simulation.sensor_figure import sensor_figure
 from gelforge.report.figures.timing import stage_times, timing_figure
 
 FORCE_ONLY = "the sessions have no images with features; forces are compared, but nothing is learnt."

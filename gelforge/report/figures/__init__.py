@@ -1,1 +1,1 @@
-"""One figure a module; no page knows how it is drawn."""
+"""One figure a module, by stage; no page knows how it is drawn."""

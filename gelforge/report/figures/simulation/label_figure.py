@@ -15,7 +15,7 @@ from gelforge.files import read_product_json
 from gelforge.hdf5 import opened
 from gelforge.indentation.cells.cell_file import FORMAT as CELL_FORMAT
 from gelforge.indentation.sensor.unrolled import place_in_bins
-from gelforge.report.figures.force_maps import AXES, draw_force_map, row_limits, total_text
+from gelforge.report.figures.simulation.force_maps import AXES, draw_force_map, row_limits, total_text
 from gelforge.report.figures.style import INK, frame_arrows, new_figure, styled
 
 

@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 from matplotlib.tri import Triangulation
 
 from gelforge.config import Indenter
-from gelforge.report.figures.silhouette import draw_indenter
+from gelforge.report.figures.simulation.silhouette import draw_indenter
 from gelforge.report.figures.style import FAINT, INK, MAGNITUDE, PREDICTED, new_figure, region_colours, styled
 
 QUAD_SIDES = ([0, 1], [1, 2], [2, 3], [3, 0])

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from gelforge.csv_table import TableError
-from gelforge.materials.readers.common_form import MaterialTest
+from gelforge.materials.basis.common_form import MaterialTest
 
 SINGLE_SHARE = (
     0.1  # of the loading's range of stress: load cells err by a hundredth of this, a lost digit by more

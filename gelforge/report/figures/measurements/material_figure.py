@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from gelforge.files import read_product_table
+from gelforge.materials.basis.common_form import LOAD_CASE_OF
 from gelforge.materials.characterise import MEAN
 from gelforge.materials.fitting.law_file import MaterialLaw, read_law
-from gelforge.materials.readers.common_form import LOAD_CASE_OF
 from gelforge.mechanics.laws.homogeneous import LOAD_CASES, stress_points
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.laws.models.ogden import Ogden

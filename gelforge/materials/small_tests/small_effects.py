@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
-from gelforge.config import ConfigError
-from gelforge.config.foreign.mapping import load_microindentation
-from gelforge.materials.readers.common_form import ForcePair, IndentationTest
-from gelforge.materials.readers.mapped_files import read_microindentation
-from gelforge.materials.readers.measured_effects import MeasuredEffect
-from gelforge.materials.readers.microindentation import adhesion, fit_modulus
-from gelforge.materials.readers.small_tests import (
+from gelforge.materials.basis.common_form import ForcePair, IndentationTest
+from gelforge.materials.basis.measured_effects import MeasuredEffect
+from gelforge.materials.small_tests.microindentation import adhesion, fit_modulus
+from gelforge.materials.small_tests.trials import (
+    FRICTION,
     Mean,
     by_place,
     gain_mismatch,
     mean_of,
     pressed_pairs,
-    sheet_thickness,
-    static_friction,
 )
 
-FRICTION, THICKNESS = "friction.csv", "thickness.csv"
 T_INTERVAL = "Student's t over the trials"
 SIGMAS = 2.0  # of a 95 % interval
 NOTABLE_OFFSET = (
@@ -54,49 +47,6 @@ class SmallTests:
     def contacts(self) -> list[IndentationTest | ForcePair]:
         """Return the tests that are read from tables of rows: indentations and pairs of load cells."""
         return [*(press.test for press in self.presses), *self.force_pairs]
-
-
-def small_test_files(folder: str | Path) -> list[Path]:
-    """Return the small tests of a folder: friction.csv, thickness.csv, and the files of indentations."""
-    folder = Path(folder)
-    # what is there and no file, a pipe or a dangling link, is refused where it is read
-    named = [folder / name for name in (FRICTION, THICKNESS) if os.path.lexists(folder / name)]
-    presses = [
-        p.with_suffix(".csv") for p in sorted(folder.glob("*.yaml")) if os.path.lexists(p.with_suffix(".csv"))
-    ]
-    return list(dict.fromkeys([*named, *(file for press in presses for file in press_files(press))]))
-
-
-def press_files(path: Path) -> list[Path]:
-    """Return the files of an indentation <name>.csv: itself, <name>.yaml, and the test on a rigid board named there."""
-    sidecar = path.with_suffix(".yaml")
-    try:
-        board = load_microindentation(sidecar).rigid_board
-    except ConfigError:
-        board = None  # reading the indentation says what is wrong with its sidecar
-    return [path, sidecar, *([path.with_name(board)] if board else [])]
-
-
-def read_small_tests(folder: str | Path) -> SmallTests:
-    """Return the small tests of a folder; raises TableError or ConfigError with file, value and remedy."""
-    files = small_test_files(folder)
-    by_name = {path.name: path for path in files}
-    return SmallTests(
-        static_friction(by_name[FRICTION]) if FRICTION in by_name else None,
-        sheet_thickness(by_name[THICKNESS]) if THICKNESS in by_name else {},
-        tuple(
-            read_press(path) for path in files if path.with_suffix(".yaml") in files and path.suffix == ".csv"
-        ),
-    )
-
-
-def read_press(path: str | Path) -> Press:
-    """Return an indentation in the project's own format and the test on a rigid board, if its sidecar names one."""
-    test, sidecar = read_microindentation(path)
-    board = None
-    if sidecar.rigid_board is not None:
-        board, _ = read_microindentation(Path(path).with_name(sidecar.rigid_board), sidecar)
-    return Press(test, sidecar.layer_thickness_mm, board)
 
 
 def small_effects(small: SmallTests) -> tuple[list[MeasuredEffect], list[tuple[str, str]]]:

@@ -1,4 +1,4 @@
-"""Small tests: friction on a tilted plane, thickness from sections, the gain between two load cells."""
+"""Friction on a tilted plane, thickness from sections, the gain between two load cells: means over trials."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 from scipy import stats
 
 from gelforge.csv_table import TableError, read_csv
-from gelforge.materials.readers.common_form import ForcePair
+from gelforge.materials.basis.common_form import ForcePair
 
+FRICTION, THICKNESS = "friction.csv", "thickness.csv"  # files of a folder
 TILT_DEG = (1.6, 80.0)  # radians end at pi / 2 = 1.571; a friction of 0.028 is no elastomer's
 THICKNESS_MM = (0.02, 15.0)  # a sheet of 20 um in um, and one of 15 mm in m, fall out
 LEAST_TRIALS = 3

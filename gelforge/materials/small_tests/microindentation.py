@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from gelforge.materials.readers.common_form import IndentationTest
+from gelforge.materials.basis.common_form import IndentationTest
 
 COEFFICIENTS = (1.133, 1.283, 0.769, 0.0975)
 LARGEST_CHI = 1.0  # Dimitriadis et al. compare with finite elements up to about here

@@ -9,9 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from gelforge.materials.readers.common_form import MaterialTest
-from gelforge.materials.readers.segments import TOLERANCE, largest_back_step
-from gelforge.materials.readers.stresses import neo_hookean_shape
+from gelforge.materials.basis.common_form import MaterialTest
+from gelforge.materials.basis.segments import TOLERANCE, largest_back_step
+from gelforge.materials.basis.stresses import neo_hookean_shape
 
 FEW_ROWS = 20  # below, the scatter of a fit rests on too few residuals
 STRAIN_AT_START = 0.005  # a first row further from rest than this was not taken at the start

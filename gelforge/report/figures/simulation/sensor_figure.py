@@ -14,7 +14,7 @@ from gelforge.indentation.sensor.indenter_shapes import shape_of
 from gelforge.indentation.sensor.unrolled import is_unrolled, rolled
 from gelforge.mechanics.indenters.shapes import DOWN
 from gelforge.recording.optics.camera import CameraError, unproject
-from gelforge.report.figures.silhouette import draw_indenter
+from gelforge.report.figures.simulation.silhouette import draw_indenter
 from gelforge.report.figures.style import (
     INK,
     PREDICTED,

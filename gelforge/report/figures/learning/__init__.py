@@ -1,0 +1,1 @@
+"""What was learnt: the loss over epochs, errors of predictions."""
