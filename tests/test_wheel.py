@@ -131,8 +131,8 @@ def test_a_whole_study_of_a_shipped_sensor_runs_without_the_checkout(installed, 
     )
     config = tmp_path / "config/mine.yaml"
     study = yaml.safe_load(config.read_text()) | {"verification": []}
-    study["plan"] = {"grid": {"spacing_mm": 5.0, "margin_mm": 10.0}, "depths_mm": [0.3]}
-    study["mechanics"]["mesh"] = {"near_mm": 2.0, "near_radius_mm": 2.0, "far_mm": 4.0}
+    study["plan"] = {"grid": {"spacing_mm": 5.0, "margin_mm": 10.0}, "depths_mm": [0.5]}
+    study["mechanics"]["mesh"] = {"near_mm": 1.5, "near_radius_mm": 2.0, "far_mm": 3.0}
     config.write_text(yaml.safe_dump(study))
     ran = installed.run("snakemake", "--cores", "1", folder=tmp_path)
     assert ran.returncode == 0, ran.stdout + ran.stderr
