@@ -128,23 +128,22 @@ def write_session(
     (folder / "session.yaml").write_text(session, encoding="utf-8")
 
 
-def true_forces(case: Intervention, solver: Solver, planned: Observations) -> np.ndarray:
-    """Return the forces (R, 3) [N] with the intervention, each press's contact point off by a little.
+def true_forces(case: Intervention, solver: Solver, planned: Observations) -> tuple[np.ndarray, np.ndarray]:
+    """Return the forces (R, 3) [N] with the intervention, each contact point off by a little, and what it changes (R, 3) [N].
 
     What changes the body or the way of the indenter is solved by itself; what takes time, or reads the force otherwise, is
     added to the plain sensor's forces.
     """
     effect, amounts = CATALOGUE[case.effect], np.array(case.amounts)
+    base = base_of(solver, planned, [])
     if effect.solved and effect.family != "history":
         changed = effect.to_study(solver.study, case.shape, tuple(amounts))
-        base = base_of(replace(solver, study=changed), planned, [])
-        force = base.context.force
+        force = base_of(replace(solver, study=changed), planned, []).context.force
     else:
-        base = base_of(solver, planned, [])
         force = forces_with(solver, base, [(effect, case.shape, amounts)])
     presses, which = np.unique(planned.table["press"], return_inverse=True)
     off = np.random.default_rng(SEED + 1).normal(0, PRESS_MM, len(presses))[which]
-    return force + off[:, None] * base.context.slope()
+    return force + off[:, None] * base.context.slope(), force - base.context.force
 
 
 def row_of(name: str, folder: Path, kept: Path) -> dict:
@@ -158,17 +157,16 @@ def row_of(name: str, folder: Path, kept: Path) -> dict:
     for session, temperature in zip(sessions, case.temperatures):
         write_session(session, case, temperature, None, rng)
     planned = observations_of(sessions, study)[0]
-    force = true_forces(case, replace(solver, study=true, kept=kept), planned)
+    force, change = true_forces(case, replace(solver, study=true, kept=kept), planned)
     for session, temperature in zip(sessions, case.temperatures):
         own = (planned.table["session"] == session.name).to_numpy()
         write_session(session, case, temperature, force[own], rng)
     began = time.perf_counter()
     problem, _ = problem_of(solver, observations_of(sessions, study)[0])
     found = judge(problem, study.mismatch, study.seed)
-    true_change = problem.observations.flat(force) - problem.observations.flat(problem.base)
     return {
         "done": case.done,
-        "SNR": float(np.linalg.norm(problem.covariance.whiten(true_change))),
+        "SNR": float(np.linalg.norm(problem.covariance.whiten(problem.observations.flat(change)))),
         "must be": case.effect,
         "state": found.state,
         "said": said(found),

@@ -245,7 +245,7 @@ def test_a_form_counts_for_the_effect_that_it_generalises():
 
 def test_each_cause_is_as_likely_as_all_manners_without_one(modulus):
     one = modulus[1].posterior.unknown[frozenset()]
-    causes = {own.words for own in modulus[0].modules if own.tells}
+    causes = {own.words for own in modulus[0].modules if own.named}
     share = 1 / (len(causes) + 1)
     assert [one.priors[words] for words in causes] == pytest.approx([np.log(share)] * len(causes))
     assert sum(np.exp(p) for words, p in one.priors.items() if words not in causes) == pytest.approx(share)

@@ -116,7 +116,7 @@ def test_what_differs_from_press_to_press_has_no_name_and_its_manner_is_reported
     problem, found = judged(displaced())
     assert found.state in ("unexplained", "modelled")
     assert found.posterior.holding([UNKNOWN]) > 0.9
-    assert "from one indentation to the next" in found.answer.stranger
+    assert "from one indentation to the next" in found.answer.discrepancy_words
     words = sentence_of(problem, replace(found, state="unexplained", model=None))
     assert (
         "something that no known effect explains, a change of the sideways forces from one indentation to the next"

@@ -36,14 +36,14 @@ def live(
     open_source = played(source, fps, loop)
     predictor = Predictor(model)
     force = LiveForce(predictor, zero, crop, load_camera(camera) if camera else None, plane_z_mm)
-    told = about(predictor.model.settings, predictor.model.model_sha256, source)
-    if told["synthetic"]:
+    described = about(predictor.model.settings, predictor.model.model_sha256, source)
+    if described["synthetic"]:
         print("SYNTHETIC: this model was trained on images that a virtual lab made")
     if zero is None:
         print("the first frame is taken as the reference: nothing must touch the sensor now")
     gc.collect()
     gc.freeze()  # else Python looks through all that was imported every ten seconds, and forces stop for one
-    with Server(host, port, told) as server:
+    with Server(host, port, described) as server:
         print(
             f"page {server.url}   stream {server.url.replace('http', 'ws', 1)}stream   stop: Ctrl-C",
             flush=True,

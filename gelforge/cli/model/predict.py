@@ -82,11 +82,11 @@ def print_timing(timing) -> None:
     from rich.table import Table
 
     counted = max(timing.seen - timing.warm_up, 0)
-    told = f"{counted} frames, after the first {timing.warm_up}, which are not counted"
+    described = f"{counted} frames, after the first {timing.warm_up}, which are not counted"
     if not counted:
         print(f"no times: {timing.seen} frames, and the first {timing.warm_up} are not counted")
         return
-    table = Table(title=f"time per frame ({told})")
+    table = Table(title=f"time per frame ({described})")
     for name in ("step", "p50, ms", "p95, ms", "p99, ms", "frames/s at p50", "frames/s at p99"):
         table.add_column(name, justify="right")
     for row in timing.table().itertuples(index=False):

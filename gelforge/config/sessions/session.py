@@ -24,7 +24,7 @@ def _as_text(value: Any) -> Any:
 
 
 class ForceSensor(Section):
-    """What makes a stranger's force readings readable."""
+    """How the force readings of any laboratory are read."""
 
     acts_on: Literal["sensor", "indenter"] = Field(
         "sensor", description="body on which the recorded force acts"

@@ -52,7 +52,7 @@ def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
             unit="1",
             of_labels=False,
             where=near,
-            tells=False,
+            named=False,
         )
     ]
 

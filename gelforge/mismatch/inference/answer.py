@@ -61,7 +61,7 @@ class Answer:
         return tuple(group for group in self.groups if group.probability >= SURE)
 
     @property
-    def stranger(self) -> str:
+    def discrepancy_words(self) -> str:
         """Return the manner that a discrepancy would most probably have, in words."""
         unknown, probability = self.posterior.unknown, self.posterior.probability
         return unknown[max(unknown, key=lambda effects: probability[effects | {UNKNOWN}])].manner

@@ -71,7 +71,7 @@ def unknown_entry(judgement: Judgement) -> form.Unknown | None:
     if judgement.answer is None:
         return None
     chance = judgement.posterior.holding([UNKNOWN])
-    return form.Unknown(probability=chance, words=judgement.answer.stranger)
+    return form.Unknown(probability=chance, words=judgement.answer.discrepancy_words)
 
 
 def effect_entries(problem: Problem, judgement: Judgement) -> list[form.NamedEffect]:

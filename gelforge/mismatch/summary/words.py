@@ -121,7 +121,7 @@ def _why_unexplained(problem: Problem, judgement: Judgement) -> str:
 def _manner(judgement: Judgement) -> str:
     """Return what a discrepancy would do, where it is likely."""
     strange = judgement.posterior.holding([UNKNOWN]) > LIKELY
-    return f", a change of {judgement.answered.stranger}" if strange else ""
+    return f", a change of {judgement.answered.discrepancy_words}" if strange else ""
 
 
 def _model(judgement: Judgement) -> str:

@@ -135,15 +135,15 @@ def gain(before: pd.DataFrame, after: pd.DataFrame) -> Gain:
     return Gain(total, float(np.sqrt(max(apart, 0.0))), len(after), float(np.sqrt(max(doubt, 0.0))))
 
 
-def paid_for_choice(trained: np.ndarray, told: np.ndarray) -> float:
+def paid_for_choice(trained: np.ndarray, by_all: np.ndarray) -> float:
     """Return what the best of K models has to pay of its gain as the readings held out helped to choose it, 0 or less.
 
-    trained, told (K,): log evidence by the training readings and by all. The mean of the models' predictive densities,
+    trained, by_all (K,): log evidence by the training readings and by all. The mean of the models' predictive densities,
     weighted by what the training readings say of each, is fixed without the readings held out; its gain, which chance
     makes large as seldom as that of a single model, is all that the chosen one may claim.
     """
-    best = int(np.argmax(told))
-    return float(min(logsumexp(told) - logsumexp(trained) - (told[best] - trained[best]), 0.0))
+    best = int(np.argmax(by_all))
+    return float(min(logsumexp(by_all) - logsumexp(trained) - (by_all[best] - trained[best]), 0.0))
 
 
 def _log_score(G: np.ndarray, log_det: float, count: int) -> float:

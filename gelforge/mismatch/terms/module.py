@@ -36,12 +36,12 @@ class Module(Manner):
     form_of: tuple[str, ...] = ()  # effects of the catalogue that are the same cause in another form
     to_study: Callable[[Study, np.ndarray], Study] | None = None  # with a map (G,) of it
     history: bool = False  # with it every indentation is a path of its own, in time
-    tells: bool = True  # no other cause that is known changes the readings in such a manner
+    named: bool = True  # False: another known cause changes the readings in such a manner; it is modelled and never named
     instead: str = ""  # words of the manner of unknown.py that is this cause without its name
 
     @property
     def is_cause(self) -> bool:
-        return self.tells
+        return self.named
 
     @property
     def generalises(self) -> tuple[str, ...]:
