@@ -129,7 +129,7 @@ def write_session(
 
 
 def true_forces(case: Intervention, solver: Solver, planned: Observations) -> tuple[np.ndarray, np.ndarray]:
-    """Return the forces (R, 3) [N] with the intervention, each contact point off by a little, and what it changes (R, 3) [N].
+    """Return the forces (R, 3) [N] with the intervention, contact points off by a little, and what it changes (R, 3) [N].
 
     What changes the body or the way of the indenter is solved by itself; what takes time, or reads the force otherwise, is
     added to the plain sensor's forces.
