@@ -177,16 +177,24 @@ def row_of(name: str, folder: Path, kept: Path) -> dict:
 
 
 def value_of(problem, found, case: Intervention) -> str:
-    """Return the values of the intervention's effect with their intervals; empty where it is not in the answer."""
-    if found.answer is None or case.effect not in [part.name for part in found.answer.fit.parts]:
+    """Return the values of the intervention's effect with their intervals, or of what stands for it in its group.
+
+    Empty where neither is in the answer.
+    """
+    if found.answer is None:
         return ""
-    fit = found.answer.fit
-    k = [part.name for part in fit.parts].index(case.effect)
-    entries = value_entries(problem.effects[case.effect].parameters, fit.amounts[k], blocks_of(fit)[k])
+    fit, groups = found.answer.fit, found.answer.groups
+    own = [case.effect in {*group.members, *group.or_else} for group in groups]
+    if not any(own):
+        return ""
+    k = own.index(True)
+    part = fit.parts[k]
+    entries = value_entries(problem.effects[part.name].parameters, fit.amounts[k], blocks_of(fit)[k])
     words = [f"{e.value:.3g} ({e.interval_90[0]:.3g} to {e.interval_90[1]:.3g})" for e in entries]
-    place = fit.parts[k].shape
-    words += [", ".join(f"{key} {float(v):.2f}" for key, v in place.items())] if "x_mm" in place else []
-    return "; ".join(words)
+    words += (
+        [", ".join(f"{key} {float(v):.2f}" for key, v in part.shape.items())] if "x_mm" in part.shape else []
+    )
+    return "; ".join(words) + ("" if part.name == case.effect else f", {part.name}")
 
 
 def main() -> None:
