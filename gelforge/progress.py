@@ -113,9 +113,9 @@ class Progress:
 class Stages:
     """Work of several kinds, one after the other: `with Stages("verdict", 480.0): ...; stage("fits of effects")`.
 
-    expected_s: how long all of it is expected to take [s]; None where nobody knows. A log has a line of that as the first
-    stage begins, and one for each that begins after five seconds; a terminal has the stage that runs. Stages within stages
-    are not shown.
+    expected_s: how long all of it is expected to take [s]; None where nobody knows. at_most: it may be much less, as some of
+    it may have been done before. A log has a line of that as the first stage begins, and one for each that begins after
+    five seconds; a terminal has the stage that runs. Stages within stages are not shown.
     """
 
     def __init__(
@@ -124,8 +124,10 @@ class Stages:
         expected_s: float | None = None,
         clock: Callable[[], float] = time.monotonic,
         rewritten: bool | None = None,
+        at_most: bool = False,
     ):
         self.what, self.expected_s, self._clock = what, expected_s, clock
+        self._about = "at most about" if at_most else "about"
         self._rewritten = sys.stderr.isatty() if rewritten is None else rewritten
         self._start, self._now, self._lines = clock(), "", 0
 
@@ -165,7 +167,7 @@ class Stages:
             return ""
         passed = self._clock() - self._start
         if (left := self.expected_s - passed) >= 1:
-            return f"about {duration(left)} left"
+            return f"{self._about} {duration(left)} left"
         return f"{duration(passed)} so far, {duration(self.expected_s)} expected"
 
 

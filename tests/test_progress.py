@@ -147,6 +147,11 @@ def test_stages_in_a_log_say_what_runs_how_far_it_is_and_how_long_all_of_it_take
     assert lines[-3:] == ["sites: 6 of 6; took 36 s", "verdict, about 5 s left: tables", "verdict took 50 s"]
 
 
+def test_where_some_may_be_done_already_the_time_left_is_a_bound(shown, capsys):
+    staged(Clock(), expected_s=45.0, at_most=True)
+    assert capsys.readouterr().err.startswith("verdict, at most about 45 s left: readings\n")
+
+
 def test_more_than_was_expected_is_said(shown, capsys):
     staged(Clock(), expected_s=30.0)
     assert "verdict, 40 s so far, 30 s expected: tables" in capsys.readouterr().err

@@ -27,9 +27,11 @@ def judge(
     study: Study, recording: Path, out: Path, laws: list[Path], kept: Path | None, workers: int, page: bool
 ) -> None:
     """Write verdict.json, its tables, patch and, if asked, page, and print the verdict."""
-    from gelforge.mismatch.pipeline.stage import judge_folder
+    from gelforge.mismatch.pipeline.stage import SOLUTIONS, judge_folder
 
-    with Stages("verdict", expected_seconds(study, workers)):
+    solutions = kept or out / SOLUTIONS
+    some_kept = solutions.is_dir() and any(solutions.iterdir())
+    with Stages("verdict", expected_seconds(study, workers), at_most=some_kept):
         verdict = judge_folder(study, recording, out, laws, kept, workers)
         if page:
             from gelforge.report.mismatch_page import write_mismatch_page

@@ -53,6 +53,7 @@ IMAGES_LEFT_OUT = (
     " which takes longer and distinguishes gel stiffness from force gain"
 )
 NUMBER = r"\d+(?:\.\d+)?"
+SOLUTIONS = "solves"  # folder of what is solved on the way, in the verdict's own
 
 
 def judge_folder(
@@ -65,7 +66,7 @@ def judge_folder(
 ) -> Verdict:
     """Judge the sessions in a folder against a study, write the stage's files into `out` and return the verdict.
 
-    laws: files of fitted materials in place of the study's own; kept: folder of what is solved on the way, out/solves if not
+    laws: files of fitted materials in place of the study's own; kept: folder of what is solved on the way, out/SOLUTIONS if not
     given. Raises ConfigError for sessions of another sensor, and what `judge_recording` raises.
     """
     own = recording.resolve() == study.data_folder.resolve()  # of its own data a study chooses the sessions
@@ -99,7 +100,7 @@ def solver_of(
         study,
         by_material,
         uncertain,
-        kept or out / "solves",
+        kept or out / SOLUTIONS,
         cells if cells.is_dir() else None,
         workers,
         zeroed.pop() if len(zeroed) == 1 else "press",
