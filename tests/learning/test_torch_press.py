@@ -87,7 +87,7 @@ def test_what_has_no_derivative_is_refused_with_a_remedy(at, keys, words):
 
 
 def test_names_along_which_no_derivative_is_asked_are_refused():
-    with pytest.raises(ConfigError, match=r"along: \['friction'\]; choose among .* effects need an amount"):
+    with pytest.raises(ConfigError, match=r"along: \['friction'\]; choose among .* effects need a value"):
         gf.press_slopes(6.0, 6.0, 0.5, along=["friction"], **TWO_STEPS)
 
 
