@@ -20,9 +20,8 @@ from gelforge.materials.small_tests.trials import (
 
 T_INTERVAL = "Student's t over the trials"
 SIGMAS = 2.0  # of a 95 % interval
-NOTABLE_OFFSET = (
-    0.01  # of the largest force of an indentation: as much as load cells of one per cent are off anyway
-)
+# Of the largest force of an indentation: as much as load cells of one per cent are off anyway.
+NOTABLE_OFFSET = 0.01
 
 
 @dataclass(frozen=True)

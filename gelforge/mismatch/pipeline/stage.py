@@ -66,8 +66,8 @@ def judge_folder(
 ) -> Verdict:
     """Judge the sessions in a folder against a study, write the stage's files into `out` and return the verdict.
 
-    laws: files of fitted materials in place of the study's own; kept: folder of what is solved on the way, out/SOLUTIONS if not
-    given. Raises ConfigError for sessions of another sensor, and what `judge_recording` raises.
+    laws: files of fitted materials in place of the study's own; kept: folder of what is solved on the way, if not given
+    SOLUTIONS in `out`. Raises ConfigError for sessions of another sensor, and what `judge_recording` raises.
     """
     own = recording.resolve() == study.data_folder.resolve()  # of its own data a study chooses the sessions
     folders = session_folders(recording, study.sessions if own else ())
