@@ -46,6 +46,8 @@ def parser() -> argparse.ArgumentParser:
     which.add_argument("--commit", help="the commit that froze the analysis: the reporting set")
     for name, number in (("nulls", 200), ("singles", 45), ("pairs", 20), ("outside", 24)):
         one.add_argument(f"--{name}", type=int, default=number)
+    one.add_argument("--bases", nargs="+", default=["concealed"], help="studies of config, in turn")
+    one.add_argument("--least", type=float, default=2.0, help="smallest signal-to-noise ratio of what is hidden")
     one = steps.add_parser("judge", help="judge what has not been judged")
     one.add_argument("set")
     one.add_argument("--limit", type=int)
@@ -103,17 +105,18 @@ def _check(asked: argparse.Namespace) -> None:
 
 
 def _generate(asked: argparse.Namespace) -> None:
-    from .draw import DEVELOPMENT, seed_of_commit
-    from .library import load_library
+    from .draw import BASES, CONTENTS, DEVELOPMENT, seed_of_commit
+    from .library import load_libraries
     from .sets import generate
 
     if asked.seed is not None and asked.seed >= DEVELOPMENT:
         raise SystemExit(
             f"--seed {asked.seed}: development seeds are below {DEVELOPMENT}; others come from a --commit"
         )
-    seed = asked.seed if asked.seed is not None else seed_of_commit(asked.commit)
-    numbers = {name: getattr(asked, name) for name in ("nulls", "singles", "pairs", "outside")}
-    published = generate(load_library(), SETS / asked.set, seed, numbers, asked.commit or "")
+    seed = asked.seed if asked.seed is not None else seed_of_commit(asked.commit, asked.bases)
+    numbers = dict(zip(CONTENTS, (asked.nulls, asked.singles, asked.pairs, asked.outside)))
+    libraries = load_libraries({BASES[base].sensor for base in asked.bases})
+    published = generate(libraries, SETS / asked.set, seed, numbers, asked.commit or "", asked.bases, asked.least)
     print(
         f"{len(published['cases'])} cases of seed {seed} in {SETS / asked.set}; publish sealed.json before judging"
     )
@@ -210,10 +213,15 @@ def _score(asked: argparse.Namespace) -> None:
     methods = {"gelforge": scores([j for *_, j in tool])}
     if not asked.no_baselines:
         from .baselines import judged_by_baselines
-        from .library import load_library
+        from .draw import BASES
+        from .library import load_libraries
 
-        library = load_library()
-        each = [judged_by_baselines(library, case["case"], case["truth"]) for case in found]
+        sensors = [BASES[case["truth"]["base"]].sensor for case in found]
+        libraries = load_libraries(set(sensors))
+        each = [
+            judged_by_baselines(libraries[sensor], case["case"], case["truth"])
+            for sensor, case in zip(sensors, found)
+        ]
         for name in each[0] if each else ():
             methods[name] = scores([one[name] for one in each])
     table, wrong = table_of(methods), wrong_cases(tool)

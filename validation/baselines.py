@@ -16,7 +16,7 @@ from scipy.stats import chi2
 from .draw import NEEDS, base_world
 from .kinds import KINDS
 from .library import Library
-from .presses import MIDDLE, PRESS_S, SPEED
+from .sensors import SMALL, Sensor
 from .recording import FORCE, Instrument, depth_errors, with_circumstances
 from .score import Judged, share_of_gain
 from .world import held, zeroed
@@ -37,17 +37,17 @@ class Table:
     train: np.ndarray  # (R,) bool
 
 
-def read_rows(case: Path) -> tuple[pd.DataFrame, np.ndarray]:
+def read_rows(case: Path, sensor: Sensor = SMALL) -> tuple[pd.DataFrame, np.ndarray]:
     """Return the rows of a written recording as the generator's `timeline` has them, and the readings (R, 3) [N]."""
     parts = []
     for number, folder in enumerate(sorted((case / "recordings").iterdir())):
         parts.append(pd.read_csv(folder / "indentations.csv").assign(session=number))
     rows = pd.concat(parts, ignore_index=True)
-    rows[["x_mm", "y_mm"]] -= MIDDLE
-    rows["at_s"] = rows["time_s"] - rows["order"] * PRESS_S
+    rows[["x_mm", "y_mm"]] -= sensor.middle
+    rows["at_s"] = rows["time_s"] - rows["order"] * sensor.plan.press_s
     deepest = rows["depth_mm"].groupby([rows["session"], rows["order"]]).transform("max")
     sign = rows["phase"].map({"load": 1.0, "unload": -1.0}).fillna(0.0)
-    return rows.assign(deepest_mm=deepest, speed=SPEED * sign), rows[FORCE].to_numpy()
+    return rows.assign(deepest_mm=deepest, speed=sensor.plan.speed * sign), rows[FORCE].to_numpy()
 
 
 def table_of(library: Library, case: Path, truth: dict) -> Table:
@@ -55,7 +55,7 @@ def table_of(library: Library, case: Path, truth: dict) -> Table:
     instrument = Instrument(
         **{k: tuple(v) if isinstance(v, list) else v for k, v in truth["instrument"].items()}
     )
-    rows, readings = read_rows(case)
+    rows, readings = read_rows(case, library.sensor)
     rows = with_circumstances(rows, instrument)
     world = base_world(library, truth["base"])
     slope = (world.forces(rows, 0.005) - world.forces(rows, -0.005)) / 0.01
@@ -165,6 +165,7 @@ CONSTANTS = {
     "t0": 0.5,
     "n": 0.6,
     "w0": 1.2,
+    "most": 0.6,
     "spread": 2.0,
     "give_N": 0.05,
     "warm_s": 300.0,
@@ -173,7 +174,7 @@ CONSTANTS = {
 }
 SHAPE_OF = {
     "wedge": "direction", "turned body": "direction", "pressed elsewhere": "direction", "amplifier gains": "gains",
-    "zero left": "offsets", "warming up": "offsets", "turned sensor": "angles", "backlash": "direction",
+    "zero left": "offsets", "slowing creep of the zero": "offsets", "warming up": "offsets", "turned sensor": "angles", "backlash": "direction",
 }  # fmt: skip
 
 
@@ -183,7 +184,7 @@ def linearised(library: Library, table: Table, truth: dict) -> dict[str, np.ndar
     tared = truth["instrument"]["tared"]
     columns = {}
     for form, kind in KINDS.items():
-        if any(name not in solved for name in NEEDS.get(form, [])) or (
+        if any(name not in solved for name in NEEDS.get(form, [])) or kind.base not in ("", truth["base"]) or (
             kind.sessions == 2 and table.rows["session"].max() == 0
         ):
             continue

@@ -6,10 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .presses import commanded_depth
 from .world import World
 
 TEMPERATURE_POWER, ROOM_K = 3.0, 296.15
+MODULI = 0.2  # by how much the moduli of a layer grow at an amplitude of 1
+SMALL_DEEPEST = 1.6  # mm; of the presses for which the damage's depths were chosen
 
 # --- the body: ratios of forces that FElupe found -----------------------------------------------------------------------
 
@@ -41,12 +42,12 @@ def _scaled(change, share):
 
 
 def gel(world, size, drawn):
-    world.changes.append(gel_change(world, 1 + 0.2 * size * drawn["sign"]))
+    world.changes.append(gel_change(world, 1 + MODULI * size * drawn["sign"]))
 
 
 def skin(world, size, drawn):
     factor = (
-        1 + 0.2 * size * drawn["sign"]
+        1 + MODULI * size * drawn["sign"]
     )  # F(gel, skin) = s F(gel / s, 1): forces are of first degree in all moduli
     relative = gel_change(world, 1 / factor)
 
@@ -58,12 +59,19 @@ def skin(world, size, drawn):
 
 
 def thickness(world, size, drawn):
-    library, t = world.library, 4.0 + 0.5 * size * drawn["sign"]
+    library, plain = world.library, world.library.sensor.plain.gel_mm
+    t = plain + 0.5 * size * drawn["sign"]
     world.changes.append(
         _through(
-            library.changes["thicker"], np.log(1.1), library.changes["thinner"], np.log(0.9), np.log(t / 4)
+            library.changes["thicker"], np.log(1.1), library.changes["thinner"], np.log(0.9), np.log(t / plain)
         )
     )
+
+
+def other_ball(world, size, drawn):
+    change = 0.25 * size * drawn["sign"]  # mm
+    share = np.log1p(change / world.library.sensor.plain.radius_mm) / np.log(1.05)
+    world.changes.append(_scaled(world.library.changes["larger ball"], share))
 
 
 def solved(name: str, share: Callable[[float, dict], float]):
@@ -93,6 +101,16 @@ def defect(name: str):
 
 def power_law(world, size, drawn):
     """Relaxation by a power of time: the gel's share of every increment decays as (1 + t / t0)^-n above the law at rest."""
+    _relaxing(world, 0.2 * size, lambda t: (1 + t / drawn["t0"]) ** -drawn["n"])
+
+
+def stretched_exponential(world, size, drawn):
+    """Relaxation by exp(-(t / t0)^n) (Kohlrausch 1854): many processes that end, where a power of time never does."""
+    _relaxing(world, 0.2 * size, lambda t: np.exp(-((t / drawn["t0"]) ** drawn["n"])))
+
+
+def _relaxing(world, strength: float, decay: Callable[[np.ndarray], np.ndarray]):
+    """Put a gel into a world of whose increments of force a part, `strength`, decays with the time since."""
 
     def remember(world, rows, xy, depth, force):
         share = _gel_share(world, xy, np.maximum(depth, 0.05))
@@ -100,14 +118,13 @@ def power_law(world, size, drawn):
         offset = depth - rows["depth_mm"].to_numpy()
         u = (np.arange(60) + 0.5) / 60
         times = u[None] * at[:, None]
-        d0 = commanded_depth(at[:, None] * np.arange(61) / 60, deepest[:, None])
+        d0 = world.plan.commanded_depth(at[:, None] * np.arange(61) / 60, deepest[:, None])
         d0 = np.where(d0 > 0, d0 + offset[:, None], 0.0)
         flat = np.repeat(xy, d0.shape[1], axis=0)
         z = world.elastic(flat, d0.ravel())[:, 2].reshape(d0.shape)
-        decay = (1 + (at[:, None] - times) / drawn["t0"]) ** -drawn["n"]
-        extra = (decay * np.diff(z, axis=1)).sum(axis=1)
+        extra = (decay(at[:, None] - times) * np.diff(z, axis=1)).sum(axis=1)
         safe = np.where(force[:, 2] == 0, 1.0, force[:, 2])
-        grown = 1 + 0.2 * size * share * extra / safe
+        grown = 1 + strength * share * extra / safe
         return force * np.where(force[:, 2] == 0, 1.0, grown)[:, None]
 
     world.history.append(remember)
@@ -119,11 +136,22 @@ def _gel_share(world, xy, depth) -> np.ndarray:
 
 
 def damage(world, size, drawn):
-    """Scalar damage: stress times 1 - D(most energy so far), virgin presses as the law says; the energy spreads sideways."""
+    """Scalar damage: stress times 1 - D(most depth so far), virgin presses as the law says; the damage spreads sideways."""
+    w0 = drawn["w0"] * world.plan.depths[-1] / SMALL_DEEPEST
+    _softening(world, drawn["spread"], lambda w: 0.3 * size * (1 - np.exp(-((w / w0) ** 2))))
+
+
+def broken_chains(world, size, drawn):
+    """Damage that begins with any depth and ends where all weak chains are broken, at a share of the deepest press."""
+    end = drawn["most"] * world.plan.depths[-1]
+    _softening(world, drawn["spread"], lambda w: 0.25 * size * np.minimum(w / end, 1.0))
+
+
+def _softening(world, spread: float, lost_at: Callable[[np.ndarray], np.ndarray]):
+    """Put a gel into a world that has lost a share of its stiffness by the most that a place has been pressed [mm]."""
 
     def remember(world, rows, xy, depth, force):
         share = _gel_share(world, xy, np.maximum(depth, 0.05))
-        D = lambda w: 0.3 * size * (1 - np.exp(-((np.maximum(w, 0) / drawn["w0"]) ** 2)))  # noqa: E731
         past = np.zeros(len(rows))
         order = (rows["session"] * 100000 + rows["order"]).to_numpy()
         starts = np.flatnonzero(np.diff(order, prepend=-1))
@@ -133,9 +161,9 @@ def damage(world, size, drawn):
             most = 0.0
             if k:
                 away = np.linalg.norm(xy[starts[:k]] - xy[start], axis=1)
-                most = float((deepest[:k] * np.exp(-((away / drawn["spread"]) ** 2))).max())
+                most = float((deepest[:k] * np.exp(-((away / spread) ** 2))).max())
             past[start:end] = np.maximum(most, np.maximum.accumulate(depth[start:end]))
-        lost = (1 - D(past)) / (1 - D(np.maximum(depth, 0)))
+        lost = (1 - lost_at(np.maximum(past, 0))) / (1 - lost_at(np.maximum(depth, 0)))
         return force * (1 + share * (lost - 1))[:, None]
 
     world.history.append(remember)
@@ -144,6 +172,19 @@ def damage(world, size, drawn):
 def ageing(world, size, drawn):
     """The gel stiffens with the logarithm of its age from the first session on, as slow curing does."""
     _circumstance(world, lambda rows: drawn["sign"] * 0.08 * size * np.log(rows["age"] / rows["age"].iloc[0]))
+
+
+def drying(world, size, drawn):
+    """The gel stiffens or softens as it dries: with the square root of the time since the first session, as diffusion goes."""
+    _circumstance(
+        world, lambda rows: drawn["sign"] * 0.02 * size * np.sqrt(rows["age"] - rows["age"].iloc[0])
+    )
+
+
+def activated(world, size, drawn):
+    """The gel's modulus follows Arrhenius's exponential of the inverse absolute temperature."""
+    over_K = drawn["sign"] * 1000.0 * size
+    _circumstance(world, lambda rows: over_K * (1 / ROOM_K - 1 / (rows["temperature"] + 273.15)))
 
 
 def temperature(world, size, drawn):

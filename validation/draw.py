@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
 
+from . import body_forms as body
 from .kinds import KINDS, OUTSIDE, Drawn, Kind
 from .library import Library
 from .presses import timeline
@@ -26,12 +28,18 @@ from .world import World, zeroed
 SNR = (2.0, 30.0)  # of what is concealed, drawn evenly in its logarithm
 DEVELOPMENT = 1000  # seeds below it are for development; the reporting set's comes from a commit and is above
 SIZE_DIGITS = 6  # of an amplitude: its iterations end in other last digits on other machines
+CONTENTS = ("null", "single", "pair", "outside")
+# Kinds that move a press sideways: nothing of them is felt where all places are alike.
+NEEDS_PLACES = ("pressed elsewhere", "turned grid", "stretched grid", "backlash")
 # What a needed finite-element solution is called, of kinds that need one
 NEEDS = {
     "gel moduli": ["gel stiffer", "gel softer"], "skin moduli": ["gel stiffer", "gel softer"],
     "power law": ["gel stiffer", "gel softer"], "scalar damage": ["gel stiffer", "gel softer"],
     "slow curing": ["gel stiffer", "gel softer"], "absolute temperature": ["gel stiffer", "gel softer"],
-    "yeoh stiffening": ["stiffening"], "softer volume": ["compressible"], "slab": ["slab"],
+    "stretched exponential": ["gel stiffer", "gel softer"], "broken chains": ["gel stiffer", "gel softer"],
+    "drying": ["gel stiffer", "gel softer"], "activated": ["gel stiffer", "gel softer"],
+    "yeoh stiffening": ["stiffening"], "third-order stiffening": ["late stiffening"], "no friction": ["smooth"],
+    "softer volume": ["compressible"], "slab": ["slab"],
     "coulomb penalty": ["friction"], "thicker mesh": ["thicker", "thinner"], "wedge": ["thicker", "thinner"],
     "other wall": ["stiffer wall"], "weak strip": ["wall gap"], "another ball": ["larger ball"],
     "fitted laws": ["neo-Hooke"], "smooth ball": ["friction"],
@@ -39,14 +47,27 @@ NEEDS = {
 }  # fmt: skip
 
 
-# The bases that are judged: which configuration, and which solved change makes the recording's truth into it.
-BASES: dict[str, list[tuple[str, float]]] = {
-    "concealed": [],
-    "neo_hooke": [("neo-Hooke", 1.0)],
-    "rough": [("friction", 1.0)],
+
+
+@dataclass(frozen=True)
+class Base:
+    """A study that is judged: its sensor, and which solved changes, by their share, make the sensor's library into it."""
+
+    sensor: str
+    changes: tuple[tuple[str, float], ...] = ()
+    doubts: dict[str, float] = field(default_factory=dict)  # by layer: relative standard deviation of its stated moduli
+
+
+BASES: dict[str, Base] = {  # by their configuration in `config`
+    "concealed": Base("small"),
+    "neo_hooke": Base("small", (("neo-Hooke", 1.0),)),
+    "rough": Base("small", (("friction", 1.0),)),
+    "thin": Base("thin", doubts={"gel": 0.02, "skin": 0.03}),
+    "wide": Base("wide"),
 }
+LAYERS = {"gel": body.gel, "skin": body.skin}  # what changes the moduli of a layer
 ON_OR_OFF = (
-    "empty ball", "hard ball", "film without shear", "fitted laws", "smooth ball", "coulomb penalty",
+    "empty ball", "hard ball", "film without shear", "fitted laws", "smooth ball", "coulomb penalty", "no friction",
 )  # fmt: skip
 
 
@@ -72,39 +93,60 @@ class Case:
     truth: dict
 
 
-def seed_of_commit(commit: str) -> int:
-    """Return the reporting seed of the commit that froze the analysis."""
-    return DEVELOPMENT + int(hashlib.sha256(f"concealed {commit}".encode()).hexdigest()[:12], 16)
+def seed_of_commit(commit: str, bases: Sequence[str] = ("concealed",)) -> int:
+    """Return the reporting seed of the commit that froze the analysis, another one for each choice of bases."""
+    own = "" if tuple(bases) == ("concealed",) else " " + " ".join(bases)
+    return DEVELOPMENT + int(hashlib.sha256(f"concealed {commit}{own}".encode()).hexdigest()[:12], 16)
 
 
 def cases(
-    library: Library, seed: int, nulls: int = 200, singles: int = 45, pairs: int = 20, outside: int = 24
+    libraries: Mapping[str, Library],
+    seed: int,
+    numbers: Mapping[str, int],
+    bases: Sequence[str] = ("concealed",),
+    least: float = SNR[0],
 ) -> Iterator[Case]:
-    """Yield the cases of a set in random order; names tell nothing. Each is drawn from the seed and its own number."""
-    contents = ["null"] * nulls + ["single"] * singles + ["pair"] * pairs + ["outside"] * outside
+    """Yield the cases of a set in random order; names tell nothing. Each is drawn from the seed and its own number.
+
+    libraries: by sensor. numbers: how many of each content of CONTENTS. bases take turns, and on each base every kind does.
+    least: the smallest signal-to-noise ratio of what is hidden.
+    """
+    contents = [content for content in CONTENTS for _ in range(numbers.get(content, 0))]
     rng = np.random.default_rng([seed, 0])
     order = rng.permutation(len(contents))
     forms = {
-        kind: _shuffled(rng, known)
-        for kind, known in (("single", _known(library)), ("outside", list(OUTSIDE)))
+        (base, content): _shuffled(rng, known)
+        for base in bases
+        for content, known in (("single", known_on(libraries, base)), ("outside", list(OUTSIDE)))
     }
-    count = {"single": 0, "outside": 0}
+    count = Counter()
     for number, which in enumerate(order):
         content = contents[which]
+        base = bases[count[content] % len(bases)]
         wanted = None
-        if content in count:  # every kind in turn
-            wanted = forms[content][count[content] % len(forms[content])]
-            count[content] += 1
-        yield make_case(library, f"c{number:03d}", content, np.random.default_rng([seed, 1, number]), wanted)
+        if (base, content) in forms:  # every kind in turn
+            own = forms[base, content]
+            wanted = own[count[base, content] % len(own)]
+            count[base, content] += 1
+        count[content] += 1
+        draws = np.random.default_rng([seed, 1, number])
+        yield make_case(libraries, f"c{number:03d}", content, draws, wanted, base, least)
 
 
 def make_case(
-    library: Library, name: str, content: str, rng: np.random.Generator, form: str | None = None
+    libraries: Mapping[str, Library],
+    name: str,
+    content: str,
+    rng: np.random.Generator,
+    form: str | None = None,
+    base: str = "concealed",
+    least: float = SNR[0],
 ) -> Case:
-    """Return a case of some content; kinds whose amounts reach no sufficient signal are drawn anew."""
+    """Return a case of some content on a base; kinds whose amounts reach no sufficient signal are drawn anew."""
+    library = libraries[BASES[base].sensor]
+    low = max(least, 4.0) if content == "pair" else least
     while True:
-        kinds = _kinds(library, content, rng, form)
-        base = next((kind.base for kind in kinds if kind.base != "concealed"), _base(library, content, rng))
+        kinds = _kinds(libraries, content, rng, form, base)
         sessions = max([kind.sessions for kind in kinds], default=1)
         if rng.random() < 0.2:
             sessions = 2
@@ -113,32 +155,38 @@ def make_case(
             for key in ("zero_by", "tared")
         }
         instrument = drawn_instrument(rng, sessions, **fixed)
-        rows = with_circumstances(timeline(rng, sessions), instrument)
+        rows = with_circumstances(timeline(rng, library.sensor.plan, sessions), instrument)
         plain = base_world(library, base)
         hidden = []
         for kind in kinds:
-            low = SNR[0] if content != "pair" else 4.0
             wanted = float(np.exp(rng.uniform(np.log(low), np.log(SNR[1]))))
             drawn = kind.draw(rng)
             size = _size(plain, library, base, kind, drawn, rows, instrument, wanted)
             hidden.append(Concealed(kind, size, drawn))
-        if all(_signal(plain, library, base, [one], rows, instrument) >= SNR[0] for one in hidden):
+        if all(_signal(plain, library, base, [one], rows, instrument) >= least for one in hidden):
             break
         form = None if content == "pair" else form
         if content in ("single", "outside") and rng.random() < 0.25:
             form = None
-    world = base_world(library, base)
+    world, moduli = base_world(library, base), _drawn_moduli(base, rng)
+    for layer, relative in moduli.items():
+        LAYERS[layer](world, relative / body.MODULI, {"sign": 1.0})
     for one in hidden:
         one.kind.put(world, one.size, one.drawn)
     readings = recorded(world, rows, instrument, rng)
     truth = _truth(name, content, base, plain, library, world, hidden, rows, instrument)
-    return Case(name, content, base, rows, instrument, readings, truth)
+    return Case(name, content, base, rows, instrument, readings, truth | {"moduli": moduli})
+
+
+def _drawn_moduli(base: str, rng) -> dict[str, float]:
+    """Return by how much gel and skin are stiffer than their constitutive models say, drawn from what these state."""
+    return {layer: round(float(rng.normal(0, doubt)), 6) for layer, doubt in BASES[base].doubts.items()}
 
 
 def base_world(library: Library, base: str) -> World:
     """Return the world of a base study, nothing hidden."""
     world = World(library)
-    for name, share in BASES[base]:
+    for name, share in BASES[base].changes:
         change = library.changes[name]
         world.changes.append(
             lambda xy, depth, change=change, share=share: tuple(share * part for part in change.at(xy, depth))
@@ -155,7 +203,17 @@ def _with(library: Library, base: str, hidden: list[Concealed]) -> World:
 
 def _signal(plain, library, base, hidden, rows, instrument, floor: bool = True) -> float:
     change = change_of(plain, _with(library, base, hidden), rows, instrument.tared)
-    return signal_to_noise(plain, rows, instrument, change, floor)
+    return signal_to_noise(plain, rows, instrument, change, floor, _doubts(plain, library, base, rows, instrument))
+
+
+def _doubts(plain, library, base, rows, instrument) -> list[np.ndarray]:
+    """Return what a standard deviation of each doubtful modulus of a base changes (R, 3) [N]."""
+    found = []
+    for layer, doubt in BASES[base].doubts.items():
+        world = base_world(library, base)
+        LAYERS[layer](world, doubt / body.MODULI, {"sign": 1.0})
+        found.append(change_of(plain, world, rows, instrument.tared))
+    return found
 
 
 def _size(plain, library, base, kind, drawn, rows, instrument, wanted: float) -> float:
@@ -169,12 +227,12 @@ def _size(plain, library, base, kind, drawn, rows, instrument, wanted: float) ->
     return round(float(size), SIZE_DIGITS)
 
 
-def _kinds(library: Library, content: str, rng, form: str | None) -> list[Kind]:
+def _kinds(libraries: Mapping[str, Library], content: str, rng, form: str | None, base: str) -> list[Kind]:
     if content == "null":
         return []
     if content == "outside":
         return [OUTSIDE[form or str(rng.choice(list(OUTSIDE)))]]
-    known = _known(library)
+    known = known_on(libraries, base)
     if content == "single":
         return [KINDS[form or str(rng.choice(known))]]
     while True:
@@ -189,18 +247,17 @@ def _kinds(library: Library, content: str, rng, form: str | None) -> list[Kind]:
             return two
 
 
-def _known(library: Library) -> list[str]:
-    """Return the kinds whose solutions are all there."""
+def known_on(libraries: Mapping[str, Library], base: str) -> list[str]:
+    """Return the kinds that can be hidden on a base: their solutions are all there, and the readings change with them."""
+    library = libraries[BASES[base].sensor]
     solved = set(library.changes) | {name for name, _ in library.defects}
-    return [form for form in KINDS if all(name in solved for name in NEEDS.get(form, []))]
-
-
-def _base(library: Library, content: str, rng) -> str:
-    """Return the base of a case: nulls have all of them, what is concealed stands on the first."""
-    there = [
-        name for name, changes in BASES.items() if all(change in library.changes for change, _ in changes)
+    return [
+        form
+        for form, kind in KINDS.items()
+        if kind.base in ("", base)
+        and all(name in solved for name in NEEDS.get(form, []))
+        and not (library.sensor.alike and form in NEEDS_PLACES)
     ]
-    return str(rng.choice(there)) if content == "null" else "concealed"
 
 
 def _shuffled(rng, names: list[str]) -> list[str]:
@@ -220,7 +277,7 @@ def _truth(name, content, base, plain, library, world, hidden, rows, instrument)
             "snr": round(_signal(plain, library, base, [one], rows, instrument), 3),
         }
         if "place" in one.drawn:
-            effect["where"] = _where(one)
+            effect["where"] = _where(one, library.sensor.middle)
         effects.append(effect)
     clean = zeroed(rows, world.forces(rows), instrument.tared)
     return {
@@ -238,11 +295,10 @@ def _truth(name, content, base, plain, library, world, hidden, rows, instrument)
     }  # fmt: skip
 
 
-def _where(one: Concealed) -> dict:
-    from .presses import MIDDLE
+def _where(one: Concealed, middle: np.ndarray) -> dict:
     from .solves import DEFECT_PLACES, DEFECTS
 
     turn = np.linalg.matrix_power(np.array([[0.0, -1.0], [1.0, 0.0]]), one.drawn["turns"])
-    x, y = turn @ np.array(DEFECT_PLACES[one.drawn["place"]][0]) + MIDDLE
+    x, y = turn @ np.array(DEFECT_PLACES[one.drawn["place"]][0]) + middle
     keys = DEFECTS[{"empty ball": "void", "hard ball": "inclusion"}.get(one.kind.form, "delamination")]
     return {"x_mm": float(x), "y_mm": float(y), "radius_mm": keys["radius_mm"]}

@@ -36,7 +36,7 @@ class Kind:
     zero_by: str | None = None  # what the recording must be for it to be seen
     tared: bool | None = None
     sessions: int = 1
-    base: str = "concealed"  # the study that it is judged against
+    base: str = ""  # the only study that it is judged against, where it is one
 
 
 def _sign(rng) -> Drawn:
@@ -91,16 +91,26 @@ KINDS: dict[str, Kind] = {
         Kind("gel moduli", "gel_stiffness", "material", _sign, body.gel, _one("growth", 0.2)),
         Kind("skin moduli", "skin_stiffness", "material", _sign, body.skin, _one("growth", 0.2)),
         Kind("yeoh stiffening", "law_exponent", "material", _positive, body.solved("stiffening", lambda s, d: s)),
-        Kind("softer volume", "compressibility", "material", _positive, body.solved("compressible", lambda s, d: s),
-             lambda s, d: {"excess": s * (1 / 40 - 1 / 1000)}),
-        # no amount: a share of what a slab of 1 MPa changes is not what a slab does of which the 1/E is that share of 1/MPa
+        Kind("third-order stiffening", "law_exponent", "material", _positive,
+             body.solved("late stiffening", lambda s, d: s), most=3.0),
+        # no amounts: a share of what a slab of 1 MPa changes is not what a slab does of which the 1/E is that share of 1/MPa,
+        # and as little is a share of what a bulk modulus changes
+        Kind("softer volume", "compressibility", "material", _positive, body.solved("compressible", lambda s, d: s)),
         Kind("slab", "elastic_base", "material", _positive, body.solved("slab", lambda s, d: s), most=1.5),
         Kind("power law", "viscoelastic", "history",
              lambda rng: {"sign": 1.0, "t0": float(10 ** rng.uniform(-1, 0.5)), "n": float(rng.uniform(0.3, 0.9))},
              body.power_law),
+        Kind("stretched exponential", "viscoelastic", "history",
+             lambda rng: {"sign": 1.0, "t0": float(10 ** rng.uniform(-0.5, 0.7)), "n": float(rng.uniform(0.4, 0.8))},
+             body.stretched_exponential),
         Kind("scalar damage", "mullins", "history",
              lambda rng: {"sign": 1.0, "w0": float(rng.uniform(0.8, 1.6)), "spread": float(rng.uniform(1.5, 3.0))},
              body.damage),
+        Kind("broken chains", "mullins", "history",
+             lambda rng: {"sign": 1.0, "most": float(rng.uniform(0.4, 0.9)), "spread": float(rng.uniform(1.0, 2.5))},
+             body.broken_chains),
+        Kind("drying", "ageing", "history", _sign, body.drying, sessions=2),
+        Kind("activated", "temperature", "history", _sign, body.activated, sessions=2),
         Kind("slow curing", "ageing", "history", _sign, body.ageing, sessions=2),
         Kind("absolute temperature", "temperature", "history", _sign, body.temperature,
              _one("rate", body.TEMPERATURE_POWER / body.ROOM_K), sessions=2),
@@ -117,8 +127,7 @@ KINDS: dict[str, Kind] = {
         Kind("film without shear", "delamination", "geometry", _defect_place, body.defect("delamination"), most=1.0),
         Kind("empty ball", "void", "geometry", _defect_place, body.defect("void"), most=1.0),
         Kind("hard ball", "inclusion", "geometry", _defect_place, body.defect("inclusion"), most=1.0),
-        Kind("another ball", "indenter_radius", "geometry", _sign,
-             body.solved("larger ball", lambda s, d: np.log1p(0.05 * s * d["sign"]) / np.log(1.05)), _one("change", 0.25)),
+        Kind("another ball", "indenter_radius", "geometry", _sign, body.other_ball, _one("change", 0.25)),
         Kind("zero error", "contact_zero", "kinematics", _sign, machine.zero, _one("deeper", 0.1), zero_by="press"),
         Kind("turned body", "tilt", "kinematics", _direction, machine.tilt, _pair(1.0, ("about_x", "about_y")),
              zero_by="session"),
@@ -136,6 +145,8 @@ KINDS: dict[str, Kind] = {
         Kind("warming up", "force_drift", "force sensor",
              lambda rng: {**_three(("ox", "oy", "oz"), rng), "warm_s": float(rng.uniform(150, 500))}, machine.drift,
              tared=True),
+        Kind("slowing creep of the zero", "force_drift", "force sensor",
+             partial(_three, ("ox", "oy", "oz")), machine.slowing_drift, tared=True),
         Kind("turned sensor", "cross_talk", "force sensor", partial(_three, ("a", "b", "c")), machine.cross),
         Kind("play", "force_hysteresis", "force sensor", _positive, machine.play),
         Kind("fitted laws", "linear_elasticity", "simplification", _positive,
@@ -143,6 +154,8 @@ KINDS: dict[str, Kind] = {
              base="neo_hooke"),
         Kind("smooth ball", "frictionless", "simplification", _positive, body.solved("friction", lambda s, d: -s), most=1.0,
              base="rough"),
+        Kind("no friction", "frictionless", "simplification", _positive, body.solved("smooth", lambda s, d: s), most=1.0,
+             base="wide"),
     ]
 }  # fmt: skip
 
@@ -156,6 +169,6 @@ OUTSIDE: dict[str, Kind] = {
              lambda rng: {**_phase(rng), "period_s": float(rng.uniform(60, 200))}, outside.cycle),
         Kind("shaft meets clamp", "", "outside", lambda rng: {"x": float(rng.choice([-1, 1])), "y": 0.0}, outside.shaft),
         Kind("unrecovered surface", "", "outside", _positive, outside.unrecovered),
-        Kind("one depth's programme", "", "outside", lambda rng: {"depth": float(rng.choice([0.8, 1.2]))}, outside.chatter),
+        Kind("one depth's programme", "", "outside", lambda rng: {"depth": int(rng.choice([1, 2]))}, outside.chatter),
     ]
 }  # fmt: skip

@@ -7,19 +7,22 @@ over vertical force.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from . import solves
-from .solves import BETWEEN, CHECKED, NODES, ORBITS, Solutions, read_solutions
+from .sensors import SENSORS, SMALL, Sensor
+from .solves import BETWEEN, CHECKED, Solutions, read_solutions
 from .surface import Surface
 
 DEGREE, FLAT_DEGREE, AREA_DEGREE, EFFECT_DEGREE = 3, 4, 3, 2  # of the polynomials over depth
 THROUGH_ALL = {
     "friction": 4,
     "slipping": 4,
+    "smooth": 4,
 }  # curves that turn twice, in both codes alike: through all solved depths
 
 
@@ -69,6 +72,7 @@ class Library:
     area: np.ndarray  # (p,) contact area / depth at the middle
     changes: dict[str, Change]
     defects: dict[tuple[str, str], LocalChange]
+    sensor: Sensor = SMALL
 
     def base(self, xy: np.ndarray, depth: np.ndarray) -> np.ndarray:
         """Return the base forces (R, 3) [N] at places (R, 2) and depths (R,) [mm]; 0 above the surface."""
@@ -86,14 +90,28 @@ class Library:
         return -np.exp(spline(np.maximum(at, first)) + spline(first, 1) * below)
 
 
-def load_library(solutions: Solutions | None = None) -> Library:
-    """Return the library of solutions, those kept where none are given; effects that are not all solved are left out."""
+def load_library(solutions: Solutions | None = None, sensor: Sensor = SMALL) -> Library:
+    """Return a sensor's library of solutions, those kept where none are given; effects not all solved are left out."""
     solutions = read_solutions() if solutions is None else solutions
-    tables = _base_tables(solutions)
-    changes, defects = {}, {}
-    for name in solves.EFFECTS:
-        if all(solves.effect_setup(name, *o) in solutions for o in ORBITS):
-            changes[name] = _change(name, solutions)
+    changes = {}
+    for name in sensor.effects:
+        if all(solves.effect_setup(name, *o, sensor) in solutions for o in sensor.orbits):
+            changes[name] = _change(name, solutions, sensor)
+    if "slipping" in changes and "friction" in changes:
+        changes["friction"] = _without_slip(changes["friction"], changes.pop("slipping"))
+    defects = _defects(solutions) if sensor == SMALL else {}
+    return Library(*_base_tables(solutions, sensor), changes, defects, sensor)
+
+
+def load_libraries(names: Iterable[str]) -> dict[str, Library]:
+    """Return the libraries of some sensors by name, of the solutions that are kept."""
+    solutions = read_solutions()
+    return {name: load_library(solutions, SENSORS[name]) for name in names}
+
+
+def _defects(solutions: Solutions) -> dict[tuple[str, str], LocalChange]:
+    """Return what the defects whose presses are all solved do."""
+    defects = {}
     for name in solves.DEFECTS:
         pairs = {
             place: [
@@ -105,9 +123,7 @@ def load_library(solutions: Solutions | None = None) -> Library:
         if all(setup in solutions for setup in setups):
             for place, (_, touched) in solves.DEFECT_PLACES.items():
                 defects[name, place] = _local(pairs[place], np.array(touched), solutions)
-    if "slipping" in changes and "friction" in changes:
-        changes["friction"] = _without_slip(changes["friction"], changes.pop("slipping"))
-    return Library(*tables, changes, defects)
+    return defects
 
 
 def _without_slip(change: Change, twice: Change) -> Change:
@@ -152,17 +168,19 @@ def between() -> list[dict]:
     return rows
 
 
-def _base_tables(solutions: Solutions) -> tuple:
+def _base_tables(solutions: Solutions, sensor: Sensor) -> tuple:
     """Return shape, vertical, horizontal and area of a library.
 
     A place's ratio to the middle is smoothed over depth: nodes that come to touch make it jump by half a per cent.
     """
-    curves = {place: solutions[solves.base_setup(*place)] for place in solves.triangle()}
-    middle, fine = curves[0.0, 0.0], solutions[solves.fine_setup(0.0, 0.0)]
-    depths, nodes = middle.depths_mm, np.array(NODES)
+    curves = {
+        place: solutions.without_slip(solves.base_setup(*place, sensor)) for place in sensor.triangle
+    }
+    middle, fine = curves[0.0, 0.0], solutions.without_slip(solves.fine_setup(0.0, 0.0, sensor))
+    depths, nodes = middle.depths_mm, np.array(sensor.nodes)
     ratio, flat = np.empty((2, len(nodes), len(nodes), len(depths)))
-    for i, a in enumerate(NODES):
-        for j, b in enumerate(NODES):
+    for i, a in enumerate(sensor.nodes):
+        for j, b in enumerate(sensor.nodes):
             force = curves[max(a, b), min(a, b)].force_N
             ratio[i, j] = force[:, 2] / middle.force_N[:, 2]
             flat[i, j] = force[:, 0 if a >= b else 1] / force[:, 2]
@@ -180,22 +198,26 @@ def _ratio(curve, base) -> tuple[np.ndarray, np.ndarray]:
     return np.log(F[:, 2] / F0[:, 2]), F[:, :2] / F[:, 2:] - F0[:, :2] / F0[:, 2:]
 
 
-def _change(name: str, solutions: Solutions) -> Change:
-    found = [_ratio(*(solutions[solves.effect_setup(n, *o)] for n in (name, ""))) for o in ORBITS]
-    depths = np.array(solves.EFFECT_DEPTHS)
+def _change(name: str, solutions: Solutions, sensor: Sensor) -> Change:
+    setups = [[solves.effect_setup(n, *o, sensor) for n in (name, "")] for o in sensor.orbits]
+    # the small sensor's friction has its slip taken off by `_without_slip`
+    of = solutions.without_slip if sensor.plain.friction else solutions.__getitem__
+    found = [_ratio(*(of(setup) for setup in pair)) for pair in setups]
+    depths = np.array(sensor.effect_depths)
     degree = THROUGH_ALL.get(name, EFFECT_DEGREE)
     fit = np.linalg.pinv(np.vander(depths, degree + 1, increasing=True))
-    s, t = np.array(ORBITS).T ** 2
+    s, t = np.array(sensor.orbits).T ** 2
     log_ratio = np.linalg.solve(_even_basis(s, t), np.array([ratio @ fit.T for ratio, _ in found]))
-    # Fx at (6, 0), (4, 2), (6, 6), and at (2, 4) the Fy of (4, 2)
-    x, y = np.array([6.0, 4.0, 6.0, 2.0]), np.array([0.0, 2.0, 6.0, 4.0])
-    flat = [found[1][1][:, 0], found[2][1][:, 0], found[3][1][:, 0], found[2][1][:, 1]]
+    # Fx at the orbits away from the middle, and at (b, a) the Fy of the one between, (a, b)
+    (_, axis, between, diagonal), (_, on_axis, beside, across) = sensor.orbits, found
+    x, y = np.array([axis, between, diagonal, between[::-1]]).T
+    flat = [on_axis[1][:, 0], beside[1][:, 0], across[1][:, 0], beside[1][:, 1]]
     values = np.array(flat) / x[:, None] @ fit.T
     return Change(log_ratio, np.linalg.solve(_odd_basis(x**2, y**2), values))
 
 
 def _local(pairs, places, solutions: Solutions) -> LocalChange:
-    fit = np.linalg.pinv(np.vander(np.array(solves.EFFECT_DEPTHS), EFFECT_DEGREE + 1, increasing=True))
+    fit = np.linalg.pinv(np.vander(np.array(SMALL.effect_depths), EFFECT_DEGREE + 1, increasing=True))
     found = [_ratio(*(solutions[setup] for setup in pair)) for pair in pairs]
     return LocalChange(
         places, np.array([fit @ ratio for ratio, _ in found]), np.array([fit @ flat for _, flat in found])

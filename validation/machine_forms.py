@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import expm
 
-from .presses import commanded_depth
-from .world import LENGTH
 
 # --- kinematics -----------------------------------------------------------------------------------------------------------
 
@@ -24,7 +22,7 @@ def tilt(world, size, drawn):
     turn = expm(
         np.array([[0, 0, angle[1]], [0, 0, -angle[0]], [-angle[1], angle[0], 0]])
     )  # sensor to machine
-    ball = 5.0  # its radius [mm]
+    ball = world.library.sensor.plain.radius_mm
 
     def centre(rows, xy):
         """Return the ball's centre (R, 3) in the sensor's axes; depth 0 is where it touches the middle."""
@@ -47,7 +45,7 @@ def wedge(world, size, drawn):
     library = world.library
 
     def change(xy, depth):
-        at = np.log1p(xy @ slope / 4.0)
+        at = np.log1p(xy @ slope / library.sensor.plain.gel_mm)
         (r1, h1), (r2, h2) = (library.changes[n].at(xy, depth) for n in ("thicker", "thinner"))
         one, other = np.log(1.1), np.log(0.9)
         a = at * (at - other) / (one * (one - other))
@@ -79,7 +77,8 @@ def frame(world, size, drawn):
 
 def plate(world, size, drawn):
     """The base plate sags by the static shape of a clamped square, not by its first mode of sines."""
-    shape = lambda xy: ((1 - (xy / LENGTH) ** 2) ** 2).prod(axis=1)  # noqa: E731
+    half = world.library.sensor.plain.width_mm / 2
+    shape = lambda xy: ((1 - (xy / half) ** 2) ** 2).prod(axis=1)  # noqa: E731
     world.yielding.append(lambda xy, z: -0.05 * size * shape(xy) ** 2 * z)
 
 
@@ -88,7 +87,7 @@ def late(world, size, drawn):
 
     def read(rows):
         at = rows["at_s"].to_numpy()
-        depth = commanded_depth(at - 0.05 * size * drawn["sign"], rows["deepest_mm"].to_numpy())
+        depth = world.plan.commanded_depth(at - 0.05 * size * drawn["sign"], rows["deepest_mm"].to_numpy())
         return np.where(rows["phase"] == "zero", rows["depth_mm"], np.maximum(depth, 1e-6))
 
     world.clock.append(read)
@@ -131,6 +130,12 @@ def drift(world, size, drawn):
     world.sensor.append(
         lambda rows, force: force + by * (1 - np.exp(-rows["time_s"].to_numpy() / drawn["warm_s"]))[:, None]
     )
+
+
+def slowing_drift(world, size, drawn):
+    """The zero creeps with the logarithm of time, as a strain gauge's glue does: it never comes to rest."""
+    by = 0.02 * size * np.array([drawn["ox"], drawn["oy"], drawn["oz"]])
+    world.sensor.append(lambda rows, force: force + by * np.log1p(rows["time_s"].to_numpy() / 60.0)[:, None])
 
 
 def cross(world, size, drawn):

@@ -14,7 +14,7 @@ NEAR = 1e-6  # stretches that differ by less are taken as equal in difference qu
 
 @dataclass(frozen=True)
 class Ogden:
-    """W = c sum_k mu_k/alpha_k (sum_a l_a^alpha_k - 3) + c2 (I1 - 3)^2 of the isochoric stretches; FElupe's interface.
+    """W = c sum_k mu_k/alpha_k (sum_a l_a^alpha_k - 3) + c_n (I1 - 3)^n of the isochoric stretches; FElupe's interface.
 
     The convention is that of Sferrazza et al. 2019, eq. 1; the shear modulus at rest is sum(mu alpha) / 2 [MPa].
     """
@@ -22,7 +22,8 @@ class Ogden:
     mu: tuple[float, ...]
     alpha: tuple[float, ...]
     factor: np.ndarray | float = 1.0  # c (q, cells)
-    stiffening: float = 0.0  # c2 [MPa]
+    stiffening: float = 0.0  # c_n [MPa]
+    power: int = 2  # n; a term of Yeoh's series
 
     def gradient(self, x):
         """Return P = dW/dF (3, 3, q, cells) [MPa], as FElupe asks for it."""
@@ -46,7 +47,7 @@ class Ogden:
         lam = _stretches(F)[1]
         bar = lam / np.prod(lam, axis=-1, keepdims=True) ** (1 / 3)
         W = sum(m / a * ((bar**a).sum(-1) - 3) for m, a in zip(self.mu, self.alpha))
-        return self.factor * W + self.stiffening * ((bar**2).sum(-1) - 3) ** 2
+        return self.factor * W + self.stiffening * ((bar**2).sum(-1) - 3) ** self.power
 
     def _principal(self, lam):
         """Return principal Kirchhoff stresses (..., 3) and their slopes H (..., 3, 3) by the stretches' logarithms."""
@@ -59,10 +60,10 @@ class Ogden:
         if self.stiffening:
             b = bar**2
             excess = b.sum(-1, keepdims=True) - 3
-            f = f + 4 * self.stiffening * excess * b
-            H = H + 8 * self.stiffening * (
-                b[..., :, None] * b[..., None, :] + (excess * b)[..., None] * np.eye(3)
-            )
+            n = self.power
+            f = f + 2 * n * self.stiffening * excess ** (n - 1) * b
+            both = (n - 1) * b[..., :, None] * b[..., None, :] + (excess * b)[..., None] * np.eye(3)
+            H = H + 4 * n * self.stiffening * excess[..., None] ** (n - 2) * both
         deviator = np.eye(3) - 1 / 3
         return f - f.mean(-1, keepdims=True), deviator @ H @ deviator
 

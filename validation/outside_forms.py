@@ -46,7 +46,7 @@ def shaft(world, size, drawn):
     """The indenter's shaft meets a clamp beside the sensor: on one side, beyond a depth, a stop pushes back."""
 
     def remember(world, rows, xy, depth, force):
-        side = xy @ np.array([drawn["x"], drawn["y"]]) > 5.0
+        side = xy @ np.array([drawn["x"], drawn["y"]]) > 4.5
         push = 0.4 * size * np.maximum(depth - 1.0, 0.0) * side
         return force - push[:, None] * np.array([0.3 * drawn["x"], 0.3 * drawn["y"], 1.0])
 
@@ -74,6 +74,5 @@ def unrecovered(world, size, drawn):
 
 def chatter(world, size, drawn):
     """Presses of one depth were driven by another programme that overshoots and comes back: only these are off."""
-    world.depths.append(
-        lambda rows, xy: 0.06 * size * np.isclose(rows["deepest_mm"], drawn["depth"]).astype(float)
-    )
+    depth = world.plan.depths[drawn["depth"]]
+    world.depths.append(lambda rows, xy: 0.06 * size * np.isclose(rows["deepest_mm"], depth).astype(float))

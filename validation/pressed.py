@@ -13,7 +13,7 @@ import numpy as np
 from .ogden import Ogden
 
 VERSION = 1  # of everything below; a change of the model makes all solutions anew
-WIDTH, WALL = 20.0, 1.0
+WALL = 1.0
 GEL = ((7.9652e-3, 0.3093e-3), (1.2769, 3.5676))  # MPa; Sferrazza et al. 2019, table 1
 SKIN = ((85.1168e-3, -0.0020e-3), (2.8991, -8.2915))
 BULK_TO_SHEAR = 1000.0
@@ -84,6 +84,7 @@ class Setup:
     skin: float = 1.0
     wall: float = 1.0
     stiffening: float = 0.0  # Yeoh term of every layer over its shear modulus
+    power: int = 2  # of that term
     neo_hooke: bool = False
     bulk_to_shear: float = BULK_TO_SHEAR
     gap: float = 1.0  # factor on a strip of the gel along the wall
@@ -91,6 +92,7 @@ class Setup:
     friction: float = 0.0
     tangential: float = 100.0  # N/mm^3; a node slips by friction / this before it slides
     defect: Ball | None = None
+    width_mm: float = 20.0
 
     @property
     def key(self) -> str:
@@ -98,6 +100,9 @@ class Setup:
         described = asdict(self)
         if not self.friction:
             del described["tangential"]
+        for later in ("power", "width_mm"):  # added since: keys of what was solved before stay as they are
+            if described[later] == Setup.__dataclass_fields__[later].default:
+                del described[later]
         text = json.dumps([VERSION, described], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:24]
 
@@ -261,7 +266,7 @@ def _solver():
 
 def _lines(setup: Setup) -> list[np.ndarray]:
     """Return the mesh lines along x, y, z [mm]: fine under the ball, growing away."""
-    h, half, inner = setup.sizes, WIDTH / 2, WIDTH / 2 - WALL
+    h, half, inner = setup.sizes, setup.width_mm / 2, setup.width_mm / 2 - WALL
     sides = []
     for axis, (at, halved) in enumerate(zip((setup.x_mm, setup.y_mm), setup.halves)):
         breaks = [0.0, inner, half] if halved else [-half, -inner, inner, half]
@@ -355,7 +360,7 @@ def _areas(lines, points) -> np.ndarray:
 
 def _regions(setup: Setup, middles) -> dict[str, np.ndarray]:
     """Return which elements (E,) are gel, skin, wall and slab."""
-    inside = np.abs(middles[:, :2]).max(axis=1) < WIDTH / 2 - WALL
+    inside = np.abs(middles[:, :2]).max(axis=1) < setup.width_mm / 2 - WALL
     skin = middles[:, 2] > -setup.skin_mm
     slab = middles[:, 2] < -setup.gel_mm - setup.skin_mm
     return {"gel": inside & ~skin & ~slab, "skin": skin, "wall": ~inside & ~skin & ~slab, "slab": slab}
@@ -383,7 +388,7 @@ def _body(setup: Setup, mesh, cells, middles, name: str):
     factor = np.full(X.shape[:2], whole)
     bulk = np.full(X.shape[1], whole * shear * setup.bulk_to_shear)
     if name == "gel" and setup.gap != 1.0:
-        strip = np.abs(X[..., :2]).max(axis=-1) > WIDTH / 2 - WALL - 0.5
+        strip = np.abs(X[..., :2]).max(axis=-1) > setup.width_mm / 2 - WALL - 0.5
         factor[strip] *= setup.gap
         bulk *= np.where(strip, setup.gap, 1.0).mean(axis=0)
     if setup.defect is not None and name != "slab":
@@ -393,7 +398,7 @@ def _body(setup: Setup, mesh, cells, middles, name: str):
             within = _in_cube(setup.defect, middles[mine])
             factor[:, within] *= setup.defect.factor
             bulk[within] *= setup.defect.factor if setup.defect.bulk is None else setup.defect.bulk
-    law = Ogden(mu, alpha, factor, setup.stiffening * shear * whole)
+    law = Ogden(mu, alpha, factor, setup.stiffening * shear * whole, setup.power)
     return fem.SolidBodyNearlyIncompressible(law, field, bulk=bulk)
 
 

@@ -2,82 +2,80 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pandas as pd
 
-MIDDLE = np.array([10.0, 10.0])  # of the sensor [mm]
-CENTRE = (0.0, 0.0)
-AWAY = [(6.0, 0.0), (4.0, 2.0), (6.0, 6.0)]  # with their quarter turns: 13 places from the middle [mm]
-DEPTHS = (0.4, 0.8, 1.2, 1.6)  # [mm]
-SENTINEL_EVERY = 9  # the centre again, to the deepest
-PRESS_S, TOUCH_S, SPEED = 12.0, 1.0, 1.0  # of a press; when it touches; mm/s
-ZERO_S, DWELL_S = (0.0, 0.1, 0.2), (0.5, 2.0, 4.0)
+Place = tuple[float, float]
+TOUCH_S = 1.0  # of a press: when it touches
+ZERO_S = (0.0, 0.1, 0.2)
+LEAVE_S = 0.1  # from the last reading at rest to the way up
+COLUMNS = ["session", "press", "order", "cell", "phase", "at_s", "depth_mm", "speed", "dwell_s", "deepest_mm"]
 
 
-def places() -> list[tuple[float, float]]:
-    """Return the 13 places from the middle [mm]."""
-    turned = [(x, y) for a, b in AWAY for x, y in ((a, b), (-b, a), (-a, -b), (b, -a))]
-    return [CENTRE, *[(x + 0.0, y + 0.0) for x, y in turned]]
+@dataclass(frozen=True)
+class Plan:
+    """What a session presses: the middle, `away` with its quarter turns [mm], depths [mm], the stage's course in time."""
+
+    away: tuple[Place, ...]
+    depths: tuple[float, ...]
+    sentinel_every: int = 0  # the middle again, to the deepest; 0: never
+    random_order: bool = True  # else place after place, each from the shallowest depth on
+    press_s: float = 12.0
+    speed: float = 1.0  # mm/s
+    dwell_s: tuple[float, ...] = (0.5, 2.0, 4.0)
+
+    @property
+    def places(self) -> list[Place]:
+        """Return the places from the middle [mm], the middle first."""
+        turned = [(x, y) for a, b in self.away for x, y in ((a, b), (-b, a), (-a, -b), (b, -a))]
+        return [(0.0, 0.0), *[(x + 0.0, y + 0.0) for x, y in turned]]
+
+    def table(self, middle: np.ndarray) -> pd.DataFrame:
+        """Return the plan of the base study: cell, x_mm, y_mm, depth_mm; middle (2,) of the sensor [mm]."""
+        rows = [(f"c{k:02d}", *(middle + p), d) for k, p in enumerate(self.places) for d in self.depths]
+        return pd.DataFrame(rows, columns=["cell", "x_mm", "y_mm", "depth_mm"])
+
+    def commanded_depth(self, at_s: np.ndarray, deepest: np.ndarray) -> np.ndarray:
+        """Return the stage's depth (R,) [mm] at times since a press's start (R,) [s]: down, wait, up; 0 before contact."""
+        down = (at_s - TOUCH_S) * self.speed
+        left = TOUCH_S + deepest / self.speed + self.dwell_s[-1] + LEAVE_S
+        up = deepest - (at_s - left) * self.speed
+        return np.where(at_s < left, np.minimum(down, deepest), up)
+
+    def rows_of(self, depth: float) -> list[tuple]:
+        """Return phase, time, depth, speed, time at rest and deepest depth of the readings of one press."""
+        deepest = depth == self.depths[-1]
+        rows = [("zero", t, -TOUCH_S, 0.0, np.nan) for t in ZERO_S]
+        down = [d for d in self.depths if d < depth] if deepest else []
+        rows += [("load", TOUCH_S + d / self.speed, d, self.speed, np.nan) for d in [*down, depth]]
+        arrived = TOUCH_S + depth / self.speed
+        rows += [("dwell", arrived + w, depth, 0.0, w) for w in self.dwell_s]
+        left = arrived + self.dwell_s[-1] + LEAVE_S
+        rows += [("unload", left + (depth - d) / self.speed, d, -self.speed, np.nan) for d in down[::-1]]
+        return [(*row, depth) for row in rows]
 
 
-def plan_table() -> pd.DataFrame:
-    """Return the plan of the base study: cell, x_mm, y_mm, depth_mm."""
-    rows = [(f"c{k:02d}", *(MIDDLE + place), depth) for k, place in enumerate(places()) for depth in DEPTHS]
-    return pd.DataFrame(rows, columns=["cell", "x_mm", "y_mm", "depth_mm"])
+def timeline(rng: np.random.Generator, plan: Plan, sessions: int = 1) -> pd.DataFrame:
+    """Return all rows of a recording: presses in the plan's order, its sentinel between, shared out over sessions.
 
-
-def timeline(rng: np.random.Generator, sessions: int = 1) -> pd.DataFrame:
-    """Return all rows of a recording: presses in random order, the sentinel every ninth, shared out over sessions.
-
-    Columns: session (its number), press, order, cell, phase, time_s, x_mm, y_mm (from the middle), depth_mm, deepest_mm,
-    speed (down positive) and dwell_s. The deepest presses are read on their way down and up as well.
+    Columns: COLUMNS, time_s, and x_mm, y_mm from the middle; session is its number, speed is positive downward. The
+    deepest presses are read on their way down and up as well.
     """
-    every = [(k, depth) for k in range(len(places())) for depth in DEPTHS]
-    order = [every[i] for i in rng.permutation(len(every))]
+    every = [(k, depth) for k in range(len(plan.places)) for depth in plan.depths]
+    order = [every[i] for i in rng.permutation(len(every))] if plan.random_order else every
     sequence = []
     for k, press in enumerate(order):
-        if k % (SENTINEL_EVERY - 1) == 0:
-            sequence.append((0, DEPTHS[-1]))
+        if plan.sentinel_every and k % (plan.sentinel_every - 1) == 0:
+            sequence.append((0, plan.depths[-1]))
         sequence.append(press)
     rows, first = [], [round(len(sequence) * s / sessions) for s in range(sessions + 1)]
     for session in range(sessions):
         for order_in, (k, depth) in enumerate(sequence[first[session] : first[session + 1]]):
-            rows += [(session, f"p{order_in:04d}", order_in, k, *row) for row in _rows_of(depth)]
-    names = [
-        "session",
-        "press",
-        "order",
-        "cell",
-        "phase",
-        "at_s",
-        "depth_mm",
-        "speed",
-        "dwell_s",
-        "deepest_mm",
-    ]
-    table = pd.DataFrame(rows, columns=names)
-    table["time_s"] = (table["order"] * PRESS_S + table["at_s"]).round(3)
-    xy = np.array(places())[table["cell"]]
-    table["x_mm"], table["y_mm"] = xy.T
+            rows += [(session, f"p{order_in:04d}", order_in, k, *row) for row in plan.rows_of(depth)]
+    table = pd.DataFrame(rows, columns=COLUMNS)
+    table["time_s"] = (table["order"] * plan.press_s + table["at_s"]).round(3)
+    table["x_mm"], table["y_mm"] = np.array(plan.places)[table["cell"]].T
     table["cell"] = [f"c{k:02d}" for k in table["cell"]]
     return table
-
-
-def _rows_of(depth: float) -> list[tuple]:
-    deepest = depth == DEPTHS[-1]
-    rows = [("zero", t, -TOUCH_S * SPEED + t * 0, 0.0, np.nan) for t in ZERO_S]
-    down = [d for d in DEPTHS if d < depth] if deepest else []
-    rows += [("load", TOUCH_S + d / SPEED, d, SPEED, np.nan) for d in [*down, depth]]
-    arrived = TOUCH_S + depth / SPEED
-    rows += [("dwell", arrived + w, depth, 0.0, w) for w in DWELL_S]
-    left = arrived + DWELL_S[-1] + 0.1
-    rows += [("unload", left + (depth - d) / SPEED, d, -SPEED, np.nan) for d in down[::-1]]
-    return [(*row, depth) for row in rows]
-
-
-def commanded_depth(at_s: np.ndarray, deepest: np.ndarray) -> np.ndarray:
-    """Return the stage's depth (R,) [mm] at times since a press's start (R,) [s]: down, wait, up; 0 before contact."""
-    down = (at_s - TOUCH_S) * SPEED
-    left = TOUCH_S + deepest / SPEED + DWELL_S[-1] + 0.1
-    up = deepest - (at_s - left) * SPEED
-    return np.where(at_s < left, np.minimum(down, deepest), up)

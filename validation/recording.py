@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pandas as pd
 
 from gelforge.config import DepthZero, ForceSensor, Session, write_yaml
 
-from .presses import MIDDLE
+from .sensors import SMALL, Sensor
 from .world import World, held, zeroed
 
 FORCE = ["fx_N", "fy_N", "fz_N"]
@@ -129,12 +130,18 @@ def recorded(
 
 
 def signal_to_noise(
-    world: World, rows: pd.DataFrame, instrument: Instrument, change: np.ndarray, floor: bool = True
+    world: World,
+    rows: pd.DataFrame,
+    instrument: Instrument,
+    change: np.ndarray,
+    floor: bool = True,
+    doubts: Sequence[np.ndarray] = (),
 ) -> float:
     """Return sqrt(d' C^-1 d) of a change (R, 3) of the zeroed forces of readings under load.
 
     C: noise and steps, the zero subtracted from each press, errors of the depth at the base's slope, and
-    the floor of discretisation: FLOOR of Fz, half of its variance common to all places and half each place's own.
+    the floor of discretisation: FLOOR of Fz, half of its variance common to all places and half each place's own; and
+    what one standard deviation of each doubtful constant changes, doubts (R, 3) [N].
     """
     on = held(rows)
     part = rows[on]
@@ -149,6 +156,7 @@ def signal_to_noise(
     if floor:
         pattern = np.abs(world.forces(rows)[on, 2:]) * FLOOR / np.sqrt(2)
         columns += [pattern.reshape(-1, 1), _per_group(part, ["x_mm", "y_mm"], pattern)]
+    columns += [doubt[on].reshape(-1, 1) for doubt in doubts]
     L = np.hstack(columns) / sigma[:, None]
     d = change[on].ravel() / sigma
     inner = np.eye(L.shape[1]) + L.T @ L
@@ -169,31 +177,40 @@ def change_of(base: World, world: World, rows: pd.DataFrame, tared: bool) -> np.
 
 
 def write_recording(
-    folder: Path, name: str, rows: pd.DataFrame, readings: np.ndarray, instrument: Instrument
+    folder: Path,
+    name: str,
+    rows: pd.DataFrame,
+    readings: np.ndarray,
+    instrument: Instrument,
+    sensor: Sensor = SMALL,
+    exact: bool = True,
 ) -> list[Path]:
-    """Write the sessions of a recording under folder/recordings and return their folders."""
+    """Write the sessions of a recording under folder/recordings and return their folders.
+
+    exact: whether the sessions say that the constants of the constitutive models are certain.
+    """
     folders = []
     for number, part in rows.groupby("session", sort=False):
         session = f"{name}_{chr(ord('a') + number)}"
         out = folder / "recordings" / session
         out.mkdir(parents=True, exist_ok=True)
         table = part.assign(speed_mm_per_s=part["speed"].abs(), image="")
-        table[["x_mm", "y_mm"]] = part[["x_mm", "y_mm"]] + MIDDLE
+        table[["x_mm", "y_mm"]] = part[["x_mm", "y_mm"]] + sensor.middle
         table[FORCE] = readings[part.index]
         text = table[COLUMNS].round(6).to_csv(index=False, lineterminator="\n")
         (out / "indentations.csv").write_text(text, encoding="utf-8")
         (out / "README.txt").write_text(README.format(session=session), encoding="utf-8")
-        write_yaml(out / "session.yaml", _session(session, instrument, number))
+        write_yaml(out / "session.yaml", _session(session, instrument, number, sensor, exact))
         folders.append(out)
     return folders
 
 
-def _session(name: str, instrument: Instrument, number: int) -> Session:
+def _session(name: str, instrument: Instrument, number: int, sensor: Sensor, exact: bool) -> Session:
     return Session(
         session=name,
         synthetic=True,
-        sensor="concealed",
-        indenter="ball of radius 5 mm",
+        sensor="concealed" if sensor == SMALL else sensor.name,
+        indenter=f"ball of radius {sensor.plain.radius_mm:g} mm",
         notes="SYNTHETIC: made by FElupe with effects that are not told",
         temperature_C=instrument.temperatures_C[number],
         sensor_age_days=instrument.ages_days[number],
@@ -203,7 +220,7 @@ def _session(name: str, instrument: Instrument, number: int) -> Session:
             repeatability_N=[round(float(sigma), 6) for sigma in instrument.sigma_N],
         ),
         depth_zero=_depth_zero(instrument),
-        base_parameters="exact",
+        base_parameters="exact" if exact else "from_fit",
     )
 
 

@@ -13,12 +13,12 @@ import shlex
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 from . import sealing
-from .draw import DEVELOPMENT, cases
+from .draw import BASES, DEVELOPMENT, SNR, cases
 from .library import Library
 from .pressed import VERSION
 from .recording import write_recording
@@ -26,17 +26,33 @@ from .sealing import JUDGED, REGISTER, SEALED
 
 CONFIG = Path(__file__).parent / "config"
 COMMAND = (
-    f"{sys.executable} -m gelforge mismatch {{recording}} --config {{config}} --out {{out}}"
+    f"{sys.executable} -m gelforge mismatch {{recording}} --config {{config}} {{laws}} --out {{out}}"
     f" --kept {{kept}} --no-page"
 )
+LAWS = {  # constitutive models with a covariance, of bases that have them: for {laws}
+    "thin": [CONFIG / "thin_gel.json", CONFIG / "thin_skin.json"],
+}
 
 
-def generate(library: Library, folder: Path, seed: int, numbers: dict[str, int], commit: str = "") -> dict:
-    """Write a set and return its publication. Cases that are there are written again, to the same bytes."""
+def generate(
+    libraries: Mapping[str, Library],
+    folder: Path,
+    seed: int,
+    numbers: dict[str, int],
+    commit: str = "",
+    bases: Sequence[str] = ("concealed",),
+    least: float = SNR[0],
+) -> dict:
+    """Write a set and return its publication. Cases that are there are written again, to the same bytes.
+
+    libraries, numbers, bases and least as `draw.cases` has them.
+    """
     hashes = {}
-    for case in cases(library, seed, **numbers):
+    for case in cases(libraries, seed, numbers, bases, least):
         out = folder / "cases" / case.name
-        sessions = write_recording(out, case.name, case.rows, case.readings, case.instrument)
+        base = BASES[case.base]
+        sensor, exact = libraries[base.sensor].sensor, not base.doubts
+        sessions = write_recording(out, case.name, case.rows, case.readings, case.instrument, sensor, exact)
         (out / "base.txt").write_text(case.base + "\n", encoding="utf-8")
         truth = sealing.seal(
             folder / "truth" / f"{case.name}.json", case.truth, sealing.salt_of(seed, case.name)
@@ -50,6 +66,8 @@ def generate(library: Library, folder: Path, seed: int, numbers: dict[str, int],
         "commit": commit,
         "model_version": VERSION,
         "numbers": numbers,
+        "bases": list(bases),
+        "least_snr": least,
         "cases": hashes,
     }
     sealing.write(folder / SEALED, published)
@@ -68,7 +86,7 @@ def judge(
 ) -> int:
     """Judge cases that have not been judged yet, at most `limit`, and return how many were; truths stay closed.
 
-    The command may hold {recording}, {config}, {out} and {kept} (a folder that all cases share). What it says goes to
+    The command may hold {recording}, {config}, {laws} (options), {out} and {kept} (a folder that all cases share). What it says goes to
     verdicts/<case>/log.txt. A case whose command fails has a verdict of nothing, which the scores count as a failure.
     workers: cases side by side. base: only the cases that stand on it. names: only these cases.
     """
@@ -114,7 +132,9 @@ def run_judge(folder: Path, name: str, config: Path, out: Path, command: str, li
         "out": out,
         "kept": folder.parent / "kept",
     }
-    words = [word.format(**places) for word in shlex.split(command)]
+    words = [word.format(**places, laws="{laws}") for word in shlex.split(command)]
+    laws = [word for path in LAWS.get(config.stem, []) for word in ("--laws", str(path))]
+    words = [one for word in words for one in (laws if word == "{laws}" else [word])]
     with open(out / "log.txt", "w", encoding="utf-8") as log:
         try:
             return subprocess.run(words, stdout=log, stderr=subprocess.STDOUT, timeout=limit_s).returncode

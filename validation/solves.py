@@ -8,7 +8,7 @@ mesh; the base has a finer mesh, and at two places a still finer one that says h
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, replace
 from multiprocessing import get_context
@@ -16,40 +16,17 @@ from pathlib import Path
 
 import numpy as np
 
-from .pressed import COARSE, FINE, MIDDLE, Ball, Curve, Setup, press
+from .pressed import COARSE, FINE, Ball, Curve, Setup, press
+from .sensors import SENSORS, SMALL, Sensor
 
 SOLUTIONS = Path(__file__).with_name("solutions.jsonl")
-# |x|, |y| from the middle [mm] at which the base is solved, close together where the contact reaches the wall and its
-# sideways pull sets in; the last for presses that a turned grid takes beyond the plan's 6 mm.
-NODES = (0.0, 2.0, 4.0, 5.5, 6.0, 6.4, 6.8)
-ORBITS = ((0.0, 0.0), (6.0, 0.0), (4.0, 2.0), (6.0, 6.0))  # the plan's places but for mirror images
-CHECKED = ((0.0, 0.0), (6.0, 0.0))  # where the base is solved on the fine mesh too
+CHECKED = ((0.0, 0.0), (6.0, 0.0))  # where the base of the small sensor is solved on the fine mesh too
 BETWEEN = (
     (4.1197, 1.7403),
     (5.6044, 6.3712),
     (5.75, 0.0),
     (6.2, 0.0),
 )  # (4, 2) and (6, 6) of a grid turned by -3.66 degrees, and where the contact reaches the wall: to check what is between
-EFFECT_DEPTHS = (0.4, 0.8, 1.2, 1.6, 1.85)
-
-EFFECTS: dict[str, dict] = {
-    "gel stiffer": {"gel": 1.25},
-    "gel softer": {"gel": 0.8},
-    "thicker": {"gel_mm": 4.4},
-    "thinner": {"gel_mm": 3.6},
-    "larger ball": {"radius_mm": 5.25},
-    "stiffening": {"stiffening": 0.1},
-    "compressible": {"bulk_to_shear": 40.0},
-    "stiffer wall": {"wall": 1.6},
-    "slab": {"slab_MPa": 1.0},
-    "wall gap": {"gap": 0.05},
-    "neo-Hooke": {"neo_hooke": True},
-    "friction": {"friction": 0.3},
-    "slipping": {
-        "friction": 0.3,
-        "tangential": 50.0,
-    },  # twice the slip before a node slides, to tell what none would be
-}
 # Where defects sit, from the middle; four turns of the plan bring them to other corners. And the places that feel them,
 # the nearest first: up to 6 mm away.
 DEFECT_PLACES = {
@@ -65,41 +42,47 @@ DEFECTS: dict[str, dict] = {
 }
 
 
-def base_setup(x: float, y: float) -> Setup:
-    return Setup(float(x), float(y), sizes=MIDDLE)
+def base_setup(x: float, y: float, sensor: Sensor = SMALL) -> Setup:
+    at = _at(sensor, x, y)
+    return replace(at, depths_mm=sensor.depths, sizes=sensor.base_sizes)
 
 
-def fine_setup(x: float, y: float) -> Setup:
-    return Setup(float(x), float(y), sizes=FINE)
+def fine_setup(x: float, y: float, sensor: Sensor = SMALL) -> Setup:
+    return replace(base_setup(x, y, sensor), sizes=FINE)
 
 
-def effect_setup(name: str, x: float, y: float) -> Setup:
+def effect_setup(name: str, x: float, y: float, sensor: Sensor = SMALL) -> Setup:
     """Return a press with an effect; "" is none, on the effects' mesh."""
-    return Setup(float(x), float(y), EFFECT_DEPTHS, COARSE, **(EFFECTS[name] if name else {}))
+    changed = sensor.effects[name] if name else {}
+    return replace(_at(sensor, x, y), depths_mm=sensor.effect_depths, sizes=sensor.effect_sizes, **changed)
+
+
+def _at(sensor: Sensor, x: float, y: float) -> Setup:
+    x, y = sensor.solved(x, y)
+    return replace(sensor.plain, x_mm=x, y_mm=y)
 
 
 def defect_setup(name: str, place: str, x: float, y: float, there: bool = True) -> Setup:
-    """Return a press beside a defect; without it, on the same mesh, where it is not there."""
+    """Return a press of the small sensor beside a defect; without it, on the same mesh, where it is not there."""
     (dx, dy), _ = DEFECT_PLACES[place]
     keys = dict(DEFECTS[name])
     ball = Ball((dx, dy, keys.pop("z")), **keys)
     defect = ball if there else replace(ball, factor=1.0, bulk=None)
-    return Setup(float(x), float(y), EFFECT_DEPTHS, COARSE, defect=defect)
+    return Setup(float(x), float(y), SMALL.effect_depths, COARSE, defect=defect)
 
 
-def triangle() -> list[tuple[float, float]]:
-    """Return the places (a, b), a >= b, at which the base is solved."""
-    return [(a, b) for a in NODES for b in NODES if a >= b]
+def twice_slipping(setup: Setup) -> Setup:
+    """Return a press with friction whose nodes slip twice as far before they slide: it tells what no slip would be."""
+    return replace(setup, tangential=setup.tangential / 2)
 
 
-def all_setups() -> Iterable[tuple[str, Setup]]:
-    """Yield every solution that is needed, by name, the most needed first."""
-    for x, y in triangle():
-        yield f"base ({x:g}, {y:g})", base_setup(x, y)
-    for name in ("", *EFFECTS):
-        for x, y in ORBITS:
-            yield f"{name or 'plain'} ({x:g}, {y:g})", effect_setup(name, x, y)
-    yield "fine (0, 0)", fine_setup(0.0, 0.0)
+def all_setups() -> Iterator[tuple[str, Setup]]:
+    """Yield every solution that is needed, by name, the most needed first; some more than once."""
+    for sensor in SENSORS.values():
+        for name, setup in _of_sensor(sensor):
+            yield f"{sensor.name}: {name}", setup
+            if sensor.plain.friction and setup.friction:
+                yield f"{sensor.name}: {name}, twice the slip", twice_slipping(setup)
     for place, (_, touched) in DEFECT_PLACES.items():
         for x, y in touched:
             for name in DEFECTS:
@@ -108,6 +91,15 @@ def all_setups() -> Iterable[tuple[str, Setup]]:
     yield "fine (6, 0)", fine_setup(6.0, 0.0)
     for x, y in BETWEEN:
         yield f"between ({x:g}, {y:g})", base_setup(x, y)
+
+
+def _of_sensor(sensor: Sensor) -> Iterator[tuple[str, Setup]]:
+    for x, y in sensor.triangle:
+        yield f"base ({x:g}, {y:g})", base_setup(x, y, sensor)
+    for name in ("", *sensor.effects):
+        for x, y in sensor.orbits:
+            yield f"{name or 'plain'} ({x:g}, {y:g})", effect_setup(name, x, y, sensor)
+    yield "fine (0, 0)", fine_setup(0.0, 0.0, sensor)
 
 
 class Solutions:
@@ -126,6 +118,14 @@ class Solutions:
                 "run python -m validation solve"
             )
         return self._curves[setup.key]
+
+    def without_slip(self, setup: Setup) -> Curve:
+        """Return the curve of a setup; with friction that of no slip before nodes slide: forces change in proportion to it."""
+        curve = self[setup]
+        if not setup.friction:
+            return curve
+        twice = self[twice_slipping(setup)]
+        return replace(curve, force_N=2 * curve.force_N - twice.force_N, area_mm2=2 * curve.area_mm2 - twice.area_mm2)
 
 
 def read_solutions(path: Path = SOLUTIONS) -> Solutions:

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 
 from .library import Library
+from .presses import Plan
 
 Rows = pd.DataFrame
-LENGTH = 10.0  # half of the sensor [mm]
 
 
 @dataclass
@@ -39,6 +39,11 @@ class World:
     sensor: list[Callable[[Rows, np.ndarray], np.ndarray]] = field(
         default_factory=list
     )  # rows, force -> force
+
+    @property
+    def plan(self) -> Plan:
+        """Return the plan of the sensor's recordings."""
+        return self.library.sensor.plan
 
     def elastic(self, xy: np.ndarray, depth: np.ndarray) -> np.ndarray:
         """Return the force (R, 3) of the pressed body without memory."""

@@ -19,10 +19,9 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.mismatch.fem.solutions import fine
 from gelforge.mismatch.pipeline.stage import solver_of
 from validation.draw import BASES, base_world
-from validation.library import load_library
-from validation.presses import DEPTHS, MIDDLE
+from validation.library import load_libraries
+from validation.sensors import SENSORS
 from validation.sets import CONFIG
-from validation.solves import ORBITS
 
 
 def main() -> None:
@@ -30,14 +29,18 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--kept", type=Path, default=Path("results/concealed/sets/kept"))
-    kept, library, depths = parser.parse_args().kept, load_library(), np.array(DEPTHS)
-    print(f"FElupe / gelforge of Fz at {', '.join(f'{d:g}' for d in depths)} mm")
-    for base in BASES:
+    parser.add_argument("--bases", nargs="+", default=list(BASES))
+    asked = parser.parse_args()
+    kept, libraries = asked.kept, load_libraries(SENSORS)
+    print("FElupe / gelforge of Fz at the depths of each plan")
+    for base in asked.bases:
+        library = libraries[BASES[base].sensor]
+        sensor, depths = library.sensor, library.sensor.plan.depths
         solver = solver_of(load_study(CONFIG / f"{base}.yaml"), kept, [], kept, 1, [])
         world, largest = base_world(library, base), 0.0
-        for x, y in ORBITS:
-            own = fine((solver, PlannedCell("", *(MIDDLE + (x, y)).tolist(), DEPTHS)))
-            ratio = world.elastic(np.tile([x, y], (len(depths), 1)), depths)[:, 2] / own[:, 2]
+        for x, y in sensor.orbits:
+            own = fine((solver, PlannedCell("", *(sensor.middle + (x, y)).tolist(), depths)))
+            ratio = world.elastic(np.tile([x, y], (len(depths), 1)), np.array(depths))[:, 2] / own[:, 2]
             largest = max(largest, float(np.abs(ratio - 1).max()))
             print(f"{base:12} ({x:g}, {y:g}) mm: {' '.join(f'{r:.4f}' for r in ratio)}", flush=True)
         print(f"{base:12} largest difference {largest:.2%}")

@@ -48,7 +48,7 @@ def nulls(library: Library, number: int) -> Iterator[tuple[str, pd.DataFrame, np
         rng = np.random.default_rng([SEED, k])
         instrument = drawn_instrument(rng, zero_by="session")
         instrument = replace(instrument, stage_mm=float(rng.uniform(*STAGE_MM)))
-        rows = with_circumstances(timeline(rng), instrument)
+        rows = with_circumstances(timeline(rng, library.sensor.plan), instrument)
         yield f"n{k:03d}", rows, recorded(world, rows, instrument, rng), instrument
 
 

@@ -50,7 +50,7 @@ def known_singles(
     if published["seed"] >= DEVELOPMENT:
         raise ValueError(f"{folder} is a reporting set; its truths are opened by `score` alone")
     library = load_library()
-    for case in cases(library, published["seed"], **published["numbers"]):
+    for case in cases({"small": library}, published["seed"], published["numbers"]):
         hidden = case.truth["effects"][0] if case.content == "single" else {"snr": -1.0}
         if case.base != "concealed" or hidden["snr"] < weakest or (located and "where" not in hidden):
             continue

@@ -28,7 +28,7 @@ from gelforge.indentation.solving import simulate
 from gelforge.indentation.solving.sensitivities import unmirrored
 from gelforge.laws_of_study import laws_and_doubts, material_laws_of
 from validation.library import load_library
-from validation.presses import MIDDLE
+from validation.sensors import SMALL
 from validation.sets import CONFIG
 
 BALL = (13.0, 11.0, -3.0)
@@ -75,7 +75,7 @@ def by_distance(base: Study, laws: dict, size: float, depth: float) -> pd.DataFr
     rows, library = [], load_library()
     plain = study_with(base, size, None)
     for place in PRESSED:
-        x, y = np.array(place) - MIDDLE
+        x, y = np.array(place) - SMALL.middle
         row = {"distance [mm]": float(np.hypot(*(np.array(place) - BALL[:2])))}
         without = pressing(plain, laws, depth, place)
         for kind, factor in KINDS.items():
