@@ -47,7 +47,9 @@ def parser() -> argparse.ArgumentParser:
     for name, number in (("nulls", 200), ("singles", 45), ("pairs", 20), ("outside", 24)):
         one.add_argument(f"--{name}", type=int, default=number)
     one.add_argument("--bases", nargs="+", default=["concealed"], help="studies of config, in turn")
-    one.add_argument("--least", type=float, default=2.0, help="smallest signal-to-noise ratio of what is hidden")
+    one.add_argument(
+        "--least", type=float, default=2.0, help="smallest signal-to-noise ratio of what is hidden"
+    )
     one = steps.add_parser("judge", help="judge what has not been judged")
     one.add_argument("set")
     one.add_argument("--limit", type=int)
@@ -116,7 +118,9 @@ def _generate(asked: argparse.Namespace) -> None:
     seed = asked.seed if asked.seed is not None else seed_of_commit(asked.commit, asked.bases)
     numbers = dict(zip(CONTENTS, (asked.nulls, asked.singles, asked.pairs, asked.outside)))
     libraries = load_libraries({BASES[base].sensor for base in asked.bases})
-    published = generate(libraries, SETS / asked.set, seed, numbers, asked.commit or "", asked.bases, asked.least)
+    published = generate(
+        libraries, SETS / asked.set, seed, numbers, asked.commit or "", asked.bases, asked.least
+    )
     print(
         f"{len(published['cases'])} cases of seed {seed} in {SETS / asked.set}; publish sealed.json before judging"
     )

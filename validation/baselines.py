@@ -16,9 +16,9 @@ from scipy.stats import chi2
 from .draw import NEEDS, base_world
 from .kinds import KINDS
 from .library import Library
-from .sensors import SMALL, Sensor
 from .recording import FORCE, Instrument, depth_errors, with_circumstances
 from .score import Judged, share_of_gain
+from .sensors import SMALL, Sensor
 from .world import held, zeroed
 
 ALARM_P = 0.025
@@ -174,7 +174,8 @@ CONSTANTS = {
 }
 SHAPE_OF = {
     "wedge": "direction", "turned body": "direction", "pressed elsewhere": "direction", "amplifier gains": "gains",
-    "zero left": "offsets", "slowing creep of the zero": "offsets", "warming up": "offsets", "turned sensor": "angles", "backlash": "direction",
+    "zero left": "offsets", "warming up": "offsets", "turned sensor": "angles", "backlash": "direction",
+    "slowing creep of the zero": "offsets",
 }  # fmt: skip
 
 
@@ -184,8 +185,10 @@ def linearised(library: Library, table: Table, truth: dict) -> dict[str, np.ndar
     tared = truth["instrument"]["tared"]
     columns = {}
     for form, kind in KINDS.items():
-        if any(name not in solved for name in NEEDS.get(form, [])) or kind.base not in ("", truth["base"]) or (
-            kind.sessions == 2 and table.rows["session"].max() == 0
+        if (
+            any(name not in solved for name in NEEDS.get(form, []))
+            or kind.base not in ("", truth["base"])
+            or (kind.sessions == 2 and table.rows["session"].max() == 0)
         ):
             continue
         parts = []

@@ -63,7 +63,11 @@ def thickness(world, size, drawn):
     t = plain + 0.5 * size * drawn["sign"]
     world.changes.append(
         _through(
-            library.changes["thicker"], np.log(1.1), library.changes["thinner"], np.log(0.9), np.log(t / plain)
+            library.changes["thicker"],
+            np.log(1.1),
+            library.changes["thinner"],
+            np.log(0.9),
+            np.log(t / plain),
         )
     )
 
@@ -175,7 +179,7 @@ def ageing(world, size, drawn):
 
 
 def drying(world, size, drawn):
-    """The gel stiffens or softens as it dries: with the square root of the time since the first session, as diffusion goes."""
+    """The gel stiffens or softens as it dries: with the root of the time since the first session, as diffusion goes."""
     _circumstance(
         world, lambda rows: drawn["sign"] * 0.02 * size * np.sqrt(rows["age"] - rows["age"].iloc[0])
     )

@@ -31,6 +31,7 @@ SIZE_DIGITS = 6  # of an amplitude: its iterations end in other last digits on o
 CONTENTS = ("null", "single", "pair", "outside")
 # Kinds that move a press sideways: nothing of them is felt where all places are alike.
 NEEDS_PLACES = ("pressed elsewhere", "turned grid", "stretched grid", "backlash")
+NEEDS_WAY_UP = ("jkr",)  # adhesion is felt as the ball leaves
 # What a needed finite-element solution is called, of kinds that need one
 NEEDS = {
     "gel moduli": ["gel stiffer", "gel softer"], "skin moduli": ["gel stiffer", "gel softer"],
@@ -47,15 +48,15 @@ NEEDS = {
 }  # fmt: skip
 
 
-
-
 @dataclass(frozen=True)
 class Base:
     """A study that is judged: its sensor, and which solved changes, by their share, make the sensor's library into it."""
 
     sensor: str
     changes: tuple[tuple[str, float], ...] = ()
-    doubts: dict[str, float] = field(default_factory=dict)  # by layer: relative standard deviation of its stated moduli
+    doubts: dict[str, float] = field(
+        default_factory=dict
+    )  # by layer: relative standard deviation of its stated moduli
 
 
 BASES: dict[str, Base] = {  # by their configuration in `config`
@@ -203,7 +204,9 @@ def _with(library: Library, base: str, hidden: list[Concealed]) -> World:
 
 def _signal(plain, library, base, hidden, rows, instrument, floor: bool = True) -> float:
     change = change_of(plain, _with(library, base, hidden), rows, instrument.tared)
-    return signal_to_noise(plain, rows, instrument, change, floor, _doubts(plain, library, base, rows, instrument))
+    return signal_to_noise(
+        plain, rows, instrument, change, floor, _doubts(plain, library, base, rows, instrument)
+    )
 
 
 def _doubts(plain, library, base, rows, instrument) -> list[np.ndarray]:
@@ -257,6 +260,7 @@ def known_on(libraries: Mapping[str, Library], base: str) -> list[str]:
         if kind.base in ("", base)
         and all(name in solved for name in NEEDS.get(form, []))
         and not (library.sensor.alike and form in NEEDS_PLACES)
+        and (library.sensor.plan.way_up or form not in NEEDS_WAY_UP)
     ]
 
 

@@ -93,8 +93,8 @@ KINDS: dict[str, Kind] = {
         Kind("yeoh stiffening", "law_exponent", "material", _positive, body.solved("stiffening", lambda s, d: s)),
         Kind("third-order stiffening", "law_exponent", "material", _positive,
              body.solved("late stiffening", lambda s, d: s), most=3.0),
-        # no amounts: a share of what a slab of 1 MPa changes is not what a slab does of which the 1/E is that share of 1/MPa,
-        # and as little is a share of what a bulk modulus changes
+        # no amounts: a share of what a slab of 1 MPa changes is not what a slab does of which the 1/E is that share of
+        # 1/MPa, and as little is a share of what a bulk modulus changes
         Kind("softer volume", "compressibility", "material", _positive, body.solved("compressible", lambda s, d: s)),
         Kind("slab", "elastic_base", "material", _positive, body.solved("slab", lambda s, d: s), most=1.5),
         Kind("power law", "viscoelastic", "history",

@@ -173,9 +173,7 @@ def _base_tables(solutions: Solutions, sensor: Sensor) -> tuple:
 
     A place's ratio to the middle is smoothed over depth: nodes that come to touch make it jump by half a per cent.
     """
-    curves = {
-        place: solutions.without_slip(solves.base_setup(*place, sensor)) for place in sensor.triangle
-    }
+    curves = {place: solutions.without_slip(solves.base_setup(*place, sensor)) for place in sensor.triangle}
     middle, fine = curves[0.0, 0.0], solutions.without_slip(solves.fine_setup(0.0, 0.0, sensor))
     depths, nodes = middle.depths_mm, np.array(sensor.nodes)
     ratio, flat = np.empty((2, len(nodes), len(nodes), len(depths)))

@@ -25,6 +25,7 @@ class Plan:
     press_s: float = 12.0
     speed: float = 1.0  # mm/s
     dwell_s: tuple[float, ...] = (0.5, 2.0, 4.0)
+    way_up: bool = True  # whether the deepest presses are read on their way up
 
     @property
     def places(self) -> list[Place]:
@@ -53,7 +54,8 @@ class Plan:
         arrived = TOUCH_S + depth / self.speed
         rows += [("dwell", arrived + w, depth, 0.0, w) for w in self.dwell_s]
         left = arrived + self.dwell_s[-1] + LEAVE_S
-        rows += [("unload", left + (depth - d) / self.speed, d, -self.speed, np.nan) for d in down[::-1]]
+        up = down[::-1] if self.way_up else []
+        rows += [("unload", left + (depth - d) / self.speed, d, -self.speed, np.nan) for d in up]
         return [(*row, depth) for row in rows]
 
 
@@ -61,7 +63,7 @@ def timeline(rng: np.random.Generator, plan: Plan, sessions: int = 1) -> pd.Data
     """Return all rows of a recording: presses in the plan's order, its sentinel between, shared out over sessions.
 
     Columns: COLUMNS, time_s, and x_mm, y_mm from the middle; session is its number, speed is positive downward. The
-    deepest presses are read on their way down and up as well.
+    deepest presses are read on their way down as well, and up where the plan has it.
     """
     every = [(k, depth) for k in range(len(plan.places)) for depth in plan.depths]
     order = [every[i] for i in rng.permutation(len(every))] if plan.random_order else every

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .presses import Place, Plan
 from .pressed import COARSE, FINE, MIDDLE, Setup, Sizes
+from .presses import Place, Plan
 
 FRICTION = 0.3
 
@@ -23,8 +23,12 @@ class Sensor:
 
     name: str
     body: dict = field(hash=False)  # of Setup: what differs from its defaults
-    nodes: tuple[float, ...]  # |x|, |y| at which the base is solved, closer where the contact reaches the wall
-    orbits: tuple[Place, ...]  # four places at which effects are solved: the middle, on an axis, between, on a diagonal
+    nodes: tuple[
+        float, ...
+    ]  # |x|, |y| at which the base is solved, closer where the contact reaches the wall
+    orbits: tuple[
+        Place, ...
+    ]  # four places at which effects are solved: the middle, on an axis, between, on a diagonal
     depths: tuple[float, ...]  # of the base [mm]
     effect_depths: tuple[float, ...]
     plan: Plan  # of its recordings
@@ -92,7 +96,13 @@ THIN = Sensor(
     orbits=((0.0, 0.0), (5.0, 0.0), (3.5, 1.5), (5.0, 5.0)),
     depths=(0.15, 0.3, 0.6, 0.9, 1.2, 1.4),
     effect_depths=(0.3, 0.6, 0.9, 1.2, 1.4),
-    plan=Plan(((5.0, 0.0), (3.5, 1.5), (5.0, 5.0)), (0.3, 0.6, 0.9, 1.2), speed=0.5, dwell_s=(1.0, 6.0), press_s=20.0),
+    plan=Plan(
+        ((5.0, 0.0), (3.5, 1.5), (5.0, 5.0)),
+        (0.3, 0.6, 0.9, 1.2),
+        speed=0.5,
+        dwell_s=(1.0, 6.0),
+        press_s=20.0,
+    ),
 )
 WIDE = Sensor(
     "wide",
@@ -109,6 +119,7 @@ WIDE = Sensor(
         speed=2.0,
         dwell_s=(0.5, 3.0, 9.0),
         press_s=15.0,
+        way_up=False,  # with friction the way up has other forces, which are not solved
     ),
     alike=True,
     base_sizes=FINE,

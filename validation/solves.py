@@ -120,12 +120,14 @@ class Solutions:
         return self._curves[setup.key]
 
     def without_slip(self, setup: Setup) -> Curve:
-        """Return the curve of a setup; with friction that of no slip before nodes slide: forces change in proportion to it."""
+        """Return the curve of a setup; with friction that of no slip before nodes slide: forces follow it in proportion."""
         curve = self[setup]
         if not setup.friction:
             return curve
         twice = self[twice_slipping(setup)]
-        return replace(curve, force_N=2 * curve.force_N - twice.force_N, area_mm2=2 * curve.area_mm2 - twice.area_mm2)
+        return replace(
+            curve, force_N=2 * curve.force_N - twice.force_N, area_mm2=2 * curve.area_mm2 - twice.area_mm2
+        )
 
 
 def read_solutions(path: Path = SOLUTIONS) -> Solutions:

@@ -14,11 +14,15 @@ from scipy.optimize import brentq
 
 from gelforge.config import load_session, load_study
 from gelforge.indentation.planning.plan import plan_cells
+from gelforge.materials.fitting.law_file import moved_laws, read_law
 from gelforge.recording.readings import read_recording
 from validation import baselines, body_forms, draw, kinds, presses, recording, sets
 from validation.ogden import Ogden
+from validation.pressed import GEL, SKIN
+from validation.sensors import FRICTION, SENSORS, SMALL, THIN
 from validation.world import World, held, zeroed
 
+PLAN = SMALL.plan
 LAW = Ogden((7.9652e-3, -0.3093e-3), (1.2769, -3.5676), 1.3, 2e-3)
 
 
@@ -40,6 +44,20 @@ def test_stress_is_the_slope_of_the_energy_and_the_tangent_that_of_the_stress():
             assert_allclose(turn, A[:, :, k, l], atol=1e-7 * np.abs(A).max())
 
 
+def test_a_term_of_any_power_has_the_slope_of_its_energy():
+    """As above for the third power, whose tangent has another shape."""
+    law, F, e = Ogden((7.9652e-3,), (1.2769,), 1.0, 5e-3, 3), gradients(1), 1e-6
+    A = law.hessian([F, None])[0]
+    for k in range(3):
+        for l in range(3):
+            step = np.zeros_like(F)
+            step[k, l] = e
+            slope = (law.energy(F + step) - law.energy(F - step)) / (2 * e)
+            turn = (law.gradient([F + step, None])[0] - law.gradient([F - step, None])[0]) / (2 * e)
+            assert_allclose(slope, law.gradient([F, None])[0][k, l], atol=1e-8)
+            assert_allclose(turn, A[:, :, k, l], atol=1e-7 * np.abs(A).max())
+
+
 def test_a_bar_has_the_closed_form_of_ogden():
     lam = 1.7
     F = np.diag([lam, lam**-0.5, lam**-0.5])[:, :, None, None]
@@ -53,7 +71,7 @@ def test_a_bar_has_the_closed_form_of_ogden():
 def plain(sessions: int = 1):
     rng = np.random.default_rng(1)
     instrument = recording.drawn_instrument(rng, sessions, zero_by="press", tared=False)
-    return recording.with_circumstances(presses.timeline(rng, sessions), instrument), instrument
+    return recording.with_circumstances(presses.timeline(rng, PLAN, sessions), instrument), instrument
 
 
 def test_a_null_is_the_base_with_its_noise_and_contact_point(library):
@@ -61,7 +79,7 @@ def test_a_null_is_the_base_with_its_noise_and_contact_point(library):
     rng, seen = np.random.default_rng(2), []
     for _ in range(60):
         instrument = recording.drawn_instrument(rng, zero_by="press", tared=False)
-        rows = recording.with_circumstances(presses.timeline(rng), instrument)
+        rows = recording.with_circumstances(presses.timeline(rng, PLAN), instrument)
         world = World(library)
         read = zeroed(rows, recording.recorded(world, rows, instrument, rng), False)
         slope = (world.forces(rows, 1e-3) - world.forces(rows, -1e-3)) / 2e-3
@@ -105,9 +123,9 @@ def test_a_session_states_both_errors(library, tmp_path):
 
 
 def test_every_ninth_press_is_the_sentinel():
-    rows = presses.timeline(np.random.default_rng(0))
+    rows = presses.timeline(np.random.default_rng(0), PLAN)
     first = rows.drop_duplicates("press")
-    sentinel = first[first["order"] % presses.SENTINEL_EVERY == 0]
+    sentinel = first[first["order"] % PLAN.sentinel_every == 0]
     assert set(sentinel["cell"]) == {"c00"} and set(sentinel["deepest_mm"]) == {1.6}
     assert len(first) == 13 * 4 + 7
     assert rows["time_s"].is_monotonic_increasing
@@ -164,7 +182,7 @@ def test_the_drawn_signal_is_the_wanted_one(library):
 
 
 def test_recordings_are_read_by_the_package(library, tmp_path):
-    case = draw.make_case(library, "c000", "null", np.random.default_rng(0))
+    case = draw.make_case({"small": library}, "c000", "null", np.random.default_rng(0))
     for folder in recording.write_recording(tmp_path, case.name, case.rows, case.readings, case.instrument):
         read = read_recording(folder)
         assert read.session.synthetic and read.session.base_parameters == "exact"
@@ -173,7 +191,7 @@ def test_recordings_are_read_by_the_package(library, tmp_path):
 
 
 def test_contents_are_as_many_as_asked(library):
-    made = list(draw.cases(library, 5, nulls=3, singles=2, pairs=2, outside=1))
+    made = list(draw.cases({"small": library}, 5, {"null": 3, "single": 2, "pair": 2, "outside": 1}))
     assert sorted(case.content for case in made) == ["null"] * 3 + ["outside"] + ["pair"] * 2 + ["single"] * 2
     for case in made:
         assert all(effect["snr"] >= draw.SNR[0] for effect in case.truth["effects"])
@@ -189,8 +207,29 @@ def test_reporting_seeds_are_not_development_seeds():
 def test_every_base_is_a_study(base):
     study = load_study(sets.CONFIG / f"{base}.yaml")
     cells = plan_cells(study)
-    assert {(c.x_mm - 10, c.y_mm - 10) for c in cells.values()} == set(presses.places())
-    assert {c.depths_mm for c in cells.values()} == {presses.DEPTHS}
+    sensor = SENSORS[draw.BASES[base].sensor]
+    x, y = sensor.middle
+    assert {(c.x_mm - x, c.y_mm - y) for c in cells.values()} == set(sensor.plan.places)
+    assert {c.depths_mm for c in cells.values()} == {sensor.plan.depths}
+    body, layers = sensor.plain, {layer.name: layer.thickness_mm for layer in study.sensor.layers}
+    assert layers == {"gel": body.gel_mm, "skin": body.skin_mm}
+    assert (study.sensor.width_x_mm, study.indenter.radius_mm) == (body.width_mm, body.radius_mm)
+    rough = dict(draw.BASES[base].changes).get("friction", 0.0) * FRICTION
+    assert study.mechanics.friction == body.friction + rough
+    assert np.isclose(study.mechanics.effects.history.timing.step_mm, np.diff(sensor.plan.depths)).all()
+
+
+def test_the_thin_sensor_states_the_moduli_that_felupe_has():
+    """The sums over Ogden's terms of mu alpha / 2, and standard deviations of their doubts."""
+    for layer, (mu, alpha), factor in (("gel", GEL, THIN.plain.gel), ("skin", SKIN, THIN.plain.skin)):
+        stated = read_law(sets.CONFIG / f"thin_{layer}.json")
+        shear = factor * np.dot(mu, alpha) / 2
+        assert stated.law.shear_modulus == pytest.approx(shear, rel=1e-6)
+        (moved,) = moved_laws(stated, 1.0)
+        assert abs(moved.shear_modulus / shear - 1) == pytest.approx(
+            draw.BASES["thin"].doubts[layer],
+            rel=1e-5,  # moduli are rounded to 1e-6 kPa
+        )
 
 
 def test_a_base_with_its_simplification_taken_back_is_the_plain_one(library):
@@ -227,7 +266,7 @@ def test_the_signal_is_that_of_the_whole_covariance(library):
 @pytest.mark.parametrize("form", kinds.KINDS)
 def test_baselines_can_put_every_kind(form, library):
     """Along each of its shapes, with the constants that they assume: a new kind needs its line there."""
-    kind, rows = kinds.KINDS[form], presses.timeline(np.random.default_rng(0), sessions=2)
+    kind, rows = kinds.KINDS[form], presses.timeline(np.random.default_rng(0), PLAN, sessions=2)
     rows = recording.with_circumstances(rows, recording.drawn_instrument(np.random.default_rng(0), 2))
     for shape in baselines.SHAPES[baselines.SHAPE_OF.get(form, "sign")]:
         world = World(library)
@@ -237,7 +276,7 @@ def test_baselines_can_put_every_kind(form, library):
 
 def test_friction_in_the_force_sensor_lags_by_the_mean_of_its_bands(library):
     """Behind the force on the way down, ahead on the way up, by 2 % of the recording's largest force; the rest clean."""
-    rows = presses.timeline(np.random.default_rng(1), sessions=1)
+    rows = presses.timeline(np.random.default_rng(1), PLAN, sessions=1)
     plain, rubbing = World(library), World(library)
     kinds.KINDS["play"].put(rubbing, 1.0, {"sign": 1.0})
     before, after = plain.forces(rows), rubbing.forces(rows)
@@ -252,7 +291,7 @@ def test_friction_in_the_force_sensor_lags_by_the_mean_of_its_bands(library):
 
 def test_backlash_leaves_the_stage_behind_its_last_move(library):
     """Moves of the plan are longer than the play, so each takes it up; a session begins in its middle."""
-    world, rows = World(library), presses.timeline(np.random.default_rng(1), sessions=2)
+    world, rows = World(library), presses.timeline(np.random.default_rng(1), PLAN, sessions=2)
     kinds.KINDS["backlash"].put(world, 1.0, {"x": 1.0, "y": 0.5})
     xy = world.reached(rows, np.zeros(len(rows)))[0]
     sent = rows[["x_mm", "y_mm"]].to_numpy()

@@ -10,7 +10,7 @@ pytest.importorskip("felupe", reason="FElupe is not installed: pip install -e .[
 from gelforge.config import load_study
 from validation import archive, left_out, sealing, sets
 
-NUMBERS = {"nulls": 2, "singles": 1, "pairs": 0, "outside": 1}
+NUMBERS = {"null": 2, "single": 1, "pair": 0, "outside": 1}
 FAKE = (  # a judge that always says null
     f'{sys.executable} -c "import json, pathlib, sys; out = pathlib.Path(sys.argv[1]); '
     "(out / 'verdict.json').write_text(json.dumps({{'state': 'null', 'answer': [], 'effects': [], 'where': []}}))\" {out}"
@@ -20,7 +20,7 @@ FAKE = (  # a judge that always says null
 @pytest.fixture(scope="module")
 def judged_once(library, tmp_path_factory):
     folder = tmp_path_factory.mktemp("once") / "small"
-    sets.generate(library, folder, 3, NUMBERS)
+    sets.generate({"small": library}, folder, 3, NUMBERS)
     assert sets.judge(folder, FAKE, say=lambda text: None) == 4
     return folder
 
@@ -54,7 +54,7 @@ def test_a_judged_set_is_not_judged_again(judged):
 
 def test_the_cases_of_one_base_are_judged_first_where_that_is_asked(library, tmp_path):
     folder = tmp_path / "sets" / "small"
-    sets.generate(library, folder, 3, NUMBERS)
+    sets.generate({"small": library}, folder, 3, NUMBERS, bases=("concealed", "rough"))
     bases = {
         name: sets.base_config(folder, name).stem for name in sealing.read(folder / "sealed.json")["cases"]
     }
@@ -74,7 +74,7 @@ def test_verdicts_come_back_into_a_set_that_is_generated_again(library, judged, 
     archive.pack(judged, packed)
     assert packed.read_bytes() == first
     again = tmp_path / "elsewhere" / "again"
-    sets.generate(library, again, 3, NUMBERS)
+    sets.generate({"small": library}, again, 3, NUMBERS)
     assert archive.unpack(packed, again) == 4
     assert [c["verdict"]["state"] for c in sets.opened(again)] == ["null"] * 4
     assert (tmp_path / "elsewhere" / "kept" / "press.npz").read_bytes() == b"solved"
@@ -86,7 +86,7 @@ def test_a_finished_set_is_packed_without_solutions(library, judged, tmp_path):
     kept.mkdir(exist_ok=True)
     (kept / "press.npz").write_bytes(b"solved")
     assert archive.pack(judged, tmp_path / "small.tar.xz", finished=True) == 4
-    sets.generate(library, tmp_path / "again", 3, NUMBERS)
+    sets.generate({"small": library}, tmp_path / "again", 3, NUMBERS)
     assert archive.unpack(tmp_path / "small.tar.xz", tmp_path / "again") == 4
     assert [c["verdict"]["state"] for c in sets.opened(tmp_path / "again")] == ["null"] * 4
     assert not (tmp_path / "kept").exists()
@@ -94,14 +94,14 @@ def test_a_finished_set_is_packed_without_solutions(library, judged, tmp_path):
 
 def test_verdicts_of_another_set_are_refused(library, judged, tmp_path):
     archive.pack(judged, tmp_path / "small.tar.xz")
-    sets.generate(library, tmp_path / "other", 4, NUMBERS)
+    sets.generate({"small": library}, tmp_path / "other", 4, NUMBERS)
     with pytest.raises(sealing.SealBroken, match="seed 3"):
         archive.unpack(tmp_path / "small.tar.xz", tmp_path / "other")
 
 
 def test_a_failed_judge_leaves_no_verdict(library, tmp_path):
     folder = tmp_path / "sets" / "small"
-    sets.generate(library, folder, 3, NUMBERS)
+    sets.generate({"small": library}, folder, 3, NUMBERS)
     sets.judge(folder, f"{sys.executable} -c 'raise SystemExit(3)'", limit=1, say=lambda text: None)
     (case,) = sets.opened(folder)
     assert case["verdict"] is None and case["code"] == 3
@@ -136,7 +136,7 @@ def test_what_was_changed_is_refused(judged, what):
 
 
 def test_a_seed_repeats_every_byte(library, tmp_path):
-    first, again = (sets.generate(library, tmp_path / name, 3, NUMBERS) for name in ("a", "b"))
+    first, again = (sets.generate({"small": library}, tmp_path / name, 3, NUMBERS) for name in ("a", "b"))
     assert first == again
-    other = sets.generate(library, tmp_path / "c", 4, NUMBERS)
+    other = sets.generate({"small": library}, tmp_path / "c", 4, NUMBERS)
     assert all(other["cases"][c]["truth"] != first["cases"][c]["truth"] for c in first["cases"])

@@ -9,14 +9,17 @@ pytest.importorskip("felupe", reason="FElupe is not installed: pip install -e .[
 from validation import solves
 from validation.library import load_library
 from validation.pressed import Curve
+from validation.sensors import SENSORS, SMALL
 
 
 def test_every_solution_that_a_set_needs_is_kept():
     found = solves.read_solutions()
     assert not [name for name, setup in solves.all_setups() if setup not in found]
-    library = load_library(found)
-    assert set(library.changes) == set(solves.EFFECTS) - {"slipping"}  # which tells what no slip would be
-    assert {name for name, _ in library.defects} == set(solves.DEFECTS)
+    for sensor in SENSORS.values():
+        library = load_library(found, sensor)
+        assert set(library.changes) == set(sensor.effects) - {"slipping"}  # which tells what no slip would be
+        defects = solves.DEFECTS if sensor == SMALL else ()
+        assert {name for name, _ in library.defects} == set(defects)
 
 
 def test_a_curve_is_read_as_it_was_written(tmp_path):
