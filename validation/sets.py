@@ -87,7 +87,8 @@ def judge(
     """Judge cases that have not been judged yet, at most `limit`, and return how many were; truths stay closed.
 
     The command may hold {recording}, {config}, {laws} (options), {out} and {kept} (a folder that all cases share).
-    What it says goes to verdicts/<case>/log.txt. A case whose command fails has a verdict of nothing, which the scores count as a failure.
+    What it says goes to verdicts/<case>/log.txt. A case whose command fails has a verdict of nothing, which the scores
+    count as a failure.
     workers: cases side by side. base: only the cases that stand on it. names: only these cases.
     """
     published = sealing.read(folder / SEALED)
