@@ -78,6 +78,9 @@ def parser() -> argparse.ArgumentParser:
     one = steps.add_parser("score", help="open the seals and score")
     one.add_argument("set")
     one.add_argument("--no-baselines", action="store_true")
+    one.add_argument(
+        "--classifier", type=int, default=0, metavar="N", help="and one trained on N single effects"
+    )
     return whole
 
 
@@ -216,16 +219,7 @@ def _score(asked: argparse.Namespace) -> None:
         )
     methods = {"gelforge": scores([j for *_, j in tool])}
     if not asked.no_baselines:
-        from .baselines import judged_by_baselines
-        from .draw import BASES
-        from .library import load_libraries
-
-        sensors = [BASES[case["truth"]["base"]].sensor for case in found]
-        libraries = load_libraries(set(sensors))
-        each = [
-            judged_by_baselines(libraries[sensor], case["case"], case["truth"])
-            for sensor, case in zip(sensors, found)
-        ]
+        each = _said_by_baselines(found, asked.classifier)
         for name in each[0] if each else ():
             methods[name] = scores([one[name] for one in each])
     table, wrong = table_of(methods), wrong_cases(tool)
@@ -245,6 +239,26 @@ def _score(asked: argparse.Namespace) -> None:
     )
     (folder / "scores.md").write_text(text, encoding="utf-8")
     print(text)
+
+
+def _said_by_baselines(found: list[dict], singles: int) -> list[dict]:
+    """Return what each baseline says of each opened case, by its name; singles: on which the classifier is trained."""
+    from .baselines import judged_by_baselines
+    from .classifier import trained
+    from .draw import BASES
+    from .library import load_libraries
+
+    bases = {case["truth"]["base"] for case in found}
+    libraries = load_libraries({BASES[base].sensor for base in bases})
+    learned = {base: trained(libraries, base, singles) for base in bases} if singles else {}
+    each = []
+    for case in found:
+        truth = case["truth"]
+        said = judged_by_baselines(libraries[BASES[truth["base"]].sensor], case["case"], truth)
+        if learned:
+            said["gradient boosting"] = learned[truth["base"]].judge(case["case"], truth)
+        each.append(said)
+    return each
 
 
 def _seconds(found: list[dict]) -> str:

@@ -51,12 +51,18 @@ def read_rows(case: Path, sensor: Sensor = SMALL) -> tuple[pd.DataFrame, np.ndar
 
 
 def table_of(library: Library, case: Path, truth: dict) -> Table:
-    """Return a judged case for the baselines; a quarter of the places and the deepest presses elsewhere are held out."""
+    """Return a written case for the baselines, as `table_from` does."""
     instrument = Instrument(
         **{k: tuple(v) if isinstance(v, list) else v for k, v in truth["instrument"].items()}
     )
     rows, readings = read_rows(case, library.sensor)
-    rows = with_circumstances(rows, instrument)
+    return table_from(library, truth, instrument, with_circumstances(rows, instrument), readings)
+
+
+def table_from(
+    library: Library, truth: dict, instrument: Instrument, rows: pd.DataFrame, readings: np.ndarray
+) -> Table:
+    """Return a recording for the baselines; a quarter of the places and the deepest presses elsewhere are held out."""
     world = base_world(library, truth["base"])
     slope = (world.forces(rows, 0.005) - world.forces(rows, -0.005)) / 0.01
     sigma = np.sqrt(instrument.sigma_N**2 + slope**2 * sum(size**2 for _, size in depth_errors(instrument)))

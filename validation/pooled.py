@@ -35,6 +35,7 @@ ORDER = (
     "eighteenth",
     "nineteenth",
 )
+LINEAR = ("twentieth", "twentyfirst")  # by today's judge, one linear pass over all effects and pairs
 # What is added up: judges of one kind. From the fifteenth set on known effects share odds by a tempering exponent of 0.4;
 # from the sixteenth on amounts follow all readings.
 POOLS = {"12 to 19": ORDER, "15 to 19": ORDER[3:], "16 to 19": ORDER[4:]}
@@ -114,6 +115,23 @@ def _in_answer(judged: Judged) -> bool:
     return judged.state in (*NAMES, "ambiguous") and set(judged.true) <= names
 
 
+def _effects(cases: list[Scored]) -> list[tuple[str, ...]]:
+    """Return what is hidden in some cases, each once."""
+    return sorted({one.judged.true for one in cases})
+
+
+def forms(cases: list[Scored], truths: dict[str, dict[str, dict]]) -> str:
+    """Return by effect and form how many strong single ones were hidden, and how many of these identified, as Markdown."""
+    rows = []
+    for one in cases:
+        if one.judged.content == "single" and one.judged.snr >= STRONG:
+            (effect,) = truths[one.set][one.case]["effects"]
+            found, answer = all(one.judged.found), _in_answer(one.judged)
+            rows.append((effect["name"], effect["form"], 1, int(found), int(answer)))
+    frame = pd.DataFrame(rows, columns=["effect", "form", "cases", "identified", "or in an ambiguous answer"])
+    return frame.groupby(["effect", "form"], as_index=False).sum().to_markdown(index=False)
+
+
 def scores(cases: list[Scored]) -> dict[str, str]:
     """Return all pooled scores of some cases by their names, in the order of the table; empty where there are none."""
     of = lambda *contents: [one for one in cases if one.judged.content in contents]  # noqa: E731
@@ -132,6 +150,10 @@ def scores(cases: list[Scored]) -> dict[str, str]:
         f"single, SNR >= {STRONG:g}: identified, first of its group": _rate(strong, lambda j: j.first),
         f"single, SNR >= {STRONG:g}: identified, or in an ambiguous answer": _rate(strong, _in_answer),
     }
+    by_effect = [
+        [all(one.judged.found) for one in strong if one.judged.true == true] for true in _effects(strong)
+    ]
+    table[f"single, SNR >= {STRONG:g}: identified, effects drawn again"] = words(*clustered(by_effect))
     for low, high in reversed(SNR_BANDS):
         band = [one for one in singles if low <= one.judged.snr < high]
         until = f"{low:g} to {high:g}" if np.isfinite(high) else f">= {low:g}"
@@ -171,18 +193,27 @@ def table(columns: dict[str, list[Scored]]) -> str:
 
 
 def report(archives: Path = ARCHIVES, truths: dict[str, dict[str, dict]] | None = None) -> str:
-    """Return both tables, the pooled one and that of each set, as Markdown."""
+    """Return the tables as Markdown: former judges' sets pooled, today's judge's sets, and each of the former ones."""
     truths = read_truths() if truths is None else truths
-    there = [name for name in ORDER if name in truths and (archives / f"{name}.tar.xz").is_file()]
+    there = [name for name in (*ORDER, *LINEAR) if name in truths and (archives / f"{name}.tar.xz").is_file()]
     by_set = {name: archived(archives / f"{name}.tar.xz", truths[name]) for name in there}
-    pools = {
-        words: [one for name in names if name in by_set for one in by_set[name]]
-        for words, names in POOLS.items()
-    }
-    missing = [name for name in ORDER if name not in by_set]
+    pools = {words: _together(by_set, names) for words, names in POOLS.items()}
+    today = {name: by_set[name] for name in LINEAR if name in by_set}
+    former = {name: cases for name, cases in by_set.items() if name in ORDER}
+    missing = [name for name in (*ORDER, *LINEAR) if name not in by_set]
     left_out = (
         f"Left out, as their archive or their truths are not there: {', '.join(missing)}.\n\n"
         if missing
         else ""
     )
-    return f"{left_out}Sets pooled\n\n{table(pools)}\n\nSet by set\n\n{table(by_set)}\n"
+    both = _together(by_set, LINEAR)
+    return (
+        f"{left_out}Former judges, sets pooled\n\n{table(pools)}\n\n"
+        f"Today's judge\n\n{table({'both': both, **today})}\n\n"
+        f"Today's judge, strong single effects\n\n{forms(both, truths)}\n\n"
+        f"Former judges, set by set\n\n{table(former)}\n"
+    )
+
+
+def _together(by_set: dict[str, list[Scored]], names: Iterable[str]) -> list[Scored]:
+    return [one for name in names if name in by_set for one in by_set[name]]
