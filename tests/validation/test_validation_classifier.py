@@ -20,11 +20,11 @@ def test_features_of_a_written_recording_are_those_of_the_drawn_one(library, tmp
 
 
 def test_it_tells_a_strong_effect_from_nothing(library, monkeypatch):
-    """Gains against nulls: a gain of SNR 20 and more is in every average, so a dozen of each are enough."""
+    """Gains against nulls: a gain of SNR 20 and more is in every average, so few of each are enough."""
     monkeypatch.setattr(draw, "KINDS", {"amplifier gains": draw.KINDS["amplifier gains"]})
     libraries = {"small": library}
-    learned = classifier.trained(libraries, "concealed", 40, least=20.0)
-    shown = draw.cases(libraries, 6, {"null": 2, "single": 2}, least=20.0)
+    learned = classifier.trained(libraries, "concealed", 60, least=20.0)
+    shown = draw.cases(libraries, 6, {"null": 3, "single": 3}, least=20.0)
     for case in shown:
         table = classifier._table(library, case)
         (found,) = learned.model.predict(classifier.features(table)[None])

@@ -20,7 +20,6 @@ from gelforge.mismatch.fem.solutions import fine
 from gelforge.mismatch.pipeline.stage import solver_of
 from validation.draw import BASES, base_world
 from validation.library import load_libraries
-from validation.sensors import SENSORS
 from validation.sets import CONFIG
 
 
@@ -31,7 +30,8 @@ def main() -> None:
     parser.add_argument("--kept", type=Path, default=Path("results/concealed/sets/kept"))
     parser.add_argument("--bases", nargs="+", default=list(BASES))
     asked = parser.parse_args()
-    kept, libraries = asked.kept, load_libraries(SENSORS)
+    kept = asked.kept
+    libraries = load_libraries({BASES[base].sensor for base in asked.bases})
     print("FElupe / gelforge of Fz at the depths of each plan")
     for base in asked.bases:
         library = libraries[BASES[base].sensor]
