@@ -217,7 +217,7 @@ def _circumstance(world, log_growth):
 
 
 def adhesion(world, size, drawn):
-    """Johnson, Kendall and Roberts with the solved force F and contact area A; work of separation w on the way up.
+    """Johnson, Kendall and Roberts with the solved force F and contact area A; work of separation w during unloading.
 
     The ball is pressed s deeper without adhesion and drawn back with its contact held, F(d) -> F(d + s) - s F'(d + s), where
     s^2 / 2 dF'/dA = w: Griffith's balance of the rim (Johnson, Kendall & Roberts 1971, doi:10.1098/rspa.1971.0141).

@@ -31,7 +31,7 @@ SIZE_DIGITS = 6  # of an amplitude: its iterations end in other last digits on o
 CONTENTS = ("null", "single", "pair", "outside")
 # Kinds that move a press sideways: nothing of them is felt where all places are alike.
 NEEDS_PLACES = ("pressed elsewhere", "turned grid", "stretched grid", "backlash")
-NEEDS_WAY_UP = ("jkr",)  # adhesion is felt as the ball leaves
+NEEDS_UNLOADING = ("jkr",)  # adhesion is felt as the ball leaves
 # What a needed finite-element solution is called, of kinds that need one
 NEEDS = {
     "gel moduli": ["gel stiffer", "gel softer"], "skin moduli": ["gel stiffer", "gel softer"],
@@ -260,7 +260,7 @@ def known_on(libraries: Mapping[str, Library], base: str) -> list[str]:
         if kind.base in ("", base)
         and all(name in solved for name in NEEDS.get(form, []))
         and not (library.sensor.alike and form in NEEDS_PLACES)
-        and (library.sensor.plan.way_up or form not in NEEDS_WAY_UP)
+        and (library.sensor.plan.unloading or form not in NEEDS_UNLOADING)
     ]
 
 

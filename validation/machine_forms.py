@@ -157,7 +157,7 @@ def play(world, size, drawn):
     """Friction of two joints that share the force: each half follows it only outside a band about where it was.
 
     Bands of a half and three halves of a share of the largest force of the recording. Before the tenth set one band, a share
-    of the largest force of each press: it was as wide on the way down, when no sensor knows what force will come.
+    of the largest force of each press: it was as wide during loading, when no sensor knows what force will come.
     """
 
     def read(rows, force):

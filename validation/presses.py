@@ -10,7 +10,7 @@ import pandas as pd
 Place = tuple[float, float]
 TOUCH_S = 1.0  # of a press: when it touches
 ZERO_S = (0.0, 0.1, 0.2)
-LEAVE_S = 0.1  # from the last reading at rest to the way up
+LEAVE_S = 0.1  # from the last reading at rest to unloading
 COLUMNS = ["session", "press", "order", "cell", "phase", "at_s", "depth_mm", "speed", "dwell_s", "deepest_mm"]
 
 
@@ -25,7 +25,7 @@ class Plan:
     press_s: float = 12.0
     speed: float = 1.0  # mm/s
     dwell_s: tuple[float, ...] = (0.5, 2.0, 4.0)
-    way_up: bool = True  # whether the deepest presses are read on their way up
+    unloading: bool = True  # whether the deepest presses are read during unloading too
 
     @property
     def places(self) -> list[Place]:
@@ -54,7 +54,7 @@ class Plan:
         arrived = TOUCH_S + depth / self.speed
         rows += [("dwell", arrived + w, depth, 0.0, w) for w in self.dwell_s]
         left = arrived + self.dwell_s[-1] + LEAVE_S
-        up = down[::-1] if self.way_up else []
+        up = down[::-1] if self.unloading else []
         rows += [("unload", left + (depth - d) / self.speed, d, -self.speed, np.nan) for d in up]
         return [(*row, depth) for row in rows]
 
@@ -63,7 +63,7 @@ def timeline(rng: np.random.Generator, plan: Plan, sessions: int = 1) -> pd.Data
     """Return all rows of a recording: presses in the plan's order, its sentinel between, shared out over sessions.
 
     Columns: COLUMNS, time_s, and x_mm, y_mm from the middle; session is its number, speed is positive downward. The
-    deepest presses are read on their way down as well, and up where the plan has it.
+    deepest presses are read at all depths of loading, and of unloading where the plan has it.
     """
     every = [(k, depth) for k in range(len(plan.places)) for depth in plan.depths]
     order = [every[i] for i in rng.permutation(len(every))] if plan.random_order else every

@@ -119,7 +119,7 @@ WIDE = Sensor(
         speed=2.0,
         dwell_s=(0.5, 3.0, 9.0),
         press_s=15.0,
-        way_up=False,  # with friction the way up has other forces, which are not solved
+        unloading=False,  # with friction its forces are others, which are not solved
     ),
     alike=True,
     base_sizes=FINE,
