@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import yaml
 from numpy.testing import assert_allclose
+from scipy.sparse import csr_array
 
 from gelforge.config import Camera, VirtualImaging
 from gelforge.config.basis.variants import merged
@@ -17,17 +18,20 @@ from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.screen import screened
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed
 from gelforge.mismatch.goodness.flow_scan import patterns
-from gelforge.mismatch.images import flow_fields
+from gelforge.mismatch.images import flow_fields, flow_images
 from gelforge.mismatch.images.flow import with_flow
 from gelforge.mismatch.images.flow_covariance import neighbours, scatter_of
+from gelforge.mismatch.images.flow_fields import each_moved
 from gelforge.mismatch.images.flow_images import (
     REGIONS,
     Eye,
     even_points,
     likely_particles,
     mean_motion,
+    mean_motion_slope,
     pinhole,
     region_means,
+    region_middles,
     seen_flows,
     shows_gel,
 )
@@ -37,7 +41,8 @@ from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.pipeline.stage import IMAGES_LEFT_OUT, judge_recording, observations_of, problem_of
 from gelforge.mismatch.result.verdict import read_verdict
 from gelforge.mismatch.result.verdict_tables import read_flow, read_readings
-from gelforge.mismatch.summary.flow_section import after_of, flow_section, region_middles
+from gelforge.mismatch.summary.flow_section import after_of, flow_section
+from gelforge.mismatch.terms.problem import SEEN_ERROR
 from gelforge.recording.optics.camera import project
 from gelforge.report.verdict.mismatch_flow import flow_residual_figure
 from gelforge.report.verdict.mismatch_reader import MismatchResults
@@ -209,6 +214,66 @@ def test_mean_motion_of_a_growing_picture_grows_from_its_middle():
         expected = 0.01 * np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
         # of up to 1.75 px: the grid's points against a region's edges
         assert_allclose(motion, expected, atol=0.01)
+
+
+def test_slope_of_the_mean_motion_is_that_of_a_difference():
+    """Of nodes whose weights are drawn, about a displaced state: a difference of half a per cent of the motion."""
+    rng = np.random.default_rng(3)
+    eye = Eye(Camera(**flow_channel.CAMERA), (40, 30, 300, 200), VirtualImaging())
+    points = rng.uniform([0, 0, -4], [16, 16, 0], (300, 3))
+    weights = csr_array(rng.uniform(0, 0.2, (300, 12)))
+    nodes, step = 0.3 * rng.standard_normal((12, 3)), 1e-3 * rng.standard_normal((12, 3))
+    slope = mean_motion_slope(eye, points, weights @ nodes, weights)
+    assert slope.shape == (REGIONS**2, 2, 12, 3)
+    there, here = (mean_motion(eye, points, weights @ u) for u in (nodes + step, nodes))
+    difference = there - here
+    # the projection's curvature over a step of a thousandth
+    assert_allclose(np.tensordot(slope, step, 2), difference, atol=5e-3 * np.abs(difference).max())
+
+
+def test_motion_at_a_mirror_image_is_the_one_solved_here(recorded, study):
+    """Of the gel, and along derivatives, at points in it; the mesh is as symmetric as the sensor."""
+    solver, _ = recorded
+    points = even_points(study.sensor, 0.3)[::97]
+    places = [PlannedCell("", x, y, (0.5,)) for x, y in ((9.5, 9.5), (6.5, 9.5))]
+    for place in places:
+        (there,) = each_moved(solver, solver.coarse, [place])
+        alone = flow_fields.moved_by((solver, solver.coarse, place))
+        assert_allclose(
+            there.weights(points) @ there.base[0], alone.weights(points) @ alone.base[0], atol=1e-6
+        )
+    assert {one.symmetry for one in each_moved(solver, solver.coarse, places)} != {"identity"}
+
+
+def test_images_are_of_the_deepest_depth_at_which_no_region_moves_far(recorded, study, monkeypatch):
+    """Of two depths: the larger where anything goes, the smaller where it does not, and where all move too far."""
+    session = recorded[1]
+    observations, _ = observations_of([session], study)
+
+    def seen_up_to(most_px: float) -> list:
+        monkeypatch.setattr(flow_images, "MOST_PX", most_px)
+        return seen_flows([session], observations, study.sensor)
+
+    deep = seen_up_to(100.0)
+    assert {float(press.row["depth_mm"]) for press in deep} == {1.0}
+    assert len({int(press.row["site"]) for press in deep}) == len(deep) == len(observations.sites)
+    first = np.linalg.norm(deep[0].flow, axis=1).max()  # which decides for all
+    assert {float(press.row["depth_mm"]) for press in seen_up_to(1.01 * first)} == {1.0}
+    for less in (0.99 * first, 1e-6):
+        assert {float(press.row["depth_mm"]) for press in seen_up_to(less)} == {0.5}
+
+
+def test_a_change_of_the_flow_errs_by_a_share_that_follows_the_distance(joint):
+    """A fifth of it, more than a change of the forces, each on its own; at the indenter as far as at the rim."""
+    part = next(c for c in joint.candidates if c.name == "gel_stiffness")
+    errors, n = joint.errors_of([part], np.array([0.3])), joint.flow.entries
+    change = 0.3 * part.columns[:, 0]
+    size = np.sqrt(np.sum(errors**2, axis=1))
+    assert_allclose(size[n:], SEEN_ERROR * np.abs(change[n:]), rtol=1e-9)
+    assert_allclose(size[:n], joint.change_error * np.abs(change[:n]), rtol=1e-9)
+    assert not (errors[:n].any(axis=0) & errors[n:].any(axis=0)).any()
+    away = joint.labels["errs_over"][n:]
+    assert away.max() == 1.0 and away.min() < 0.2 and away.nunique() > 20
 
 
 def test_scatter_parts_what_regions_show_alike_at_all_sites():

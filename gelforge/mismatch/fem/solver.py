@@ -152,20 +152,30 @@ def _followed(solver: Solver, planned: Sequence[PlannedCell], asked: Sequence[As
         planned,
         lambda distinct: _base(solver.each(follow, [(solver, run, felt_by(asked, run)) for run in distinct])),
     )
-    found = []
-    for image, symmetry in zip(at_images, symmetries):
-        own = {key: carried(image[key], symmetry) for key in image if key == "base" or key.startswith("law ")}
-        for one in asked:
-            keys = one.keys_at_image(symmetry, solver.study.sensor.width_x_mm)
-            reasons = [image[f"reason {key}"] for key in keys if f"reason {key}" in image]
-            if reasons:
-                own[f"reason {one.key}"] = reasons[0]
-                continue
-            derivative = carried_derivative(image, symmetry, one.effect, keys, one.which)
-            if derivative is not None:
-                own[one.key] = derivative
-        found.append(own)
-    return found
+    width = solver.study.sensor.width_x_mm
+    return [
+        carried_derivatives(image, symmetry, asked, width) for image, symmetry in zip(at_images, symmetries)
+    ]
+
+
+def carried_derivatives(
+    image: Mapping[str, np.ndarray], symmetry: str, asked: Sequence[Asked], width_mm: float
+) -> dict[str, np.ndarray]:
+    """Return vectors (D, ..., 3) solved at a mirror image as those here: `base`, `law` and the asked ones that it shows.
+
+    The reason why one could not be had stays a reason.
+    """
+    own = {key: carried(image[key], symmetry) for key in image if key == "base" or key.startswith("law ")}
+    for one in asked:
+        keys = one.keys_at_image(symmetry, width_mm)
+        reasons = [image[f"reason {key}"] for key in keys if f"reason {key}" in image]
+        if reasons:
+            own[f"reason {one.key}"] = reasons[0]
+            continue
+        derivative = carried_derivative(image, symmetry, one.effect, keys, one.which)
+        if derivative is not None:
+            own[one.key] = derivative
+    return own
 
 
 def _base(found: list) -> list:

@@ -19,7 +19,15 @@ from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import Base
 from gelforge.mismatch.images.flow_covariance import flow_covariance
-from gelforge.mismatch.images.flow_images import REGIONS, Eye, Seen, likely_particles, seen_flows, shows_gel
+from gelforge.mismatch.images.flow_images import (
+    REGIONS,
+    Eye,
+    Seen,
+    away_from_indenter,
+    likely_particles,
+    seen_flows,
+    shows_gel,
+)
 from gelforge.mismatch.images.flow_model import FlowModel, FlowUnknown, flow_model
 from gelforge.mismatch.images.flow_rows import Rows
 from gelforge.mismatch.inference.judge import Judgement
@@ -126,15 +134,19 @@ def _observations(forces: Observations, seen: Sequence[Seen], shown: np.ndarray)
     table = (
         pd.DataFrame([press.row for press in seen]).loc[lambda t: t.index.repeat(m)].reset_index(drop=True)
     )
-    table = table.assign(channel="flow", region=np.tile(np.arange(m), len(seen)))
+    away = np.concatenate([away_from_indenter(press) for press in seen])
+    table = table.assign(channel="flow", region=np.tile(np.arange(m), len(seen)), errs_over=away / away.max())
     measured = np.stack([press.flow for press in seen])
     flow = np.where(shown[..., None], measured, np.nan).reshape(-1, 2)
     noise = np.concatenate([press.noise / np.sqrt(press.images) for press in seen])
-    nothing = np.full(len(table), np.nan)
+    nothing, depth = np.full(len(table), np.nan), forces.table["depth_mm"]
     numbers = np.array([int(press.row.name) for press in seen]).repeat(m)
     return replace(
         forces,
-        table=pd.concat([forces.table.assign(channel="force", region=-1), table], ignore_index=True),
+        table=pd.concat(
+            [forces.table.assign(channel="force", region=-1, errs_over=depth / depth.max()), table],
+            ignore_index=True,
+        ),
         force=np.concatenate([forces.force, np.column_stack([flow, nothing])]),
         noise_N=np.concatenate([forces.noise_N, np.column_stack([noise, nothing])]),
         zero_N=np.concatenate([forces.zero_N, np.zeros((len(table), 3))]),

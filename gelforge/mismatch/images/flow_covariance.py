@@ -71,7 +71,7 @@ def flow_covariance(
     by_press, shared_force, shared_flow = _contact_points(problem, model, rows)
     laws = np.zeros((len(own), common.directions.shape[1]))
     for k, key in enumerate(sorted_laws(model)):
-        laws[:, k] = rows.flat(model.change_along(key, 1.0))
+        laws[:, k] = rows.flat(model.change_along(key))
     laws += shared_flow["session"]
     regions = root * rows.flat(scatter.alike)[:, None]
     flow_alone = np.column_stack([*(rows.flat(change) for change in _doubts(model)), regions])
@@ -170,7 +170,7 @@ def _with_nothing(directions: np.ndarray, f: int) -> np.ndarray:
 
 def sorted_laws(model: FlowModel) -> list[str]:
     """Return the laws' directions in the order of Base.law."""
-    keys = [key for key in next(iter(model.coarse.values())).along if key.startswith("law ")]
+    keys = [key for key in model.moving[0] if key.startswith("law ")]
     return sorted(keys, key=lambda key: (key.rsplit(" ", 1)[0], int(key.rsplit(" ", 1)[1])))
 
 
@@ -226,8 +226,7 @@ def _doubts(model: FlowModel) -> list[np.ndarray]:
     more = []
     for press in model.seen:
         site, d = int(press.row["site"]), model.depth(press)
-        coarse = model.weights[site] @ model.coarse[site].base[d].astype(float)
-        more.append(coarse - model.evenly[site][d])
+        more.append(model.coarsely[site][d] - model.evenly[site][d])
     blurred = [
         replace(
             p.eye,

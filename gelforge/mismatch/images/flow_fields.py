@@ -11,6 +11,7 @@ from scipy.sparse import csr_array
 from gelforge.config import Study
 from gelforge.files import digest, source_digest
 from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.sensor.symmetry import transform_points
 from gelforge.indentation.solving.inputs import inputs_digest
 from gelforge.indentation.solving.sensitivities import Variation, unmirrored
 from gelforge.indentation.solving.simulate import simulate_cell
@@ -23,22 +24,35 @@ from gelforge.mismatch.fem.solutions import (
     found_before,
     keep,
 )
+from gelforge.mismatch.fem.solver import Asked, carried_derivatives, felt_by
 from gelforge.mismatch.fem.stored import described
+from gelforge.mismatch.model.images_of_presses import inverse, solved_for_all
 from gelforge.virtual_lab.particles import interpolation
 
 
 @dataclass(frozen=True)
 class Moved:
-    """Displacement of the layers with particles at some depths of an indentation, on a mesh of boxes."""
+    """Displacement of the layers with particles at some depths of an indentation, on a mesh of boxes.
 
-    nodes: np.ndarray  # (G, 3) undeformed [mm]
+    What was solved at a mirror image is carried: displacements are those here, nodes stay where they were solved.
+    """
+
+    nodes: np.ndarray  # (G, 3) undeformed [mm], at the image
     boxes: np.ndarray  # (E, 8)
     base: np.ndarray  # (D, G, 3) [mm]
     along: Mapping[str, np.ndarray]  # (D, G, 3) [mm per unit] by derivative
+    symmetry: str = "identity"  # which carries the image here
+    width_mm: float = 0.0  # of the square that it is a symmetry of
 
     def weights(self, points: np.ndarray) -> csr_array:
         """Return the weights (P, G) of the nodes at points (P, 3)."""
-        return interpolation(self.nodes, self.boxes, points)
+        there = transform_points(inverse(self.symmetry), points, self.width_mm)
+        return interpolation(self.nodes, self.boxes, there)
+
+    def carried(self, symmetry: str, asked: Sequence[Asked], width_mm: float) -> Moved:
+        """Return what a symmetry of a square of this width makes of it, with the asked derivatives that it can show."""
+        fields = carried_derivatives(dict(self.along) | {"base": self.base}, symmetry, asked, width_mm)
+        return Moved(self.nodes, self.boxes, fields.pop("base"), fields, symmetry, width_mm)
 
 
 def storing(study: Study) -> Study:
@@ -107,8 +121,31 @@ def solved_with(
 ) -> list[np.ndarray]:
     """Return the displacement (D, P, 3) at points of every indentation on a study's coarser mesh. Raises NotConverged."""
     own = replace(solver, study=study)
-    found = solver.each(moved_by, [(own, own.coarse, one) for one in planned])
-    for result in found:
-        if isinstance(result, str):
-            raise NotConverged(result)
+    found = each_moved(own, own.coarse, planned)
     return [np.stack([one.weights(points) @ u.astype(float) for u in one.base]) for one in found]
+
+
+def each_moved(solver: Solver, study: Study, planned: Sequence[PlannedCell]) -> list[Moved]:
+    """Return how each indentation moves the gel in a study, mirror images carried. Raises NotConverged."""
+
+    def solve(distinct: list[PlannedCell]) -> list[Moved]:
+        found = solver.each(moved_by, [(solver, study, one) for one in distinct])
+        for result in found:
+            if isinstance(result, str):
+                raise NotConverged(result)
+        return found
+
+    found, symmetries = solved_for_all(solver.study, planned, solve)
+    width = study.sensor.width_x_mm
+    return [one.carried(symmetry, (), width) for one, symmetry in zip(found, symmetries)]
+
+
+def each_moved_along(solver: Solver, planned: Sequence[PlannedCell], asked: Sequence[Asked]) -> list[Moved]:
+    """Return the same on the coarser mesh with all derivatives that an indentation shows. Raises SolverFailed."""
+    found, symmetries = solved_for_all(
+        solver.study,
+        planned,
+        lambda distinct: solver.each(moved_along, [(solver, one, felt_by(asked, one)) for one in distinct]),
+    )
+    width = solver.study.sensor.width_x_mm
+    return [one.carried(symmetry, asked, width) for one, symmetry in zip(found, symmetries)]

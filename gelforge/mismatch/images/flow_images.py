@@ -16,10 +16,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy.sparse import csr_array
 from scipy.special import ndtr
 from scipy.stats import qmc
 
 from gelforge.config import Camera, Sensor, VirtualImaging, VirtualParticles, given
+from gelforge.mismatch.evidence.spread import spread_out
 from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.readings.sessions import read_all
 from gelforge.recording.imaging.flow import Flow, crop, read_grey
@@ -34,7 +36,11 @@ PRESET = "fine"  # of the flow, as the factory's features
 DRAWINGS = 32  # placements of particles, for the mean and its scatter
 EVEN_POINTS_LOG2 = 14
 SPREAD_PX = 10.0  # over which the search spreads what it finds: about the distance of particles in the image
-MOST_SITES = 6
+MOST_SITES = 12  # positions whose images are looked at
+# Largest mean motion of a region in an image that is looked at. Where particles move farther the search mistakes some:
+# at 6 px the flow in drawn images grows by twice what the gel's motion grows by, at 2 px by 1.05 (measured on the demo).
+MOST_PX = 2.5
+SLOPE_STEP_MM = 1e-3  # of a displacement, for the slope of a projection: its curvature is 1e-5 of it
 FAR_MM = 1e4  # from where a flat scale is drawn as a pinhole: parallel rays within 1e-3
 LEAST_SHARE = (
     0.5  # of the median number of particles per region, below which it shows the wall or the gel's rim
@@ -53,7 +59,7 @@ class Eye:
 
 @dataclass(frozen=True)
 class Seen:
-    """The flow of one indentation at its commanded depth."""
+    """The flow of one indentation at a commanded depth."""
 
     row: pd.Series  # of the table of observations: the last held reading there
     eye: Eye
@@ -108,19 +114,48 @@ def even_points(sensor: Sensor, diameter_mm: float) -> np.ndarray:
 def mean_motion(eye: Eye, points: np.ndarray, moved: np.ndarray) -> np.ndarray:
     """Return the mean motion (m, 2) [px] in the image of points (Q, 3) [mm] seen in each region, moved by (Q, 3) [mm]."""
     camera = pinhole(eye.camera)
-    left, top, width, height = eye.crop_px or (0, 0, camera.width_px, camera.height_px)
     pixels, _ = project(camera, points)
-    motion = project(camera, points + moved)[0] - pixels
+    return _parts_of_regions(eye, pixels).T @ (project(camera, points + moved)[0] - pixels)
+
+
+def mean_motion_slope(eye: Eye, points: np.ndarray, moved: np.ndarray, weights: csr_array) -> np.ndarray:
+    """Return d mean motion / d displacement (m, 2, G, 3) [px/mm] of nodes, whose weights at the points are (Q, G)."""
+    camera = pinhole(eye.camera)
+    part = _parts_of_regions(eye, project(camera, points)[0])
+    slopes = []
+    for step in SLOPE_STEP_MM * np.eye(3):
+        beside = [project(camera, points + moved + way * step)[0] for way in (1, -1)]
+        slopes.append((beside[0] - beside[1]) / (2 * SLOPE_STEP_MM))
+    found = [[(weights.T @ (part * along[:, k, None])).T for along in slopes] for k in range(2)]
+    return np.moveaxis(np.array(found), (0, 1, 2, 3), (1, 3, 0, 2))
+
+
+def _parts_of_regions(eye: Eye, pixels: np.ndarray) -> np.ndarray:
+    """Return the weights (Q, m) of points seen at pixels (Q, 2) in each region's mean; they add up to 1 over the points."""
+    left, top, width, height = eye.crop_px or (0, 0, eye.camera.width_px, eye.camera.height_px)
     u, v = (pixels - [left - 0.5, top - 0.5]).T
-    columns, rows = _within(u, width), _within(v, height)
-    seen = np.maximum(rows.T @ columns, np.finfo(float).tiny)
-    return np.stack([(rows.T @ (columns * motion[:, k, None]) / seen).ravel() for k in range(2)], axis=-1)
+    part = (_within(v, height)[:, :, None] * _within(u, width)[:, None, :]).reshape(len(pixels), -1)
+    return part / np.maximum(part.sum(axis=0), np.finfo(float).tiny)
 
 
 def _within(at: np.ndarray, pixels: int) -> np.ndarray:
     """Return the share (Q, REGIONS) of each region of an axis in what the search spreads from places (Q,) [px]."""
     edges = np.arange(REGIONS + 1) * pixels / REGIONS
     return np.diff(ndtr((edges - at[:, None]) / SPREAD_PX), axis=1)
+
+
+def region_middles(eye: Eye) -> np.ndarray:
+    """Return the middles (m, 2) [px] of the regions in the image as it was taken, row by row from the top left; u, v."""
+    left, top, width, height = eye.crop_px or (0, 0, eye.camera.width_px, eye.camera.height_px)
+    u = left + (np.arange(REGIONS) + 0.5) * width / REGIONS - 0.5
+    v = top + (np.arange(REGIONS) + 0.5) * height / REGIONS - 0.5
+    return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+
+
+def away_from_indenter(press: Seen) -> np.ndarray:
+    """Return how far the middle of each region (m,) [px] is from where the indenter's lowest point touches."""
+    contact = np.array([[press.row["x_mm"], press.row["y_mm"], 0.0]], dtype=float)
+    return np.linalg.norm(region_middles(press.eye) - project(pinhole(press.eye.camera), contact)[0], axis=1)
 
 
 def region_means(flow: np.ndarray) -> np.ndarray:
@@ -139,12 +174,13 @@ def _shares(pixels: int) -> np.ndarray:
 def seen_flows(
     sessions: Sequence[Path | Recording], observations: Observations, sensor: Sensor
 ) -> list[Seen]:
-    """Return the flow of at most two depths at at most MOST_SITES sites, of sessions that have images and say their camera.
+    """Return the flow of one indentation at each of at most MOST_SITES sites, of sessions with images that say their camera.
 
-    Depths are the deepest with images and the one nearest half of it; sites the first, then always the farthest from those.
+    The first site, then always the farthest from those; the depth is the deepest at which the first moves no region by more
+    than MOST_PX, or the smallest.
     """
     held = observations.table[observations.table["phase"].isin(["load", "dwell"])]
-    found, recordings = [], {}
+    by_site: dict[int, list[Pictured]] = {}
     for recording in read_all(sessions, sensor):
         rows = recording.readings[
             (recording.readings["phase"] == "dwell") & (recording.readings["image"] != "")
@@ -152,47 +188,66 @@ def seen_flows(
         if recording.session.camera is None or rows.empty:
             continue
         name = recording.session.session
-        recordings[name] = recording
         for (press, depth), images in rows.groupby(["press", "depth_mm"], sort=False):
             own = held[(held["press"] == f"{name}/{press}") & np.isclose(held["depth_mm"], depth)]
             if len(own):
-                found.append((name, press, own.iloc[-1], list(images["image"])))
-    seen = [
-        _measured(recordings[name], press, row, images)
-        for name, press, row, images in _chosen(found, observations)
-    ]
-    return _with_common_noise(seen)
+                one = Pictured(recording, str(press), own.iloc[-1], tuple(images["image"]))
+                by_site.setdefault(int(one.row["site"]), []).append(one)
+    if not by_site:
+        return []
+    sites = sorted(by_site)
+    chosen = [sites[k] for k in spread_out(observations.sites[sites], MOST_SITES, 0)]
+    depth = _depth_seen(by_site[chosen[0]])
+    return _with_common_noise([_measured(_nearest(by_site[site], depth)) for site in chosen])
+
+
+@dataclass(frozen=True, eq=False)
+class Pictured:
+    """An indentation of which there are images."""
+
+    recording: Recording
+    press: str
+    row: pd.Series  # of the table of observations: the last held reading there
+    images: tuple[str, ...]
+
+    @property
+    def depth_mm(self) -> float:
+        """Return the commanded depth."""
+        return float(self.row["depth_mm"])
+
+
+def _depth_seen(pictured: Sequence[Pictured]) -> float:
+    """Return the largest depth [mm] at which no region moves by more than MOST_PX; the smallest where all do."""
+    deepest_first = sorted(pictured, key=lambda one: -one.depth_mm)
+    for one in deepest_first:
+        if np.linalg.norm(_measured(one).flow, axis=1).max() <= MOST_PX:
+            return one.depth_mm
+    return deepest_first[-1].depth_mm
+
+
+def _nearest(pictured: Sequence[Pictured], depth_mm: float) -> Pictured:
+    return min(pictured, key=lambda one: abs(one.depth_mm - depth_mm))
 
 
 def _with_common_noise(seen: list[Seen]) -> list[Seen]:
-    """Return the indentations with each region's noise averaged over all: without texture the search finds anything."""
+    """Return the indentations with the noise of images averaged: each region's over all, that of grey over a session's.
+
+    Where a region has no texture the search finds anything.
+    """
     if not seen:
         return seen
     noise = np.sqrt(np.mean([press.noise**2 for press in seen], axis=0))
-    return [replace(press, noise=noise) for press in seen]
+    greys = pd.Series([press.eye.imaging.noise_grey for press in seen])
+    grey = np.sqrt((greys**2).groupby([press.row["session"] for press in seen]).transform("mean"))
+    return [replace(press, noise=noise, eye=_with_grey(press.eye, g)) for press, g in zip(seen, grey)]
 
 
-def _chosen(found: list, observations: Observations) -> list:
-    """Return the indentations of a few sites at two depths each, one indentation per site and depth."""
-    by_site: dict[int, list] = {}
-    for one in found:
-        by_site.setdefault(int(one[2]["site"]), []).append(one)
-    sites = sorted(by_site)
-    chosen = sites[:1]
-    while len(chosen) < min(MOST_SITES, len(sites)):
-        away = [
-            min(np.linalg.norm(observations.sites[s] - observations.sites[c]) for c in chosen) for s in sites
-        ]
-        chosen.append(sites[int(np.argmax(away))])
-    picked = []
-    for site in sorted(chosen):
-        depths = np.array([one[2]["depth_mm"] for one in by_site[site]])
-        wanted = [int(np.argmax(depths)), int(np.argmin(np.abs(depths - depths.max() / 2)))]
-        picked += [by_site[site][k] for k in dict.fromkeys(wanted)]
-    return picked
+def _with_grey(eye: Eye, noise_grey: float) -> Eye:
+    return replace(eye, imaging=eye.imaging.model_copy(update={"noise_grey": float(noise_grey)}))
 
 
-def _measured(recording: Recording, press: str, row: pd.Series, images: list[str]) -> Seen:
+def _measured(one: Pictured) -> Seen:
+    recording, press, images = one.recording, one.press, one.images
     crop_px = recording.session.crop_px
     reference = read_grey(reference_path(recording.folder), crop_px)
     pictures = [read_grey(image_path(recording.folder, name), crop_px) for name in images]
@@ -212,7 +267,7 @@ def _measured(recording: Recording, press: str, row: pd.Series, images: list[str
     low, high = np.percentile(reference, GREYS)
     imaging = VirtualImaging(noise_grey=grey, background_grey=float(low), particle_grey=float(high))
     eye = Eye(given(recording.session.camera, "camera"), None if crop_px is None else tuple(crop_px), imaging)
-    return Seen(row, eye, flows.mean(axis=0), noise, len(images))
+    return Seen(one.row, eye, flows.mean(axis=0), noise, len(images))
 
 
 class Scene:

@@ -8,15 +8,25 @@ from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
+from scipy.sparse import csr_array
 
 from gelforge.config import Camera
 from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.places import FirstOrderAt
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed, way_down
 from gelforge.mismatch.fem.solver import Base, asked_of, felt_by, key_of
-from gelforge.mismatch.images.flow_fields import Moved, moved_along, moved_by, solved_with
-from gelforge.mismatch.images.flow_images import Eye, Particles, Scene, Seen, even_points, mean_motion
+from gelforge.mismatch.images.flow_fields import Moved, each_moved, each_moved_along, solved_with
+from gelforge.mismatch.images.flow_images import (
+    Eye,
+    Particles,
+    Scene,
+    Seen,
+    even_points,
+    mean_motion,
+    mean_motion_slope,
+)
 from gelforge.mismatch.model.effect import Effect, Shape
 from gelforge.mismatch.model.solver_effects import FirstOrder
 
@@ -40,17 +50,18 @@ class FlowModel:
     seen: Sequence[Seen]
     particles: Particles
     planned: Mapping[int, PlannedCell]  # by site, the loading through its depths
-    coarse: Mapping[int, Moved]  # by site, with derivatives
     asked: Mapping[int, frozenset[str]]  # by site, the derivatives that were asked for
+    moving: Sequence[
+        Mapping[str, np.ndarray]
+    ]  # (m, 2) [px per unit] mean motion along derivatives, by indentation
     even: np.ndarray  # (Q, 3) [mm], points that fill the layers with particles
     points: Mapping[int, np.ndarray]  # by site, base displacement (D, P, 3) of all particles
     evenly: Mapping[int, np.ndarray]  # by site, the same (D, Q, 3) of the even points
-    weights: Mapping[int, object]  # by site, of the coarser mesh at the even points
+    coarsely: Mapping[int, np.ndarray]  # by site, the same on the coarser mesh
 
     def depth(self, press: Seen) -> int:
         """Return the step of its site's loading at which an indentation was seen."""
-        depths = np.array(self.planned[int(press.row["site"])].depths_mm)
-        return int(np.argmin(np.abs(depths - press.row["depth_mm"])))
+        return _step(self.planned[int(press.row["site"])], press)
 
     @cached_property
     def drawn(self) -> np.ndarray:
@@ -95,25 +106,17 @@ class FlowModel:
             ]
         )
 
-    def along(self, key: str) -> list[np.ndarray | None]:
-        """Return the displacement (Q, 3) per unit of a derivative at every indentation; None where it is not observable.
+    def change_along(self, key: str) -> np.ndarray:
+        """Return the change of the flow (F, m, 2) [px per unit] along a derivative; 0 where it is not observable.
 
-        Raises FlowUnknown where it was asked for and could not be had.
+        Raises FlowUnknown where it was asked for and could not be had, and where nothing asked for it.
         """
-        found: list[np.ndarray | None] = []
-        for press in self.seen:
-            site = int(press.row["site"])
-            if key in self.coarse[site].along:
-                found.append(
-                    self.weights[site] @ self.coarse[site].along[key][self.depth(press)].astype(float)
-                )
-            elif key in self.asked[site]:
-                raise FlowUnknown(key)
-            else:
-                found.append(None)
-        if all(one is None for one in found) and not any(key in keys for keys in self.asked.values()):
+        sites = [int(press.row["site"]) for press in self.seen]
+        lacking = [s for s, moving in zip(sites, self.moving) if key in self.asked[s] and key not in moving]
+        if lacking or (not any(key in keys for keys in self.asked.values()) and not _of_laws(key)):
             raise FlowUnknown(key)
-        return found
+        nothing = np.zeros(self.mean.shape[1:])
+        return self.found * np.stack([moving.get(key, nothing) for moving in self.moving])
 
     def slope(self) -> np.ndarray:
         """Return d flow / d depth (F, m, 2) [px/mm]."""
@@ -125,30 +128,21 @@ class FlowModel:
             more.append(-STEP_MM * curve.derivative()(press.row["depth_mm"]))
         return -self.change(more) / STEP_MM
 
-    def change_along(self, key: str, step: float) -> np.ndarray:
-        """Return the change of the flow (F, m, 2) [px per unit] along a derivative, over a step."""
-        return self.change([None if du is None else step * du for du in self.along(key)]) / step
-
     def columns(self, effect: Effect, shape: Shape, number: int) -> np.ndarray:
         """Return the change of the flow (F, m, 2, P) [px per unit] by each value of an effect. Raises FlowUnknown."""
         steps = [1.0 if effect.switch else p.width * (p.sign or 1) for p in effect.parameters]
         if effect.to_camera is not None:
             return np.stack([self._by_camera(effect, k, step) for k, step in enumerate(steps)], axis=-1)
         if isinstance(effect.to_forces, (FirstOrder, FirstOrderAt)):
-            return np.stack(
-                [
-                    self.change_along(key_of(effect, number if shape else None, k), step)
-                    for k, step in enumerate(steps)
-                ],
-                axis=-1,
-            )
+            keys = [key_of(effect, number if shape else None, k) for k in range(len(steps))]
+            return np.stack([self.change_along(key) for key in keys], axis=-1)
         if effect.to_places is not None:
             return np.stack([self._by_landing(effect, shape, k) for k in range(len(steps))], axis=-1)
         nothing = np.zeros((*self.mean.shape, len(steps)))
         key = _acts_as(effect, shape)
         if key is None:
             return nothing
-        along = self.change_along(key, float(CATALOGUE[key].widths[0]))
+        along = self.change_along(key)
         return np.stack(
             [self.share(effect, shape, k, key)[:, None, None] * along for k in range(len(steps))], axis=-1
         )
@@ -176,7 +170,7 @@ class FlowModel:
         shift = shift[[int(press.row.name) for press in self.seen]]
         everywhere = CATALOGUE["misregistration"]
         return sum(
-            shift[:, axis, None, None] * self.change_along(f"misregistration.{p.name}", p.width)
+            shift[:, axis, None, None] * self.change_along(f"misregistration.{p.name}")
             for axis, p in enumerate(everywhere.parameters)
         )
 
@@ -209,7 +203,7 @@ class FlowModel:
         more = []
         for press in self.seen:
             site, d = int(press.row["site"]), self.depth(press)
-            more.append(with_it[site][d] - self.weights[site] @ self.coarse[site].base[d].astype(float))
+            more.append(with_it[site][d] - self.coarsely[site][d])
         return more
 
 
@@ -239,19 +233,41 @@ def flow_model(
         deepest = max(p.row["depth_mm"] for p in seen if int(p.row["site"]) == site)
         planned[site] = replace(whole, depths_mm=tuple(d for d in whole.depths_mm if d <= deepest + 1e-6))
         near[site] = felt_by(asked, planned[site])
-    fine = solver.each(moved_by, [(solver, solver.study, planned[s]) for s in sites])
-    for result in fine:
-        if isinstance(result, str):
-            raise SolverFailed(f"the gel's motion at an indentation with images does not converge: {result}")
-    coarse = solver.each(moved_along, [(solver, planned[s], near[s]) for s in sites])
+    paths = [planned[site] for site in sites]
+    try:
+        fine = each_moved(solver, solver.study, paths)
+    except NotConverged as failure:
+        raise SolverFailed(
+            f"the gel's motion at an indentation with images does not converge: {failure}"
+        ) from None
+    coarse = dict(zip(sites, each_moved_along(solver, paths, asked)))
     points: dict[int, np.ndarray] = {}
     evenly: dict[int, np.ndarray] = {}
     for site, moved in zip(sites, fine):
         for at, found in ((particles.points, points), (even, evenly)):
-            weights = moved.weights(at)
-            found[site] = np.stack([weights @ u.astype(float) for u in moved.base])
-    return FlowModel(
-        solver, base, seen, particles, planned, dict(zip(sites, coarse)),
-        {site: frozenset(near[site]) for site in sites}, even, points, evenly,
-        {site: moved.weights(even) for site, moved in zip(sites, coarse)},
-    )  # fmt: skip
+            found[site] = _at(moved, moved.weights(at))
+    weights = {site: moved.weights(even) for site, moved in coarse.items()}
+    coarsely = {site: _at(moved, weights[site]) for site, moved in coarse.items()}
+    moving = []
+    for press in seen:
+        site = int(press.row["site"])
+        d = _step(planned[site], press)
+        slope = mean_motion_slope(press.eye, even, evenly[site][d], weights[site])
+        along = {key: np.tensordot(slope, field[d], 2) for key, field in coarse[site].along.items()}
+        moving.append(along)
+    asked_at = {site: frozenset(near[site]) for site in sites}
+    return FlowModel(solver, base, seen, particles, planned, asked_at, moving, even, points, evenly, coarsely)
+
+
+def _at(moved: Moved, weights: csr_array) -> np.ndarray:
+    """Return the base displacement (D, P, 3) at points of these weights (P, G)."""
+    return np.stack([weights @ u.astype(float) for u in moved.base])
+
+
+def _step(planned: PlannedCell, press: Seen) -> int:
+    """Return the step of a loading at which an indentation was seen."""
+    return int(np.argmin(np.abs(np.array(planned.depths_mm) - press.row["depth_mm"])))
+
+
+def _of_laws(key: str) -> bool:
+    return key.startswith("law ")

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.mismatch.goodness.scan import global_test
-from gelforge.mismatch.images.flow_images import REGIONS, Eye
+from gelforge.mismatch.images.flow_images import region_middles
 from gelforge.mismatch.inference.judge import Judgement
 from gelforge.mismatch.result import verdict as form
 from gelforge.mismatch.terms.problem import Problem
@@ -61,11 +61,3 @@ def flow_table(joint: Problem, after: np.ndarray | None) -> pd.DataFrame | None:
         table[f"{name}_u_px"], table[f"{name}_v_px"] = values[R:][shown, 0], values[R:][shown, 1]
     sigma = joint.covariance.standard_deviation[joint.flow.entries :].reshape(-1, 2)
     return table.assign(sigma_u_px=sigma[:, 0], sigma_v_px=sigma[:, 1]).reset_index(drop=True)
-
-
-def region_middles(eye: Eye) -> np.ndarray:
-    """Return the middles (m, 2) [px] of the regions in the image as it was taken, row by row from the top left; u, v."""
-    left, top, width, height = eye.crop_px or (0, 0, eye.camera.width_px, eye.camera.height_px)
-    u = left + (np.arange(REGIONS) + 0.5) * width / REGIONS - 0.5
-    v = top + (np.arange(REGIONS) + 0.5) * height / REGIONS - 0.5
-    return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
