@@ -4,7 +4,8 @@ A small sensor of the virtual lab on a mesh of its own, with images of 400 x 400
 more and placed otherwise than the analysis assumes. Kinds and amounts are drawn by a seed: the gel's stiffness alone and the
 force sensor's gain, which forces part badly, effects of the camera, and nothing. Each is judged with and without images.
 
-usage: python benchmarks/flow_channel.py [--seed 2026] [--kept FOLDER] [--only N ...]      (one thread)
+usage: python benchmarks/flow_channel.py [--seed 2026] [--other] [--kept FOLDER] [--only N ...]      (one thread)
+--other: images by another renderer (other_renderer.py), with specks of many sizes and a lens that distorts.
 """
 
 from __future__ import annotations
@@ -12,11 +13,13 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from other_renderer import instead_of_the_virtual_labs
 
 from gelforge.config import Camera, Study, VirtualLab, load_session, study_from, write_yaml
 from gelforge.config.parts.mechanics import Mesh
@@ -188,6 +191,7 @@ def main() -> None:
     parser.add_argument(
         "--kept", type=Path, help="folder for solutions and true cells; a temporary one if left out"
     )
+    parser.add_argument("--other", action="store_true", help="images by another renderer")
     parser.add_argument("--only", type=int, nargs="+", help="numbers of the only cases to judge")
     arguments = parser.parse_args()
     study = small_study()
@@ -198,7 +202,8 @@ def main() -> None:
         for number, case in enumerate(drawn_cases(arguments.seed)):
             if arguments.only and number not in arguments.only:
                 continue
-            folder = record(case, study, arguments.seed + number, kept, Path(temporary) / str(number))
+            with instead_of_the_virtual_labs() if arguments.other else nullcontext():
+                folder = record(case, study, arguments.seed + number, kept, Path(temporary) / str(number))
             without, _, _ = judged(folder, study, kept, images=False)
             clock = time.perf_counter()
             with_them, flow, _ = judged(folder, study, kept, images=True)

@@ -18,6 +18,8 @@ from gelforge.mismatch.terms.problem import Problem
 
 # Of the flow of a region: what drawing leaves out of a real image (glare, particles that are no balls, distortion).
 DRAWN_SHARE = 0.01
+# By how much more the highest particles are seen, and the lowest less, than in a drawn image: light, focus, cover.
+OTHER_HEIGHTS = 0.3
 LEAST_PX = 0.005  # an 8-bit image holds no smaller mean motion
 
 
@@ -47,7 +49,7 @@ def flow_covariance(
     Of the flow: independent its images' noise and what drawing leaves out; per site and direction the reference frame's
     noise and where the particles of every region are (`Scatter`), neighbours alike in part; shared by all their share of the
     flow in all images, the contact point of an indentation with images, in force and flow alike, the laws' directions, the
-    discretisation, and two other looks of the particles.
+    discretisation, at which heights the particles are that are seen, and two other looks of the particles.
     """
     forces = problem.covariance
     *depth, press, alike, common = forces.levels
@@ -222,7 +224,7 @@ def _contact_points(problem: Problem, model: FlowModel, rows: Rows):
 
 
 def _doubts(model: FlowModel) -> list[np.ndarray]:
-    """Return changes of the flow (F, m, 2) by one standard deviation of what is not known: mesh, blur, diameter."""
+    """Return changes of the flow (F, m, 2) by one standard deviation of what is not known: mesh, heights, blur, diameter."""
     more = []
     for press in model.seen:
         site, d = int(press.row["site"]), model.depth(press)
@@ -236,9 +238,10 @@ def _doubts(model: FlowModel) -> list[np.ndarray]:
     ]
     few, eyes = model.particles.first(LOOKS), [p.eye for p in model.seen]
     larger = replace(few, diameter_mm=few.diameter_mm * OTHER_DIAMETER)
-    as_they_are = model.drawn[:, :LOOKS]
+    as_they_are = model.by_height(eyes, few)
     return [
         PART_TOTALS * model.change(more),
-        (model.drawn_with(blurred, few) - as_they_are).mean(axis=1),
-        (model.drawn_with(eyes, larger) - as_they_are).mean(axis=1),
+        model.other_heights(OTHER_HEIGHTS),
+        (model.by_height(blurred, few) - as_they_are).mean(axis=1),
+        (model.by_height(eyes, larger) - as_they_are).mean(axis=1),
     ]

@@ -1,10 +1,13 @@
-"""Mean optical flow of coarse regions of the image: as the session's images show it, and as moved particles would show it.
+"""Mean optical flow of coarse regions of the image: as the session's images show it, and as the moved gel would show it.
 
-What would be seen is drawn and searched as the session's images are (virtual_lab.imaging, recording.flow), with particles
-placed at random in the layers that carry them: the search mixes particles of all heights, fills the gaps between them and
-shrinks what it finds, and all of that is then in the prediction too. What stays open is where the real particles are, and
-how they look. Changes are too small for that: which particles lie in a region scatters by more than an effect changes. They
-are mean motions of points that fill the layers evenly.
+The session's own untouched image is warped by the gel's mean motion and searched as its images are (recording.flow): the
+search fills the gaps between particles and shrinks what it finds, and both are then in the prediction, of these particles as
+they look. That particles move by their heights and cover one another no warp shows: by how much the flow then differs is
+drawn (virtual_lab.imaging), with particles placed at random in the layers that carry them. What stays open is at which
+height each real one is.
+
+Changes are too small for that: which particles lie in a region scatters by more than an effect changes. They are mean
+motions of points that fill the layers evenly.
 """
 
 from __future__ import annotations
@@ -14,6 +17,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pandas as pd
 from scipy.sparse import csr_array
@@ -40,6 +44,12 @@ MOST_SITES = 12  # positions whose images are looked at
 # Largest mean motion of a region in an image that is looked at. Where particles move farther the search mistakes some:
 # at 6 px the flow in drawn images grows by twice what the gel's motion grows by, at 2 px by 1.05 (measured on the demo).
 MOST_PX = 2.5
+FIELD_CELLS = (
+    40  # along each side, of the field by which an image is warped: as wide as what the search spreads
+)
+WARP_ROUNDS = (
+    6  # of a fixed point that contracts by the strain in the image, at most 0.3: to 1e-3 of the motion
+)
 SLOPE_STEP_MM = 1e-3  # of a displacement, for the slope of a projection: its curvature is 1e-5 of it
 FAR_MM = 1e4  # from where a flat scale is drawn as a pinhole: parallel rays within 1e-3
 LEAST_SHARE = (
@@ -68,6 +78,7 @@ class Seen:
     )  # (m, 2) mean over the indentation's images [px], m regions row by row from the top left; u, v
     noise: np.ndarray  # (m, 2) [px] standard deviation of one image's region mean by the images' noise
     images: int
+    untouched: np.ndarray  # (H, W) uint8, the session's image at zero force
 
 
 @dataclass(frozen=True)
@@ -118,6 +129,15 @@ def mean_motion(eye: Eye, points: np.ndarray, moved: np.ndarray) -> np.ndarray:
     return _parts_of_regions(eye, pixels).T @ (project(camera, points + moved)[0] - pixels)
 
 
+def mean_motion_of_heights(eye: Eye, points: np.ndarray, moved: np.ndarray, share: float) -> np.ndarray:
+    """Return the mean motion if what is seen of a point grows by a share from the middle height to the highest."""
+    camera = pinhole(eye.camera)
+    pixels, _ = project(camera, points)
+    z = points[:, 2]
+    weight = 1 + share * (2 * (z - z.min()) / np.ptp(z) - 1)
+    return _parts_of_regions(eye, pixels, weight).T @ (project(camera, points + moved)[0] - pixels)
+
+
 def mean_motion_slope(eye: Eye, points: np.ndarray, moved: np.ndarray, weights: csr_array) -> np.ndarray:
     """Return d mean motion / d displacement (m, 2, G, 3) [px/mm] of nodes, whose weights at the points are (Q, G)."""
     camera = pinhole(eye.camera)
@@ -130,17 +150,18 @@ def mean_motion_slope(eye: Eye, points: np.ndarray, moved: np.ndarray, weights: 
     return np.moveaxis(np.array(found), (0, 1, 2, 3), (1, 3, 0, 2))
 
 
-def _parts_of_regions(eye: Eye, pixels: np.ndarray) -> np.ndarray:
+def _parts_of_regions(eye: Eye, pixels: np.ndarray, weight: np.ndarray | float = 1.0) -> np.ndarray:
     """Return the weights (Q, m) of points seen at pixels (Q, 2) in each region's mean; they add up to 1 over the points."""
     left, top, width, height = eye.crop_px or (0, 0, eye.camera.width_px, eye.camera.height_px)
     u, v = (pixels - [left - 0.5, top - 0.5]).T
-    part = (_within(v, height)[:, :, None] * _within(u, width)[:, None, :]).reshape(len(pixels), -1)
+    rows, columns = _within(v, height), _within(u, width) * np.reshape(weight, (-1, 1))
+    part = (rows[:, :, None] * columns[:, None, :]).reshape(len(pixels), -1)
     return part / np.maximum(part.sum(axis=0), np.finfo(float).tiny)
 
 
-def _within(at: np.ndarray, pixels: int) -> np.ndarray:
-    """Return the share (Q, REGIONS) of each region of an axis in what the search spreads from places (Q,) [px]."""
-    edges = np.arange(REGIONS + 1) * pixels / REGIONS
+def _within(at: np.ndarray, pixels: int, parts: int = REGIONS) -> np.ndarray:
+    """Return the share (Q, parts) of each part of an axis in what the search spreads from places (Q,) [px]."""
+    edges = np.arange(parts + 1) * pixels / parts
     return np.diff(ndtr((edges - at[:, None]) / SPREAD_PX), axis=1)
 
 
@@ -267,7 +288,7 @@ def _measured(one: Pictured) -> Seen:
     low, high = np.percentile(reference, GREYS)
     imaging = VirtualImaging(noise_grey=grey, background_grey=float(low), particle_grey=float(high))
     eye = Eye(given(recording.session.camera, "camera"), None if crop_px is None else tuple(crop_px), imaging)
-    return Seen(one.row, eye, flows.mean(axis=0), noise, len(images))
+    return Seen(one.row, eye, flows.mean(axis=0), noise, len(images), reference)
 
 
 class Scene:
@@ -275,25 +296,59 @@ class Scene:
 
     def __init__(self, eye: Eye, particles: Particles):
         self.eye, self.particles, self.camera = eye, particles, pinhole(eye.camera)
-        self.searches = [
-            Flow(self._picture(points, k, 0), PRESET) for k, points in enumerate(particles.placed)
-        ]
+        self.untouched = [self._picture(points, k, 0) for k, points in enumerate(particles.placed)]
+        self.searches = [Flow(picture, PRESET) for picture in self.untouched]
 
-    def flows(self, moved: np.ndarray) -> np.ndarray:
-        """Return the regions' flow (K, m, 2) [px] in all placements, points being displaced by moved (sum of P, 3) [mm]."""
+    def flows(self, moved: np.ndarray, field: np.ndarray) -> np.ndarray:
+        """Return by how much the regions' flow (K, m, 2) [px] in all placements is another than that of a mere warp.
+
+        Points are displaced by moved (sum of P, 3) [mm]; the warp moves every pixel by field (H, W, 2) [px]. In both the
+        particles are the same, at the same places of the image: what is left is that they move by their heights, and cover
+        one another.
+        """
         fields = self.particles.each(moved)
-        return np.stack(
-            [
-                region_means(search(self._picture(points + field, k, 1)))
-                for k, (search, points, field) in enumerate(zip(self.searches, self.particles.placed, fields))
-            ]
-        )
+        found = []
+        for k, (search, points, field_of) in enumerate(zip(self.searches, self.particles.placed, fields)):
+            drawn = region_means(search(self._picture(points + field_of, k, 1)))
+            found.append(drawn - flow_of_warp(search, self.untouched[k], field, self.eye.imaging, k))
+        return np.stack(found)
 
     def _picture(self, centres: np.ndarray, drawing: int, which: int) -> np.ndarray:
         """Return the image of particles with the noise of that drawing, the same for every motion."""
         drawn = draw(self.camera, self.eye.imaging, centres, self.particles.diameter_mm)
         noisy = expose(drawn, self.eye.imaging, np.random.default_rng([drawing, which]))
         return crop(noisy, None if self.eye.crop_px is None else list(self.eye.crop_px))
+
+
+def flow_of_warp(
+    search: Flow, untouched: np.ndarray, field: np.ndarray, imaging: VirtualImaging, drawing: int = 0
+) -> np.ndarray:
+    """Return the regions' flow (m, 2) [px] that the search finds in an untouched image (H, W) moved by field (H, W, 2)."""
+    moved = expose(warped(untouched, field), imaging, np.random.default_rng([drawing, 2]))
+    return region_means(search(moved))
+
+
+def warped(picture: np.ndarray, field: np.ndarray) -> np.ndarray:
+    """Return a picture (H, W) float32 in which what was at a pixel is moved by field (H, W, 2) [px] there."""
+    height, width = picture.shape
+    target = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(np.float32)
+    source = target
+    for _ in range(WARP_ROUNDS):  # a source p of a target q: p = q - field(p)
+        source = target - cv2.remap(field, source, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return cv2.remap(picture.astype(np.float32), source, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
+
+
+def motion_field(eye: Eye, points: np.ndarray, moved: np.ndarray) -> np.ndarray:
+    """Return the mean motion (H, W, 2) float32 [px] of points (Q, 3) [mm] seen near each pixel, moved by (Q, 3) [mm]."""
+    camera = pinhole(eye.camera)
+    left, top, width, height = eye.crop_px or (0, 0, camera.width_px, camera.height_px)
+    pixels, _ = project(camera, points)
+    motion = project(camera, points + moved)[0] - pixels
+    u, v = (pixels - [left - 0.5, top - 0.5]).T
+    rows, columns = _within(v, height, FIELD_CELLS), _within(u, width, FIELD_CELLS)
+    seen = np.maximum(rows.T @ columns, np.finfo(np.float32).eps)  # far from all points nothing moves
+    cells = np.stack([rows.T @ (columns * motion[:, k, None]) / seen for k in range(2)], axis=-1)
+    return cv2.resize(cells.astype(np.float32), (width, height), interpolation=cv2.INTER_CUBIC)
 
 
 def pinhole(camera: Camera) -> Camera:

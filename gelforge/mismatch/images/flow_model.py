@@ -19,16 +19,21 @@ from gelforge.mismatch.fem.solutions import Solver, SolverFailed, way_down
 from gelforge.mismatch.fem.solver import Base, asked_of, felt_by, key_of
 from gelforge.mismatch.images.flow_fields import Moved, each_moved, each_moved_along, solved_with
 from gelforge.mismatch.images.flow_images import (
+    PRESET,
     Eye,
     Particles,
     Scene,
     Seen,
     even_points,
+    flow_of_warp,
     mean_motion,
+    mean_motion_of_heights,
     mean_motion_slope,
+    motion_field,
 )
 from gelforge.mismatch.model.effect import Effect, Shape
 from gelforge.mismatch.model.solver_effects import FirstOrder
+from gelforge.recording.imaging.flow import Flow
 
 LOOKS = 3  # placements in which another look of the particles is drawn: their scatter is a part of a part
 STEP_MM = 0.05  # of depth, over which the flow's slope is taken
@@ -65,18 +70,31 @@ class FlowModel:
 
     @cached_property
     def drawn(self) -> np.ndarray:
-        """Return the base's flow (F, K, m, 2) [px] in every placement, searched in drawn images."""
-        return self.drawn_with([press.eye for press in self.seen], self.particles)
+        """Return flows (F, K, m, 2) [px] that the base could show: the real image's warp and the rest of each placement."""
+        warps = []
+        for press, field in zip(self.seen, self.fields):
+            search = Flow(press.untouched, PRESET)
+            warps.append(flow_of_warp(search, press.untouched, field, press.eye.imaging))
+        return np.stack(warps)[:, None] + self.by_height([press.eye for press in self.seen], self.particles)
 
-    def drawn_with(self, eyes: Sequence[Eye], particles: Particles) -> np.ndarray:
-        """Return the same with other eyes, in the first placements or with another diameter of their particles."""
+    @cached_property
+    def fields(self) -> list[np.ndarray]:
+        """Return the gel's mean motion in the base (H, W, 2) [px] near each pixel, at each indentation."""
+        moved = [self.evenly[int(press.row["site"])][self.depth(press)] for press in self.seen]
+        return [motion_field(press.eye, self.even, u) for press, u in zip(self.seen, moved)]
+
+    def by_height(self, eyes: Sequence[Eye], particles: Particles) -> np.ndarray:
+        """Return by how much flows (F, K, m, 2) [px] are other than a warp's, as particles of other heights move otherwise.
+
+        In the first placements, with other eyes or another diameter of the particles.
+        """
         scenes: dict[str, Scene] = {}
         flows = []
-        for press, eye in zip(self.seen, eyes):
+        for press, eye, field in zip(self.seen, eyes, self.fields):
             if repr(eye) not in scenes:
                 scenes[repr(eye)] = Scene(eye, particles)
             u = self.points[int(press.row["site"])][self.depth(press)]
-            flows.append(scenes[repr(eye)].flows(u[: len(particles.points)]))
+            flows.append(scenes[repr(eye)].flows(u[: len(particles.points)], field))
         return np.stack(flows)
 
     @cached_property
@@ -92,6 +110,12 @@ class FlowModel:
         return np.sum(drawn * self.mean, axis=(1, 2), keepdims=True) / np.sum(
             self.mean**2, axis=(1, 2), keepdims=True
         )
+
+    def other_heights(self, share: float) -> np.ndarray:
+        """Return the change of the flow (F, m, 2) [px] if higher particles are seen by a share more than lower ones."""
+        moved = [self.evenly[int(press.row["site"])][self.depth(press)] for press in self.seen]
+        means = [mean_motion_of_heights(p.eye, self.even, u, share) for p, u in zip(self.seen, moved)]
+        return self.found * (np.stack(means) - self.mean)
 
     def change(self, more: Sequence[np.ndarray | None], eyes: Sequence[Eye] | None = None) -> np.ndarray:
         """Return the change of the flow (F, m, 2) [px] by further displacements (Q, 3) of the even points, or other eyes."""
