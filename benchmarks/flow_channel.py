@@ -165,11 +165,11 @@ def record(case: Case, study: Study, seed: int, kept: Path, out: Path, mesh: Mes
     return folder
 
 
-def members(judgement: Judgement) -> list[str]:
-    """Return what the answer names, members of a group included."""
+def groups(judgement: Judgement) -> str:
+    """Return what the answer names: members of a group with `or`, what acts together with `and`."""
     if judgement.answer is None or judgement.state in WITHOUT_ANSWER:
-        return []
-    return [name for group in judgement.answer.groups for name in (*group.members, *group.or_else)]
+        return ""
+    return " and ".join(" or ".join((*one.members, *one.or_else)) for one in judgement.answer.groups)
 
 
 def judged(folder: Path, study: Study, kept: Path, images: bool):
@@ -210,8 +210,8 @@ def main() -> None:
             seconds = time.perf_counter() - clock
             after = "" if flow.rmse_after_px is None else f" -> {flow.rmse_after_px:.3f}"
             print(
-                f"| {number} | {case.kind} | {case.amount:+.3f} | {without.state}: {', '.join(members(without))}"
-                f" | {with_them.state}: {', '.join(members(with_them))} | {flow.p:.2g}"
+                f"| {number} | {case.kind} | {case.amount:+.3f} | {without.state}: {groups(without)}"
+                f" | {with_them.state}: {groups(with_them)} | {flow.p:.2g}"
                 f" | {flow.rmse_before_px:.3f}{after} | {seconds:.0f} |",
                 flush=True,
             )

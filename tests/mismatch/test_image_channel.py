@@ -1,6 +1,7 @@
 """The images' channel on a small SYNTHETIC session: measured beside predicted flow, columns, covariance, both channels."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from gelforge.mismatch.evidence.screen import screened
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed
 from gelforge.mismatch.goodness.flow_scan import patterns
 from gelforge.mismatch.images import flow_fields, flow_images
+from gelforge.mismatch.images import flow_model as flow_model_module
 from gelforge.mismatch.images.flow import with_flow
 from gelforge.mismatch.images.flow_covariance import neighbours, scatter_of
 from gelforge.mismatch.images.flow_fields import each_moved
@@ -46,7 +48,7 @@ from gelforge.mismatch.terms.problem import SEEN_ERROR
 from gelforge.recording.optics.camera import project
 from gelforge.report.verdict.mismatch_flow import flow_residual_figure
 from gelforge.report.verdict.mismatch_reader import MismatchResults
-from gelforge.virtual_lab.particles import gel_boxes
+from gelforge.virtual_lab.particles import VirtualLabError, gel_boxes
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import flow_channel
@@ -261,6 +263,24 @@ def test_images_are_of_the_deepest_depth_at_which_no_region_moves_far(recorded, 
     assert {float(press.row["depth_mm"]) for press in seen_up_to(1.01 * first)} == {1.0}
     for less in (0.99 * first, 1e-6):
         assert {float(press.row["depth_mm"]) for press in seen_up_to(less)} == {0.5}
+
+
+def test_what_bends_the_mesh_stays_at_first_order_in_the_flow(joint, monkeypatch):
+    """No particle is found in elements that are no boxes: the flow then changes by the columns, the forces as solved."""
+    part, a = next(c for c in joint.candidates if c.name == "gel_stiffness"), np.array([0.3])
+    every = np.ones(len(joint.base), bool)
+    n, R = joint.flow.entries, len(joint.flow.forces.base)
+    solved = replace(joint.forces_with, known={})([part], [a], every)
+
+    def bent(*_):
+        raise VirtualLabError("elements are not boxes")
+
+    monkeypatch.setattr(flow_model_module, "solved_with", bent)
+    linear = replace(joint.forces_with, known={})([part], [a], every)
+    assert_allclose(linear[:R], solved[:R], rtol=1e-12)
+    change = joint.observations.flat(linear - joint.base)[n:]
+    assert_allclose(change, part.columns[n:] @ a, atol=1e-12)
+    assert np.abs(joint.observations.flat(linear - solved)[n:]).max() > 1e-3 * np.abs(change).max()
 
 
 def test_a_change_of_the_flow_errs_by_a_share_that_follows_the_distance(joint):

@@ -37,6 +37,7 @@ from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.terms.holdout import Blocks
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.recording.readings import Recording
+from gelforge.virtual_lab.particles import VirtualLabError
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +199,8 @@ def _candidates(
 class _Both:
     """Forces and flow with effects (Problem.forces_with): the camera's exactly, the finite elements' at their values.
 
-    What moves single indentations, remembers, changes the mesh or is seen during unloading stays at first order in the flow.
+    What moves single indentations, remembers, changes the mesh or is seen during unloading stays at first order in the flow,
+    and so does what is solved on elements that are no boxes, in which no particle can be found.
     """
 
     channel: FlowChannel
@@ -227,7 +229,7 @@ class _Both:
 
     def _drawn(self, parts: Sequence[Candidate], amounts: Sequence[np.ndarray]) -> np.ndarray:
         model = self.channel.model
-        studied, cameras, linear = [], [], np.zeros(self.channel.base.shape)
+        studied, cameras, linear = [], [], []
         for part, a in zip(parts, amounts):
             effect = self.effects[part.name]
             if not np.any(a):
@@ -235,14 +237,21 @@ class _Both:
             if effect.to_camera is not None:
                 cameras.append((effect, a))
             elif effect.to_study is None or effect.history or effect.mesh_changes or effect.unloading:
-                linear[self.rows.shown] += (part.columns[self.rows.entries :] @ a).reshape(-1, 2)
+                linear.append((part, a))
             else:
-                studied.append((effect, part.shape, a))
-        if not studied and not cameras:
-            return linear
-        more = model.solved(studied) if studied else [None] * len(model.seen)
-        eyes = [model.seen_by(press, cameras) for press in model.seen]
-        return linear + model.change(more, eyes)
+                studied.append((part, a))
+        more: Sequence[np.ndarray | None] = [None] * len(model.seen)
+        if studied:
+            try:
+                more = model.solved([(self.effects[part.name], part.shape, a) for part, a in studied])
+            except VirtualLabError:
+                linear += studied
+        change = np.zeros(self.channel.base.shape)
+        for part, a in linear:
+            change[self.rows.shown] += (part.columns[self.rows.entries :] @ a).reshape(-1, 2)
+        if cameras or any(du is not None for du in more):
+            change += model.change(more, [model.seen_by(press, cameras) for press in model.seen])
+        return change
 
 
 def force_part(problem: Problem, judgement: Judgement) -> tuple[Problem, Judgement]:
