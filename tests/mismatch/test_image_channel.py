@@ -4,6 +4,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import yaml
@@ -36,6 +37,7 @@ from gelforge.mismatch.images.flow_images import (
     region_middles,
     seen_flows,
     shows_gel,
+    warped,
 )
 from gelforge.mismatch.images.flow_model import flow_model
 from gelforge.mismatch.images.flow_rows import Rows
@@ -216,6 +218,23 @@ def test_mean_motion_of_a_growing_picture_grows_from_its_middle():
         expected = 0.01 * np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
         # of up to 1.75 px: the grid's points against a region's edges
         assert_allclose(motion, expected, atol=0.01)
+
+
+def test_a_warp_moves_every_pixel_by_its_field():
+    """Of a smooth picture, by a field of up to 3 px: what was at p is at p + field(p)."""
+    v, u = np.meshgrid(np.arange(120.0), np.arange(160.0), indexing="ij")
+
+    def smooth(u, v):
+        return 100 + 50 * np.sin(u / 9) * np.cos(v / 11)
+
+    field = np.stack([3 * np.sin(v / 25), 2 * np.cos(u / 30)], axis=-1).astype(np.float32)
+    moved = warped(smooth(u, v), field)
+    there = u + field[..., 0], v + field[..., 1]
+    inside = (slice(8, -8), slice(8, -8))
+    found = cv2.remap(moved, *(one.astype(np.float32) for one in there), cv2.INTER_CUBIC)
+    # cubic interpolation, at 1/32 px, of slopes of 6 levels a pixel
+    assert_allclose(found[inside], smooth(u, v)[inside], atol=0.3)
+    assert np.abs(moved - smooth(u, v))[inside].max() > 10
 
 
 def test_slope_of_the_mean_motion_is_that_of_a_difference():

@@ -334,8 +334,14 @@ def warped(picture: np.ndarray, field: np.ndarray) -> np.ndarray:
     target = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(np.float32)
     source = target
     for _ in range(WARP_ROUNDS):  # a source p of a target q: p = q - field(p)
-        source = target - cv2.remap(field, source, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return cv2.remap(picture.astype(np.float32), source, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
+        source = target - _read_at(field, source, cv2.INTER_LINEAR, cv2.BORDER_REPLICATE)
+    return _read_at(picture.astype(np.float32), source, cv2.INTER_CUBIC, cv2.BORDER_REFLECT)
+
+
+def _read_at(values: np.ndarray, pixels: np.ndarray, interpolation: int, border: int) -> np.ndarray:
+    """Return values (H, W, ...) float32 at pixels (H, W, 2); u, v."""
+    u, v = (np.ascontiguousarray(pixels[..., k], np.float32) for k in range(2))
+    return np.asarray(cv2.remap(values, u, v, interpolation, borderMode=border))
 
 
 def motion_field(eye: Eye, points: np.ndarray, moved: np.ndarray) -> np.ndarray:
