@@ -51,7 +51,7 @@ ROOMS = {
 SIDEWAYS = {("virtual_lab", "recording")}
 
 CONFINED = {
-    "cv2": {"materials", "importing", "recording", "virtual_lab", "mismatch"},
+    "cv2": {"materials", "importing", "recording", "virtual_lab"},
     "torch": {"learning"},
     "onnxruntime": {"learning"},
     "websockets": {"live"},

@@ -4,12 +4,10 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 import yaml
 from numpy.testing import assert_allclose
-from scipy.sparse import csr_array
 
 from gelforge.config import Camera, VirtualImaging
 from gelforge.config.basis.variants import merged
@@ -23,21 +21,14 @@ from gelforge.mismatch.goodness.flow_scan import patterns
 from gelforge.mismatch.images import flow_fields, flow_images
 from gelforge.mismatch.images import flow_model as flow_model_module
 from gelforge.mismatch.images.flow import with_flow
-from gelforge.mismatch.images.flow_covariance import neighbours, scatter_of
 from gelforge.mismatch.images.flow_fields import each_moved
 from gelforge.mismatch.images.flow_images import (
     REGIONS,
     Eye,
     even_points,
     likely_particles,
-    mean_motion,
-    mean_motion_slope,
-    pinhole,
-    region_means,
-    region_middles,
     seen_flows,
     shows_gel,
-    warped,
 )
 from gelforge.mismatch.images.flow_model import flow_model
 from gelforge.mismatch.images.flow_rows import Rows
@@ -47,7 +38,6 @@ from gelforge.mismatch.result.verdict import read_verdict
 from gelforge.mismatch.result.verdict_tables import read_flow, read_readings
 from gelforge.mismatch.summary.flow_section import after_of, flow_section
 from gelforge.mismatch.terms.problem import SEEN_ERROR
-from gelforge.recording.optics.camera import project
 from gelforge.report.verdict.mismatch_flow import flow_residual_figure
 from gelforge.report.verdict.mismatch_reader import MismatchResults
 from gelforge.virtual_lab.particles import VirtualLabError, gel_boxes
@@ -190,70 +180,8 @@ def test_patterns_of_one_channel_are_nothing_on_the_other(joint):
     assert not atoms.values[:n, of_flow].any() and not atoms.values[n:, ~of_flow].any()
 
 
-def test_mean_motion_of_a_shifted_gel_is_the_shift():
-    """Parallel rays: every region sees the same, whatever points lie in it, cropped or not."""
-    flat = Camera(**(flow_channel.CAMERA | {"focal_px": None, "mm_per_px": 0.05, "position_mm": [8, 8, -4]}))
-    points = np.random.default_rng(0).uniform([0, 0, -4], [16, 16, 0], (400, 3))
-    for crop in (None, (40, 30, 300, 200)):
-        eye = Eye(flat, crop, VirtualImaging())
-        motion = mean_motion(eye, points, np.tile([0.1, -0.2, 0.0], (len(points), 1)))
-        expected = project(flat, [0.1, -0.2, 0.0])[0] - project(flat, [0.0, 0.0, 0.0])[0]
-        # rays are parallel within 1e-3
-        assert_allclose(motion, np.tile(expected, (REGIONS**2, 1)), rtol=2e-3)
-
-
-def test_mean_motion_of_a_growing_picture_grows_from_its_middle():
-    """What grows by a about the optical axis moves each region by a times the distance of its middle."""
-    flat = Camera(**(flow_channel.CAMERA | {"focal_px": None, "mm_per_px": 0.05, "position_mm": [8, 8, -4]}))
-    middle = np.array([8.0, 8.0, 0.0])
-    grid = np.stack(np.meshgrid(*[np.linspace(-6, 22, 281)] * 2), axis=-1).reshape(-1, 2)
-    points = np.column_stack([grid, np.full(len(grid), -1.0)])
-    for crop in (None, (40, 30, 300, 200)):
-        motion = mean_motion(Eye(flat, crop, VirtualImaging()), points, 0.01 * (points - middle) * [1, 1, 0])
-        left, top, width, height = crop or (0, 0, 400, 400)
-        u, v = (
-            (np.arange(REGIONS) + 0.5) * n / REGIONS + first - 200
-            for n, first in ((width, left), (height, top))
-        )
-        expected = 0.01 * np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-        # of up to 1.75 px: the grid's points against a region's edges
-        assert_allclose(motion, expected, atol=0.01)
-
-
-def test_a_warp_moves_every_pixel_by_its_field():
-    """Of a smooth picture, by a field of up to 3 px: what was at p is at p + field(p)."""
-    v, u = np.meshgrid(np.arange(120.0), np.arange(160.0), indexing="ij")
-
-    def smooth(u, v):
-        return 100 + 50 * np.sin(u / 9) * np.cos(v / 11)
-
-    field = np.stack([3 * np.sin(v / 25), 2 * np.cos(u / 30)], axis=-1).astype(np.float32)
-    moved = warped(smooth(u, v), field)
-    there = u + field[..., 0], v + field[..., 1]
-    inside = (slice(8, -8), slice(8, -8))
-    found = cv2.remap(moved, *(one.astype(np.float32) for one in there), cv2.INTER_CUBIC)
-    # cubic interpolation, at 1/32 px, of slopes of 6 levels a pixel
-    assert_allclose(found[inside], smooth(u, v)[inside], atol=0.3)
-    assert np.abs(moved - smooth(u, v))[inside].max() > 10
-
-
-def test_slope_of_the_mean_motion_is_that_of_a_difference():
-    """Of nodes whose weights are drawn, about a displaced state: a difference of half a per cent of the motion."""
-    rng = np.random.default_rng(3)
-    eye = Eye(Camera(**flow_channel.CAMERA), (40, 30, 300, 200), VirtualImaging())
-    points = rng.uniform([0, 0, -4], [16, 16, 0], (300, 3))
-    weights = csr_array(rng.uniform(0, 0.2, (300, 12)))
-    nodes, step = 0.3 * rng.standard_normal((12, 3)), 1e-3 * rng.standard_normal((12, 3))
-    slope = mean_motion_slope(eye, points, weights @ nodes, weights)
-    assert slope.shape == (REGIONS**2, 2, 12, 3)
-    there, here = (mean_motion(eye, points, weights @ u) for u in (nodes + step, nodes))
-    difference = there - here
-    # the projection's curvature over a step of a thousandth
-    assert_allclose(np.tensordot(slope, step, 2), difference, atol=5e-3 * np.abs(difference).max())
-
-
 def test_motion_at_a_mirror_image_is_the_one_solved_here(recorded, study):
-    """Of the gel, and along derivatives, at points in it; the mesh is as symmetric as the sensor."""
+    """At points in the gel; the mesh is as symmetric as the sensor."""
     solver, _ = recorded
     points = even_points(study.sensor, 0.3)[::97]
     places = [PlannedCell("", x, y, (0.5,)) for x, y in ((9.5, 9.5), (6.5, 9.5))]
@@ -315,43 +243,6 @@ def test_a_change_of_the_flow_errs_by_a_share_that_follows_the_distance(joint):
     assert away.max() == 1.0 and away.min() < 0.2 and away.nunique() > 20
 
 
-def test_scatter_parts_what_regions_show_alike_at_all_sites():
-    """ARTIFICIAL flows off by a share of 10 % per region, and by 0.05 px in every image: each is found, within 10 %."""
-    rng, K = np.random.default_rng(1), 40
-    base = 3 * rng.standard_normal((6, 1, REGIONS**2, 2))
-    share, own = 0.1 * rng.standard_normal((1, K, REGIONS**2, 1)), rng.standard_normal((6, K, REGIONS**2, 2))
-    scatter = scatter_of(base * (1 + share) + 0.05 * own, np.arange(6), np.ones(REGIONS**2, bool))
-    assert_allclose(np.median(np.abs(scatter.alike / base[:, 0])), 0.1, rtol=0.1)
-    assert_allclose(scatter.own.mean(), 0.05, rtol=0.1)
-
-
-def test_scatter_tells_what_neighbours_and_presses_of_a_site_share():
-    """ARTIFICIAL shares whose correlation falls by 0.4 from region to region, the rest 0.7 alike at two depths."""
-    rng, K, m = np.random.default_rng(2), 400, REGIONS**2
-    root = neighbours(0.4)
-    base = 30 * rng.standard_normal((4, 1, m, 2))
-    share = 0.1 * (rng.standard_normal((K, m)) @ root.T)
-    of_site, of_press = rng.standard_normal((2, K, m, 2)), rng.standard_normal((4, K, m, 2))
-    own = np.sqrt(0.7) * of_site[[0, 0, 1, 1]] + np.sqrt(0.3) * of_press
-    shown = np.ones((REGIONS, REGIONS), bool)
-    shown[0] = False
-    shown, still = (
-        shown.ravel(),
-        np.arange(m) % REGIONS == 0,
-    )  # a rim without the gel, and one that does not move
-    base[:, :, still] = 0.0
-    drawn = base * (1 + share[None, :, :, None]) + 0.05 * own
-    drawn[:, :, ~shown] = rng.standard_normal((4, K, REGIONS, 2))  # whatever is found there
-    scatter = scatter_of(drawn, np.array([0, 0, 1, 1]), shown)
-    assert_allclose(scatter.beside, 0.4, atol=0.03)
-    # a share of its own takes some of what is alike at the presses of a site away
-    assert_allclose(scatter.kept, 0.7, atol=0.1)
-    assert scatter_of(drawn, np.arange(4), shown).kept == 0.0
-    assert scatter_of(np.zeros((2, K, m, 2)), np.zeros(2, int), shown).kept == 0.0
-    across = (root @ root.T).reshape(REGIONS, REGIONS, REGIONS, REGIONS)
-    assert_allclose([across[2, 3, 2, 3], across[2, 3, 2, 4], across[2, 3, 4, 2]], [1.0, 0.4, 0.4**3])
-
-
 def test_other_placements_are_as_far_off_as_the_covariance_says(joint, study):
     """Those that it was not made of: their flow over all regions, and its share as a whole."""
     model, mask = joint.flow.model, flow_entries(joint)
@@ -380,39 +271,6 @@ def test_even_points_fill_the_gel(study):
     ((low, high),) = gel_boxes(study.sensor)
     assert (points >= low + inset).all() and (points <= high - inset).all()
     assert_allclose(points.mean(axis=0), (low + high) / 2, atol=1e-3 * (high - low).max())
-
-
-def test_region_means_are_by_area():
-    flow = np.arange(2.0 * 12 * 20).reshape(12, 20, 2)  # 12 / 8 and 20 / 8 pixels: regions share pixels
-    means = region_means(flow)
-    assert means.shape == (REGIONS**2, 2)
-    assert_allclose(means.mean(axis=0), flow.mean(axis=(0, 1)), rtol=1e-12)
-    # the first region: rows 0 and half of 1, columns 0, 1 and half of 2
-    expected = (
-        flow[0, 0] + flow[0, 1] + flow[0, 2] / 2 + (flow[1, 0] + flow[1, 1] + flow[1, 2] / 2) / 2
-    ) / 3.75
-    assert_allclose(means[0], expected, rtol=1e-12)
-
-
-def test_a_flat_scale_is_a_pinhole_far_away():
-    flat = Camera(
-        width_px=400,
-        height_px=400,
-        mm_per_px=0.04,
-        centre_px=[199.5, 199.5],
-        position_mm=[8, 8, -4],
-        rotation_deg=[2, 0, 5],
-    )
-    points = np.random.default_rng(0).uniform([0, 0, -4], [16, 16, 0], (50, 3))
-    # heights of 4 mm at 10 m: 4e-4 of at most 200 px
-    assert_allclose(project(pinhole(flat), points)[0], project(flat, points)[0], atol=0.1)
-
-
-def test_middles_of_regions_are_those_of_the_image_as_taken():
-    camera = Camera(**flow_channel.CAMERA)
-    whole, cut = (region_middles(Eye(camera, crop, VirtualImaging())) for crop in (None, (40, 30, 320, 240)))
-    assert_allclose([whole[0], whole[1], whole[REGIONS]], [[24.5, 24.5], [74.5, 24.5], [24.5, 74.5]])
-    assert_allclose([cut[0], cut[-1]], [[40 + 19.5, 30 + 14.5], [40 + 320 - 20.5, 30 + 240 - 15.5]])
 
 
 def test_regions_without_particles_are_left_out(study):

@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pandas as pd
 from scipy.sparse import csr_array
@@ -30,6 +29,7 @@ from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.readings.sessions import read_all
 from gelforge.recording.imaging.flow import Flow, crop, read_grey
 from gelforge.recording.imaging.images import image_path, reference_path
+from gelforge.recording.imaging.warp import enlarged, warped
 from gelforge.recording.optics.camera import image_axes, project
 from gelforge.recording.readings import Recording
 from gelforge.virtual_lab.imaging import draw, expose
@@ -44,12 +44,7 @@ MOST_SITES = 12  # positions whose images are looked at
 # Largest mean motion of a region in an image that is looked at. Where particles move farther the search mistakes some:
 # at 6 px the flow in drawn images grows by twice what the gel's motion grows by, at 2 px by 1.05 (measured on the demo).
 MOST_PX = 2.5
-FIELD_CELLS = (
-    40  # along each side, of the field by which an image is warped: as wide as what the search spreads
-)
-WARP_ROUNDS = (
-    6  # of a fixed point that contracts by the strain in the image, at most 0.3: to 1e-3 of the motion
-)
+FIELD_CELLS = 40  # along each side, of the field by which an image is warped: as wide as SPREAD_PX
 SLOPE_STEP_MM = 1e-3  # of a displacement, for the slope of a projection: its curvature is 1e-5 of it
 FAR_MM = 1e4  # from where a flat scale is drawn as a pinhole: parallel rays within 1e-3
 LEAST_SHARE = (
@@ -122,20 +117,16 @@ def even_points(sensor: Sensor, diameter_mm: float) -> np.ndarray:
     return np.concatenate([low + even[:n] * (high - low) for (low, high), n in zip(boxes, counts)])
 
 
-def mean_motion(eye: Eye, points: np.ndarray, moved: np.ndarray) -> np.ndarray:
-    """Return the mean motion (m, 2) [px] in the image of points (Q, 3) [mm] seen in each region, moved by (Q, 3) [mm]."""
+def mean_motion(
+    eye: Eye, points: np.ndarray, moved: np.ndarray, seen: np.ndarray | float = 1.0
+) -> np.ndarray:
+    """Return the mean motion (m, 2) [px] in the image of points (Q, 3) [mm] seen in each region, moved by (Q, 3) [mm].
+
+    seen: (Q,) by how much each point counts.
+    """
     camera = pinhole(eye.camera)
     pixels, _ = project(camera, points)
-    return _parts_of_regions(eye, pixels).T @ (project(camera, points + moved)[0] - pixels)
-
-
-def mean_motion_of_heights(eye: Eye, points: np.ndarray, moved: np.ndarray, share: float) -> np.ndarray:
-    """Return the mean motion if what is seen of a point grows by a share from the middle height to the highest."""
-    camera = pinhole(eye.camera)
-    pixels, _ = project(camera, points)
-    z = points[:, 2]
-    weight = 1 + share * (2 * (z - z.min()) / np.ptp(z) - 1)
-    return _parts_of_regions(eye, pixels, weight).T @ (project(camera, points + moved)[0] - pixels)
+    return _parts_of_regions(eye, pixels, seen).T @ (project(camera, points + moved)[0] - pixels)
 
 
 def mean_motion_slope(eye: Eye, points: np.ndarray, moved: np.ndarray, weights: csr_array) -> np.ndarray:
@@ -303,7 +294,7 @@ class Scene:
         """Return by how much the regions' flow (K, m, 2) [px] in all placements is another than that of a mere warp.
 
         Points are displaced by moved (sum of P, 3) [mm]; the warp moves every pixel by field (H, W, 2) [px]. In both the
-        particles are the same, at the same places of the image: what is left is that they move by their heights, and cover
+        particles are the same, at the same places of the image: they differ as particles move by their heights, and cover
         one another.
         """
         fields = self.particles.each(moved)
@@ -328,22 +319,6 @@ def flow_of_warp(
     return region_means(search(moved))
 
 
-def warped(picture: np.ndarray, field: np.ndarray) -> np.ndarray:
-    """Return a picture (H, W) float32 in which what was at a pixel is moved by field (H, W, 2) [px] there."""
-    height, width = picture.shape
-    target = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(np.float32)
-    source = target
-    for _ in range(WARP_ROUNDS):  # a source p of a target q: p = q - field(p)
-        source = target - _read_at(field, source, cv2.INTER_LINEAR, cv2.BORDER_REPLICATE)
-    return _read_at(picture.astype(np.float32), source, cv2.INTER_CUBIC, cv2.BORDER_REFLECT)
-
-
-def _read_at(values: np.ndarray, pixels: np.ndarray, interpolation: int, border: int) -> np.ndarray:
-    """Return values (H, W, ...) float32 at pixels (H, W, 2); u, v."""
-    u, v = (np.ascontiguousarray(pixels[..., k], np.float32) for k in range(2))
-    return np.asarray(cv2.remap(values, u, v, interpolation, borderMode=border))
-
-
 def motion_field(eye: Eye, points: np.ndarray, moved: np.ndarray) -> np.ndarray:
     """Return the mean motion (H, W, 2) float32 [px] of points (Q, 3) [mm] seen near each pixel, moved by (Q, 3) [mm]."""
     camera = pinhole(eye.camera)
@@ -354,7 +329,7 @@ def motion_field(eye: Eye, points: np.ndarray, moved: np.ndarray) -> np.ndarray:
     rows, columns = _within(v, height, FIELD_CELLS), _within(u, width, FIELD_CELLS)
     seen = np.maximum(rows.T @ columns, np.finfo(np.float32).eps)  # far from all points nothing moves
     cells = np.stack([rows.T @ (columns * motion[:, k, None]) / seen for k in range(2)], axis=-1)
-    return cv2.resize(cells.astype(np.float32), (width, height), interpolation=cv2.INTER_CUBIC)
+    return enlarged(cells, width, height)
 
 
 def pinhole(camera: Camera) -> Camera:

@@ -27,7 +27,6 @@ from gelforge.mismatch.images.flow_images import (
     even_points,
     flow_of_warp,
     mean_motion,
-    mean_motion_of_heights,
     mean_motion_slope,
     motion_field,
 )
@@ -112,9 +111,11 @@ class FlowModel:
         )
 
     def other_heights(self, share: float) -> np.ndarray:
-        """Return the change of the flow (F, m, 2) [px] if higher particles are seen by a share more than lower ones."""
+        """Return the change of the flow (F, m, 2) [px] if the highest particles count by a share more, the lowest less."""
+        z = self.even[:, 2]
+        seen = 1 + share * (2 * (z - z.min()) / np.ptp(z) - 1)
         moved = [self.evenly[int(press.row["site"])][self.depth(press)] for press in self.seen]
-        means = [mean_motion_of_heights(p.eye, self.even, u, share) for p, u in zip(self.seen, moved)]
+        means = [mean_motion(press.eye, self.even, u, seen) for press, u in zip(self.seen, moved)]
         return self.found * (np.stack(means) - self.mean)
 
     def change(self, more: Sequence[np.ndarray | None], eyes: Sequence[Eye] | None = None) -> np.ndarray:

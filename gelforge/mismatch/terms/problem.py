@@ -80,7 +80,7 @@ class Problem:
 
         What is solved errs by its mesh, and all by form, pressing and sideways forces (and each channel) on their own, as a
         share of the change: one for all depths and one that varies slowly with depth; in images, with the distance from the
-        indenter. What has a place errs more, and towards the places beside it, until a refit has found it.
+        indenter. What has a place errs more, and towards the next places, until a refit has found it.
         """
         labels = self.labels.assign(pressing=self.labels["axis"] == 2)
         kind = labels.groupby([name for name in ("channel", "pressing") if name in labels]).ngroup()

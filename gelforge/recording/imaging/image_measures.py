@@ -14,6 +14,7 @@ from gelforge.progress import tracked
 from gelforge.recording.imaging.flow import Flow, read_grey
 from gelforge.recording.imaging.images import image_path, reference_path
 from gelforge.recording.imaging.texture import textured
+from gelforge.recording.imaging.warp import read_along
 
 PRESET = "fine"  # of the flow where no study's settings are known
 # A session is judged by this many runs of this many indentations one after another, spread over it: enough to see a lag, a
@@ -90,9 +91,9 @@ def flow_lost(search: Flow, image: np.ndarray, flow: np.ndarray, scale: float = 
     if not mask.any():
         return 0.0
     back = search.backward(image)
-    missed = np.linalg.norm(flow + _moved_back(back, flow), axis=-1)
+    missed = np.linalg.norm(flow + read_along(back, flow), axis=-1)
     apart = missed > np.maximum(APART_PX * scale, APART_SHARE * np.linalg.norm(flow, axis=-1))
-    unlike = correlation(search.reference, _moved_back(image, flow)) < LEAST_CORRELATION
+    unlike = correlation(search.reference, read_along(image, flow)) < LEAST_CORRELATION
     return float((apart | unlike)[mask].mean())
 
 
@@ -104,14 +105,6 @@ def correlation(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     )
     variances = np.maximum(aa - ma * ma, 1) * np.maximum(bb - mb * mb, 1)  # rounding alone has 1 / 12
     return (ab - ma * mb) / np.sqrt(variances)
-
-
-def _moved_back(field: np.ndarray, flow: np.ndarray) -> np.ndarray:
-    """Return a field (H, W[, 2]) at the places to which each pixel's flow leads."""
-    v, u = np.mgrid[: flow.shape[0], : flow.shape[1]].astype(np.float32)
-    return cv2.remap(
-        field, u + flow[..., 0], v + flow[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-    )
 
 
 def with_images(readings: pd.DataFrame) -> pd.DataFrame:
