@@ -11,15 +11,17 @@ from gelforge.report.figures.style import new_figure, styled
 from gelforge.report.verdict.mismatch_reader import MismatchResults
 
 SIZES = "Blues"  # sizes, white at none
+MOST_SHOWN = 6  # sites side by side, so that their labels can be read
 
 
 @styled
 def flow_residual_figure(results: MismatchResults) -> Figure:
-    """Return the size of measured less simulated flow at each site's deepest indentation, before and after, on one scale."""
+    """Return the size of measured less simulated flow at the sites where it is largest, before and after, on one scale."""
     flow = results.flow
     assert flow is not None  # the chapter has looked
     columns = ["base", "after"] if flow["after_u_px"].notna().any() else ["base"]
-    sites = list(flow.groupby(["x_mm", "y_mm"], sort=False))
+    sites = [*flow.groupby(["x_mm", "y_mm"], sort=False)]
+    sites = sorted(sites, key=lambda one: -float(np.sum(_left(one[1], "base") ** 2)))[:MOST_SHOWN]
     left = {name: [_left(table, name) for _, table in sites] for name in columns}
     limit = max(float(np.percentile(np.hypot(*parts.T), 99)) for parts in left["base"])
     figure, axes = new_figure(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from gelforge.mismatch.result.verdict import Where
 from gelforge.report.chapters.chapter import Chapter, count
 from gelforge.report.verdict.mismatch_curves import depth_figure, time_figure
-from gelforge.report.verdict.mismatch_flow import flow_residual_figure
+from gelforge.report.verdict.mismatch_flow import MOST_SHOWN, flow_residual_figure
 from gelforge.report.verdict.mismatch_maps import body_map_figure, known_patches, residual_maps_figure
 from gelforge.report.verdict.mismatch_reader import MismatchResults
 from gelforge.report.verdict.mismatch_words import filled, number, p_text, span_text
@@ -29,9 +29,9 @@ def where(results: MismatchResults) -> Chapter:
         chapter.miss("No maps: these readings are not of a sensor's surface.")
     if results.flow is not None:
         chapter.show(
-            "How far the flow in the images is from the simulated one, at the deepest indentation of each site: the"
-            " darker, the"
-            " farther. With the effect in it the squares should be paler; where single particles are is always left.",
+            f"How far the flow in the images is from the simulated one, at the sites where it is farthest ({MOST_SHOWN}"
+            " at most): the darker, the farther. With the effect in it the squares should be paler; where single"
+            " particles are is always left.",
             flow_residual_figure(results),
         )
     if verdict.where:
