@@ -30,14 +30,14 @@ from gelforge.mismatch.images.flow_images import (
     seen_flows,
     shows_gel,
 )
-from gelforge.mismatch.images.flow_model import flow_model
+from gelforge.mismatch.images.flow_model import FlowUnknown, flow_model
 from gelforge.mismatch.images.flow_rows import Rows
 from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.pipeline.stage import IMAGES_LEFT_OUT, judge_recording, observations_of, problem_of
 from gelforge.mismatch.result.verdict import read_verdict
 from gelforge.mismatch.result.verdict_tables import read_flow, read_readings
 from gelforge.mismatch.summary.flow_section import after_of, flow_section
-from gelforge.mismatch.terms.problem import SEEN_ERROR
+from gelforge.mismatch.terms.problem import SCATTERED, SEEN_ERROR
 from gelforge.report.verdict.mismatch_flow import flow_residual_figure
 from gelforge.report.verdict.mismatch_reader import MismatchResults
 from gelforge.virtual_lab.particles import VirtualLabError, gel_boxes
@@ -230,6 +230,15 @@ def test_what_bends_the_mesh_stays_at_first_order_in_the_flow(joint, monkeypatch
     assert np.abs(joint.observations.flat(linear - solved)[n:]).max() > 1e-3 * np.abs(change).max()
 
 
+def test_a_defect_far_from_all_images_changes_no_flow(joint):
+    """Forces elsewhere may show it: it stays a candidate. What the study has no derivative of is not known."""
+    model = joint.flow.model
+    far = replace(model, known=model.known | {"void@7"})
+    assert not far.change_along("void@7").any()
+    with pytest.raises(FlowUnknown):
+        model.change_along("void@7")
+
+
 def test_a_change_of_the_flow_errs_by_a_share_that_follows_the_distance(joint):
     """A fifth of it, more than a change of the forces, each on its own; at the indenter as far as at the rim."""
     part = next(c for c in joint.candidates if c.name == "gel_stiffness")
@@ -239,6 +248,11 @@ def test_a_change_of_the_flow_errs_by_a_share_that_follows_the_distance(joint):
     assert_allclose(size[n:], SEEN_ERROR * np.abs(change[n:]), rtol=1e-9)
     assert_allclose(size[:n], joint.change_error * np.abs(change[:n]), rtol=1e-9)
     assert not (errors[:n].any(axis=0) & errors[n:].any(axis=0)).any()
+    wider = joint.believing([part], np.array([0.3])).covariance
+    assert_allclose(
+        wider.variance - joint.covariance.variance,
+        np.where(np.arange(len(change)) < n, 0, SCATTERED * change) ** 2,
+    )
     away = joint.labels["errs_over"][n:]
     assert away.max() == 1.0 and away.min() < 0.2 and away.nunique() > 20
 

@@ -10,7 +10,10 @@ from numpy.testing import assert_allclose
 
 from gelforge.mismatch.evidence.alternatives import effects_of
 from gelforge.mismatch.evidence.screen import Candidate
+from gelforge.mismatch.inference.fits import fitted
 from gelforge.mismatch.inference.judge import judge
+from gelforge.mismatch.inference.posterior import posterior_of
+from gelforge.mismatch.terms.unknown import manners_of
 
 
 def patterned(patterns, change, truth):
@@ -98,3 +101,26 @@ def test_what_is_solved_in_order_is_solved_at_the_end_of_a_fit_and_for_the_answe
     assert sum("mullins" in names and len(names) > 1 for names in solved) == 2
     amounts = dict(zip((part.name for part in found.fit.parts), found.fit.amounts))
     assert amounts["mullins"] == pytest.approx(0.2, abs=0.03)  # its noise is 0.01
+
+
+@pytest.mark.parametrize("with_images", [False, True])
+def test_with_images_the_largest_effect_is_fitted_alone_first(with_images):
+    """Its curvature looks like a second effect to the linear pass, which has it beside 60 standard deviations of change."""
+    patterns = {"gel_stiffness": (1, 0, 0), "friction": (0, 0.5, 0.5), "skin_stiffness": (0, 0, 1)}
+
+    def curved(amounts):
+        along = linear(patterns)(amounts)
+        return along + np.array([0, 0.5, 0.5]) * amounts.get("gel_stiffness", 0.0) ** 2
+
+    problem, solved = patterned(patterns, curved, curved({"gel_stiffness": 0.6}))
+    if with_images:
+        table = problem.observations.table.assign(channel="force")
+        problem = replace(problem, flow="images", observations=replace(problem.observations, table=table))
+    manners = manners_of(problem)
+    posterior = posterior_of(problem, manners)
+    (first, *_) = posterior.ranked()
+    assert first == {"gel_stiffness", "friction"}
+    assert (frozenset({"gel_stiffness"}) in posterior.sets) == with_images
+    found = fitted(problem, posterior, lambda again: posterior_of(again, manners))
+    assert set(solved[0]) == ({"gel_stiffness"} if with_images else first)
+    assert found.mode == {"gel_stiffness"}

@@ -35,7 +35,7 @@ class Mismatch(Section):
     )
     coarser: float = Field(
         2.0,
-        ge=1.5,
+        ge=1.2,
         le=6.0,
         description="changes by effects are solved on a mesh of so many times the study's sizes [-]",
     )
@@ -62,7 +62,7 @@ class Mismatch(Section):
         description="standard deviation of the contact point, in place of what the sessions state [mm]",
     )
     images: Literal["fitted", "predicted", "left_out"] = Field(
-        "left_out",
+        "fitted",
         description="images of sessions with a camera are judged with the forces, predicted from them, or left out",
     )
 

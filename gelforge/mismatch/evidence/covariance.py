@@ -108,15 +108,16 @@ class Covariance:
         every = np.zeros(len(self), dtype=int)
         return replace(self, levels=(*self.levels, Draws(every, directions)))
 
-    def erring(self, directions: np.ndarray) -> Covariance:
+    def erring(self, directions: np.ndarray, variance: np.ndarray | float = 0.0) -> Covariance:
         """Return C with errors along directions (n, q) of a standard deviation each, as a mesh errs.
 
-        Half of the variance is common to all, half is drawn for each group of the level before the last: readings alike.
+        Half of their variance is common to all, half is drawn for each group of the level before the last: readings alike.
+        variance: (n,) of what errs at each entry on its own.
         """
         *finer, alike, common = self.levels
         half = directions / np.sqrt(2)
         wider = [Draws(level.group, np.column_stack([level.directions, half])) for level in (alike, common)]
-        return replace(self, levels=(*finer, *wider))
+        return replace(self, variance=self.variance + variance, levels=(*finer, *wider))
 
     def errors(self, directions: np.ndarray) -> np.ndarray:
         """Return the columns (n, k) of these errors, one standard normal draw each: `erring` adds their products to C."""

@@ -184,12 +184,15 @@ def _shares(pixels: int) -> np.ndarray:
 
 
 def seen_flows(
-    sessions: Sequence[Path | Recording], observations: Observations, sensor: Sensor
+    sessions: Sequence[Path | Recording],
+    observations: Observations,
+    sensor: Sensor,
+    depth_mm: float | None = None,
 ) -> list[Seen]:
     """Return the flow of one indentation at each of at most MOST_SITES sites, of sessions with images that say their camera.
 
-    The first site, then always the farthest from those; the depth is the deepest at which the first moves no region by more
-    than MOST_PX, or the smallest.
+    The first site, then always the farthest from those. depth_mm: the nearest to it that has images; None: to the deepest
+    at which the first site moves no region by more than MOST_PX, or the smallest.
     """
     held = observations.table[observations.table["phase"].isin(["load", "dwell"])]
     by_site: dict[int, list[Pictured]] = {}
@@ -209,7 +212,7 @@ def seen_flows(
         return []
     sites = sorted(by_site)
     chosen = [sites[k] for k in spread_out(observations.sites[sites], MOST_SITES, 0)]
-    depth = _depth_seen(by_site[chosen[0]])
+    depth = _depth_seen(by_site[chosen[0]]) if depth_mm is None else depth_mm
     return _with_common_noise([_measured(_nearest(by_site[site], depth)) for site in chosen])
 
 

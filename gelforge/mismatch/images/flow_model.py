@@ -54,7 +54,8 @@ class FlowModel:
     seen: Sequence[Seen]
     particles: Particles
     planned: Mapping[int, PlannedCell]  # by site, the loading through its depths
-    asked: Mapping[int, frozenset[str]]  # by site, the derivatives that were asked for
+    known: frozenset[str]  # derivatives that the study has
+    asked: Mapping[int, frozenset[str]]  # by site, those of them that an indentation there can show
     moving: Sequence[
         Mapping[str, np.ndarray]
     ]  # (m, 2) [px per unit] mean motion along derivatives, by indentation
@@ -134,11 +135,11 @@ class FlowModel:
     def change_along(self, key: str) -> np.ndarray:
         """Return the change of the flow (F, m, 2) [px per unit] along a derivative; 0 where it is not observable.
 
-        Raises FlowUnknown where it was asked for and could not be had, and where nothing asked for it.
+        That may be everywhere, as of a defect far from all images. Raises FlowUnknown where it could not be had.
         """
         sites = [int(press.row["site"]) for press in self.seen]
         lacking = [s for s, moving in zip(sites, self.moving) if key in self.asked[s] and key not in moving]
-        if lacking or (not any(key in keys for keys in self.asked.values()) and not _of_laws(key)):
+        if lacking or (key not in self.known and not _of_laws(key)):
             raise FlowUnknown(key)
         nothing = np.zeros(self.mean.shape[1:])
         return self.found * np.stack([moving.get(key, nothing) for moving in self.moving])
@@ -281,7 +282,10 @@ def flow_model(
         along = {key: np.tensordot(slope, field[d], 2) for key, field in coarse[site].along.items()}
         moving.append(along)
     asked_at = {site: frozenset(near[site]) for site in sites}
-    return FlowModel(solver, base, seen, particles, planned, asked_at, moving, even, points, evenly, coarsely)
+    known = frozenset(one.key for one in asked)
+    return FlowModel(
+        solver, base, seen, particles, planned, known, asked_at, moving, even, points, evenly, coarsely
+    )
 
 
 def _at(moved: Moved, weights: csr_array) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -52,6 +52,7 @@ def fitted(problem: Problem, posterior: Posterior, posterior_of: Callable[[Probl
         costs = any(map(problem.solves, found.sets[wanted].parts))
         if not left[costs]:
             break
+        wanted = _largest_first(problem, found, wanted, {*fits, *failed})
         left[costs] -= 1
         stage(f"fit of {words_of(wanted)}")
         try:
@@ -63,6 +64,26 @@ def fitted(problem: Problem, posterior: Posterior, posterior_of: Callable[[Probl
             seated, posterior = again, posterior_of(again)
     notes = tuple(f"{words_of(effects)} {why}" for effects, why in failed.items())
     return Fits(seated, found, fits, notes)
+
+
+def _largest_first(
+    problem: Problem, posterior: Posterior, wanted: Effects, done: Container[Effects]
+) -> Effects:
+    """Return the effect of a set that changes the readings most, alone, where images are read and it was not fitted before.
+
+    The flow is far from linear in a large change: without its curvature a second effect is called in to mend it.
+    """
+    if problem.flow is None or len(wanted) == 1:
+        return wanted
+    one, at, sizes = posterior.sets[wanted], 0, {}
+    for part in one.parts:
+        ends = at + part.columns.shape[1]
+        sizes[part.name] = float(
+            np.linalg.norm(problem.covariance.whiten(part.columns @ one.amounts[at:ends]))
+        )
+        at = ends
+    alone = frozenset({max(sizes, key=lambda name: sizes[name])})
+    return wanted if alone in done or alone not in posterior.sets else alone
 
 
 def words_of(effects: Effects) -> str:

@@ -237,12 +237,16 @@ def _believed(
     def weight(one) -> float:
         return one[1] + log_prior(len(one[0]), max(known, len(one[0])))
 
-    ranked = sorted(tables, key=lambda one: -weight(one))[:MOST_BELIEVED]
+    ranked = sorted(tables, key=lambda one: -weight(one))
+    near = [one for one in ranked[:MOST_BELIEVED] if weight(one) >= weight(ranked[0]) - REACH]
+    if (
+        problem.flow is not None
+    ):  # its changes err so much that a part of such a set may be as good as all of it
+        reached = {one[0] for one in near}
+        near += [one for one in ranked if one[0] not in reached and any(one[0] < other for other in reached)]
     white: dict[int, np.ndarray] = {}
     found = {}
-    for effects, average, _, choice in ranked:
-        if weight((effects, average)) < weight(ranked[0]) - REACH:
-            break
+    for effects, average, _, choice in near:
         candidates = [problem.candidates[number[k]] for k in choice]
         for k, candidate in zip(choice, candidates):
             if number[k] not in white:

@@ -19,8 +19,11 @@ from gelforge.mismatch.readings.observations import Observations
 # Where a refit has found its place, its size and form may still be others.
 PLACE_ERROR = 0.5
 FORM_ERROR = 0.25
-# Of a change of the flow, which is the mean motion's: drawn and searched it is 0.91 to 1.28 of that (measured on the demo).
+# Of a change of the flow, which is the mean motion's on a coarser mesh: for one sensor the mesh puts it off by 4 to 5 %, the
+# search finds 0.94 to 1.02 of it by distance (benchmarks/flow_changes.py); for others it may be twice that.
 SEEN_ERROR = 0.2
+# Of the same, from region to region, by which particles lie in each: 0.10 to 0.12 there, of one depth.
+SCATTERED = 0.1
 # Of a change, linear or solved: below it a difference of two solutions says no more than the derivative.
 SEATED_SNR = 1.0
 # Forces (R, 3) [N] at readings (R,) bool with effects at amounts, nan elsewhere; raises NotConverged.
@@ -73,7 +76,15 @@ class Problem:
     def believing(self, parts: Sequence[Candidate], amounts: np.ndarray) -> Problem:
         """Return the problem with the errors of effects' own change at amounts (p,) in its covariance."""
         errors = self.errors_of(parts, amounts)
-        return replace(self, covariance=self.covariance.erring(errors)) if errors.size else self
+        if not errors.size:
+            return self
+        return replace(self, covariance=self.covariance.erring(errors, self._scattered(parts, amounts)))
+
+    def _scattered(self, parts: Sequence[Candidate], amounts: np.ndarray) -> np.ndarray:
+        """Return the variance (n,) by which a change by effects at amounts (p,) errs at each entry on its own: in images."""
+        change = np.column_stack([part.columns for part in parts]) @ amounts
+        in_images = (self.labels["channel"] == "flow").to_numpy() if self.flow is not None else False
+        return np.where(in_images, SCATTERED * change, 0.0) ** 2
 
     def errors_of(self, parts: Sequence[Candidate], amounts: np.ndarray) -> np.ndarray:
         """Return the directions (n, q) in which a change by effects at amounts (p,) errs, a standard deviation each.
