@@ -20,7 +20,7 @@ from gelforge.mismatch.fem.solutions import Solver, SolverFailed
 from gelforge.mismatch.goodness.flow_scan import patterns
 from gelforge.mismatch.images import flow_fields, flow_images
 from gelforge.mismatch.images import flow_model as flow_model_module
-from gelforge.mismatch.images.flow import with_flow
+from gelforge.mismatch.images.flow import COARSER, with_flow
 from gelforge.mismatch.images.flow_fields import each_moved
 from gelforge.mismatch.images.flow_images import (
     REGIONS,
@@ -230,6 +230,15 @@ def test_what_bends_the_mesh_stays_at_first_order_in_the_flow(joint, monkeypatch
     assert np.abs(joint.observations.flat(linear - solved)[n:]).max() > 1e-3 * np.abs(change).max()
 
 
+def test_changes_of_the_flow_are_solved_on_a_finer_mesh_than_those_of_the_forces(joint, study):
+    """No finer than the study asks for, and nothing else of it is another."""
+    solver, own = joint.flow.model.solver, study.mechanics.mesh.near_mm
+    assert_allclose(solver.coarse.mechanics.mesh.near_mm, COARSER * own)
+    assert study.mismatch.coarser > COARSER
+    kept = solver.study.mismatch.model_copy(update={"coarser": study.mismatch.coarser})
+    assert solver.study.model_copy(update={"mismatch": kept}) == study
+
+
 def test_a_defect_far_from_all_images_changes_no_flow(joint):
     """Forces elsewhere may show it: it stays a candidate. What the study has no derivative of is not known."""
     model = joint.flow.model
@@ -324,16 +333,20 @@ def test_images_that_no_session_can_show_are_told(tmp_path, recorded, joint):
     assert any("images were not used" in said for said in plain.observations.cannot_know)
 
 
-def test_motion_that_cannot_be_solved_ends_with_its_place(recorded, monkeypatch):
+def test_motion_that_cannot_be_solved_leaves_the_forces_and_is_told(recorded, joint, monkeypatch):
     def folds(*_):
         raise NotConverged("it folds")
 
+    solver, session = recorded
     monkeypatch.setattr(flow_fields, "each_derivative", folds)
     planned = PlannedCell("", 8.0, 8.0, (0.313,))  # a depth that nothing else is solved at
-    with pytest.raises(
-        SolverFailed, match=r"at \(8, 8\) mm does not converge: it folds; judge the forces alone"
-    ):
-        flow_fields.moved_along((recorded[0], planned, {}))
+    with pytest.raises(SolverFailed, match=r"at \(8, 8\) mm does not converge: it folds"):
+        flow_fields.moved_along((solver, planned, {}))
+    monkeypatch.setattr(flow_fields, "found_before", lambda *_: None)
+    forces = joint.flow.forces
+    alone = with_flow(solver, joint.flow.model.base, forces, [session])
+    assert alone.flow is None and len(alone.labels) == len(forces.labels)
+    assert any("images were not used: the gel's motion" in said for said in alone.observations.cannot_know)
 
 
 @pytest.mark.thorough

@@ -16,7 +16,7 @@ import pandas as pd
 from gelforge.config import Study
 from gelforge.mismatch.effects import CATALOGUE, with_taken
 from gelforge.mismatch.evidence.screen import Candidate
-from gelforge.mismatch.fem.solutions import Solver
+from gelforge.mismatch.fem.solutions import Solver, SolverFailed
 from gelforge.mismatch.fem.solver import Base
 from gelforge.mismatch.images.flow_covariance import flow_covariance
 from gelforge.mismatch.images.flow_images import (
@@ -59,12 +59,9 @@ class FlowChannel:
 
 
 def with_flow(solver: Solver, base: Base, problem: Problem, sessions: Sequence[Path | Recording]) -> Problem:
-    """Return the problem with the flow of its sessions' images; as it is, and reported, where they cannot be used.
-
-    Raises SolverFailed where the gel's motion cannot be solved.
-    """
+    """Return the problem with the flow of its sessions' images; as it is, and reported, where they cannot be used."""
     study = solver.study
-    finer = study.mismatch.model_copy(update={"coarser": COARSER})
+    finer = study.mismatch.model_copy(update={"coarser": min(COARSER, study.mismatch.coarser)})
     solver = replace(solver, study=study.model_copy(update={"mismatch": finer}))
     seen = seen_flows(sessions, problem.observations, study.sensor)
     if not seen:
@@ -77,7 +74,10 @@ def with_flow(solver: Solver, base: Base, problem: Problem, sessions: Sequence[P
     effects = {name: e for name, e in CATALOGUE.items() if e.to_camera is not None and e.applies(study)}
     effects = {name: e for name, e in effects.items() if name not in study.mismatch.leave_out}
     asked = {effect.name: effect for effect in with_taken(problem.effects.values())}
-    model = flow_model(solver, base, seen, asked, particles)
+    try:
+        model = flow_model(solver, base, seen, asked, particles)
+    except SolverFailed as failure:
+        return _saying(problem, f"images were not used: {failure}")
     return _joined(problem, model, dict(problem.effects) | effects)
 
 

@@ -97,8 +97,7 @@ def moved_along(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> Moved
             base, along = each_derivative(study, laws, planned, asked)
         except NotConverged as failure:
             raise SolverFailed(
-                f"the gel's motion at ({planned.x_mm:g}, {planned.y_mm:g}) mm does not converge: {failure};"
-                " judge the forces alone (mismatch.images: left_out)"
+                f"the gel's motion at ({planned.x_mm:g}, {planned.y_mm:g}) mm does not converge: {failure}"
             ) from None
         fields = {
             key: one.gel for key, one in along.items() if not isinstance(one, str) and one.gel is not None

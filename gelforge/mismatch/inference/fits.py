@@ -49,10 +49,10 @@ def fitted(problem: Problem, posterior: Posterior, posterior_of: Callable[[Probl
     failed: dict[Effects, str] = {}
     left = {True: MOST_SOLVED, False: MOST_FREE}
     while (wanted := _next(found := _with_fits(posterior, first, fits, failed), fits, failed)) is not None:
+        wanted = _largest_first(problem, found, wanted, {*fits, *failed})
         costs = any(map(problem.solves, found.sets[wanted].parts))
         if not left[costs]:
             break
-        wanted = _largest_first(problem, found, wanted, {*fits, *failed})
         left[costs] -= 1
         stage(f"fit of {words_of(wanted)}")
         try:

@@ -239,9 +239,8 @@ def _believed(
 
     ranked = sorted(tables, key=lambda one: -weight(one))
     near = [one for one in ranked[:MOST_BELIEVED] if weight(one) >= weight(ranked[0]) - REACH]
-    if (
-        problem.flow is not None
-    ):  # its changes err so much that a part of such a set may be as good as all of it
+    if problem.flow is not None:
+        # Its changes err so much that a part of such a set may be as good as all of it.
         reached = {one[0] for one in near}
         near += [one for one in ranked if one[0] not in reached and any(one[0] < other for other in reached)]
     white: dict[int, np.ndarray] = {}
