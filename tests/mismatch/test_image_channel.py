@@ -340,9 +340,13 @@ def test_motion_that_cannot_be_solved_leaves_the_forces_and_is_told(recorded, jo
     solver, session = recorded
     monkeypatch.setattr(flow_fields, "each_derivative", folds)
     planned = PlannedCell("", 8.0, 8.0, (0.313,))  # a depth that nothing else is solved at
-    with pytest.raises(SolverFailed, match=r"at \(8, 8\) mm does not converge: it folds"):
+    with pytest.raises(SolverFailed, match=r"at \(8, 8\) mm does not converge: it folds") as raised:
         flow_fields.moved_along((solver, planned, {}))
-    monkeypatch.setattr(flow_fields, "found_before", lambda *_: None)
+
+    def not_solved(_):
+        raise raised.value
+
+    monkeypatch.setattr(flow_fields, "moved_along", not_solved)
     forces = joint.flow.forces
     alone = with_flow(solver, joint.flow.model.base, forces, [session])
     assert alone.flow is None and len(alone.labels) == len(forces.labels)
