@@ -100,7 +100,7 @@ def _motion(seen: Seen, moved: Moved, cell: PlannedCell, even: np.ndarray) -> np
 def _print_search(by_depth, sites: Sequence[PlannedCell], kept: Path, even: np.ndarray) -> None:
     print("Changes of the flow in images over those of the true mean motion (least squares over regions)\n")
     print(
-        "| depth [mm] | gel | largest motion [px] | all | within 120 px | beyond | left, share of the change |"
+        "| depth [mm] | gel | largest motion [px] | all | within 120 px | beyond | residual, share of the change |"
     )
     print("|---|---|---|---|---|---|---|")
     for depth, seen in by_depth.items():

@@ -230,7 +230,7 @@ def _by_effects(
 def _believed(
     problem: Problem, number: np.ndarray, scale: np.ndarray, tables: list, known: int
 ) -> dict[Effects, Screened]:
-    """Return the sets within REACH of the best, judged with the errors of their own changes."""
+    """Return the sets within REACH of the best, with images their parts too, judged with errors of their changes."""
     residual, covariance = problem.residual, problem.covariance
     r = covariance.whiten(residual)
 

@@ -78,13 +78,13 @@ class Problem:
         errors = self.errors_of(parts, amounts)
         if not errors.size:
             return self
-        return replace(self, covariance=self.covariance.erring(errors, self._scattered(parts, amounts)))
+        scattered = 0.0 if self.flow is None else self._scattered(parts, amounts)
+        return replace(self, covariance=self.covariance.erring(errors, scattered))
 
     def _scattered(self, parts: Sequence[Candidate], amounts: np.ndarray) -> np.ndarray:
-        """Return the variance (n,) by which a change by effects at amounts (p,) errs at each entry on its own: in images."""
+        """Return the variance (n,) by which a change by effects at amounts (p,) errs at each entry of the flow."""
         change = np.column_stack([part.columns for part in parts]) @ amounts
-        in_images = (self.labels["channel"] == "flow").to_numpy() if self.flow is not None else False
-        return np.where(in_images, SCATTERED * change, 0.0) ** 2
+        return np.where(self.labels["channel"] == "flow", SCATTERED * change, 0.0) ** 2
 
     def errors_of(self, parts: Sequence[Candidate], amounts: np.ndarray) -> np.ndarray:
         """Return the directions (n, q) in which a change by effects at amounts (p,) errs, a standard deviation each.
