@@ -25,6 +25,8 @@ GENERALISED = {
     "relaxation": ("viscoelastic",),
     "softening": ("mullins",),
     "strain_energy": ("law_exponent",),
+    "friction": ("friction", "friction_law", "frictionless"),
+    "force_hysteresis": ("force_hysteresis",),
 }
 # States of verdicts of format 1, which sets of before have; a group was identified where it was as probable as a name.
 FORMER = {"null": "consistent", "named": "identified", "open": "unexplained", "insufficient": "inconclusive"}

@@ -77,9 +77,9 @@ def test_pull_off_is_seen_on_the_way_up_only():
 
 
 def test_friction_falls_with_the_pressure():
-    """Nodes that slip carry mu (1 + p / p0)^-n times their pressure, to the stopping rule."""
-    n, p0, mu = 0.5, 0.01, 0.45
-    settings = {"friction": mu, "friction_exponent": n, "friction_pressure": p0}
+    """Nodes that slip carry mu times (1 + p / p0)^-n by each exponent times their pressure, to the stopping rule."""
+    (n, p0), (m, p1), mu = (0.5, 0.01), (-0.2, 0.03), 0.45
+    settings = {"friction": mu, "friction_exponents": (n, m), "friction_pressures": (p0, p1)}
     press = adhesive_press(Sphere(5.0), law={"gel": NeoHooke(0.02)}, **settings)
     start = press.start(5.0, 5.0)
     path = start.centre + np.array([[0, 0, -0.3], [0.1, 0, -0.3], [0.3, 0, -0.3]])
@@ -87,7 +87,7 @@ def test_friction_falls_with_the_pressure():
     slips = state.contact_state == SLIP
     assert slips.sum() > 5
     p = state.contact_pressure[slips]
-    limit = mu * (1 + p / p0) ** -n * p * press.area[slips]
+    limit = mu * (1 + p / p0) ** -n * (1 + p / p1) ** -m * p * press.area[slips]
     assert_allclose(np.linalg.norm(state.friction_force[slips], axis=1), limit, rtol=1e-5)
     sticks = state.contact_state == STICK
     assert (
@@ -98,7 +98,7 @@ def test_friction_falls_with_the_pressure():
 
 def test_no_exponent_is_coulomb_bit_for_bit():
     plain = specimens.follow(specimens.press(settings=Settings()), specimens.CENTRE, [0.4])[-1]
-    named = Settings(friction_exponent=0.0, friction_pressure=0.5, adhesion_work=0.0)
+    named = Settings(friction_exponents=(0.0,), friction_pressures=(0.5,), adhesion_work=0.0)
     again = specimens.follow(specimens.press(settings=named), specimens.CENTRE, [0.4])[-1]
     assert np.array_equal(plain.force, again.force)
     assert np.array_equal(plain.u, again.u)

@@ -26,7 +26,7 @@ EPS_N, WEIGHT, HOLD = (np.full(NODES, value) for value in (20.0, 3.0, 200.0))
 VECTORS = ("f_mixed", "f_condensed", "f_consistent", "friction", "wanted", "direction")
 
 
-def forces(points=POINTS, mu=MU, given=GIVEN, weight=WEIGHT, hold=HOLD):
+def forces(points=POINTS, mu=MU, given=GIVEN, weight=WEIGHT, hold=HOLD, exponents=()):
     """Return all that the compiled loop fills, by name."""
     gap, normal, turn = BALL.gap(points, CENTRE)
     out = {name: np.full((NODES, 3), np.nan) for name in VECTORS} | {"spring": np.full(NODES, np.nan)}
@@ -46,6 +46,8 @@ def forces(points=POINTS, mu=MU, given=GIVEN, weight=WEIGHT, hold=HOLD):
         hold,
         mu,
         *out.values(),
+        np.array(exponents, float),
+        np.array((0.1, 0.3)[: len(exponents)], float),
     )
     return out
 
@@ -112,18 +114,34 @@ def test_consistent_stiffness_is_the_derivative_of_what_sticks():
     check_rates(remainders, start["state"] == STICK)
 
 
-def test_consistent_stiffness_is_the_derivative_of_coulomb_s_law_where_it_slips():
-    """The kernel is Newton's method for t = Pi(t - w A s): at its solution its tangent is that of t = -mu p A s / |s|."""
+@pytest.mark.parametrize("exponents", [(), (0.4, -0.3)])
+def test_consistent_stiffness_is_the_derivative_of_coulomb_s_law_where_it_slips(exponents):
+    """The kernel is Newton's method for t = Pi(t - w A s): at its solution its tangent is that of t = -mu p A s / |s|.
+
+    The coefficient may depend on the pressure, by one factor for each exponent.
+    """
+
+    def mu_at(pressure):
+        factors = [
+            (1 + np.maximum(pressure, 0) / p0) ** -n for n, p0 in zip(exponents, (0.1, 0.3), strict=False)
+        ]
+        return MU * np.prod(factors, axis=0) if factors else MU
+
     on_ball = CENTRE + 5 * OUTWARD  # closed gaps: the limit now is that of the next pressure
     slip = slip_at(on_ball)
-    solution = -MU * (AREA * PRESSURE)[:, None] * slip / np.linalg.norm(slip, axis=1, keepdims=True)
+    solution = (
+        -(mu_at(PRESSURE) * AREA * PRESSURE)[:, None] * slip / np.linalg.norm(slip, axis=1, keepdims=True)
+    )
 
     def coulomb(points):
         gap, normal, _ = BALL.gap(points, CENTRE)
-        N, slip = AREA * (PRESSURE - EPS_N * gap), slip_at(points)
-        return N[:, None] * (normal - MU * slip / np.linalg.norm(slip, axis=1, keepdims=True))
+        p, slip = PRESSURE - EPS_N * gap, slip_at(points)
+        friction = (mu_at(p) * AREA * p)[:, None] * slip / np.linalg.norm(slip, axis=1, keepdims=True)
+        return (AREA * p)[:, None] * normal - friction
 
-    start = forces(on_ball, given=solution, hold=1e7 * HOLD)  # springs as stiff as the law wants them
+    start = forces(
+        on_ball, given=solution, hold=1e7 * HOLD, exponents=exponents
+    )  # springs as stiff as the law wants them
     remainders, start = remainders_of(coulomb, start, on_ball)
     check_rates(remainders, ACTIVE & (PRESSURE > 0) & (start["state"] == SLIP))
 

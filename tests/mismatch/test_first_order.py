@@ -23,7 +23,7 @@ from gelforge.mismatch.evidence.places import FirstOrderAt
 from gelforge.mismatch.fem.solver import key_of
 from gelforge.mismatch.model.context import Context
 from gelforge.mismatch.model.solver_effects import FirstOrder
-from gelforge.mismatch.terms.energy_terms import TERM
+from gelforge.mismatch.terms import energy_terms, friction_terms
 
 LAWS = specimens.STUDY_LAWS
 PLACE, DEPTH = specimens.CORNER, 0.5  # off every line of symmetry
@@ -40,7 +40,9 @@ WITHIN = 0.02  # of the change, as the specification of the stage asks
 # gradient has 22 % too. For that reason the judge takes those along moves of the grid across 0.1 mm (test_press_paths).
 SHARE_OF_AMOUNT = {"misregistration": 0.2}
 
-EFFECTS = CATALOGUE | {TERM.name: TERM}  # and what a free form is made of
+EFFECTS = CATALOGUE | {
+    one.TERM.name: one.TERM for one in (energy_terms, friction_terms)
+}  # what free forms are made of too
 NAMES = [
     name
     for name, effect in EFFECTS.items()
@@ -50,7 +52,7 @@ CASES = [(name, k) for name in NAMES for k in range(len(EFFECTS[name].parameters
 
 
 def friction(name):
-    return SLIPS if name in ("friction", "friction_law") else STICKS
+    return SLIPS if name in ("friction", "friction_law", "friction_term") else STICKS
 
 
 @cache

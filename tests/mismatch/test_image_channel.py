@@ -255,7 +255,7 @@ def test_a_change_of_the_flow_errs_by_a_share_that_follows_the_distance(joint):
     change = 0.3 * part.columns[:, 0]
     size = np.sqrt(np.sum(errors**2, axis=1))
     assert_allclose(size[n:], SEEN_ERROR * np.abs(change[n:]), rtol=1e-9)
-    assert_allclose(size[:n], joint.change_error * np.abs(change[:n]), rtol=1e-9)
+    assert_allclose(size[:n], part.form_error * np.abs(change[:n]), rtol=1e-9)
     assert not (errors[:n].any(axis=0) & errors[n:].any(axis=0)).any()
     wider = joint.believing([part], np.array([0.3])).covariance
     assert_allclose(

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.evidence.screen import screened
+from gelforge.mismatch.evidence.screen import FORM_ERRORS, screened
 from gelforge.mismatch.goodness.scan import Finding
 from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.result.verdict import LEFT_P
@@ -155,19 +155,13 @@ def test_an_error_of_a_change_is_an_error_of_its_amount():
         for one in screened(problem.residual, problem.covariance, problem.candidates)
         if one.name == "gel_stiffness"
     )
+    assert start.parts[0].form_error == FORM_ERRORS[1]
     fits = [refitted(replace(problem, change_error=e), start, every) for e in (0.0, 0.1)]
     sd = [float(np.sqrt(fit.covariance[0, 0])) for fit in fits]
     added = np.sqrt(sd[1] ** 2 - sd[0] ** 2) / fits[1].amounts[0][0]
-    # Of the variance of 10 % a quarter is the same at all depths and places, for pressing and sideways forces on their own:
-    # 5 / sqrt(2) % at least, 10 % at most.
-    assert 0.035 < added < 0.1
-    gains = next(
-        one
-        for one in screened(problem.residual, problem.covariance, problem.candidates)
-        if one.name == "force_gain"
-    )
-    exact = [refitted(replace(problem, change_error=e), gains, every).covariance for e in (0.0, 0.1)]
-    assert np.array_equal(*exact)  # what is not solved does not err
+    # Of the variance of 20 % a quarter is the same at all depths and places, for pressing and sideways forces on their own:
+    # 10 / sqrt(2) % at least, 20 % at most.
+    assert 0.07 < added < 0.2
 
 
 @cache
@@ -176,7 +170,9 @@ def every_effect():
     return problem_of(artificial.context(19, per_side=3), left_out=set())
 
 
-@pytest.mark.parametrize(("name", "share"), [("gel_stiffness", 0.1), ("force_gain", 0.0)])
+@pytest.mark.parametrize(
+    ("name", "share"), [("gel_stiffness", 0.2), ("force_gain", 0.2), ("force_unit", 0.0)]
+)
 def test_a_change_errs_by_its_share_at_every_reading(name, share):
     problem = replace(every_effect(), change_error=0.1)
     part = next(c for c in problem.candidates if c.name == name)

@@ -147,7 +147,7 @@ COARSE = specimens.Sizes(near=2.0, near_radius=2.5, growth=0.3, far=2.0)
     "settings",
     [
         {"film_thickness": 0.3, "film_pressure": 0.1},
-        {"friction_exponent": 0.3},
+        {"friction_exponents": (0.3, -0.2), "friction_pressures": (0.01, 0.03)},
         {"adhesion_work": 2e-4, "adhesion_approach": 2e-4, "adhesion_range": 0.2},
     ],
     ids=["film", "friction that falls with the pressure", "adhesion"],
@@ -161,7 +161,7 @@ def test_a_base_with_effects_of_the_contact(settings):
         body, ball, own, start, centres = sheared(path)
         return body, ball, replace(own, **(settings | changed)), start, centres
 
-    less, more = (with_effect(**{name: value * (1 + sign * AMOUNT)}) for sign in (-1, 1))
+    less, more = (with_effect(**{name: grown(value, 1 + sign * AMOUNT)}) for sign in (-1, 1))
     soft = sheared(path, skin=1 + AMOUNT)
     soft = *soft[:2], with_effect()[2], *soft[3:]
     stiff = sheared(path, skin=1 - AMOUNT)
@@ -169,6 +169,11 @@ def test_a_base_with_effects_of_the_contact(settings):
     _, force, _ = along(with_effect(), [more, soft])
     expected = np.stack([central(more, less), central(soft, stiff)], axis=1)
     assert_alike(force, expected, binned(model()[0]))
+
+
+def grown(value, factor):
+    """Return a setting times a factor, each of several."""
+    return tuple(factor * one for one in value) if isinstance(value, tuple) else factor * value
 
 
 def test_other_elements_are_refused():

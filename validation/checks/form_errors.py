@@ -1,4 +1,4 @@
-"""How well the tool's own model of a hidden effect meets another form of it: what `change_error` has to hold.
+"""How well the tool's own model of a hidden effect meets another form: what `change_error` and FORM_ERRORS have to hold.
 
 usage: python -m validation.checks.form_errors SET [--weakest 8] [--kept results/concealed/sets/kept] [--only c004 ...]
 

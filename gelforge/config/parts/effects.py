@@ -196,6 +196,13 @@ class Film(Section):
     pressure_MPa: Positive = Field(0.01, description="pressure at which half of it has [MPa]")
 
 
+class PressureTerm(Section):
+    """A factor (1 + p / reference_pressure)^-exponent of the coefficient of friction, which grows where it is negative."""
+
+    exponent: float = Field(0.0, gt=-1, lt=1, description="exponent [-]")
+    reference_pressure_MPa: Positive = Field(description="reference pressure [MPa]")
+
+
 class ContactEffects(Section):
     """What friction and contact do besides Coulomb's law; its coefficient is mechanics.friction."""
 
@@ -206,6 +213,9 @@ class ContactEffects(Section):
         description="n in mu (1 + p / reference_pressure)^-n; 1/3: Hertzian asperities (Schallamach 1952) [-]",
     )
     reference_pressure_MPa: Positive = Field(0.01, description="reference pressure [MPa]")
+    pressure_terms: list[PressureTerm] = Field(
+        [], description="further factors of the coefficient of friction that depend on the pressure"
+    )
     adhesion: Adhesion = Field(Adhesion(), description="adhesion")
     film: Film = Field(Film(), description="film that gives way")
 

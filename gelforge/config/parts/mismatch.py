@@ -49,8 +49,8 @@ class Mismatch(Section):
     )
     change_error: NonNegative = Field(
         0.1,
-        description="error of a change by an effect that is solved, a standard deviation as a share of it; at least what is"
-        " known of the effect's other forms, with a place 0.5; 0: none for any effect [-]",
+        description="error of a change by an effect that is solved, a standard deviation as a share of it; at least that of"
+        " the effect's form, which is 0.1, 0.2 or 0.3 before the readings, with a place 0.5; 0: none for any effect [-]",
     )
     sensitivities: Literal["auto", "stored", "none"] = Field(
         "auto",

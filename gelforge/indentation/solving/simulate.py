@@ -428,8 +428,11 @@ def _settings(mechanics: Mechanics) -> Settings:
         max_iterations=mechanics.solver.max_iterations,
         max_halvings=mechanics.solver.max_halvings,
         initial_normals=mechanics.contact_normals == "initial",
-        friction_exponent=contact.pressure_exponent,
-        friction_pressure=contact.reference_pressure_MPa,
+        friction_exponents=(contact.pressure_exponent, *(term.exponent for term in contact.pressure_terms)),
+        friction_pressures=(
+            contact.reference_pressure_MPa,
+            *(term.reference_pressure_MPa for term in contact.pressure_terms),
+        ),
         adhesion_work=contact.adhesion.work_N_per_mm,
         adhesion_approach=contact.adhesion.approach_N_per_mm,
         adhesion_range=contact.adhesion.range_mm,

@@ -22,23 +22,35 @@ OPEN, STICK, SLIP = 0, 1, 2
 
 
 @nb.njit(cache=True)
-def friction_coefficient(pressure, mu, exponent, reference):
-    """Return mu (1 + p / p_0)^-n [-] at a pressure p [MPa]; without an exponent n it is mu."""
-    return mu if exponent == 0.0 else mu * (1.0 + max(pressure, 0.0) / reference) ** -exponent
+def friction_coefficient(pressure, mu, exponents, references):
+    """Return mu times (1 + p / p_k)^-n_k [-] for each exponent n_k, at a pressure p [MPa]; without any it is mu."""
+    for k in range(len(exponents)):
+        if exponents[k] != 0.0:
+            mu *= (1.0 + max(pressure, 0.0) / references[k]) ** -exponents[k]
+    return mu
+
+
+@nb.njit(cache=True)
+def friction_fall(pressure, exponents, references):
+    """Return -d ln mu / d ln p [-] at a pressure p [MPa]: by which the limit of friction grows less than the pressure."""
+    fall = 0.0
+    for k in range(len(exponents)):
+        fall += exponents[k] * max(pressure, 0.0) / (references[k] + max(pressure, 0.0))
+    return fall
 
 
 @nb.njit(cache=True)
 def contact_forces(
     gap, normal, turn, slip, pressure, active, area, given, eps_n, weight, hold, mu,
     f_mixed, f_condensed, f_consistent, friction, wanted, direction, spring, stiffness, stiffness_consistent, state,
-    exponent=0.0, reference=1.0,
+    exponents, references,
 ):  # fmt: skip
     """Fill the forces of the indenter on the nodes and their tangents; return nothing.
 
     In: gap (S,) [mm] that is to be closed, normal (S, 3) from the indenter into the body, turn (S, 3, 3) = dn/dx [1/mm],
     slip (S, 3) motion relative to the indenter that is to be none or to be dragged on [mm], pressure (S,) lam_n [MPa],
     active (S,) bool, area (S,) [mm^2], given (S, 3) friction forces of the iterate [N], eps_n (S,), weight (S,) w and hold
-    (S,) of the spring that holds [N/mm^3], mu [-], exponent n [-] and reference p_0 [MPa] of mu (1 + p/p_0)^-n.
+    (S,) of the spring that holds [N/mm^3], mu [-], exponents (K,) [-] and references (K,) [MPa] of `friction_coefficient`.
     Out: f_mixed (S, 3) [N] with pressure and friction as given; f_condensed (S, 3) with lam_n - eps_n g and what the springs
     hold; friction (S, 3) the given forces in the tangent plane, a part of f_mixed; wanted (S, 3) what they should be, equal
     to them at the solution; direction (S, 3) e of slipping nodes, 0 of others; spring (S,) [N/mm] stiffness in the tangent
@@ -81,9 +93,9 @@ def contact_forces(
         if mu <= 0.0 or N <= 0.0:
             continue
 
-        limit = friction_coefficient(pressure[s], mu, exponent, reference) * N
+        limit = friction_coefficient(pressure[s], mu, exponents, references) * N
         p = max(N_next, 0.0) / A
-        mu_next = friction_coefficient(p, mu, exponent, reference)
+        mu_next = friction_coefficient(p, mu, exponents, references)
         t_n = given[s, 0] * n[0] + given[s, 1] * n[1] + given[s, 2] * n[2]
         s_n = slip[s, 0] * n[0] + slip[s, 1] * n[1] + slip[s, 2] * n[2]
         size = 0.0
@@ -121,7 +133,7 @@ def contact_forces(
         # As the normal turns, the plane's part of forces and slips along it changes.
         left = -k * s_n if slips else t_n - k * s_n
         # With N_next below zero the limit of friction is held at zero.
-        slope = mu_next * (1.0 - exponent * p / (reference + p)) if N_next > 0.0 else 0.0
+        slope = mu_next * (1.0 - friction_fall(p, exponents, references)) if N_next > 0.0 else 0.0
         for i in range(3):
             f_consistent[s, i] += T[i]
             for j in range(3):

@@ -24,8 +24,8 @@ class Settings:
     max_iterations: int = 40
     max_halvings: int = 4
     initial_normals: bool = False
-    friction_exponent: float = 0.0  # n of mu (1 + p / friction_pressure)^-n
-    friction_pressure: float = 0.01  # MPa
+    friction_exponents: tuple[float, ...] = ()  # n_k of mu times (1 + p / p_k)^-n_k
+    friction_pressures: tuple[float, ...] = ()  # p_k, MPa
     adhesion_work: float = 0.0  # N/mm, of separation
     adhesion_approach: float = 0.0  # N/mm, before the first touch
     adhesion_range: float = 0.05  # mm

@@ -148,8 +148,8 @@ class SurfaceContact:
         closing, eps_n = self._closing(at)
         contact_forces(
             closing, at.normal, at.turn, self._slip(at.u, step), at.contact_pressure, at.active, self.area, at.friction,
-            eps_n, weight * self.slip_weight, self.hold, s.friction, **out, exponent=s.friction_exponent,
-            reference=s.friction_pressure,
+            eps_n, weight * self.slip_weight, self.hold, s.friction, **out,
+            exponents=np.array(s.friction_exponents, float), references=np.array(s.friction_pressures, float),
         )  # fmt: skip
         normal_part = np.where(at.active, self.area * (at.contact_pressure - eps_n * closing), 0.0)
         held = out["f_condensed"] - normal_part[:, None] * at.normal
@@ -226,7 +226,10 @@ class SurfaceContact:
     def _limit(self, lam: np.ndarray) -> np.ndarray:
         """Return the limit of friction (S,) [N] at contact pressures (S,) [MPa]."""
         s, p = self.settings, np.maximum(lam, 0.0)
-        return s.friction * (1 + p / s.friction_pressure) ** -s.friction_exponent * p * self.area
+        mu = np.full_like(p, s.friction)
+        for exponent, reference in zip(s.friction_exponents, s.friction_pressures, strict=True):
+            mu *= (1 + p / reference) ** -exponent
+        return mu * p * self.area
 
     # ------------------------------------------------------------------------------------------------------ errors
     def size_of(self, forces: ContactForces) -> float:

@@ -90,7 +90,7 @@ def held_at(contact: SurfaceContact, before: State, after: State) -> tuple[Held,
     turning = np.divide(seen.limit, length, out=np.full_like(length, np.inf), where=length > 0)
     spring = np.where(slips, np.minimum(turning, stiff * own.area), stiff * own.area)
     film_slope = film_given(pressure, s.film_thickness, s.film_pressure)[1]
-    falls = s.friction_exponent * pressure / (s.friction_pressure + pressure)
+    falls = sum(n * pressure / (p + pressure) for n, p in zip(s.friction_exponents, s.friction_pressures))
     slope = np.where(active, (1 - falls) * seen.limit / np.where(active, pressure, 1.0), 0.0)
     held = Held(
         nodes, u, after.centre, old, pressure, friction, active, sticks, slips & (size > 0), direction, seen,

@@ -39,7 +39,6 @@ EFFECT = Effect(
     signature="less force during unloading, down to a pull before the indenter lets go; loading clean within millinewtons",
     confused_with=("force_hysteresis", "viscoelastic", "mullins"),
     separated_by="slow unloading with readings up to where the indenter lets go; a dusted surface",
-    form_error=0.25,  # of the pull of Johnson, Kendall and Roberts on layers, which is less at small depths
     applies=lambda study: all(part.kind == "sphere" for part in study.indenter.shapes),
     **solver("adhesion", has("contact.adhesion.work_N_per_mm")) | {"to_forces": to_forces, "by_formula": True},
 )  # fmt: skip

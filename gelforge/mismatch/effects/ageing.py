@@ -42,6 +42,5 @@ EFFECT = Effect(
         " beside it",
     takes=("gel_stiffness",),
     shapes=where_it_differs("age_days"),
-    form_error=0.2,  # of a rate that is not constant
     **solver("ageing", present) | {"to_forces": to_forces},
 )  # fmt: skip

@@ -79,5 +79,4 @@ EFFECT = Effect(
     separated_by="dead weights put on and taken off; unloading at two speeds (hysteresis does not know time)",
     to_forces=to_forces,
     shapes=shapes,
-    form_error=0.25,  # of several bands side by side, or of one that is wider where more is pressed
 )

@@ -19,6 +19,5 @@ EFFECT = Effect(
     signature="all forces in proportion, by a factor between two units; images clean",
     confused_with=("force_gain", "body_stiffness"),
     separated_by="one known weight on the force sensor",
-    form_error=0.02,  # of the base's own errors, which grow with the factor
     **data_entry_error("unit", READ, "kgf", lambda force, unit: READ[unit] * force),
 )

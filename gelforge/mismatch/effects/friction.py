@@ -29,7 +29,6 @@ EFFECT = Effect(
     ),
     signature="lateral force off the middle; a little more force at depth; saturates where everything sticks",
     confused_with=("frictionless", "friction_law", "law_exponent", "misregistration"),
-    form_error=0.2,  # of slip as another code takes it, half-way to a wall (validation/checks/form_errors.py)
     separated_by="an indentation that shears the surface once it touches, or a lubricated ball",
     applies=lambda study: study.mechanics.friction > 0,  # a base without any: frictionless
     **FIELDS | {"to_study": to_study},

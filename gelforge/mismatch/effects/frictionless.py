@@ -39,7 +39,6 @@ EFFECT = Effect(
     enters=CATALOGUE["frictionless"].enters,
     signature="lateral force off the middle changes most; force a little at depth",
     confused_with=("friction", "friction_law", "law_exponent"),
-    form_error=0.2,  # of slip as another code takes it, half-way to a wall (validation/checks/form_errors.py)
     separated_by="an indentation that shears the surface once it touches, or a lubricated ball",
     shapes=shapes,
     to_study=to_study,

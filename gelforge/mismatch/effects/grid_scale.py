@@ -15,7 +15,6 @@ EFFECT = Effect(
     signature="harder near all walls alike if larger; nothing in the middle",
     confused_with=("wall_stiffness", "lateral_play", "wall_gap", "yaw", "misregistration", "skin_stiffness"),
     separated_by="a dial gauge over the stage's range; images, which show where the ball presses",
-    form_error=0.2,  # at the wall, whose pull sets in within half a millimetre
     **solver("grid_scale", has("kinematics.grid_scale"))
     | {"across": half_an_element_far_out},
 )  # fmt: skip

@@ -16,7 +16,6 @@ EFFECT = Effect(
     signature="nothing at small depth, growing faster than the force at the deepest indentations",
     confused_with=("frame_compliance", "compressibility", "friction", "linear_elasticity", "small_strain"),
     separated_by="deeper indentations, a smaller ball (more stretch at less force), a material test to larger stretches",
-    form_error=0.3,  # of other laws that stiffen
     applies=has_none_of("material.exponent_factor", "material.linear_law"),
     **solver("law_exponent"),
 )  # fmt: skip

@@ -19,7 +19,6 @@ EFFECT = Effect(
     signature="near the walls harder on one side and softer on the other; nothing in the middle but a lateral force",
     confused_with=("thickness_gradient", "tilt", "yaw", "grid_scale", "cross_talk"),
     separated_by="indentations close to opposite walls; images, which show where the ball presses",
-    form_error=0.2,  # at the wall, whose pull sets in within half a millimetre
     **solver("misregistration")
     | {
         "to_study": pair_of(

@@ -48,7 +48,6 @@ EFFECT = Effect(
     confused_with=("contact_zero", "skin_stiffness"),
     separated_by="many small depths below 0.3 mm, before and after the surface is cleaned",
     shapes=lambda context: shapes(context.study),
-    form_error=0.4,  # of a film that is used up all over at once: it hardly differs from a late touch
     **solver("toe_region")
     | {"to_study": to_study, "to_forces": places.FirstOrderAt("toe_region", shapes)},
 )  # fmt: skip

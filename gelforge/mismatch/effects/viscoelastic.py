@@ -92,5 +92,4 @@ EFFECT = Effect(
     shapes=shapes,
     applies=lambda study: has_none_of("history.viscoelastic")(study) and study.mechanics.strain == "finite",
     history=True,
-    form_error=0.2,  # of a relaxation by a power of time
 )  # fmt: skip

@@ -15,7 +15,6 @@ EFFECT = Effect(
     signature="softer near the wall only, from small depths on",
     confused_with=("wall_stiffness", "delamination", "grid_scale"),
     separated_by="indentations at several distances from the wall; a look from the side under an oblique light",
-    form_error=0.3,  # of a strip of another width
     applies=lambda study: study.sensor.wall_mm > 0 and study.sensor.shape.kind == "block",
     **solver("wall_gap", has("geometry.wall_gap.loss"), limit=(0.0, 1.0)),
 )  # fmt: skip

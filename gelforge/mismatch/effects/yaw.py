@@ -24,7 +24,6 @@ EFFECT = Effect(
     signature="alternating sign around the walls, off the lines of symmetry only; nothing near the middle",
     confused_with=("misregistration", "grid_scale", "cross_talk"),
     separated_by="indentations close to the walls off the lines of symmetry; images",
-    form_error=0.2,  # at the wall, whose pull sets in within half a millimetre
     **solver("yaw", has("kinematics.yaw_deg"), directed=True)
     | {"turned": as_spin, "across": across},
 )  # fmt: skip

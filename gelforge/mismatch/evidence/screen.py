@@ -13,6 +13,9 @@ from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.model.effect import Shape
 
 SCALES = (1.0, 0.3, 0.1)  # of plausible values: what is left out is known to be small, not how small
+# By which the form of an effect differs from the truth's, shares of its change, equally likely before the readings. Of
+# different models of one physics (validation/checks/form_errors.py) most lie between; softening lies beyond.
+FORM_ERRORS = (0.1, 0.2, 0.3)
 FAR = -50.0  # standard deviations on the wrong side, from where phi / Phi is its asymptotic series to 1e-6
 
 
@@ -27,6 +30,9 @@ class Candidate:
     signs: np.ndarray  # (p,) 1, -1: the only physical sign; 0: both
     switch: bool = False  # the value is 1 or 0
     moved_from: Shape | None = None  # the shape that was tried, where a refit has moved its place
+    form_error: float = FORM_ERRORS[
+        1
+    ]  # one of FORM_ERRORS: that of most evidence, where readings have judged it
 
     @property
     def tried(self) -> Shape:

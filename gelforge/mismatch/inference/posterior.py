@@ -19,11 +19,11 @@ from scipy.special import logsumexp
 from gelforge.mismatch.evidence.alternatives import NOTHING, UNKNOWN, WORTH, log_prior, normalised
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.identifiability import ALIKE, cosines
-from gelforge.mismatch.evidence.screen import Screened, believing, judged_by
+from gelforge.mismatch.evidence.screen import Screened, judged_by
 from gelforge.mismatch.inference.linear import Linear, scales_of
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.unknown import Manner, Weighed, weighed_unknown
-from gelforge.mismatch.terms.weighing import FELT_SNR, those_felt, weighed
+from gelforge.mismatch.terms.weighing import FELT_SNR, those_felt, weighed, with_form_errors
 from gelforge.progress import Progress
 
 REACH = 12.0  # log weight behind the best, within which a set is judged with the errors of its change
@@ -231,8 +231,8 @@ def _believed(
     problem: Problem, number: np.ndarray, scale: np.ndarray, tables: list, known: int
 ) -> dict[Effects, Screened]:
     """Return the sets within REACH of the best, with images their parts too, judged with errors of their changes."""
-    residual, covariance = problem.residual, problem.covariance
-    r = covariance.whiten(residual)
+    covariance, every = problem.covariance, np.ones(len(problem.labels), bool)
+    r = covariance.whiten(problem.residual)
 
     def weight(one) -> float:
         return one[1] + log_prior(len(one[0]), max(known, len(one[0])))
@@ -255,6 +255,5 @@ def _believed(
             for k, c in zip(choice, candidates)
         )
         one = replace(judged_by(r, parts, [white[number[k]] for k in choice]), log_bayes_factor=average)
-        wider = problem.believing(parts, one.amounts).covariance
-        found[effects] = believing(one, residual, covariance, wider)
+        found[effects] = with_form_errors(problem, one, every)
     return found

@@ -101,9 +101,6 @@ class Effect:
     in_order: bool = (
         False  # an indentation leaves something to those after it: all are solved, one after the other
     )
-    form_error: float = (
-        0.0  # of its change: by which other models of the same physics differ, a standard deviation
-    )
     mesh_changes: bool = False  # its derivative is a difference of two solutions on its own mesh
     step: float = 1e-2  # of a plausible value, at which its derivative is taken
     across: Callable[[Study], float] | None = (

@@ -16,9 +16,7 @@ from gelforge.mismatch.model.effect import Effect
 from gelforge.mismatch.readings.observations import Observations
 
 # Of its change, and of the way to the next places: a defect lies up to half a spacing from the places that are tried.
-# Where a refit has found its place, its size and form may still be others.
 PLACE_ERROR = 0.5
-FORM_ERROR = 0.25
 # Of a change of the flow, which is the mean motion's on a coarser mesh: for one sensor the mesh puts it off by 4 to 5 %, the
 # search finds 0.94 to 1.02 of it by distance (benchmarks/flow_changes.py); for others it may be twice that.
 SEEN_ERROR = 0.2
@@ -130,12 +128,10 @@ class Problem:
 
         Not at all where errors are none.
         """
-        if not self.change_error:
+        if not self.change_error or self.effects[part.name].data_entry_error:
             return 0.0
-        least = max(self.change_error if self.solves(part) else 0.0, self.effects[part.name].form_error)
-        if "x_mm" not in part.shape:
-            return least
-        return max(least, PLACE_ERROR if part.moved_from is None else FORM_ERROR)
+        least = max(self.change_error if self.solves(part) else 0.0, part.form_error)
+        return max(least, PLACE_ERROR) if "x_mm" in part.shape and part.moved_from is None else least
 
     def solves(self, part: Candidate) -> bool:
         """Return whether an effect is solved by the finite elements."""

@@ -8,7 +8,14 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import logsumexp
 
-from gelforge.mismatch.evidence.screen import Candidate, Screened, believing, chance_of, screened
+from gelforge.mismatch.evidence.screen import (
+    FORM_ERRORS,
+    Candidate,
+    Screened,
+    believing,
+    chance_of,
+    screened,
+)
 from gelforge.mismatch.terms.problem import Problem
 
 NOTICED = 0.1  # standard deviations of a change's own error, below which it moves no evidence
@@ -41,10 +48,26 @@ def weighed(problem: Problem, mask: np.ndarray, candidates: Sequence[Candidate])
     again = []
     for judged in screened(residual, covariance, [candidate.restricted(mask) for candidate in candidates]):
         if max(map(problem.error_of, judged.parts)) * judged.snr > NOTICED:
-            wider = problem.believing(unmasked(problem, judged).parts, judged.amounts)
-            judged = believing(judged, residual, covariance, wider.covariance.restricted(mask))
+            judged = with_form_errors(problem, judged, mask)
         again.append(judged)
     return sorted(again, key=lambda judged: -judged.log_bayes_factor)
+
+
+def with_form_errors(problem: Problem, judged: Screened, mask: np.ndarray) -> Screened:
+    """Return a set judged by entries (n,) bool with the errors of its own change, at the best of FORM_ERRORS.
+
+    Its evidence is averaged over these. Judged without errors by the same entries, at its best shapes and scales.
+    """
+    residual, covariance = problem.residual[mask], problem.covariance.restricted(mask)
+    parts, found = unmasked(problem, judged).parts, []
+    for error in FORM_ERRORS:
+        wrong = [replace(part, form_error=error) for part in parts]
+        wider = problem.believing(wrong, judged.amounts).covariance.restricted(mask)
+        own = replace(judged, parts=tuple(replace(part, form_error=error) for part in judged.parts))
+        found.append(believing(own, residual, covariance, wider))
+    factors = [one.log_bayes_factor for one in found]
+    best = found[int(np.argmax(factors))]
+    return replace(best, log_bayes_factor=float(logsumexp(factors) - np.log(len(factors))))
 
 
 def unmasked(problem: Problem, judged: Screened) -> Screened:

@@ -1,0 +1,58 @@
+"""The coefficient of friction as a smooth function of the contact pressure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from gelforge.config import Study, study_from
+from gelforge.config.basis.variants import merged
+from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.evidence.screen import Candidate
+from gelforge.mismatch.model.context import Context
+from gelforge.mismatch.terms.friction_terms import REFERENCES, TERM, WIDTH, with_terms
+from gelforge.mismatch.terms.module import FreeForm, Module
+
+AT = (0.1, 0.3, 1.0, 3.0, 10.0)  # of the study's reference pressure: pressures of the map
+
+
+def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
+    """Return the change of the coefficient over the pressure; changes: by the exponent at each reference pressure."""
+    if len(changes) < len(REFERENCES) or "friction" not in context.derivatives:
+        return []
+    (excess,) = CATALOGUE["friction"].parameters
+    references = [float(one.shape["reference_pressure_MPa"]) for one in changes]
+    alike = excess.width * context.observations.flat(context.derivative("friction"))
+    pressures = context.study.mechanics.effects.contact.reference_pressure_MPa * np.array(AT)
+    mu = context.study.mechanics.friction
+    falls = -WIDTH * mu * np.log1p(pressures[:, None] / np.array(references))
+    basis = np.column_stack([np.full(len(AT), excess.width), falls])
+    return [
+        Module(
+            words="friction at other pressures",
+            directions=np.column_stack([alike, *(WIDTH * one.columns[:, 0] for one in changes)]),
+            name="friction",
+            says="the coefficient of friction depends on the contact pressure otherwise than in the study",
+            map=pd.DataFrame({"quantity": "coefficient of friction", "pressure_MPa": pressures}),
+            basis=basis,
+            unit="1",
+            of_labels=True,
+            where=lambda row: f"at {1e3 * row['pressure_MPa']:.3g} kPa",
+            form_of=("friction", "friction_law", "frictionless"),
+            to_study=lambda study, change: _with_friction(study, references, basis, change),
+        )
+    ]
+
+
+def _with_friction(study: Study, references: Sequence[float], basis: np.ndarray, change: np.ndarray) -> Study:
+    """Return the study with the coefficient and the exponents that make a map (G,), to first order."""
+    excess, *exponents = np.linalg.lstsq(basis, change, rcond=None)[0]  # exact: the map is made of them
+    width = CATALOGUE["friction"].parameters[0].width
+    mu = max(study.mechanics.friction + width * float(excess), 0.0)
+    study = study_from(merged(study.model_dump(mode="json"), {"mechanics": {"friction": mu}}))
+    return with_terms(study, {p: WIDTH * float(n) for p, n in zip(references, exponents)})
+
+
+FREE_FORM = FreeForm("friction", modules, derivatives=(TERM,))
