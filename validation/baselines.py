@@ -1,10 +1,12 @@
-"""What a laboratory would do instead: gain and offset, a Gaussian process on the residual, stepwise regression by BIC.
+"""What a laboratory would do instead: gain and offset, a Gaussian process on the residual, stepwise regression by BIC, and
+calibration of all effects at once beside a Gaussian process.
 
-They get more than the tool: the generator's own base forces, and stepwise regression its own linearised effects.
+They get more than the tool: the generator's own base forces, and the last two its own linearised effects.
 """
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +19,7 @@ from .draw import NEEDS, base_world
 from .kinds import KINDS
 from .library import Library
 from .recording import FORCE, Instrument, depth_errors, with_circumstances
-from .score import Judged, share_of_gain
+from .score import CONFIDENT, Judged, share_of_gain
 from .sensors import SMALL, Sensor
 from .world import held, zeroed
 
@@ -148,6 +150,65 @@ def stepwise_bic(table: Table, columns: dict[str, np.ndarray]) -> tuple[str, tup
     return "identified", tuple(((name,), 1.0) for name in chosen), after
 
 
+def kennedy_ohagan(table: Table, columns: dict[str, np.ndarray]) -> tuple[str, tuple, np.ndarray]:
+    """Return state, answer and forces of all effects calibrated at once beside a discrepancy (Kennedy & O'Hagan 2001).
+
+    Amounts have the prior N(0, 1) in units of plausible ones, the discrepancy is a Gaussian process over place and depth by
+    axis, with the length scales and size of most evidence, or none. All is linear and normal, so the posterior is exact. An
+    effect is in the answer with the probability of its amounts' credible region that just leaves 0 out.
+    """
+    names, on = list(columns), table.train
+    A = np.concatenate([columns[name] for name in names], axis=2)
+    processes = [None, *itertools.product((3.0, 8.0), (0.4, 1.2), (0.5, 1.0, 2.0, 4.0))]
+    parts = {process: _discrepancies(table, process) for process in processes}
+    evidence = {process: _calibrated(table, A, K, on)[0] for process, K in parts.items()}
+    best = max(evidence, key=evidence.__getitem__)
+    _, mean, spread, after = _calibrated(table, A, parts[best], on)
+    nothing = sum(
+        _log_density(np.diag(table.sigma[on, k] ** 2), (table.measured - table.base)[on, k]) for k in range(3)
+    )
+    owner, answer = np.repeat(range(len(names)), [columns[name].shape[2] for name in names]), []
+    for k, name in enumerate(names):
+        m, S = mean[owner == k], spread[np.ix_(owner == k, owner == k)]
+        answer.append(((name,), float(chi2.cdf(m @ np.linalg.solve(S, m), len(m)))))
+    sure = tuple(sorted((one for one in answer if one[1] >= CONFIDENT), key=lambda one: -one[1]))
+    if sure:
+        return "identified", sure, after
+    # evidence against the exact base: by chance at most so likely (Markov)
+    alarm = np.exp(-max(evidence[best] - np.log(len(processes)) - nothing, 0.0)) < ALARM_P
+    return ("unexplained" if alarm else "consistent"), (), after
+
+
+def _discrepancies(table: Table, process: tuple | None) -> list[np.ndarray]:
+    """Return by axis the covariance (R, R) [N^2] of a discrepancy with length, depth scale [mm] and size; none is zero."""
+    x = table.rows[["x_mm", "y_mm", "depth_mm"]].to_numpy()
+    if process is None:
+        return [np.zeros((len(x), len(x)))] * 3
+    length, deep, size = process
+    K = np.exp(-0.5 * _square_distance(x / [length, length, deep]))
+    return [(size * np.median(table.sigma[table.train, axis])) ** 2 * K for axis in range(3)]
+
+
+def _calibrated(table: Table, A: np.ndarray, K: list[np.ndarray], on: np.ndarray) -> tuple:
+    """Return log evidence, mean and covariance of the amounts, and the forces (R, 3) [N] that the chosen readings predict."""
+    p = A.shape[2]
+    H, b, fit, evidence = np.eye(p), np.zeros(p), [], 0.0
+    residual = table.measured - table.base
+    for axis in range(3):
+        C = K[axis][np.ix_(on, on)] + np.diag(table.sigma[on, axis] ** 2)
+        factor, J, r = cho_factor(C, lower=True), A[on, axis], residual[on, axis]
+        H, b = H + J.T @ cho_solve(factor, J), b + J.T @ cho_solve(factor, r)
+        evidence += _log_density(C, r)
+        fit.append((factor, J, r))
+    spread = np.linalg.inv(H)
+    mean = spread @ b
+    evidence += 0.5 * float(b @ mean) - 0.5 * float(np.linalg.slogdet(H)[1])
+    after = table.base + A @ mean
+    for axis, (factor, J, r) in enumerate(fit):
+        after[:, axis] += K[axis][:, on] @ cho_solve(factor, r - J @ mean)
+    return evidence, mean, spread, after
+
+
 SHAPES = {  # the directions and constants at which stepwise regression knows the effects
     "sign": [{"sign": 1.0}],
     "direction": [{"x": 1.0, "y": 0.0}, {"x": 0.0, "y": 1.0}],
@@ -211,10 +272,12 @@ def linearised(library: Library, table: Table, truth: dict) -> dict[str, np.ndar
 def judged_by_baselines(library: Library, case: Path, truth: dict) -> dict[str, Judged]:
     """Return what each baseline says of a case."""
     table = table_of(library, case, truth)
+    columns = linearised(library, table, truth)
     said = {
         "gain and offset": gain_and_offset(table),
         "Gaussian process": gaussian_process(table),
-        "stepwise BIC": stepwise_bic(table, linearised(library, table, truth)),
+        "stepwise BIC": stepwise_bic(table, columns),
+        "Kennedy-O'Hagan": kennedy_ohagan(table, columns),
     }
     return {name: _judged(truth, table, *answer) for name, answer in said.items()}
 
