@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -57,8 +58,9 @@ class Problem:
     with_map: Callable[[Sequence[Candidate], Sequence[np.ndarray], Any, np.ndarray], np.ndarray] | None = None
     flow: Any = None  # flow.FlowChannel where images are judged with the forces
 
-    @property
+    @cached_property
     def labels(self) -> pd.DataFrame:
+        """Return the labels of the n entries; not to be changed."""
         return self.observations.labels()
 
     @property
@@ -91,25 +93,28 @@ class Problem:
         share of the change: one for all depths and one that varies slowly with depth; in images, with the distance from the
         indenter. What has a place errs more, and towards the next places, until a refit has found it.
         """
-        labels = self.labels.assign(pressing=self.labels["axis"] == 2)
-        kind = labels.groupby([name for name in ("channel", "pressing") if name in labels]).ngroup()
         in_images = self.flow is not None and bool(self.change_error)
-        least = np.where(labels["channel"] == "flow", SEEN_ERROR, 0.0) if in_images else 0.0
-        c, s = slowly(labels["errs_over" if "errs_over" in labels else "depth_mm"].to_numpy(float))
-        shares = np.array([np.ones_like(c), c**2 - s**2, 2 * c * s]) / np.sqrt(2)  # their squares add up to 1
-        errors, at = [np.zeros((len(labels), 0))], 0
+        least = np.where(self.labels["channel"] == "flow", SEEN_ERROR, 0.0) if in_images else 0.0
+        errors, at = [np.zeros((len(self.labels), 0))], 0
         for part in parts:
             own = amounts[at : at + part.columns.shape[1]]
             at += len(own)
             change = np.maximum(self.error_of(part), least) * (part.columns @ own)
             if np.any(change):
-                errors += [
-                    np.where(kind == k, change * share, 0.0) for k in kind.unique() for share in shares
-                ]
+                errors.append(change[:, None] * self._errs)
                 errors += [
                     PLACE_ERROR * (other.columns - part.columns) @ own for other in self._next_to(part)
                 ]
         return np.column_stack(errors)
+
+    @cached_property
+    def _errs(self) -> np.ndarray:
+        """Return shares (n, k) by which a change errs: of each kind of entry three, whose squares add up to 1."""
+        labels = self.labels.assign(pressing=self.labels["axis"] == 2)
+        kind = labels.groupby([name for name in ("channel", "pressing") if name in labels]).ngroup()
+        c, s = slowly(labels["errs_over" if "errs_over" in labels else "depth_mm"].to_numpy(float))
+        shares = np.column_stack([np.ones_like(c), c**2 - s**2, 2 * c * s]) / np.sqrt(2)
+        return np.column_stack([np.where((kind == k).to_numpy()[:, None], shares, 0.0) for k in kind.unique()])
 
     def _next_to(self, part: Candidate) -> list[Candidate]:
         """Return the same effect's candidates at the places next to a part's; none where it has none, is found or exact."""
