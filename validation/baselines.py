@@ -190,7 +190,7 @@ def _discrepancies(table: Table, process: tuple | None) -> list[np.ndarray]:
 
 
 def _calibrated(table: Table, A: np.ndarray, K: list[np.ndarray], on: np.ndarray) -> tuple:
-    """Return log evidence, mean and covariance of the amounts, and the forces (R, 3) [N] that the chosen readings predict."""
+    """Return log evidence, mean and covariance of the amounts, and the forces (R, 3) [N] that chosen readings predict."""
     p = A.shape[2]
     H, b, fit, evidence = np.eye(p), np.zeros(p), [], 0.0
     residual = table.measured - table.base

@@ -85,6 +85,25 @@ def test_errors_of_a_change_are_half_common_and_half_of_readings_alike(case):
     assert_allclose(W @ wanted @ W.T, np.eye(len(C)), atol=1e-10)
 
 
+def test_what_is_made_of_a_covariance_that_errs_is_whitened_by_its_own(case):
+    """Steps that it has taken over from another covariance are not those of a further variance, or of fewer entries."""
+    covariance, C = case
+    rng = np.random.default_rng(2)
+    U, own = rng.normal(0, 0.05, (len(C), 2)), rng.uniform(0, 0.01, len(C))
+    alike, mask = covariance.levels[-2].group, rng.random(len(C)) < 0.6
+    wanted = C + 0.5 * (U @ U.T) * (1 + (alike[:, None] == alike))
+    wide = covariance.erring(U)
+    assert wide.taken
+    for one, dense in (
+        (wide.scattering(own), wanted + np.diag(own)),
+        (covariance.scattering(own).erring(U), wanted + np.diag(own)),
+        (wide.extended(U), wanted + U @ U.T),
+        (wide.restricted(mask), wanted[np.ix_(mask, mask)]),
+    ):
+        W = one.whiten(np.eye(len(dense)))
+        assert_allclose(W @ dense @ W.T, np.eye(len(dense)), atol=1e-9)
+
+
 def test_a_part_has_the_part_of_the_matrix(case):
     covariance, C = case
     mask = np.random.default_rng(1).random(len(C)) < 0.6

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
+
 from validation.baselines import Table, _calibrated, _discrepancies, kennedy_ohagan
 
 SIGMA = 0.01

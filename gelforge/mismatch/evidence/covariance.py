@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -47,6 +47,8 @@ class Covariance:
     variance: np.ndarray  # (n,) of what is independent from entry to entry
     levels: tuple[Draws, ...] = ()
     estimated: Estimated | None = None  # None: the variance is known
+    # Steps of whitening by the first levels, where another covariance has them too; `replace` takes none over.
+    taken: tuple[_Step, ...] = field(default=(), init=False)
 
     def __post_init__(self):
         bad = ~(np.isfinite(self.variance) & (self.variance > 0))
@@ -80,7 +82,11 @@ class Covariance:
 
     def log_density(self, r: np.ndarray) -> float:
         """Return the logarithm of the normal density N(r; 0, C) of r (n,)."""
-        return float(-0.5 * (np.sum(self.whiten(r) ** 2) + self.log_det + len(self) * np.log(2 * np.pi)))
+        return self.log_density_of_white(self.whiten(r))
+
+    def log_density_of_white(self, white: np.ndarray) -> float:
+        """Return the same of what is whitened already, W r (n,)."""
+        return float(-0.5 * (np.sum(white**2) + self.log_det + len(self) * np.log(2 * np.pi)))
 
     @property
     def standard_deviation(self) -> np.ndarray:
@@ -94,6 +100,8 @@ class Covariance:
 
     def restricted(self, mask: np.ndarray) -> Covariance:
         """Return the covariance of some entries, by a mask (n,) bool or by numbers."""
+        if mask.dtype == bool and mask.all():
+            return self
         return Covariance(
             self.variance[mask],
             tuple(
@@ -108,16 +116,21 @@ class Covariance:
         every = np.zeros(len(self), dtype=int)
         return replace(self, levels=(*self.levels, Draws(every, directions)))
 
-    def erring(self, directions: np.ndarray, variance: np.ndarray | float = 0.0) -> Covariance:
+    def erring(self, directions: np.ndarray) -> Covariance:
         """Return C with errors along directions (n, q) of a standard deviation each, as a mesh errs.
 
         Half of their variance is common to all, half is drawn for each group of the level before the last: readings alike.
-        variance: (n,) of what errs at each entry on its own.
         """
         *finer, alike, common = self.levels
         half = directions / np.sqrt(2)
         wider = [Draws(level.group, np.column_stack([level.directions, half])) for level in (alike, common)]
-        return replace(self, variance=self.variance + variance, levels=(*finer, *wider))
+        found = replace(self, levels=(*finer, *wider))
+        object.__setattr__(found, "taken", tuple(self._steps[: len(finer)]))
+        return found
+
+    def scattering(self, variance: np.ndarray) -> Covariance:
+        """Return C with a further variance (n,) of what errs at each entry on its own."""
+        return replace(self, variance=self.variance + variance)
 
     def errors(self, directions: np.ndarray) -> np.ndarray:
         """Return the columns (n, k) of these errors, one standard normal draw each: `erring` adds their products to C."""
@@ -138,8 +151,8 @@ class Covariance:
 
     @cached_property
     def _steps(self) -> list[_Step]:
-        steps: list[_Step] = []
-        for level in self.levels:
+        steps = list(self.taken)
+        for level in self.levels[len(steps) :]:
             V = level.directions / self._sd[:, None]
             for step in steps:
                 V = step(V)

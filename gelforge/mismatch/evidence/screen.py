@@ -113,11 +113,11 @@ def believing(judged: Screened, residual: np.ndarray, covariance: Covariance, wi
 
     At its best shape and scale; the others are taken to follow.
     """
-    given = covariance.log_density(residual)
-    again = judged_by(
-        wider.whiten(residual), judged.parts, [wider.whiten(part.columns) for part in judged.parts]
-    )
-    more = again.log_bayes_factor + wider.log_density(residual) - given - judged.best_log_bayes_factor
+    ends = np.cumsum([1, *(part.columns.shape[1] for part in judged.parts)])
+    white = wider.whiten(np.column_stack([residual, *(part.columns for part in judged.parts)]))
+    again = judged_by(white[:, 0], judged.parts, [white[:, a:b] for a, b in zip(ends, ends[1:])])
+    density = wider.log_density_of_white(white[:, 0])
+    more = again.log_bayes_factor + density - covariance.log_density(residual) - judged.best_log_bayes_factor
     return replace(
         again,
         log_bayes_factor=judged.log_bayes_factor + more,

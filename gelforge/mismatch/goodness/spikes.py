@@ -81,7 +81,7 @@ def _with_room(problem: Problem) -> Covariance:
     """Return the covariance with room for whatever is not a single reading's."""
     rounding = problem.observations.flat(problem.observations.rounding_N)
     # a reading that falls into the next step is no spike: as if each were rounded by itself, too
-    covariance = replace(problem.covariance, variance=problem.covariance.variance + rounding**2)
+    covariance = problem.covariance.scattering(rounding**2)
     manners = manners_of(problem)
     manners.sort(key=lambda manner: manner.each is None)  # those of each indentation before what all share
     for manner in manners:

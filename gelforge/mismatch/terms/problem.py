@@ -75,16 +75,20 @@ class Problem:
 
     def believing(self, parts: Sequence[Candidate], amounts: np.ndarray) -> Problem:
         """Return the problem with the errors of effects' own change at amounts (p,) in its covariance."""
-        errors = self.errors_of(parts, amounts)
-        if not errors.size:
-            return self
-        scattered = 0.0 if self.flow is None else self._scattered(parts, amounts)
-        return replace(self, covariance=self.covariance.erring(errors, scattered))
+        return self.scattering(parts, amounts).erring(parts, amounts)
 
-    def _scattered(self, parts: Sequence[Candidate], amounts: np.ndarray) -> np.ndarray:
-        """Return the variance (n,) by which a change by effects at amounts (p,) errs at each entry of the flow."""
+    def scattering(self, parts: Sequence[Candidate], amounts: np.ndarray) -> Problem:
+        """Return the problem with what changes by effects at amounts (p,) err at each entry of the flow on its own."""
+        if self.flow is None or not any(map(self.error_of, parts)):
+            return self
         change = np.column_stack([part.columns for part in parts]) @ amounts
-        return np.where(self.labels["channel"] == "flow", SCATTERED * change, 0.0) ** 2
+        own = np.where(self.labels["channel"] == "flow", SCATTERED * change, 0.0) ** 2
+        return replace(self, covariance=self.covariance.scattering(own))
+
+    def erring(self, parts: Sequence[Candidate], amounts: np.ndarray) -> Problem:
+        """Return the problem with the errors that entries share of changes by effects at amounts (p,)."""
+        errors = self.errors_of(parts, amounts)
+        return replace(self, covariance=self.covariance.erring(errors)) if errors.size else self
 
     def errors_of(self, parts: Sequence[Candidate], amounts: np.ndarray) -> np.ndarray:
         """Return the directions (n, q) in which a change by effects at amounts (p,) errs, a standard deviation each.
@@ -114,7 +118,9 @@ class Problem:
         kind = labels.groupby([name for name in ("channel", "pressing") if name in labels]).ngroup()
         c, s = slowly(labels["errs_over" if "errs_over" in labels else "depth_mm"].to_numpy(float))
         shares = np.column_stack([np.ones_like(c), c**2 - s**2, 2 * c * s]) / np.sqrt(2)
-        return np.column_stack([np.where((kind == k).to_numpy()[:, None], shares, 0.0) for k in kind.unique()])
+        return np.column_stack(
+            [np.where((kind == k).to_numpy()[:, None], shares, 0.0) for k in kind.unique()]
+        )
 
     def _next_to(self, part: Candidate) -> list[Candidate]:
         """Return the same effect's candidates at the places next to a part's; none where it has none, is found or exact."""

@@ -60,9 +60,10 @@ def with_form_errors(problem: Problem, judged: Screened, mask: np.ndarray) -> Sc
     """
     residual, covariance = problem.residual[mask], problem.covariance.restricted(mask)
     parts, found = unmasked(problem, judged).parts, []
+    scattering = problem.scattering(parts, judged.amounts)  # whatever the errors of form
     for error in FORM_ERRORS:
         wrong = [replace(part, form_error=error) for part in parts]
-        wider = problem.believing(wrong, judged.amounts).covariance.restricted(mask)
+        wider = scattering.erring(wrong, judged.amounts).covariance.restricted(mask)
         own = replace(judged, parts=tuple(replace(part, form_error=error) for part in judged.parts))
         found.append(believing(own, residual, covariance, wider))
     factors = [one.log_bayes_factor for one in found]
