@@ -35,7 +35,10 @@ ORDER = (
     "eighteenth",
     "nineteenth",
 )
-LINEAR = ("twentieth", "twentyfirst")  # by today's judge, one linear pass over all effects and pairs
+# By one linear pass over all effects and pairs: with errors of form by effect, and (today) with one prior for all.
+BY_EFFECT = ("twentieth", "twentyfirst")
+TODAY = ("twentysecond", "twentythird")
+LINEAR = (*BY_EFFECT, *TODAY)
 # What is added up: judges of one kind. From the fifteenth set on known effects share odds by a tempering exponent of 0.4;
 # from the sixteenth on amounts follow all readings.
 POOLS = {"12 to 19": ORDER, "15 to 19": ORDER[3:], "16 to 19": ORDER[4:]}
@@ -198,7 +201,6 @@ def report(archives: Path = ARCHIVES, truths: dict[str, dict[str, dict]] | None 
     there = [name for name in (*ORDER, *LINEAR) if name in truths and (archives / f"{name}.tar.xz").is_file()]
     by_set = {name: archived(archives / f"{name}.tar.xz", truths[name]) for name in there}
     pools = {words: _together(by_set, names) for words, names in POOLS.items()}
-    today = {name: by_set[name] for name in LINEAR if name in by_set}
     former = {name: cases for name, cases in by_set.items() if name in ORDER}
     missing = [name for name in (*ORDER, *LINEAR) if name not in by_set]
     left_out = (
@@ -206,11 +208,15 @@ def report(archives: Path = ARCHIVES, truths: dict[str, dict[str, dict]] | None 
         if missing
         else ""
     )
-    both = _together(by_set, LINEAR)
+    linear = {
+        words: {"both": _together(by_set, names)} | {name: by_set[name] for name in names if name in by_set}
+        for words, names in (("errors of form by effect", BY_EFFECT), ("one prior for all", TODAY))
+    }
+    every = _together(by_set, LINEAR)
     return (
         f"{left_out}Former judges, sets pooled\n\n{table(pools)}\n\n"
-        f"Today's judge\n\n{table({'both': both, **today})}\n\n"
-        f"Today's judge, strong single effects\n\n{forms(both, truths)}\n\n"
+        + "".join(f"Linear judge, {words}\n\n{table(lots)}\n\n" for words, lots in linear.items())
+        + f"Linear judge, strong single effects of all its sets\n\n{forms(every, truths)}\n\n"
         f"Former judges, set by set\n\n{table(former)}\n"
     )
 

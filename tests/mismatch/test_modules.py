@@ -312,6 +312,19 @@ def test_a_study_has_the_friction_that_makes_the_map():
     again = own.to_study(study, own.basis @ small).mechanics.effects.contact.pressure_terms
     assert len(again) == 6
     assert own.to_study(context.study, 0 * p) == context.study
+    # what no study can have stays on its bounds, and the patch is written
+    much = own.to_study(context.study, own.basis @ [50.0, 20.0, -20.0, 1.0]).mechanics
+    assert much.friction == 2.0
+    assert [one.exponent for one in much.effects.contact.pressure_terms] == pytest.approx([0.99, -0.99, 0.2])
+
+
+def test_a_map_of_friction_is_about_the_study_s_own():
+    falls = {"effects": {"contact": {"pressure_exponent": 0.5}}}
+    context = replace(artificial.context(3, per_side=3), study=specimens.study(**falls))
+    own = next(one for one in modules_of(context, friction_changes(context)) if one.name == "friction")
+    p = own.map["pressure_MPa"].to_numpy()
+    (excess,) = artificial.CATALOGUE["friction"].widths
+    assert own.basis[:, 0] == pytest.approx(excess * (1 + p / 0.01) ** -0.5)
 
 
 def test_a_base_without_friction_has_none_of_another_pressure():

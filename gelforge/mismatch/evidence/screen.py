@@ -30,9 +30,7 @@ class Candidate:
     signs: np.ndarray  # (p,) 1, -1: the only physical sign; 0: both
     switch: bool = False  # the value is 1 or 0
     moved_from: Shape | None = None  # the shape that was tried, where a refit has moved its place
-    form_error: float = FORM_ERRORS[
-        1
-    ]  # one of FORM_ERRORS: that of most evidence, where readings have judged it
+    form_error: float = FORM_ERRORS[1]  # where readings have judged it that of most evidence
 
     @property
     def tried(self) -> Shape:

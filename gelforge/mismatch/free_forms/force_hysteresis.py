@@ -20,10 +20,9 @@ from gelforge.mismatch.terms.module import AXES, FreeForm, Module, blocks
 BANDS = (0.25, 1.0, 4.0)  # of a plausible hysteresis, half a band's share of the largest force
 OF_PEAK = (1.0, 2.0)  # powers of the largest force so far over the largest of all
 OF_RETURN = (0.5, 1.0, 2.0)  # powers of the share of it that is gone
-PEAKS, LEFT = (
-    (0.25, 0.5, 1.0),
-    (0.25, 0.5, 0.75),
-)  # of the map: the largest force so far, and what is left of it
+COUNT = len(BANDS) + len(OF_PEAK) * len(OF_RETURN)
+# Of the map: the largest force so far, and what is left of it.
+PEAKS, LEFT = (0.25, 0.5, 1.0), (0.25, 0.5, 0.75)
 
 
 def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
@@ -34,7 +33,7 @@ def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
     openings, flat = _openings(context, width), context.observations.flat
     directions = [
         flat(np.where(np.arange(3)[:, None] == k, openings, 0.0)) for k in range(3)
-    ]  # each (n, q): those of one axis
+    ]  # by axis (n, q)
     peak, left = (grid.ravel() for grid in np.meshgrid(PEAKS, LEFT, indexing="ij"))
     own = _of_map(peak, left, width)
     at = pd.DataFrame({"largest_force_share": peak, "left_share": left})
@@ -56,10 +55,6 @@ def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
     ]
 
 
-def _count() -> int:
-    return len(BANDS) + len(OF_PEAK) * len(OF_RETURN)
-
-
 def _openings(context: Context, width: float) -> np.ndarray:
     """Return changes (R, 3, q) [N] of the readings by each band and opening, a standard deviation of width together."""
     force = context.force
@@ -69,7 +64,7 @@ def _openings(context: Context, width: float) -> np.ndarray:
     gone = 1 - np.clip(np.divide(force, peak, out=np.ones_like(force), where=peak != 0), 0.0, 1.0)
     bands = [play(context, force, np.full(3, width * band)) for band in BANDS]
     powers = [width * np.sign(peak) * largest * share**a * gone**b for a in OF_PEAK for b in OF_RETURN]
-    return np.stack([*bands, *powers], axis=-1) / np.sqrt(_count())
+    return np.stack([*bands, *powers], axis=-1) / np.sqrt(COUNT)
 
 
 def _of_map(peak: np.ndarray, left: np.ndarray, width: float) -> np.ndarray:
@@ -78,7 +73,7 @@ def _of_map(peak: np.ndarray, left: np.ndarray, width: float) -> np.ndarray:
     for half in (width * band for band in BANDS):
         found.append(np.minimum(force + half, peak - half) - np.maximum(force - half, 0.0))
     found += [width * peak**a * (1 - left) ** b for a in OF_PEAK for b in OF_RETURN]
-    return np.column_stack(found) / np.sqrt(_count())
+    return np.column_stack(found) / np.sqrt(COUNT)
 
 
 FREE_FORM = FreeForm("force_hysteresis", modules)

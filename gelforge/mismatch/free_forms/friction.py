@@ -15,6 +15,7 @@ from gelforge.mismatch.model.context import Context
 from gelforge.mismatch.terms.friction_terms import REFERENCES, TERM, WIDTH, with_terms
 from gelforge.mismatch.terms.module import FreeForm, Module
 
+MOST = 2.0  # coefficient of friction that a study can have
 AT = (0.1, 0.3, 1.0, 3.0, 10.0)  # of the study's reference pressure: pressures of the map
 
 
@@ -26,9 +27,9 @@ def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
     references = [float(one.shape["reference_pressure_MPa"]) for one in changes]
     alike = excess.width * context.observations.flat(context.derivative("friction"))
     pressures = context.study.mechanics.effects.contact.reference_pressure_MPa * np.array(AT)
-    mu = context.study.mechanics.friction
-    falls = -WIDTH * mu * np.log1p(pressures[:, None] / np.array(references))
-    basis = np.column_stack([np.full(len(AT), excess.width), falls])
+    own = _share(context.study, pressures)
+    falls = -WIDTH * context.study.mechanics.friction * np.log1p(pressures[:, None] / np.array(references))
+    basis = own[:, None] * np.column_stack([np.full(len(AT), excess.width), falls])
     return [
         Module(
             words="friction at other pressures",
@@ -46,13 +47,22 @@ def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
     ]
 
 
+def _share(study: Study, pressures: np.ndarray) -> np.ndarray:
+    """Return the coefficient (G,) at pressures (G,) [MPa] over mechanics.friction, as the study has it."""
+    contact = study.mechanics.effects.contact
+    terms = [(contact.pressure_exponent, contact.reference_pressure_MPa)]
+    terms += [(term.exponent, term.reference_pressure_MPa) for term in contact.pressure_terms]
+    return np.prod([(1 + pressures / p) ** -n for n, p in terms], axis=0)
+
+
 def _with_friction(study: Study, references: Sequence[float], basis: np.ndarray, change: np.ndarray) -> Study:
-    """Return the study with the coefficient and the exponents that make a map (G,), to first order."""
+    """Return the study with the coefficient and the exponents that make a map (G,), to first order, in a study's bounds."""
     excess, *exponents = np.linalg.lstsq(basis, change, rcond=None)[0]  # exact: the map is made of them
     width = CATALOGUE["friction"].parameters[0].width
-    mu = max(study.mechanics.friction + width * float(excess), 0.0)
+    mu = float(np.clip(study.mechanics.friction + width * excess, 0.0, MOST))
     study = study_from(merged(study.model_dump(mode="json"), {"mechanics": {"friction": mu}}))
-    return with_terms(study, {p: WIDTH * float(n) for p, n in zip(references, exponents)})
+    (most,) = TERM.parameters[0].bounds[1:]
+    return with_terms(study, {p: np.clip(WIDTH * n, -most, most) for p, n in zip(references, exponents)})
 
 
 FREE_FORM = FreeForm("friction", modules, derivatives=(TERM,))
