@@ -19,7 +19,7 @@ from gelforge.mismatch.effects.mullins import Energies, histories
 from gelforge.mismatch.evidence.alternatives import UNKNOWN
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.free_forms import modules_of
-from gelforge.mismatch.free_forms.force_hysteresis import BANDS, _of_map
+from gelforge.mismatch.free_forms.force_hysteresis import BANDS, COUNT, _of_map
 from gelforge.mismatch.inference.discrepancy import modelled, through_solutions
 from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.inference.posterior import Posterior
@@ -370,6 +370,21 @@ def test_openings_on_the_map_are_those_of_the_readings():
     loading = flat((table["phase"] == "load").to_numpy()[:, None] * np.ones((1, 3))).astype(bool)
     powers = np.concatenate([k * q + np.arange(len(BANDS), q) for k in range(3)])
     assert np.abs(own.directions[loading][:, powers]).max() < 1e-9 * np.abs(own.directions[:, powers]).max()
+
+
+@pytest.mark.parametrize("peak", [0.25, 1.0])
+@pytest.mark.parametrize("left", [0.25, 0.75])
+def test_bands_on_the_map_open_as_a_reading_that_stays_within_a_band(peak, left):
+    """Also where the band is so wide that it is not crossed before the force is read again."""
+    width = 0.04  # bands of a hundredth to a third of the largest force
+    found = _of_map(np.array([peak]), np.array([left]), width)[0, : len(BANDS)] * np.sqrt(COUNT)
+    up = np.linspace(0, peak, 2001)
+    for k, half in enumerate(width * np.array(BANDS)):
+        shown, path = [0.0], np.r_[up, up[::-1]]
+        for force in path[1:]:
+            shown.append(float(np.clip(shown[-1], force - half, force + half)))
+        at = np.flatnonzero(np.isclose(path, left * peak, atol=1e-9))
+        assert found[k] == pytest.approx(shown[at[-1]] - shown[at[0]], abs=1e-9)
 
 
 def test_without_unloading_no_lag_can_show():

@@ -147,7 +147,7 @@ COARSE = specimens.Sizes(near=2.0, near_radius=2.5, growth=0.3, far=2.0)
     "settings",
     [
         {"film_thickness": 0.3, "film_pressure": 0.1},
-        {"friction_exponents": (0.3, -0.2), "friction_pressures": (0.01, 0.03)},
+        {"friction_exponents": (0.3, 0.2), "friction_pressures": (0.01, 0.03)},
         {"adhesion_work": 2e-4, "adhesion_approach": 2e-4, "adhesion_range": 0.2},
     ],
     ids=["film", "friction that falls with the pressure", "adhesion"],
