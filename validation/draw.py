@@ -32,6 +32,8 @@ CONTENTS = ("null", "single", "pair", "outside")
 # Kinds that move a press sideways: nothing of them is felt where all places are alike.
 NEEDS_PLACES = ("pressed elsewhere", "turned grid", "stretched grid", "backlash")
 NEEDS_UNLOADING = ("jkr",)  # adhesion is felt as the ball leaves
+# Made as a frictionless ball pushes, along the surface's normal; where it sticks the sideways force is another one.
+NEEDS_NO_FRICTION = ("wedge", "turned body")
 # What a needed finite-element solution is called, of kinds that need one
 NEEDS = {
     "gel moduli": ["gel stiffer", "gel softer"], "skin moduli": ["gel stiffer", "gel softer"],
@@ -253,6 +255,7 @@ def _kinds(libraries: Mapping[str, Library], content: str, rng, form: str | None
 def known_on(libraries: Mapping[str, Library], base: str) -> list[str]:
     """Return the kinds that can be hidden on a base: their solutions are all there, and the readings change with them."""
     library = libraries[BASES[base].sensor]
+    rubs = library.sensor.plain.friction > 0 or any(name == "friction" for name, _ in BASES[base].changes)
     solved = set(library.changes) | {name for name, _ in library.defects}
     return [
         form
@@ -261,6 +264,7 @@ def known_on(libraries: Mapping[str, Library], base: str) -> list[str]:
         and all(name in solved for name in NEEDS.get(form, []))
         and not (library.sensor.alike and form in NEEDS_PLACES)
         and (library.sensor.plan.unloading or form not in NEEDS_UNLOADING)
+        and not (rubs and form in NEEDS_NO_FRICTION)
     ]
 
 

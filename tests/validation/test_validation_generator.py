@@ -331,3 +331,10 @@ def test_adhesion_on_a_half_space_is_johnson_kendall_and_roberts():
     assert_allclose(pull[:3, 2], expected, rtol=0.02)  # differences over 0.02 mm
     assert_allclose(expected[2], np.pi * RADIUS * w, rtol=0.1)  # to first order
     assert not pull[3].any() and not pull[:, :2].any()
+
+
+def test_a_slope_under_a_ball_that_sticks_is_not_made_as_without_friction(library):
+    """Of a frictionless ball the force stands on the slope; of one that sticks it hardly turns."""
+    libraries = {"small": library}
+    assert {"wedge", "turned body"} <= set(draw.known_on(libraries, "concealed"))
+    assert not {"wedge", "turned body"} & set(draw.known_on(libraries, "rough"))
