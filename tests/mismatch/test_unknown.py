@@ -99,7 +99,8 @@ def test_an_effect_that_is_right_is_likelier_than_something_unknown_and_leaves_i
     right = next(one for one in weighed(problem, every, problem.candidates) if one.name == name)
     assert weighed_unknown(problem, manners).log_bayes_factor < right.log_bayes_factor - 2
     left = problem.residual - right.change
-    assert weighed_unknown(problem, manners, right.parts, right.amounts, left).log_bayes_factor < -1
+    # causes that these readings hardly show neither gain nor lose, and are among those that are averaged
+    assert weighed_unknown(problem, manners, right.parts, right.amounts, left).log_bayes_factor < -0.5
 
 
 def test_effects_that_only_happen_to_fit_are_less_likely_than_something_unknown():

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
+pytest.importorskip("felupe", reason="FElupe is not installed: pip install -e .[verification]")
 from validation.baselines import Table, _calibrated, _discrepancies, kennedy_ohagan
 
 SIGMA = 0.01
