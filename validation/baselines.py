@@ -24,6 +24,8 @@ from .sensors import SMALL, Sensor
 from .world import held, zeroed
 
 ALARM_P = 0.025
+# Length over the plane and over depth [mm], size over the readings' median standard deviation, of Gaussian processes.
+PROCESSES = tuple(itertools.product((3.0, 8.0), (0.4, 1.2), (0.5, 1.0, 2.0, 4.0)))
 STEPS = 3  # effects that stepwise regression takes at most
 
 
@@ -104,19 +106,16 @@ def gain_and_offset(table: Table) -> tuple[str, tuple, np.ndarray]:
 def gaussian_process(table: Table) -> tuple[str, tuple, np.ndarray]:
     """Return state, answer (it can name nothing) and forces of a Gaussian process over place and depth, per axis."""
     after, gain = table.base.copy(), 0.0
-    x = table.rows[["x_mm", "y_mm", "depth_mm"]].to_numpy()
+    discrepancies = [_discrepancies(table, process) for process in PROCESSES]
     for axis in range(3):
         r, s = (table.measured - table.base)[:, axis], table.sigma[:, axis]
         on = np.flatnonzero(table.train)
         best = (_log_density(np.diag(s[on] ** 2), r[on]), None)
-        for length in (3.0, 8.0):
-            for deep in (0.4, 1.2):
-                K = np.exp(-0.5 * _square_distance(x / [length, length, deep]))
-                for scale in (0.5, 1.0, 2.0, 4.0):
-                    covariance = (scale * np.median(s[on])) ** 2 * K
-                    here = _log_density(covariance[np.ix_(on, on)] + np.diag(s[on] ** 2), r[on])
-                    if here > best[0] + 1e-9:
-                        best = (here, covariance)
+        for by_axis in discrepancies:
+            covariance = by_axis[axis]
+            here = _log_density(covariance[np.ix_(on, on)] + np.diag(s[on] ** 2), r[on])
+            if here > best[0] + 1e-9:
+                best = (here, covariance)
         gain += best[0] - _log_density(np.diag(s[on] ** 2), r[on])
         if best[1] is not None:
             weights = np.linalg.solve(best[1][np.ix_(on, on)] + np.diag(s[on] ** 2), r[on])
@@ -159,8 +158,7 @@ def kennedy_ohagan(table: Table, columns: dict[str, np.ndarray]) -> tuple[str, t
     """
     names, on = list(columns), table.train
     A = np.concatenate([columns[name] for name in names], axis=2)
-    processes = [None, *itertools.product((3.0, 8.0), (0.4, 1.2), (0.5, 1.0, 2.0, 4.0))]
-    parts = {process: _discrepancies(table, process) for process in processes}
+    parts = {process: _discrepancies(table, process) for process in (None, *PROCESSES)}
     evidence = {process: _calibrated(table, A, K, on)[0] for process, K in parts.items()}
     best = max(evidence, key=evidence.__getitem__)
     _, mean, spread, after = _calibrated(table, A, parts[best], on)
@@ -175,7 +173,7 @@ def kennedy_ohagan(table: Table, columns: dict[str, np.ndarray]) -> tuple[str, t
     if sure:
         return "identified", sure, after
     # evidence against the exact base: by chance at most so likely (Markov)
-    alarm = np.exp(-max(evidence[best] - np.log(len(processes)) - nothing, 0.0)) < ALARM_P
+    alarm = np.exp(-max(evidence[best] - np.log(len(parts)) - nothing, 0.0)) < ALARM_P
     return ("unexplained" if alarm else "consistent"), (), after
 
 

@@ -14,12 +14,10 @@ from test_findings import verdict
 
 from gelforge.csv_table import read_csv
 from gelforge.mechanics.solving.equilibrium import NotConverged
-from gelforge.mismatch.effects.force_hysteresis import largest_so_far
 from gelforge.mismatch.effects.mullins import Energies, histories
 from gelforge.mismatch.evidence.alternatives import UNKNOWN
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.free_forms import modules_of
-from gelforge.mismatch.free_forms.force_hysteresis import BANDS, COUNT, _of_map
 from gelforge.mismatch.inference.discrepancy import modelled, through_solutions
 from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.inference.posterior import Posterior
@@ -27,7 +25,6 @@ from gelforge.mismatch.pipeline.patch import patch_of
 from gelforge.mismatch.result.verdict import VERDICT, Verdict, read_verdict, write_verdict
 from gelforge.mismatch.result.verdict_tables import MODULE, write_module
 from gelforge.mismatch.summary.model_section import correction_table
-from gelforge.mismatch.terms import friction_terms
 from gelforge.mismatch.terms.body_map import BOX, WIDTH, boxes
 from gelforge.mismatch.terms.energy_terms import TERM
 from gelforge.mismatch.terms.holdout import split
@@ -275,123 +272,6 @@ def test_a_study_has_the_terms_of_the_energy_that_make_the_map():
     assert [correction["skin"].c2, correction["skin"].c3] == pytest.approx(expected[2:])
     gel = (own.map["quantity"] == "gel's dW/dI1").to_numpy() & (own.map["I1_less_3"] == 0.5).to_numpy()
     assert (own.basis @ amounts)[gel] == pytest.approx(TERM.widths[0] * (0.4 * 2 * 0.5 - 0.2 * 3 * 0.25))
-
-
-def friction_changes(context):
-    """Return the changes by the exponents at each reference pressure, as the solver would give them."""
-    law = context.observations.flat(context.derivative("friction_law"))
-    own = friction_terms.TERM
-    return [
-        Candidate(own.name, shape, (1.0 + k) * law[:, None] ** (1 + 2 * k), own.widths, np.zeros(1, int))
-        for k, shape in enumerate(own.shapes(context))
-    ]
-
-
-def test_a_study_has_the_friction_that_makes_the_map():
-    context = replace(artificial.context(3, per_side=3), study=specimens.study())
-    own = next(one for one in modules_of(context, friction_changes(context)) if one.name == "friction")
-    amounts = np.array([0.3, 0.4, -0.2, 0.1])
-    study, before = own.to_study(context.study, own.basis @ amounts), context.study.mechanics
-    terms = study.mechanics.effects.contact.pressure_terms
-    assert [term.exponent for term in terms] == pytest.approx(friction_terms.WIDTH * amounts[1:])
-    assert [term.reference_pressure_MPa for term in terms] == pytest.approx([1e-3, 1e-2, 1e-1])
-    (excess,) = artificial.CATALOGUE["friction"].widths
-    assert study.mechanics.friction == pytest.approx(before.friction + 0.3 * excess)
-    # the map is the coefficient's own change, where it is small
-    small = 1e-4 * amounts
-    study, p = own.to_study(context.study, own.basis @ small), own.map["pressure_MPa"].to_numpy()
-    mu = study.mechanics.friction * np.prod(
-        [
-            (1 + p / one.reference_pressure_MPa) ** -one.exponent
-            for one in study.mechanics.effects.contact.pressure_terms
-        ],
-        axis=0,
-    )
-    assert mu - before.friction == pytest.approx(own.basis @ small, rel=2e-3)
-    # more of it comes beside what the study has
-    again = own.to_study(study, own.basis @ small).mechanics.effects.contact.pressure_terms
-    assert len(again) == 6
-    assert own.to_study(context.study, 0 * p) == context.study
-    # what no study can have stays on its bounds, and the patch is written
-    much = own.to_study(context.study, own.basis @ [50.0, 20.0, -20.0, 1.0]).mechanics
-    assert much.friction == 2.0
-    assert [one.exponent for one in much.effects.contact.pressure_terms] == pytest.approx([0.99, -0.99, 0.2])
-
-
-def test_a_map_of_friction_is_about_the_study_s_own():
-    falls = {"effects": {"contact": {"pressure_exponent": 0.5}}}
-    context = replace(artificial.context(3, per_side=3), study=specimens.study(**falls))
-    own = next(one for one in modules_of(context, friction_changes(context)) if one.name == "friction")
-    p = own.map["pressure_MPa"].to_numpy()
-    (excess,) = artificial.CATALOGUE["friction"].widths
-    assert own.basis[:, 0] == pytest.approx(excess * (1 + p / 0.01) ** -0.5)
-
-
-def test_a_base_without_friction_has_none_of_another_pressure():
-    context = replace(artificial.context(3, per_side=3), study=specimens.study(friction=0.0))
-    assert not friction_terms.TERM.applies(context.study)
-    assert "friction" not in {one.name for one in modules_of(context, ())}
-
-
-def lagging(base, size=0.06):
-    """Return the forces as read along z by a sensor whose loop opens late: with the third power of what is gone."""
-    peak = largest_so_far(base, base.force)
-    gone = np.clip(1 - np.divide(base.force, peak, out=np.ones_like(peak), where=peak != 0), 0.0, 1.0)
-    return base.force + size * peak * gone**3 * (np.arange(3) == 2)
-
-
-def test_a_force_sensor_that_lags_in_another_form_lags():
-    hidden = problem(lagging)
-    found = judge(hidden, SETTINGS, seed=1)
-    assert found.state == "form_free" and found.model.module.name == "force_hysteresis"
-    assert found.posterior.holding(["force_hysteresis"]) > 0.9
-
-
-def test_openings_on_the_map_are_those_of_the_readings():
-    """A press to the largest force and back to a half, read by bands and openings, is what the map says of it."""
-    base = artificial.context(3, per_side=3)
-    own = module(base, "force_hysteresis")
-    table, z = base.observations.table, np.abs(base.force[:, 2])
-    flat = base.observations.flat
-    deepest = table["press"][int(np.argmax(z))]
-    rows = np.flatnonzero((table["press"] == deepest).to_numpy())
-    labels = base.observations.labels()
-    up = next(i for i in rows if table["phase"][i] == "unload" and z[i] < 0.9 * z[rows].max())
-    at = (labels["reading"] == up).to_numpy() & (labels["axis"] == 2).to_numpy()
-    peak, left = z[rows].max() / z.max(), z[up] / z[rows].max()
-    here = _of_map(np.array([peak]), np.array([left]), artificial.CATALOGUE["force_hysteresis"].widths[0])[0]
-    q = len(here)
-    directions = own.directions[at][0, 2 * q :] / (np.sign(base.force[up, 2]) * z.max())
-    # bands lag behind during loading too, where openings are none: of these the map has the whole width
-    assert directions[len(BANDS) :] == pytest.approx(here[len(BANDS) :], rel=1e-9)
-    halves = here[: len(BANDS)] / 2
-    assert directions[: len(BANDS)] == pytest.approx(halves, rel=1e-6)
-    assert not own.directions[at][0, : 2 * q].any()
-    loading = flat((table["phase"] == "load").to_numpy()[:, None] * np.ones((1, 3))).astype(bool)
-    powers = np.concatenate([k * q + np.arange(len(BANDS), q) for k in range(3)])
-    assert np.abs(own.directions[loading][:, powers]).max() < 1e-9 * np.abs(own.directions[:, powers]).max()
-
-
-@pytest.mark.parametrize("peak", [0.25, 1.0])
-@pytest.mark.parametrize("left", [0.25, 0.75])
-def test_bands_on_the_map_open_as_a_reading_that_stays_within_a_band(peak, left):
-    """Also where the band is so wide that it is not crossed before the force is read again."""
-    width = 0.04  # bands of a hundredth to a third of the largest force
-    found = _of_map(np.array([peak]), np.array([left]), width)[0, : len(BANDS)] * np.sqrt(COUNT)
-    up = np.linspace(0, peak, 2001)
-    for k, half in enumerate(width * np.array(BANDS)):
-        shown, path = [0.0], np.r_[up, up[::-1]]
-        for force in path[1:]:
-            shown.append(float(np.clip(shown[-1], force - half, force + half)))
-        at = np.flatnonzero(np.isclose(path, left * peak, atol=1e-9))
-        assert found[k] == pytest.approx(shown[at[-1]] - shown[at[0]], abs=1e-9)
-
-
-def test_without_unloading_no_lag_can_show():
-    base = artificial.context(3, per_side=3)
-    up = (base.observations.table["phase"] != "unload").to_numpy()
-    kept = replace(base, observations=base.observations.chosen(up), force=base.force[up])
-    assert "force_hysteresis" not in {one.name for one in modules_of(kept, candidates(kept))}
 
 
 def test_a_study_has_the_branches_of_a_spectrum():

@@ -21,7 +21,7 @@ BANDS = (0.25, 1.0, 4.0)  # of a plausible hysteresis, half a band's share of th
 OF_PEAK = (1.0, 2.0)  # powers of the largest force so far over the largest of all
 OF_RETURN = (0.5, 1.0, 2.0)  # powers of the share of it that is gone
 COUNT = len(BANDS) + len(OF_PEAK) * len(OF_RETURN)
-# Of the map: the largest force so far, and what is left of it.
+# Of the map: the largest force so far, and the share of it that still presses.
 PEAKS, LEFT = (0.25, 0.5, 1.0), (0.25, 0.5, 0.75)
 
 
