@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
@@ -12,36 +13,63 @@ from typing import Any
 
 from gelforge.progress import tracked
 
+# Of this process, by their number: a new process takes seconds to import the package and to load the kernels.
+_kept: dict[tuple[int, int], ProcessPoolExecutor] = {}
+
 
 def each(work: Callable, tasks: Sequence, workers: int, what: str) -> list:
     """Return work(task) of every task, in order, by this process or by so many others; what: for the progress shown.
 
-    A signal that ends the command (KeyboardInterrupt, or what SIGTERM raises) ends the others too, in the middle of a task:
-    a pool by itself waits until they have finished what they have begun, which takes minutes where they solve.
+    The others stay for the next call, and end with the command. A signal that ends the command (KeyboardInterrupt, or what
+    SIGTERM raises) ends them too, in the middle of a task: a pool by itself waits until they have finished what they have
+    begun, which takes minutes where they solve.
     """
     if workers == 1 or len(tasks) < 2:
         return [work(task) for task in tracked(tasks, what)]
-    context = multiprocessing.get_context("forkserver")
-    with ProcessPoolExecutor(
-        min(workers, len(tasks)), context, initializer=_leave_ctrl_c_to_the_command
-    ) as pool:
-        begun: set[int] = set()
-        try:
-            results = pool.map(work, tasks)
-            begun |= _process_ids(pool)
-            return list(tracked(results, what, len(tasks)))
-        except Exception:
-            raise
-        except BaseException:
-            for process in begun | _process_ids(pool):
-                with suppress(ProcessLookupError):
-                    os.kill(process, signal.SIGKILL)
-            raise
+    pool = _pool(workers)
+    begun: set[int] = set()
+    try:
+        results = pool.map(work, tasks)
+        begun |= _process_ids(pool)
+        return list(tracked(results, what, len(tasks)))
+    except Exception:  # of a task, or as a process was killed
+        _leave(pool)
+        raise
+    except BaseException:
+        for process in begun | _process_ids(pool):
+            with suppress(ProcessLookupError):
+                os.kill(process, signal.SIGKILL)
+        _leave(pool)
+        raise
 
 
-def _leave_ctrl_c_to_the_command() -> None:
+def _pool(workers: int) -> ProcessPoolExecutor:
+    key = (os.getpid(), workers)
+    if key not in _kept:
+        context = multiprocessing.get_context("forkserver")
+        _kept[key] = ProcessPoolExecutor(workers, context, initializer=_leave_the_end_to_the_command)
+    return _kept[key]
+
+
+def _leave(pool: ProcessPoolExecutor) -> None:
+    """End a pool, what it has begun finished, so that the next call has another."""
+    for key in [key for key, kept in _kept.items() if kept is pool]:
+        del _kept[key]
+    pool.shutdown(cancel_futures=True)
+
+
+def _leave_the_end_to_the_command() -> None:
     """A terminal sends Ctrl-C to all processes of a command; here it would only begin the next task."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_the_command, daemon=True).start()
+
+
+def _end_with_the_command() -> None:
+    """Wait for the end of the command, which may be killed, and end in the middle of a task."""
+    command = multiprocessing.parent_process()
+    assert command is not None
+    command.join()
+    os._exit(1)
 
 
 def _process_ids(pool: ProcessPoolExecutor) -> set[int]:

@@ -2,7 +2,10 @@
 
 import os
 import signal
+import subprocess
+import sys
 import threading
+from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from pathlib import Path
 
@@ -27,6 +30,33 @@ def test_results_have_the_order_of_the_tasks(workers):
     assert each(squared, range(5), workers, "squares") == [0, 1, 4, 9, 16]
 
 
+def own_number(_):
+    return os.getpid()
+
+
+def fails(task):
+    raise ValueError(task)
+
+
+def test_the_workers_stay_for_the_next_call_unless_one_has_failed():
+    first = set(each(own_number, range(50), 2, "tasks"))
+    assert os.getpid() not in first
+    assert first & set(each(own_number, range(50), 2, "tasks"))
+    with pytest.raises(ValueError, match="0"):
+        each(fails, range(3), 2, "tasks")
+    assert not first & set(each(own_number, range(50), 2, "tasks"))
+
+
+def killed(task):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_after_a_worker_was_killed_the_next_call_has_others():
+    with pytest.raises(BrokenProcessPool):
+        each(killed, range(2), 2, "tasks")
+    assert each(squared, range(3), 2, "squares") == [0, 1, 4]
+
+
 def test_an_interruption_ends_the_workers_in_the_middle_of_their_tasks(tmp_path):
     """Without that it would wait for two tasks that never end: a hanging test would show it."""
     before = signal.signal(
@@ -47,6 +77,21 @@ def test_an_interruption_ends_the_workers_in_the_middle_of_their_tasks(tmp_path)
         signal.signal(signal.SIGINT, before)
     thread.join()
     assert not (tmp_path / "2").exists(), "no further task was begun"
+    for name in "01":
+        while Path(f"/proc/{(tmp_path / name).read_text()}").exists():
+            pass
+
+
+def test_a_command_that_is_killed_takes_its_workers_with_it(tmp_path):
+    program = (
+        "from functools import partial\nfrom pathlib import Path\nfrom gelforge.workers import each\n"
+        f"from test_workers import begun\neach(partial(begun, Path({str(tmp_path)!r})), range(2), 2, 'tasks')"
+    )
+    own = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
+    with subprocess.Popen([sys.executable, "-c", program], env=own, stderr=subprocess.DEVNULL) as command:
+        while not all((tmp_path / name).exists() for name in "01"):
+            assert command.poll() is None
+        command.kill()
     for name in "01":
         while Path(f"/proc/{(tmp_path / name).read_text()}").exists():
             pass

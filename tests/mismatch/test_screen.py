@@ -7,7 +7,15 @@ from numpy.testing import assert_allclose
 from scipy.stats import binom
 
 from gelforge.mismatch.evidence.alternatives import log_prior, normalised
-from gelforge.mismatch.evidence.screen import SCALES, Candidate, believing, evidence, judged_by, screened
+from gelforge.mismatch.evidence.screen import (
+    SCALES,
+    Candidate,
+    White,
+    believing,
+    evidence,
+    judged_by,
+    screened,
+)
 
 RNG = np.random.default_rng
 AS_STATED = (1.0,)  # scales of plausible amounts: drawn as the priors say
@@ -284,7 +292,7 @@ def test_a_change_that_errs_itself_is_judged_with_its_error(world):
     r = drift.columns @ [0.04, 0.0, -0.05] + covariance.draw(RNG(17), 1)[:, 0]
     judged = screened(r, covariance, [drift], scales=AS_STATED)[0]
     wider = covariance.extended(0.2 * judged.change[:, None])
-    again = believing(judged, r, covariance, wider)
+    again = believing(judged, *(White.under(C, r, judged.parts) for C in (covariance, wider)))
     wanted = wider.extended(drift.columns * drift.widths).log_density(r) - covariance.log_density(r)
     assert again.log_bayes_factor == pytest.approx(wanted)
     assert np.all(np.diag(again.covariance) >= np.diag(judged.covariance))

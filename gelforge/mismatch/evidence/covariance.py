@@ -70,23 +70,30 @@ class Covariance:
 
     def whiten(self, v: np.ndarray) -> np.ndarray:
         """Return W v for v (n,) or (n, k), where W C W' = I."""
-        x = v / (self._sd if v.ndim == 1 else self._sd[:, None])
-        for step in self._steps:
-            x = step(x)
-        return x
+        return self._through(v, self._steps)
+
+    def whiten_finer(self, v: np.ndarray) -> np.ndarray:
+        """Return the same by what is independent and by all levels but the last two."""
+        return self._through(v, self._finer_steps)
+
+    @property
+    def log_det_finer(self) -> float:
+        """Return the logarithm of the determinant of that part."""
+        return self._log_det_of(self._finer_steps)
 
     @property
     def log_det(self) -> float:
         """Return the logarithm of the determinant."""
-        return float(np.log(self.variance).sum() + sum(step.log_det for step in self._steps))
+        return self._log_det_of(self._steps)
 
     def log_density(self, r: np.ndarray) -> float:
         """Return the logarithm of the normal density N(r; 0, C) of r (n,)."""
         return self.log_density_of_white(self.whiten(r))
 
-    def log_density_of_white(self, white: np.ndarray) -> float:
-        """Return the same of what is whitened already, W r (n,)."""
-        return float(-0.5 * (np.sum(white**2) + self.log_det + len(self) * np.log(2 * np.pi)))
+    def log_density_of_white(self, white: np.ndarray, log_det: float | None = None) -> float:
+        """Return the same of what is whitened already, W r, compressed or not; log_det: of another covariance of r."""
+        log_det = self.log_det if log_det is None else log_det
+        return float(-0.5 * (np.sum(white**2) + log_det + len(self) * np.log(2 * np.pi)))
 
     @property
     def standard_deviation(self) -> np.ndarray:
@@ -121,12 +128,20 @@ class Covariance:
 
         Half of their variance is common to all, half is drawn for each group of the level before the last: readings alike.
         """
-        *finer, alike, common = self.levels
-        half = directions / np.sqrt(2)
-        wider = [Draws(level.group, np.column_stack([level.directions, half])) for level in (alike, common)]
+        finer = self.levels[:-2]
+        wider = [
+            Draws(level.group, np.column_stack([level.directions, more.directions]))
+            for level, more in zip(self.levels[-2:], self.erring_draws(directions))
+        ]
         found = replace(self, levels=(*finer, *wider))
-        object.__setattr__(found, "taken", tuple(self._steps[: len(finer)]))
+        object.__setattr__(found, "taken", tuple(self._finer_steps))
         return found
+
+    def erring_draws(self, directions: np.ndarray) -> tuple[Draws, Draws]:
+        """Return the draws that `erring` adds, (n, q) each."""
+        half = directions / np.sqrt(2)
+        alike, common = self.levels[-2:]
+        return Draws(alike.group, half), Draws(common.group, half)
 
     def scattering(self, variance: np.ndarray) -> Covariance:
         """Return C with a further variance (n,) of what errs at each entry on its own."""
@@ -134,8 +149,8 @@ class Covariance:
 
     def errors(self, directions: np.ndarray) -> np.ndarray:
         """Return the columns (n, k) of these errors, one standard normal draw each: `erring` adds their products to C."""
-        half = directions / np.sqrt(2)
-        return np.column_stack([_spread(level.group, half).toarray() for level in self.levels[-2:]])
+        draws = self.erring_draws(directions)
+        return np.column_stack([_spread(one.group, one.directions).toarray() for one in draws])
 
     def draw(self, rng: np.random.Generator, count: int) -> np.ndarray:
         """Return draws (n, count) of N(0, C)."""
@@ -151,20 +166,36 @@ class Covariance:
 
     @cached_property
     def _steps(self) -> list[_Step]:
-        steps = list(self.taken)
-        for level in self.levels[len(steps) :]:
-            V = level.directions / self._sd[:, None]
-            for step in steps:
-                V = step(V)
-            steps.append(_step(level.group, V))
-        return steps
+        return self._further(self._finer_steps, self.levels)
+
+    @cached_property
+    def _finer_steps(self) -> list[_Step]:
+        return self._further(self.taken, self.levels[:-2])
+
+    def _further(self, steps: Sequence[_Step], levels: Sequence[Draws]) -> list[_Step]:
+        """Return the steps by these levels, the first of which are known."""
+        found = list(steps)
+        for level in levels[len(found) :]:
+            found.append(_step(level.group, self._through(level.directions, found)))
+        return found
+
+    def _through(self, v: np.ndarray, steps: Sequence[_Step]) -> np.ndarray:
+        x = v / (self._sd if v.ndim == 1 else self._sd[:, None])
+        for step in steps:
+            x = step(x)
+        return x
+
+    def _log_det_of(self, steps: Sequence[_Step]) -> float:
+        return float(np.log(self.variance).sum() + sum(step.log_det for step in steps))
 
 
 @dataclass(frozen=True, eq=False)
 class _Step:
     """(I + V V')^(-1/2) = I + V M V' for every group: M = -E diag(1 / (c + c^2)) E', c^2 = 1 + l, V'V = E diag(l) E'."""
 
-    V: sp.csr_array  # (n, G q), a group's columns in its own rows
+    V: (
+        sp.csr_array | np.ndarray
+    )  # (n, G q), a group's columns in its own rows; of one group dense, which is much faster
     M: np.ndarray  # (G, q, q)
     log_det: float  # of I + V V'
 
@@ -177,7 +208,7 @@ class _Step:
 
 
 def _step(group: np.ndarray, V: np.ndarray) -> _Step:
-    spread, q = _spread(group, V), V.shape[1]
+    spread, q = (V if len(set(group.tolist())) == 1 else _spread(group, V)), V.shape[1]
     l, E = np.linalg.eigh((spread.T @ V).reshape(-1, q, q))
     c = np.sqrt(1 + np.maximum(l, 0))
     M = -np.einsum("gij,gj,gkj->gik", E, 1 / (c + c**2), E)

@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import log_ndtr, logsumexp
 
-from gelforge.mismatch.evidence.covariance import Covariance
+from gelforge.mismatch.evidence.compression import compressed
+from gelforge.mismatch.evidence.covariance import Covariance, Draws
 from gelforge.mismatch.model.effect import Shape
 
 SCALES = (1.0, 0.3, 0.1)  # of plausible values: what is left out is known to be small, not how small
@@ -106,32 +107,64 @@ def whitened(covariance: Covariance, candidates: Sequence[Candidate]) -> list[np
     return [W[:, a:b] for a, b in zip(ends, ends[1:])]
 
 
-def believing(judged: Screened, residual: np.ndarray, covariance: Covariance, wider: Covariance) -> Screened:
-    """Return a screened answer judged again with the errors of its own change in the wider covariance.
+@dataclass(frozen=True, eq=False)
+class White:
+    """A residual and the columns of some parts, whitened; compressed to fewer rows, or not."""
+
+    r: np.ndarray  # (k,)
+    columns: Sequence[np.ndarray]  # (k, p) of each part
+    log_density: float  # of the residual
+
+    @classmethod
+    def under(cls, covariance: Covariance, residual: np.ndarray, parts: Sequence[Candidate]) -> White:
+        """Return residual (n,) and parts under a covariance."""
+        white = covariance.whiten(_beside(residual, parts))
+        return cls.of(white, parts, covariance.log_density_of_white(white[:, 0]))
+
+    @classmethod
+    def with_draws(
+        cls,
+        covariance: Covariance,
+        residual: np.ndarray,
+        parts: Sequence[Candidate],
+        more: Sequence[Draws],
+        sizes: np.ndarray,
+    ) -> list[White]:
+        """Return the same under the covariance with further draws, at each of some sizes of these (see `compressed`)."""
+        return [
+            cls.of(white, parts, covariance.log_density_of_white(white[:, 0], log_det))
+            for white, log_det in compressed(covariance, _beside(residual, parts), more, sizes)
+        ]
+
+    @classmethod
+    def of(cls, white: np.ndarray, parts: Sequence[Candidate], log_density: float) -> White:
+        """Return the columns (k, 1 + p), the residual first, as the parts have them."""
+        ends = np.cumsum([1, *(part.columns.shape[1] for part in parts)])
+        return cls(white[:, 0], [white[:, a:b] for a, b in zip(ends, ends[1:])], log_density)
+
+    def log_evidence(self, parts: Sequence[Candidate]) -> float:
+        """Return the log density of the residual with parts of unknown values, or with none."""
+        return self.log_density + (judged_by(self.r, parts, self.columns).log_bayes_factor if parts else 0.0)
+
+
+def _beside(residual: np.ndarray, parts: Sequence[Candidate]) -> np.ndarray:
+    return np.column_stack([residual, *(part.columns for part in parts)])
+
+
+def believing(judged: Screened, exact: White, erring: White) -> Screened:
+    """Return a screened answer judged again with the errors of its own change: with its parts whitened without and with.
 
     At its best shape and scale; the others are taken to follow.
     """
-    ends = np.cumsum([1, *(part.columns.shape[1] for part in judged.parts)])
-    white = wider.whiten(np.column_stack([residual, *(part.columns for part in judged.parts)]))
-    again = judged_by(white[:, 0], judged.parts, [white[:, a:b] for a, b in zip(ends, ends[1:])])
-    density = wider.log_density_of_white(white[:, 0])
-    more = again.log_bayes_factor + density - covariance.log_density(residual) - judged.best_log_bayes_factor
+    again = judged_by(erring.r, judged.parts, erring.columns)
+    more = again.log_bayes_factor + erring.log_density - exact.log_density - judged.best_log_bayes_factor
     return replace(
         again,
         log_bayes_factor=judged.log_bayes_factor + more,
         best_log_bayes_factor=judged.best_log_bayes_factor + more,
-        snr=float(np.linalg.norm(covariance.whiten(again.change))),
+        snr=float(np.linalg.norm(np.column_stack(exact.columns) @ again.amounts)),
         plausible_snr=judged.plausible_snr,
     )
-
-
-def log_evidence(residual: np.ndarray, covariance: Covariance, parts: Sequence[Candidate] = ()) -> float:
-    """Return the log density of residual (n,) with parts of unknown values, or with none."""
-    density = covariance.log_density(residual)
-    if not parts:
-        return density
-    columns = [covariance.whiten(part.columns) for part in parts]
-    return density + judged_by(covariance.whiten(residual), parts, columns).log_bayes_factor
 
 
 def judged_by(r: np.ndarray, parts: Sequence[Candidate], columns: Sequence[np.ndarray]) -> Screened:

@@ -87,14 +87,16 @@ class Repeats:
 
 def repeats_of(readings: pd.DataFrame, phase: str, fitted: int) -> Repeats:
     """Return the repeats of a phase about a polynomial in time of so many coefficients per indentation."""
+    own = readings[readings["phase"] == phase]
+    times, forces = own["time_s"].to_numpy(), own[FORCE].to_numpy()
     found = Repeats.none()
-    for _, of_press in readings[readings["phase"] == phase].groupby("press", sort=False):
-        if len(of_press) <= fitted:
+    for rows in own.groupby("press", sort=False).indices.values():
+        if len(rows) <= fitted:
             continue
-        time = of_press["time_s"].to_numpy()
+        time = times[rows]
         curve = np.vander(time - time.mean(), fitted)
         residual_of = np.eye(len(time)) - curve @ np.linalg.pinv(curve)
-        left = residual_of @ of_press[FORCE].to_numpy()
+        left = residual_of @ forces[rows]
         expected = np.array([np.sum((residual_of**2).sum(axis=1) ** 2), np.sum(residual_of**4)])
         found += Repeats((left**2).sum(axis=0), (left**4).sum(axis=0), expected, len(time) - fitted)
     return found

@@ -18,7 +18,7 @@ from scipy.special import logsumexp
 
 from gelforge.mismatch.evidence.alternatives import WORTH, normalised
 from gelforge.mismatch.evidence.covariance import Covariance, Draws
-from gelforge.mismatch.evidence.screen import SCALES, Candidate, chance_of, evidence, log_evidence
+from gelforge.mismatch.evidence.screen import SCALES, Candidate, White, chance_of, evidence
 from gelforge.mismatch.terms.problem import Problem
 
 PLAUSIBLE = 0.1  # of the pressing force, standard deviation; SCALES make it smaller
@@ -54,12 +54,19 @@ class Manner:
 
     def beside(self, covariance: Covariance, scale: float) -> Covariance:
         """Return the covariance of n entries with this manner at a scale of its plausible size."""
-        wide = scale * self.directions
+        own = self.draws(covariance)
+        wide = replace(own, directions=scale * own.directions)
         if self.each is None:
-            return covariance.extended(wide)
+            return replace(covariance, levels=(*covariance.levels, wide))
         *finer, alike, common = covariance.levels  # presses lie in the groups of the last two
-        group = np.where(self.each < 0, self.each.max() + 1 + alike.group, self.each)
-        return replace(covariance, levels=(*finer, Draws(group, wide), alike, common))
+        return replace(covariance, levels=(*finer, wide, alike, common))
+
+    def draws(self, covariance: Covariance) -> Draws:
+        """Return this manner, at its plausible size, as draws beside those of a covariance."""
+        if self.each is None:
+            return Draws(np.zeros(len(covariance), int), self.directions)
+        alike = covariance.levels[-2]
+        return Draws(np.where(self.each < 0, self.each.max() + 1 + alike.group, self.each), self.directions)
 
 
 @dataclass(frozen=True)
@@ -116,16 +123,17 @@ def weighed_unknown(
             raise ValueError("what the parts leave is not given; give amounts and left with parts")
         covariance = problem.believing(parts, amounts).covariance
         residual = left + np.column_stack([part.columns for part in parts]) @ amounts
-    model, without = _Beside.of(residual, covariance, parts), log_evidence(residual, covariance, parts)
-    found = {}
+    exact = White.under(covariance, residual, parts)
+    model, without, found = _Beside.of(exact, parts), exact.log_evidence(parts), {}
     for manner in manners:
         if manner.each is None:
             directions = covariance.whiten(manner.directions)
             factors = [model.gain(scale * directions) for scale in SCALES]
         else:
-            factors = [
-                log_evidence(residual, manner.beside(covariance, scale), parts) - without for scale in SCALES
-            ]
+            draws = manner.draws(covariance)
+            sizes = np.array(SCALES)[:, None] * np.ones(draws.directions.shape[1])
+            wider = White.with_draws(covariance, residual, parts, [draws], sizes)
+            factors = [white.log_evidence(parts) - without for white in wider]
         found[manner.words] = float(logsumexp(factors) - np.log(len(factors)))
     return Weighed(found, log_priors(manners), {manner.words: manner.generalises for manner in manners})
 
@@ -147,10 +155,9 @@ class _Beside:
     signs: np.ndarray  # (p,)
 
     @classmethod
-    def of(cls, residual: np.ndarray, covariance: Covariance, parts: Sequence[Candidate]) -> _Beside:
-        r, kept = covariance.whiten(residual), []
-        for part in parts:
-            white = covariance.whiten(part.columns)
+    def of(cls, exact: White, parts: Sequence[Candidate]) -> _Beside:
+        r, kept = exact.r, []
+        for part, white in zip(parts, exact.columns):
             if part.switch:
                 r = r - white.sum(axis=1)
             else:

@@ -12,6 +12,7 @@ from gelforge.mismatch.evidence.screen import (
     FORM_ERRORS,
     Candidate,
     Screened,
+    White,
     believing,
     chance_of,
     screened,
@@ -58,14 +59,23 @@ def with_form_errors(problem: Problem, judged: Screened, mask: np.ndarray) -> Sc
 
     Its evidence is averaged over these. Judged without errors by the same entries, at its best shapes and scales.
     """
-    residual, covariance = problem.residual[mask], problem.covariance.restricted(mask)
-    parts, found = unmasked(problem, judged).parts, []
-    scattering = problem.scattering(parts, judged.amounts)  # whatever the errors of form
-    for error in FORM_ERRORS:
-        wrong = [replace(part, form_error=error) for part in parts]
-        wider = scattering.erring(wrong, judged.amounts).covariance.restricted(mask)
-        own = replace(judged, parts=tuple(replace(part, form_error=error) for part in judged.parts))
-        found.append(believing(own, residual, covariance, wider))
+    residual, parts = problem.residual[mask], unmasked(problem, judged).parts
+    wrong = [[replace(part, form_error=error) for part in parts] for error in FORM_ERRORS]
+    errors = [problem.errors_of(own, judged.amounts)[mask] for own in wrong]
+    scattering = problem.scattering(parts, judged.amounts).covariance.restricted(mask)
+    # All errors at once, of which one size counts at a time; half are common, half are drawn for readings alike.
+    sizes = np.tile(np.repeat(np.eye(len(errors)), errors[0].shape[1], axis=1), 2)
+    draws = scattering.erring_draws(np.column_stack(errors))
+    exact = White.under(problem.covariance.restricted(mask), residual, judged.parts)
+    each = White.with_draws(scattering, residual, judged.parts, draws, sizes)
+    found = [
+        believing(
+            replace(judged, parts=tuple(replace(part, form_error=error) for part in judged.parts)),
+            exact,
+            white,
+        )
+        for error, white in zip(FORM_ERRORS, each)
+    ]
     factors = [one.log_bayes_factor for one in found]
     best = found[int(np.argmax(factors))]
     return replace(best, log_bayes_factor=float(logsumexp(factors) - np.log(len(factors))))
