@@ -44,9 +44,9 @@ SENSITIVITIES = (
 START_S = 3.0  # of a process of its own with its compiled kernels
 IMAGE_S = 0.01  # to draw an image and to reduce it
 # A verdict in cells of the study's mesh per position that is judged, measured on the article's sensor by
-# benchmarks/mismatch_cost.py: 2 to 4 where an effect fits, up to 20 where none does. It begins with reading, its libraries
-# and its page.
-VERDICT_CELLS = 4
+# benchmarks/mismatch_cost.py: 2 to 4 where an effect fits, up to 20 where none does. Images took 6 more in the demo's
+# verdict. It begins with reading, its libraries and its page.
+VERDICT_CELLS, VERDICT_IMAGE_CELLS = 4, 6
 VERDICT_START = 20.0
 # CPU seconds on the test study: 4.0 and 2.7 for 45 and 36 images of 0.16 megapixels, 3.9 for 45 that are drawn, start
 # included.
@@ -160,7 +160,12 @@ class Costs:
         """A verdict on all sessions together; positions that are mirror images of one another are solved once."""
         own = sum(cell.source is None for cell in self.cells.values()) / len(self.cells)
         positions = math.ceil(own * min(self.study.mismatch.sites, len(self.cells)))
-        return VERDICT_START + VERDICT_CELLS * positions * self.cell(self.first)
+        per_position = VERDICT_CELLS
+        if self.study.mismatch.images != "left_out" and any(
+            self.images(one)[0] for one in self.study.sessions
+        ):
+            per_position += VERDICT_IMAGE_CELLS
+        return VERDICT_START + per_position * positions * self.cell(self.first)
 
 
 def estimate(study: Study, cells: dict) -> list[str]:

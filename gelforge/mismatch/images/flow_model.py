@@ -33,6 +33,7 @@ from gelforge.mismatch.images.flow_images import (
 from gelforge.mismatch.model.effect import Effect, Shape
 from gelforge.mismatch.model.solver_effects import FirstOrder
 from gelforge.recording.imaging.flow import Flow
+from gelforge.workers import each
 
 LOOKS = 3  # placements in which another look of the particles is drawn: their scatter is a part of a part
 STEP_MM = 0.05  # of depth, over which the flow's slope is taken
@@ -88,14 +89,18 @@ class FlowModel:
 
         In the first placements, with other eyes or another diameter of the particles.
         """
-        scenes: dict[str, Scene] = {}
-        flows = []
-        for press, eye, field in zip(self.seen, eyes, self.fields):
-            if repr(eye) not in scenes:
-                scenes[repr(eye)] = Scene(eye, particles)
-            u = self.points[int(press.row["site"])][self.depth(press)]
-            flows.append(scenes[repr(eye)].flows(u[: len(particles.points)], field))
-        return np.stack(flows)
+        moved = [self.points[int(press.row["site"])][self.depth(press)] for press in self.seen]
+        count, workers = len(particles.points), self.solver.workers
+        seen_by: dict[str, list[int]] = {}
+        for k, eye in enumerate(eyes):
+            seen_by.setdefault(repr(eye), []).append(k)
+        # One scene draws many indentations; they are shared out, so that all workers draw.
+        parts = [part for rows in seen_by.values() for part in np.array_split(rows, workers) if len(part)]
+        tasks = [
+            (eyes[part[0]], particles, [(moved[k][:count], self.fields[k]) for k in part]) for part in parts
+        ]
+        flows = np.concatenate(each(_drawn_by, tasks, workers, "scenes drawn"))
+        return flows[np.argsort(np.concatenate(parts))]
 
     @cached_property
     def mean(self) -> np.ndarray:
@@ -291,6 +296,13 @@ def flow_model(
 def _at(moved: Moved, weights: csr_array) -> np.ndarray:
     """Return the base displacement (D, P, 3) at points of these weights (P, G)."""
     return np.stack([weights @ u.astype(float) for u in moved.base])
+
+
+def _drawn_by(task: tuple[Eye, Particles, list[tuple[np.ndarray, np.ndarray]]]) -> np.ndarray:
+    """Return `Scene.flows` (F, K, m, 2) [px] of one scene at some motions and fields."""
+    eye, particles, motions = task
+    scene = Scene(eye, particles)
+    return np.stack([scene.flows(moved, field) for moved, field in motions])
 
 
 def _step(planned: PlannedCell, press: Seen) -> int:
