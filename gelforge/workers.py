@@ -58,6 +58,12 @@ def _leave(pool: ProcessPoolExecutor) -> None:
     pool.shutdown(cancel_futures=True)
 
 
+def end() -> None:
+    """End the processes that stay: a command that is a fork of a loaded process leaves without Python's own farewell."""
+    for pool in [pool for (process, _), pool in _kept.items() if process == os.getpid()]:
+        _leave(pool)
+
+
 def _leave_the_end_to_the_command() -> None:
     """A terminal sends Ctrl-C to all processes of a command; here it would only begin the next task."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)

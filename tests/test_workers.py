@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from gelforge.cli import main
 from gelforge.workers import each
 
 
@@ -45,6 +46,12 @@ def test_the_workers_stay_for_the_next_call_unless_one_has_failed():
     with pytest.raises(ValueError, match="0"):
         each(fails, range(3), 2, "tasks")
     assert not first & set(each(own_number, range(50), 2, "tasks"))
+
+
+def test_they_end_with_a_command(capsys):
+    before = set(each(own_number, range(50), 2, "tasks"))
+    assert main(["sensors"]) == 0
+    assert not any(Path(f"/proc/{number}").exists() for number in before)
 
 
 def killed(task):

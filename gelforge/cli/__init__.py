@@ -63,6 +63,9 @@ def main(argv: list[str] | None = None) -> int:
             raise
         print("gelforge: no memory is left; give the job more, or use a coarser mesh", file=sys.stderr)
         return 1
+    finally:
+        if workers := sys.modules.get("gelforge.workers"):
+            workers.end()
     return 0
 
 
