@@ -158,9 +158,10 @@ def test_what_is_assumed_is_told_by_its_key(by, key):
 
 def test_noise_is_stated_by_axis():
     from gelforge.mismatch.readings.noise import reading_noise
+    from gelforge.recording.readings import FORCE
 
     recording = SimpleNamespace(
-        readings=pressed("press", [0.0]).table.assign(time_s=0.0, phase="load"),
+        readings=pressed("press", [0.0]).table.assign(time_s=0.0, phase="load", **dict.fromkeys(FORCE, 0.0)),
         session=SimpleNamespace(
             session="s", force=SimpleNamespace(resolution_N=[0.1] * 3, repeatability_N=[0.01, 0.0, 0.03])
         ),
