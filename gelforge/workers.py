@@ -13,7 +13,7 @@ from typing import Any
 
 from gelforge.progress import tracked
 
-# Of this process, by their number: a new process takes seconds to import the package and to load the kernels.
+# By this process (a fork has none of its parent's) and their number. A new one takes seconds to import and to load kernels.
 _kept: dict[tuple[int, int], ProcessPoolExecutor] = {}
 
 
@@ -32,14 +32,12 @@ def each(work: Callable, tasks: Sequence, workers: int, what: str) -> list:
         results = pool.map(work, tasks)
         begun |= _process_ids(pool)
         return list(tracked(results, what, len(tasks)))
-    except Exception:  # of a task, or as a process was killed
-        _leave(pool)
-        raise
-    except BaseException:
-        for process in begun | _process_ids(pool):
-            with suppress(ProcessLookupError):
-                os.kill(process, signal.SIGKILL)
-        _leave(pool)
+    except BaseException as reason:
+        if not isinstance(reason, Exception):  # not of a task: the command is to end
+            for process in begun | _process_ids(pool):
+                with suppress(ProcessLookupError):
+                    os.kill(process, signal.SIGKILL)
+        _leave((os.getpid(), workers))
         raise
 
 
@@ -51,17 +49,15 @@ def _pool(workers: int) -> ProcessPoolExecutor:
     return _kept[key]
 
 
-def _leave(pool: ProcessPoolExecutor) -> None:
+def _leave(key: tuple[int, int]) -> None:
     """End a pool, what it has begun finished, so that the next call has another."""
-    for key in [key for key, kept in _kept.items() if kept is pool]:
-        del _kept[key]
-    pool.shutdown(cancel_futures=True)
+    _kept.pop(key).shutdown(cancel_futures=True)
 
 
 def end() -> None:
     """End the processes that stay: a command that is a fork of a loaded process leaves without Python's own farewell."""
-    for pool in [pool for (process, _), pool in _kept.items() if process == os.getpid()]:
-        _leave(pool)
+    for key in [key for key in _kept if key[0] == os.getpid()]:
+        _leave(key)
 
 
 def _leave_the_end_to_the_command() -> None:

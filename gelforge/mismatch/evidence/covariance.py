@@ -193,9 +193,8 @@ class Covariance:
 class _Step:
     """(I + V V')^(-1/2) = I + V M V' for every group: M = -E diag(1 / (c + c^2)) E', c^2 = 1 + l, V'V = E diag(l) E'."""
 
-    V: (
-        sp.csr_array | np.ndarray
-    )  # (n, G q), a group's columns in its own rows; of one group dense, which is much faster
+    # (n, G q), a group's columns in its own rows; of one group dense, which is much faster
+    V: sp.csr_array | np.ndarray
     M: np.ndarray  # (G, q, q)
     log_det: float  # of I + V V'
 

@@ -54,17 +54,16 @@ class Manner:
 
     def beside(self, covariance: Covariance, scale: float) -> Covariance:
         """Return the covariance of n entries with this manner at a scale of its plausible size."""
+        if self.each is None:
+            return covariance.extended(scale * self.directions)
+        *finer, alike, common = covariance.levels  # presses lie in the groups of the last two
         own = self.draws(covariance)
         wide = replace(own, directions=scale * own.directions)
-        if self.each is None:
-            return replace(covariance, levels=(*covariance.levels, wide))
-        *finer, alike, common = covariance.levels  # presses lie in the groups of the last two
         return replace(covariance, levels=(*finer, wide, alike, common))
 
     def draws(self, covariance: Covariance) -> Draws:
-        """Return this manner, at its plausible size, as draws beside those of a covariance."""
-        if self.each is None:
-            return Draws(np.zeros(len(covariance), int), self.directions)
+        """Return the draws of this manner, of which each indentation has its own, at its plausible size."""
+        assert self.each is not None
         alike = covariance.levels[-2]
         return Draws(np.where(self.each < 0, self.each.max() + 1 + alike.group, self.each), self.directions)
 
