@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from processes import ended
 
 from gelforge.cli import main
 from gelforge.workers import each
@@ -53,7 +54,7 @@ def test_the_workers_stay_for_the_next_call_unless_one_has_failed():
 def test_they_end_with_a_command(capsys):
     before = set(each(own_number, range(50), 2, "tasks"))
     assert main(["sensors"]) == 0
-    assert not any(Path(f"/proc/{number}").exists() for number in before)
+    assert all(ended(number) for number in before)
 
 
 def killed(task):
@@ -87,7 +88,7 @@ def test_an_interruption_ends_the_workers_in_the_middle_of_their_tasks(tmp_path)
     thread.join()
     assert not (tmp_path / "2").exists(), "no further task was begun"
     for name in "01":
-        while Path(f"/proc/{(tmp_path / name).read_text()}").exists():
+        while not ended(int((tmp_path / name).read_text())):
             pass
 
 
@@ -102,5 +103,5 @@ def test_a_command_that_is_killed_takes_its_workers_with_it(tmp_path):
             assert command.poll() is None
         command.kill()
     for name in "01":
-        while Path(f"/proc/{(tmp_path / name).read_text()}").exists():
+        while not ended(int((tmp_path / name).read_text())):
             pass

@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from processes import ended
 
 from gelforge import __version__
 from gelforge.workflow import fork_server
@@ -95,7 +96,7 @@ def test_a_fork_that_does_not_look_up_is_ended_after_ctrl_c(start):
     done.send_signal(signal.SIGINT)
     assert done.communicate() == ("", "")
     assert done.returncode == 128 + signal.SIGINT
-    while Path(f"/proc/{fork}").exists():
+    while not ended(fork):
         pass  # a hanging test would show it
 
 
@@ -117,7 +118,7 @@ def test_a_fork_ends_with_its_job(start):
     fork = int(done.stdout.readline())
     done.kill()
     done.wait()
-    while Path(f"/proc/{fork}").exists():
+    while not ended(fork):
         pass  # a hanging test would show it
 
 
