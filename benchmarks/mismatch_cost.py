@@ -2,9 +2,11 @@
 
 The recording is SYNTHETIC: the base's own forces, changed, with noise and contact-point errors. Screened: base presses,
 derivatives to every effect, covariance, tests and the linear pass, from nothing. Judged: all of it, fits included. What is
-hidden is 12 % more force, or waves over the surface that no effect of the catalogue makes.
+hidden is 12 % more force, or waves over the surface that no effect of the catalogue makes. With --unloading every press is
+read on its way up too, at the next depth.
 
-usage: python benchmarks/mismatch_cost.py [--workers 2] [--sites 5] [--hidden gain | waves] [--study config/paper.yaml]
+usage: python benchmarks/mismatch_cost.py [--workers 2] [--sites 5] [--hidden gain | waves] [--unloading]
+           [--study config/paper.yaml]
 """
 
 # ruff: noqa: E402  (threads are set before the libraries start theirs)
@@ -49,8 +51,8 @@ depth_zero: {{by: press, press_scatter_mm: 0.01}}
 """
 
 
-def planned(study, per_side: int, seed: int) -> pd.DataFrame:
-    """Return the rows of a session in random order: three at zero, one at depth and two after a wait per press.
+def planned(study, per_side: int, unloading: bool, seed: int) -> pd.DataFrame:
+    """Return the rows of a session in random order: per press three at zero, one at depth, two after a wait, one going up.
 
     Forces are of the right size only: the cost of a screen does not depend on them.
     """
@@ -62,6 +64,8 @@ def planned(study, per_side: int, seed: int) -> pd.DataFrame:
         x, y, depth = presses[k]
         course = [("zero", 0.1 * n, -1.0) for n in range(3)]
         course += [("load", 1 + depth, depth), ("dwell", 2 + depth, depth), ("dwell", 3 + depth, depth)]
+        if unloading and depth > DEPTHS[0]:
+            course.append(("unload", 3.5 + depth, depth - DEPTHS[0]))
         rows += [
             (
                 f"p{order:04d}",
@@ -114,6 +118,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--sites", type=int, default=5, help="positions along each side")
     parser.add_argument("--hidden", choices=HIDDEN, default="gain")
+    parser.add_argument("--unloading", action="store_true", help="read every press on its way up too")
     parser.add_argument("--study", type=Path, default=Path("config/paper.yaml"))
     arguments = parser.parse_args()
     study = load_study(arguments.study)
@@ -127,19 +132,23 @@ def main() -> None:
         folder = Path(temporary)
         solver = Solver(study, laws_of(study, []), {}, folder / "kept", workers=arguments.workers)
         began = time.perf_counter()
-        plain = write(folder / "plain", planned(study, arguments.sites, 0))
+        plain = write(folder / "plain", planned(study, arguments.sites, arguments.unloading, 0))
         problem, base = problem_of(solver, observe([plain], study.sensor, 1.0))
         judge(replace(problem, forces_with=at_first_order(problem)), study.mismatch, study.seed)
         told(f"{arguments.sites**2} positions x {len(DEPTHS)} depths screened, from nothing", began)
         # readings in the order of the recording, as the observations have them
         first = with_forces(
-            planned(study, arguments.sites, 0), base.context.force, base.context.slope(), arguments.hidden, 1
+            planned(study, arguments.sites, arguments.unloading, 0),
+            base.context.force,
+            base.context.slope(),
+            arguments.hidden,
+            1,
         )
         began = time.perf_counter()
         verdict = judge_recording(solver, [write(folder / "first", first)], folder / "out", "first")
         told("refitted and judged, beyond that", began)
         began = time.perf_counter()
-        again = write(folder / "second", planned(study, arguments.sites, 7))
+        again = write(folder / "second", planned(study, arguments.sites, arguments.unloading, 7))
         problem, _ = problem_of(solver, observe([again], study.sensor, 1.0))
         those_felt(screened(problem.residual, problem.covariance, problem.candidates))
         told("second recording of the same plan screened", began)

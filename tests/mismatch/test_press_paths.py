@@ -9,7 +9,8 @@ import specimens
 
 from gelforge.indentation.effects.kinematics import real_place
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.fem.solutions import Solver, way_down
+from gelforge.mismatch.fem import solver as fem
+from gelforge.mismatch.fem.solutions import Solver, follow, way_down
 from gelforge.mismatch.fem.solver import (
     REACH_MM,
     _by_what_is_felt,
@@ -17,6 +18,7 @@ from gelforge.mismatch.fem.solver import (
     _ways_down,
     asked_of,
     base_of,
+    felt_by,
     forces_with,
 )
 from gelforge.mismatch.model.solver_effects import FAR_OUT, LARGEST_MOVE
@@ -167,6 +169,24 @@ def kept(tmp_path_factory):
 
 
 # ----------------------------------------------------------------------------------------------- derivatives that are asked
+def test_a_site_is_differentiated_once_whatever_its_presses_go_to(kept, monkeypatch):
+    """Also where they are read on the way up, each from its own depth; there the derivative is that of the same depth."""
+    solver, tasks = Solver(specimens.study(), specimens.STUDY_LAWS, {}, kept), []
+    monkeypatch.setattr(fem, "follow", lambda task: tasks.append(task) or follow(task))
+    found = observations()
+    runs, stiffness = runs_of(found), CATALOGUE["gel_stiffness"]
+    base = base_of(solver, found, [stiffness])
+    assert sorted(task[1].depths_mm for task in tasks) == [(0.25, 1.0, 2.0), (0.5, 0.75, 1.5, 2.0)]
+    (number,) = (k for k, run in enumerate(runs.planned) if run.phases and max(run.depths_mm) == 1.0)
+    variations = felt_by(list(asked_of(solver, [stiffness], base.context)), runs.planned[number])
+    alone = follow((solver, way_down(runs.planned[number]), variations))
+    own = runs.run == number
+    expected = base.finer[own] * alone["gel_stiffness"][[0]]  # it is read at 0.25 mm, on its way up
+    given = base.context.at_readings["gel_stiffness"][own]
+    # the mesh is fine as far as a press touches the surface, and it was another one where it goes to 1 mm only
+    np.testing.assert_allclose(given, expected, atol=3e-3 * np.abs(alone["gel_stiffness"]).max())
+
+
 @pytest.mark.parametrize("name", ["misregistration", "yaw", "grid_scale"])
 def test_where_nodes_cannot_come_along_moves_of_the_grid_are_differences_across_an_element(name, kept):
     """As the ball moves over nodes its force has ripples: a slope at the base would be that of one ripple."""

@@ -133,13 +133,13 @@ def own_cell(solver: Solver, planned: PlannedCell) -> np.ndarray | None:
 
 
 def follow(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> dict[str, np.ndarray] | Unsolved:
-    """Return of a run on the coarser mesh the base forces (D, 3) and its derivatives along laws and variations.
+    """Return of a loading on the coarser mesh the base forces (D, 3) and its derivatives along laws and variations.
 
-    Derivatives are those of the loading; during unloading they have the value at the same depth. A derivative that could not
-    be had is missing, "reason KEY" says why. Where the base itself could not be had: from where on.
+    A derivative that could not be had is missing, "reason KEY" says why. Where the base itself could not be had: from where
+    on.
     """
-    solver, planned, variations = task
-    study, laws, down = solver.coarse, dict(solver.laws), way_down(planned)
+    solver, down, variations = task
+    study, laws = solver.coarse, dict(solver.laws)
     asked = variations | along_laws(solver, study)
     known = _stored(solver, down, asked)
     run = [inputs_digest(study, laws, down), source_digest("mismatch/fem/solutions.py")]
@@ -168,15 +168,16 @@ def follow(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> dict[str, 
             found[f"reason {key}"] = arrays["reason"]
         else:
             found[key] = arrays["total"]
-    if planned.phases:
-        step = np.searchsorted(np.array(down.depths_mm), np.array(planned.depths_mm) - 1e-9)
-        found = {key: values if key.startswith("reason ") else values[step] for key, values in found.items()}
-        way_up = plain((solver, planned))
-        if isinstance(way_up, str):
-            peak = max(planned.depths_mm)
-            return Unsolved(planned.x_mm, planned.y_mm, COARSER_MESH, way_up, way_up_from_mm=peak)
-        found["base"] = way_up
     return found
+
+
+def with_way_up(task: tuple[Solver, PlannedCell]) -> np.ndarray | Unsolved:
+    """Return the base forces (D, 3) of a run with its unloading on the coarser mesh, or from which peak there are none."""
+    planned, found = task[1], plain(task)
+    if not isinstance(found, str):
+        return found
+    peak = max(planned.depths_mm)
+    return Unsolved(planned.x_mm, planned.y_mm, COARSER_MESH, found, way_up_from_mm=peak)
 
 
 def _stored(

@@ -31,6 +31,7 @@ from gelforge.mismatch.fem.solutions import (
     plain,
     timed,
     way_down,
+    with_way_up,
 )
 from gelforge.mismatch.model.context import Context, Curves
 from gelforge.mismatch.model.effect import Effect, Shape
@@ -45,6 +46,7 @@ from gelforge.mismatch.model.solver_effects import FirstOrder
 from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.readings.runs import Runs, runs_of, timed_runs_of
 
+DEPTH_MATCH_MM = 1e-9  # depths are rounded to DEPTH_DIGITS
 MOST_MESH_ERROR = 1.5  # factor; beyond it (the unloading's last touch) the ratio says nothing
 REACH_MM = 7.0  # a defect whose middle is farther is not observable: a ball of 1.3 mm changes Fz by 0.6 %
 Amounts = tuple[Effect, Shape, np.ndarray]
@@ -79,7 +81,7 @@ def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect
     curves = Curves(depths, tuple(_base_curves(solver, ways)))
     blank = Context(solver.study, observations, np.zeros_like(observations.force), curves, {}, {})
     asked = list(asked_of(solver, effects, blank))
-    followed = _followed(solver, runs.planned, asked)
+    followed = _followed(solver, runs, ways, asked)
     coarse_by_run = [result["base"] for result in followed]
     coarse = _as_it_was(remembering, observations, runs.at_readings(coarse_by_run))
     on_coarse = _loading_curves(runs, depths, coarse_by_run)
@@ -145,17 +147,35 @@ def _base_curves(solver: Solver, ways: Sequence[PlannedCell]) -> list[np.ndarray
     return [next(others) if stored is None else stored for stored in own]
 
 
-def _followed(solver: Solver, planned: Sequence[PlannedCell], asked: Sequence[Asked]) -> list[dict]:
-    """Return per run the base forces (D, 3) on the coarser mesh and all derivatives that it can show, or reasons."""
+def _followed(solver: Solver, runs: Runs, ways: Sequence[PlannedCell], asked: Sequence[Asked]) -> list[dict]:
+    """Return per run the base forces (D, 3) on the coarser mesh and all derivatives that it can show, or reasons.
+
+    Derivatives are those of its site's loading, ways[site], at the same depths, also during unloading.
+    """
     at_images, symmetries = solved_for_all(
         solver.study,
-        planned,
-        lambda distinct: _base(solver.each(follow, [(solver, run, felt_by(asked, run)) for run in distinct])),
+        ways,
+        lambda distinct: _base(solver.each(follow, [(solver, way, felt_by(asked, way)) for way in distinct])),
     )
     width = solver.study.sensor.width_x_mm
-    return [
-        carried_derivatives(image, symmetry, asked, width) for image, symmetry in zip(at_images, symmetries)
-    ]
+    of_ways = [carried_derivatives(*one, asked, width) for one in zip(at_images, symmetries)]
+    ups = iter(_ways_up(solver, [run for run in runs.planned if run.phases]))
+    found = []
+    for run, site in zip(runs.planned, runs.site):
+        step = np.searchsorted(np.array(ways[site].depths_mm), np.array(run.depths_mm) - DEPTH_MATCH_MM)
+        own = {k: v if k.startswith("reason ") else v[step] for k, v in of_ways[site].items()}
+        found.append(own | {"base": next(ups)} if run.phases else own)
+    return found
+
+
+def _ways_up(solver: Solver, planned: Sequence[PlannedCell]) -> list[np.ndarray]:
+    """Return the base forces (D, 3) of runs with unloading on the coarser mesh."""
+    found, symmetries = solved_for_all(
+        solver.study,
+        planned,
+        lambda distinct: _base(solver.each(with_way_up, [(solver, run) for run in distinct])),
+    )
+    return [carried(total, symmetry) for total, symmetry in zip(found, symmetries)]
 
 
 def carried_derivatives(
