@@ -46,7 +46,6 @@ from gelforge.mismatch.model.solver_effects import FirstOrder
 from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.readings.runs import Runs, runs_of, timed_runs_of
 
-DEPTH_MATCH_MM = 1e-9  # depths are rounded to DEPTH_DIGITS
 MOST_MESH_ERROR = 1.5  # factor; beyond it (the unloading's last touch) the ratio says nothing
 REACH_MM = 7.0  # a defect whose middle is farther is not observable: a ball of 1.3 mm changes Fz by 0.6 %
 Amounts = tuple[Effect, Shape, np.ndarray]
@@ -162,7 +161,7 @@ def _followed(solver: Solver, runs: Runs, ways: Sequence[PlannedCell], asked: Se
     ups = iter(_ways_up(solver, [run for run in runs.planned if run.phases]))
     found = []
     for run, site in zip(runs.planned, runs.site):
-        step = np.searchsorted(np.array(ways[site].depths_mm), np.array(run.depths_mm) - DEPTH_MATCH_MM)
+        step = np.searchsorted(ways[site].depths_mm, run.depths_mm)  # its depths are all among them
         own = {k: v if k.startswith("reason ") else v[step] for k, v in of_ways[site].items()}
         found.append(own | {"base": next(ups)} if run.phases else own)
     return found
