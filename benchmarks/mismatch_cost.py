@@ -3,7 +3,7 @@
 The recording is SYNTHETIC: the base's own forces, changed, with noise and contact-point errors. Screened: base presses,
 derivatives to every effect, covariance, tests and the linear pass, from nothing. Judged: all of it, fits included. What is
 hidden is 12 % more force, or waves over the surface that no effect of the catalogue makes. With --unloading every press is
-read on its way up too, at the next depth.
+read during unloading too, at the next depth.
 
 usage: python benchmarks/mismatch_cost.py [--workers 2] [--sites 5] [--hidden gain | waves] [--unloading]
            [--study config/paper.yaml]
@@ -52,7 +52,7 @@ depth_zero: {{by: press, press_scatter_mm: 0.01}}
 
 
 def planned(study, per_side: int, unloading: bool, seed: int) -> pd.DataFrame:
-    """Return the rows of a session in random order: per press three at zero, one at depth, two after a wait, one going up.
+    """Return the rows of a session in random order: per press three at zero, one at depth, two after a wait, one unloading.
 
     Forces are of the right size only: the cost of a screen does not depend on them.
     """
@@ -118,7 +118,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--sites", type=int, default=5, help="positions along each side")
     parser.add_argument("--hidden", choices=HIDDEN, default="gain")
-    parser.add_argument("--unloading", action="store_true", help="read every press on its way up too")
+    parser.add_argument("--unloading", action="store_true", help="read every press during unloading too")
     parser.add_argument("--study", type=Path, default=Path("config/paper.yaml"))
     arguments = parser.parse_args()
     study = load_study(arguments.study)

@@ -170,7 +170,7 @@ def kept(tmp_path_factory):
 
 # ----------------------------------------------------------------------------------------------- derivatives that are asked
 def test_a_site_is_differentiated_once_whatever_its_presses_go_to(kept, monkeypatch):
-    """Also where they are read on the way up, each from its own depth; there the derivative is that of the same depth."""
+    """Also where they are read during unloading, each from its own depth; there the derivative is that of the same depth."""
     solver, tasks = Solver(specimens.study(), specimens.STUDY_LAWS, {}, kept), []
     monkeypatch.setattr(fem, "follow", lambda task: tasks.append(task) or follow(task))
     found = observations()
@@ -181,7 +181,7 @@ def test_a_site_is_differentiated_once_whatever_its_presses_go_to(kept, monkeypa
     variations = felt_by(list(asked_of(solver, [stiffness], base.context)), runs.planned[number])
     alone = follow((solver, way_down(runs.planned[number]), variations))
     own = runs.run == number
-    expected = base.finer[own] * alone["gel_stiffness"][[0]]  # it is read at 0.25 mm, on its way up
+    expected = base.finer[own] * alone["gel_stiffness"][[0]]  # it is read at 0.25 mm, during unloading
     given = base.context.at_readings["gel_stiffness"][own]
     # the mesh is fine as far as a press touches the surface, and it was another one where it goes to 1 mm only
     np.testing.assert_allclose(given, expected, atol=3e-3 * np.abs(alone["gel_stiffness"]).max())

@@ -171,7 +171,7 @@ def follow(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> dict[str, 
     return found
 
 
-def with_way_up(task: tuple[Solver, PlannedCell]) -> np.ndarray | Unsolved:
+def with_unloading(task: tuple[Solver, PlannedCell]) -> np.ndarray | Unsolved:
     """Return the base forces (D, 3) of a run with its unloading on the coarser mesh, or from which peak there are none."""
     planned, found = task[1], plain(task)
     if not isinstance(found, str):

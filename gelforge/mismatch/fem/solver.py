@@ -31,7 +31,7 @@ from gelforge.mismatch.fem.solutions import (
     plain,
     timed,
     way_down,
-    with_way_up,
+    with_unloading,
 )
 from gelforge.mismatch.model.context import Context, Curves
 from gelforge.mismatch.model.effect import Effect, Shape
@@ -158,21 +158,21 @@ def _followed(solver: Solver, runs: Runs, ways: Sequence[PlannedCell], asked: Se
     )
     width = solver.study.sensor.width_x_mm
     of_ways = [carried_derivatives(*one, asked, width) for one in zip(at_images, symmetries)]
-    ups = iter(_ways_up(solver, [run for run in runs.planned if run.phases]))
+    unloaded = iter(_unloadings(solver, [run for run in runs.planned if run.phases]))
     found = []
     for run, site in zip(runs.planned, runs.site):
         step = np.searchsorted(ways[site].depths_mm, run.depths_mm)  # its depths are all among them
         own = {k: v if k.startswith("reason ") else v[step] for k, v in of_ways[site].items()}
-        found.append(own | {"base": next(ups)} if run.phases else own)
+        found.append(own | {"base": next(unloaded)} if run.phases else own)
     return found
 
 
-def _ways_up(solver: Solver, planned: Sequence[PlannedCell]) -> list[np.ndarray]:
+def _unloadings(solver: Solver, planned: Sequence[PlannedCell]) -> list[np.ndarray]:
     """Return the base forces (D, 3) of runs with unloading on the coarser mesh."""
     found, symmetries = solved_for_all(
         solver.study,
         planned,
-        lambda distinct: _base(solver.each(with_way_up, [(solver, run) for run in distinct])),
+        lambda distinct: _base(solver.each(with_unloading, [(solver, run) for run in distinct])),
     )
     return [carried(total, symmetry) for total, symmetry in zip(found, symmetries)]
 
