@@ -1,11 +1,12 @@
-# make demo: set up and run the demo study.   make test: set up and run the tests.   Needs python3 (>= 3.11) and make.
+# make demo: set up and run the demo study.   make test: set up and run the tests.   make benchmark: the study behind the
+# figures of the documentation.   Needs python3 (>= 3.11) and make.
 PYTHON ?= python3
 CORES ?= 2
 BIN := .venv/bin
 ONE_THREAD := OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 READY := .venv/.gelforge-ready
 
-.PHONY: setup demo test test-thorough speed notebooks generated format lint types
+.PHONY: setup demo benchmark test test-thorough speed notebooks generated format lint types
 
 setup: $(READY)
 
@@ -19,10 +20,10 @@ $(READY): requirements.lock pyproject.toml setup.py
 	$(BIN)/python -m gelforge warm-up
 	@touch $@
 
-demo: $(READY)
+demo benchmark: $(READY)
 	$(BIN)/python -m gelforge unlock
-	$(BIN)/python -m snakemake --cores $(CORES) --rerun-incomplete
-	@echo "Open results/demo/report.html"
+	$(BIN)/python -m snakemake --cores $(CORES) --rerun-incomplete --configfile config/$(if $(filter demo,$@),config,$@).yaml
+	@echo "Open results/$@/report.html"
 
 test: $(READY)
 	$(ONE_THREAD) $(BIN)/python -m pytest --numprocesses $(CORES) --dist loadfile --no-loadscope-reorder

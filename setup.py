@@ -16,6 +16,7 @@ SHIPPED = {
     "workflow/profiles": "workflow/profiles",
     "config": "examples/config",
     "data/README.md": "examples/data/README.md",
+    "data/benchmark": "examples/data/benchmark",
     "data/demo": "examples/data/demo",
     "data/paper": "examples/data/paper",
     "data/gelsight_mini": "examples/data/gelsight_mini",

@@ -1,6 +1,6 @@
 """The public benchmark: networks, baselines and anybody's own on fixed splits by orbit, sensor, shape, shear and camera.
 
-usage: python benchmarks/challenge.py [--demo results/demo] [--simulated results/simulated] [--data data/demo]
+usage: python benchmarks/challenge.py [--recorded results/benchmark] [--simulated results/simulated] [--data data/benchmark]
            [--entries unet "kernel ridge" my_module:fit ...] [--tasks orbit sensor ...] [--seeds 1 2 3]
        (after `snakemake --cores 2` and `snakemake --cores 2 --configfile config/simulated.yaml`; one thread)
 
@@ -134,13 +134,13 @@ def entry(name: str) -> Callable[[Task, int], Predict]:
 class World:
     """The finished studies that the tasks are made of."""
 
-    demo: Path
+    recorded: Path
     simulated: Path
     data: Path
 
     @cached_property
     def recorded(self) -> tuple[Study, list[Path]]:
-        return load_study(self.demo / "study.yaml"), sorted((self.demo / "dataset").glob("shard-*.h5"))
+        return load_study(self.recorded / "study.yaml"), sorted((self.recorded / "dataset").glob("shard-*.h5"))
 
     @cached_property
     def drawn(self) -> tuple[Study, list[Path]]:
@@ -158,9 +158,9 @@ class World:
         return Rows(found.feature, found.label, found.untouched), found.kind, found.phase
 
     def seen_by(self, kind: str) -> Rows:
-        """Return the demo's test presses as another camera sees them."""
+        """Return the benchmark study's test presses as another camera sees them."""
         study, lab = self.recorded[0], load_virtual_lab(self.recorded[0].virtual_lab)
-        cells, label = other_images.test_presses(study, self.demo, self.data)
+        cells, label = other_images.test_presses(study, self.recorded, self.data)
         feature = other_images.images(study, lab, cells, other_images.kinds(lab.camera)[kind], 0)
         return Rows(feature, label, np.zeros(len(label), bool))
 
@@ -211,9 +211,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--demo", type=Path, default=Path("results/demo"))
+    parser.add_argument("--recorded", type=Path, default=Path("results/benchmark"))
     parser.add_argument("--simulated", type=Path, default=Path("results/simulated"))
-    parser.add_argument("--data", type=Path, default=Path("data/demo"), help="with the virtual lab's truth")
+    parser.add_argument("--data", type=Path, default=Path("data/benchmark"), help="with the virtual lab's truth")
     parser.add_argument(
         "--entries", nargs="+", default=["unet", "kernel ridge", "ridge", "nearest neighbours", "mean"]
     )
@@ -223,7 +223,7 @@ def main() -> None:
     arguments = parser.parse_args()
     entries = {name: entry(name) for name in arguments.entries}
     found, learnt = [], {}
-    for task in World(arguments.demo, arguments.simulated, arguments.data).tasks(arguments.tasks):
+    for task in World(arguments.recorded, arguments.simulated, arguments.data).tasks(arguments.tasks):
         for name, fit in entries.items():
             for seed in arguments.seeds:
                 key = (

@@ -1,7 +1,7 @@
 """The networks beside each other on a finished study's dataset, whose test rows are of orbits that none has seen.
 
-usage: python benchmarks/networks.py [results/demo] [--seeds 1 2 3] [--networks unet unet-turned cnn paper paper-converged]
-       (one thread; the demo: two minutes a seed for unet, eight for paper)
+usage: python benchmarks/networks.py [results/benchmark] [--seeds 1 2 3] [--networks unet unet-turned cnn paper paper-converged]
+       (one thread; the benchmark study: two minutes a seed for unet, eight for paper)
 
 Prints a Markdown table: medians over seeds, which also draw the validation orbits. The paper's network is trained
 as the article does, with the epoch of the least validation loss.
@@ -30,7 +30,7 @@ NETWORKS = {
     "unet": {},
     "unet-turned": {"symmetry": "d4"},
     "cnn": {"network": "cnn"},
-    "paper": {"network": "paper", "epochs": 210},  # some 3100 steps of the demo's 400 rows
+    "paper": {"network": "paper", "epochs": 210},  # some 3100 steps of the benchmark study's 400 rows
     "paper-converged": {
         "network": "paper",
         "epochs": 400,
@@ -79,7 +79,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("results", nargs="?", type=Path, default=Path("results/demo"))
+    parser.add_argument("results", nargs="?", type=Path, default=Path("results/benchmark"))
     parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2, 3])
     parser.add_argument("--networks", nargs="+", choices=NETWORKS, default=USUAL)
     parser.add_argument("--epochs", type=int, help="in place of each network's own number")

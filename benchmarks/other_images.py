@@ -1,6 +1,6 @@
 """What a network makes of images of other particles, cameras, lenses and gels: its errors, and how many images it flags.
 
-usage: python benchmarks/other_images.py [results/demo] [--data data/demo] [--gels results/other_gels]
+usage: python benchmarks/other_images.py [results/benchmark] [--data data/benchmark] [--gels results/other_gels]
        (one thread; two minutes, and ten CPU seconds for each cell of another gel, which is kept)
 
 All data is SYNTHETIC: the true motion of the virtual lab's test presses, drawn anew. Prints a Markdown table.
@@ -170,8 +170,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("results", nargs="?", type=Path, default=Path("results/demo"))
-    parser.add_argument("--data", type=Path, default=Path("data/demo"))
+    parser.add_argument("results", nargs="?", type=Path, default=Path("results/benchmark"))
+    parser.add_argument("--data", type=Path, default=Path("data/benchmark"))
     parser.add_argument("--gels", type=Path, default=Path("results/other_gels"))
     arguments = parser.parse_args()
     study = load_study(arguments.results / "study.yaml")

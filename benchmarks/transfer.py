@@ -1,6 +1,6 @@
 """A network trained in simulation alone, on recordings and on another virtual sensor, before and after a few presses.
 
-usage: python benchmarks/transfer.py [results/simulated] [--recorded results/demo] [--others 24] [--first 54] [--seeds 1 2 3]
+usage: python benchmarks/transfer.py [results/simulated] [--recorded results/benchmark] [--others 24] [--first 54] [--seeds 1 2 3]
        (one thread; after `snakemake --configfile config/simulated.yaml`; the other sensor is solved once,
        ten CPU seconds an indentation, and kept in results/simulated/other_sensor)
 
@@ -39,7 +39,7 @@ from gelforge.mechanics.laws.models.ogden import Ogden  # noqa: E402
 STIFFER = 1.12
 NOISE_N = np.array(
     [0.008, 0.008, 0.015]
-)  # of the other sensor's force readings, as in the demo's virtual lab
+)  # of the other sensor's force readings, as in the benchmark study's virtual lab
 PRESSES = 20
 OTHERS = 24  # indentations of the other sensor
 WEDGE = Path("config/indenters/wedge.stl")
@@ -179,7 +179,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("results", nargs="?", type=Path, default=Path("results/simulated"))
-    parser.add_argument("--recorded", type=Path, default=Path("results/demo"))
+    parser.add_argument("--recorded", type=Path, default=Path("results/benchmark"))
     parser.add_argument("--others", type=int, default=OTHERS)
     parser.add_argument("--first", type=int, help="only so many of the indentations, the first")
     parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2, 3])

@@ -53,14 +53,15 @@ def test_paper_has_its_13448_presses():
     assert (solved[0].x_mm, solved[0].y_mm) == (5.0, 5.0)
 
 
-def test_demo_has_at_least_25_positions_and_8_depths():
-    cells = plan_cells(load_study("config/config.yaml"))
-    assert len({(cell.x_mm, cell.y_mm) for cell in cells.values()}) >= 25
-    assert {len(cell.depths_mm) for cell in cells.values()} == {8}
+@pytest.mark.parametrize(("name", "solved", "depths"), [("config", 15, 6), ("benchmark", 36, 8)])
+def test_symmetry_leaves_few_sites_of_the_demo_and_the_benchmark_to_solve(name, solved, depths):
+    cells = plan_cells(load_study(f"config/{name}.yaml"))
+    assert sum(cell.solved for cell in cells.values()) == solved
+    assert {len(cell.depths_mm) for cell in cells.values()} == {depths}
 
 
 def test_a_part_that_is_needed_and_not_given_is_named():
-    study = load_study("config/config.yaml")
+    study = load_study("config/benchmark.yaml")
     assert needed(study.plan.file, "plan.file") is study.plan.file
     with pytest.raises(ConfigError, match=r"synthesis is not given.*give it"):
         needed(None, "synthesis")

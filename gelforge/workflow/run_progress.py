@@ -56,6 +56,8 @@ OF_EACH_ROUND = (
 WIDTH = 24  # of the bar
 REWRITTEN_S = 0.2  # on a terminal
 SAID_S = 60.0  # in a log
+TRUSTED_S = 30.0  # of expected time weigh as much as measured time: the first jobs load libraries and tell little
+ALMOST = 0.95  # share of a running job that counts as done at most
 
 
 def stage_of(rule: str) -> str:
@@ -66,22 +68,34 @@ def stage_of(rule: str) -> str:
 class StageLines(logging.Handler):
     """Counts jobs as they start and finish; a handler of Snakemake's logger.
 
-    rules: rule by number of each job that is to run. costs: CPU seconds by rule that is not quick, by which the time left is
-    reckoned; unknown jobs weigh a second.
+    Parameters
+    ----------
+    rules
+        Rule of each job that is to run, by the job's number.
+    costs
+        Expected core seconds of a job, by rule; a rule that is missing takes one second.
+    cores
+        Cores that the jobs share.
+
+    Notes
+    -----
+    The time left starts as the expected one and follows the measured pace as jobs end.
     """
 
     def __init__(
         self,
         rules: Mapping[int, str],
         costs: Mapping[str, float],
+        cores: int = 1,
         out: TextIO | None = None,
         clock=time.monotonic,
     ):
         super().__init__(logging.INFO)
-        self._rules, self._costs, self._out, self._clock = dict(rules), costs, out or sys.stderr, clock
+        self._rules, self._costs, self._cores = dict(rules), costs, max(cores, 1)
+        self._out, self._clock = out or sys.stderr, clock
         self._left, self._all = set(rules), Counter(map(stage_of, rules.values()))
         self._ended: Counter = Counter()
-        self._running: set[int] = set()
+        self._running: dict[int, tuple[float, int]] = {}  # start and threads, by job
         self._began: dict[str, float] = {}
         self._weight = self._weigh(rules)
         self._start, self._said = clock(), float("-inf")
@@ -91,20 +105,21 @@ class StageLines(logging.Handler):
         """Take note of a job that starts or has finished."""
         event, job = getattr(record, "event", None), getattr(record, "jobid", getattr(record, "job_id", None))
         if event == LogEvent.JOB_INFO and job in self._left:
-            self._running.add(job)
-            self._began.setdefault(stage_of(self._rules[job]), self._clock())
+            now = self._clock()
+            self._running[job] = now, getattr(record, "threads", None) or 1
+            self._began.setdefault(stage_of(self._rules[job]), now)
             self._show()
         elif event == LogEvent.JOB_FINISHED and job in self._left:
             self._finish(job)
         elif event == LogEvent.JOB_ERROR:
-            self._running.discard(job)
+            self._running.pop(job, None)
             self._clear()
         elif record.levelno > logging.INFO:
             self._clear()
 
     def _finish(self, job: int) -> None:
         self._left.discard(job)
-        self._running.discard(job)
+        self._running.pop(job, None)
         stage, now = stage_of(self._rules[job]), self._clock()
         self._ended[stage] += 1
         if self._ended[stage] == self._all[stage]:
@@ -119,15 +134,23 @@ class StageLines(logging.Handler):
 
     def text(self) -> str:
         """Return the bar, how many jobs have ended, what runs, and about how long the rest will take."""
-        done = self._weigh(self._rules) - self._weigh(self._left)
-        share, seconds = done / self._weight, self._clock() - self._start
-        bar = "#" * int(WIDTH * share)
+        done = self._weight - self._weigh(self._left) + self._in_progress()
+        bar = "#" * int(WIDTH * done / self._weight)
         stages = dict.fromkeys(stage_of(self._rules[job]) for job in sorted(self._running))
         words = [f"[{bar:.<{WIDTH}}] {len(self._rules) - len(self._left)} of {len(self._rules)} jobs"]
         words += [f"{stage} {self._ended[stage]} of {self._all[stage]}" for stage in stages]
-        if done and seconds > 1:
-            words.append(f"about {duration(seconds * (1 - share) / share)} left")
+        expected, elapsed = done / self._cores, self._clock() - self._start
+        pace = (elapsed + TRUSTED_S) / (expected + TRUSTED_S)
+        words.append(f"about {duration(pace * (self._weight - done) / self._cores)} left")
         return "; ".join(words)
+
+    def _in_progress(self) -> float:
+        """Return the core seconds that running jobs have done; an overdue job counts as nearly done."""
+        now = self._clock()
+        return sum(
+            min((now - start) * threads, ALMOST * self._costs.get(self._rules[job], 1.0))
+            for job, (start, threads) in self._running.items()
+        )
 
     def _weigh(self, jobs: Iterable[int]) -> float:
         return sum(self._costs.get(self._rules[job], 1.0) for job in jobs)
@@ -160,11 +183,12 @@ class NotOfEachJob(logging.Filter):
         )
 
 
-def show_stages(logger: logging.Logger, rules: Mapping[int, str], costs: Mapping[str, float]) -> None:
-    """Show stages instead of jobs on the console of this run."""
+def show_stages(
+    logger: logging.Logger, rules: Mapping[int, str], costs: Mapping[str, float], cores: int
+) -> None:
+    """Show stages instead of jobs on the console of this run; the rest is as in `StageLines`."""
     console = [handler for handler in logger.handlers if handler.name == "DefaultStreamHandler"]
     for handler in console:
         handler.addFilter(NotOfEachJob())
-    logger.handlers.insert(
-        0, StageLines(rules, costs)
-    )  # before the console: an error is not written behind the bar
+    # before the console: an error is not written behind the bar
+    logger.handlers.insert(0, StageLines(rules, costs, cores))

@@ -2,6 +2,7 @@
 
 import io
 import logging
+import re
 from types import SimpleNamespace
 
 import pytest
@@ -18,9 +19,10 @@ def run():
     logger, out, clock = logging.Logger("run"), io.StringIO(), SimpleNamespace(now=0.0)
     console = logging.StreamHandler(out)
     console.addFilter(NotOfEachJob())
-    lines = StageLines(RULES, {"simulate": 10.0}, out, lambda: clock.now)
+    costs = {"simulate": 10.0}
+    lines = StageLines(RULES, costs, 2, out, lambda: clock.now)
     logger.handlers = [lines, console]
-    return SimpleNamespace(logger=logger, out=out, clock=clock, lines=lines)
+    return SimpleNamespace(logger=logger, out=out, clock=clock, lines=lines, costs=costs)
 
 
 def begin(run, job):
@@ -46,14 +48,32 @@ def test_a_log_has_a_line_per_stage_and_none_per_job(run):
     ]
 
 
-def test_the_time_left_is_reckoned_by_what_jobs_cost(run):
+def seconds_left(run):
+    """Return the time left in a console's line [s]."""
+    return int(re.search(r"about (\d+) s left", run.lines.text())[1])
+
+
+def test_the_time_left_starts_as_what_the_jobs_are_expected_to_take(run):
+    assert seconds_left(run) == pytest.approx(23 / 2, abs=0.6)  # 23 core seconds on two cores
+
+
+def test_the_time_left_follows_the_pace_of_the_run(run):
+    """A machine is four times as slow as expected: half way the time left is nearer to the truth than what was expected."""
+    for job in (1, 2):
+        begin(run, job)
+        run.clock.now += 4 * run.costs.get(RULES[job], 1.0) / 2
+        finish(run, job)
+    expected, true = 12 / 2, 4 * 12 / 2
+    assert expected < seconds_left(run) < true
+
+
+def test_a_long_job_brings_the_end_nearer_while_it_runs(run):
     begin(run, 2)
-    run.clock.now += 30.0
-    finish(run, 2)
-    begin(run, 3)
-    assert (
-        run.lines.text() == "[##########..............] 1 of 5 jobs; sites 1 of 2; about 39 s left"
-    )  # 10 of 23
+    before = seconds_left(run)
+    run.clock.now += 8.0
+    assert seconds_left(run) < before
+    run.clock.now += 100.0
+    assert seconds_left(run) >= 1  # overdue, and not done
 
 
 def test_errors_and_last_words_are_shown(run):

@@ -192,13 +192,18 @@ def table_files():
 def material_tests(wildcards):
     """Return every file that decides a material's results, pictures included; nothing where parameters are given.
 
-    What a virtual lab is still to make, and what cannot be read, is left to the job, which says what is wrong.
+    What cannot be read is left to the job, which says what is wrong.
     """
     from gelforge.materials.readers.material_source import source_files
 
     material = STUDY.materials[wildcards.material]
     if material.tests is None:
         return []
+    if not material.tests.exists():
+        raise WorkflowError(
+            f"{material.tests}: no such folder; put the tests of {wildcards.material} there, or run `gelforge examples`"
+            " for those of the examples"
+        )
     try:
         files = source_files(material.tests, material.mapping)
     except TableError:

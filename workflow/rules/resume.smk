@@ -8,19 +8,6 @@ from gelforge.dataset.presses_in_order import part_of
 from gelforge.indentation.cells.kept_solutions import forget, tidy
 from gelforge.workflow.run_progress import show_stages
 
-# CPU seconds of a job by rule, roughly, for the time left: to know them of this study takes a mesh
-WEIGHTS = {
-    "mismatch": 200,
-    "verify": 60,
-    "train": 100,
-    "evaluate": 60,
-    "features": 60,
-    "report": 15,
-    "characterise": 10,
-}
-WEIGHTS |= dict.fromkeys(
-    ("simulate", "solve_site", "variant", "session_cell", "virtual_cell", "site_sensitivities"), 10
-)
 TARGETS = {"all", "cells", "labels", "sensitivities"}  # rules that make nothing themselves
 SOLVES = {
     "simulate",
@@ -74,7 +61,7 @@ def begin_jobs(jobs):
         run_in_forks()
     rules = {job.jobid: job.rule.name for job in jobs if job.rule.name not in TARGETS}
     if rules and not workflow.output_settings.verbose:
-        show_stages(logger, rules, WEIGHTS)
+        show_stages(logger, rules, costs().of_rules(), workflow.cores or 1)
 
 
 def solved_files():

@@ -41,10 +41,11 @@ JOB_S = 0.6  # of a job beyond its cells: it is a fork of a process that has loa
 SENSITIVITIES = (
     1.3  # of a site with its error bars: all derivatives (docs/accuracy.md, What derivatives cost)
 )
+FIT_S, VERIFY_S, REPORT_S = 5.0, 40.0, 10.0  # a material's fits, all checks of the finite elements, the page
 START_S = 3.0  # of a process of its own with its compiled kernels
 IMAGE_S = 0.01  # to draw an image and to reduce it
 # A verdict in cells of the study's mesh per position that is judged, measured on the article's sensor by
-# benchmarks/mismatch_cost.py: 2 to 4 where an effect fits, up to 20 where none does. Images took 6 more in the demo's
+# benchmarks/mismatch_cost.py: 2 to 4 where an effect fits, up to 20 where none does. Images took 6 more in the benchmark study's
 # verdict. It begins with reading, its libraries and its page.
 VERDICT_CELLS, VERDICT_IMAGE_CELLS = 4, 6
 VERDICT_START = 20.0
@@ -166,6 +167,25 @@ class Costs:
         ):
             per_position += VERDICT_IMAGE_CELLS
         return VERDICT_START + per_position * positions * self.cell(self.first)
+
+
+    def of_rules(self) -> dict[str, float]:
+        """Core seconds of one job of each rule, for the time left of a run; rules that read and write are left out."""
+        study, sessions = self.study, self.study.sessions
+        site = JOB_S + self.cell(self.first)
+        rows = self.learning_mb()
+        seconds = dict.fromkeys(("simulate", "solve_site", "session_cell", "variant"), site)
+        seconds |= {"characterise": FIT_S, "verify": VERIFY_S, "report": REPORT_S, "train": self.training(rows)}
+        seconds |= {"evaluate": self.evaluation(rows), "site_sensitivities": JOB_S + SENSITIVITIES * site}
+        if study.virtual_lab:
+            seconds["virtual_cell"] = JOB_S + self.true_cell(self.first)
+            seconds["virtual_session"] = sum(map(self.drawing, sessions)) / max(len(sessions), 1)
+        if study.synthesis:
+            seconds["synthesise"] = self.drawn_indentation()
+        if sessions:
+            seconds["features"] = sum(map(self.features, sessions)) / len(sessions)
+            seconds["mismatch"] = self.mismatch()
+        return seconds
 
 
 def estimate(study: Study, cells: dict) -> list[str]:

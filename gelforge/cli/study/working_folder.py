@@ -25,7 +25,7 @@ if "study" not in config:  # no --configfile
 
 """
 PROFILES = ("default/config.yaml", "slurm/config.yaml")
-EXAMPLE_FOLDERS = ("config", "data/demo", "data/gelsight_mini", "data/paper")
+EXAMPLE_FOLDERS = ("config", "data/benchmark", "data/demo", "data/gelsight_mini", "data/paper")
 ABOUT_DATA = "data/README.md"
 MADE = {"recordings", "virtual_truth", "__pycache__"}  # by runs, in the checkout's data
 
