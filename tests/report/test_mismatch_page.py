@@ -50,6 +50,11 @@ def test_the_sentence_stands_first_under_the_synthetic_banner(html):
     assert "identified: the missing physics has a name" in text[sentence - 1]
 
 
+def test_articles_fit_the_words_that_are_put_in_after_them(html):
+    text = " ".join(parsed(html.split("<body>")[1]).text)
+    assert re.findall(r"\b(?:[Aa]n [b-df-hj-np-tv-z]\w+|[Aa] [aeio]\w+)", text) == []
+
+
 def test_page_fetches_nothing_and_has_every_chapter(html):
     links = parsed(html)
     assert all(target.startswith(("#", "data:")) for target in links.targets)
