@@ -18,6 +18,7 @@ from gelforge.report.chapters import (
     learning_chapters,
     material_chapter,
     recording_chapter,
+    result,
     study_chapters,
     verification_chapter,
 )
@@ -27,6 +28,7 @@ from gelforge.report.verdict import mismatch_chapters
 
 BACKTICKS = re.compile(r"`([^`]+)`")
 CHAPTERS = (
+    result.result,
     study_chapters.glance,
     material_chapter.materials,
     study_chapters.force_depth,
