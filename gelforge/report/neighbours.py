@@ -39,6 +39,7 @@ def depth_classes(depths_mm: pd.Series) -> tuple[pd.Series, dict[float, str]]:
     levels = np.sort(number.index.to_numpy())
     few = len(levels) > DEPTHS and float(number.median()) < FEW
     groups = np.array_split(levels, DEPTHS) if few else [levels[k : k + 1] for k in range(len(levels))]
-    mean_of = {level: float(depth[depth.isin(group)].mean()) for group in groups for level in group}
+    means = [float(group[0] if len(group) == 1 else depth[depth.isin(group)].mean()) for group in groups]
+    mean_of = {level: mean for group, mean in zip(groups, means) for level in group}
     names = {mean_of[g[0]]: f"{g[0]:g}" if len(g) == 1 else f"{g[0]:g} to {g[-1]:g}" for g in groups}
     return depth.map(mean_of), names

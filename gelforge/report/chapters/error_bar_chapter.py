@@ -30,10 +30,10 @@ def error_bars(results: StudyResults) -> Chapter:
             "No error bars: no solved site holds any; sites made before they were stored are to be made again."
         )
         return chapter
-    sites, distance = results.sites_at("centre")
-    sites = sites or solved[:1]
+    sites, place = results.sites_at("centre")
+    if not sites:
+        sites, place = solved[:1], f"({solved[0].x_mm:g}, {solved[0].y_mm:g}) mm"
     of_shown = rows[rows.cell.isin([site.source or site.name for site in sites])].sort_values("depth")
-    place = place_words(sites, distance)
     words = (
         f"Left: the force at {place} with two standard deviations to each side, mesh and constitutive model together."
         " Right: each part over the force; the line is the median, the shade reaches from the least to the largest of"
@@ -50,13 +50,6 @@ def error_bars(results: StudyResults) -> Chapter:
         "Standard deviation of the vertical force over the force, over all solved sites.", sigma_table(rows)
     )
     return chapter
-
-
-def place_words(sites: list[PlannedCell], distance_mm: float) -> str:
-    """Return where sites are: one by its position, several by how many there are and how far they reach."""
-    middle = np.mean([(site.x_mm, site.y_mm) for site in sites], axis=0)
-    at = f"({middle[0]:.4g}, {middle[1]:.4g}) mm"
-    return at if len(sites) == 1 else f"{len(sites)} sites about {at}, up to {distance_mm:.2g} mm off"
 
 
 def _uncertain(results: StudyResults, cell: PlannedCell) -> set[str]:

@@ -70,19 +70,20 @@ class StudyResults:
     def centre_mm(self) -> np.ndarray:
         return np.array(self.widths_mm) / 2
 
-    def sites_at(self, landmark: str) -> tuple[list[PlannedCell], float]:
-        """Return the converged sites that make a curve over depth at the "centre" or "corner", and their largest distance.
+    def sites_at(self, landmark: str) -> tuple[list[PlannedCell], str]:
+        """Return the converged sites that make a curve over depth at the "centre" or "corner", and where they are in words.
 
         This is the site at the place; at the corner one that is 5 mm from two edges, that of large x and y first. Where the
-        sites have one depth each it is the CURVE_SITES nearest to the place [mm]. No site: the plan has none there.
+        sites have one depth each it is the CURVE_SITES nearest to the place. No site: the plan has none there.
         """
         cells = self.converged()
         if not self.has_one_depth_each:
             there = landmarks({cell.name: cell for cell in cells}, self.study).get(landmark)
-            return ([there] if there else []), 0.0
+            return ([there], f"({there.x_mm:g}, {there.y_mm:g}) mm") if there else ([], "")
         place = self.centre_mm if landmark == "centre" else np.array(self.widths_mm) - CORNER_MM
         chosen, distance = nearest(np.array([(c.x_mm, c.y_mm) for c in cells]), place, CURVE_SITES)
-        return [cells[k] for k in chosen], distance
+        where = f"up to {distance:.2g} mm from ({place[0]:g}, {place[1]:g}) mm"
+        return [cells[k] for k in chosen], f"{len(chosen)} sites {where}"
 
     @cached_property
     def has_one_depth_each(self) -> bool:

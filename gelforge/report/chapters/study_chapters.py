@@ -11,7 +11,6 @@ from gelforge.indentation.cells.cell_file import read_timings
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.recording.optics.remap import picture_of
 from gelforge.report.chapters.chapter import Chapter, Facts, count
-from gelforge.report.chapters.error_bar_chapter import place_words
 from gelforge.report.chapters.flow_floor import tell_flow_floor
 from gelforge.report.chapters.results_reader import StudyResults, is_papers_sensor
 from gelforge.report.figures.measurements.flow_figure import flow_figure, read_picture
@@ -101,17 +100,17 @@ def force_depth(results: StudyResults) -> Chapter:
         published = None
     curves = []
     for place, landmark in (("centre", "centre"), ("corner, 5 mm from two edges", "corner")):
-        sites, distance = results.sites_at(landmark)
+        sites, where = results.sites_at(landmark)
         if not sites:
             chapter.miss(f"No curve at the {place}: the plan has no converged site there.")
             continue
-        curves.append(_curve(results, f"{place} {place_words(sites, distance)}", sites))
+        curves.append(_curve(results, f"{place}{' ' if len(sites) == 1 else chr(10)}{where}", sites))
         if published is not None and len(sites) == 1:
             here = published["location"] == {"centre": "center"}.get(landmark, landmark)
             curves[-1] = replace(curves[-1], published=published[here])
     if not curves:
         return chapter
-    words = "Each blue line is our simulated force"
+    words = "Blue is our simulated force"
     words += (
         "; the closer to the dashed grey line, the better it agrees with the published FEM."
         if published is not None
