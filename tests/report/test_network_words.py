@@ -30,20 +30,7 @@ OVERFITTED = LOSS.assign(validation=[1.0, 0.5])
 @pytest.mark.parametrize(
     ("given", "loss", "words"),
     [
-        (
-            {},
-            LOSS,
-            [
-                "better than every baseline",
-                "by 4 mN",
-                "(ridge) by 16 mN",
-                "2 mm: 0.03 N",
-                "nine in ten",
-                "help little",
-            ],
-        ),
-        ({"own": 0.016}, LOSS, ["no better than the best baseline"]),
-        ({"own": 0.03}, LOSS, ["worse than the best baseline"]),
+        ({}, LOSS, ["2 mm: 0.03 N", "nine in ten", "help little"]),
         (
             {"wall": 0.02},
             LOSS,
@@ -55,7 +42,7 @@ OVERFITTED = LOSS.assign(validation=[1.0, 0.5])
         ({"inside": 0.99}, LOSS, ["wider than they need"]),
         ({"inside": float("nan")}, LOSS, ["no intervals"]),
         ({}, OVERFITTED, ["More sites would help", "5.0 times"]),
-        ({}, None, ["better than every baseline"]),
+        ({}, None, ["2 mm: 0.03 N"]),
     ],
 )
 def test_the_network_in_a_paragraph(given, loss, words):

@@ -1,7 +1,9 @@
 """The opening of the report: at most five sentences and a table with the numbers of the study's own files."""
 
+import json
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import fake_results
 import fake_verdict
@@ -11,6 +13,7 @@ from test_page import parsed
 
 from gelforge.mismatch.result.verdict import Verdict
 from gelforge.report.chapters.chapter import Chapter
+from gelforge.report.chapters.learning_chapters import _tell_onnx
 from gelforge.report.chapters.recording_chapter import kinds_table
 from gelforge.report.chapters.result import result
 from gelforge.report.chapters.results_reader import StudyResults
@@ -113,6 +116,18 @@ def test_a_fold_without_blocks_is_not_shown(tmp_path):
     chapter = Chapter("key", "Title")
     chapter.fold("nothing in it")
     assert "details" not in environment().get_template("contents.html").render(chapters=[chapter])
+
+
+def test_a_comparison_with_onnx_runtime_is_one_line(tmp_path):
+    results = SimpleNamespace(folder=tmp_path)
+    chapter = Chapter("predictions", "Predictions")
+    _tell_onnx(chapter, results)
+    assert chapter.blocks == []
+    (tmp_path / "model").mkdir()
+    found = {"images": 40, "largest_N": 0.14, "largest_difference_N": 5e-8}
+    (tmp_path / "model" / "onnx_check.json").write_text(json.dumps(found))
+    _tell_onnx(chapter, results)
+    assert "40 held-out images: bins differ by 5e-05 mN at most, of up to 140 mN" in chapter.blocks[0].words
 
 
 def test_findings_of_one_kind_are_one_row():

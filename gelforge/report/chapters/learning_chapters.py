@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 
 from gelforge.indentation.sensor.unrolled import is_unrolled, place_in_bins
 from gelforge.report.chapters.beside_paper import beside_paper, said_beside
-from gelforge.report.chapters.chapter import Chapter
+from gelforge.report.chapters.chapter import Chapter, count, millinewtons
 from gelforge.report.chapters.error_budget import tell_budget
 from gelforge.report.chapters.network_words import network_words
 from gelforge.report.chapters.results_reader import StudyResults
@@ -69,6 +71,7 @@ def predictions(results: StudyResults) -> Chapter:
         chapter.miss(f"No network: {FORCE_ONLY}")
         return chapter
     _say_how_good(chapter, results)
+    _tell_onnx(chapter, results)
     tell_budget(chapter, results)
     if results.loss is not None:
         chapter.show(
@@ -113,6 +116,17 @@ def _say_how_good(chapter: Chapter, results: StudyResults) -> None:
         " and its baselines, and the network by depth, distance from the nearest wall and session.",
         errors_figure(baselines, by),
     )
+
+
+def _tell_onnx(chapter: Chapter, results: StudyResults) -> None:
+    """Say how far forces by ONNX Runtime are from the network's own, where the study compares them."""
+    path = results.folder / "model" / "onnx_check.json"
+    if path.is_file():
+        found = json.loads(path.read_text(encoding="utf-8"))
+        chapter.say(
+            f"Exported to ONNX, the network gives the same forces on {count(found['images'], 'held-out image')}: bins differ"
+            f" by {millinewtons(found['largest_difference_N'])} at most, of up to {millinewtons(found['largest_N'])}."
+        )
 
 
 def _only_simulated(results: StudyResults) -> bool:

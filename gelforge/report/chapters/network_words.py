@@ -1,4 +1,4 @@
-"""A paragraph on the network: how it compares with baselines, where it fails, what more data would help."""
+"""A paragraph on the network: where it fails, what its intervals are worth, what more data would help."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def network_words(
     only_simulated: bool = False,
     has_budget: bool = False,
 ) -> str:
-    """Return in a paragraph how the network compares with baselines, where it fails, its intervals and the remedy.
+    """Return in a paragraph where the network fails, what its intervals are worth, and the remedy.
 
     only_simulated: nothing was learnt from recordings, so that the loss says nothing of them. has_budget: the parts of the
     error are known, and the remedy follows from them (`budget_words`), not from here.
@@ -43,21 +43,11 @@ def network_words(
     found = beside_baselines(baselines)
     if found is None:
         return "No test row is pressed: nothing can be said of the network."
-    own, best, name = found
-    better = own < CLEARLY * best
-    compared = (
-        "is better than every baseline"
-        if better
-        else "is no better than the best baseline"
-        if own < best / CLEARLY
-        else "is worse than the best baseline"
+    own, best, _ = found
+    remedy = (
+        AFTER_SIMULATION if only_simulated else "" if has_budget else _remedy(by, loss, own < CLEARLY * best)
     )
-    said = (
-        f"The network {compared}: the vertical force of a pressed bin is off by {millinewtons(own)} (rms over held-out"
-        f" sites), that of the best baseline ({name}) by {millinewtons(best)}."
-    )
-    remedy = AFTER_SIMULATION if only_simulated else "" if has_budget else _remedy(by, loss, better)
-    return " ".join(part for part in (said, _where(by), _intervals(reliability), remedy) if part)
+    return " ".join(part for part in (_where(by), _intervals(reliability), remedy) if part)
 
 
 def _where(by: pd.DataFrame) -> str:

@@ -43,7 +43,7 @@ def glance(results: StudyResults) -> Chapter:
         ("Indenter", study.indenter.words),
         ("Plan", f"{cells}; {steps}"),
         ("Sites", f"{len(good)} converged, {len(planned) - len(good)} failed or missing"),
-        ("Label", f"force on {sensor.bins.nx} x {sensor.bins.ny} surface bins, x, y and z, in N"),
+        ("Label", f"force on {sensor.bins.nx} x {sensor.bins.ny} surface bins, x, y and z"),
         ("Recordings", _recordings(results)),
         ("Dataset", _dataset(results)),
         ("Data", _data_kind(results)),
