@@ -18,17 +18,17 @@ from gelforge.report.chapters import (
     learning_chapters,
     material_chapter,
     recording_chapter,
-    result,
     study_chapters,
     verification_chapter,
 )
 from gelforge.report.chapters.chapter import Chapter
 from gelforge.report.chapters.results_reader import StudyResults
+from gelforge.report.result import result
 from gelforge.report.verdict import mismatch_chapters
 
 BACKTICKS = re.compile(r"`([^`]+)`")
 CHAPTERS = (
-    result.result,
+    result,
     study_chapters.glance,
     material_chapter.materials,
     study_chapters.force_depth,

@@ -9,8 +9,7 @@ import pytest
 from gelforge.mismatch.result.verdict_tables import write_readings
 from gelforge.report.chapters.flow_floor import depth_rows, flow_table
 from gelforge.report.chapters.results_reader import StudyResults
-from gelforge.report.figures.simulation.residuals import residual_map_figure
-from gelforge.report.neighbours import (
+from gelforge.report.figures.neighbours import (
     CURVE_SITES,
     MAP_SITES,
     depth_classes,
@@ -18,6 +17,7 @@ from gelforge.report.neighbours import (
     one_depth_each,
     pooled_means,
 )
+from gelforge.report.figures.simulation.residuals import residual_map_figure
 from gelforge.report.page import write_report
 from gelforge.report.verdict.mismatch_curves import depth_figure
 from gelforge.report.verdict.mismatch_reader import MismatchResults

@@ -15,10 +15,10 @@ from gelforge.mismatch.result.verdict import Verdict
 from gelforge.report.chapters.chapter import Chapter
 from gelforge.report.chapters.learning_chapters import _tell_onnx
 from gelforge.report.chapters.recording_chapter import kinds_table
-from gelforge.report.chapters.result import result
 from gelforge.report.chapters.results_reader import StudyResults
 from gelforge.report.chapters.table_units import in_units_of_the_page
 from gelforge.report.page import CHAPTERS
+from gelforge.report.result import result
 from gelforge.report.verdict.mismatch_words import STATES, answer_text
 
 

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.report.chapters.chapter import Chapter, count
 from gelforge.report.chapters.results_reader import SIGMAS, StudyResults
+from gelforge.report.figures.neighbours import depth_classes
 from gelforge.report.figures.style import MEASURED, SIMULATED, new_figure, styled
-from gelforge.report.neighbours import depth_classes
 
 WIDTH = 2.0  # standard deviations of a band
 LOOKS = {"mesh": (SIMULATED, "o"), "constitutive models": (MEASURED, "s")}

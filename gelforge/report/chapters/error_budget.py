@@ -80,7 +80,9 @@ def _remedies(of_bins: str, of_totals: str) -> str:
     """Return what would lower the largest part of the error of a bin and that of the total."""
     if of_bins == of_totals:
         return f"What would lower both: {REMEDIES[of_bins]}."
-    return f"What would lower it of a pressed bin: {REMEDIES[of_bins]}; in total: {REMEDIES[of_totals]}."
+    return (
+        f"What would lower the error of a pressed bin: {REMEDIES[of_bins]}; in total: {REMEDIES[of_totals]}."
+    )
 
 
 @styled

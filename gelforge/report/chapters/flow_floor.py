@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from gelforge.recording.plausibility.images import MOST_LOST
 from gelforge.report.chapters.chapter import Chapter, count
 from gelforge.report.chapters.results_reader import StudyResults
+from gelforge.report.figures.neighbours import depth_classes
 from gelforge.report.figures.style import FAINT, PREDICTED, SIMULATED, new_figure, styled
-from gelforge.report.neighbours import depth_classes
 
 MOST_SESSIONS = 4  # in the figure; the table has all
 MOST_IMAGES = 2000  # of a session in the figure

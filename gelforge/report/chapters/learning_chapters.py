@@ -16,10 +16,10 @@ from gelforge.report.chapters.study_chapters import FORCE_ONLY, LABELS_ONLY
 from gelforge.report.chapters.table_units import in_units_of_the_page
 from gelforge.report.figures.learning.network_figure import errors_figure
 from gelforge.report.figures.learning.training_figure import loss_figure
+from gelforge.report.figures.neighbours import MAP_SITES
 from gelforge.report.figures.simulation.force_maps import prediction_figure, total_force_figure
 from gelforge.report.figures.simulation.residuals import residual_depth_figure, residual_map_figure
 from gelforge.report.figures.simulation.silhouette import touched_radius_mm
-from gelforge.report.neighbours import MAP_SITES
 
 
 def agreement(results: StudyResults) -> Chapter:

@@ -14,9 +14,8 @@ HELD = (0.85, 0.97)  # shares inside 90 % intervals that a few validation orbits
 
 ERROR = "RMSES_z_N"
 AFTER_SIMULATION = (
-    "It has learnt from simulated sensors alone: fit its gains to a few recorded indentations (gelforge adapt), and"
-    " learn from "
-    "recordings too (synthesis.train_on: both) where that is not enough."
+    "The network has learnt from simulated sensors alone: fit its gains to a few recorded indentations (gelforge adapt), and"
+    " learn from recordings too (synthesis.train_on: both) where that is not enough."
 )
 
 
@@ -84,15 +83,17 @@ def _intervals(reliability: pd.DataFrame) -> str:
     }
     known = {kind: shares for kind, shares in held.items() if np.isfinite(shares).all()}
     if not known:
-        return "It states no intervals: too few validation rows."
+        return "The network states no intervals: too few validation rows."
     few = [
         f"{100 * min(shares):.0f} % of the {kind}" for kind, shares in known.items() if min(shares) < HELD[0]
     ]
     if few:
-        return f"Its 90 % intervals are too narrow: along one axis they hold {' and '.join(few)} only."
+        return (
+            f"The network's 90 % intervals are too narrow: along one axis they hold {' and '.join(few)} only."
+        )
     if max(map(max, known.values())) > HELD[1]:
-        return "Its 90 % intervals are wider than they need to be."
-    return "Its 90 % intervals hold nine in ten of the test rows, as they should."
+        return "The network's 90 % intervals are wider than they need to be."
+    return "The network's 90 % intervals hold nine in ten of the test rows, as they should."
 
 
 def _remedy(by: pd.DataFrame, loss: pd.DataFrame | None, is_good: bool) -> str:

@@ -22,7 +22,7 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.planning.plan import CORNER_MM, landmarks, plan_cells
 from gelforge.materials.fitting.law_file import MaterialLaw, read_law
 from gelforge.recording.plausibility.findings import read_findings
-from gelforge.report.neighbours import CURVE_SITES, nearest, one_depth_each
+from gelforge.report.figures.neighbours import CURVE_SITES, nearest, one_depth_each
 
 SIGMAS = {"mesh": "total_sigma_mesh_N", "constitutive models": "total_sigma_material_N"}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gelforge.mismatch.result.verdict import Where
 from gelforge.report.chapters.chapter import Chapter, count
-from gelforge.report.neighbours import MAP_SITES
+from gelforge.report.figures.neighbours import MAP_SITES
 from gelforge.report.verdict.mismatch_curves import depth_figure, time_figure
 from gelforge.report.verdict.mismatch_flow import MOST_SHOWN, flow_residual_figure
 from gelforge.report.verdict.mismatch_maps import body_map_figure, known_patches, residual_maps_figure

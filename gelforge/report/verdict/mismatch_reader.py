@@ -11,7 +11,7 @@ import pandas as pd
 
 from gelforge.mismatch.result.verdict import Verdict, read_verdict
 from gelforge.mismatch.result.verdict_tables import read_body_map, read_flow, read_readings
-from gelforge.report.neighbours import CURVE_SITES, nearest, one_depth_each, pooled_means
+from gelforge.report.figures.neighbours import CURVE_SITES, nearest, one_depth_each, pooled_means
 
 AXES = ("x", "y", "z")
 LOADING = ("load", "dwell")

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from gelforge.report.figures.neighbours import depth_classes, one_depth_each, pooled_means
 from gelforge.report.figures.style import (
     FAINT,
     INK,
@@ -17,7 +18,6 @@ from gelforge.report.figures.style import (
     styled,
     surface_axes,
 )
-from gelforge.report.neighbours import depth_classes, one_depth_each, pooled_means
 
 AXES = ("x", "y", "z")
 
