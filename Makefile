@@ -50,6 +50,7 @@ generated: $(READY)
 	$(BIN)/python -c 'import json; from gelforge.config import schema; print(json.dumps(schema(), indent=2))' > config/schema.json
 	$(BIN)/python -m gelforge.mechanics.laws.table
 	$(BIN)/python -m gelforge.mismatch.summary.effects_table
+	$(BIN)/python -m validation trust
 
 format: $(READY)
 	$(BIN)/ruff format . && $(BIN)/ruff check --fix . && $(BIN)/snakefmt Snakefile workflow

@@ -11,6 +11,7 @@ usage: python -m validation pooled                                   every poole
        python -m validation unpack SET                               and from there into a set generated again
        python -m validation judge-again SET [SET ...] [--limit 10]   opened sets (SET_again), strong effects first
        python -m validation again SET [SET ...]                      today's judge beside the former one on those cases
+       python -m validation trust                                    today's judge in a table, into docs/mismatch.md
        python -m validation truths SET                               what was hidden in a judged set, into truths.jsonl
 
 Run from the repository's root. SET is a name; sets lie in results/concealed/sets.
@@ -36,6 +37,7 @@ def parser() -> argparse.ArgumentParser:
     steps = whole.add_subparsers(dest="step", required=True)
     one = steps.add_parser("pooled", help="print every pooled number from the archived verdicts")
     one.add_argument("--archives", type=Path, help="folder of SET.tar.xz; default: validation/judged")
+    steps.add_parser("trust", help="write the table of today's judge into docs/mismatch.md")
     one = steps.add_parser("solve", help="solve what all cases share")
     one.add_argument("--workers", type=int, default=1, help="solutions side by side")
     steps.add_parser("check", help="print how far the base is from the fine mesh, and from solutions between")
@@ -176,6 +178,14 @@ def _claims(asked: argparse.Namespace) -> None:
     print(by_exponent(p, right).to_markdown(index=False, floatfmt=".3g"))
 
 
+def _trust(asked: argparse.Namespace) -> None:
+    from .trust import PAGE, figures, with_figures
+
+    table = figures()
+    PAGE.write_text(with_figures(PAGE.read_text(encoding="utf-8"), table), encoding="utf-8")
+    print(table)
+
+
 def _pack(asked: argparse.Namespace) -> None:
     from .archive import ARCHIVES, pack
 
@@ -282,6 +292,7 @@ STEPS = {
     "pack": _pack,
     "unpack": _unpack,
     "truths": _truths,
+    "trust": _trust,
     "score": _score,
 }
 

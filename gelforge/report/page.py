@@ -23,10 +23,12 @@ from gelforge.report.chapters import (
 )
 from gelforge.report.chapters.chapter import Chapter
 from gelforge.report.chapters.results_reader import StudyResults
+from gelforge.report.result import result
 from gelforge.report.verdict import mismatch_chapters
 
 BACKTICKS = re.compile(r"`([^`]+)`")
 CHAPTERS = (
+    result,
     study_chapters.glance,
     material_chapter.materials,
     study_chapters.force_depth,

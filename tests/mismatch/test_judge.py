@@ -133,11 +133,11 @@ def test_what_is_not_sure_not_adequate_or_not_physical_is_not_identified():
             "position",
             "near (16, 16) mm within 3 mm in proportion to the force",
         ),
-        ("growing with depth, force along z", "depth", "growing with depth as a force along z"),
+        ("growing with depth, force along z", "depth", "growing with depth in the force along z"),
         (
             "dwell against the rest, force along y",
             "phase",
-            "in dwell against the rest as a force along y",
+            "in dwell against the rest in the force along y",
         ),
         ("depths 1 to 2 mm, share of the force", "depth", "at depths 1 to 2 mm in proportion to the force"),
     ],

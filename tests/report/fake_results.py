@@ -380,9 +380,9 @@ def write_error_tables(folder: Path) -> None:
     classes = [
         ("depth", "0.5 mm", 0.01),
         ("depth", "1 mm", 0.02),
-        ("place", "near a wall (0 to 6.4 mm)", 0.03),
+        ("place", "0 to 6.4 mm from a wall", 0.03),
     ]
-    classes += [("place", "in the middle (11.2 and more mm)", 0.01), ("session", "day1", 0.01)]
+    classes += [("place", "11.2 mm and more from a wall", 0.01), ("session", "day1", 0.01)]
     errors_by = pd.DataFrame(
         [(by, name, 96, *[e] * 4, 3 * e, 0.8) for by, name, e in classes],
         columns=["by", "class", "rows", *figures],

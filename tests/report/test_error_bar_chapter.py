@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 from edited_file import edited
 
-from gelforge.report.chapters.error_bar_chapter import PARTS, error_bar_figure, error_bars, sigma_table
-from gelforge.report.chapters.results_reader import StudyResults
+from gelforge.report.chapters.error_bar_chapter import error_bar_figure, error_bars, sigma_table
+from gelforge.report.chapters.results_reader import SIGMAS, StudyResults
 
 # Two sites at two depths: forces, and sigmas of which the shares are easily seen.
 ROWS = pd.DataFrame(
@@ -24,11 +24,13 @@ ROWS = pd.DataFrame(
 
 
 def test_table_has_median_and_largest_over_the_force():
-    table = sigma_table(ROWS).set_index("depth_mm")
+    table = sigma_table(ROWS).set_index("depth [mm]")
     assert list(table["sites"]) == [2, 2]
-    np.testing.assert_allclose(table.loc[0.5, ["mesh, median [%]", "mesh, largest [%]"]].tolist(), [2.0, 3.0])
     np.testing.assert_allclose(
-        table.loc[1.0, ["constitutive models, median [%]", "constitutive models, largest [%]"]].tolist(),
+        table.loc["0.5", ["mesh, median [%]", "mesh, largest [%]"]].tolist(), [2.0, 3.0]
+    )
+    np.testing.assert_allclose(
+        table.loc["1", ["constitutive models, median [%]", "constitutive models, largest [%]"]].tolist(),
         [2.375, 4.0],
     )
 
@@ -52,7 +54,7 @@ def test_chapter_names_the_laws_of_which_nothing_is_known(whole):
     assert table.rows[0] == ["0.5", "24", "1", "1", "0.4", "0.4"]
 
 
-@pytest.mark.parametrize("lacking", sorted(PARTS.values()))
+@pytest.mark.parametrize("lacking", sorted(SIGMAS.values()))
 def test_cells_without_error_bars_are_told(whole, tmp_path, lacking):
     shutil.copytree(whole[1] / "cells", tmp_path / "cells")
     for path in (tmp_path / "cells").glob("*.h5"):

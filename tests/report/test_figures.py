@@ -50,9 +50,9 @@ def test_true_and_predicted_share_colour_limits_centred_at_zero(maps):
         assert len(limits) == 1
         low, high = limits.pop()
         assert low == -high
-        largest = max(np.abs(m[:, row]).max() for m in maps)
+        largest = max(1e3 * np.abs(m[:, row]).max() for m in maps)
         assert high >= largest  # nothing is clipped
-    assert texts(figure).count("[N per bin]") == 3
+    assert texts(figure).count("[mN per bin]") == 3
 
 
 def test_map_puts_bin_k_at_its_place():
@@ -61,7 +61,7 @@ def test_map_puts_bin_k_at_its_place():
     figure = prediction_figure(force, force, 4, 3, (8.0, 6.0), (7.0, 3.0), 1.0)
     mesh = figure.axes[6].collections[0]  # row z, predicted
     values = np.asarray(mesh.get_array()).reshape(3, 4)
-    assert values[1, 3] == -1.0
+    assert values[1, 3] == -1000.0
     corner = mesh.get_coordinates()[1, 3]
     np.testing.assert_allclose(corner, [6.0, 2.0])
 

@@ -50,4 +50,4 @@ def test_a_report_says_false_flow_and_what_was_lost(touched_only, tmp_path):
     )
     assert ("no image before contact" in said) == touched_only
     assert ("before contact move by 0.02 px" in said) != touched_only
-    assert "the flow lost the surface in" in said
+    assert "In 25 of 125 indentations the flow does not fit" in said or touched_only

@@ -31,7 +31,7 @@ def test_samples_mean_and_model_meet_in_the_panel(fitted):
     ax = fitted.axes[0]
     lines = ax.get_lines()
     assert [line.get_label() for line in lines if not line.get_label().startswith("_")] == [
-        "samples",
+        "specimens",
         "Ogden model",
         "mean of specimens",
     ]

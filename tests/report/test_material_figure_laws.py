@@ -36,8 +36,8 @@ def lines(ax):
 
 @pytest.mark.thorough
 def test_all_laws_are_drawn_and_named(drawn):
-    assert set(lines(drawn.axes[0])) == {"samples", "Neo-Hooke", "Ogden, K = 1", "mean of samples"}
-    assert [text.get_text() for text in drawn.legends[0].get_texts()][:2] == ["samples", "Neo-Hooke"]
+    assert set(lines(drawn.axes[0])) == {"specimens", "Neo-Hooke", "Ogden, K = 1", "mean of samples"}
+    assert [text.get_text() for text in drawn.legends[0].get_texts()][:2] == ["specimens", "Neo-Hooke"]
     assert "μ" not in drawn.get_suptitle()
     assert "mu = 20 kPa" in drawn.get_suptitle()
 

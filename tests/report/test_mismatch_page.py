@@ -47,7 +47,12 @@ def test_the_sentence_stands_first_under_the_synthetic_banner(html):
     sentence = text.index(fake_verdict.fake_content()["sentence"])
     assert sentence <= 6  # after the line of the title, the banner and the state
     assert text.index("SYNTHETIC DATA.") < sentence
-    assert "identified: the missing physics has a name" in text[sentence - 1]
+    assert "identified: a known cause explains the difference" in text[sentence - 1]
+
+
+def test_articles_fit_the_words_that_are_put_in_after_them(html):
+    text = " ".join(parsed(html.split("<body>")[1]).text)
+    assert re.findall(r"\b(?:[Aa]n [b-df-hj-np-tv-z]\w+|[Aa] [aeio]\w+)", text) == []
 
 
 def test_page_fetches_nothing_and_has_every_chapter(html):
@@ -213,7 +218,7 @@ def test_what_is_modelled_without_a_cause_is_said_with_its_range(tmp_path):
     content["state"] = "form_free"
     folder = fake_verdict.write_fake_verdict(tmp_path, content)
     html = write_mismatch_page(folder).read_text(encoding="utf-8")
-    assert "form free: the missing physics has a name" in html
+    assert "form free: a known cause explains the difference" in html
     effects = section(html, "effects")
     assert (
         "Modelled without a known cause together with gel stiffness: a change of the pressing force with depth"

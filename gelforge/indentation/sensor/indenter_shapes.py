@@ -42,7 +42,7 @@ def real_indenter(shape: Shape, effects: Effects) -> Shape:
         return shape
     if not isinstance(shape, Sphere):
         raise ConfigError(
-            f"mechanics.effects.geometry.indenter_radius_change_mm is for a ball, found a {type(shape).__name__.lower()};"
+            f"mechanics.effects.geometry.indenter_radius_change_mm is for a ball, found {type(shape).__name__.lower()};"
             " change the indenter's own sizes instead"
         )
     if shape.radius + change <= 0:

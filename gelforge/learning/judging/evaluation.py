@@ -108,11 +108,11 @@ def baselines_table(predictions: Predictions) -> pd.DataFrame:
 
 
 DEPTH_CLASSES = 8  # where a study has more depths, they are grouped
-WALL_SHARES = {  # of the sensor's smaller width: how far the indenter is from the nearest wall
-    "near a wall": (0.0, 0.2),
-    "between": (0.2, 0.35),
-    "in the middle": (0.35, np.inf),
-}
+WALL_SHARES = (
+    (0.0, 0.2),
+    (0.2, 0.35),
+    (0.35, np.inf),
+)  # of the sensor's smaller width, from the nearest wall
 
 
 def errors_by_table(predictions: Predictions) -> pd.DataFrame:
@@ -149,13 +149,9 @@ def _classes(predictions: Predictions) -> Iterator[tuple[str, str, np.ndarray]]:
         yield "depth", name, touched & (depth >= group[0]) & (depth <= group[-1])
     widths = predictions.width_mm
     share = np.minimum(predictions.position_mm, widths - predictions.position_mm).min(axis=1) / widths.min()
-    for name, (low, high) in WALL_SHARES.items():
-        far = "" if high == np.inf else f" to {high * widths.min():.3g}"
-        yield (
-            "place",
-            f"{name} ({low * widths.min():.3g}{far or ' and more'} mm)",
-            touched & (share >= low) & (share < high),
-        )
+    for low, high in WALL_SHARES:
+        end = " mm and more" if high == np.inf else f" to {high * widths.min():.3g} mm"
+        yield "place", f"{low * widths.min():.3g}{end} from a wall", touched & (share >= low) & (share < high)
     for by, names in (
         ("session", predictions.session),
         ("phase", predictions.phase),
@@ -183,12 +179,8 @@ def reliability_table(predictions: Predictions) -> pd.DataFrame:
     felt, light = push >= CONTACT_N, touched & (push <= LIGHT_N)
     rows = [
         ("Fz of untouched images, rms", _rms(predicted[~touched, 2]), "N"),
-        (f"contacts of {1e3 * CONTACT_N:g} mN and more that are seen", _mean(seen[felt]), "1"),
-        (
-            f"mean error of Fz of indentations up to {1e3 * LIGHT_N:g} mN",
-            _mean((predicted - true)[light, 2]),
-            "N",
-        ),
+        (f"contacts of {CONTACT_N:g} N and more that are seen", _mean(seen[felt]), "1"),
+        (f"mean error of Fz of indentations up to {LIGHT_N:g} N", _mean((predicted - true)[light, 2]), "N"),
         ("centre of pressure, median distance", _quantile(distance[touched], 0.5), "mm"),
         ("centre of pressure, 95th percentile", _quantile(distance[touched], 0.95), "mm"),
     ]

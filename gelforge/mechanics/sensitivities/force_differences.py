@@ -33,7 +33,7 @@ class ForceDifferences:
         for number, body in enumerate(self.bodies):
             if type(body) is not type(base) or base.remembers:
                 raise ValueError(
-                    f"no direct derivative from a {type(base).__name__} to a {type(body).__name__}; subtract two solutions"
+                    f"no direct derivative from {type(base).__name__} to {type(body).__name__}; subtract two solutions"
                 )
             if body is base or self._linear:
                 continue

@@ -66,7 +66,7 @@ class StressTests:
 def stress_tests(tests: list[MaterialTest]) -> StressTests:
     """Return the readings of stress tests beside their base laws; raises ValueError (FitError) where there is none."""
     usable = [t for t in tests if t.test in KINDS and t.cauchy_difference is None]
-    said = [f"{t.sample}: a {t.test} test is not judged" for t in tests if t.test not in KINDS]
+    said = [f"{t.sample}: tests of kind {t.test} are not judged" for t in tests if t.test not in KINDS]
     timed = [t for t in usable if t.time_s is not None or t.rate_per_s]
     said += [
         f"{t.sample}: neither time nor rate is stated, so it is not known where it belongs; left out"

@@ -104,7 +104,7 @@ def _clearest(amounts: Sequence[form.Amount]) -> str:
     unit = "" if best.unit == "1" else f" {best.unit}"
     low, high = best.interval_90
     which = f"{best.name} ".replace("_", " ") if len(amounts) > 1 else ""
-    return f"{which}{best.value:+.2g}{unit}, 90 % {low:.2g} to {high:.2g}"
+    return f"{which}{best.value:+.2g}{unit}, 90 % interval {low:.2g} to {high:.2g}"
 
 
 def _why_unexplained(problem: Problem, judgement: Judgement) -> str:
@@ -162,7 +162,7 @@ def plain(finding: Finding) -> str:
     before = {"depth": "", "position": "", "axis": "", "wave": "as a ", "phase": "in "}.get(finding.kind, "")
     if finding.kind == "depth" and name[0] == "d":
         before = "at "
-    how = {"share of the force": " in proportion to the force"}.get(kind, f" as a {kind}" if kind else "")
+    how = {"share of the force": " in proportion to the force"}.get(kind, f" in the {kind}" if kind else "")
     return f"{before}{name}{how}"
 
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from gelforge.report.figures.style import data_uri
 
-UNITS = {"N", "mm", "kPa", "MPa", "s", "px", "MB", "percent"}
+UNITS = {"N", "mN", "mm", "kPa", "MPa", "s", "px", "MB", "percent"}
 
 
 @dataclass(frozen=True)
@@ -61,11 +61,12 @@ class Facts:
 
 @dataclass
 class Chapter:
-    """One chapter of the page."""
+    """One chapter of the page; a fold of a chapter is a chapter too, whose title opens it."""
 
     key: str
     title: str
     blocks: list = field(default_factory=list)
+    kind = "fold"
 
     def say(self, words: str) -> None:
         self.blocks.append(Note(words))
@@ -76,6 +77,12 @@ class Chapter:
 
     def show(self, words: str, figure: Figure) -> None:
         self.blocks.append(Picture(words, data_uri(figure)))
+
+    def fold(self, title: str) -> Chapter:
+        """Return a part of the chapter that is closed until a reader opens it; one without blocks is not shown."""
+        folded = Chapter("", title)
+        self.blocks.append(folded)
+        return folded
 
     def tabulate(self, words: str, table: pd.DataFrame) -> None:
         rows = [[cell_text(value) for value in row] for row in table.itertuples(index=False)]
@@ -98,6 +105,16 @@ def cell_text(value) -> str:
     if isinstance(value, float | np.floating):
         return f"{value:.4g}" if np.isfinite(value) else "∞" if value > 0 else "−∞"
     return str(value)
+
+
+def newtons(force_N: float) -> str:
+    """Return a total force, or an error of one: of these the unit is N on the whole page."""
+    return f"{force_N:.3g} N"
+
+
+def millinewtons(force_N: float) -> str:
+    """Return a force of a single bin, or an error of one: of these the unit is mN on the whole page."""
+    return f"{1e3 * force_N:.3g} mN"
 
 
 def count(number: int, one: str, many: str | None = None) -> str:

@@ -7,14 +7,13 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gelforge.indentation.cells.cell_file import read_cell
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.report.chapters.chapter import Chapter, count
-from gelforge.report.chapters.results_reader import StudyResults
+from gelforge.report.chapters.results_reader import SIGMAS, StudyResults
+from gelforge.report.figures.neighbours import depth_classes
 from gelforge.report.figures.style import MEASURED, SIMULATED, new_figure, styled
 
-SIGMAS = 2.0  # standard deviations of a band
-PARTS = {"mesh": "total_sigma_mesh_N", "constitutive models": "total_sigma_material_N"}
+WIDTH = 2.0  # standard deviations of a band
 LOOKS = {"mesh": (SIMULATED, "o"), "constitutive models": (MEASURED, "s")}
 
 
@@ -25,22 +24,20 @@ def error_bars(results: StudyResults) -> Chapter:
         chapter.say("No error bars: the study has mechanics.error_bars: false.")
         return chapter
     solved = [cell for cell in results.converged() if not cell.source]
-    rows = pd.DataFrame([row for cell in solved for row in _vertical(results, cell)])
+    rows = results.label_errors
     if rows.empty:
         chapter.miss(
             "No error bars: no solved site holds any; sites made before they were stored are to be made again."
         )
         return chapter
-    shown = results.centre_cell() or solved[0]
-    of_shown = rows[rows.cell == (shown.source or shown.name)]
-    place = f"({shown.x_mm:g}, {shown.y_mm:g}) mm"
+    sites, place = results.sites_at("centre")
+    if not sites:
+        sites, place = solved[:1], f"({solved[0].x_mm:g}, {solved[0].y_mm:g}) mm"
+    of_shown = rows[rows.cell.isin([site.source or site.name for site in sites])].sort_values("depth")
     words = (
-        f"Left: the force at {place} with two standard deviations to each side, mesh and constitutive model"
-        " together. Right: each"
-    )
-    words += " part over the force; the line is the median, the shade reaches from the least to the largest"
-    words += (
-        f" of {count(rows.cell.nunique(), 'solved site')}. The mesh's is one share for all depths of a site."
+        f"Left: the force at {place} with two standard deviations to each side, mesh and constitutive model together."
+        " Right: each part over the force; the line is the median, the shade reaches from the least to the largest of"
+        f" {count(rows.cell.nunique(), 'solved site')}. The mesh's is one share for all depths of a site."
     )
     unknown = sorted(set(results.study.materials) - _uncertain(results, solved[0]))
     if unknown:
@@ -60,31 +57,13 @@ def _uncertain(results: StudyResults, cell: PlannedCell) -> set[str]:
     return {str(name) for name in results.cell_attributes[cell.name].get("uncertain_materials", ())}
 
 
-def _vertical(results: StudyResults, planned: PlannedCell) -> list[dict]:
-    """Return depth, Fz and its standard deviations [N] of a site's loading, row by row; none where it holds no bars."""
-    cell = read_cell(results.cell_path(planned.name), ["depth_mm", "total_force_N"], PARTS.values())
-    if not set(PARTS.values()) <= set(cell.arrays):
-        return []
-    phases = planned.phases or ("load",) * len(cell.arrays["depth_mm"])
-    columns = {name: cell.arrays[key][:, 2] for name, key in PARTS.items()}
-    return [
-        {
-            "cell": planned.name,
-            "depth": round(float(depth), 6),
-            "force": -float(cell.arrays["total_force_N"][k, 2]),
-        }
-        | {name: float(sigma[k]) for name, sigma in columns.items()}
-        for k, (depth, phase) in enumerate(zip(cell.arrays["depth_mm"], phases))
-        if phase == "load"  # a force that has all but gone has no relative error
-    ]
-
-
 def sigma_table(rows: pd.DataFrame) -> pd.DataFrame:
     """Return median and largest standard deviation of the mesh and of the constitutive models over Fz [%] by depth."""
     table = []
-    for depth, at in rows.groupby("depth"):
-        found = {"depth_mm": depth, "sites": len(at)}
-        for name in PARTS:
+    depth, names = depth_classes(rows["depth"])
+    for mean, at in rows.groupby(depth):
+        found = {"depth [mm]": names[mean], "sites": at["cell"].nunique()}
+        for name in SIGMAS:
             relative = 100 * at[name] / at["force"].abs()
             found |= {f"{name}, median [%]": relative.median(), f"{name}, largest [%]": relative.max()}
         table.append(found)
@@ -97,19 +76,28 @@ def error_bar_figure(cell: pd.DataFrame, rows: pd.DataFrame, place: str) -> Figu
     figure, axes = new_figure(8.2, 3.3, ncols=2)
     left, right = axes[0]
     sigma = np.hypot(cell["mesh"], cell["constitutive models"])
+    pooled = cell["cell"].nunique() > 1
     left.fill_between(
         cell["depth"],
-        cell["force"] - SIGMAS * sigma,
-        cell["force"] + SIGMAS * sigma,
+        cell["force"] - WIDTH * sigma,
+        cell["force"] + WIDTH * sigma,
         color=SIMULATED,
         alpha=0.3,
         lw=0,
         label="± 2 sigma, mesh and material",
     )
-    left.plot(cell["depth"], cell["force"], ".-", color=SIMULATED, ms=4, lw=0.8, label="this study: FEM")
+    left.plot(
+        cell["depth"],
+        cell["force"],
+        "." if pooled else ".-",
+        color=SIMULATED,
+        ms=4,
+        lw=0.8,
+        label="this study: FEM",
+    )
     left.set_ylabel("vertical force, $-F_z$ [N]")
     left.set_title(place)
-    for name in PARTS:
+    for name in SIGMAS:
         _relative(right, rows, name)
     right.set_ylabel("sigma of $F_z$ over $F_z$ [%]")
     right.set_title("all solved sites")
@@ -126,7 +114,7 @@ def error_bar_figure(cell: pd.DataFrame, rows: pd.DataFrame, place: str) -> Figu
 def _relative(ax: Axes, rows: pd.DataFrame, name: str) -> None:
     """Draw one part over the force by depth: median, and from the least to the largest."""
     colour, marker = LOOKS[name]
-    relative = (100 * rows[name] / rows["force"].abs()).groupby(rows["depth"])
+    relative = (100 * rows[name] / rows["force"].abs()).groupby(depth_classes(rows["depth"])[0])
     depth = sorted(relative.groups)
     ax.fill_between(depth, relative.min(), relative.max(), color=colour, alpha=0.2, lw=0)
     ax.plot(depth, relative.median(), marker + "-", color=colour, ms=3.5, lw=1.4, label=f"{name}, median")

@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from gelforge.learning.judging.error_budget import AGAINST_TRUTH, LEARNING, MECHANICS, OPTICS, PARTS
-from gelforge.report.chapters.chapter import Chapter
+from gelforge.report.chapters.chapter import Chapter, millinewtons, newtons
 from gelforge.report.chapters.results_reader import StudyResults
 from gelforge.report.figures.style import FAINT, MEASURED, PREDICTED, PUBLISHED, SIMULATED, new_figure, styled
 
@@ -17,12 +17,14 @@ BARS = {  # part: words of its bar, colour
     MECHANICS: ("mechanics\nlabels against true force", SIMULATED),
     AGAINST_TRUTH: ("whole error\nnetwork against true force", PUBLISHED),
 }
-PANELS = (("bins_z_N", "force of a pressed bin"), ("total_z_N", "total force"))
+PANELS = (  # column, title, unit and how many of it a newton is, number with its unit
+    ("bins_z_N", "force of a pressed bin", "mN", 1e3, millinewtons),
+    ("total_z_N", "total force", "N", 1.0, newtons),
+)
 REMEDIES = {
-    OPTICS: "Optics: a sharper or nearer camera or a finer flow (features.flow_preset) would help, more sites would not.",
-    LEARNING: "Learning: more sites would help.",
-    MECHANICS: "Mechanics: better material tests, a verdict (gelforge mismatch) or gains fitted to readings (gelforge adapt)"
-    " would help, more sites would not.",
+    OPTICS: "a sharper or nearer camera or a finer flow (features.flow_preset)",
+    LEARNING: "more sites",
+    MECHANICS: "better material tests, a verdict (gelforge mismatch) or gains fitted to readings (gelforge adapt)",
 }
 LEAST_WIDTH = 0.3  # of the wider panel, so that bars of small errors have room for their numbers
 
@@ -56,12 +58,12 @@ def budget_words(table: pd.DataFrame) -> str:
     parts = table.set_index("part")
     said: list[str] = []
     largest: list[str] = []
-    for (column, _), what in zip(PANELS, ("of a pressed bin", "in total")):
+    for (column, *_, text), what in zip(PANELS, ("of a pressed bin", "in total")):
         (first, most), *others = parts.loc[list(PARTS), column].sort_values(ascending=False).items()
-        rest = ", ".join(f"{name} {_mN(value)}" for name, value in others)
-        whole = _mN(parts.loc[AGAINST_TRUTH, column])
-        said.append(f"{what} it is {whole}, and the largest part is {first}: {_mN(most)} ({rest})")
-        largest.insert(0, first)  # the total's remedy first
+        rest = ", ".join(f"{name} {text(value)}" for name, value in others)
+        whole = text(parts.loc[AGAINST_TRUTH, column])
+        said.append(f"{what} it is {whole}, and the largest part is {first}: {text(most)} ({rest})")
+        largest.append(first)
     optics = parts.loc[OPTICS]
     return " ".join(
         [
@@ -69,31 +71,40 @@ def budget_words(table: pd.DataFrame) -> str:
             f"{'; '.join(said)}.",
             f"The flow is off by {optics['flow_off_px']:.2g} px ({optics['flow_off_mm']:.2g} mm) where particles move by "
             f"{optics['flow_px']:.2g} px (rms over image regions).",
-            *(REMEDIES[name] for name in dict.fromkeys(largest)),
+            _remedies(*largest),
         ]
+    )
+
+
+def _remedies(of_bins: str, of_totals: str) -> str:
+    """Return what would lower the largest part of the error of a bin and that of the total."""
+    if of_bins == of_totals:
+        return f"What would lower both: {REMEDIES[of_bins]}."
+    return (
+        f"What would lower the error of a pressed bin: {REMEDIES[of_bins]}; in total: {REMEDIES[of_totals]}."
     )
 
 
 @styled
 def budget_figure(table: pd.DataFrame) -> Figure:
-    """Return bars of each part of the rms error of the vertical force [mN]: of bins and of the total, at one scale."""
-    parts = 1e3 * table.set_index("part").loc[list(BARS), [column for column, _ in PANELS]]
-    limits = 1.15 * parts.max().to_numpy(float)
+    """Return bars of each part of the rms error of the vertical force: of bins [mN] and of the total [N], at one scale."""
+    parts = table.set_index("part").loc[list(BARS)]
+    limits = 1.15 * parts[[column for column, *_ in PANELS]].max().to_numpy(float)  # N
     limits = np.maximum(limits, LEAST_WIDTH * limits.max())
-    figure, axes = new_figure(8.6, 2.6, ncols=2, sharey=True, width_ratios=limits)  # as many inches per mN
+    figure, axes = new_figure(
+        8.6, 2.6, ncols=2, sharey=True, width_ratios=limits
+    )  # as many inches per newton
     place = np.arange(len(BARS))[::-1]
-    for ax, (column, title), limit in zip(axes[0], PANELS, limits):
-        bars = ax.barh(place, parts[column], color=[colour for _, colour in BARS.values()], height=0.7)
+    for ax, (column, title, unit, scale, _), limit in zip(axes[0], PANELS, limits):
+        bars = ax.barh(
+            place, scale * parts[column], color=[colour for _, colour in BARS.values()], height=0.7
+        )
         ax.bar_label(bars, fmt="%.3g", padding=2)
         ax.axhline(0.5, color=FAINT, lw=0.8)
         ax.set_yticks(place, [words for words, _ in BARS.values()])
         ax.set_title(title)
-        ax.set_xlim(0, limit)
-        ax.set_xlabel("rms error, vertical [mN]")
+        ax.set_xlim(0, scale * limit)
+        ax.set_xlabel(f"rms error, vertical [{unit}]")
         ax.set_axisbelow(True)
         ax.grid(axis="x")
     return figure
-
-
-def _mN(newtons: float) -> str:
-    return f"{1e3 * newtons:.3g} mN"

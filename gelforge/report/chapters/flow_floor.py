@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from gelforge.recording.plausibility.images import MOST_LOST
 from gelforge.report.chapters.chapter import Chapter, count
 from gelforge.report.chapters.results_reader import StudyResults
+from gelforge.report.figures.neighbours import depth_classes
 from gelforge.report.figures.style import FAINT, PREDICTED, SIMULATED, new_figure, styled
 
 MOST_SESSIONS = 4  # in the figure; the table has all
@@ -41,7 +42,10 @@ def depth_rows(name: str, table: pd.DataFrame) -> pd.DataFrame:
     """Return the flow of a session by depth, as the report shows it; the first row is the false flow."""
     false, _ = false_flow_px(table)
     table = table[(table["depth_mm"] > 0) | (table["flow_px"] > 0)]
-    rows = table.groupby(table["depth_mm"].round(3)).agg(
+    touched = table["depth_mm"] > 0
+    depth, names = depth_classes(table["depth_mm"][touched])
+    names |= {0.0: "untouched"}
+    rows = table.groupby(depth.reindex(table.index, fill_value=0.0)).agg(
         images=("flow_px", "size"),
         median=("flow_px", "median"),
         largest=("flow_px", "max"),
@@ -50,7 +54,7 @@ def depth_rows(name: str, table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "session": name,
-            "depth [mm]": ["untouched" if depth == 0 else f"{depth:g}" for depth in rows.index],
+            "depth [mm]": [names[depth] for depth in rows.index],
             "images": rows["images"].to_numpy(),
             "flow, median [px]": rows["median"].to_numpy(),
             "largest [px]": rows["largest"].to_numpy(),
@@ -69,7 +73,6 @@ def tell_flow_floor(chapter: Chapter, results: StudyResults) -> None:
         return
     for name, table in tables.items():
         false, spread = false_flow_px(table)
-        lost = table.loc[table["lost"], "press"].unique()
         if np.isfinite(false):
             chapter.say(
                 f"Session {name}: images before contact move by {false:.2g} px (median of the root mean square over"
@@ -78,12 +81,14 @@ def tell_flow_floor(chapter: Chapter, results: StudyResults) -> None:
             )
         else:
             chapter.say(f"Session {name} has no image before contact, so that its false flow is not known.")
-        if len(lost):
-            chapter.say(
-                f"In session {name} the flow lost the surface in {count(len(lost), 'indentation')}: {', '.join(lost[:10])}"
-                f"{', ...' if len(lost) > 10 else ''}. More than {100 * MOST_LOST:g} % of the textured pixels do not fit the"
-                " image; these features are no displacements (`flow_lost` in the dataset)."
-            )
+    lost = sum(table.loc[table["lost"], "press"].nunique() for table in tables.values())
+    if lost:
+        presses = sum(table["press"].nunique() for table in tables.values())
+        chapter.say(
+            f"In {lost:,} of {count(presses, 'indentation')} the flow does not fit the image on more than"
+            f" {100 * MOST_LOST:g} % of the textured pixels (`flow_lost`). These images stay in the dataset, as their"
+            " labels are right; the errors of the network in the chapters below include them."
+        )
     chapter.show(
         "Flow of the images over depth. The line is the median of the untouched images, the band reaches to their largest.",
         floor_figure(tables),

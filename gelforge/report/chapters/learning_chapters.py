@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 
 from gelforge.indentation.sensor.unrolled import is_unrolled, place_in_bins
 from gelforge.report.chapters.beside_paper import beside_paper, said_beside
-from gelforge.report.chapters.chapter import Chapter
+from gelforge.report.chapters.chapter import Chapter, count, millinewtons
 from gelforge.report.chapters.error_budget import tell_budget
 from gelforge.report.chapters.network_words import network_words
 from gelforge.report.chapters.results_reader import StudyResults
 from gelforge.report.chapters.study_chapters import FORCE_ONLY, LABELS_ONLY
+from gelforge.report.chapters.table_units import in_units_of_the_page
 from gelforge.report.figures.learning.network_figure import errors_figure
 from gelforge.report.figures.learning.training_figure import loss_figure
+from gelforge.report.figures.neighbours import MAP_SITES
 from gelforge.report.figures.simulation.force_maps import prediction_figure, total_force_figure
 from gelforge.report.figures.simulation.residuals import residual_depth_figure, residual_map_figure
 from gelforge.report.figures.simulation.silhouette import touched_radius_mm
@@ -37,7 +41,12 @@ def agreement(results: StudyResults) -> Chapter:
     )
     chapter.show(
         "The same residual over position: pale means agreement, one colour all over a common cause, a pattern"
-        " towards the edges the walls; positions without a square have no reading or no converged site.",
+        " towards the edges the walls; positions without a square have no reading or no converged site."
+        + (
+            f" A square is the mean of the {MAP_SITES} nearest positions."
+            if results.has_one_depth_each
+            else ""
+        ),
         residual_map_figure(results.agreement, results.widths_mm, results.resolution_N),
     )
     return chapter
@@ -62,6 +71,7 @@ def predictions(results: StudyResults) -> Chapter:
         chapter.miss(f"No network: {FORCE_ONLY}")
         return chapter
     _say_how_good(chapter, results)
+    _tell_onnx(chapter, results)
     tell_budget(chapter, results)
     if results.loss is not None:
         chapter.show(
@@ -99,12 +109,24 @@ def _say_how_good(chapter: Chapter, results: StudyResults) -> None:
     if any(table is None for table in tables):
         return
     baselines, by, reliability = tables
-    chapter.say(network_words(baselines, by, reliability, results.loss, _only_simulated(results)))
+    has_budget = results.table("error_budget") is not None
+    chapter.say(network_words(baselines, by, reliability, results.loss, _only_simulated(results), has_budget))
     chapter.show(
-        "Error of the vertical force of pressed bins on held-out sites (RMSES): the network and its baselines, and by"
-        " depth, distance from the nearest wall and session.",
+        "RMSES on held-out sites, the rms error over the bins whose label is not zero, of the vertical force: the network"
+        " and its baselines, and the network by depth, distance from the nearest wall and session.",
         errors_figure(baselines, by),
     )
+
+
+def _tell_onnx(chapter: Chapter, results: StudyResults) -> None:
+    """Say how far forces by ONNX Runtime are from the network's own, where the study compares them."""
+    path = results.folder / "model" / "onnx_check.json"
+    if path.is_file():
+        found = json.loads(path.read_text(encoding="utf-8"))
+        chapter.say(
+            f"Exported to ONNX, the network gives the same forces on {count(found['images'], 'held-out image')}: bins differ"
+            f" by {millinewtons(found['largest_difference_N'])} at most, of up to {millinewtons(found['largest_N'])}."
+        )
 
 
 def _only_simulated(results: StudyResults) -> bool:
@@ -132,18 +154,20 @@ def _show_map(chapter: Chapter, results: StudyResults, row: int, place: str) -> 
 
 
 TABLES = {
-    "rmse": "Errors of the network on held-out sites{with the paper's (another sensor, 13,448 indentations)}.",
+    "rmse": "Errors of the network on held-out sites, rms{with the paper's (another sensor, 13,448 indentations)}.",
     "baselines": "The network and baselines on the same rows and inputs: ridge, kernel ridge, nearest neighbours, the"
-    " mean label of training, no force at all. total Fz: rms error of the sum over bins; RMSES: error of pressed bins.",
-    "errors_by": "Errors of the network by depth, by distance from the nearest wall and by session (of touched rows), and"
-    " the share of images flagged as unlike the training images.",
+    " mean label of training, no force at all. RMSES: rms error of the bins whose label is not zero; total Fz: rms error of"
+    " the sum over bins.",
+    "errors_by": "The same errors of the network by depth, by distance from the nearest wall and by session (of touched"
+    " rows), and the share of images flagged as unlike the training images.",
     "error_budget": "Parts of the network's error on held-out sites of the virtual sensor (SYNTHETIC), rms: optics and"
     " learning make the error against the label, mechanics is that of the label. The contact point's scatter is in learning"
     " and in mechanics.",
     "reliability": "How far to trust the network on held-out sites. A share far from 0.9 in the 90 % intervals says that the"
     " validation sites are unlike these. Measured totals are readings, whose own noise and what the labels lack of the real"
     " gel are not in the interval.",
-    "rmse_gt": "Measured against simulated total force over indentations (difference: F/T − FEM){with the paper's}.",
+    "rmse_gt": "Total force, force/torque sensor (F/T) minus simulation (FEM). RMSE_GT: rms of the difference over all"
+    " indentations{with the paper's}.",
     "force_ranges": "Range of the labels{with the paper's}.",
 }
 
@@ -159,7 +183,8 @@ def error_tables(results: StudyResults) -> Chapter:
     for name, words in TABLES.items():
         table = results.table(name)
         if table is not None:
-            chapter.tabulate(said_beside(words, results.paper), beside_paper(name, table, results.paper))
+            shown = in_units_of_the_page(name, beside_paper(name, table, results.paper))
+            chapter.tabulate(said_beside(words, results.paper), shown)
         elif name not in WITH_TRUTH and (results.study.sessions or name == "force_ranges"):
             chapter.miss(f"No table {name}: {results.folder / 'tables' / name}.csv is not there.")
     if not results.study.sessions:

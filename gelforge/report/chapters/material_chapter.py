@@ -16,6 +16,7 @@ from gelforge.report.chapters.results_reader import StudyResults
 from gelforge.report.figures.measurements.material_figure import material_figure
 
 LEAVES = 1  # of the attribute leaves_valid_range
+FROM, SHARE = "from depth [mm]", "share of volume"
 
 
 def materials(results: StudyResults) -> Chapter:
@@ -50,18 +51,19 @@ def _material(chapter: Chapter, name: str, law: MaterialLaw, folder: Path) -> No
     else:
         words = f"{name}: the constitutive model's parameters were given in the configuration; no test was fitted."
     chapter.show(words, material_figure(folder / "law.json", folder / "curves.csv", others))
+    fold = chapter.fold(f"What else the tests of {name} say: range, other constitutive models, caveats")
     if law.samples:
-        chapter.say(_range_words(name, law))
+        fold.say(_range_words(name, law))
+        (fold if law.unstable_from is None else chapter).say(_stability_words(name, law))
     compared = _table(folder / "laws.csv")
     if compared is not None and len(compared) > 1:
-        chapter.tabulate(
+        fold.tabulate(
             f"{name}: constitutive models compared. AICc: the lowest describes the tests best for its number of"
-            " parameters. Error held"
-            " out: each test predicted from the others.",
+            " parameters. Error held out: each test predicted from the others.",
             compared,
         )
     for note in law.notes:
-        chapter.say(f"{name}: {note}.")
+        fold.say(f"{name}: {note}.")
     effects = _table(folder / "effects.csv")
     if effects is None:
         chapter.miss(f"{name}: no measured effects, {folder / 'effects.csv'} is not there.")
@@ -71,12 +73,12 @@ def _material(chapter: Chapter, name: str, law: MaterialLaw, folder: Path) -> No
         # the sentence holds value and interval; columns of their own would squeeze it to a word a line
         shown = judged[["effect", "test", "verdict", "sentence"]].copy()
         shown[["effect", "test"]] = shown[["effect", "test"]].replace("_", " ", regex=True)
-        chapter.tabulate(
+        fold.tabulate(
             f"{name}: what its tests say beyond the constitutive model (numbers apart: effects.csv).", shown
         )
     if len(rest):
         reasons = "; ".join(f"{row.effect.replace('_', ' ')}: {row.sentence}" for row in rest.itertuples())
-        chapter.say(f"{name}: not judged by these tests, which is no proof of absence. {reasons}.")
+        fold.say(f"{name}: not judged by these tests, which is no proof of absence. {reasons}.")
 
 
 def _range_words(name: str, law: MaterialLaw) -> str:
@@ -91,11 +93,13 @@ def _range_words(name: str, law: MaterialLaw) -> str:
             "; any deformation between tested ones is within the constitutive model's range, which ends at"
             f" stretch {largest}"
         )
+    return f"{text}."
+
+
+def _stability_words(name: str, law: MaterialLaw) -> str:
     unstable = law.unstable_from
-    stable = (
-        "Drucker-stable in all of it" if unstable is None else f"NOT Drucker-stable from {unstable:.0%} of it"
-    )
-    return f"{text}. The constitutive model is {stable}."
+    stable = "Drucker-stable in all of" if unstable is None else f"NOT Drucker-stable from {unstable:.0%} of"
+    return f"The constitutive model of {name} is {stable} the tested range."
 
 
 def _beyond_tests(chapter: Chapter, results: StudyResults) -> None:
@@ -109,10 +113,13 @@ def _beyond_tests(chapter: Chapter, results: StudyResults) -> None:
         if (leaves == LEAVES).any():
             rows.append(_beyond(cell, attributes, int(np.argmax(leaves == LEAVES))))
     if rows:
-        chapter.tabulate(
-            f"{count(len(rows), 'site')} of {judged} leave the range in which a constitutive model was tested: there it"
-            " extrapolates. Stretch and share of the region's volume are those of the deepest step.",
-            pd.DataFrame(rows),
+        shallowest, share = (pick(row[key] for row in rows) for pick, key in ((min, FROM), (max, SHARE)))
+        chapter.say(
+            f"{count(len(rows), 'site')} of {judged} leave the range in which a constitutive model was tested, from"
+            f" {shallowest:g} mm on and in {100 * share:.2g} % of a region's volume at most: there it extrapolates."
+        )
+        chapter.fold("Sites beyond the tested range").tabulate(
+            "Stretch and share of the region's volume are those of the deepest step.", pd.DataFrame(rows)
         )
     elif judged and not unknown:
         chapter.say(
@@ -138,9 +145,9 @@ def _unstable(chapter: Chapter, results: StudyResults) -> None:
             rows.append(
                 {
                     "cell": cell.name,
-                    "from depth [mm]": cell.depths_mm[int(np.argmax(unstable))],
+                    FROM: cell.depths_mm[int(np.argmax(unstable))],
                     "region": str(np.asarray(attributes["regions"])[worst]),
-                    "share of volume": float(share[worst]),
+                    SHARE: float(share[worst]),
                 }
             )
     if rows:
@@ -159,11 +166,11 @@ def _beyond(cell, attributes: dict, first: int) -> dict:
     low, high = np.asarray(attributes["stretch_range"])[-1, worst]
     return {
         "cell": cell.name,
-        "from depth [mm]": cell.depths_mm[first],
+        FROM: cell.depths_mm[first],
         "region": str(np.asarray(attributes["regions"])[worst]),
         "smallest stretch": float(low),
         "largest stretch": float(high),
-        "share of volume": float(share[worst]),
+        SHARE: float(share[worst]),
     }
 
 

@@ -1,9 +1,11 @@
-"""One line on the network: whether it is good, where it fails, what more data would help."""
+"""A paragraph on the network: where it fails, what its intervals are worth, what more data would help."""
 
 from __future__ import annotations
 
 import numpy as np
 import pandas as pd
+
+from gelforge.report.chapters.chapter import millinewtons, newtons
 
 CLEARLY = 0.9  # of the best baseline's error: closer is a tie
 WORSE = 1.5  # times the other classes' error, beside which a class stands out
@@ -12,10 +14,16 @@ HELD = (0.85, 0.97)  # shares inside 90 % intervals that a few validation orbits
 
 ERROR = "RMSES_z_N"
 AFTER_SIMULATION = (
-    "It has learnt from simulated sensors alone: fit its gains to a few recorded indentations (gelforge adapt), and"
-    " learn from "
-    "recordings too (synthesis.train_on: both) where that is not enough."
+    "The network has learnt from simulated sensors alone: fit its gains to a few recorded indentations (gelforge adapt), and"
+    " learn from recordings too (synthesis.train_on: both) where that is not enough."
 )
+
+
+def beside_baselines(baselines: pd.DataFrame) -> tuple[float, float, str] | None:
+    """Return RMSES z [N] of the network, of the best baseline, and the latter's name; None where no test row is pressed."""
+    error = baselines.set_index("predictor")[ERROR]
+    own, others = float(error["network"]), error.drop(["network", "zero"]).dropna()
+    return (own, float(others.min()), str(others.idxmin())) if np.isfinite(own) and len(others) else None
 
 
 def network_words(
@@ -24,25 +32,21 @@ def network_words(
     reliability: pd.DataFrame,
     loss: pd.DataFrame | None,
     only_simulated: bool = False,
+    has_budget: bool = False,
 ) -> str:
-    """Return the verdict on the network in a paragraph: against baselines, by class, of intervals, and the remedy.
+    """Return in a paragraph where the network fails, what its intervals are worth, and the remedy.
 
-    only_simulated: nothing was learnt from recordings, so that the loss says nothing of them.
+    only_simulated: nothing was learnt from recordings, so that the loss says nothing of them. has_budget: the parts of the
+    error are known, and the remedy follows from them (`budget_words`), not from here.
     """
-    error = baselines.set_index("predictor")[ERROR]
-    own, others = float(error["network"]), error.drop(["network", "zero"]).dropna()
-    if not np.isfinite(own) or not len(others):
+    found = beside_baselines(baselines)
+    if found is None:
         return "No test row is pressed: nothing can be said of the network."
-    ratio = own / float(others.min())
-    verdict = (
-        "good" if ratio < CLEARLY else "no better than a baseline" if ratio < 1 / CLEARLY else "of no use"
+    own, best, _ = found
+    remedy = (
+        AFTER_SIMULATION if only_simulated else "" if has_budget else _remedy(by, loss, own < CLEARLY * best)
     )
-    found = (
-        f"The network is {verdict}. Vertical force of a pressed bin: {_mN(own)} rms error, {ratio:.2g} times that of the "
-        f"best baseline ({others.idxmin()}, {_mN(others.min())})."
-    )
-    remedy = AFTER_SIMULATION if only_simulated else _remedy(by, loss, verdict == "good")
-    return " ".join(part for part in (found, _where(by), _intervals(reliability), remedy) if part)
+    return " ".join(part for part in (_where(by), _intervals(reliability), remedy) if part)
 
 
 def _where(by: pd.DataFrame) -> str:
@@ -51,11 +55,12 @@ def _where(by: pd.DataFrame) -> str:
     depth = by[by["by"] == "depth"]
     words = []
     if found is not None:
-        words.append(f"It errs most {found['class']}: {_mN(found[ERROR])} per pressed bin.")
+        words.append(f"The error of a pressed bin is largest {found['class']}: {millinewtons(found[ERROR])}.")
     if len(depth) > 1:
         worst = depth.loc[depth["total_Fz_rms_N"].idxmax()]
         words.append(
-            f"Its total force errs most at depths of {worst['class']}: {_mN(worst['total_Fz_rms_N'])}."
+            f"The error of the total force is largest at depths of {worst['class']}:"
+            f" {newtons(worst['total_Fz_rms_N'])}."
         )
     return " ".join(words)
 
@@ -78,20 +83,24 @@ def _intervals(reliability: pd.DataFrame) -> str:
     }
     known = {kind: shares for kind, shares in held.items() if np.isfinite(shares).all()}
     if not known:
-        return "It states no intervals: too few validation rows."
-    few = [f"{kind} {100 * min(shares):.0f} %" for kind, shares in known.items() if min(shares) < HELD[0]]
+        return "The network states no intervals: too few validation rows."
+    few = [
+        f"{100 * min(shares):.0f} % of the {kind}" for kind, shares in known.items() if min(shares) < HELD[0]
+    ]
     if few:
-        return f"Its 90 % intervals hold fewer of the test rows ({', '.join(few)} of an axis): distrust them."
+        return (
+            f"The network's 90 % intervals are too narrow: along one axis they hold {' and '.join(few)} only."
+        )
     if max(map(max, known.values())) > HELD[1]:
-        return "Its 90 % intervals hold more of the test rows than they say: they are wide."
-    return "Its 90 % intervals hold what they say."
+        return "The network's 90 % intervals are wider than they need to be."
+    return "The network's 90 % intervals hold nine in ten of the test rows, as they should."
 
 
 def _remedy(by: pd.DataFrame, loss: pd.DataFrame | None, is_good: bool) -> str:
     """Return what more data would help most, "" where nothing says so."""
     place, session = _outstanding(by, "place"), _outstanding(by, "session")
     if session is not None:
-        return f"More sessions would help most: session {session['class']} is unlike the others."
+        return f"More sessions would help most: session `{session['class']}` is unlike the others."
     if place is not None:
         return f"More sites {place['class']} would help most."
     if loss is None or not np.isfinite(loss.validation).any():
@@ -105,7 +114,3 @@ def _remedy(by: pd.DataFrame, loss: pd.DataFrame | None, is_good: bool) -> str:
     if not is_good:
         return ""
     return "The loss on held-out sites is close to that on training sites: more sites of the same kind would help little."
-
-
-def _mN(newtons: float) -> str:
-    return f"{1e3 * newtons:.3g} mN"

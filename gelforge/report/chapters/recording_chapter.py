@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import pandas as pd
+
 from gelforge.report.chapters.chapter import Chapter, count
 from gelforge.report.chapters.results_reader import StudyResults
 
-ROWS = 200  # of the table; recordings/<session>.findings.csv has all
+ROWS = 200  # of the list; recordings/<session>.findings.csv has all
 COLUMNS = {
     "session": "session",
     "level": "level",
@@ -18,10 +20,11 @@ COLUMNS = {
     "unit": "unit",
     "remedy": "remedy",
 }
+KIND = ["session", "level", "test", "channel", "remedy"]  # what findings of one kind share
 
 
 def recordings(results: StudyResults) -> Chapter:
-    """Return what the tests of the recorded sessions found, by indentation."""
+    """Return what the tests of the recorded sessions found: by kind, and folded by indentation."""
     chapter = Chapter("recordings", "What was left out of the recordings")
     if not results.study.sessions:
         chapter.say("This study has no recordings.")
@@ -36,10 +39,21 @@ def recordings(results: StudyResults) -> Chapter:
         many = count(len(presses), "indentation")
         chapter.say(f"Left out: {channel} of {many}." if len(presses) else f"No {channel} is left out.")
     if len(found):
-        table = found[list(COLUMNS)].rename(columns=COLUMNS)
         chapter.tabulate(
-            "What is left out of one channel stays out of everything that follows; notes are information."
-            + (f" The first {ROWS} of {len(table)} findings." if len(table) > ROWS else ""),
-            table.head(ROWS),
+            "What the tests of the sessions found. What is `excluded` from one channel stays out of everything that follows;"
+            " a `note` is information, and its readings and images are used.",
+            kinds_table(found),
         )
+        some = f", the first {ROWS} of {len(found)}" if len(found) > ROWS else ""
+        table = found[list(COLUMNS)].rename(columns=COLUMNS)
+        chapter.fold(f"All findings by indentation{some}").tabulate("", table.head(ROWS))
     return chapter
+
+
+def kinds_table(found: pd.DataFrame) -> pd.DataFrame:
+    """Return a row per session, level, test and remedy: how many indentations, and what was found in the first."""
+    table = found.fillna({"remedy": ""}).groupby(KIND, sort=False)
+    presses = lambda press: press[press != ""].nunique()  # noqa: E731
+    rows = table.agg(indentations=("press", presses), found=("found", "first")).reset_index()
+    shown = ["session", "level", "test", "channel", "indentations", "found", "remedy"]
+    return rows[shown].rename(columns={"found": "found, the first"})

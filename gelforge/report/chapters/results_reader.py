@@ -19,9 +19,12 @@ from gelforge.files import read_product_table
 from gelforge.hdf5 import opened
 from gelforge.indentation.cells.cell_file import Cell, CellError, read_cell
 from gelforge.indentation.paths.planned_cell import PlannedCell
-from gelforge.indentation.planning.plan import landmarks, plan_cells
+from gelforge.indentation.planning.plan import CORNER_MM, landmarks, plan_cells
 from gelforge.materials.fitting.law_file import MaterialLaw, read_law
 from gelforge.recording.plausibility.findings import read_findings
+from gelforge.report.figures.neighbours import CURVE_SITES, nearest, one_depth_each
+
+SIGMAS = {"mesh": "total_sigma_mesh_N", "constitutive models": "total_sigma_material_N"}
 
 
 @dataclass(frozen=True)
@@ -67,17 +70,49 @@ class StudyResults:
     def centre_mm(self) -> np.ndarray:
         return np.array(self.widths_mm) / 2
 
-    def centre_cell(self) -> PlannedCell | None:
-        """Return the converged site at the surface's centre, or None."""
-        return self._landmarks.get("centre")
+    def sites_at(self, landmark: str) -> tuple[list[PlannedCell], str]:
+        """Return the converged sites that make a curve over depth at the "centre" or "corner", and where they are in words.
 
-    def corner_cell(self) -> PlannedCell | None:
-        """Return a converged site 5 mm from two edges, or None; the corner of large x and y is preferred."""
-        return self._landmarks.get("corner")
+        This is the site at the place; at the corner one that is 5 mm from two edges, that of large x and y first. Where the
+        sites have one depth each it is the CURVE_SITES nearest to the place. No site: the plan has none there.
+        """
+        cells = self.converged()
+        if not self.has_one_depth_each:
+            there = landmarks({cell.name: cell for cell in cells}, self.study).get(landmark)
+            return ([there], f"({there.x_mm:g}, {there.y_mm:g}) mm") if there else ([], "")
+        place = self.centre_mm if landmark == "centre" else np.array(self.widths_mm) - CORNER_MM
+        chosen, distance = nearest(np.array([(c.x_mm, c.y_mm) for c in cells]), place, CURVE_SITES)
+        where = f"up to {distance:.2g} mm from ({place[0]:g}, {place[1]:g}) mm"
+        return [cells[k] for k in chosen], f"{len(chosen)} sites {where}"
 
     @cached_property
-    def _landmarks(self) -> dict[str, PlannedCell]:
-        return landmarks({cell.name: cell for cell in self.converged()}, self.study)
+    def has_one_depth_each(self) -> bool:
+        rows = [(cell.name, depth) for cell in self.converged() for depth in cell.depths_mm]
+        table = pd.DataFrame(rows, columns=["site", "depth"])
+        return one_depth_each(table["site"], table["depth"])
+
+    @cached_property
+    def label_errors(self) -> pd.DataFrame:
+        """cell, depth, force and its standard deviations by part [N] (vertical) of each solved site's loading.
+
+        Without rows where no site holds any error bar.
+        """
+        solved = [cell for cell in self.converged() if not cell.source]
+        columns = ["cell", "depth", "force", *SIGMAS]
+        return pd.DataFrame([row for cell in solved for row in self._errors(cell)], columns=columns)
+
+    def _errors(self, planned: PlannedCell) -> list[tuple]:
+        cell = read_cell(self.cell_path(planned.name), ["depth_mm", "total_force_N"], SIGMAS.values())
+        if not set(SIGMAS.values()) <= set(cell.arrays):
+            return []
+        phases = planned.phases or ("load",) * len(cell.arrays["depth_mm"])
+        parts = [cell.arrays[key][:, 2].astype(float) for key in SIGMAS.values()]
+        depth, force = cell.arrays["depth_mm"], -cell.arrays["total_force_N"][:, 2].astype(float)
+        return [
+            (planned.name, round(float(depth[k]), 6), force[k], *(part[k] for part in parts))
+            for k, phase in enumerate(phases)
+            if phase == "load"  # a force that has all but gone has no relative error
+        ]
 
     def variant_cell(self, variant: str, name: str) -> Cell | None:
         """Return a site as a variant of the study has it, or None where it is not there or has not converged."""

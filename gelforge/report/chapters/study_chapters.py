@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 
 from gelforge.indentation.cells.cell_file import read_timings
+from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.recording.optics.remap import picture_of
 from gelforge.report.chapters.chapter import Chapter, Facts, count
 from gelforge.report.chapters.flow_floor import tell_flow_floor
@@ -40,7 +43,7 @@ def glance(results: StudyResults) -> Chapter:
         ("Indenter", study.indenter.words),
         ("Plan", f"{cells}; {steps}"),
         ("Sites", f"{len(good)} converged, {len(planned) - len(good)} failed or missing"),
-        ("Label", f"force on {sensor.bins.nx} x {sensor.bins.ny} surface bins, x, y and z, in N"),
+        ("Label", f"force on {sensor.bins.nx} x {sensor.bins.ny} surface bins, x, y and z"),
         ("Recordings", _recordings(results)),
         ("Dataset", _dataset(results)),
         ("Data", _data_kind(results)),
@@ -96,34 +99,18 @@ def force_depth(results: StudyResults) -> Chapter:
         chapter.miss("The paper's curves are not drawn: this sensor or ball differs from the paper's.")
         published = None
     curves = []
-    for place, location, cell in (
-        ("centre", "center", results.centre_cell()),
-        ("corner, 5 mm from two edges", "corner", results.corner_cell()),
-    ):
-        if cell is None:
+    for place, landmark in (("centre", "centre"), ("corner, 5 mm from two edges", "corner")):
+        sites, where = results.sites_at(landmark)
+        if not sites:
             chapter.miss(f"No curve at the {place}: the plan has no converged site there.")
             continue
-        arrays = results.cell(cell.name).arrays
-        readings = results.agreement
-        here = (
-            readings[readings.cell == cell.name]
-            if readings is not None
-            else pd.DataFrame(columns=["depth_mm", "ft_z_N"])
-        )
-        curves.append(
-            ForceDepth(
-                f"{place} ({cell.x_mm:g}, {cell.y_mm:g}) mm",
-                arrays["depth_mm"],
-                arrays["total_force_N"][:, 2],
-                here["depth_mm"].to_numpy(float),
-                here["ft_z_N"].to_numpy(float),
-                published[published.location == location] if published is not None else None,
-                _variant_curves(results, cell.name),
-            )
-        )
+        curves.append(_curve(results, f"{place}{' ' if len(sites) == 1 else chr(10)}{where}", sites))
+        if published is not None and len(sites) == 1:
+            here = published["location"] == {"centre": "center"}.get(landmark, landmark)
+            curves[-1] = replace(curves[-1], published=published[here])
     if not curves:
         return chapter
-    words = "Each blue line is our simulated force"
+    words = "Blue is our simulated force"
     words += (
         "; the closer to the dashed grey line, the better it agrees with the published FEM."
         if published is not None
@@ -142,12 +129,27 @@ def force_depth(results: StudyResults) -> Chapter:
             )
     if any(len(c.ft_N) for c in curves) and "recordings" in results.synthetic_parts:
         words += " The study's F/T readings (orange) are SYNTHETIC."
+    if results.has_one_depth_each:
+        words += " Sites have one depth each, so neighbouring ones are drawn together."
     chapter.show(words, force_depth_figure(curves, results.resolution_N[2]))
     tables = [table for curve in curves if (table := deviation_table(curve)) is not None and len(table)]
     if tables:
         words = "Vertical force and that of the published FEM; nothing was tuned to bring them together."
         chapter.tabulate(words, pd.concat(tables))
     return chapter
+
+
+def _curve(results: StudyResults, title: str, sites: list[PlannedCell]) -> ForceDepth:
+    """Return simulated and read forces over depth of a site, or of several together."""
+    cells = [results.cell(site.name).arrays for site in sites]
+    depth = np.concatenate([arrays["depth_mm"] for arrays in cells])
+    force = np.concatenate([arrays["total_force_N"][:, 2] for arrays in cells])
+    order = np.argsort(depth, kind="stable") if len(sites) > 1 else slice(None)
+    readings = results.agreement
+    here = None if readings is None else readings[readings["cell"].isin([site.name for site in sites])]
+    ft = np.zeros((0, 2)) if here is None else here[["depth_mm", "ft_z_N"]].to_numpy(float)
+    variants = _variant_curves(results, sites[0].name) if len(sites) == 1 else {}
+    return ForceDepth(title, depth[order], force[order], ft[:, 0], ft[:, 1], None, variants, len(sites))
 
 
 def _variant_curves(results: StudyResults, name: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:

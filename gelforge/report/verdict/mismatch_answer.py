@@ -47,7 +47,7 @@ def ranking(results: MismatchResults) -> Chapter:
     ]
     chapter.tabulate(
         f"What was tried, the most probable first, alone or together with others; that nothing is missing has probability"
-        f" {chance_text(verdict.null_probability)}{unknown_text(verdict.unknown)}. A good fit alone names nothing: an"
+        f" {chance_text(verdict.null_probability)}{unknown_text(verdict.unknown)}. A good fit alone names nothing: the"
         " value must also be physically possible.",
         filled(rows),
     )

@@ -43,8 +43,9 @@ def depth_figure(results: MismatchResults) -> Figure:
         height_ratios=[1.5, 1],
     )
     for (upper, lower), (site, why) in zip(axes.T, sites):
-        table = results.readings
-        table = table[(table["site"] == site) & (table["axis"] == axis)].sort_values(
+        table, (about, distance) = results.readings, results.sites_about(site)
+        at = table[table["site"] == site].iloc[0]
+        table = table[table["site"].isin(about) & (table["axis"] == axis)].sort_values(
             "depth_mm", kind="stable"
         )
         loading = table[table["phase"].isin(LOADING)]
@@ -61,8 +62,8 @@ def depth_figure(results: MismatchResults) -> Figure:
         _measured(lower, table, sign * table["before"], PUBLISHED, "measured − before")
         if results.has_after:
             _measured(lower, table, sign * table["after"], SIMULATED, "measured − after")
-        row = table.iloc[0]
-        upper.set_title(f"({row['x_mm']:.3g}, {row['y_mm']:.3g}) mm: {why}", fontsize=9.5)
+        more = "" if len(about) == 1 else f"\nand {len(about) - 1} sites up to {distance:.2g} mm from it"
+        upper.set_title(f"({at['x_mm']:.3g}, {at['y_mm']:.3g}) mm: {why}{more}", fontsize=9.5)
         upper.grid(True)
         lower.set_xlabel("depth [mm]")
     name = "$-F_z$" if axis == "z" else f"$F_{axis}$"

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from gelforge.mismatch.result.verdict import Where
 from gelforge.report.chapters.chapter import Chapter, count
+from gelforge.report.figures.neighbours import MAP_SITES
 from gelforge.report.verdict.mismatch_curves import depth_figure, time_figure
 from gelforge.report.verdict.mismatch_flow import MOST_SHOWN, flow_residual_figure
 from gelforge.report.verdict.mismatch_maps import body_map_figure, known_patches, residual_maps_figure
 from gelforge.report.verdict.mismatch_reader import MismatchResults
 from gelforge.report.verdict.mismatch_words import filled, number, p_text, span_text
+
+AT_SITES = {False: "at each site", True: f"of the {MAP_SITES} nearest sites, which have one depth each"}
 
 
 def where(results: MismatchResults) -> Chapter:
@@ -16,7 +19,8 @@ def where(results: MismatchResults) -> Chapter:
     chapter, verdict = Chapter("where", "Where it differs"), results.verdict
     if verdict.sensor:
         chapter.show(
-            "Means over the loading at each site. Every map is on the same colour scale, so a paler one agrees better."
+            f"Means over the loading {AT_SITES[results.has_one_depth_each]}. Every map is on the same colour scale, so a"
+            " paler one agrees better."
             " Squares with a dark frame were held out for the proof below"
             + (
                 "; a dashed circle is around a pattern, or a defect, of the table below."

@@ -11,6 +11,7 @@ import pandas as pd
 
 from gelforge.mismatch.result.verdict import Verdict, read_verdict
 from gelforge.mismatch.result.verdict_tables import read_body_map, read_flow, read_readings
+from gelforge.report.figures.neighbours import CURVE_SITES, nearest, one_depth_each, pooled_means
 
 AXES = ("x", "y", "z")
 LOADING = ("load", "dwell")
@@ -69,7 +70,10 @@ class MismatchResults:
 
     @cached_property
     def site_means(self) -> pd.DataFrame:
-        """Return before and after, mean over the loading at each site and axis, and whether the site was held out."""
+        """Return before and after, mean over the loading at each site and axis, and whether the site was held out.
+
+        Where sites have one depth each, before and after are means over neighbouring sites.
+        """
         table = self.readings
         loading = table["phase"].isin(LOADING)
         table = table[loading] if loading.any() else table
@@ -77,7 +81,28 @@ class MismatchResults:
             x_mm=("x_mm", "mean"), y_mm=("y_mm", "mean"), before=("before", "mean"), after=("after", "mean")
         )
         aside = table["held_out"].eq("positions").groupby([table["site"], table["axis"]], sort=False).any()
-        return means.assign(held_out=aside).reset_index()
+        means = means.assign(held_out=aside).reset_index()
+        if self.has_one_depth_each:
+            columns = ["before", "after"]
+            for _, rows in means.groupby("axis"):
+                at = rows[["x_mm", "y_mm"]].to_numpy(float)
+                means.loc[rows.index, columns] = pooled_means(at, rows[columns].to_numpy(float))
+        return means
+
+    @cached_property
+    def has_one_depth_each(self) -> bool:
+        return one_depth_each(self.readings["site"], self.readings["depth_mm"])
+
+    def sites_about(self, site: str) -> tuple[list[str], float]:
+        """Return the sites whose readings make a curve over depth at a site, and how far they reach [mm]: itself.
+
+        Where sites have one depth each: the nearest CURVE_SITES.
+        """
+        if not self.has_one_depth_each:
+            return [site], 0.0
+        places = self.readings.groupby("site", sort=False)[["x_mm", "y_mm"]].mean()
+        chosen, distance = nearest(places.to_numpy(), places.loc[site].to_numpy(), CURVE_SITES)
+        return list(places.index[chosen]), distance
 
     def shown_sites(self, most: int = 3) -> list[tuple[str, str]]:
         """Return (site, why it is shown): the largest residual, the nearest to the centre, one that was held out."""

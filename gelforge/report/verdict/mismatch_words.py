@@ -7,18 +7,18 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from gelforge.mismatch.result.verdict import Amount, Group, NamedEffect, Unknown
+from gelforge.mismatch.result.verdict import Amount, Group, NamedEffect, Unknown, Verdict
 from gelforge.report.verdict.mismatch_maps import chance_text, pretty
 
 UNITS = ("_mm", "_s", "_deg")  # that end the keys of a shape
 STATES = {
-    "consistent": "nothing to explain",
-    "identified": "the missing physics has a name",
-    "form_free": "the missing physics has a name, its form was fitted",
-    "modelled": "what differs is modelled, its cause is unknown",
-    "ambiguous": "several causes are possible, and none is sure",
+    "consistent": "simulation and readings agree",
+    "identified": "a known cause explains the difference",
+    "form_free": "a known cause explains the difference, its form was fitted",
+    "modelled": "the difference is modelled, its cause is unknown",
+    "ambiguous": "several causes are possible, none is sure",
     "inconclusive": "these readings cannot decide",
-    "unexplained": "something is missing that no known effect explains",
+    "unexplained": "no known cause explains the difference",
 }
 STATE_MEANS = {
     "consistent": "Simulation and readings differ by no more than the errors that were allowed for.",
@@ -38,6 +38,19 @@ def group_text(group: Group) -> str:
     """Return the effects of a group: members, then those of another pattern."""
     names = " or ".join(pretty(name) for name in group.members)
     return names + "".join(f", or else {pretty(name)}" for name in group.or_else)
+
+
+def answer_text(verdict: Verdict) -> str:
+    """Return each group of the answer with its probability and the value of its first effect, one to a line."""
+    effects = {effect.name: effect for effect in verdict.effects}
+    lines = []
+    for group in verdict.answer:
+        values = [
+            f"{pretty(group.members[0])} {_amount_text(amount)}, 90 % interval"
+            for amount in effects[group.members[0]].amounts
+        ]
+        lines.append("; ".join([f"{group_text(group)}: {chance_text(group.probability)}", *values]))
+    return "\n".join(lines)
 
 
 def amounts_text(effect: NamedEffect) -> str:

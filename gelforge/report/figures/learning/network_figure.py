@@ -18,7 +18,8 @@ def errors_figure(baselines: pd.DataFrame, by: pd.DataFrame) -> Figure:
     _bars(left, shown["predictor"], shown["RMSES_z_N"], shown["predictor"] == "network")
     left.set_title("all held-out sites")
     classes = by[by["by"].isin(["depth", "place", "session"])].iloc[::-1]
-    _bars(right, classes["class"], classes["RMSES_z_N"], np.ones(len(classes), bool))
+    kind = classes["by"].map({"depth": "depth ", "session": "session "}).fillna("")
+    _bars(right, kind + classes["class"], classes["RMSES_z_N"], np.ones(len(classes), bool))
     right.set_title("the network by class")
     for ax in (left, right):
         ax.set_xlabel("RMSES of the vertical force [mN]")

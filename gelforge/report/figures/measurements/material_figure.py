@@ -111,7 +111,7 @@ def _load_case(
     """Draw a test whose curve follows from its stretch alone."""
     samples = [group for name, group in curves.groupby("sample") if name != MEAN]
     for number, group in enumerate(samples):
-        label = "samples" if number == 0 else None
+        label = "specimens" if number == 0 else None
         ax.plot(group.stretch, group.cauchy_stress_kPa, color=PUBLISHED, lw=0.6, alpha=0.7, label=label)
     valid = (laws[0].valid_stretch or {}).get(test)
     stretch = np.linspace(*(valid or (SHOWN_STRETCH[0], reach)), 200)

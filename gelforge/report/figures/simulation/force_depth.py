@@ -33,6 +33,7 @@ class ForceDepth:
     ft_N: np.ndarray
     published: pd.DataFrame | None  # depth_mm, fem_N, fem_linear_N, ft_sensor_N of this place
     variants: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)  # (depth, Fz) by name
+    sites: int = 1  # that make the curve; several have no line through them
 
 
 def deviation_table(curve: ForceDepth) -> pd.DataFrame | None:
@@ -90,7 +91,8 @@ def force_depth_figure(curves: list[ForceDepth], resolution_N: float = PAPER_RES
                 capsize=2,
                 label="paper: F/T, ± resolution",
             )
-        ax.plot(curve.depth_mm, -curve.fem_N, "o-", color=SIMULATED, ms=4, lw=2, label="this study: FEM")
+        line = "o-" if curve.sites == 1 else "o"
+        ax.plot(curve.depth_mm, -curve.fem_N, line, color=SIMULATED, ms=4, lw=2, label="this study: FEM")
         for (name, (depth_mm, fem_N)), (colour, marker) in zip(curve.variants.items(), cycle(VARIANTS)):
             style = {"ls": (0, (4, 1.5)), "ms": 4, "lw": 1.3, "mfc": "white"}
             ax.plot(depth_mm, -fem_N, marker=marker, color=colour, label=f"variant: {name}", **style)

@@ -12,17 +12,17 @@ from gelforge.report.figures.style import PREDICTED, SIGNED, new_figure, signed_
 AXES = ("x", "y", "z")
 
 
-def draw_force_map(ax: Axes, bin_force_N, nx: int, ny: int, widths_mm: tuple[float, float], limit_N: float):
-    """Draw one component (nx*ny,) of a label, bin k = nx iy + ix, from above; returns the colour mesh."""
+def draw_force_map(ax: Axes, bin_force, nx: int, ny: int, widths_mm: tuple[float, float], limit: float):
+    """Draw one component (nx*ny,) of a label, bin k = nx iy + ix, from above, to limit; returns the colour mesh."""
     x = np.linspace(0, widths_mm[0], nx + 1)
     y = np.linspace(0, widths_mm[1], ny + 1)
     mesh = ax.pcolormesh(
         x,
         y,
-        np.asarray(bin_force_N).reshape(ny, nx),
+        np.asarray(bin_force).reshape(ny, nx),
         cmap=SIGNED,
-        vmin=-limit_N,
-        vmax=limit_N,
+        vmin=-limit,
+        vmax=limit,
         rasterized=True,
     )
     surface_axes(ax, *widths_mm, labels=False)
@@ -66,12 +66,12 @@ def prediction_figure(
     for row, axis in enumerate(AXES):
         for column, (title, force) in enumerate(columns.items()):
             ax = axes[row, column]
-            mesh = draw_force_map(ax, force[:, row], nx, ny, widths_mm, limits[row])
+            mesh = draw_force_map(ax, 1e3 * force[:, row], nx, ny, widths_mm, 1e3 * limits[row])
             mark_ball(ax, position_mm, contact_mm)
             total = total_text(force[:, row])
             ax.set_title(f"{title}\n{total}" if row == 0 else total, fontsize=9)
         axes[row, 0].set_ylabel(f"$\\bf{{F_{axis}}}$    y [mm]")
-        figure.colorbar(mesh, ax=list(axes[row]), label=f"$F_{axis}$ [N per bin]", shrink=0.9, pad=0.01)
+        figure.colorbar(mesh, ax=list(axes[row]), label=f"$F_{axis}$ [mN per bin]", shrink=0.9, pad=0.01)
     for ax in axes[-1]:
         ax.set_xlabel("x [mm]")
     return figure

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from gelforge.report.figures.neighbours import depth_classes, one_depth_each, pooled_means
 from gelforge.report.figures.style import (
     FAINT,
     INK,
@@ -31,12 +32,16 @@ def residuals_N(agreement: pd.DataFrame) -> np.ndarray:
 def residual_map_figure(agreement: pd.DataFrame, widths_mm: tuple[float, float], resolution_N) -> Figure:
     """Return the mean residual F/T - FEM over all depths at each position, one panel per axis.
 
+    Where positions have one depth each, the mean is that of the nearest positions, so that no map of depths is drawn.
     Colours reach at least the resolution (3) [N], so that what the F/T sensor cannot resolve stays pale.
     """
     table = agreement[["x_mm", "y_mm"]].round(3)
     for axis, column in zip(AXES, residuals_N(agreement).T):
         table[axis] = column
-    mean = table.groupby(["x_mm", "y_mm"], as_index=False).mean()
+    place = ["x_mm", "y_mm"]
+    mean = table.groupby(place, as_index=False).mean()
+    if one_depth_each(table.groupby(place).ngroup(), agreement["depth_mm"]):
+        mean[list(AXES)] = pooled_means(mean[place].to_numpy(), mean[list(AXES)].to_numpy())
     size = np.clip(
         14000 / max(len(mean), 1), 6, 420
     )  # marker area in points^2: sites nearly touch on a regular grid
@@ -68,7 +73,8 @@ def residual_depth_figure(agreement: pd.DataFrame, resolution_N) -> Figure:
     """Return each indentation's residual over depth, the mean, and the band of the F/T resolution (3) [N]."""
     residual = residuals_N(agreement)
     depth = agreement["depth_mm"].to_numpy(float)
-    levels = np.unique(depth.round(6))
+    level_of, names = depth_classes(agreement["depth_mm"])
+    level_of, levels = level_of.to_numpy(), np.array(list(names))
     gap = np.diff(levels).min() if len(levels) > 1 else 0.25
     jitter = (
         np.random.default_rng(0).uniform(-0.12, 0.12, len(depth)) * gap
@@ -88,7 +94,7 @@ def residual_depth_figure(agreement: pd.DataFrame, resolution_N) -> Figure:
             rasterized=True,
             label="one indentation",
         )
-        mean = [column[np.abs(depth - level) < 1e-5].mean() for level in levels]
+        mean = [column[level_of == level].mean() for level in levels]
         ax.plot(levels, mean, "o-", ms=4, lw=1.6, color=SIMULATED, label="mean")
         limit = 1.08 * max(signed_limit(column), 1.3 * resolution)
         ax.set(ylim=(-limit, limit), xlabel="depth [mm]")

@@ -1,0 +1,138 @@
+"""The opening of the report: at most five sentences and a table with the numbers of the study's own files."""
+
+import json
+import re
+from dataclasses import replace
+from types import SimpleNamespace
+
+import fake_results
+import fake_verdict
+import pandas as pd
+import pytest
+from test_page import parsed
+
+from gelforge.mismatch.result.verdict import Verdict
+from gelforge.report.chapters.chapter import Chapter
+from gelforge.report.chapters.learning_chapters import _tell_onnx
+from gelforge.report.chapters.recording_chapter import kinds_table
+from gelforge.report.chapters.results_reader import StudyResults
+from gelforge.report.chapters.table_units import in_units_of_the_page
+from gelforge.report.page import CHAPTERS
+from gelforge.report.result import result
+from gelforge.report.verdict.mismatch_words import STATES, answer_text
+
+
+def sentences(text: str) -> list[str]:
+    return re.split(r"(?<=\.)\s+(?=[A-Z0-9])", text)
+
+
+def test_the_page_opens_with_five_sentences_and_a_table(whole):
+    assert CHAPTERS[0] is result
+    words, table = result(StudyResults(*whole)).blocks
+    assert len(sentences(words.words)) == 5
+    value = {row[0]: row[1].replace("\u00a0", " ") for row in table.rows}
+    # fake_results: 1 % and 0.4 % of 1.09 to 1.46 N at 2 mm; errors 0.01 N per bin and 0.03 N in total
+    assert value["error of the network per pressed bin"] == "10 mN"
+    assert value["error of the network in total"] == "0.03 N"
+    assert value["network against force sensor, total force"] == "0.12 N"
+    assert value["verdict"] == "identified"
+    assert "known to 1.1 %" in words.words and "3 times less than the best baseline (ridge)" in words.words
+    assert "differ by 11 %" in words.words  # readings are 1.12 of the simulated force
+    assert "1 of 25 sites failed" in words.words
+
+
+def test_what_a_study_does_not_have_is_named_in_one_sentence(tmp_path):
+    study = fake_results.fake_study(tmp_path, sessions=False)
+    fake_results.write_cells(study, tmp_path / "results")
+    words, table = result(StudyResults(study, tmp_path / "results", None)).blocks
+    assert len(sentences(words.words)) == 2
+    assert "not in this study: a network, readings of a force sensor, a verdict" in words.words
+    assert len(table.rows) == 1
+
+
+def test_a_study_without_any_result_has_no_table(tmp_path):
+    (words,) = result(StudyResults(fake_results.fake_study(tmp_path), tmp_path / "nothing", None)).blocks
+    assert "25 of 25 sites failed or are missing" in words.words
+
+
+def test_labels_without_error_bars_have_no_row(whole):
+    mechanics = whole[0].mechanics.model_copy(update={"error_bars": False})
+    results = replace(StudyResults(*whole), study=whole[0].model_copy(update={"mechanics": mechanics}))
+    words, table = result(results).blocks
+    assert "error bars of labels" in words.words
+    assert not any("error bar" in row[0] for row in table.rows)
+
+
+@pytest.mark.parametrize("state", ["unexplained", "modelled"])
+def test_an_answer_that_is_none_is_not_named_in_the_opening(whole, tmp_path, state):
+    content = fake_verdict.fake_content() | {"state": state}
+    fake_verdict.write_fake_verdict(tmp_path / "mismatch", content)
+    said = result(replace(StudyResults(*whole), folder=tmp_path)).blocks[0].words
+    assert STATES[state] in said and "gel stiffness" not in said
+
+
+def test_an_answer_has_probability_and_the_value_of_its_first_effect():
+    said = answer_text(Verdict.model_validate(fake_verdict.fake_content()))
+    assert said.startswith(
+        "gel stiffness or force gain or particle settling: 97 %; gel stiffness scale -0.09"
+    )
+
+
+def test_forces_of_bins_are_in_mN_and_totals_in_N(whole):
+    results = StudyResults(*whole)
+    table = lambda name: in_units_of_the_page(name, results.table(name))  # noqa: E731
+    rmse = table("rmse").set_index("error")
+    assert list(rmse["unit"]) == ["mN", "mN", "N", "N"]
+    assert rmse.loc["RMSES", "z"] == pytest.approx(36) and rmse.loc["RMSET_FT", "z"] == pytest.approx(0.12)
+    ranges = table("force_ranges").set_index("quantity")
+    assert ranges.loc["force per bin", "z_min"] == pytest.approx(-140)
+    assert ranges.loc["total force", "z_min"] == pytest.approx(-1.46)
+    assert {"RMSES_z_mN", "total_Fz_rms_N"} <= set(table("baselines").columns)
+    assert {"bins_z_mN", "total_z_N"} <= set(table("error_budget").columns)
+    rows = pd.DataFrame(
+        {"quantity": ["bins, z: mean half width", "totals, z: mean half width"], "value": [0.004, 0.03]}
+    )
+    shown = in_units_of_the_page("reliability", rows.assign(unit="N"))
+    assert list(shown["value"]) == [4.0, 0.03] and list(shown["unit"]) == ["mN", "N"]
+
+
+def test_no_number_of_a_bin_is_in_N_on_the_page(page):
+    text = " ".join(parsed(page[0].split("<body>")[1]).text)
+    assert "RMSES z [N]" not in text and "bins z [N]" not in text
+
+
+def test_caveats_of_material_tests_are_folded(page):
+    chapter = page[0].split('<section id="materials">')[1].split("</section>")[0]
+    folds = re.findall(r"<details>.*?</details>", chapter, re.DOTALL)
+    assert len(folds) == 3  # a material each, and the sites beyond the tested range
+    for words in ("not judged by these tests", "constitutive models compared", "significant stiffening"):
+        assert all(words in fold for fold in folds[:2])
+        assert words not in re.sub(r"<details>.*?</details>", "", chapter, flags=re.DOTALL)
+
+
+def test_a_fold_without_blocks_is_not_shown(tmp_path):
+    from gelforge.report.page import environment
+
+    chapter = Chapter("key", "Title")
+    chapter.fold("nothing in it")
+    assert "details" not in environment().get_template("contents.html").render(chapters=[chapter])
+
+
+def test_a_comparison_with_onnx_runtime_is_one_line(tmp_path):
+    results = SimpleNamespace(folder=tmp_path)
+    chapter = Chapter("predictions", "Predictions")
+    _tell_onnx(chapter, results)
+    assert chapter.blocks == []
+    (tmp_path / "model").mkdir()
+    found = {"images": 40, "largest_N": 0.14, "largest_difference_N": 5e-8}
+    (tmp_path / "model" / "onnx_check.json").write_text(json.dumps(found))
+    _tell_onnx(chapter, results)
+    assert "40 held-out images: bins differ by 5e-05 mN at most, of up to 140 mN" in chapter.blocks[0].words
+
+
+def test_findings_of_one_kind_are_one_row():
+    rows = [("day1", "note", "flow_lost", press, "flow", "of a.png fits", "press less") for press in "abc"]
+    rows += [("day1", "note", "axes", "", "axes", "never change", "")]
+    found = pd.DataFrame(rows, columns=["session", "level", "test", "press", "channel", "found", "remedy"])
+    table = kinds_table(found)
+    assert list(table["indentations"]) == [3, 0]
