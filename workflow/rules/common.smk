@@ -33,6 +33,12 @@ def _described():
         cells = plan_cells(study)
         variants = {name: variant_cells(cells, study, name) for name in study.variants}
         lab = load_virtual_lab(study.virtual_lab) if study.virtual_lab else None
+        for name, material in study.materials.items():
+            if material.tests and not material.tests.exists():
+                raise ConfigError(
+                    f"{material.tests}: no such folder; put the tests of {name} there, or run `gelforge examples`"
+                    " for those of the examples"
+                )
         return study, cells, variants, lab
     except (ConfigError, TableError) as error:
         raise WorkflowError(str(error)) from None
@@ -199,11 +205,6 @@ def material_tests(wildcards):
     material = STUDY.materials[wildcards.material]
     if material.tests is None:
         return []
-    if not material.tests.exists():
-        raise WorkflowError(
-            f"{material.tests}: no such folder; put the tests of {wildcards.material} there, or run `gelforge examples`"
-            " for those of the examples"
-        )
     try:
         files = source_files(material.tests, material.mapping)
     except TableError:
