@@ -27,8 +27,9 @@ from gelforge.dataset.splits import planned_split
 from gelforge.files import digest, file_sha256
 from gelforge.hdf5 import opened
 from gelforge.indentation.cells.cell_file import ERROR_BARS, Cell, read_cell
+from gelforge.indentation.paths.places import DEPTH_MATCH_MM, gaps_to, within
 from gelforge.indentation.paths.planned_cell import PlannedCell
-from gelforge.indentation.planning.plan import POSITION_MATCH_MM, plan_cells
+from gelforge.indentation.planning.plan import plan_cells
 from gelforge.progress import tracked
 
 FEATURE_FORMAT = "gelforge-features-1"
@@ -318,8 +319,9 @@ def _check_pose(
     where = f"{path}: indentation {press}, image {image}: depth {pose[0]:g} mm at ({pose[1]:.4f}, {pose[2]:.4f}) mm"
     if 0 <= step < len(planned.depths_mm):
         shear = planned.shears_mm[step] if planned.shears_mm else (0.0, 0.0)
-        there = np.array([planned.depths_mm[step], planned.x_mm + shear[0], planned.y_mm + shear[1]])
-        if np.abs(there - pose).max() <= POSITION_MATCH_MM:
+        there = planned.x_mm + shear[0], planned.y_mm + shear[1]
+        deep = within(abs(planned.depths_mm[step] - pose[0]), DEPTH_MATCH_MM)
+        if deep and within(gaps_to(pose[1:], there)[0], planned.within_mm):
             return
     raise DatasetError(
         f"{where} is not at step {step} of the path of site {planned.name}; extract the features again (snakemake -R {path})"
@@ -381,10 +383,10 @@ def _steps(path: str | Path, press: str, rows: PressRows, planned: PlannedCell) 
         return [max(step, 0) for step in rows.step]  # untouched rows have no step, and no use for one
     step = int(np.argmin(np.abs(np.array(planned.depths_mm) - rows.depth_mm)))
     gap = abs(planned.depths_mm[step] - rows.depth_mm)
-    if gap > POSITION_MATCH_MM and not all(rows.untouched):
+    if not within(gap, DEPTH_MATCH_MM) and not all(rows.untouched):
         raise DatasetError(
             f"{path}: indentation {press}: depth {rows.depth_mm} mm is {gap:.3g} mm from the nearest depth of site"
-            f" {planned.name} ({planned.depths_mm[step]} mm), limit {POSITION_MATCH_MM} mm; add the depth to the plan"
+            f" {planned.name} ({planned.depths_mm[step]} mm), limit {DEPTH_MATCH_MM} mm; add the depth to the plan"
         )
     return [step] * len(rows.row)
 
