@@ -235,7 +235,7 @@ def _check_features(path: str | Path, session: str, study: Study, expected: str 
     with open_features(path) as file:
         if expected is not None and file.attrs["digest"] != expected:
             raise DatasetError(
-                f"{path}: session {session} was made with other settings (digest "
+                f"{path}: session {session} was made with other settings, tables or images than those there now (digest "
                 f"{str(file.attrs['digest'])[:12]}, expected {expected[:12]}); extract the features again "
                 f"(snakemake -R {path})"
             )
@@ -284,6 +284,7 @@ def _presses(path: str | Path, planned: Mapping[str, PlannedCell], chunk: set[st
                 f"{path}: indentation {press}, image {image}: its site {cell!r} is not in the plan; "
                 "join the recording to the plan again"
             )
+        _check_place(path, press, planned[cell], phase, xy)
         if planned[cell].follows_a_path:
             following.add(press)
             if phase != "zero":
@@ -310,6 +311,19 @@ def _presses(path: str | Path, planned: Mapping[str, PlannedCell], chunk: set[st
     for press, rows in presses.items():
         _check_images(path, press, rows, usual if press in following else touching[press], usual)
     return presses
+
+
+def _check_place(path: str | Path, press: str, planned: PlannedCell, phase: str, xy: np.ndarray) -> None:
+    """Raise DatasetError for a reading far from its site, which may have moved since the recording was joined to the plan.
+
+    The first reading at depth lies within the site's tolerance, the others of its indentation within it of that one.
+    """
+    gap, limit = gaps_to((planned.x_mm, planned.y_mm), xy)[0], 2 * planned.within_mm
+    if phase in ("zero", "load", "dwell") and not (planned.shears_mm or within(gap, limit)):
+        raise DatasetError(
+            f"{path}: indentation {press} at ({xy[0]:.4f}, {xy[1]:.4f}) mm is {gap:.3g} mm from site {planned.name}, limit"
+            f" {limit:g} mm: the plan has changed; extract the features again (snakemake -R {path})"
+        )
 
 
 def _check_pose(
@@ -451,9 +465,13 @@ def _rows_of(data, rows: list[int]) -> np.ndarray:
 
 # --------------------------------------------------------------------------------------------- attributes
 def shard_settings_digest(study: Study) -> str:
-    """Return the digest of the settings that decide a shard beside its sites and features."""
+    """Return the digest of what decides a shard beside its sites and features: settings, and the split of all sites.
+
+    A site that is added to a plan file or a session may move others from one side of the split to the other.
+    """
     names = {"seed", "dataset", "plan", "sensor", "features"}
-    return digest(study.model_dump(mode="json", include=names))
+    split, _ = planned_split(plan_cells(study), study.sensor, study.dataset.test_fraction, study.seed)
+    return digest([study.model_dump(mode="json", include=names), split])
 
 
 def _shard_attributes(study: Study, split: Mapping[str, str]) -> dict:
