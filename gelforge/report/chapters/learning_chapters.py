@@ -135,8 +135,8 @@ TABLES = {
     "rmse": "Errors of the network on held-out sites{with the paper's (another sensor, 13,448 indentations)}.",
     "baselines": "The network and baselines on the same rows and inputs: ridge, kernel ridge, nearest neighbours, the"
     " mean label of training, no force at all. total Fz: rms error of the sum over bins; RMSES: error of pressed bins.",
-    "errors_by": "Errors of the network by depth, by distance from the nearest wall and by session (of touched rows), and"
-    " the share of images flagged as unlike the training images.",
+    "errors_by": "Errors of the network by depth, by distance from the nearest wall and from the nearest training site, and"
+    " by session (of touched rows), and the share of images flagged as unlike the training images.",
     "error_budget": "Parts of the network's error on held-out sites of the virtual sensor (SYNTHETIC), rms: optics and"
     " learning make the error against the label, mechanics is that of the label. The contact point's scatter is in learning"
     " and in mechanics.",
