@@ -7,7 +7,8 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from gelforge.config import NAME
+from gelforge.cli.study.add_session import add_session, check_place, unjoined
+from gelforge.config import NAME, load_study
 from gelforge.importing.importer import Imported, clock_words, import_logs, write_imported
 from gelforge.importing.public import layout_of
 from gelforge.importing.public.labelled import Options, write_labelled
@@ -18,16 +19,19 @@ from gelforge.recording.tables.checks import RecordingError
 from gelforge.report.figures.measurements.import_figure import import_figure
 
 
-def import_command(mapping: Path, out: Path) -> None:
+def import_command(mapping: Path, out: Path, study: Path | None = None) -> None:
     """Write the session folder `out` from the logs that a mapping describes; print what was found.
 
     The folder appears when it is whole and its session is accepted; of one that is refused only the page is left, beside it.
+    study: the YAML file of a study that is to read the session (gelforge/cli/study/add_session.py).
     """
     name = out.resolve().name
     if not NAME.fullmatch(name):
         raise ImportingError(f"--out {out}: {name!r} is not a name; use letters, digits, '_' and '-'")
     if os.path.lexists(out):
         raise ImportingError(f"--out {out}: exists already; remove it or name another folder")
+    if study:
+        check_place(load_study(study), study, out)
     imported = import_logs(mapping, name)
     for line in lines(imported):
         print(line)
@@ -52,6 +56,12 @@ def import_command(mapping: Path, out: Path) -> None:
         print(f"finding    {line}")
     print(f"session    {out}: {len(imported.table)} readings, {len(imported.images)} images")
     print(f"page       {out / 'import.png'}: look at it")
+    if study:
+        for line in add_session(study, name):
+            print(line)
+        if why := unjoined(study, out):
+            print(f"not joined {why}")
+        print(f"next       gelforge check {study}")
 
 
 def import_set(layout: str, source: Path, out: Path, columns: list[str], unit: str, every: int) -> None:

@@ -45,12 +45,14 @@ def cells_from_sessions(study: Study, tolerance_mm: float) -> dict[str, PlannedC
     return cells_from_presses([one for places in recorded for one in places], tolerance_mm)
 
 
-def cells_from_presses(presses: Sequence[RecordedPlace], tolerance_mm: float) -> dict[str, PlannedCell]:
+def cells_from_presses(
+    presses: Sequence[RecordedPlace], tolerance_mm: float, prefix: str = "p"
+) -> dict[str, PlannedCell]:
     """Return a site for each position that is visited, with the depths pressed there.
 
     A site lies at its first indentation: sessions that are added later do not move it. It takes the recorded name where
-    there is one, else p0000, p0001, ... in the order of first pressing. Raises ConfigError where one name stands for two
-    positions.
+    there is one, else prefix and number, p0000, p0001, ..., in the order of first pressing. Raises ConfigError where one
+    name stands for two positions.
     """
     xy = np.array([(one.x_mm, one.y_mm) for one in presses]).reshape(-1, 2)
     first = visited(xy, tolerance_mm, [one.site for one in presses])
@@ -58,7 +60,7 @@ def cells_from_presses(presses: Sequence[RecordedPlace], tolerance_mm: float) ->
     for number, own in enumerate(np.unique(first)):
         members = [presses[k] for k in np.flatnonzero(first == own)]
         begun = members[0]
-        name = next((one.site for one in members if one.site), f"p{number:04d}")
+        name = next((one.site for one in members if one.site), f"{prefix}{number:04d}")
         if name in cells:
             other = cells[name]
             raise ConfigError(
