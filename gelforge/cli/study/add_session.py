@@ -151,5 +151,9 @@ def _line(text: str, *values: object) -> str:
     """Return a row of a table (its text) with these values under KEYS, and nothing under the other names of its header."""
     header = next(line for line in text.splitlines() if line.strip() and line.strip()[0] not in "#%")
     separator = ";" if ";" in header else ","
-    named = dict(zip(KEYS, values))
-    return separator.join(str(named.get(name.strip().strip('"'), "")) for name in header.split(separator))
+    decimal = "," if separator == ";" and re.search(r"\d,\d", text) else "."
+    named = {
+        key: value if isinstance(value, str) else str(value).replace(".", decimal)
+        for key, value in zip(KEYS, values)
+    }
+    return separator.join(named.get(name.strip().strip('"'), "") for name in header.split(separator))

@@ -42,8 +42,8 @@ def first_outside(xy: np.ndarray, width_mm: tuple[float, float]) -> tuple[int, s
     if outside.all() and (span <= sides).all() and not _would_fit(xy / MICROMETRES, width):
         return row, (
             f"{found} all positions lie outside, but would fit: are they in the robot's frame? Read the robot's position"
-            " over the sensor's corner and set stage_to_sensor in session.yaml (origin_mm, rotation_deg, handedness;"
-            " docs/importing.md has the formula)"
+            " over the sensor's corner and set stage_to_sensor: origin_mm, rotation_deg and handedness (of session.yaml, or"
+            " under `session` of an import's mapping; docs/importing.md has the formula)"
         )
     return row, f"{found} correct x_mm, y_mm or stage_to_sensor, is it in micrometres?"
 
