@@ -146,7 +146,11 @@ def write_imported(folder: str | Path, imported: Imported) -> None:
 def _session(mapping: ImportMapping, name: str, found: dict[str, Any], source: str) -> Session:
     """Return session.yaml: what the mapping says holds before what was found."""
     said = dict(mapping.session)
-    both = {key: {**found.get(key, {}), **(said.get(key) or {})} for key in ("depth_zero", "stage_to_sensor")}
+    stage = {key: value for key, value in (said.get("stage_to_sensor") or {}).items() if value is not None}
+    both = {
+        "depth_zero": {**found.get("depth_zero", {}), **(said.get("depth_zero") or {})},
+        "stage_to_sensor": {**found.get("stage_to_sensor", {}), **stage},
+    }
     notes = "; ".join(text for text in (str(said.get("notes") or ""), found.get("notes", "")) if text)
     return section_from(Session, {**said, **both, "session": name, "notes": notes}, f"{source}: session")
 

@@ -41,7 +41,10 @@ def logs(tmp_path_factory):
         return table
 
     generate(folder, Lab(presses=9, fault={"stage": scattered}), seed=3)
-    (folder / "logs.yaml").write_text(MAPPING)
+    stage = (
+        "session: {stage_to_sensor: {repeatability_mm: null}, "  # as `gelforge init` writes it: to be found
+    )
+    (folder / "logs.yaml").write_text(MAPPING.replace("session: {", stage))
     return folder
 
 
@@ -103,7 +106,7 @@ def test_a_plan_file_is_extended_and_keeps_what_it_says(mine):
     cells = plan_cells(load_study(study))
     assert (cells["first"].x_mm, cells["first"].y_mm) == (10.01, 12.0)
     assert list(cells)[:3] == ["first", "unused", "monday_0000"] and len(cells) == 7
-    assert "5 of these sites new" in said and unjoined(study, Path("data/mine/recordings/monday")) == ""
+    assert "5 of these sites new" in said and unjoined(study, Path("data/mine/recordings/monday")) == []
     assert "has every position and depth of monday" in "\n".join(add_session(study, "monday"))
     plan.unlink()
     add_session(study, "monday")
@@ -114,15 +117,15 @@ def test_a_plan_file_in_another_unit_keeps_it(mine):
     study = mine("{file: data/mine/plan.csv, mm_per_unit: 1000}")
     Path("data/mine/plan.csv").write_text("cell;x_mm;y_mm;depth_mm\nunused;0,03;0,03;0,0004\n")
     add_session(study, "monday")
-    assert unjoined(study, Path("data/mine/recordings/monday")) == ""
+    assert unjoined(study, Path("data/mine/recordings/monday")) == []
     assert len(plan_cells(load_study(study))) == 7
 
 
 def test_positions_beside_a_grid_say_what_to_write(mine):
     study = mine("{grid: {spacing_mm: 6.0}, depths_mm: [0.4, 0.8, 1.2]}")
     add_session(study, "monday")
-    why = unjoined(study, Path("data/mine/recordings/monday"))
-    assert "no planned site" in why and "replace `plan` by  plan: {from: sessions}" in why
+    why, what = unjoined(study, Path("data/mine/recordings/monday"))
+    assert "no planned site" in why and "replace the plan's grid by  from: sessions" in what
 
 
 def test_a_list_that_is_no_plain_one_is_left_and_the_line_is_said(mine):
@@ -154,8 +157,7 @@ def test_another_folder_and_another_frame_are_refused_before_anything_is_written
     assert imported("elsewhere") == 1
     assert "use --out data/mine/recordings/elsewhere" in capsys.readouterr().err
     mapping = Path("data/mine/raw/logs.yaml")
-    stage = "session: {stage_to_sensor: {origin_mm: [-400, 0]}, "
-    mapping.write_text(mapping.read_text().replace("session: {", stage))
+    mapping.write_text(mapping.read_text().replace("repeatability_mm: null", "origin_mm: [-400, 0]"))
     assert imported("data/mine/recordings/tuesday") == 1
     assert "are they in the robot's frame" in capsys.readouterr().err
     assert sorted(path.name for path in Path("data/mine/recordings").iterdir()) == ["monday"]

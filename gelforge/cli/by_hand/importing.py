@@ -60,10 +60,8 @@ def import_command(mapping: Path, out: Path, study: Path | None = None) -> None:
     print(f"session    {out}: {len(imported.table)} readings, {len(imported.images)} images")
     print(f"page       {out / 'import.png'}: look at it")
     if study:
-        for line in add_session(study, name):
+        for line in [*add_session(study, name), *unjoined(study, out)]:
             print(line)
-        if why := unjoined(study, out):
-            print(f"not joined {why}")
         print(f"next       gelforge check {study}")
 
 

@@ -48,16 +48,15 @@ def add_session(path: Path, name: str) -> list[str]:
     return [line for line in said if line]
 
 
-def unjoined(path: Path, out: Path) -> str:
-    """Return why a study cannot use a session's indentations, and what to write in it; "" where it can."""
+def unjoined(path: Path, out: Path) -> list[str]:
+    """Return why a study cannot use a session's indentations, and what to write in it; nothing where it can."""
     study = load_study(path)
     try:
         read_recording(out, plan_cells(study), study.sensor)
     except (ConfigError, RecordingError, TableError) as error:
-        if study.plan.grid:
-            return f"{error}; or let the plan be what was pressed: in {path} replace `plan` by  plan: {{from: sessions}}"
-        return str(error)
-    return ""
+        beside = [f"study      {path}: to plan what was pressed, replace the plan's grid by  from: sessions"]
+        return [f"not joined {error}", *(beside if study.plan.grid else [])]
+    return []
 
 
 def _name_session(path: Path, study: Study, name: str) -> str:
