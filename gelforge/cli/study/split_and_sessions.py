@@ -22,8 +22,8 @@ def check_split(study: Study, cells: dict) -> int:
     if found.doubtful:
         print(
             f"note       split: {found.smallest_mm:.3g} mm is below half of the usual spacing: images at {found.test_site}"
-            f" are nearly those of training at {found.training_site}, or mirror images of them. If both were meant to be one position, state"
-            " stage_to_sensor.repeatability_mm in session.yaml or plan.tolerance_mm in the study"
+            f" are nearly those of training at {found.training_site}, or mirror images of them. If both were meant to be one"
+            " position, state stage_to_sensor.repeatability_mm in session.yaml or plan.tolerance_mm in the study"
         )
     return int(found.doubtful)
 

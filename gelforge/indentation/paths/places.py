@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -19,7 +20,7 @@ def within(gap_mm, tolerance_mm=POSITION_MATCH_MM):
     return gap_mm <= tolerance_mm + ROUNDING_MM
 
 
-def gaps_to(places: np.ndarray, place) -> np.ndarray:
+def gaps_to(places: ArrayLike, place: ArrayLike) -> np.ndarray:
     """Return the distances (n,) [mm] of positions (n, 2) from one position."""
     return np.hypot(*(np.reshape(places, (-1, 2)) - np.asarray(place, float)).T)
 

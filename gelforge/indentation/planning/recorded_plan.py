@@ -57,8 +57,8 @@ def cells_from_presses(
     xy = np.array([(one.x_mm, one.y_mm) for one in presses]).reshape(-1, 2)
     first = visited(xy, tolerance_mm, [one.site for one in presses])
     cells: dict[str, PlannedCell] = {}
-    for number, own in enumerate(np.unique(first)):
-        members = [presses[k] for k in np.flatnonzero(first == own)]
+    for number, own in enumerate(np.unique(first).tolist()):
+        members = [presses[k] for k in np.flatnonzero(first == own).tolist()]
         begun = members[0]
         name = next((one.site for one in members if one.site), f"{prefix}{number:04d}")
         if name in cells:
@@ -112,7 +112,7 @@ def _places_of(
             " indentations: write its path into a plan file (plan.file)"
         )
     found: dict[str, RecordedPlace] = {}
-    for k in np.flatnonzero(np.isin(phase, ["load", "dwell"])):
+    for k in np.flatnonzero(np.isin(phase, ["load", "dwell"])).tolist():
         press, own = columns["press"][k], columns["cell"][k]
         if not (np.isfinite(depth[k]) and depth[k] > 0):
             raise ConfigError(
