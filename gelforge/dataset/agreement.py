@@ -12,7 +12,7 @@ from gelforge.dataset.schema import DatasetError
 from gelforge.dataset.session_labels import OwnCells, OwnPresses, check_digest
 from gelforge.files import check_table_inputs, read_product_table, write_product_table
 from gelforge.indentation.cells.cell_file import Cell, read_cell
-from gelforge.indentation.planning.plan import POSITION_MATCH_MM
+from gelforge.indentation.paths.places import DEPTH_MATCH_MM, within
 from gelforge.recording.readings import AXES, FORCE
 
 COLUMNS = [
@@ -79,7 +79,7 @@ def _measured(session: str, path: str | Path) -> pd.DataFrame:
     )
     held = readings[readings["phase"].isin(["load", "dwell"])]
     deepest = held.groupby("press")["depth_mm"].transform("max")
-    held = held[deepest - held["depth_mm"] <= POSITION_MATCH_MM]
+    held = held[within(deepest - held["depth_mm"], DEPTH_MATCH_MM)]
     empty = held[FORCE].isna().any(axis=1)
     held = held[~empty | (held.get("excluded", "") == "")]  # what a test excluded is listed with the findings
     lost = held[held[FORCE].isna().any(axis=1)]
@@ -95,7 +95,7 @@ def _measured(session: str, path: str | Path) -> pd.DataFrame:
 def _with_fem(presses: pd.DataFrame, depths: np.ndarray, total: np.ndarray, path: str | Path) -> pd.DataFrame:
     gap = np.abs(presses["depth_mm"].to_numpy()[:, None] - depths)  # (indentations, D)
     step = gap.argmin(axis=1)
-    far = gap.min(axis=1) > POSITION_MATCH_MM
+    far = ~within(gap.min(axis=1), DEPTH_MATCH_MM)
     if far.any():
         press = presses.iloc[far.argmax()]
         raise DatasetError(

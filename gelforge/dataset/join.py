@@ -27,8 +27,9 @@ from gelforge.dataset.splits import planned_split
 from gelforge.files import digest, file_sha256
 from gelforge.hdf5 import opened
 from gelforge.indentation.cells.cell_file import ERROR_BARS, Cell, read_cell
+from gelforge.indentation.paths.places import DEPTH_MATCH_MM, gaps_to, within
 from gelforge.indentation.paths.planned_cell import PlannedCell
-from gelforge.indentation.planning.plan import POSITION_MATCH_MM, plan_cells
+from gelforge.indentation.planning.plan import plan_cells
 from gelforge.progress import tracked
 
 FEATURE_FORMAT = "gelforge-features-1"
@@ -234,7 +235,7 @@ def _check_features(path: str | Path, session: str, study: Study, expected: str 
     with open_features(path) as file:
         if expected is not None and file.attrs["digest"] != expected:
             raise DatasetError(
-                f"{path}: session {session} was made with other settings (digest "
+                f"{path}: session {session} was made with other settings, tables or images than those there now (digest "
                 f"{str(file.attrs['digest'])[:12]}, expected {expected[:12]}); extract the features again "
                 f"(snakemake -R {path})"
             )
@@ -283,6 +284,7 @@ def _presses(path: str | Path, planned: Mapping[str, PlannedCell], chunk: set[st
                 f"{path}: indentation {press}, image {image}: its site {cell!r} is not in the plan; "
                 "join the recording to the plan again"
             )
+        _check_place(path, press, planned[cell], phase, xy)
         if planned[cell].follows_a_path:
             following.add(press)
             if phase != "zero":
@@ -311,6 +313,19 @@ def _presses(path: str | Path, planned: Mapping[str, PlannedCell], chunk: set[st
     return presses
 
 
+def _check_place(path: str | Path, press: str, planned: PlannedCell, phase: str, xy: np.ndarray) -> None:
+    """Raise DatasetError for a reading far from its site, which may have moved since the recording was joined to the plan.
+
+    The first reading at depth lies within the site's tolerance, the others of its indentation within it of that one.
+    """
+    gap, limit = gaps_to((planned.x_mm, planned.y_mm), xy)[0], 2 * planned.within_mm
+    if phase in ("zero", "load", "dwell") and not (planned.shears_mm or within(gap, limit)):
+        raise DatasetError(
+            f"{path}: indentation {press} at ({xy[0]:.4f}, {xy[1]:.4f}) mm is {gap:.3g} mm from site {planned.name}, limit"
+            f" {limit:g} mm: the plan has changed; extract the features again (snakemake -R {path})"
+        )
+
+
 def _check_pose(
     path: str | Path, press: str, image: str, planned: PlannedCell, step: int, pose: np.ndarray
 ) -> None:
@@ -318,8 +333,9 @@ def _check_pose(
     where = f"{path}: indentation {press}, image {image}: depth {pose[0]:g} mm at ({pose[1]:.4f}, {pose[2]:.4f}) mm"
     if 0 <= step < len(planned.depths_mm):
         shear = planned.shears_mm[step] if planned.shears_mm else (0.0, 0.0)
-        there = np.array([planned.depths_mm[step], planned.x_mm + shear[0], planned.y_mm + shear[1]])
-        if np.abs(there - pose).max() <= POSITION_MATCH_MM:
+        there = planned.x_mm + shear[0], planned.y_mm + shear[1]
+        deep = within(abs(planned.depths_mm[step] - pose[0]), DEPTH_MATCH_MM)
+        if deep and within(gaps_to(pose[1:], there)[0], planned.within_mm):
             return
     raise DatasetError(
         f"{where} is not at step {step} of the path of site {planned.name}; extract the features again (snakemake -R {path})"
@@ -381,10 +397,10 @@ def _steps(path: str | Path, press: str, rows: PressRows, planned: PlannedCell) 
         return [max(step, 0) for step in rows.step]  # untouched rows have no step, and no use for one
     step = int(np.argmin(np.abs(np.array(planned.depths_mm) - rows.depth_mm)))
     gap = abs(planned.depths_mm[step] - rows.depth_mm)
-    if gap > POSITION_MATCH_MM and not all(rows.untouched):
+    if not within(gap, DEPTH_MATCH_MM) and not all(rows.untouched):
         raise DatasetError(
             f"{path}: indentation {press}: depth {rows.depth_mm} mm is {gap:.3g} mm from the nearest depth of site"
-            f" {planned.name} ({planned.depths_mm[step]} mm), limit {POSITION_MATCH_MM} mm; add the depth to the plan"
+            f" {planned.name} ({planned.depths_mm[step]} mm), limit {DEPTH_MATCH_MM} mm; add the depth to the plan"
         )
     return [step] * len(rows.row)
 
@@ -449,9 +465,13 @@ def _rows_of(data, rows: list[int]) -> np.ndarray:
 
 # --------------------------------------------------------------------------------------------- attributes
 def shard_settings_digest(study: Study) -> str:
-    """Return the digest of the settings that decide a shard beside its sites and features."""
+    """Return the digest of what decides a shard beside its sites and features: settings, and the split of all sites.
+
+    A site that is added to a plan file or a session may move others from one side of the split to the other.
+    """
     names = {"seed", "dataset", "plan", "sensor", "features"}
-    return digest(study.model_dump(mode="json", include=names))
+    split, _ = planned_split(plan_cells(study), study.sensor, study.dataset.test_fraction, study.seed)
+    return digest([study.model_dump(mode="json", include=names), split])
 
 
 def _shard_attributes(study: Study, split: Mapping[str, str]) -> dict:

@@ -12,12 +12,12 @@ import pandas as pd
 from gelforge.config import Study, load_session
 from gelforge.csv_table import read_csv
 from gelforge.files import digest, source_digest
+from gelforge.indentation.paths.places import DEPTH_MATCH_MM, within
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.paths.trajectory import Trajectory
-from gelforge.indentation.planning.plan import POSITION_MATCH_MM
+from gelforge.indentation.sensor.stage_frame import stage_to_sensor
 from gelforge.indentation.solving.inputs import inputs_digest
 from gelforge.mechanics.laws.law import PrincipalLaw
-from gelforge.recording.readings import stage_to_sensor
 from gelforge.recording.tables.checks import RecordingError
 from gelforge.recording.tables.join import cells_of_presses, press_table
 from gelforge.recording.tables.path_through import path_through
@@ -73,7 +73,7 @@ def _timed(path: Trajectory, rows: pd.DataFrame, timing) -> Trajectory:
     """
     held = rows[rows["phase"].isin(["load", "dwell"])]
     depths, times = held["depth_mm"].to_numpy(), held["time_s"].to_numpy()
-    deepest = depths.max() - depths <= POSITION_MATCH_MM
+    deepest = within(depths.max() - depths, DEPTH_MATCH_MM)
     last = np.flatnonzero(deepest)[-1] + 1
     depths = np.where(deepest, path.depths_mm[0], depths)[:last]
     times = times[:last] - times[0] + depths[0] / timing.speed_mm_per_s

@@ -3,30 +3,91 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from gelforge.config import Sensor
+from gelforge.indentation.paths.places import chained
 from gelforge.indentation.paths.planned_cell import PlannedCell
 
 
 def orbits(planned: Mapping[str, PlannedCell], sensor: Sensor) -> dict[str, str]:
-    """Return for each site the first site of the plan that its sensor's symmetry carries it to: itself where there is none.
+    """Return for each site the first site of the plan that is of its orbit: itself where there is no other.
 
-    A rectangular sensor is its own mirror image along both sides, a square one along its diagonals too. Sites at one place
-    are one orbit, whatever their paths: a label and its mirror image on two sides of a split would be no test.
+    A rectangular sensor is its own mirror image along both sides, a square one along its diagonals too. Sites within the
+    plan's tolerance of each other (`PlannedCell.within_mm`), or of each other's mirror images, are of one orbit, and so are
+    those that a chain of such sites joins, whatever their paths: a label and its mirror image on two sides of a split would
+    be no test.
     """
-    first: dict[tuple, str] = {}
-    return {
-        name: first.setdefault(_folded(cell.x_mm, cell.y_mm, sensor), name) for name, cell in planned.items()
-    }
+    names = list(planned)
+    first = chained(folded(_places(planned), sensor), _tolerance_mm(planned))
+    return {name: names[number] for name, number in zip(names, first)}
 
 
-def _folded(x: float, y: float, sensor: Sensor) -> tuple[float, ...]:
-    """Return a position's distances [mm] from the sensor's middle, the same for all of its mirror images."""
-    away = abs(x - sensor.width_x_mm / 2), abs(y - sensor.width_y_mm / 2)
+def folded(places: np.ndarray, sensor: Sensor) -> np.ndarray:
+    """Return the distances (n, 2) [mm] of positions (n, 2) from the sensor's middle, the same for all mirror images.
+
+    The distance of two folded positions is the least one of any two of their mirror images.
+    """
+    away = np.abs(np.reshape(places, (-1, 2)) - [sensor.width_x_mm / 2, sensor.width_y_mm / 2])
     square = abs(sensor.width_x_mm - sensor.width_y_mm) < 1e-9
-    return tuple(round(d, 6) + 0.0 for d in (sorted(away) if square else away))
+    return np.sort(away, axis=1) if square else away
+
+
+def _places(planned: Mapping[str, PlannedCell]) -> np.ndarray:
+    return np.array([(cell.x_mm, cell.y_mm) for cell in planned.values()]).reshape(-1, 2)
+
+
+def _tolerance_mm(planned: Mapping[str, PlannedCell]) -> float:
+    return max((cell.within_mm for cell in planned.values()), default=0.0)
+
+
+def nearest_mm(places: np.ndarray, others: np.ndarray, sensor: Sensor) -> np.ndarray:
+    """Return the distance (n,) [mm] of each position (n, 2) to the nearest of others (m, 2), or of their mirror images."""
+    return cKDTree(folded(others, sensor)).query(folded(places, sensor))[0]
+
+
+@dataclass(frozen=True)
+class Separation:
+    """How far test sites lie from training sites [mm], and the usual spacing of the plan's sites."""
+
+    smallest_mm: float
+    test_site: str
+    training_site: str
+    spacing_mm: float
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether a test site lies nearer to training than half of the usual spacing: its images were almost trained on."""
+        return self.smallest_mm < 0.5 * self.spacing_mm
+
+
+def separation(
+    planned: Mapping[str, PlannedCell], split: Mapping[str, str], sensor: Sensor
+) -> Separation | None:
+    """Return how far the test sites of a plan lie from its training sites, mirror images included; None without both.
+
+    The usual spacing is that of a regular grid of as many positions over the same rectangle: sites that were meant to be one
+    lie near each other, and their distance is not the plan's spacing.
+    """
+    names, places = np.array(list(planned)), folded(_places(planned), sensor)
+    tests = np.array([split[name] == "test" for name in names], bool)
+    if tests.all() or not tests.any():
+        return None
+    distance, nearest = cKDTree(places[~tests]).query(places[tests])
+    k = int(distance.argmin())
+    unfolded = _places(planned)
+    positions = len(np.unique(chained(unfolded, _tolerance_mm(planned))))
+    spacing = _spacing_mm(np.ptp(unfolded, axis=0), positions)
+    return Separation(float(distance[k]), str(names[tests][k]), str(names[~tests][nearest[k]]), spacing)
+
+
+def _spacing_mm(sides: np.ndarray, count: int) -> float:
+    """Return the spacing s [mm] of a grid of `count` positions over a rectangle: (L / s + 1) (W / s + 1) = count."""
+    (length, width), n = sides, max(count - 1, 1)
+    return float((length + width + np.sqrt((length + width) ** 2 + 4 * n * length * width)) / (2 * n))
 
 
 def split_orbits(

@@ -15,10 +15,12 @@ from gelforge.importing.camera import Film, read_film
 from gelforge.importing.clocks import Match, coarse_match
 from gelforge.importing.presses import Presses, depth_zero_mm, find_presses
 from gelforge.importing.refusals import ImportingError
-from gelforge.importing.session_files import FORCE, Frames, rows_of_presses, write_session
+from gelforge.importing.revisits import repeatability_mm
+from gelforge.importing.session_files import FORCE, Frames, place_of, rows_of_presses, write_session
 from gelforge.importing.stage_motion import Excursion, excursions
 from gelforge.importing.streams import Stream, read_force, read_stage
 from gelforge.importing.turning_points import Bends, ClockLaw, clock_law, find_bends
+from gelforge.indentation.planning.tolerance import tolerance_of_stage_mm
 from gelforge.recording.readings import force_on_sensor
 
 
@@ -117,10 +119,16 @@ def import_logs(mapping_file: str | Path, name: str) -> Imported:
             f"indentation {press.number} at {press.top_s:.1f} s reaches {deep.min():.3f} mm only; set depth_zero: press, or"
             f" leave it out with skip: [{press.number}]"
         )
-    table, images = rows_of_presses(presses.kept, zero, stage, frames, mapping)
+    repeats = session.stage_to_sensor.repeatability_mm
+    if repeats is None:
+        repeats = repeatability_mm(np.array([place_of(press) for press in presses.kept]))
+    tolerance = tolerance_of_stage_mm(repeats)
+    table, images = rows_of_presses(presses.kept, zero, stage, frames, mapping, tolerance)
     found_zero = _depth_zero(mapping, presses)
     notes = _notes(mapping, clock, camera_clock, presses)
-    session = _session(mapping, name, {"depth_zero": found_zero, "notes": notes}, str(path))
+    found_stage = {} if repeats is None else {"repeatability_mm": round(repeats, 5)}
+    keys = {"depth_zero": found_zero, "stage_to_sensor": found_stage, "notes": notes}
+    session = _session(mapping, name, keys, str(path))
     return Imported(
         mapping, session, stage, found, force, force_s, push, clock, film, frames, camera_clock, presses, zero, table, images
     )  # fmt: skip
@@ -138,11 +146,13 @@ def write_imported(folder: str | Path, imported: Imported) -> None:
 def _session(mapping: ImportMapping, name: str, found: dict[str, Any], source: str) -> Session:
     """Return session.yaml: what the mapping says holds before what was found."""
     said = dict(mapping.session)
-    zero = {**found.get("depth_zero", {}), **(said.get("depth_zero") or {})}
+    stage = {key: value for key, value in (said.get("stage_to_sensor") or {}).items() if value is not None}
+    both = {
+        "depth_zero": {**found.get("depth_zero", {}), **(said.get("depth_zero") or {})},
+        "stage_to_sensor": {**found.get("stage_to_sensor", {}), **stage},
+    }
     notes = "; ".join(text for text in (str(said.get("notes") or ""), found.get("notes", "")) if text)
-    return section_from(
-        Session, {**said, "session": name, "depth_zero": zero, "notes": notes}, f"{source}: session"
-    )
+    return section_from(Session, {**said, **both, "session": name, "notes": notes}, f"{source}: session")
 
 
 def _aligned(

@@ -13,8 +13,8 @@ from gelforge.config.foreign.importing import ImportMapping
 from gelforge.importing.camera import Film, write_frames
 from gelforge.importing.presses import Press
 from gelforge.importing.refusals import ImportingError
-from gelforge.importing.stage_motion import SIDEWAYS_MM
 from gelforge.importing.streams import Stream
+from gelforge.indentation.paths.places import POSITION_MATCH_MM, gaps_to, within
 
 ZERO_ROWS = 3
 LEAVING_S = 0.03  # before the stage leaves, no reading
@@ -42,11 +42,15 @@ def rows_of_presses(
     stage: Stream,
     frames: Frames | None,
     mapping: ImportMapping,
+    tolerance_mm: float = POSITION_MATCH_MM,
 ) -> tuple[pd.DataFrame, dict[str, int]]:
-    """Return the readings, columns as in COLUMNS without forces, and the number of the frame that each image shows."""
+    """Return the readings, columns as in COLUMNS without forces, and the number of the frame that each image shows.
+
+    tolerance_mm: within which the waits of an indentation are at one position.
+    """
     rows, images = [], {}
     for order, (press, zero) in enumerate(zip(presses, zero_mm)):
-        own = _rows(press, zero, stage, frames, mapping)
+        own = _rows(press, zero, stage, frames, mapping, tolerance_mm)
         for number, row in enumerate(own):
             row |= {"press": f"p{press.number:03d}", "cell": "", "order": order, "image": ""}
             if (frame := row.pop("frame", None)) is not None:
@@ -58,9 +62,14 @@ def rows_of_presses(
 
 
 def _rows(
-    press: Press, zero: float, stage: Stream, frames: Frames | None, mapping: ImportMapping
+    press: Press,
+    zero: float,
+    stage: Stream,
+    frames: Frames | None,
+    mapping: ImportMapping,
+    tolerance_mm: float,
 ) -> list[dict]:
-    xy = np.round((press.waits[0].at_mm if press.waits else press.top_mm)[:2], 3)
+    xy = np.round(place_of(press), 3)
     rows = [_zero_row(press, zero, stage, at, xy) for at in np.linspace(*press.zero_s, ZERO_ROWS + 2)[1:-1]]
     if frames:
         k, at = frames.near(rows[-1]["time_s"])
@@ -79,8 +88,8 @@ def _rows(
     deepest, sideways = -np.inf, False
     for wait in press.waits:
         depth = round(wait.travel_mm - zero, 3)
-        moved = np.abs(wait.at_mm[:2] - xy).max() > SIDEWAYS_MM
-        sideways |= bool(moved)
+        moved = not within(gaps_to(wait.at_mm[:2], xy)[0], tolerance_mm)
+        sideways |= moved
         phase = "shear" if moved else "unload" if depth < deepest - 0.005 else "load"
         if phase == "load" and sideways:
             phase = "shear"
@@ -90,6 +99,11 @@ def _rows(
     if press.waits and rows[-1]["phase"] != "unload":
         rows += _leaving_row(press, zero, stage, rows[-1])
     return rows
+
+
+def place_of(press: Press) -> np.ndarray:
+    """Return where an indentation was made (2,) [mm], as the stage logged it: at its first wait, else at its deepest."""
+    return (press.waits[0].at_mm if press.waits else press.top_mm)[:2]
 
 
 def _row(phase, at, xy, depth, speed=np.nan, dwell=np.nan, frame=None) -> dict:

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import find_peaks
 
+from gelforge.indentation.paths.places import POSITION_MATCH_MM
+
 NOISE_BANDS = 4.0  # of the encoder's noise: a stage within is at rest
 LEAST_BAND_MM = 0.003
-SIDEWAYS_MM = 0.01  # plan.POSITION_MATCH_MM: positions of one indentation stay within
 FULL_SPEED = 0.8  # of a ramp's largest speed: samples that brake or accelerate are slower
 LONGEST_RAMP_S = 0.5  # of a ramp that says when the stage stopped
 MOST_RAMP_SAMPLES = 40
@@ -86,7 +87,7 @@ def _waits(time: np.ndarray, xyz: np.ndarray, band: float, least_s: float) -> li
 
 def _rests(time: np.ndarray, xyz: np.ndarray, band: float, least_s: float) -> list[tuple[int, int]]:
     """Return the runs of rows (first, last), of least_s or more, in which no axis moves by more than two bands."""
-    wide = 2 * np.array([max(band, SIDEWAYS_MM), max(band, SIDEWAYS_MM), band])
+    wide = 2 * np.array([max(band, POSITION_MATCH_MM), max(band, POSITION_MATCH_MM), band])
     rows = max(3, int(np.ceil(least_s / np.median(np.diff(time)))))
     if len(time) < rows:
         return []

@@ -22,6 +22,7 @@ from gelforge.files import digest
 from gelforge.hdf5 import writing
 from gelforge.progress import Progress
 from gelforge.recording.imaging.flow import Flow, ImageError
+from gelforge.recording.imaging.image_digest import images_digest
 from gelforge.recording.imaging.image_measures import Measurer, Measures, add_measures
 from gelforge.recording.imaging.images import image_path, reference_path
 from gelforge.recording.optics.remap import picture_of, read_as, seen_by, view_of
@@ -167,6 +168,7 @@ def session_features(recording: Recording, settings: Features, out: str | Path, 
         raise ImageError(
             f"{recording.folder}: session {recording.session.session} has no images; it is force-only"
         )
+    made_of = features_digest(recording.folder, recording.session, settings)  # of the images as they are now
     with writing(out, track_order=True) as file:
         m2 = 2 * settings.regions**2
         shape = {"shape": (len(rows), m2), "maxshape": (None, m2), "chunks": (min(16, len(rows)), m2)}
@@ -184,6 +186,7 @@ def session_features(recording: Recording, settings: Features, out: str | Path, 
         judged = judge_all(recording, table, settings.image_scale)
         left_out = table.index.isin(judged.excluded_rows("image"))
         _keep(feature, np.flatnonzero(~left_out))
+        file.attrs["digest"] = made_of
         _write_attributes(file, recording, settings, table[left_out], judged)
         _write_rows(file, table[~left_out])
     return int((~left_out).sum())
@@ -221,9 +224,9 @@ def found_in(path: str | Path) -> list[str]:
 
 
 def features_digest(folder: str | Path, session: Session, settings: Features) -> str:
-    """Return the digest of what decides a session's features but for its images; a join compares it."""
+    """Return the digest of what decides a session's features, its images included; a join compares it."""
     described = {"session": session.model_dump(mode="json"), "features": settings.model_dump(mode="json")}
-    return digest(described | {"raw": raw_digest(folder)})
+    return digest(described | {"raw": raw_digest(folder), "images": images_digest(folder)})
 
 
 def _features_in_batches(
@@ -264,7 +267,6 @@ def _write_attributes(
     file.attrs["format"] = FORMAT
     file.attrs["session"] = session.session
     file.attrs["synthetic"] = session.synthetic
-    file.attrs["digest"] = features_digest(recording.folder, session, settings)
     file.attrs["view"] = json.dumps(view_of(session, settings.image_scale), sort_keys=True)
     excluded = Counter(recording.excluded_images)
     excluded.update(left_out.loc[left_out["phase"] != "zero", "press"])

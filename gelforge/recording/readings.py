@@ -10,10 +10,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from gelforge.config import ForceSensor, Sensor, Session, StageToSensor, load_session
+from gelforge.config import ForceSensor, Sensor, Session, load_session
 from gelforge.csv_table import read_csv
 from gelforge.files import check_seal, digest, file_sha256, write_product_table
 from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.tolerance import tolerance_of_stage_mm
+from gelforge.indentation.sensor.stage_frame import stage_to_sensor
 from gelforge.recording.imaging.images import check_images
 from gelforge.recording.plausibility.findings import Finding, Findings
 from gelforge.recording.plausibility.indentations import at_commanded_depth, scatter_N
@@ -53,7 +55,7 @@ def read_recording(
 ) -> Recording:
     """Return a checked session: positions in the sensor frame, forces on the sensor, zero subtracted, indentations joined.
 
-    Indentations join the planned sites by position within 0.01 mm and by depth. Without sites the column `cell` stays as
+    Indentations join the planned sites by position and depth (`cells_of_presses`). Without sites the column `cell` stays as
     recorded; without a sensor positions are not checked against its outline. Images are checked for presence, size
     and completeness from their headers; a sample is decoded and tested with the session as a whole. Raises
     RecordingError naming file, row, value and remedy.
@@ -85,7 +87,10 @@ def read_recording(
     readings = table.copy()
     readings["session"] = session.session
     readings[["x_mm", "y_mm"]] = stage_to_sensor(table[["x_mm", "y_mm"]].to_numpy(), session.stage_to_sensor)
-    checks.check_positions(path, readings, sensor)
+    tolerance = tolerance_of_stage_mm(session.stage_to_sensor.repeatability_mm)
+    if cells:
+        tolerance = next(iter(cells.values())).within_mm
+    checks.check_positions(path, readings, sensor, tolerance)
     readings[RAW] = raw
     readings[FORCE] = force_on_sensor(raw, session.force)
     if not session.force.tared:
@@ -93,25 +98,13 @@ def read_recording(
     if cells is not None:
         readings["cell"] = cells_of_presses(path, readings, cells)
     check_images(folder, readings["image"], session)
-    findings = examine(SessionData(folder, session, readings, cells, log), gaps)
+    findings = examine(SessionData(folder, session, readings, cells, log, tolerance), gaps)
     checks.check_force(path, readings, session.force)
     kept = apply_findings(readings, findings, FORCE)
     lost = at_commanded_depth(readings) & (readings["image"] != "") & (kept["image"] == "")
     excluded_images = readings.loc[lost, "press"].value_counts().to_dict()
     kept = kept[COLUMNS].reset_index(drop=True)
     return Recording(session, kept, folder, findings, excluded_images, cells or {})
-
-
-def stage_to_sensor(xy: np.ndarray, stage: StageToSensor) -> np.ndarray:
-    """Return stage positions (N, 2) [mm] in the sensor frame: R(rotation) H x + origin, H flips y of a left-handed stage."""
-    return xy @ axes_of_stage(stage).T + stage.origin_mm
-
-
-def axes_of_stage(stage: StageToSensor) -> np.ndarray:
-    """Return the directions of the stage's axes in the sensor frame, as columns (2, 2)."""
-    c, s = np.cos(np.deg2rad(stage.rotation_deg)), np.sin(np.deg2rad(stage.rotation_deg))
-    H = np.diag([1.0, -1.0 if stage.handedness == "left" else 1.0])
-    return np.array([[c, -s], [s, c]]) @ H
 
 
 def force_on_sensor(raw: np.ndarray, force: ForceSensor) -> np.ndarray:

@@ -11,7 +11,8 @@ import pytest
 
 from gelforge.api.studies import sensors as sensor_names
 from gelforge.cli import main
-from gelforge.config import load_session, load_study
+from gelforge.config import Session, load_session, load_study, section_from
+from gelforge.config.foreign.importing import load_import
 from gelforge.indentation.planning.plan import plan_cells
 from gelforge.mechanics.meshes.mesh import Block
 from gelforge.meshing.solids import block_solids
@@ -68,6 +69,10 @@ def test_a_study_of_a_shipped_sensor_is_complete(empty_folder, capsys, sensor):
     assert session.indenter == study.indenter.words
     assert (session.camera is not None) == (ROOT / f"config/cameras/{sensor}.yaml").is_file()
     assert 'configfile: "config/mine.yaml"' in Path("Snakefile").read_text()
+    logs = load_import("data/mine/logs.yaml")
+    described = section_from(Session, {**logs.session, "session": "monday"}, "logs.yaml")
+    assert (described.camera, described.indenter) == (session.camera, session.indenter)
+    assert list(Path("config/mappings").glob("*.yaml"))
 
 
 def test_a_second_study_keeps_the_sensor_that_was_edited(empty_folder, capsys):

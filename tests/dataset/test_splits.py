@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from gelforge.config import Sensor
 from gelforge.dataset.shard import ShardDataset
-from gelforge.dataset.splits import orbits, planned_split, split_orbits
+from gelforge.dataset.splits import nearest_mm, orbits, planned_split, separation, split_orbits
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.planning.plan import plan_cells
 from gelforge.indentation.sensor.symmetry import D4, transform_points
@@ -25,8 +25,11 @@ def sensor(width_x=32.0, width_y=32.0) -> Sensor:
     return Sensor.model_validate({"layers": [layer], "width_x_mm": width_x, "width_y_mm": width_y})
 
 
-def plan_of(places, depths=(1.0,)) -> dict[str, PlannedCell]:
-    return {f"c{i}": PlannedCell(f"c{i}", float(x), float(y), depths) for i, (x, y) in enumerate(places)}
+def plan_of(places, depths=(1.0,), within=0.01) -> dict[str, PlannedCell]:
+    return {
+        f"c{i}": PlannedCell(f"c{i}", float(x), float(y), depths, within_mm=within)
+        for i, (x, y) in enumerate(places)
+    }
 
 
 def test_a_fifth_of_the_orbits_tests():
@@ -75,6 +78,60 @@ def test_no_mirror_image_of_a_trained_place_is_tested(places, seed):
             image = next(c for c in planned.values() if np.hypot(c.x_mm - x, c.y_mm - y) < 1e-6)
             assert split[image.name] == split[cell.name]
             assert orbit[image.name] == orbit[cell.name]
+
+
+def scattered(places, visits, scatter_mm, seed):
+    """Return positions (n, 2) that a robot reaches when it is sent to each place so many times."""
+    rng = np.random.default_rng(seed)
+    return (np.repeat(places, visits, axis=0) + rng.normal(0, scatter_mm, (len(places) * visits, 2))).round(6)
+
+
+GRID = np.stack(np.meshgrid([6.0, 11.0, 16.0, 21.0, 26.0], [6.0, 11.0, 16.0, 21.0, 26.0]), -1).reshape(-1, 2)
+
+
+@pytest.mark.parametrize("size", [(32, 32), (32, 30)])
+@pytest.mark.parametrize("seed", range(5))
+def test_a_robot_that_scatters_has_no_test_position_beside_a_training_one(size, seed):
+    """Every visit of a position is a site of the plan, as where positions are the recorded ones."""
+    planned = plan_of(scattered(GRID, 4, 0.015, seed), within=0.075)
+    split, _ = planned_split(planned, sensor(*size), 0.2, seed)
+    found = separation(planned, split, sensor(*size))
+    assert set(split.values()) == {"train", "test"}
+    assert found.smallest_mm > 0.9  # 30 mm: a mirror image lies 1 mm beside a position of its own
+    assert found.doubtful == (size == (32, 30))
+
+
+@given(
+    st.lists(st.tuples(st.integers(1, 31), st.integers(1, 31)), min_size=2, max_size=12), st.integers(0, 9)
+)
+def test_no_mirror_image_of_a_trained_place_is_tested_where_positions_scatter(places, seed):
+    planned = plan_of(scattered(np.array(places, float), 2, 0.015, seed), within=0.2)
+    split, _ = planned_split(planned, sensor(), 0.3, seed)
+    xy = np.array([(cell.x_mm, cell.y_mm) for cell in planned.values()])
+    tests = np.array([split[name] == "test" for name in planned])
+    for k in np.flatnonzero(tests):
+        images = np.array([transform_points(name, xy[k], 32.0) for name in D4])
+        apart = np.linalg.norm(images[:, None] - xy[~tests], axis=-1).min()
+        assert apart > 0.2
+        assert apart == pytest.approx(nearest_mm(xy[k], xy[~tests], sensor())[0])
+
+
+def test_a_chain_of_near_positions_is_one_orbit_and_the_tolerance_is_within():
+    line = plan_of([(10.0, 5.0), (10.02, 5.0), (10.04, 5.0), (10.061, 5.0)], within=0.02)
+    assert list(orbits(line, sensor()).values()) == ["c0", "c0", "c0", "c3"]
+
+
+def test_the_usual_spacing_is_that_of_the_positions_meant():
+    """A grid states its own; near positions that count as several do not make it small."""
+    planned = plan_of(GRID)
+    split, _ = planned_split(planned, sensor(), 0.2, 0)
+    assert separation(planned, split, sensor()).spacing_mm == pytest.approx(5.0)
+    several = plan_of(scattered(GRID, 4, 0.015, 0))
+    split, _ = planned_split(several, sensor(), 0.2, 0)
+    found = separation(several, split, sensor())
+    assert found.smallest_mm < 0.1 and found.spacing_mm > 2 and found.doubtful
+    alone = plan_of([(10, 10)])
+    assert separation(alone, {"c0": "train"}, sensor()) is None
 
 
 def test_a_rectangle_has_no_diagonal_and_other_depths_at_a_place_are_no_other_orbit():

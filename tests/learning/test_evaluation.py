@@ -10,6 +10,7 @@ from artificial_shards import small_rows, study_of, write_shards
 from gelforge.dataset.ranges import force_ranges_table, label_ranges
 from gelforge.dataset.schema import DatasetError
 from gelforge.dataset.shard import ShardDataset
+from gelforge.indentation.sensor.symmetry import D4, transform_points
 from gelforge.learning.judging.evaluation import (
     baselines_table,
     errors_by_table,
@@ -130,7 +131,7 @@ def test_errors_by_class_share_out_the_rows(evaluated):
     predictions, (predicted, true) = Predictions(evaluated[1]), maps(evaluated[1])
     table = errors_by_table(predictions)
     touched = int((~predictions.untouched).sum())
-    for by in ("depth", "place", "session"):
+    for by in ("depth", "place", "nearest training site", "session"):
         assert table.loc[table["by"] == by, "rows"].sum() == touched
     assert table.loc[table["by"] == "contact", "rows"].sum() == len(true) - touched
     first = table[table["by"] == "depth"].iloc[0]
@@ -139,6 +140,15 @@ def test_errors_by_class_share_out_the_rows(evaluated):
     )
     expected = naive_rmse(predicted[chosen], true[chosen], 0, True)
     assert first["RMSES_x_N"] == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_distance_to_training_is_that_of_the_nearest_mirror_image(evaluated):
+    rows = ShardDataset(evaluated[0], "train")
+    trained = np.unique(rows.read(np.arange(len(rows)), ["position_mm"])["position_mm"], axis=0)
+    images = np.concatenate([transform_points(name, trained, 32.0) for name in D4])
+    predictions = Predictions(evaluated[1])
+    for place, away in zip(predictions.position_mm, predictions.nearest_training_mm):
+        assert away == pytest.approx(np.linalg.norm(images - place, axis=1).min())
 
 
 def test_reliability(evaluated):

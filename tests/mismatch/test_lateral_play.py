@@ -9,11 +9,11 @@ import specimens
 from numpy.testing import assert_allclose, assert_array_equal
 
 from gelforge.config import StageToSensor
+from gelforge.indentation.sensor.stage_frame import axes_of_stage, stage_to_sensor
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import base_of, forces_with
 from gelforge.mismatch.readings.observations import COLUMNS, Observations, last_moves
-from gelforge.recording.readings import axes_of_stage, stage_to_sensor
 
 PLAY, SHIFT = CATALOGUE["lateral_play"], CATALOGUE["misregistration"]
 STUDY = specimens.study()

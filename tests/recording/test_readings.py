@@ -13,6 +13,8 @@ from session_folder import HEADER, OFFSET, press_lines, write_session
 from gelforge.config import ConfigError, ForceSensor, Sensor, StageToSensor
 from gelforge.csv_table import TableError
 from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.planning.recorded_plan import cells_from_presses, places_of
+from gelforge.indentation.sensor.stage_frame import stage_to_sensor
 from gelforge.recording.readings import (
     COLUMNS,
     FORCE,
@@ -22,11 +24,10 @@ from gelforge.recording.readings import (
     read_readings,
     read_recording,
     sample_rows,
-    stage_to_sensor,
     write_readings,
 )
 from gelforge.recording.tables.checks import RecordingError
-from gelforge.recording.tables.join import cells_from_presses, press_table
+from gelforge.recording.tables.join import press_table
 
 SENSOR = Sensor.model_validate({"layers": [{"name": "gel", "thickness_mm": 6.0, "material": "m"}]})
 CELLS = {
@@ -174,16 +175,16 @@ def test_rounded_noise_that_is_largest_at_several_depths_is_not_a_saturated_sens
 
 
 def test_a_plan_can_be_derived_from_the_recordings(tmp_path):
-    one = read_recording(write_session(tmp_path / "one")).readings
-    two = read_recording(write_session(tmp_path / "two", presses=4)).readings
-    cells = cells_from_presses([one, two])
+    one, two = write_session(tmp_path / "one"), write_session(tmp_path / "two", presses=4)
+    places = [place for folder in (one, two) for place in places_of(folder, (32.0, 32.0))]
+    cells = cells_from_presses(places, 0.01)
     assert [(c.name, c.x_mm, c.y_mm, c.depths_mm) for c in cells.values()] == [
         ("p0000", 10.0, 12.0, (0.5,)),
         ("p0001", 11.0, 12.0, (1.0,)),
     ]
     for name in ("one", "two"):
         assert set(read_recording(tmp_path / name, cells).readings["cell"]) == {"p0000", "p0001"}
-    assert list(press_table(one)["row"]) == [0, 6]
+    assert list(press_table(read_recording(one).readings)["row"]) == [0, 6]
 
 
 def test_semicolons_decimal_commas_and_comments_are_read(tmp_path):

@@ -1,5 +1,7 @@
 """Which jobs a run would do, and what is refused before any job."""
 
+import shutil
+
 import cv2
 import numpy as np
 import pytest
@@ -202,3 +204,61 @@ def test_a_material_test_that_cannot_be_used_stops_before_its_law_is_deleted(che
     assert refused.returncode == 1
     assert "uniaxial_01.csv, row 2: columns ['force_N'] are missing" in refused.stdout
     assert law.read_text() == "made before"
+
+
+OWN = ("--configfile", "config/own.yaml")
+FEATURES = "results/test/features/mine.h5"
+
+
+def test_images_that_are_overwritten_in_place_are_looked_at_again(checkout):
+    """Neither the folder's time stamp nor the file's size need change; a touch and a copy are no change."""
+    folder = own_study(checkout)
+    checkout.snakemake(FEATURES, "--cores", "1", *OWN)
+    assert checkout.jobs(FEATURES, *OWN) == {}
+    image = folder / "images/a_1.png"
+    image.write_bytes(image.read_bytes())
+    assert checkout.jobs(FEATURES, *OWN) == {}
+    image.write_bytes((folder / "images/a_2.png").read_bytes())
+    assert {"readings", "features"} <= set(checkout.jobs(FEATURES, *OWN))
+
+
+def test_a_plan_that_changes_under_its_name_is_joined_again(checkout):
+    """And what it decides is made again: the table of the plan, the split of shards whose sites have not changed."""
+    content = yaml.safe_load((checkout.folder / "config/test.yaml").read_text())
+    content |= {"virtual_lab": None, "sessions": [], "plan": {"file": "data/test/plan.csv"}, "variants": {}}
+    (checkout.folder / "config/own.yaml").write_text(yaml.safe_dump(content))
+    plan = checkout.folder / "data/test/plan.csv"
+    plan.parent.mkdir(parents=True, exist_ok=True)
+    plan.write_text("cell,x_mm,y_mm,depth_mm\nmiddle,16,16,0.8\n")
+    checkout.snakemake("results/test/plan.csv", "--cores", "1", *OWN)
+    assert checkout.jobs("results/test/plan.csv", *OWN) == {}
+    plan.write_text("cell,x_mm,y_mm,depth_mm\nmiddle,16,16,0.8\nside,16,20,0.8\n")
+    assert "plan" in checkout.jobs("results/test/plan.csv", *OWN)
+
+
+def test_a_session_copied_under_another_name_stops_before_any_job(checkout):
+    folder = own_study(checkout)
+    other = folder.parent / "again"
+    shutil.copytree(folder, other)
+    edited(other, "session.yaml", "session: mine", "session: again")
+    edited(checkout.folder, "config/own.yaml", "- mine", "- mine\n- again")
+    refused = checkout.snakemake("--cores", "1", *OWN, check=False)
+    assert refused.returncode == 1
+    assert "sessions mine and again hold the same recording" in refused.stdout
+    assert not (checkout.folder / "results").exists()
+
+
+def test_a_study_whose_plan_is_what_was_pressed(checkout):
+    """A robot that scatters: five visits are one site, and a session that is added brings the sites that are new."""
+    content = yaml.safe_load((checkout.folder / "config/test.yaml").read_text())
+    content |= {"virtual_lab": None, "sessions": ["mine"], "plan": {"from": "sessions"}, "variants": {}}
+    (checkout.folder / "config/own.yaml").write_text(yaml.safe_dump(content))
+    recordings, rng = checkout.folder / "data/test/recordings", np.random.default_rng(0)
+    for name, places in (("mine", [(12, 10), (20, 23)]), ("more", [(12, 10), (18, 9)])):
+        xy = np.repeat(places, 5, axis=0) + rng.normal(0, 0.015, (10, 2))
+        presses = [press_lines(f"p{k}", k, *xy[k].round(6), 0.8, False) for k in range(10)]
+        lines = [HEADER, *(line for press in presses for line in press)]
+        write_session(recordings / name, lines=lines, extra="stage_to_sensor: {repeatability_mm: 0.015}\n")
+    assert checkout.jobs("cells", *OWN)["simulate"] == 2
+    edited(checkout.folder, "config/own.yaml", "- mine", "- mine\n- more")
+    assert checkout.jobs("cells", *OWN)["simulate"] == 3

@@ -4,6 +4,7 @@ import json
 import math
 import os
 import sys
+from functools import cache
 from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
@@ -18,6 +19,7 @@ from gelforge.config import (
     write_yaml,
 )
 from gelforge.csv_table import TableError
+from gelforge.dataset.splits import planned_split
 from gelforge.files import atomic, digest, source_digest
 from gelforge.indentation.planning.derived import derived_chunks
 from gelforge.indentation.planning.lattice import lattice_of, solved_site
@@ -170,6 +172,8 @@ SYNTHETIC = (  # one file of training rows per drawn indentation
     else []
 )
 ONLY_SIMULATED = bool(STUDY.synthesis) and STUDY.synthesis.train_on == "simulated"
+# of all sites: one that is added to the plan may move others between training and test
+SPLIT, _ = planned_split(CELLS, STUDY.sensor, STUDY.dataset.test_fraction, STUDY.seed)
 SHARDS = [f"{i:05d}" for i in range(math.ceil(len(CELLS) / STUDY.dataset.cells_per_shard))]
 
 
@@ -309,6 +313,44 @@ def session_files(session, *names):
     return [f"{folder}/{name}" for name in names if name in made or os.path.exists(f"{folder}/{name}")]
 
 
+def image_content(wildcards):
+    """Return the digest of a session's images: one that is overwritten in place changes no time stamp of their folder.
+
+    A session that a job is still to make has none yet; Snakemake asks again before a job starts.
+    """
+    folder = STUDY.session_folder(wildcards.session)
+    images = folder / "images"
+    return _images_digest(folder, images.stat().st_mtime_ns if images.is_dir() else 0)
+
+
+@cache
+def _images_digest(folder, changed_ns):
+    from gelforge.recording.imaging.image_digest import images_digest
+
+    return images_digest(folder)
+
+
+def joined_sites(wildcards):
+    """Return the digest of the sites that a session's indentations join, and of the paths that these follow.
+
+    A plan file, or another session that the plan is made of, may have changed. What cannot be read is left to the job.
+    """
+    from gelforge.dataset.recorded_presses import read_presses
+    from gelforge.recording.readings import RecordingError
+
+    folder = STUDY.session_folder(wildcards.session)
+    if not all((folder / name).is_file() for name in ("session.yaml", "indentations.csv")):
+        return ""
+    try:
+        joined = read_presses(folder, CELLS).drop_duplicates("press")
+    except (ConfigError, RecordingError, TableError):
+        return ""
+    paths = {
+        name: planned_cell(CELLS[name]) for name in joined["cell"].dropna() if CELLS[name].follows_a_path
+    }
+    return digest([joined["press"].tolist(), joined["cell"].fillna("").tolist(), paths])
+
+
 TABLES = {".csv", ".txt", ".tsv", ".yaml", ".yml", ".md"}
 
 
@@ -319,6 +361,7 @@ def check_raw_data(jobs):
     beside it. Material tests with pictures are left to their job, which takes minutes to track them.
     """
     from gelforge.materials.readers.material_source import source_of
+    from gelforge.recording.copies import check_copies
     from gelforge.recording.readings import RecordingError, read_recording
 
     try:
@@ -330,6 +373,8 @@ def check_raw_data(jobs):
         recorded = {job.wildcards.session for job in jobs if job.rule.name in ("readings", "features")}
         for session in [] if LAB else sorted(recorded):
             read_recording(STUDY.session_folder(session), CELLS, STUDY.sensor)
+        if not LAB and {job.rule.name for job in jobs} & {"readings", "features", "agreement", "mismatch"}:
+            check_copies({name: STUDY.session_folder(name) for name in STUDY.sessions})
     except (ConfigError, RecordingError, TableError) as error:
         raise WorkflowError(str(error)) from None
 

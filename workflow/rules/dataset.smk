@@ -19,6 +19,7 @@ rule join:
         runtime=asks(short_seconds),
     params:
         study=block("seed", "dataset", "plan", "sensor", "sessions"),
+        split=digest(SPLIT),
         source=source_digest(*JOIN_SOURCES),
     shell:
         "{GELFORGE:q} join --study {STUDY_FILE:q} --shard {wildcards.shard:q} --out {output:q} &> {log:q}"

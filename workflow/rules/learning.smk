@@ -97,6 +97,7 @@ rule evaluate:
             *(f"learning/models/{name}.py" for name in ("familiarity", "model_file", "reliability")),
             *(f"learning/judging/{name}.py" for name in ("baselines", "predictions", "true_motion")),
             *("learning/basis/network.py", "learning/basis/scaling.py", "learning/networks"),
+            "dataset/splits.py",
         ),
         lab=[digest(LAB.model_dump(mode="json")), source_digest("virtual_lab", "recording")] if LAB else [],
     shell:

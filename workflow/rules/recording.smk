@@ -14,6 +14,8 @@ rule readings:
         f"{LOGS}/recordings/{{session}}.log",
     params:
         sensor=block("sensor", "plan"),
+        joined=joined_sites,
+        images=image_content,
         source=source_digest("recording"),
     shell:
         "{GELFORGE:q} readings --study {STUDY_FILE:q} --session {wildcards.session:q}"
@@ -39,6 +41,8 @@ rule features:
         mem_mb=1500,
     params:
         features=block("features"),
+        joined=joined_sites,
+        images=image_content,
         source=source_digest("recording"),
     shell:
         "{GELFORGE:q} features --study {STUDY_FILE:q} --session {wildcards.session:q} --workers {threads:q}"

@@ -24,6 +24,7 @@ rule plan:
         f"{LOGS}/plan.log",
     params:
         cells=block("plan", "sensor", "indenter"),
+        planned=digest([[name, *planned_cell(cell)] for name, cell in CELLS.items()]),
     shell:
         "{GELFORGE:q} plan --study {STUDY_FILE:q} --out {output:q} &> {log:q}"
 

@@ -144,6 +144,7 @@ def _import_logs(commands) -> None:
     raw.add_argument(
         "--out", type=Path, required=True, help="session folder to write: data/<study>/recordings/<session>"
     )
+    add_study(raw, text="that is to read the session: its list and its plan file are extended")
 
 
 def _import_set(commands) -> None:

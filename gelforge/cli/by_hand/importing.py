@@ -7,30 +7,37 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from gelforge.config import NAME
+from gelforge.cli.study.add_session import add_session, check_place, unjoined
+from gelforge.config import NAME, Sensor, load_study
 from gelforge.importing.importer import Imported, clock_words, import_logs, write_imported
 from gelforge.importing.public import layout_of
 from gelforge.importing.public.labelled import Options, write_labelled
 from gelforge.importing.refusals import ImportingError
 from gelforge.importing.streams import Stream
+from gelforge.indentation.sensor.stage_frame import first_outside, stage_to_sensor
 from gelforge.recording.readings import read_recording
 from gelforge.recording.tables.checks import RecordingError
 from gelforge.report.figures.measurements.import_figure import import_figure
 
 
-def import_command(mapping: Path, out: Path) -> None:
+def import_command(mapping: Path, out: Path, study: Path | None = None) -> None:
     """Write the session folder `out` from the logs that a mapping describes; print what was found.
 
     The folder appears when it is whole and its session is accepted; of one that is refused only the page is left, beside it.
+    study: the YAML file of a study that is to read the session (gelforge/cli/study/add_session.py).
     """
     name = out.resolve().name
     if not NAME.fullmatch(name):
         raise ImportingError(f"--out {out}: {name!r} is not a name; use letters, digits, '_' and '-'")
     if os.path.lexists(out):
         raise ImportingError(f"--out {out}: exists already; remove it or name another folder")
+    if study:
+        check_place(load_study(study), study, out)
     imported = import_logs(mapping, name)
     for line in lines(imported):
         print(line)
+    if study:
+        check_frame(mapping, imported, load_study(study).sensor)
     out.parent.mkdir(parents=True, exist_ok=True)
     page = out.parent / f"{name}.import.png"
     with tempfile.TemporaryDirectory(prefix=".import-", dir=out.parent) as temporary:
@@ -52,6 +59,18 @@ def import_command(mapping: Path, out: Path) -> None:
         print(f"finding    {line}")
     print(f"session    {out}: {len(imported.table)} readings, {len(imported.images)} images")
     print(f"page       {out / 'import.png'}: look at it")
+    if study:
+        for line in [*add_session(study, name), *unjoined(study, out)]:
+            print(line)
+        print(f"next       gelforge check {study}")
+
+
+def check_frame(mapping: Path, imported: Imported, sensor: Sensor) -> None:
+    """Raise ImportingError for positions outside a study's sensor, before a session is written."""
+    xy = stage_to_sensor(imported.table[["x_mm", "y_mm"]].to_numpy(), imported.session.stage_to_sensor)
+    if wrong := first_outside(xy, (sensor.width_x_mm, sensor.width_y_mm)):
+        press = imported.table["press"].iloc[wrong[0]]
+        raise ImportingError(f"{mapping}: indentation {press}: {wrong[1]}")
 
 
 def import_set(layout: str, source: Path, out: Path, columns: list[str], unit: str, every: int) -> None:

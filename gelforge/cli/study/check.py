@@ -9,6 +9,7 @@ from gelforge.cli.camera.pose import scale_line
 from gelforge.cli.products.sessions import print_findings
 from gelforge.cli.products.virtual_lab import virtual_lab_of
 from gelforge.cli.study.cost import estimate
+from gelforge.cli.study.split_and_sessions import check_split, print_unnamed
 from gelforge.config import ConfigError, Session, Study, load_session, load_study
 from gelforge.laws_of_study import known_laws, law_path
 
@@ -36,7 +37,7 @@ def check(study: Path, picture: Path | None) -> None:
         with noted(errors):
             check_lab(described, study, cells)
     missing = missing_files(described)
-    doubtful = check_data(described, cells, missing, errors)
+    doubtful = check_data(described, cells, missing, errors) + check_split(described, cells)
     laws = known_laws(described, [])
     for name, material in laws.items():
         print(f"material   {name}: {type(material.law).__name__}, {stiffness_words(material.law)}")
@@ -119,6 +120,7 @@ def check_data(study: Study, cells: dict, missing: list[str], errors: list[str])
     What is wrong in one is added to errors, and the next is read.
     """
     from gelforge.materials.readers.material_source import source_of
+    from gelforge.recording.copies import check_copies
 
     doubtful = 0
     pressed: set[str] = set()
@@ -136,6 +138,10 @@ def check_data(study: Study, cells: dict, missing: list[str], errors: list[str])
         with noted(errors):
             found, here = check_session(study, name, cells)
             doubtful, pressed = doubtful + found, pressed | here
+    print_unnamed(study)
+    if not study.virtual_lab:
+        with noted(errors):
+            check_copies({name: study.session_folder(name) for name in study.sessions})
     if pressed and (never := len(cells) - len(pressed)):
         print(
             f"plan       {never} of {len(cells)} positions are pressed in no session: their labels have no reading"

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from gelforge.cli.study.new_study import new_study_files
-from gelforge.cli.study.shipped_sensors import sensor_files, study_of_sensor
+from gelforge.cli.study.shipped_sensors import mapping_files, sensor_files, study_of_sensor
 from gelforge.cli.study.working_folder import make_runnable, write_examples, write_shipped
 from gelforge.config import NAME, ConfigError
 from gelforge.files import write_text
@@ -27,7 +27,10 @@ def init(study: str, sensor: str | None) -> None:
     for path, text in files.items():
         write_text(path, text)
         print(path)
-    for path in [*write_shipped(sensor_files(sensor) if sensor else []), *make_runnable(study)]:
+    for path in [
+        *write_shipped([*(sensor_files(sensor) if sensor else []), *mapping_files()]),
+        *make_runnable(study),
+    ]:
         print(path)
     if sensor:
         print(f"labels only, ready: gelforge check {study}, then: snakemake --cores 2{choice_of(study)}")

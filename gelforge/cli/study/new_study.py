@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import indent
 
 from gelforge.config import LAW_NAMES
 
@@ -32,6 +33,8 @@ plan:
   # or a regular grid, centred on the sensor:
   #   grid: {{spacing_mm: 2.75, margin_mm: 5.0}}
   #   depths_mm: [0.25, 0.5, 0.75, 1.0]
+  # or what the recorded sessions pressed:
+  #   from: sessions
   # symmetry: none   # solves every cell; auto, the default, makes mirrored and rotated ones from each other where that holds
 
 sessions: [session1] # folders under data/{study}/recordings; []: labels only
@@ -114,6 +117,7 @@ stage_to_sensor: # commanded position -> sensor frame
   origin_mm: [0.0, 0.0]
   rotation_deg: 0.0
   handedness: right
+  repeatability_mm: null # standard deviation of the positions that the stage reaches; null: known to 0.01 mm
 depth_zero: # null: not known
   by: session # or press: every press finds its own zero
   how: ""
@@ -122,6 +126,42 @@ depth_zero: # null: not known
 base_parameters: from_fit
 {camera}crop_px: null # left, top, width, height
 """
+
+
+LOGS = """\
+# Raw logs of one session, named from this file's folder. docs/importing.md has every key, and the formulas of the frames.
+#   gelforge import data/{study}/logs.yaml --out data/{study}/recordings/monday --study {study}
+describes: force sensor, robot and camera # in words
+force:
+  file: raw/ft.csv # or a ROS bag or MCAP file, with `topic`
+  time: {{column: time, unit: s}} # or rate_hz: 1000
+  columns: [Fx, Fy, Fz] # along the force sensor's x, y, z
+  unit: N
+stage:
+  file: raw/stage.csv
+  time: {{column: time, unit: s}}
+  x: x
+  y: y
+  z: z
+  unit: m # robots log metres, stages mm or um
+  pressing: -z # along the column z deeper is down
+camera: # how frames were taken; remove it for a force-only session
+  video: raw/film.mp4 # or frames: a folder
+  container: true # its own stamps; or times: a CSV of one stamp per frame
+depth_zero: session # the median contact point; press: each indentation's own
+session: # keys of session.yaml
+  sensor: "" # serial
+  indenter: {indenter}
+  force:
+    acts_on: indenter # of a force sensor on the robot, which reads the reaction; sensor: of one below the gel
+    axes: [[1, 0, 0], [0, 1, 0], [0, 0, 1]] # force in the sensor frame = axes x recorded force
+    resolution_N: [0.03, 0.03, 0.06]
+  stage_to_sensor: # position in the sensor frame = R(rotation_deg) x position of the stage + origin_mm
+    origin_mm: [0.0, 0.0]
+    rotation_deg: 0.0
+    handedness: right
+    repeatability_mm: null # of the robot, standard deviation; null: found where positions are revisited
+{camera}"""
 
 
 def new_study_files(study: str) -> dict[Path, str]:
@@ -133,7 +173,18 @@ def new_study_files(study: str) -> dict[Path, str]:
         data / "plan.csv": PLAN,
         data / "materials" / "gel" / "samples.csv": SAMPLES,
         session_path(study): SESSION.format(indenter="ball of radius 5 mm", camera=CAMERA),
+        logs_path(study): logs_text(study, "ball of radius 5 mm", CAMERA),
     }
+
+
+def logs_text(study: str, indenter: str, camera: str) -> str:
+    """Return the mapping of raw logs of a session; camera: its keys in session.yaml, as text."""
+    return LOGS.format(study=study, indenter=indenter, camera=indent(camera, "  "))
+
+
+def logs_path(study: str) -> Path:
+    """Return where a new study's raw logs are described."""
+    return Path("data") / study / "logs.yaml"
 
 
 def session_path(study: str) -> Path:

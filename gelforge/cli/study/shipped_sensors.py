@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import chdir, nullcontext
 from pathlib import Path
 
 from gelforge.api.studies import SMOKE
 from gelforge.api.studies import sensor as shipped_study
 from gelforge.api.studies import sensors as sensor_names
-from gelforge.cli.study.new_study import SESSION, session_path
+from gelforge.cli.study.new_study import SESSION, logs_path, logs_text, session_path
 from gelforge.config import Study, load_study
 from gelforge.shipped import EXAMPLES
 
 CAMERAS = Path("config/cameras")
+MAPPINGS = Path("config/mappings")
+PLAN_KEY = re.compile(r"^plan:[^\n]*", re.MULTILINE)
 NO_CAMERA = "camera: null # none is known of this sensor; docs/cameras.md has how to describe yours\n"
 
 
@@ -22,17 +25,26 @@ def sensor_files(sensor: str) -> list[Path]:
     return [Path(f"config/sensors/{sensor}.yaml"), *surfaces]
 
 
+def mapping_files() -> list[Path]:
+    """Return the shipped mappings of material tests: examples of how a laboratory's tables are described."""
+    return sorted(path.relative_to(EXAMPLES) for path in (EXAMPLES / MAPPINGS).glob("*.yaml"))
+
+
 def study_of_sensor(study: str, sensor: str) -> dict[Path, str]:
     """Return the files of a new study of a shipped sensor with their text: its smoke study renamed, and a session's head."""
     shipped = shipped_study(sensor)
     config = (EXAMPLES / SMOKE / f"{sensor}.yaml").read_text()
     config = config.replace(f"{SMOKE.as_posix()}/{sensor}.yaml", f"config/{study}.yaml")
     config = config.replace(f"study: {shipped.study}\n", f"study: {study}\n")
+    config = PLAN_KEY.sub("plan: # of recorded sessions: {from: sessions}", config)
     camera = EXAMPLES / CAMERAS / f"{sensor}.yaml"
-    session = SESSION.format(
-        indenter=shipped.indenter.words, camera=camera.read_text() if camera.is_file() else NO_CAMERA
-    )
-    return {Path("config") / f"{study}.yaml": config, session_path(study): session}
+    described = camera.read_text() if camera.is_file() else NO_CAMERA
+    indenter = shipped.indenter.words
+    return {
+        Path("config") / f"{study}.yaml": config,
+        session_path(study): SESSION.format(indenter=indenter, camera=described),
+        logs_path(study): logs_text(study, indenter, described),
+    }
 
 
 def sensors(name: str | None, out: Path | None) -> None:

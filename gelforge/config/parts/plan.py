@@ -38,7 +38,7 @@ class Interpolation(Section):
 
 
 class Plan(Section):
-    """Where and how deep the indenter presses: a grid with depths, or a CSV file."""
+    """Where and how deep the indenter presses: a grid with depths, a CSV file, or as the sessions did."""
 
     grid: Grid | None = Field(None, description="regular grid of positions")
     depths_mm: list[Positive] | None = Field(None, description="increasing depths of every position [mm]")
@@ -46,6 +46,17 @@ class Plan(Section):
         None,
         description="CSV with cell (the site), x_mm, y_mm, depth_mm, for a path also phase, shear_x_mm, shear_y_mm, tilts"
         " and twist",
+    )
+    from_: Literal["sessions"] | None = Field(
+        None,
+        alias="from",
+        description="sessions: positions and depths are those of the indentations that the study's sessions recorded",
+    )
+    tolerance_mm: Positive | None = Field(
+        None,
+        description="recorded indentations within this distance of a site are at the site; sites within it of each other or"
+        " of each other's mirror images are not split into training and test; null: the larger of 0.01 mm and five times the"
+        " sessions' stage_to_sensor.repeatability_mm [mm]",
     )
     mm_per_unit: Positive | None = Field(
         None,
@@ -75,16 +86,17 @@ class Plan(Section):
     @model_serializer(mode="wrap")
     def _as_written(self, write) -> dict[str, Any]:
         """Return the keys; a later one only where it holds something, so that digests of older studies stay."""
-        return without_null(write(self), ("interpolation",))
+        keys = {"from" if key == "from_" else key: value for key, value in write(self).items()}
+        return without_null(keys, ("interpolation", "from", "tolerance_mm"))
 
     @model_validator(mode="after")
     def _one_source(self):
-        if (self.grid is None) == (self.file is None):
-            raise ValueError("give either `grid` with `depths_mm` or `file`, not both or neither")
+        if sum(source is not None for source in (self.grid, self.file, self.from_)) != 1:
+            raise ValueError("give one of `grid` with `depths_mm`, `file` and `from: sessions`")
         if (self.grid is None) != (self.depths_mm is None):
-            raise ValueError("`depths_mm` belongs to `grid`; a plan file has its own depths")
+            raise ValueError("`depths_mm` belongs to `grid`; plan files and sessions have their own depths")
         if self.depths_mm and any(b <= a for a, b in zip(self.depths_mm, self.depths_mm[1:])):
             raise ValueError(f"depths_mm {self.depths_mm} must increase")
         if self.file is None and self.mm_per_unit not in (None, 1.0):
-            raise ValueError("mm_per_unit converts a plan `file`; a grid is in millimetres")
+            raise ValueError("mm_per_unit converts a plan `file`; grids and sessions are in millimetres")
         return self

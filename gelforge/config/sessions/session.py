@@ -75,6 +75,16 @@ class StageToSensor(Section):
     handedness: Literal["right", "left"] = Field(
         "right", description="left: the stage's y axis is flipped first"
     )
+    repeatability_mm: NonNegative | None = Field(
+        None,
+        description="standard deviation along x and y of the positions that the stage reaches for one commanded position;"
+        " null: positions are known to 0.01 mm [mm]",
+    )
+
+    @model_serializer(mode="wrap")
+    def _as_written(self, write) -> dict[str, Any]:
+        """Return the keys; a later one only where it is given, so that digests of older sessions stay."""
+        return without_null(write(self), ("repeatability_mm",))
 
 
 class DepthZero(Section):

@@ -118,7 +118,7 @@ def _keys_of(kind: Any, location: tuple[str | int, ...]) -> list[str]:
     if isinstance(kind, type) and issubclass(kind, Section):
         fields = kind.model_fields
         if not location:
-            return list(fields)
+            return [field.alias or name for name, field in fields.items()]
         return _keys_of(fields[location[0]].annotation, location[1:]) if location[0] in fields else []
     inner = get_args(kind)
     return _keys_of(inner[-1], location[1:]) if inner and location else []

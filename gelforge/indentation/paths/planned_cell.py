@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import final
 
+from gelforge.indentation.paths.places import POSITION_MATCH_MM
+
 
 @final  # a path to be solved is a planned site or a trajectory, never both
 @dataclass(frozen=True)
@@ -27,6 +29,9 @@ class PlannedCell:
     twists_deg: tuple[float, ...] = ()
     between: str = (
         ""  # digest of what decides the label of a site that is not solved, as lattice.lattice_digest
+    )
+    within_mm: float = (
+        POSITION_MATCH_MM  # recorded positions within this are at the site, see planning.tolerance
     )
 
     @property

@@ -12,6 +12,7 @@ import numpy as np
 from gelforge.config import NAME, ConfigError, Sensor, Study, given, variant_study
 from gelforge.csv_table import read_columns
 from gelforge.indentation.effects.kinematics import touches_a_slope
+from gelforge.indentation.paths.places import POSITION_MATCH_MM, gaps_to, within
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.paths.trajectory import Trajectory
 from gelforge.indentation.planning.lattice import (
@@ -28,6 +29,8 @@ from gelforge.indentation.planning.plan_checks import (
     check_unit,
 )
 from gelforge.indentation.planning.reach import check_reach, planned_reach
+from gelforge.indentation.planning.recorded_plan import cells_from_sessions
+from gelforge.indentation.planning.tolerance import place_tolerance_mm
 from gelforge.indentation.planning.touching import check_over_sensor, check_reaches
 from gelforge.indentation.sensor.indenter_shapes import check_press, check_widest, real_indenter, shape_of
 from gelforge.indentation.sensor.sizes import check_indenter, check_sensor_size
@@ -39,21 +42,29 @@ if TYPE_CHECKING:  # pandas takes 0.3 s to import: only those who make or read t
 PHASES = ("load", "shear", "tilt", "twist", "dwell", "unload")
 SHEAR_STEP_MM, TWIST_STEP_DEG = 0.1, 1.0  # of an indentation by hand: friction is followed step by step
 PATH_NUMBERS = ("shear_x_mm", "shear_y_mm", "tilt_x_deg", "tilt_y_deg", "twist_deg")
-POSITION_MATCH_MM = 0.01  # recorded indentations join the plan within this distance
 
 
 def plan_cells(study: Study) -> dict[str, PlannedCell]:
     """Return the study's sites by name, in the order of the plan, with mirrored sites naming their source."""
-    plan = study.plan
-    cells = _from_file(plan.file, plan.mm_per_unit or 1.0) if plan.file else _from_grid(study)
-    check_unit(cells, study)
-    check_places(cells, POSITION_MATCH_MM)
+    tolerance = place_tolerance_mm(study)
+    cells = {name: replace(cell, within_mm=tolerance) for name, cell in _described(study, tolerance).items()}
+    check_places(cells, min(POSITION_MATCH_MM, tolerance))
     check_inside(cells, study)
     if study.mirrors_cells:
         cells = _with_sources(cells, study.sensor)
         if study.plan.symmetry == "d4":
             _check_mirrored(cells, study.sensor)
     return cells if study.plan.interpolation is None else _between_sites(cells, study)
+
+
+def _described(study: Study, tolerance_mm: float) -> dict[str, PlannedCell]:
+    """Return the sites as the plan's grid, its file or the sessions have them."""
+    plan = study.plan
+    if plan.from_ == "sessions":
+        return cells_from_sessions(study, tolerance_mm)
+    cells = _from_file(plan.file, plan.mm_per_unit or 1.0) if plan.file else _from_grid(study)
+    check_unit(cells, study)
+    return cells
 
 
 def _between_sites(cells: dict[str, PlannedCell], study: Study) -> dict[str, PlannedCell]:
@@ -82,7 +93,7 @@ def landmarks(cells: dict[str, PlannedCell], study: Study) -> dict[str, PlannedC
             cell
             for x, y in places
             for cell in cells.values()
-            if max(abs(cell.x_mm - x), abs(cell.y_mm - y)) <= POSITION_MATCH_MM
+            if within(gaps_to((cell.x_mm, cell.y_mm), (x, y))[0], cell.within_mm)
         )
         if cell := next(there, None):
             found[name] = cell

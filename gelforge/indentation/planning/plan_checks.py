@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from gelforge.config import ConfigError, Study
+from gelforge.indentation.paths.places import pairs_within
 from gelforge.indentation.paths.planned_cell import PlannedCell
 
 MOST_CELLS = 200_000  # of a grid: the article's has 1681; a spacing in metres has a million times as many
@@ -23,7 +23,7 @@ def check_places(cells: Mapping[str, PlannedCell], within_mm: float) -> None:
     """
     names = list(cells)
     places = np.array([(cells[name].x_mm, cells[name].y_mm) for name in names]).reshape(-1, 2)
-    for i, j in sorted(cKDTree(places).query_pairs(within_mm)):
+    for i, j in sorted(map(tuple, pairs_within(places, within_mm))):
         one, two = cells[names[i]], cells[names[j]]
         if not (one.follows_a_path or two.follows_a_path):
             raise ConfigError(

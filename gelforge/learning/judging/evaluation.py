@@ -108,6 +108,7 @@ def baselines_table(predictions: Predictions) -> pd.DataFrame:
 
 
 DEPTH_CLASSES = 8  # where a study has more depths, they are grouped
+DISTANCE_CLASSES = 4  # of sites by their distance to the nearest training site
 WALL_SHARES = (
     (0.0, 0.2),
     (0.2, 0.35),
@@ -116,7 +117,7 @@ WALL_SHARES = (
 
 
 def errors_by_table(predictions: Predictions) -> pd.DataFrame:
-    """Return the network's errors by depth, place, session, phase and indenter: where it fails.
+    """Return the network's errors by depth, place, distance to training, session, phase and indenter: where it fails.
 
     by, class, rows, the figures of RowErrors, the share of the images that are flagged as unlike the training images.
     """
@@ -143,15 +144,14 @@ def _classes(predictions: Predictions) -> Iterator[tuple[str, str, np.ndarray]]:
     yield "contact", "untouched", ~touched
     if not touched.any():
         return
-    depths = np.unique(depth[touched])
-    for group in np.array_split(depths, min(len(depths), DEPTH_CLASSES)):
-        name = f"{group[0]:g} mm" if len(group) == 1 else f"{group[0]:g} to {group[-1]:g} mm"
-        yield "depth", name, touched & (depth >= group[0]) & (depth <= group[-1])
+    yield from _lengths("depth", depth, touched, DEPTH_CLASSES)
     widths = predictions.width_mm
     share = np.minimum(predictions.position_mm, widths - predictions.position_mm).min(axis=1) / widths.min()
     for low, high in WALL_SHARES:
         end = " mm and more" if high == np.inf else f" to {high * widths.min():.3g} mm"
         yield "place", f"{low * widths.min():.3g}{end} from a wall", touched & (share >= low) & (share < high)
+    away = np.round(predictions.nearest_training_mm, 2)
+    yield from _lengths("nearest training site", away, touched, DISTANCE_CLASSES)
     for by, names in (
         ("session", predictions.session),
         ("phase", predictions.phase),
@@ -159,6 +159,16 @@ def _classes(predictions: Predictions) -> Iterator[tuple[str, str, np.ndarray]]:
     ):
         for name in np.unique(names[touched]):
             yield by, str(name), touched & (names == name)
+
+
+def _lengths(
+    by: str, length: np.ndarray, touched: np.ndarray, most: int
+) -> Iterator[tuple[str, str, np.ndarray]]:
+    """Yield classes of touched rows by a length (N,) [mm], each value its own where there are no more than `most`."""
+    values = np.unique(length[touched])
+    for group in np.array_split(values, min(len(values), most)):
+        name = f"{group[0]:g} mm" if len(group) == 1 else f"{group[0]:g} to {group[-1]:g} mm"
+        yield by, name, touched & (length >= group[0]) & (length <= group[-1])
 
 
 CONTACT_N = 0.02  # a touch that is to be seen

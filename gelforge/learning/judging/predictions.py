@@ -14,16 +14,23 @@ from gelforge.config import Study
 from gelforge.dataset.ranges import label_ranges
 from gelforge.dataset.schema import COLUMNS, DatasetError
 from gelforge.dataset.shard import ShardDataset, shard_attributes
+from gelforge.dataset.splits import nearest_mm
 from gelforge.files import file_sha256
 from gelforge.hdf5 import opened, writing
-from gelforge.learning.basis.data import FEATURE, LABEL, measure_scaling, training_and_validation
+from gelforge.learning.basis.data import (
+    FEATURE,
+    LABEL,
+    measure_scaling,
+    positions_of,
+    training_and_validation,
+)
 from gelforge.learning.judging.baselines import Baseline, fit_baselines
 from gelforge.learning.judging.true_motion import Truth, write_truth
 from gelforge.learning.models.model_file import Model, load_model
 from gelforge.learning.models.views import check_same_images, views_of
 from gelforge.progress import tracked
 
-FORMAT = "gelforge-predictions-3"
+FORMAT = "gelforge-predictions-4"
 BLOCK = 256  # rows in memory at a time
 KEPT = (
     *("cell", "session", "press", "image_index", "position_mm", "depth_mm", "total_force_ft_N"),
@@ -78,6 +85,9 @@ def predict_test_rows(
         ):
             _create(file, name, values.shape, "f8", "N")[...] = values
         _write_rows(file, rows, model, bins)
+        trained = np.array(list(positions_of(learnt).values()))
+        away = nearest_mm(file["position_mm"][()], trained, study.sensor)
+        _create(file, "nearest_training_mm", away.shape, "f8", "mm")[...] = away
         for baseline in _baselines(study, learnt, model, grid):
             _write_baseline(file, rows, baseline, bins)
         if truth:
@@ -150,6 +160,7 @@ _DESCRIPTIONS = {
     "total_half_N": "half width of the 90 % interval of the label's total (N, 3)",
     "total_half_true_N": "the same of the true total force: with the label's own uncertainty (N, 3)",
     "indenter": "the indenter in words, or the kind of a drawn one (N)",
+    "nearest_training_mm": "distance to the nearest training site, or to one of its mirror images (N)",
     "unlike": "how unlike the training images the row's is, beyond 1 flagged; NaN: not known (N)",
     "training_mean_N": "mean label over the touched training rows (B, 3)",
     "label_range_N": "range of all labels: per bin and in total; least and greatest; axis (2, 2, 3)",
@@ -190,6 +201,7 @@ class Predictions:
             self.width_mm = np.array(file.attrs["sensor_width_mm"])
             self.untouched, self.ft = file["untouched"][()], file["total_force_ft_N"][()]
             self.position_mm, self.depth_mm = file["position_mm"][()], file["depth_mm"][()]
+            self.nearest_training_mm = file["nearest_training_mm"][()]
             self.session, self.unlike = file["session"].asstr()[()], file["unlike"][()]
             self.phase, self.indenter = (file[name].asstr()[()] for name in ("phase", "indenter"))
             self.has_intervals = "bin_half_N" in file

@@ -17,9 +17,10 @@ from gelforge.files import FileError, atomic, check_seal, digest, source_digest
 from gelforge.indentation.cells.cell_file import Cell, CellError, read_cell
 from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.indentation.effects.surfaces import top_slope
+from gelforge.indentation.paths.places import gaps_to, within
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.paths.trajectory import Trajectory
-from gelforge.indentation.planning.plan import POSITION_MATCH_MM, plan_cells
+from gelforge.indentation.planning.plan import plan_cells
 from gelforge.indentation.solving.error_bars import AMOUNT as LAW_AMOUNT
 from gelforge.indentation.solving.inputs import inputs_digest
 from gelforge.indentation.solving.sensitivities import (
@@ -117,7 +118,7 @@ def own_cell(solver: Solver, planned: PlannedCell) -> np.ndarray | None:
     if solver.cells is None:
         return None
     for cell in plan_cells(solver.study).values():
-        if max(abs(cell.x_mm - planned.x_mm), abs(cell.y_mm - planned.y_mm)) > POSITION_MATCH_MM:
+        if not within(gaps_to((cell.x_mm, cell.y_mm), (planned.x_mm, planned.y_mm))[0]):
             continue
         where = [k for d in planned.depths_mm for k, own in enumerate(cell.depths_mm) if abs(own - d) < 1e-6]
         if cell.follows_a_path or len(where) != len(planned.depths_mm):

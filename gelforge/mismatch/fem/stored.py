@@ -18,8 +18,9 @@ from scipy.interpolate import PchipInterpolator
 from gelforge.files import FileError, digest, source_digest
 from gelforge.hdf5 import opened, writing
 from gelforge.indentation.cells.cell_file import write_timings
+from gelforge.indentation.paths.places import gaps_to, within
 from gelforge.indentation.paths.planned_cell import PlannedCell
-from gelforge.indentation.planning.plan import POSITION_MATCH_MM, plan_cells
+from gelforge.indentation.planning.plan import plan_cells
 from gelforge.indentation.solving.inputs import inputs_digest
 from gelforge.indentation.solving.sensitivities import Derivative, Variation
 from gelforge.mechanics.laws.law import PrincipalLaw
@@ -137,6 +138,6 @@ def read_stored(path: Path, place: str) -> Stored | None:
 def path_at(folder: Path, study, x_mm: float, y_mm: float) -> Path | None:
     """Return the file of a place among the plan's; None where the plan has no such place."""
     for cell in plan_cells(study).values():
-        if max(abs(cell.x_mm - x_mm), abs(cell.y_mm - y_mm)) <= POSITION_MATCH_MM:
+        if within(gaps_to((cell.x_mm, cell.y_mm), (x_mm, y_mm))[0]):
             return folder / f"{cell.source or cell.name}.h5"
     return None

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from gelforge.indentation.paths.places import gaps_to, within
 from gelforge.indentation.paths.planned_cell import PlannedCell
-from gelforge.indentation.planning.plan import POSITION_MATCH_MM
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed, Unsolved
 from gelforge.mismatch.fem.solver import Base, base_of, forgetting
 from gelforge.mismatch.model.effect import Effect
@@ -82,6 +82,6 @@ def _bounds(solver: Solver, sites: np.ndarray, presses: Sequence[Unsolved]) -> n
     for number, (x, y) in enumerate(sites):
         image, _ = image_of(study, PlannedCell("", float(x), float(y), (1.0,)))
         for one in presses:
-            if max(abs(image.x_mm - one.x_mm), abs(image.y_mm - one.y_mm)) < POSITION_MATCH_MM:
+            if within(gaps_to((image.x_mm, image.y_mm), (one.x_mm, one.y_mm))[0]):
                 bounds[number] = np.minimum(bounds[number], [one.beyond_mm, one.way_up_from_mm])
     return bounds

@@ -8,7 +8,7 @@ from dataclasses import KW_ONLY, dataclass, field, replace
 import numpy as np
 import pandas as pd
 
-from gelforge.indentation.planning.plan import POSITION_MATCH_MM
+from gelforge.indentation.paths.places import POSITION_MATCH_MM, within
 
 COLUMNS = [
     *("session", "press", "order", "site", "phase", "time_s", "press_time_s", "x_mm", "y_mm", "depth_mm"),
@@ -122,16 +122,18 @@ class Observations:
         )
 
 
-def last_moves(table: pd.DataFrame, axes: np.ndarray | None = None) -> np.ndarray:
+def last_moves(
+    table: pd.DataFrame, axes: np.ndarray | None = None, tolerance_mm: float = POSITION_MATCH_MM
+) -> np.ndarray:
     """Return the directions (R, 2, 2) of the stage's last move along each of its axes before each row's press.
 
     table: columns press, x_mm and y_mm of one session, its indentations in the order taken. axes: the stage's axes in the
     sensor frame as columns (2, 2), those of the frame where none are given. Row by row one column for each axis, 0 before
-    its first move; moves below POSITION_MATCH_MM are none.
+    its first move; moves within the tolerance are none.
     """
     axes = np.eye(2) if axes is None else axes
     at = table.groupby("press", sort=False)[["x_mm", "y_mm"]].first()
     move = at.diff().fillna(0.0).to_numpy() @ axes  # along the stage's axes
-    sign = pd.DataFrame(np.where(np.abs(move) > POSITION_MATCH_MM, np.sign(move), np.nan), at.index)
+    sign = pd.DataFrame(np.where(within(np.abs(move), tolerance_mm), np.nan, np.sign(move)), at.index)
     last = sign.ffill().fillna(0.0).loc[table["press"]].to_numpy()
     return axes * last[:, None, :]

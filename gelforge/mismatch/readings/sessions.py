@@ -10,14 +10,16 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import ConfigError, Sensor, Session
-from gelforge.indentation.planning.plan import POSITION_MATCH_MM
+from gelforge.indentation.paths.places import visited
+from gelforge.indentation.planning.tolerance import tolerance_of_stage_mm
+from gelforge.indentation.sensor.stage_frame import axes_of_stage
 from gelforge.input_files import another_kind
 from gelforge.mismatch.readings.contact_point import depth_scatter, with_contact_point
 from gelforge.mismatch.readings.noise import reading_noise
-from gelforge.mismatch.readings.observations import ARRAYS, COLUMNS, Observations, last_moves
+from gelforge.mismatch.readings.observations import ARRAYS, COLUMNS, PLACE_DIGITS, Observations, last_moves
 from gelforge.mismatch.readings.outliers import without_outliers
 from gelforge.mismatch.readings.zeros import zeros_together
-from gelforge.recording.readings import AXES, FORCE, Recording, axes_of_stage, read_recording
+from gelforge.recording.readings import AXES, FORCE, Recording, read_recording
 from gelforge.recording.tables.checks import before_shear
 
 SPEED_MM_PER_S = 1.0  # assumed where an indentation has one moving row only
@@ -61,7 +63,12 @@ def observe(
     """
     recordings = read_all(sessions, sensor)
     parts = [_of_session(recording, speed_mm_per_s, contact_point_scatter_mm) for recording in recordings]
-    return with_contact_point(_with_order(_joined(parts)))
+    tolerance = max(_tolerance_mm(recording.session) for recording in recordings)
+    return with_contact_point(_with_order(_joined(parts, tolerance)))
+
+
+def _tolerance_mm(session: Session) -> float:
+    return tolerance_of_stage_mm(session.stage_to_sensor.repeatability_mm)
 
 
 def _of_session(
@@ -97,7 +104,7 @@ def _of_session(
         rounding_N=rounding,
         drift_N=np.asarray(walk),
         trend_N=np.asarray(trend),
-        came_along=last_moves(table, axes_of_stage(session.stage_to_sensor)),
+        came_along=last_moves(table, axes_of_stage(session.stage_to_sensor), _tolerance_mm(session)),
         repeats=np.asarray(repeats),
         tails=np.asarray(tails),
         cannot_know=tuple(unknown),
@@ -105,10 +112,10 @@ def _of_session(
     ).chosen(held)
 
 
-def _joined(parts: Sequence[Observations]) -> Observations:
-    """Return the observations of some sessions as one, their sites numbered."""
+def _joined(parts: Sequence[Observations], tolerance_mm: float) -> Observations:
+    """Return the observations of some sessions as one, their sites numbered; those within the tolerance are one."""
     table = pd.concat([part.table for part in parts], ignore_index=True)
-    table["site"], sites = _sites(table[["x_mm", "y_mm"]].to_numpy())
+    table["site"], sites = _sites(table[["x_mm", "y_mm"]].to_numpy(), tolerance_mm)
     arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ARRAYS}
     return Observations(
         table[COLUMNS],
@@ -169,15 +176,16 @@ def _dead_axes(force: np.ndarray, session: Session, unknown: list[str]) -> np.nd
     return dead
 
 
-def _sites(xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the number of each position and the distinct positions (S, 2), in the order first visited."""
-    places, first, which = np.unique(np.round(xy, 6), axis=0, return_index=True, return_inverse=True)
-    sites, number = np.empty((0, 2)), np.empty(len(places), dtype=int)
-    for k in np.argsort(first):
-        near = np.flatnonzero(np.abs(sites - places[k]).max(axis=1) <= POSITION_MATCH_MM)
-        number[k] = near[0] if len(near) else len(sites)
-        sites = sites if len(near) else np.vstack([sites, places[k]])
-    return number[which.ravel()], sites
+def _sites(xy: np.ndarray, tolerance_mm: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the number of each position's site and the sites' positions (S, 2), in the order first visited."""
+    places, first, which = np.unique(
+        np.round(xy, PLACE_DIGITS), axis=0, return_index=True, return_inverse=True
+    )
+    order = np.argsort(first)
+    sites, number = np.unique(visited(places[order], tolerance_mm), return_inverse=True)
+    of_place = np.empty(len(places), int)
+    of_place[order] = number
+    return of_place[which.ravel()], places[order][sites]
 
 
 def _with_order(found: Observations) -> Observations:

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from scipy.spatial import cKDTree
 from scipy.stats import theilslopes
 
-from gelforge.indentation.planning.plan import POSITION_MATCH_MM
+from gelforge.indentation.paths.places import DEPTH_MATCH_MM, POSITION_MATCH_MM, visited, within
 from gelforge.recording.plausibility.streams import FORCE
 
 NORMAL_MAD = 1.4826  # standard deviation of a normal variable over its median absolute deviation
@@ -36,15 +35,15 @@ def at_commanded_depth(readings: pd.DataFrame) -> np.ndarray:
     """Return (N,) bool: the load and dwell readings at the indentation's commanded depth, its deepest load or dwell row."""
     held = readings["phase"].isin(["load", "dwell"])
     deepest = readings["depth_mm"].where(held).groupby(readings["press"]).transform("max")
-    return (held & ((deepest - readings["depth_mm"]).abs() <= POSITION_MATCH_MM)).to_numpy()
+    return (held & within((deepest - readings["depth_mm"]).abs(), DEPTH_MATCH_MM)).to_numpy()
 
 
-def indentation_table(readings: pd.DataFrame) -> pd.DataFrame:
+def indentation_table(readings: pd.DataFrame, tolerance_mm: float = POSITION_MATCH_MM) -> pd.DataFrame:
     """Return one row per indentation with a force: site, depth_mm, row and time_s of its first reading at depth, and
 
     push_N, the mean force towards the gel there, first_N, that of its first reading there, of this phase.
 
-    Index: the indentation's name.
+    Index: the indentation's name. tolerance_mm: within which positions are of one site.
     """
     held = readings[at_commanded_depth(readings) & np.isfinite(readings[FORCE]).all(axis=1).to_numpy()]
     rows = held.assign(row=held.index, push_N=-held["fz_N"]).groupby("press", sort=False)
@@ -59,14 +58,7 @@ def indentation_table(readings: pd.DataFrame) -> pd.DataFrame:
         first_N=("push_N", "first"),
         phase=("phase", "first"),
     )
-    return table.assign(site=_sites(table[["x_mm", "y_mm"]].to_numpy()))
-
-
-def _sites(xy: np.ndarray) -> np.ndarray:
-    """Return the number of each position's site: positions within POSITION_MATCH_MM of its first one."""
-    if not len(xy):
-        return np.zeros(0, int)
-    return np.array([min(near) for near in cKDTree(xy).query_ball_point(xy, POSITION_MATCH_MM)])
+    return table.assign(site=visited(table[["x_mm", "y_mm"]].to_numpy(), tolerance_mm))
 
 
 def scatter_N(readings: pd.DataFrame, names: list[str]) -> np.ndarray:

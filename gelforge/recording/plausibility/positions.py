@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gelforge.indentation.paths.places import DEPTH_MATCH_MM, within
 from gelforge.indentation.paths.planned_cell import PlannedCell
-from gelforge.indentation.planning.plan import POSITION_MATCH_MM
 from gelforge.recording.plausibility.findings import Finding
 
 if TYPE_CHECKING:
@@ -78,5 +78,5 @@ def missing_indentations(
         for depth in (
             (cell.deepest_mm,) if cell.follows_a_path else cell.depths_mm
         )  # one indentation follows a path
-        if min((abs(depth - d) for d in depths.get(name, [])), default=np.inf) > POSITION_MATCH_MM
+        if not within(min((abs(depth - d) for d in depths.get(name, [])), default=np.inf), DEPTH_MATCH_MM)
     ]

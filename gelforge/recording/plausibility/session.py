@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import Session
+from gelforge.indentation.paths.places import POSITION_MATCH_MM
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.recording.plausibility import forces, positions, spikes, timing
 from gelforge.recording.plausibility.findings import Finding, Findings, collect
@@ -31,11 +32,12 @@ class SessionData:
     readings: pd.DataFrame  # columns of readings.COLUMNS, index: line of indentations.csv
     cells: Mapping[str, PlannedCell] | None = None  # the plan, where the session was joined to one
     log: ForceLog | None = None  # ft.csv, where there is one
+    tolerance_mm: float = POSITION_MATCH_MM  # within which positions are of one site
 
     @cached_property
     def indentations(self) -> pd.DataFrame:
         """Return one row per indentation, see `indentation_table`."""
-        return indentation_table(self.readings)
+        return indentation_table(self.readings, self.tolerance_mm)
 
     @cached_property
     def repeats(self) -> list[Run]:

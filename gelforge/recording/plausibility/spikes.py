@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from gelforge.indentation.planning.plan import POSITION_MATCH_MM
+from gelforge.indentation.paths.places import DEPTH_MATCH_MM
 from gelforge.recording.plausibility.findings import Finding, mostly
 from gelforge.recording.plausibility.indentations import isolated_floors
 from gelforge.recording.plausibility.streams import FORCE
@@ -74,8 +74,8 @@ def _beyond(rows: pd.DataFrame, floor_N: np.ndarray) -> tuple[np.ndarray, np.nda
     beyond[:, :2] = np.where(weak & rubs, 0.0, beyond[:, :2])
 
     into, out = np.diff(depth)[:-1], np.diff(depth)[1:]
-    peak = (into > POSITION_MATCH_MM) & (out <= POSITION_MATCH_MM)
-    dip = (into < -POSITION_MATCH_MM) & (out >= -POSITION_MATCH_MM)
+    peak = (into > DEPTH_MATCH_MM) & (out <= DEPTH_MATCH_MM)
+    dip = (into < -DEPTH_MATCH_MM) & (out >= -DEPTH_MATCH_MM)
     asked = np.isin(phase, ["load", "dwell", "unload"]) & ~peak & ~dip
     return np.where(asked[:, None], beyond, 0.0), share
 

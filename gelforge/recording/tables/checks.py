@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import ForceSensor, Sensor
-from gelforge.indentation.planning.plan import POSITION_MATCH_MM
+from gelforge.indentation.paths.places import POSITION_MATCH_MM, within
+from gelforge.indentation.sensor.stage_frame import first_outside
 
 # An indentation runs through its phases in this order; approach and touch may alternate, and so may load and dwell.
 PHASES = {"zero": 0, "approach": 1, "touch": 1, "load": 2, "dwell": 2, "shear": 3, "unload": 4}
@@ -161,36 +162,27 @@ def check_clock(path: Path, table: pd.DataFrame) -> None:
         )
 
 
-def check_positions(path: Path, readings: pd.DataFrame, sensor: Sensor | None) -> None:
+def check_positions(
+    path: Path, readings: pd.DataFrame, sensor: Sensor | None, tolerance_mm: float = POSITION_MATCH_MM
+) -> None:
     """Raise RecordingError for an indentation that moves sideways before its `shear` rows, or lies outside the sensor.
 
-    readings: positions in the sensor's frame.
+    readings: positions in the sensor's frame; tolerance_mm: within which they are one position.
     """
     xy = readings[["x_mm", "y_mm"]]
-    drift = (xy - xy.groupby(readings["press"]).transform("first")).abs().max(axis=1)
-    drift = drift.where(before_shear(readings), 0.0)
-    if drift.max() > POSITION_MATCH_MM:
+    moved = xy - xy.groupby(readings["press"]).transform("first")
+    drift = np.hypot(moved["x_mm"], moved["y_mm"]).where(before_shear(readings), 0.0)
+    if not within(drift.max(), tolerance_mm):
         line = drift.idxmax()
         raise RecordingError(
             f"{path}, row {line}: indentation {readings.at[line, 'press']} moves {drift[line]:.4g} mm sideways; "
-            f"commanded positions stay within {POSITION_MATCH_MM} mm before phase `shear`: give each position its own"
-            " indentation, or name the rows of a sideways motion `shear`"
+            f"positions stay within {tolerance_mm:g} mm before phase `shear`: give each position its own indentation, name"
+            " the rows of a sideways motion `shear`, or state stage_to_sensor.repeatability_mm where the stage scatters"
         )
     if sensor is None:
         return
-    width = np.array([sensor.width_x_mm, sensor.width_y_mm])
-    outside = ((xy < 0) | (xy > width)).any(axis=1)
-    # no one presses the very corner, but positions in metres all land there
-    corner = (xy < 0.1).all(axis=1)
-    wrong = outside if outside.any() else corner
-    if wrong.any():
-        line = wrong.idxmax()
-        unit = "is it in micrometres?" if outside.any() else "is it in metres?"
-        raise RecordingError(
-            f"{path}, row {line}: position ({xy.at[line, 'x_mm']:.6g}, {xy.at[line, 'y_mm']:.6g}) mm in "
-            "the sensor frame, "
-            f"the sensor is {width[0]} x {width[1]} mm; correct x_mm, y_mm or stage_to_sensor, {unit}"
-        )
+    if wrong := first_outside(xy.to_numpy(), (sensor.width_x_mm, sensor.width_y_mm)):
+        raise RecordingError(f"{path}, row {readings.index[wrong[0]]}: {wrong[1]}")
 
 
 def check_raw_force(path: Path, table: pd.DataFrame, raw: np.ndarray, force: ForceSensor) -> None:

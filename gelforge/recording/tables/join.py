@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
+from gelforge.indentation.paths.places import DEPTH_MATCH_MM, ROUNDING_MM, gaps_to, within
 from gelforge.indentation.paths.planned_cell import PlannedCell
-from gelforge.indentation.planning.plan import POSITION_MATCH_MM
 from gelforge.recording.tables.checks import RecordingError
 
 
@@ -30,7 +30,7 @@ def press_table(readings: pd.DataFrame) -> pd.DataFrame:
 
 
 def cells_of_presses(path: Path, readings: pd.DataFrame, cells: Mapping[str, PlannedCell]) -> np.ndarray:
-    """Return the name of the planned site (N,) of each reading, by position within 0.01 mm and by depth.
+    """Return the name of the planned site (N,) of each reading: the nearest within its `within_mm` that has the depth.
 
     An indentation that moves sideways joins a path that passes where its last `shear` row stands. Raises RecordingError for
     an indentation without its site, or one whose recorded site is another.
@@ -40,7 +40,8 @@ def cells_of_presses(path: Path, readings: pd.DataFrame, cells: Mapping[str, Pla
     tree = cKDTree([(cells[name].x_mm, cells[name].y_mm) for name in names])
     places = presses[["x_mm", "y_mm"]].to_numpy()
     distance, nearest = tree.query(places)
-    around = tree.query_ball_point(places, POSITION_MATCH_MM)
+    tolerance = max(cell.within_mm for cell in cells.values())
+    around = tree.query_ball_point(places, tolerance + ROUNDING_MM)
     ends = readings[readings["phase"] == "shear"].groupby("press").last()
     joined = {}
     for press, gap, index, near in zip(presses.itertuples(), distance, nearest, around):
@@ -48,24 +49,22 @@ def cells_of_presses(path: Path, readings: pd.DataFrame, cells: Mapping[str, Pla
         end = ends.loc[press.press] if press.press in ends.index else None
         here = [cells[names[k]] for k in sorted(near)] or [cells[names[index]]]
         cell = _cell_of(press, end, here, where)
-        if gap > POSITION_MATCH_MM:
+        if not within(gap, tolerance):
             raise RecordingError(
                 f"{where} at ({press.x_mm:.4f}, {press.y_mm:.4f}) mm has no planned site within "
-                f"{POSITION_MATCH_MM} mm; "
-                f"the nearest is {cell.name} at ({cell.x_mm}, {cell.y_mm}) mm: add the position to the "
-                "plan or correct "
-                "stage_to_sensor"
+                f"{tolerance:g} mm; the nearest is {cell.name} at ({cell.x_mm}, {cell.y_mm}) mm, {gap:.3g} mm away: correct "
+                "stage_to_sensor, state its repeatability_mm, or take the plan from the recordings (plan: {from: sessions})"
             )
-        if min(abs(depth - press.depth_mm) for depth in cell.depths_mm) > POSITION_MATCH_MM:
+        if not _has_depth(cell, press.depth_mm):
             raise RecordingError(
                 f"{where}: depth_mm {press.depth_mm:.4f} is not among the depths {list(cell.depths_mm)} of "
-                f"site {cell.name}; "
-                "add it to the plan"
+                f"site {cell.name}, within {DEPTH_MATCH_MM} mm; add it to the plan, or take the plan from the recordings "
+                "(plan: {from: sessions})"
             )
         if end is not None and not _passes(cell, end):
             raise RecordingError(
                 f"{where} moves sideways to {_offset(cell, end)} mm at depth {end.depth_mm:g} mm, which is no step of site "
-                f"{cell.name}, within {POSITION_MATCH_MM} mm; add such a path to the plan (shear_x_mm, shear_y_mm)"
+                f"{cell.name}, within {tolerance:g} mm; add such a path to the plan (shear_x_mm, shear_y_mm)"
             )
         if press.cell not in ("", cell.name):
             raise RecordingError(
@@ -86,14 +85,22 @@ def _cell_of(press, end: pd.Series | None, here: list[PlannedCell], where: str) 
     if named:
         return named[0]
     if end is None:
-        deep = [c for c in here if min(abs(d - press.depth_mm) for d in c.depths_mm) <= POSITION_MATCH_MM]
-        return min(deep or here, key=lambda cell: cell.follows_a_path)
+        deep = [cell for cell in here if _has_depth(cell, press.depth_mm)]
+        place = press.x_mm, press.y_mm
+        return min(
+            deep or here, key=lambda c: (c.follows_a_path, round(gaps_to((c.x_mm, c.y_mm), place)[0], 6))
+        )
     fitting = [cell for cell in here if _passes(cell, end)]
     if len(fitting) > 1:
         raise RecordingError(
             f"{where} fits the paths of sites {[cell.name for cell in fitting]}; name its site in the column `cell`"
         )
     return (fitting or here)[0]
+
+
+def _has_depth(cell: PlannedCell, depth_mm: float) -> bool:
+    """Return whether a site has a depth."""
+    return bool(within(np.abs(np.array(cell.depths_mm) - depth_mm).min(), DEPTH_MATCH_MM))
 
 
 def _offset(cell: PlannedCell, row: pd.Series) -> str:
@@ -119,8 +126,8 @@ def steps_of_path(cell: PlannedCell, rows: pd.DataFrame) -> np.ndarray:
     """Return the step (n,) of a site's path at which each reading of one indentation was taken, -1 where at none.
 
     rows: phase, x_mm, y_mm (sensor frame), depth_mm in the order taken. A reading belongs to the first step, not before that
-    of an earlier reading, whose depth and sideways displacement are its own within 0.01 mm. Steps that turn are no
-    reading's: a recording does not state them.
+    of an earlier reading, whose depth is its own within 0.01 mm and whose position within the site's `within_mm`. Steps that
+    turn are no reading's: a recording does not state them.
     """
     count = len(cell.depths_mm)
     shears = np.array(cell.shears_mm or np.zeros((count, 2)))
@@ -132,7 +139,8 @@ def steps_of_path(cell: PlannedCell, rows: pd.DataFrame) -> np.ndarray:
     found, first = np.full(len(rows), -1), 0
     for number, phase in enumerate(rows["phase"]):
         same = upright & np.isin(phases, list(PLANNED.get(phase, ())))
-        same &= (np.abs(pose - read[number]) <= POSITION_MATCH_MM).all(axis=1)
+        same &= within(np.abs(pose[:, 0] - read[number, 0]), DEPTH_MATCH_MM)
+        same &= within(gaps_to(pose[:, 1:], read[number, 1:]), cell.within_mm)
         later = np.flatnonzero(same[first:])
         if len(later):
             first += later[0]
@@ -149,26 +157,3 @@ def path_steps(readings: pd.DataFrame, cells: Mapping[str, PlannedCell]) -> np.n
         at = readings.index.get_indexer(rows.index)
         steps[at] = steps_of_path(cells[rows["cell"].iloc[0]], rows)
     return steps
-
-
-def cells_from_presses(readings: list[pd.DataFrame]) -> dict[str, PlannedCell]:
-    """Return a plan derived from recordings: one site per position (within 0.01 mm) with the depths pressed there.
-
-    A site takes the recorded name where there is one, else p0000, p0001, ... in the order of first pressing.
-    """
-    presses = pd.concat([press_table(one) for one in readings], ignore_index=True)
-    xy = presses[["x_mm", "y_mm"]].to_numpy()
-    first = [min(near) for near in cKDTree(xy).query_ball_point(xy, POSITION_MATCH_MM)]
-    cells: dict[str, PlannedCell] = {}
-    for number, (index, group) in enumerate(presses.groupby(first)):
-        recorded = [name for name in group["cell"].unique() if name]
-        name = recorded[0] if recorded else f"p{number:04d}"
-        if len(recorded) > 1 or name in cells:
-            raise RecordingError(
-                f"position ({xy[index][0]:.4f}, {xy[index][1]:.4f}) mm: recorded sites "
-                f"{recorded or [name]} do not name "
-                "one position each; correct or empty the column `cell`"
-            )
-        depths = tuple(float(depth) for depth in np.unique(group["depth_mm"].round(6)))
-        cells[name] = PlannedCell(name, float(xy[index][0]), float(xy[index][1]), depths)
-    return cells

@@ -1,0 +1,72 @@
+"""When two positions, or two depths, count as the same: one rule for plans, recordings, splits and verdicts."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+POSITION_MATCH_MM = 0.01  # the least tolerance of a position; PlannedCell.within_mm is that of a site
+DEPTH_MATCH_MM = 0.01  # recorded depths join a planned one within this
+ROUNDING_MM = (
+    1e-6  # positions and depths are written with six decimals: a gap of exactly the tolerance is within it
+)
+
+
+def within(gap_mm, tolerance_mm=POSITION_MATCH_MM):
+    """Return whether a gap (any shape) [mm] is no larger than a tolerance, which itself is still within."""
+    return gap_mm <= tolerance_mm + ROUNDING_MM
+
+
+def gaps_to(places: ArrayLike, place: ArrayLike) -> np.ndarray:
+    """Return the distances (n,) [mm] of positions (n, 2) from one position."""
+    return np.hypot(*(np.reshape(places, (-1, 2)) - np.asarray(place, float)).T)
+
+
+def pairs_within(places: np.ndarray, tolerance_mm: float) -> np.ndarray:
+    """Return the pairs (p, 2) of positions (n, 2) that lie within a tolerance of each other, smaller number first."""
+    tree = cKDTree(np.reshape(places, (-1, 2)))
+    return tree.query_pairs(tolerance_mm + ROUNDING_MM, output_type="ndarray")
+
+
+def chained(places: np.ndarray, tolerance_mm: float) -> np.ndarray:
+    """Return for each position (n,) the number of the first one of its group: single linkage.
+
+    Two positions within the tolerance of each other are of one group, and so are those that a chain of such pairs joins.
+    """
+    count = len(places)
+    if not count:
+        return np.zeros(0, int)
+    i, j = pairs_within(places, tolerance_mm).T
+    _, group = connected_components(coo_array((np.ones(len(i)), (i, j)), (count, count)), directed=False)
+    _, first = np.unique(group, return_index=True)
+    return first[group]
+
+
+def visited(places: np.ndarray, tolerance_mm: float, names: list[str] | None = None) -> np.ndarray:
+    """Return for each position (n,) in the order visited the number of the one whose site it is: the site's first position.
+
+    A position belongs to the nearest earlier site within the tolerance, or begins a site of its own; so no member lies
+    farther than the tolerance from its site, and no two sites lie within it. names: positions with different names, both not
+    empty, are never of one site.
+    """
+    places = np.reshape(places, (-1, 2))
+    if not len(places):
+        return np.zeros(0, int)
+    site = np.arange(len(places))
+    named = list(names) if names else [""] * len(places)  # a site takes the first name that a member has
+    near = cKDTree(places).query_ball_point(places, tolerance_mm + ROUNDING_MM)
+    for number, around in enumerate(near):
+        known = [
+            k
+            for k in around
+            if k < number
+            and site[k] == k
+            and (not named[k] or not named[number] or named[k] == named[number])
+        ]
+        if known:
+            own = min(known, key=lambda k: (float(gaps_to(places[k], places[number])[0]), k))
+            site[number], named[own] = own, named[own] or named[number]
+    return site

@@ -1,0 +1,51 @@
+"""How near a recorded position must lie to its site."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+from gelforge.config import ConfigError, Study, load_session
+from gelforge.indentation.paths.places import POSITION_MATCH_MM, within
+
+# Of the stage's standard deviation along each axis. Of normal deviations one in 270 000 lies beyond the first, one in 90
+# beyond the second.
+REPEATABILITIES, LEAST_REPEATABILITIES = 5.0, 3.0
+
+
+def place_tolerance_mm(study: Study) -> float:
+    """Return within which distance [mm] recorded positions are at a site of the study's plan.
+
+    The key plan.tolerance_mm, or what the largest repeatability of its sessions' stages asks for. Raises ConfigError where
+    the key is below three times that repeatability.
+    """
+    repeatability, given = stage_repeatability_mm(study), study.plan.tolerance_mm
+    if given is None:
+        return tolerance_of_stage_mm(repeatability)
+    least = LEAST_REPEATABILITIES * repeatability
+    if not within(least, given):
+        raise ConfigError(
+            f"plan.tolerance_mm {given:g} mm is below three times the repeatability {repeatability:g} mm that a session"
+            f" states: indentations at one site would count as several; make it {least:g} or more, or leave it out"
+        )
+    return given
+
+
+def tolerance_of_stage_mm(repeatability_mm: float | None) -> float:
+    """Return the tolerance [mm] of the positions of a stage; None: its repeatability is not known."""
+    return max(POSITION_MATCH_MM, REPEATABILITIES * (repeatability_mm or 0.0))
+
+
+def stage_repeatability_mm(study: Study) -> float:
+    """Return the largest repeatability [mm] that a session states, 0 where none does or a virtual lab makes them."""
+    if study.virtual_lab:
+        return 0.0
+    files = [study.session_folder(name) / "session.yaml" for name in study.sessions]
+    return max(
+        (_repeatability(path, path.stat().st_mtime_ns) for path in files if path.is_file()), default=0.0
+    )
+
+
+@lru_cache(maxsize=256)
+def _repeatability(path: Path, changed_ns: int) -> float:
+    return load_session(path).stage_to_sensor.repeatability_mm or 0.0
