@@ -56,7 +56,9 @@ OF_EACH_ROUND = (
 WIDTH = 24  # of the bar
 REWRITTEN_S = 0.2  # on a terminal
 SAID_S = 60.0  # in a log
-TRUSTED_S = 30.0  # of expected time weigh as much as measured time: the first jobs load libraries and tell little
+TRUSTED_S = (
+    30.0  # of expected time weigh as much as measured time: the first jobs load libraries and tell little
+)
 ALMOST = 0.95  # share of a running job that counts as done at most
 
 

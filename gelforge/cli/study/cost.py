@@ -45,8 +45,8 @@ FIT_S, VERIFY_S, REPORT_S = 5.0, 40.0, 10.0  # a material's fits, all checks of 
 START_S = 3.0  # of a process of its own with its compiled kernels
 IMAGE_S = 0.01  # to draw an image and to reduce it
 # A verdict in cells of the study's mesh per position that is judged, measured on the article's sensor by
-# benchmarks/mismatch_cost.py: 2 to 4 where an effect fits, up to 20 where none does. Images took 6 more in the benchmark study's
-# verdict. It begins with reading, its libraries and its page.
+# benchmarks/mismatch_cost.py: 2 to 4 where an effect fits, up to 20 where none does. Images took 6 more in the
+# benchmark study's verdict. It begins with reading, its libraries and its page.
 VERDICT_CELLS, VERDICT_IMAGE_CELLS = 4, 6
 VERDICT_START = 20.0
 # CPU seconds on the test study: 4.0 and 2.7 for 45 and 36 images of 0.16 megapixels, 3.9 for 45 that are drawn, start
@@ -168,14 +168,18 @@ class Costs:
             per_position += VERDICT_IMAGE_CELLS
         return VERDICT_START + per_position * positions * self.cell(self.first)
 
-
     def of_rules(self) -> dict[str, float]:
         """Core seconds of one job of each rule, for the time left of a run; rules that read and write are left out."""
         study, sessions = self.study, self.study.sessions
         site = JOB_S + self.cell(self.first)
         rows = self.learning_mb()
         seconds = dict.fromkeys(("simulate", "solve_site", "session_cell", "variant"), site)
-        seconds |= {"characterise": FIT_S, "verify": VERIFY_S, "report": REPORT_S, "train": self.training(rows)}
+        seconds |= {
+            "characterise": FIT_S,
+            "verify": VERIFY_S,
+            "report": REPORT_S,
+            "train": self.training(rows),
+        }
         seconds |= {"evaluate": self.evaluation(rows), "site_sensitivities": JOB_S + SENSITIVITIES * site}
         if study.virtual_lab:
             seconds["virtual_cell"] = JOB_S + self.true_cell(self.first)
