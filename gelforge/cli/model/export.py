@@ -8,15 +8,16 @@ from pathlib import Path
 def export_model(model: Path | None = None, out: Path | None = None) -> None:
     """Write a model as an ONNX file, and say how near PyTorch it is."""
     from gelforge.learning.basis.scaling import ModelError
-    from gelforge.learning.deployment.onnx_export import LIMIT, OPSET, export_onnx
+    from gelforge.learning.deployment.onnx_export import OPSET, export_onnx
 
     if model is None or out is None:
         raise ModelError("export needs --model and --out, or: gelforge export dataset --help")
     if out.suffix.lower() != ".onnx":
         raise ModelError(f"--out {out}: a name that ends in .onnx is expected")
-    difference = export_onnx(model, out)
+    found = export_onnx(model, out)
     print(f"written to {out}: ONNX, opset {OPSET}, features [px, rad] to forces of the bins [N]")
-    print(f"differs from PyTorch by {difference:.1e} of a force's size at most, limit {LIMIT:g}")
+    for difference in found:
+        print(f"differs from PyTorch in {difference}")
 
 
 def export_dataset(
