@@ -21,7 +21,7 @@ live               export, predict, live
 cameras            calibrate-camera, camera-pose
 what the workflow runs
                    fit-law, plan, simulate, level, derive, sensitivities, simulate-session, readings, features, join,
-                   manifest, agreement, train, evaluate
+                   manifest, agreement, train, evaluate, onnx-check
 synthetic data     synthesise, virtual-materials, virtual-cell, virtual-session
 """
 

@@ -143,7 +143,9 @@ def test_features_of_inputs_are_inverted(pair):
 
 
 def wrong(**changed):
-    return lambda model: replace(model, familiar=replace(model.familiar, **changed_of(model.familiar, changed)))
+    return lambda model: replace(
+        model, familiar=replace(model.familiar, **changed_of(model.familiar, changed))
+    )
 
 
 def changed_of(familiar, changed):

@@ -16,6 +16,8 @@ WEIGHTS = {
     "evaluate": 60,
     "features": 60,
     "report": 15,
+    "export": 10,
+    "onnx_check": 5,
     "characterise": 10,
 }
 WEIGHTS |= dict.fromkeys(

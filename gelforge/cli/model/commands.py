@@ -69,6 +69,15 @@ def add_learning(commands) -> None:
     evaluate.add_argument("--model", type=Path, required=True, help="model.pt as trained")
     evaluate.add_argument("--out", type=Path, required=True, help="HDF5 file of predictions to write")
 
+    check = study_command(
+        commands,
+        "onnx-check",
+        "model.export.onnx_check",
+        "forces of held-out images by ONNX Runtime against PyTorch's predictions",
+    )
+    check.add_argument("--model", type=Path, required=True, help="model.onnx as exported")
+    check.add_argument("--out", type=Path, required=True, help="JSON to write")
+
 
 def _export(commands) -> None:
     export = add_command(

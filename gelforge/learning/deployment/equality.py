@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from gelforge.indentation.sensor.symmetry import D4
 from gelforge.learning.basis.scaling import ModelError, Scaling
 from gelforge.learning.basis.turns import turned_flow
+from gelforge.learning.deployment.onnx_check import Difference
 from gelforge.learning.deployment.onnx_model import OnnxModel
 from gelforge.learning.models.familiarity import Familiar
 from gelforge.learning.models.model_file import Model
@@ -19,23 +18,6 @@ FORCE_LIMIT = 1e-4
 STATISTIC_LIMIT = 1e-5
 NEAR = 8  # trial images that the training set's components span
 OFF_SHARE = 1e-4  # of their length that lies outside
-
-
-@dataclass(frozen=True)
-class Difference:
-    """The largest difference of one output, as a share, and its limit."""
-
-    output: str
-    share: float
-    limit: float
-    of: str  # what it is a share of
-
-    def __str__(self) -> str:
-        return f"{self.output} by {self.share:.1e} of {self.of}, limit {self.limit:g}"
-
-    @property
-    def within(self) -> bool:
-        return self.share <= self.limit
 
 
 def check_equal(model: Model, converted: OnnxModel, where: str) -> list[Difference]:

@@ -19,7 +19,8 @@ from gelforge.files import UNSEALED, atomic, file_sha256
 from gelforge.indentation.sensor.symmetry import D4
 from gelforge.learning.basis.scaling import Scaling
 from gelforge.learning.basis.turns import order
-from gelforge.learning.deployment.equality import Difference, check_equal
+from gelforge.learning.deployment.equality import check_equal
+from gelforge.learning.deployment.onnx_check import Difference
 from gelforge.learning.deployment.onnx_model import (
     FORMAT,
     INPUT,

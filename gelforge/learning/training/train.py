@@ -289,7 +289,7 @@ def _settings(study: Study, shards: Sequence[str | Path]) -> dict:
     check_scale(study.features.image_scale, views)
     return {
         **dump,
-        "learning": study.learning.usual.model_dump(mode="json"),
+        "learning": study.learning.usual.model_dump(mode="json", exclude={"onnx"}),
         "bins": study.sensor.bins.model_dump(mode="json"),
         "sensor_width_mm": [study.sensor.width_x_mm, study.sensor.width_y_mm],
         "synthetic": any(one["synthetic"] for one in attributes),
