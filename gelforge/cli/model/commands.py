@@ -39,6 +39,8 @@ def add_use(commands) -> None:
     )
     live.add_argument("--port", type=int, default=8765, help="port to serve on; 0: any free one")
     live.add_argument("--record", type=Path, metavar="FOLDER", help="record from the start, into this folder")
+    live.add_argument("--max-recordings", type=int, metavar="N", help="recordings that the folder may hold")
+    live.add_argument("--max-recording-mb", type=float, metavar="MB", help="size at which a recording ends")
     live.add_argument("--fps", type=float, default=30.0, help="frames per second of a folder or a video")
     live.add_argument("--loop", action="store_true", help="play a folder or a video again and again")
     live.add_argument("--open", dest="browser", action="store_true", help="open the page in the browser")
