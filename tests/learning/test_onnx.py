@@ -1,16 +1,21 @@
 """Models in ONNX Runtime: the same forces, zeros and intervals as PyTorch's, and files that say what they are."""
 
 import json
+import re
 from dataclasses import replace
 from functools import cache
 
+import cv2
 import numpy as np
 import onnx
 import pytest
 import torch
+from artificial_shards import study_of
+from live_parts import pattern
 from torch import nn
 
-from gelforge.config import Learning
+from gelforge.cli import main
+from gelforge.config import Learning, write_yaml
 from gelforge.learning.basis.network import Grids
 from gelforge.learning.basis.scaling import ModelError, Scaling
 from gelforge.learning.deployment.equality import check_equal, features_of, statistic_shares, trial_features
@@ -174,6 +179,37 @@ def test_outputs_that_differ_are_named(exported, mistake, named):
 class _Tilted(nn.Module):
     def forward(self, outputs: torch.Tensor) -> torch.Tensor:
         return outputs * 1.001
+
+
+# --------------------------------------------------------------------------------------------- commands
+def test_export_takes_a_study_or_a_model_and_writes_beside_it(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write_yaml(tmp_path / "study.yaml", study_of())
+    folder = tmp_path / "results/artificial/model"
+    folder.mkdir(parents=True)
+    save_model(folder / "model.pt", model_named("paper"))
+    assert main(["export", "--study", "study.yaml"]) == 0
+    said = capsys.readouterr().out
+    assert all(f"in {output} by" in said for output in ("forces", "the inputs' length", "their T"))
+    assert load_onnx(folder / "model.onnx").settings["synthetic"]
+    assert main(["export", "--model", "nowhere.pt"]) == 1
+    assert "nowhere.pt: no such file" in capsys.readouterr().err
+    assert main(["export"]) == 1
+    assert "--study or --model" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["export", "results/artificial/model/model.pt"])
+    assert "--study or --model" in capsys.readouterr().err
+
+
+def test_predict_says_how_many_frames_are_touched_and_where_they_are(exported, tmp_path, capsys):
+    (tmp_path / "images").mkdir()
+    for number in range(3):
+        cv2.imwrite(str(tmp_path / f"images/{number}.png"), pattern(number))
+    model = ["--model", str(exported("paper")[1])]
+    assert main(["predict", str(tmp_path / "images"), *model, "--out", str(tmp_path / "out.csv")]) == 0
+    said = capsys.readouterr().out
+    assert "the first frame is taken as the reference" in said
+    assert re.search(r"3 frames, [0-3] of them touched; written to .*out\.csv", said)
 
 
 # ------------------------------------------------------------------------------------------------ files

@@ -89,8 +89,16 @@ def _export(commands) -> None:
         "a trained model as an ONNX file, compared with PyTorch's; export dataset: a dataset in another format",
     )
     # left out of the arguments where `dataset` follows
-    export.add_argument("--model", type=Path, default=argparse.SUPPRESS, help="model.pt of a study")
-    export.add_argument("--out", type=Path, default=argparse.SUPPRESS, help=".onnx file to write")
+    add_study(export, text="the study whose model is exported", default=argparse.SUPPRESS)
+    export.add_argument(
+        "--model", type=Path, default=argparse.SUPPRESS, help="model.pt of a study, instead of --study"
+    )
+    export.add_argument(
+        "--out",
+        type=Path,
+        default=argparse.SUPPRESS,
+        help=".onnx file to write; beside the model if not given",
+    )
     dataset = add_command(
         export.add_subparsers(metavar="dataset"),
         "dataset",

@@ -5,13 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 
 
-def export_model(model: Path | None = None, out: Path | None = None) -> None:
-    """Write a model as an ONNX file, and say how near PyTorch it is."""
+def export_model(model: Path | None = None, out: Path | None = None, study: Path | None = None) -> None:
+    """Write a model as an ONNX file, beside it where no other place is given, and say how near PyTorch it is."""
+    from gelforge.config import load_study
     from gelforge.learning.basis.scaling import ModelError
     from gelforge.learning.deployment.onnx_export import OPSET, export_onnx
 
-    if model is None or out is None:
-        raise ModelError("export needs --model and --out, or: gelforge export dataset --help")
+    if model is None:
+        if study is None:
+            raise ModelError("export needs --study or --model; for a dataset: gelforge export dataset --help")
+        model = load_study(study).results_folder / "model" / "model.pt"
+    out = out or model.with_suffix(".onnx")
     if out.suffix.lower() != ".onnx":
         raise ModelError(f"--out {out}: a name that ends in .onnx is expected")
     found = export_onnx(model, out)

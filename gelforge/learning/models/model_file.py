@@ -155,6 +155,8 @@ def load_model(path: str | Path) -> Model:
 
     Raises ModelError naming the file for one that is damaged, or whose numbers are no trained network's.
     """
+    if not Path(path).exists():
+        raise ModelError(f"{path}: no such file; a study's model is results/<study>/model/model.pt")
     content = load_tensors(path, FORMAT)
     try:
         model = _model_from(content)
