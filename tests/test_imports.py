@@ -45,7 +45,7 @@ ROOMS = {
     "learning": ("basis", "networks", "models", "training", "judging", "deployment"),
     "materials": ("imaging", "basis", "plausibility", "small_tests", "readers", "covariates", "fitting"),
     "report": ("figures", "chapters", "verdict"),
-    "cli": ("common", "products", "camera", "study", "by_hand", "model", "jobs"),
+    "cli": ("common", "extras", "products", "camera", "study", "by_hand", "model", "jobs"),
 }
 # The virtual lab draws what the recording stage reads, and judges nothing: it may use the camera and the session's files.
 SIDEWAYS = {("virtual_lab", "recording")}

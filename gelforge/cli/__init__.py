@@ -58,8 +58,8 @@ def main(argv: list[str] | None = None) -> int:
             raise
         print(f"gelforge: {words}", file=sys.stderr)
         return 1
-    except MemoryError:
-        if debug:
+    except (MemoryError, ImportError) as error:
+        if debug or (isinstance(error, ImportError) and not any(words in str(error) for words in NOT_MAPPED)):
             raise
         print("gelforge: no memory is left; give the job more, or use a coarser mesh", file=sys.stderr)
         return 1
@@ -67,6 +67,10 @@ def main(argv: list[str] | None = None) -> int:
         if workers := sys.modules.get("gelforge.workers"):
             workers.end()
     return 0
+
+
+# of the dynamic linker, where a library of PyTorch or OpenCV finds no memory
+NOT_MAPPED = ("failed to map segment", "annot allocate memory")
 
 
 def one_line(message, category, filename, lineno, line=None, usual=warnings.formatwarning) -> str:

@@ -21,9 +21,12 @@ live               export, predict, live
 cameras            calibrate-camera, camera-pose
 what the workflow runs
                    fit-law, plan, simulate, level, derive, sensitivities, simulate-session, readings, features, join,
-                   manifest, agreement, train, evaluate
+                   manifest, agreement, train, evaluate, onnx-check
 synthetic data     synthesise, virtual-materials, virtual-cell, virtual-session
 """
+
+
+LONGEST = 300  # characters of a message
 
 
 class Parser(argparse.ArgumentParser):
@@ -35,10 +38,14 @@ class Parser(argparse.ArgumentParser):
             what, word, choices = unknown.groups()
             near = get_close_matches(word, re.findall(r"[\w-]+", choices), n=1)
             remedy = f"; did you mean {near[0]}?" if near else ""
-            if what == "COMMAND":
+            if what == "dataset":  # of `export`
+                message = f"{word!r} is not expected; a model is named by --study or --model, a dataset by: export dataset"
+            elif what == "COMMAND":
                 message = f"no command {word!r}{remedy}"
             elif near:
                 message = f"argument {what}: {word!r}{remedy}"
+        if len(message) > LONGEST:  # a pattern that the shell has expanded to many files
+            message = f"{message[:LONGEST]} ..."
         self.exit(2, f"{self.prog}: {message} (help: {self.prog} --help)\n")
 
 

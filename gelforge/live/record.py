@@ -6,6 +6,7 @@ import json
 import queue
 import threading
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import h5py
@@ -30,12 +31,35 @@ COLUMNS = {
 }
 
 
-class Recorder:
-    """Writes readings into <folder>/live-<time>.h5 until it is closed; what is there stays if the process ends."""
+class RecordingLimit(ValueError):
+    """A recording that is not begun: what was found, the limit, what to do."""
 
-    def __init__(self, folder: str | Path, about: dict):
+
+@dataclass(frozen=True)
+class Limits:
+    """How much is recorded: whoever reaches the page can start recordings."""
+
+    recordings: int = 100  # files in a folder
+    largest_mb: float = 1000.0  # of a file: two hours of 400 bins at 30 frames per second
+
+
+LIMITS = Limits()
+
+
+class Recorder:
+    """Writes readings into <folder>/live-<time>.h5 until it is closed; what is there stays if the process ends.
+
+    Raises RecordingLimit where the folder holds as many recordings as the limits allow. A recording that is as large as they
+    allow ends, and `problem` says so.
+    """
+
+    def __init__(self, folder: str | Path, about: dict, limits: Limits = LIMITS):
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
+        if (there := sum(1 for _ in folder.glob("live-*.h5"))) >= limits.recordings:
+            raise RecordingLimit(
+                f"it holds {there} recordings, limit {limits.recordings}; move some away, or raise --max-recordings"
+            )
         stamp = time.strftime("%Y%m%d-%H%M%S")
         self.path = next(
             path
@@ -43,6 +67,7 @@ class Recorder:
             if not (path := folder / f"live-{stamp}{f'-{number}' if number else ''}.h5").exists()
         )
         self.problem, self.left_out = "", 0
+        self._limits, self._bytes, self._row_bytes = limits, 0, 0
         self._queue: queue.Queue[Reading | None] = queue.Queue(WAITING)
         bins = about["bins"][0] * about["bins"][1]
         self._file = h5py.File(self.path, "x")
@@ -55,6 +80,7 @@ class Recorder:
                 name, (0, *shape), kind, maxshape=(None, *shape), chunks=(64, *shape)
             )
             data.attrs["description"] = text
+            self._row_bytes += data.dtype.itemsize * int(np.prod(shape))
         self._thread = threading.Thread(target=self._write, name="record", daemon=True)
         self._thread.start()
 
@@ -85,8 +111,15 @@ class Recorder:
                 if time.monotonic() - flushed > FLUSH_S:
                     self._file.flush()
                     flushed = time.monotonic()
+                full = self._bytes >= 1e6 * self._limits.largest_mb
+                going = going and not full
             self._file.attrs["left_out"] = self.left_out
             self._file.close()
+            if full:
+                self.problem = (
+                    f"{self.path}: recording ended at {self._bytes / 1e6:.3g} MB, limit {self._limits.largest_mb:g} MB; "
+                    "record anew, or raise --max-recording-mb"
+                )
         except (OSError, RuntimeError) as error:  # HDF5 raises both
             self.problem = f"{self.path}: recording stopped, {no_room(error) or error}"
 
@@ -104,6 +137,7 @@ class Recorder:
             "cop_mm": [missing["cop"] if r.cop_mm is None else r.cop_mm for r in readings],
             "force_distribution_N": [r.force_N for r in readings],
         }
+        self._bytes += len(readings) * self._row_bytes
         for name, values in rows.items():
             data = self._file[name]
             data.resize(len(data) + len(values), axis=0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -11,7 +10,8 @@ from pathlib import Path
 from gelforge.live.capture import Capture, Shot
 from gelforge.live.compute import LiveForce, Reading
 from gelforge.live.messages import Rates, of_reading
-from gelforge.live.record import Recorder
+from gelforge.live.notices import Notices
+from gelforge.live.record import LIMITS, Limits, Recorder, RecordingLimit
 from gelforge.live.server import Server
 from gelforge.recording.imaging.frames import Frame
 
@@ -27,6 +27,7 @@ class Run:
     force: LiveForce
     folder: Path
     say: Callable[[str], None]
+    limits: Limits = LIMITS
     recorder: Recorder | None = None
     take_zero: bool = False
     trouble: str = ""  # of the last command, until the next one
@@ -45,17 +46,17 @@ class Run:
 
     def start_recording(self) -> None:
         try:
-            self.recorder = Recorder(self.folder, self.server.about)
+            self.recorder = Recorder(self.folder, self.server.about, self.limits)
             self.say(f"recording to {self.recorder.path}")
-        except (OSError, RuntimeError) as error:  # of the disk; the forces go on
+        except (OSError, RuntimeError, RecordingLimit) as error:  # the forces go on
             self.trouble = f"cannot record to {self.folder}: {error}"
-            self.say(self.trouble)
 
     def stop_recording(self) -> None:
         if self.recorder is None:
             return
         self.recorder.close()
-        self.say(self.recorder.problem or f"recorded {self.recorder.path}")
+        if not self.recorder.problem:
+            self.say(f"recorded {self.recorder.path}")
         self.trouble, self.recorder = self.recorder.problem, None
 
     def reading(self, shot: Shot) -> Reading:
@@ -88,12 +89,14 @@ def run_live(
     server: Server,
     folder: Path | None,
     say: Callable[[str], None] = print,
+    limits: Limits = LIMITS,
 ) -> None:
     """Compute and publish until the source ends.
 
     Raises ImageError where the camera stops, after clients were warned. Unusable frames are reported and passed over.
     """
-    run, rates, said = Run(server, force, folder or Path(RECORDINGS), say), Rates(), set[str]()
+    run, rates = Run(server, force, folder or Path(RECORDINGS), say, limits), Rates()
+    notices = Notices(say)
     with Capture(open_source) as capture:
         if folder:
             run.start_recording()
@@ -112,19 +115,12 @@ def run_live(
                 server.publish(of_reading(reading, run.state(capture, rates), server.wants_field))
                 if run.recorder:
                     run.recorder.add(reading)
-                texts = {
-                    _kind(text): text for text in (reading.problem, run.trouble, *reading.warnings) if text
-                }
-                for kind in texts.keys() - said:
-                    say(texts[kind])
-                said = set(texts)
+                name = shot.frame.name if shot else ""
+                notices.tell((reading.problem, run.trouble), reading.warnings, name)
         finally:
             run.stop_recording()
+            notices.tell((run.trouble,), ())
+            notices.close()
             server.end(str(capture.error or "the source has ended"))
     if capture.error:
         raise capture.error
-
-
-def _kind(text: str) -> str:
-    """Return a text without its numbers: what changes from frame to frame is not repeated."""
-    return re.sub(r"[0-9.]+", "", text)

@@ -160,6 +160,9 @@ class Server:
 
     def _answer(self, client: ServerConnection, request: Request) -> Response | None:
         """Return the page or a refusal; None lets a WebSocket through."""
+        for name in ("Host", "Origin", "Upgrade"):
+            if (count := len(request.headers.get_all(name))) > 1:
+                return client.respond(http.HTTPStatus.BAD_REQUEST, f"{count} headers {name}, send one\n")
         if why := why_refused(request.headers.get("Host"), request.headers.get("Origin")):
             return client.respond(http.HTTPStatus.FORBIDDEN, why + "\n")
         path = urlsplit(request.path).path

@@ -35,6 +35,8 @@ IMPORTS = {
     "agreement": "gelforge.dataset.agreement",
     "train": "gelforge.learning.training.train",
     "evaluate": "gelforge.learning.judging.predictions",
+    "export": "gelforge.learning.training.train",
+    "onnx-check": "gelforge.learning.judging.predictions",
     "tables": "gelforge.learning.judging.evaluation",
 }
 NOBODY = "-"  # no address

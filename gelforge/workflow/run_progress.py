@@ -35,6 +35,8 @@ STAGES = {  # by rule; a rule that is not here is a stage of its own name
     "manifest": "dataset",
     "train": "training",
     "evaluate": "predictions",
+    "export": "export to ONNX",
+    "onnx_check": "ONNX Runtime against PyTorch",
     "mismatch": "verdict",
     "verify": "checks of the finite elements",
 }

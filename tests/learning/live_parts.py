@@ -13,6 +13,7 @@ from gelforge.learning.deployment.predictor import Predictor
 from gelforge.learning.models.reliability import Intervals
 from gelforge.live.compute import LiveForce
 from gelforge.live.messages import about
+from gelforge.live.record import LIMITS, Limits
 from gelforge.live.run import run_live
 from gelforge.live.server import Server
 from gelforge.recording.imaging.frames import Frame
@@ -97,16 +98,16 @@ class Source:
 class LiveRun:
     """A run in a thread with its server on a free port of the loopback; a context manager."""
 
-    def __init__(self, folder: Path | None = None, fails: bool = False):
+    def __init__(self, folder: Path | None = None, fails: bool = False, limits: Limits = LIMITS):
         self.source, self.said, self.error, self.fails = Source(), [], None, fails
         self.force = force_of()
         self.server = Server("127.0.0.1", 0, about(SETTINGS, "0" * 64, "a test"))
-        self.folder = folder
+        self.folder, self.limits = folder, limits
         self.thread = threading.Thread(target=self._run)
 
     def _run(self) -> None:
         try:
-            run_live(self.source, self.force, self.server, self.folder, self.said.append)
+            run_live(self.source, self.force, self.server, self.folder, self.said.append, self.limits)
         except Exception as error:
             self.error = error
 

@@ -17,6 +17,7 @@ from websockets.sync.client import connect
 
 from gelforge.live.capture import Capture, LiveError, Shot, played
 from gelforge.live.messages import of_reading, text_of
+from gelforge.live.record import Limits
 from gelforge.live.server import Server, why_refused
 from gelforge.recording.imaging.flow import ImageError
 from gelforge.recording.imaging.frames import Frame
@@ -188,6 +189,21 @@ def test_hosts_and_origins(host, origin, fine):
     assert (why_refused(host, origin) == "") is fine
 
 
+@pytest.mark.parametrize("name", ["Host", "Origin"])
+def test_a_header_sent_twice_is_a_bad_request(name):
+    with LiveRun() as run, socket.create_connection(("127.0.0.1", run.server.port), timeout=WAIT_S) as client:
+        value = f"127.0.0.1:{run.server.port}"
+        lines = [
+            "GET / HTTP/1.1",
+            f"Host: {value}",
+            *[f"{name}: {value}"] * (1 if name == "Host" else 2),
+            "",
+            "",
+        ]
+        client.sendall("\r\n".join(lines).encode())
+        assert client.recv(1000).startswith(b"HTTP/1.1 400 ")
+
+
 def test_page_and_other_addresses():
     with LiveRun() as run:
         with urllib.request.urlopen(run.server.url) as answer:
@@ -287,6 +303,52 @@ def test_a_folder_that_cannot_be_written_does_not_stop_the_forces(tmp_path):
         message = received(client)
         assert message["state"] == "touched"
         assert "cannot record" in message["trouble"]
+
+
+def test_a_recording_ends_at_its_size_and_the_forces_go_on(tmp_path):
+    with LiveRun(tmp_path, limits=Limits(largest_mb=0.001)) as run, connect(run.url) as client:
+        until(lambda: run.server.clients == 1)
+        for _ in range(6):  # 20 bins: 0.3 kB each
+            run.source.hand(MOVED)
+            message = received(client)
+        while message["recording"]:  # the thread that writes may be a frame behind
+            run.source.hand(MOVED)
+            message = received(client)
+        assert message["state"] == "touched"
+        assert "recording ended at 0.00" in message["trouble"] and "--max-recording-mb" in message["trouble"]
+    (path,) = tmp_path.glob("live-*.h5")
+    with h5py.File(path) as file:
+        assert 4 <= len(file["number"]) < 20
+    assert sum("recording ended" in text for text in run.said) == 1
+
+
+def test_a_folder_with_as_many_recordings_as_allowed_takes_no_more(tmp_path):
+    for number in range(2):
+        (tmp_path / f"live-{number}.h5").touch()
+    with LiveRun(tmp_path, limits=Limits(recordings=2)) as run, connect(run.url) as client:
+        until(lambda: run.server.clients == 1)
+        run.source.hand(MOVED)
+        message = received(client)
+        assert message["state"] == "touched"
+        assert (
+            "holds 2 recordings, limit 2" in message["trouble"] and "--max-recordings" in message["trouble"]
+        )
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_camera_that_flickers_between_like_and_unlike_prints_little():
+    """300 frames of which every other, the moved one, is unlike those of training."""
+    with LiveRun() as run, connect(run.url) as client:
+        model = run.force.predictor.model
+        model.answer = lambda feature: (model.predict(feature), np.array([feature[:16].mean()]))
+        until(lambda: run.server.clients == 1)
+        for _ in range(150):
+            for image in (STILL, MOVED):
+                run.source.hand(image)
+                warned = received(client)["warnings"]
+            assert any("unlike the training images" in text for text in warned)
+    said = [text for text in run.said if "unlike the training images" in text]
+    assert len(said) == 1 and "150 times in the last" in said[0]
 
 
 # ---------------------------------------------------------------------------------------------- browser

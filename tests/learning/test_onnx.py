@@ -1,18 +1,25 @@
 """Models in ONNX Runtime: the same forces, zeros and intervals as PyTorch's, and files that say what they are."""
 
 import json
+import re
+from dataclasses import replace
 from functools import cache
 
+import cv2
 import numpy as np
 import onnx
 import pytest
 import torch
+from artificial_shards import study_of
+from live_parts import pattern
 from torch import nn
 
-from gelforge.config import Learning
+from gelforge.cli import main
+from gelforge.config import Learning, write_yaml
 from gelforge.learning.basis.network import Grids
 from gelforge.learning.basis.scaling import ModelError, Scaling
-from gelforge.learning.deployment.onnx_export import check_equal, export_onnx, trial_features
+from gelforge.learning.deployment.equality import check_equal, features_of, statistic_shares, trial_features
+from gelforge.learning.deployment.onnx_export import export_onnx
 from gelforge.learning.deployment.onnx_model import KEY, load_onnx, model_of
 from gelforge.learning.models.familiarity import find_familiar
 from gelforge.learning.models.model_file import Model, save_model
@@ -27,6 +34,12 @@ NETWORKS = {
 }
 OF_BINS = np.array([0.01, 0.3]), np.arange(9.0).reshape(3, 3), np.full((3, 3), 0.1)
 INTERVALS = Intervals(*OF_BINS, np.array([1.5]), np.ones((2, 3)), np.zeros((2, 3)))
+
+
+def few_components(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Return inputs (80, count) as a trained network's are: six components explain nearly all of them."""
+    spanned = rng.normal(0, 10, (80, 6)) @ rng.normal(0, 1, (6, count))
+    return (spanned + 3e-3 * rng.normal(0, 1, (80, count))).astype("f4")
 
 
 def model_named(name: str) -> Model:
@@ -50,7 +63,7 @@ def model_named(name: str) -> Model:
         "views": {},
     }
     count = 2 * grids.regions**2
-    familiar = find_familiar(rng.normal(0, 1, (80, count)).astype("f4"), np.arange(80))
+    familiar = find_familiar(few_components(rng, count), np.arange(80))
     return Model(make_network(learning, grids, 1), scaling, settings, Zero(0.05, 0.1), INTERVALS, familiar)
 
 
@@ -82,9 +95,7 @@ def test_forces_zeros_and_intervals_are_pytorchs(pair):
     """Single precision apart: 1e-5 of the labels' standard deviation, ten times the rounding of a sum of 1000 terms."""
     model, path = pair
     loaded = load_onnx(path)
-    trial = trial_features(model.scaling)[-1]
-    np.testing.assert_allclose(loaded.answer(trial)[1], model.unlike(trial), rtol=1e-4)
-    for feature in trial_features(model.scaling):  # 6, 1 and 5 rows
+    for feature in trial_features(model):
         expected, found = model.predict(feature), loaded.predict(feature)
         np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5 * model.scaling.output_scale.max())
         np.testing.assert_array_equal(found == 0, expected == 0)
@@ -115,16 +126,90 @@ def test_features_that_are_not_finite_are_refused(pair, bad):
         load_onnx(path).predict(feature)
 
 
-def test_forces_that_differ_are_found(exported):
+def test_one_image_and_a_batch_give_the_same_statistics(pair):
+    """Of images that the components explain, whose rest is a small difference of large numbers; 1e-6: rounding of sums."""
+    model, path = pair
+    loaded, features = load_onnx(path), trial_features(model)[-2]
+    expected = model.familiar.statistics(model.scaling.inputs(features).astype(float))
+    for found in (
+        loaded.statistics(features),
+        np.concatenate([loaded.statistics(feature[None]) for feature in features]),
+        np.concatenate([model.familiar.statistics(model.scaling.inputs(f[None])) for f in features]),
+    ):
+        assert max(statistic_shares(model.familiar, expected, found)) < 1e-6
+
+
+def test_features_of_inputs_are_inverted(pair):
+    """Lengths of 1 to 10 in single precision: 1e-5 is ten times the rounding of a sine and a product."""
+    model, _ = pair
+    inputs = few_components(np.random.default_rng(5), len(model.scaling.input_mean))
+    again = model.scaling.inputs(features_of(inputs, model.scaling))
+    np.testing.assert_allclose(again, inputs, atol=1e-5 * np.abs(inputs).max())
+
+
+def wrong(**changed):
+    return lambda model: replace(
+        model, familiar=replace(model.familiar, **changed_of(model.familiar, changed))
+    )
+
+
+def changed_of(familiar, changed):
+    return {name: change(getattr(familiar, name)) for name, change in changed.items()}
+
+
+@pytest.mark.parametrize(
+    ("mistake", "named"),
+    [
+        (lambda m: replace(m, network=nn.Sequential(m.network, _Tilted())), ["forces"]),
+        (wrong(mean=np.negative), ["distance", "their T"]),
+        (wrong(components=lambda c: c[:, ::-1].copy()), ["distance", "their T"]),
+        (wrong(components=lambda c: 1.01 * c), ["distance", "their T"]),
+        (wrong(deviation=lambda d: d**2), ["their T"]),
+    ],
+    ids=["forces", "sign of the mean", "order of the regions", "not orthonormal", "squared"],
+)
+def test_outputs_that_differ_are_named(exported, mistake, named):
     model, path = exported("paper")
-    other = nn.Sequential(model.network, _Tilted())
-    with pytest.raises(ModelError, match="differ from PyTorch's by .* limit 0.0001"):
-        check_equal(Model(other, model.scaling, model.settings), load_onnx(path), "model.pt")
+    with pytest.raises(ModelError, match="not exported, ONNX Runtime and PyTorch differ in") as found:
+        check_equal(mistake(model), load_onnx(path), "model.pt")
+    for output in ("forces", "the inputs' length by", "distance", "their T"):
+        assert (output in str(found.value)) == (output in named), str(found.value)
 
 
 class _Tilted(nn.Module):
     def forward(self, outputs: torch.Tensor) -> torch.Tensor:
         return outputs * 1.001
+
+
+# --------------------------------------------------------------------------------------------- commands
+def test_export_takes_a_study_or_a_model_and_writes_beside_it(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write_yaml(tmp_path / "study.yaml", study_of())
+    folder = tmp_path / "results/artificial/model"
+    folder.mkdir(parents=True)
+    save_model(folder / "model.pt", model_named("paper"))
+    assert main(["export", "--study", "study.yaml"]) == 0
+    said = capsys.readouterr().out
+    assert all(f"in {output} by" in said for output in ("forces", "the inputs' length", "their T"))
+    assert load_onnx(folder / "model.onnx").settings["synthetic"]
+    assert main(["export", "--model", "nowhere.pt"]) == 1
+    assert "nowhere.pt: no such file" in capsys.readouterr().err
+    assert main(["export"]) == 1
+    assert "--study or --model" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["export", "results/artificial/model/model.pt"])
+    assert "--study or --model" in capsys.readouterr().err
+
+
+def test_predict_says_how_many_frames_are_touched_and_where_they_are(exported, tmp_path, capsys):
+    (tmp_path / "images").mkdir()
+    for number in range(3):
+        cv2.imwrite(str(tmp_path / f"images/{number}.png"), pattern(number))
+    model = ["--model", str(exported("paper")[1])]
+    assert main(["predict", str(tmp_path / "images"), *model, "--out", str(tmp_path / "out.csv")]) == 0
+    said = capsys.readouterr().out
+    assert "the first frame is taken as the reference" in said
+    assert re.search(r"3 frames, [0-3] of them touched; written to .*out\.csv", said)
 
 
 # ------------------------------------------------------------------------------------------------ files

@@ -18,6 +18,16 @@ def test_a_folder_gives_its_images_by_name(tmp_path):
     assert all(np.isnan(frame.time_s) for frame in found)
 
 
+def test_the_folder_of_a_session_names_its_images_and_its_reference(tmp_path):
+    (tmp_path / "images").mkdir()
+    for name in ("reference.png", "images/a.png"):
+        cv2.imwrite(str(tmp_path / name), np.full((40, 50), 7, np.uint8))
+    (tmp_path / "session.yaml").touch()
+    with pytest.raises(ImageError, match=r"images, with --reference .*reference\.png"):
+        frames(tmp_path)
+    assert len(list(frames(tmp_path / "images"))) == 1
+
+
 def test_a_video_gives_grey_frames_with_times(tmp_path):
     path = tmp_path / "film.avi"
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 20.0, (64, 48))

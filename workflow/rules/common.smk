@@ -9,6 +9,7 @@ from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
 
+from gelforge.cli.extras import missing_for_onnx
 from gelforge.config import (
     ConfigError,
     load_session,
@@ -46,7 +47,14 @@ def _described():
         raise WorkflowError(str(error)) from None
 
 
+def _check_extras(study):
+    """Stop before any job where the study asks for what is not installed."""
+    if study.learning.onnx and (words := missing_for_onnx()):
+        raise WorkflowError(words)
+
+
 STUDY, CELLS, VARIANTS, LAB = _described()
+_check_extras(STUDY)
 RESULTS = STUDY.results_folder.as_posix()
 DATA = STUDY.data_folder.as_posix()
 BETWEEN = [name for name, cell in CELLS.items() if cell.between]  # labels that are interpolated
@@ -174,6 +182,7 @@ SYNTHETIC = (  # one file of training rows per drawn indentation
 ONLY_SIMULATED = bool(STUDY.synthesis) and STUDY.synthesis.train_on == "simulated"
 # of all sites: one that is added to the plan may move others between training and test
 SPLIT, _ = planned_split(CELLS, STUDY.sensor, STUDY.dataset.test_fraction, STUDY.seed)
+ONNX_CHECK = f"{RESULTS}/model/onnx_check.json"
 SHARDS = [f"{i:05d}" for i in range(math.ceil(len(CELLS) / STUDY.dataset.cells_per_shard))]
 
 

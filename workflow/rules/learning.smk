@@ -57,7 +57,7 @@ rule train:
         runtime=asks(training_seconds),
         mem_mb=4000,
     params:
-        learning=block("seed", "learning", "sensor"),
+        learning=digest(STUDY.training_settings),
         simulated=ONLY_SIMULATED,
         source=source_digest(
             *(f"learning/basis/{name}.py" for name in ("data", "network", "scaling", "turns")),
@@ -102,6 +102,53 @@ rule evaluate:
         lab=[digest(LAB.model_dump(mode="json")), source_digest("virtual_lab", "recording")] if LAB else [],
     shell:
         "{GELFORGE:q} evaluate --study {STUDY_FILE:q} --model {input.model:q} --out {output:q} &> {log:q}"
+
+
+if STUDY.learning.onnx:
+
+    rule export:
+        """The trained model for ONNX Runtime, written where every output equals PyTorch's."""
+        input:
+            f"{RESULTS}/model/model.pt",
+        output:
+            ensure(f"{RESULTS}/model/model.onnx", non_empty=True),
+        log:
+            f"{LOGS}/model/export.log",
+        benchmark:
+            f"{BENCHMARKS}/export.tsv"
+        resources:
+            runtime=asks(short_seconds),
+            mem_mb=2000,
+        params:
+            source=source_digest(
+                *(f"learning/deployment/{name}.py" for name in ("equality", "onnx_export", "onnx_model")),
+                *("learning/models", "learning/networks", "learning/basis"),
+            ),
+        shell:
+            "{GELFORGE:q} export --model {input:q} --out {output:q} &> {log:q}"
+
+    rule onnx_check:
+        """Forces of held-out images by ONNX Runtime, from the images themselves, against PyTorch's predictions."""
+        input:
+            model=f"{RESULTS}/model/model.onnx",
+            predictions=f"{RESULTS}/model/predictions.h5",
+            features=expand(f"{RESULTS}/features/{{session}}.h5", session=IMAGE_SESSIONS),
+            raw=[
+                name
+                for session in IMAGE_SESSIONS
+                for name in session_files(session, "session.yaml", "reference.png", "images")
+            ],
+        output:
+            ensure(ONNX_CHECK, non_empty=True),
+        log:
+            f"{LOGS}/model/onnx_check.log",
+        resources:
+            runtime=asks(short_seconds),
+            mem_mb=2000,
+        params:
+            source=source_digest("learning/deployment", "learning/models", "recording"),
+        shell:
+            "{GELFORGE:q} onnx-check --study {STUDY_FILE:q} --model {input.model:q} --out {output:q} &> {log:q}"
 
 
 rule tables:

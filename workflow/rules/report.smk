@@ -37,6 +37,7 @@ rule report:
         agreement=f"{RESULTS}/agreement.csv" if STUDY.sessions else [],
         findings=expand(f"{RESULTS}/recordings/{{session}}.findings.csv", session=STUDY.sessions),
         predictions=f"{RESULTS}/model/predictions.h5" if IMAGE_SESSIONS else [],
+        onnx_check=ONNX_CHECK if STUDY.learning.onnx and IMAGE_SESSIONS else [],
         mismatch=f"{RESULTS}/mismatch/report.html" if STUDY.judges else [],
     output:
         page=ensure(f"{RESULTS}/report.html", non_empty=True),

@@ -39,6 +39,8 @@ def add_use(commands) -> None:
     )
     live.add_argument("--port", type=int, default=8765, help="port to serve on; 0: any free one")
     live.add_argument("--record", type=Path, metavar="FOLDER", help="record from the start, into this folder")
+    live.add_argument("--max-recordings", type=int, metavar="N", help="recordings that the folder may hold")
+    live.add_argument("--max-recording-mb", type=float, metavar="MB", help="size at which a recording ends")
     live.add_argument("--fps", type=float, default=30.0, help="frames per second of a folder or a video")
     live.add_argument("--loop", action="store_true", help="play a folder or a video again and again")
     live.add_argument("--open", dest="browser", action="store_true", help="open the page in the browser")
@@ -69,6 +71,15 @@ def add_learning(commands) -> None:
     evaluate.add_argument("--model", type=Path, required=True, help="model.pt as trained")
     evaluate.add_argument("--out", type=Path, required=True, help="HDF5 file of predictions to write")
 
+    check = study_command(
+        commands,
+        "onnx-check",
+        "model.export.onnx_check",
+        "forces of held-out images by ONNX Runtime against PyTorch's predictions",
+    )
+    check.add_argument("--model", type=Path, required=True, help="model.onnx as exported")
+    check.add_argument("--out", type=Path, required=True, help="JSON to write")
+
 
 def _export(commands) -> None:
     export = add_command(
@@ -78,8 +89,16 @@ def _export(commands) -> None:
         "a trained model as an ONNX file, compared with PyTorch's; export dataset: a dataset in another format",
     )
     # left out of the arguments where `dataset` follows
-    export.add_argument("--model", type=Path, default=argparse.SUPPRESS, help="model.pt of a study")
-    export.add_argument("--out", type=Path, default=argparse.SUPPRESS, help=".onnx file to write")
+    add_study(export, text="the study whose model is exported", default=argparse.SUPPRESS)
+    export.add_argument(
+        "--model", type=Path, default=argparse.SUPPRESS, help="model.pt of a study, instead of --study"
+    )
+    export.add_argument(
+        "--out",
+        type=Path,
+        default=argparse.SUPPRESS,
+        help=".onnx file to write; beside the model if not given",
+    )
     dataset = add_command(
         export.add_subparsers(metavar="dataset"),
         "dataset",

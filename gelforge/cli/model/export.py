@@ -5,18 +5,49 @@ from __future__ import annotations
 from pathlib import Path
 
 
-def export_model(model: Path | None = None, out: Path | None = None) -> None:
-    """Write a model as an ONNX file, and say how near PyTorch it is."""
+def export_model(model: Path | None = None, out: Path | None = None, study: Path | None = None) -> None:
+    """Write a model as an ONNX file, beside it where no other place is given, and say how near PyTorch it is."""
+    from gelforge.config import load_study
     from gelforge.learning.basis.scaling import ModelError
-    from gelforge.learning.deployment.onnx_export import LIMIT, OPSET, export_onnx
+    from gelforge.learning.deployment.onnx_export import OPSET, export_onnx
 
-    if model is None or out is None:
-        raise ModelError("export needs --model and --out, or: gelforge export dataset --help")
+    if model is None:
+        if study is None:
+            raise ModelError("export needs --study or --model; for a dataset: gelforge export dataset --help")
+        model = load_study(study).results_folder / "model" / "model.pt"
+    out = out or model.with_suffix(".onnx")
     if out.suffix.lower() != ".onnx":
         raise ModelError(f"--out {out}: a name that ends in .onnx is expected")
-    difference = export_onnx(model, out)
+    found = export_onnx(model, out)
     print(f"written to {out}: ONNX, opset {OPSET}, features [px, rad] to forces of the bins [N]")
-    print(f"differs from PyTorch by {difference:.1e} of a force's size at most, limit {LIMIT:g}")
+    for difference in found:
+        print(f"differs from PyTorch in {difference}")
+
+
+def onnx_check(study: Path, model: Path, out: Path) -> None:
+    """Compare ONNX Runtime with PyTorch on held-out images of the first session that has some, and write what was found."""
+    from gelforge.cli.products.sessions import feature_path, image_sessions, session_of
+    from gelforge.config import load_study
+    from gelforge.learning.basis.scaling import ModelError
+    from gelforge.learning.deployment.held_out import check_held_out, held_out
+    from gelforge.learning.deployment.onnx_check import write_check
+    from gelforge.learning.judging.predictions import Predictions
+
+    described = load_study(study)
+    predictions = Predictions(described.results_folder / "model" / "predictions.h5")
+    predictions.check_model(described.results_folder / "model" / "model.pt")
+    sessions = image_sessions(described)
+    every = (held_out(predictions, name, feature_path(described, name)) for name in sessions)
+    known = next(filter(None, every), None)
+    if known is None:
+        raise ModelError(f"{predictions.path}: no prediction of an image of sessions {', '.join(sessions)}")
+    folder, session = described.session_folder(known.session), session_of(described, known.session)
+    check = check_held_out(model, known, predictions.model_sha256, folder, session)
+    write_check(out, check)
+    shown = f"{check.images} images of {check.sites} held-out sites, {check.touched} of them touched"
+    print(f"session {check.session}: {shown}")
+    for output in check.outputs:
+        print(f"ONNX Runtime differs from PyTorch in {output}")
 
 
 def export_dataset(

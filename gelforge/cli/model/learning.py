@@ -13,26 +13,40 @@ from gelforge.progress import Stages, stage
 def train(study: Path, model: Path, loss: Path) -> None:
     """Train the study's network, or go on from its checkpoint."""
     from gelforge.dataset.manifest import check_shards
+    from gelforge.learning.basis.memory import memory_named
     from gelforge.learning.training.train import train
 
     described = load_study(study)
     sets = learning_sets(described)
     if set(sets.learnt) & set(sets.tested):
         check_shards(shard_paths(described), described.results_folder / "dataset" / "manifest.json")
-    train(described, sets.learnt, model, loss)
+    with memory_named(more_memory("train", described)):
+        train(described, sets.learnt, model, loss)
 
 
 def evaluate(study: Path, model: Path, out: Path) -> None:
     """Write the predictions of every row of the held-out cells."""
+    from gelforge.learning.basis.memory import memory_named
     from gelforge.learning.judging.predictions import predict_test_rows
     from gelforge.learning.models.model_file import check_trained_on
-    from gelforge.learning.training.train import shards_digest
+    from gelforge.learning.training.train import model_settings
 
     described = load_study(study)
     sets = learning_sets(described)
-    check_trained_on(model, shards_digest(sets.learnt))
-    rows = predict_test_rows(model, sets, described, out, truth=known_truth(described, study))
+    check_trained_on(model, model_settings(described, sets.learnt))
+    with memory_named(more_memory("evaluate", described)):
+        rows = predict_test_rows(model, sets, described, out, truth=known_truth(described, study))
     print(f"{rows} rows of held-out cells")
+
+
+def more_memory(rule: str, study: Study) -> str:
+    """Return what to do where a job of the network runs out of memory."""
+    learning = study.learning.usual
+    width = "hidden" if learning.network == "paper" else "channels"
+    return (
+        f"give the job more (end other programs; on a cluster --set-resources {rule}:mem_mb=8000), or set a smaller "
+        f"learning.batch_size (now {learning.batch_size}) or learning.{width} (now {getattr(learning, width)})"
+    )
 
 
 def adapt(study: Path, model: Path, presses: int, seed: int, out: Path) -> None:

@@ -18,20 +18,26 @@ def live(
     fps: float,
     loop: bool,
     browser: bool,
+    max_recordings: int | None,
+    max_recording_mb: float | None,
 ) -> None:
     """Serve forces of a source until it ends or Ctrl-C; the page's address is printed."""
     import gc
     import webbrowser
+    from dataclasses import replace
 
     from gelforge.config import load_camera
     from gelforge.learning.deployment.predictor import Predictor
     from gelforge.live.capture import played
     from gelforge.live.compute import LiveForce
     from gelforge.live.messages import about
+    from gelforge.live.record import LIMITS
     from gelforge.live.run import run_live
     from gelforge.live.server import Server
     from gelforge.recording.imaging.flow import read_grey
 
+    given = {"recordings": max_recordings, "largest_mb": max_recording_mb}
+    limits = replace(LIMITS, **{name: value for name, value in given.items() if value is not None})
     zero = read_grey(reference) if reference else None
     open_source = played(source, fps, loop)
     predictor = Predictor(model)
@@ -51,6 +57,6 @@ def live(
         if browser:
             webbrowser.open(server.url)
         try:
-            run_live(open_source, force, server, record, lambda text: print(text, flush=True))
+            run_live(open_source, force, server, record, lambda text: print(text, flush=True), limits)
         except KeyboardInterrupt:
             print("stopped")

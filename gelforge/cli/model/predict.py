@@ -33,14 +33,23 @@ def predict(
     zero = read_grey(reference) if reference else None
     timing = Timing(WARM_UP)
     seen_by = load_camera(camera) if camera else None
-    predictions = predict_frames(Predictor(model), frames_of(source), zero, crop, seen_by, plane_z_mm)
+    predictor = Predictor(model)
+    predictions = predict_frames(predictor, frames_of(source), zero, crop, seen_by, plane_z_mm)
     predictions = islice(predictions, frames)
-    flagged = []
+    if zero is None:
+        print("the first frame is taken as the reference: nothing must touch the sensor in it")
+    flagged, touched = [], 0
     with distribution_table(out) as write:
         for prediction in tracked(predictions, f"frames of {source}", frames):
             timing.add(prediction)
             write(prediction)
             flagged.append(prediction.unlike > 1)
+            touched += bool(prediction.force_N.any())
+    print(f"{len(flagged)} frames, {touched} of them touched" + (f"; written to {out}" if out else ""))
+    if flagged and not touched:
+        print(
+            f"no bin exerts more than the {predictor.model.zero.contact_N:.3g} N below which this model reads no contact"
+        )
     if any(flagged):
         print(
             f"{sum(flagged)} of {len(flagged)} frames are unlike those that the model learnt from: distrust their forces "

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from gelforge.cli.camera.pose import scale_line
+from gelforge.cli.extras import missing_for_onnx
 from gelforge.cli.products.sessions import print_findings
 from gelforge.cli.products.virtual_lab import virtual_lab_of
 from gelforge.cli.study.cost import estimate
@@ -36,6 +37,8 @@ def check(study: Path, picture: Path | None) -> None:
     if described.virtual_lab:
         with noted(errors):
             check_lab(described, study, cells)
+    if described.learning.onnx and (words := missing_for_onnx()):
+        errors.append(words)
     missing = missing_files(described)
     doubtful = check_data(described, cells, missing, errors) + check_split(described, cells)
     laws = known_laws(described, [])

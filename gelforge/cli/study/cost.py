@@ -42,6 +42,7 @@ SENSITIVITIES = (
     1.3  # of a site with its error bars: all derivatives (docs/accuracy.md, What derivatives cost)
 )
 FIT_S, VERIFY_S, REPORT_S = 5.0, 40.0, 10.0  # a material's fits, all checks of the finite elements, the page
+EXPORT_S, ONNX_CHECK_S = 10.0, 5.0  # a model as ONNX; images of held-out sites by ONNX Runtime
 START_S = 3.0  # of a process of its own with its compiled kernels
 IMAGE_S = 0.01  # to draw an image and to reduce it
 # A verdict in cells of the study's mesh per position that is judged, measured on the article's sensor by
@@ -180,7 +181,8 @@ class Costs:
             "report": REPORT_S,
             "train": self.training(rows),
         }
-        seconds |= {"evaluate": self.evaluation(rows), "site_sensitivities": JOB_S + SENSITIVITIES * site}
+        seconds |= {"evaluate": self.evaluation(rows), "export": EXPORT_S, "onnx_check": ONNX_CHECK_S}
+        seconds |= {"site_sensitivities": JOB_S + SENSITIVITIES * site}
         if study.virtual_lab:
             seconds["virtual_cell"] = JOB_S + self.true_cell(self.first)
             seconds["virtual_session"] = sum(map(self.drawing, sessions)) / max(len(sessions), 1)

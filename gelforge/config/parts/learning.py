@@ -102,6 +102,12 @@ class Learning(Section):
         0.1, gt=0, lt=1, description="share of training orbits on which the loss is monitored [-]"
     )
 
+    onnx: bool = Field(
+        False,
+        description="export the trained model to ONNX and compare ONNX Runtime with PyTorch on held-out images; needs the "
+        "extra `export`",
+    )
+
     @model_validator(mode="before")
     @classmethod
     def _named_by_its_keys(cls, given):

@@ -193,5 +193,12 @@ class Study(Section):
         """The settings that decide the dataset's content; how it is learned from and shown is not among them."""
         return self.model_dump(mode="json", exclude={"learning", "mismatch", "variants", "synthesis"})
 
+    @property
+    def training_settings(self) -> dict[str, Any]:
+        """The settings that decide what is learnt from the dataset; whether the model is exported is not among them."""
+        return self.model_dump(
+            mode="json", include={"seed", "learning", "sensor"}, exclude={"learning": {"onnx"}}
+        )
+
     def session_folder(self, session: str) -> Path:
         return self.data_folder / "recordings" / session

@@ -17,8 +17,10 @@ from torch import nn
 from gelforge import __version__
 from gelforge.files import UNSEALED, atomic, file_sha256
 from gelforge.indentation.sensor.symmetry import D4
-from gelforge.learning.basis.scaling import ModelError, Scaling
+from gelforge.learning.basis.scaling import Scaling
 from gelforge.learning.basis.turns import order
+from gelforge.learning.deployment.equality import check_equal
+from gelforge.learning.deployment.onnx_check import Difference
 from gelforge.learning.deployment.onnx_model import (
     FORMAT,
     INPUT,
@@ -32,9 +34,6 @@ from gelforge.learning.models.familiarity import Familiar
 from gelforge.learning.models.model_file import LARGEST_OUTPUT, Model, load_model
 
 OPSET = 20  # ONNX 1.15, ONNX Runtime 1.17 and newer
-# Of the largest force of an input, or the labels' standard deviation where that is larger. Single precision in another order
-# of sums gives 1e-6; a wrong sign, axis or padding gives 1e-1.
-LIMIT = 1e-4
 UNITS = {
     "features": "magnitudes [px], then directions [rad], regions row by row from the image's top left",
     "force_N": "on the sensor [N], bins k = nx iy + ix, axes x, y, z (z up: an indentation is negative)",
@@ -86,22 +85,22 @@ class FeaturesToNewtons(nn.Module):
         """Return what `Familiar.statistics` does (n, 3)."""
         away = inputs - self.mean
         along = away @ self.components.T
-        rest = torch.sqrt(torch.clamp((away**2).sum(dim=1) - (along**2).sum(dim=1), min=0.0))
-        size, squared = torch.sqrt((inputs**2).sum(dim=1)), ((along / self.deviation) ** 2).sum(dim=1)
-        return torch.stack([size, rest, squared], dim=1)
+        rest = away - along @ self.components
+        squared = ((along / self.deviation) ** 2).sum(dim=1)
+        return torch.stack([_length(inputs), _length(rest), squared], dim=1)
 
 
-def export_onnx(model_path: str | Path, out: str | Path) -> float:
-    """Write a model.pt as an ONNX file; return the largest difference from PyTorch, as a share (see LIMIT).
+def export_onnx(model_path: str | Path, out: str | Path) -> list[Difference]:
+    """Write a model.pt as an ONNX file; return the largest difference of each output from PyTorch's.
 
-    Raises ModelError where that is above LIMIT, and writes nothing.
+    Raises ModelError where one is above its limit, and writes nothing.
     """
     model = load_model(model_path)
     content = onnx_bytes(model, file_sha256(model_path))
-    difference = check_equal(model, model_of(content, str(out)), str(model_path))
+    found = check_equal(model, model_of(content, str(out)), str(model_path))
     with atomic(out, sealed=True) as temporary:
         temporary.write_bytes(content)
-    return difference
+    return found
 
 
 def converted(path: str | Path, threads: int = 1) -> OnnxModel:
@@ -110,6 +109,11 @@ def converted(path: str | Path, threads: int = 1) -> OnnxModel:
     found = model_of(onnx_bytes(model, file_sha256(path)), str(path), threads)
     check_equal(model, found, str(path))
     return found
+
+
+def _length(rows: torch.Tensor) -> torch.Tensor:
+    """Return the lengths of rows (n, F), in double precision as `Familiar` does."""
+    return torch.sqrt((rows.double() ** 2).sum(dim=1)).float()
 
 
 def onnx_bytes(model: Model, sha256: str) -> bytes:
@@ -167,39 +171,3 @@ def _limits(familiar: Familiar | None) -> dict | None:
         "rest_limit": familiar.rest_limit.tolist(),
         "squared_limit": familiar.squared_limit,
     }
-
-
-def check_equal(model: Model, converted: OnnxModel, where: str) -> float:
-    """Return the largest difference of raw forces on trial inputs as a share; raise ModelError above LIMIT."""
-    worst = 0.0
-    for feature in trial_features(model.scaling):
-        expected, found = model.predict_raw(feature), converted.predict_raw(feature)
-        size = np.maximum(np.abs(expected).max(axis=(1, 2)), model.scaling.output_scale.max())
-        share = float((np.abs(found - expected).max(axis=(1, 2)) / size).max())
-        worst = max(worst, share if np.isfinite(share) else np.inf)
-        if model.familiar:
-            known, now = model.unlike(feature), converted.answer(feature)[1]
-            worst = max(worst, float((np.abs(now - known) / np.maximum(known, 1.0)).max()))
-    if worst > LIMIT:
-        raise ModelError(
-            f"{where}: in ONNX its forces differ from PyTorch's by {worst:.2g} of their size, limit {LIMIT:g}; nothing is "
-            "written: update torch, onnx and onnxruntime, or report the network's settings"
-        )
-    return worst
-
-
-def trial_features(scaling: Scaling) -> list[np.ndarray]:
-    """Return batches of features (n, F): at rest, on the branch cut of directions, far out, and drawn by seed."""
-    half = len(scaling.input_mean) // 2
-    rng, size = np.random.default_rng(0), float(scaling.input_scale[0])
-
-    def features(magnitude, direction):
-        parts = np.broadcast_to(magnitude, (half,)), np.broadcast_to(direction, (half,))
-        return np.concatenate(parts).astype(np.float32)
-
-    edges = [(0.0, 0.0), (0.0, np.pi), (size, np.pi), (size, -np.pi), (size, np.pi / 2), (30 * size, 0.3)]
-    drawn = [
-        features(scale * size * np.abs(rng.normal(size=half)), rng.uniform(-np.pi, np.pi, half))
-        for scale in (0.1, 1, 1, 3, 10)
-    ]
-    return [np.array([features(*edge) for edge in edges]), np.array(drawn[:1]), np.array(drawn)]

@@ -56,6 +56,11 @@ class OnnxModel:
             return force, np.full(len(force), np.nan)
         return force, unlike(statistics[0].astype(float), **self.familiar)
 
+    def statistics(self, feature: np.ndarray) -> np.ndarray:
+        """Return what `Familiar.statistics` does of features (n, F): (n, 3), or (n, 0) where the model has none."""
+        force, *statistics = self._run(feature)
+        return statistics[0] if statistics else np.empty((len(force), 0))
+
     def _run(self, feature: np.ndarray) -> list[np.ndarray]:
         feature = np.atleast_2d(np.asarray(feature, np.float32))
         if not np.isfinite(feature).all():

@@ -89,6 +89,7 @@ class Prediction:
     name: str
     time_s: float
     force_N: np.ndarray  # (B, 3)
+    feature: np.ndarray  # (F,) of the image
     seconds: dict[str, float]  # by STEPS
     unlike: float = float("nan")  # beyond 1 the image is unlike those that the model learnt from
 
@@ -155,4 +156,4 @@ def predict_frames(
         force, unlike = predictor.answer(feature)
         marks.append(time.perf_counter())
         seconds = dict(zip(STEPS, np.diff(marks).tolist()))
-        yield Prediction(frame.name, frame.time_s, force, seconds, unlike)
+        yield Prediction(frame.name, frame.time_s, force, feature, seconds, unlike)

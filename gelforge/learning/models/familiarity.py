@@ -35,12 +35,20 @@ class Familiar:
         return unlike(self.statistics(inputs), self.edges, self.rest_limit, self.squared_limit)
 
     def statistics(self, inputs: np.ndarray) -> np.ndarray:
-        """Return the inputs' length, that of their rest, and T^2 (n, 3)."""
+        """Return the inputs' length, that of their rest, and T^2 (n, 3).
+
+        The rest is a vector before its length is taken: |away|^2 - |along|^2 cancels where images resemble the training set.
+        """
         away = inputs - self.mean
         along = away @ self.components.T  # (n, K)
-        rest = np.sqrt(np.maximum((away**2).sum(axis=1) - (along**2).sum(axis=1), 0.0))
-        size, squared = np.linalg.norm(inputs, axis=1), ((along / self.deviation) ** 2).sum(axis=1)
-        return np.stack([size, rest, squared], axis=1)
+        rest = away - along @ self.components
+        squared = ((along / self.deviation) ** 2).sum(axis=1)
+        return np.stack([_length(inputs), _length(rest), squared], axis=1)
+
+
+def _length(rows: np.ndarray) -> np.ndarray:
+    """Return the lengths of rows (n, F); in double precision, as the order of a sum depends on how rows lie in memory."""
+    return np.linalg.norm(rows.astype(float), axis=1)
 
 
 def unlike(

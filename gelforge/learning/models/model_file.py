@@ -20,6 +20,12 @@ from gelforge.learning.models.reliability import Intervals, Zero
 from gelforge.learning.networks import make_network
 
 FORMAT = "gelforge-model-3"
+# settings that decide a training, by their names in a study; shards have a digest, and views are theirs
+DECIDING = {
+    **{name: name for name in ("seed", "features", "dataset", "learning")},
+    "bins": "sensor.bins",
+    "sensor_width_mm": "the sensor's width [mm]",
+}
 LARGEST_OUTPUT = 1e4  # in units of Scaling.output_scale; trained networks stay below some hundred
 
 
@@ -112,12 +118,36 @@ def load_tensors(path: str | Path, kind: str) -> dict:
     return content
 
 
-def check_trained_on(path: str | Path, shards_digest: str) -> None:
-    """Raise ModelError for a model that was trained on other shards than those of this digest."""
-    if load_model(path).settings.get("shards_digest") != shards_digest:
-        raise ModelError(
-            f"{path}: was trained on other shards than the study's; train the model again (snakemake -R {path})"
-        )
+def check_trained_on(path: str | Path, settings: dict) -> None:
+    """Raise ModelError for a model that was trained with other settings, or on other shards, than a study's.
+
+    settings: of the study, as `Model.settings`. What an older model does not state is not compared.
+    """
+    model, remedy = load_model(path).settings, f"train the model again (snakemake -R {path})"
+    complete = Learning.model_validate(model["learning"]).usual
+    known = _by_key(model | {"learning": complete.model_dump(mode="json", exclude={"onnx"})})
+    now = _by_key(settings)
+    differing = [
+        f"{key}: {value} in the model, {now.get(key)} in the study"
+        for key, value in known.items()
+        if now.get(key) != value
+    ]
+    if differing:
+        raise ModelError(f"{path}: trained with other settings, {'; '.join(differing)}; {remedy}")
+    if model.get("shards_digest") != settings["shards_digest"]:
+        raise ModelError(f"{path}: was trained on other shards than the study's; {remedy}")
+
+
+def _by_key(settings: dict) -> dict:
+    """Return the settings that decide a training, by their dotted keys of a study."""
+    found = {}
+    for part, name in DECIDING.items():
+        values = settings.get(part)
+        if isinstance(values, dict):
+            found |= {f"{name}.{key}": value for key, value in values.items()}
+        elif values is not None:
+            found[name] = values
+    return found
 
 
 def load_model(path: str | Path) -> Model:
@@ -125,6 +155,8 @@ def load_model(path: str | Path) -> Model:
 
     Raises ModelError naming the file for one that is damaged, or whose numbers are no trained network's.
     """
+    if not Path(path).exists():
+        raise ModelError(f"{path}: no such file; a study's model is results/<study>/model/model.pt")
     content = load_tensors(path, FORMAT)
     try:
         model = _model_from(content)

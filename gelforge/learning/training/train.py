@@ -102,7 +102,7 @@ def train(
     _check_has_images(shards)
     torch.set_num_threads(run.threads or USUAL_THREADS.get(study.learning.network, 1))
     checkpoint_path = Path(model_path).with_name(Path(model_path).stem + ".checkpoint.pt")
-    settings = _settings(study, shards)
+    settings = model_settings(study, shards)
 
     rows = ShardDataset(shards, "train")
     training, validation = training_and_validation(rows, shards, study)
@@ -280,7 +280,7 @@ def shards_digest(shards: Sequence[str | Path]) -> str:
     return digest([file_sha256(path) for path in shards])
 
 
-def _settings(study: Study, shards: Sequence[str | Path]) -> dict:
+def model_settings(study: Study, shards: Sequence[str | Path]) -> dict:
     """Return what the model file says about its making; plain numbers and text."""
     dump = study.model_dump(mode="json", include={"study", "seed", "features", "dataset"})
     attributes = [shard_attributes(path) for path in shards]
@@ -289,7 +289,7 @@ def _settings(study: Study, shards: Sequence[str | Path]) -> dict:
     check_scale(study.features.image_scale, views)
     return {
         **dump,
-        "learning": study.learning.usual.model_dump(mode="json"),
+        "learning": study.learning.usual.model_dump(mode="json", exclude={"onnx"}),
         "bins": study.sensor.bins.model_dump(mode="json"),
         "sensor_width_mm": [study.sensor.width_x_mm, study.sensor.width_y_mm],
         "synthetic": any(one["synthetic"] for one in attributes),

@@ -35,6 +35,10 @@ def frames(source: str | Path | int) -> Iterator[Frame]:
         return _camera_frames(_opened(number, f"camera {number}"), number)
     path = Path(source)
     if path.is_dir():
+        if (path / "session.yaml").is_file() and (path / "images").is_dir():
+            raise ImageError(
+                f"{path}: is the folder of a session; give {path / 'images'}, with --reference {path / 'reference.png'}"
+            )
         names = sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES)
         if not names:
             raise ImageError(

@@ -32,7 +32,8 @@ def noise_grey(image: np.ndarray) -> float:
     """Return the standard deviation [grey levels] of the noise of an image (H, W), from its smoothest parts."""
     square = cv2.blur(cv2.filter2D(image.astype(np.float32), -1, NOISE) ** 2, (NOISE_PX, NOISE_PX))
     low, high = NOISE_GREY
-    return float(np.clip(np.sqrt(np.percentile(square, NOISE_PERCENTILE)), low, high))
+    smoothest = max(float(np.percentile(square, NOISE_PERCENTILE)), 0.0)  # a running sum may round below zero
+    return float(np.clip(np.sqrt(smoothest), low, high))
 
 
 def textured(image: np.ndarray, patch_px: int) -> np.ndarray:

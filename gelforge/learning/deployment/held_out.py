@@ -1,0 +1,127 @@
+"""Forces of held-out images by ONNX Runtime, from the images as `gelforge predict` computes them, against PyTorch's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gelforge.config import Session
+from gelforge.hdf5 import opened
+from gelforge.learning.basis.scaling import ModelError
+from gelforge.learning.deployment.onnx_check import Difference, OnnxCheck
+from gelforge.learning.deployment.onnx_model import OnnxModel
+from gelforge.learning.deployment.predictor import Prediction, Predictor, predict_frames
+from gelforge.learning.judging.predictions import Predictions
+from gelforge.learning.models.familiarity import unlike
+from gelforge.learning.models.reliability import Zero
+from gelforge.recording.features import FORMAT as FEATURE_FORMAT
+from gelforge.recording.imaging.flow import read_grey
+from gelforge.recording.imaging.frames import Frame
+from gelforge.recording.imaging.images import image_path, reference_path
+
+IMAGES = 40  # compared
+# Of the largest force, and of how unlike an image is (1 where that is less). On one machine 1e-6; the flow of another
+# processor's instructions may differ by 1e-4. Another reference, crop or remap gives 1e-1.
+LIMIT = 1e-3
+LEAST_N = 1e-9  # where nothing touches
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Rows of a predictions file: images of one session's held-out sites, and what PyTorch says of them."""
+
+    session: str
+    images: tuple[str, ...]  # file names
+    sites: int
+    force_N: np.ndarray  # (n, B, 3)
+    label_N: np.ndarray  # (n, B, 3)
+    unlike: np.ndarray  # (n,)
+
+
+def held_out(predictions: Predictions, session: str, feature_file: str | Path) -> HeldOut | None:
+    """Return at most IMAGES held-out rows of a session, evenly spread; None where none is of this session."""
+    rows = np.flatnonzero(predictions.session == session)
+    if not len(rows):
+        return None
+    rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(len(rows), IMAGES)).round().astype(int))]
+    remedy = f"extract the features again (snakemake -R {feature_file})"
+    with opened(feature_file, FEATURE_FORMAT, remedy, ModelError) as file:
+        keys = zip(file["press"].asstr()[()], file["image_index"][()].tolist())
+        named = dict(zip(keys, file["image"].asstr()[()]))
+    kept: list[tuple] = []
+    for block, *columns in predictions.columns("press", "image_index", "cell", "predicted_N", "true_N"):
+        own = rows[(rows >= block.start) & (rows < block.stop)] - block.start
+        kept += zip(*(column[own] for column in columns))
+    presses, indices, cells, force, label = zip(*kept)
+    try:
+        images = tuple(named[press.decode(), int(index)] for press, index in zip(presses, indices))
+    except KeyError as error:
+        raise ModelError(
+            f"{feature_file}: lacks an image of indentation and number {error}, of which {predictions.path} holds a "
+            f"prediction; evaluate the model again (snakemake -R {predictions.path})"
+        ) from None
+    return HeldOut(
+        session, images, len(set(cells)), np.array(force), np.array(label), predictions.unlike[rows]
+    )
+
+
+def check_held_out(
+    model: str | Path, known: HeldOut, model_sha256: str, folder: Path, session: Session
+) -> OnnxCheck:
+    """Return how far ONNX Runtime's forces of images are from PyTorch's.
+
+    model: model.onnx; known: what PyTorch says, with the model of this SHA-256; folder, session: where the images are.
+    Raises ModelError where a difference is above LIMIT, or the file was exported from another model.
+    """
+    predictor = Predictor(model)
+    if predictor.model.model_sha256 != model_sha256:
+        raise ModelError(
+            f"{model}: exported from another model than the one whose predictions are compared; export it again "
+            f"(snakemake -R {model})"
+        )
+    frames = (Frame(name, float("nan"), read_grey(image_path(folder, name))) for name in known.images)
+    camera = session.camera if session.remap else None
+    reference = read_grey(reference_path(folder))
+    found = list(predict_frames(predictor, frames, reference, session.crop_px, camera))
+    off_N = force_differences(predictor.model, found, known.force_N)
+    largest_N = float(max(np.abs(known.force_N).max(), np.abs(known.label_N).max(), LEAST_N))
+    outputs = [Difference("forces", float(off_N.max() / largest_N), LIMIT, "the largest force")]
+    if predictor.model.familiar:
+        share = float(unlike_differences(predictor.model, found, known.unlike).max())
+        outputs.append(Difference("how unlike training an image is", share, LIMIT, "its value, at least 1"))
+    if wrong := [str(output) for output in outputs if not output.within]:
+        raise ModelError(
+            f"{model}: on {len(found)} held-out images of session {known.session} ONNX Runtime differs from PyTorch in "
+            f"{'; in '.join(wrong)}; evaluate and export the model again on one machine, or set learning.onnx: false"
+        )
+    touched = int(np.any(known.force_N, axis=(1, 2)).sum())
+    sizes = touched, largest_N, float(off_N.max())
+    return OnnxCheck(model_sha256, known.session, len(found), known.sites, *sizes, tuple(outputs))
+
+
+def force_differences(model: OnnxModel, found: Sequence[Prediction], expected: np.ndarray) -> np.ndarray:
+    """Return how far forces are from those expected (n, B, 3) [N].
+
+    A force that lies within LIMIT of a threshold of exact zeros may be zero in one and not in the other.
+    """
+    raw = model.predict_raw(np.array([prediction.feature for prediction in found]))
+    answers = [np.array([prediction.force_N for prediction in found])]
+    for share in (1 - LIMIT, 1 + LIMIT):
+        answers.append(Zero(share * model.zero.contact_N, share * model.zero.bin_N).applied(raw))
+    return np.min([np.abs(answer - expected) for answer in answers], axis=0)
+
+
+def unlike_differences(model: OnnxModel, found: Sequence[Prediction], expected: np.ndarray) -> np.ndarray:
+    """Return how far the measure of unlikeness is from that expected (n,), as a share of it where it is above 1.
+
+    Its limit jumps between classes of the inputs' length: a length within LIMIT of an edge may be of either class.
+    """
+    assert model.familiar is not None
+    statistics = model.statistics(np.array([prediction.feature for prediction in found])).astype(float)
+    answers = [np.array([prediction.unlike for prediction in found])]
+    for share in (1 - LIMIT, 1 + LIMIT):
+        answers.append(unlike(statistics * [share, 1, 1], **model.familiar))
+    return np.min([np.abs(answer - expected) for answer in answers], axis=0) / np.maximum(expected, 1)

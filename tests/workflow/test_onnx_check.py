@@ -1,0 +1,112 @@
+"""Forces of held-out images by ONNX Runtime against PyTorch's predictions, on the finished study's own images."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gelforge.config import load_session, load_study
+from gelforge.dataset.shard import ShardDataset
+from gelforge.files import file_sha256
+from gelforge.learning.basis.data import FEATURE
+from gelforge.learning.basis.scaling import ModelError
+from gelforge.learning.deployment.held_out import check_held_out, held_out
+from gelforge.learning.deployment.onnx_check import read_check, write_check
+from gelforge.learning.deployment.onnx_export import export_onnx
+from gelforge.learning.judging.predictions import LearningSets, Predictions, predict_test_rows
+from gelforge.learning.models.familiarity import find_familiar
+from gelforge.learning.models.model_file import load_model, save_model
+from gelforge.learning.models.reliability import Zero
+
+pytestmark = pytest.mark.workflow
+TEST = ("--configfile", "config/test.yaml")
+RESULTS, SESSION = "results/test", "morning"
+
+
+def test_the_study_exports_its_model_and_compares_it(finished):
+    found = read_check(finished.folder / RESULTS / "model/onnx_check.json")
+    assert found.model_sha256 == file_sha256(finished.folder / RESULTS / "model/model.pt")
+    assert found.images > 0
+    assert all(output.within for output in found.outputs)
+    assert (finished.folder / RESULTS / "model/model.onnx").is_file()
+
+
+def test_the_key_decides_about_the_export_and_not_about_the_training(again):
+    (again.folder / RESULTS / "model/model.onnx").unlink()
+    off = again.jobs(
+        *TEST, "--config", "learning={onnx: false, channels: 8, epochs: 5, validation_fraction: 0.3}"
+    )
+    assert not {"export", "onnx_check", "train"} & set(off)
+    assert {"export": 1, "onnx_check": 1}.items() <= again.jobs(*TEST).items()
+
+
+@pytest.fixture(scope="module")
+def known(finished, tmp_path_factory):
+    """A model that gives forces to every image of the finished study: model.onnx, what PyTorch says, and its SHA-256."""
+    folder, study = tmp_path_factory.mktemp("model"), finished.folder / RESULTS
+    shards = sorted((study / "dataset").glob("shard-*.h5"))
+    trained, rows = load_model(study / "model/model.pt"), ShardDataset(shards, "train")
+    inputs = trained.scaling.inputs(rows.read(np.arange(len(rows)), [FEATURE])[FEATURE])
+    repeated = np.tile(inputs, (3, 1)) + 0.01 * np.random.default_rng(0).normal(
+        size=(3 * len(inputs), inputs.shape[1])
+    )
+    familiar = find_familiar(repeated.astype("f4"), np.arange(len(repeated)) % 9)
+    with_forces = replace(trained, zero=Zero(), familiar=familiar)
+    save_model(folder / "model.pt", with_forces)
+    export_onnx(folder / "model.pt", folder / "model.onnx")
+    described = load_study(finished.folder / "config/test.yaml")
+    predict_test_rows(folder / "model.pt", LearningSets.of(shards), described, folder / "predictions.h5")
+    rows = held_out(Predictions(folder / "predictions.h5"), SESSION, study / f"features/{SESSION}.h5")
+    return folder / "model.onnx", rows, file_sha256(folder / "model.pt")
+
+
+@pytest.fixture
+def compare(finished, known):
+    described = load_study(finished.folder / "config/test.yaml")
+    folder = finished.folder / described.session_folder(SESSION)
+
+    def check(rows=known[1], sha256=known[2]):
+        return check_held_out(known[0], rows, sha256, folder, load_session(folder / "session.yaml"))
+
+    return check
+
+
+def test_forces_from_images_are_pytorchs(compare, tmp_path):
+    """Rounding of single precision apart, a thousandth of the limit."""
+    found = compare()
+    assert found.touched == found.images > 0
+    assert [output.output for output in found.outputs] == ["forces", "how unlike training an image is"]
+    assert max(output.share for output in found.outputs) < 1e-6
+    write_check(tmp_path / "check.json", found)
+    assert read_check(tmp_path / "check.json") == found
+
+
+@pytest.mark.parametrize(
+    ("mistake", "named"),
+    [
+        (lambda rows: replace(rows, images=rows.images[::-1]), "forces"),
+        (lambda rows: replace(rows, force_N=-rows.force_N), "forces by"),
+        (lambda rows: replace(rows, unlike=rows.unlike + 0.01), "how unlike training an image is by"),
+    ],
+    ids=["other images", "sign", "unlike"],
+)
+def test_a_difference_fails_and_is_named(compare, known, mistake, named):
+    with pytest.raises(
+        ModelError, match="held-out images of session morning ONNX Runtime differs from PyTorch"
+    ) as found:
+        compare(mistake(known[1]))
+    assert named in str(found.value)
+    assert "\n" not in str(found.value)
+
+
+def test_predictions_of_another_model_are_refused(compare):
+    with pytest.raises(ModelError, match="exported from another model"):
+        compare(sha256="0" * 64)
+
+
+@pytest.mark.parametrize("content", ["", "{}", "[1]", json.dumps({"format": "gelforge-onnx-check-1"})])
+def test_another_file_is_no_comparison(tmp_path, content):
+    (tmp_path / "check.json").write_text(content)
+    with pytest.raises(ModelError, match="compare again"):
+        read_check(tmp_path / "check.json")
