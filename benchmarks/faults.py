@@ -22,7 +22,7 @@ PARTS = {
     "products": 500,
     "kills": 60,
     "workflow": 7,
-    "code": 35,
+    "code": 38,
 }  # subcommand, a module of fault_kinds: faults by default
 
 

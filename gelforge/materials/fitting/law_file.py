@@ -91,10 +91,9 @@ def moved_laws(material: MaterialLaw, amount: float) -> list[PrincipalLaw]:
     """
     if material.covariance is None:
         return []
-    uncertain = np.flatnonzero(
-        np.diag(material.covariance) > 0
-    )  # no others: a parameter at its bound has none
-    sigma = np.sqrt(np.diag(material.covariance)[uncertain])
+    variance = np.diag(material.covariance)
+    uncertain = np.flatnonzero(variance > 0)  # a parameter at its bound has neither variance nor correlations
+    sigma = np.sqrt(variance[uncertain])
     correlation = material.covariance[np.ix_(uncertain, uncertain)] / np.outer(sigma, sigma)
     size, directions = np.linalg.eigh(correlation)
     moves = np.zeros((len(uncertain), len(material.values)))  # one in each row
