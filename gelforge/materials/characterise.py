@@ -308,7 +308,9 @@ def _write_laws(
         chosen = candidate is comparison.chosen
         path = folder / ("law.json" if chosen else f"laws/{candidate.name}.json")
         kept = (
-            (*comparison.fallback, *notes, *comparison.misfit, *comparison.identifiability) if chosen else notes
+            (*comparison.fallback, *notes, *comparison.misfit, *comparison.identifiability)
+            if chosen
+            else notes
         )
         law = material_law(source.name, candidate.fitted, inputs, source.synthetic, kept)
         write_law(path, replace(law, study=source.study))

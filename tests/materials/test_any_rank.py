@@ -98,6 +98,12 @@ def test_terms_that_the_tests_do_not_determine_are_left_out_with_a_word(chosen):
     assert chosen(["ogden2", "neo_hooke"], 0.0, "first").chosen.name == "ogden1"
 
 
+def test_a_fit_in_python_warns_of_terms_that_were_left_out(chosen, tmp_path):
+    with pytest.warns(UserWarning, match="ogden1 IS FITTED IN PLACE OF ogden2"):
+        fitted = gf.fit(folder_of(specimens(0.0), tmp_path))
+    assert fitted.model == "ogden1" and "IN PLACE OF ogden2" in str(fitted)
+
+
 # ------------------------------------------------------------------------------------------- law file, moves
 @pytest.mark.parametrize("name", COVARIANCES)
 def test_a_covariance_of_any_rank_goes_through_the_file_to_the_stress(tmp_path, name):
