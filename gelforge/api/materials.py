@@ -92,7 +92,7 @@ def fit(
     models : sequence of str
         Models to be fitted: neo_hooke, mooney_rivlin, yeoh, gent, ogden1 to ogden4.
     mapping : path, optional
-        YAML file that says what files of another form hold (docs/material-characterisation.md).
+        YAML file that says what files of another form hold (docs/material-mappings.md).
     choose : str
         How one is chosen: aicc (information criterion), held_out (prediction of tests left out) or first.
     loss : str

@@ -76,7 +76,7 @@ def _tables(folder: Path) -> list[Path]:
         below = sorted(found.parent.relative_to(folder).as_posix() for found in folder.glob("*/samples.csv"))
         remedy = (
             "list the specimens in it (docs/file-formats.md), or give a mapping that says what the files in this folder"
-            " hold (--mapping, in Python mapping=; docs/material-characterisation.md)"
+            " hold (--mapping, in Python mapping=; docs/material-mappings.md)"
         )
         if below:
             remedy = f"name the folder of one material: {', '.join(below)}"
