@@ -46,7 +46,8 @@ how the table is written. It is named by a study (`materials.<material>.mapping`
       - {files: ['zug_*.csv'], kind: uniaxial, gauge_length_mm: 40, cross_section_mm2: 20.5}
       - {files: [schub_1.csv], kind: pure_shear, gauge_length_mm: 15, cross_section_mm2: 200}
 
-`config/mappings/` has ten to start from; `gelforge init` copies them. What each key means, its unit or values, its default:
+`gelforge init STUDY` writes a commented one, `data/STUDY/materials/mapping.yaml`, and copies ten examples to
+`config/mappings/`. What each key means, its unit or values, its default:
 
 | key | meaning | unit or values | default | example |
 |---|---|---|---|---|
