@@ -49,6 +49,7 @@ notebooks: $(READY)
 generated: $(READY)
 	$(BIN)/python -c 'import json; from gelforge.config import schema; print(json.dumps(schema(), indent=2))' > config/schema.json
 	$(BIN)/python -m gelforge.mechanics.laws.table
+	$(BIN)/python -m gelforge.config.foreign.mapping_table
 	$(BIN)/python -m gelforge.mismatch.summary.effects_table
 	$(BIN)/python -m validation trust
 

@@ -140,7 +140,9 @@ class World:
 
     @cached_property
     def recorded(self) -> tuple[Study, list[Path]]:
-        return load_study(self.recorded / "study.yaml"), sorted((self.recorded / "dataset").glob("shard-*.h5"))
+        return load_study(self.recorded / "study.yaml"), sorted(
+            (self.recorded / "dataset").glob("shard-*.h5")
+        )
 
     @cached_property
     def drawn(self) -> tuple[Study, list[Path]]:
@@ -213,7 +215,9 @@ def main() -> None:
     )
     parser.add_argument("--recorded", type=Path, default=Path("results/benchmark"))
     parser.add_argument("--simulated", type=Path, default=Path("results/simulated"))
-    parser.add_argument("--data", type=Path, default=Path("data/benchmark"), help="with the virtual lab's truth")
+    parser.add_argument(
+        "--data", type=Path, default=Path("data/benchmark"), help="with the virtual lab's truth"
+    )
     parser.add_argument(
         "--entries", nargs="+", default=["unet", "kernel ridge", "ridge", "nearest neighbours", "mean"]
     )

@@ -22,7 +22,7 @@ PARTS = {
     "products": 500,
     "kills": 60,
     "workflow": 7,
-    "code": 42,
+    "code": 45,
 }  # subcommand, a module of fault_kinds: faults by default
 
 

@@ -15,9 +15,8 @@ if TYPE_CHECKING:
     from gelforge.api.predictions import predict
     from gelforge.api.press import Pressed, Slopes, press
     from gelforge.api.recordings import judge, read_recording
-    from gelforge.api.studies import indenters, sensor, sensors
+    from gelforge.api.studies import indenters, load_study, sensor, sensors
     from gelforge.cli.notebook import require, run
-    from gelforge.config import load_study
     from gelforge.learning.basis.rows import load_dataset
     from gelforge.learning.basis.torch_press import TorchForces
 
@@ -33,7 +32,7 @@ _DEFINED_IN = {
     "indenters": "gelforge.api.studies",
     "judge": "gelforge.api.recordings",
     "load_dataset": "gelforge.learning.basis.rows",
-    "load_study": "gelforge.config",
+    "load_study": "gelforge.api.studies",
     "predict": "gelforge.api.predictions",
     "press": "gelforge.api.press",
     "press_slopes": "gelforge.api.differentiable",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +19,15 @@ from gelforge.units import looks_like_a_unit, unit_named
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+SEPARATORS = {  # sign: its name, and the value of the key `separator` where there is one
+    ";": ("semicolon", "';'"),
+    "\t": ("tab", "tab"),
+    "|": ("vertical bar", None),
+    ",": ("comma", "','"),
+    " ": ("space", "space"),
+}
 
 
 class TableError(ValueError):
@@ -178,28 +188,54 @@ def _split(
             f"{path}, row {start + reader.line_num}: {error}; look for a quotation mark that is not closed"
         ) from None
     rows = [(line, cells) for line, cells in rows if any(cells)]
+    if separator == " ":  # several count as one, so those at the end of a line move nothing
+        rows = [(line, _without_trailing(cells)) for line, cells in rows]
     if not form.header:
         rows.insert(0, (start + 1, [str(i + 1) for i in range(form.columns or len(rows[0][1]))]))
-    header = _without_trailing(rows[0][1])
+    named, header = len(rows[0][1]), _without_trailing(rows[0][1])
     rows[0] = (rows[0][0], header)
     missing = [name for name in needed if name not in header]
     if missing:
+        remedy = _other_separator(lines, header, separator, form, needed)
         raise TableError(
-            f"{path}, row {start + 1}: columns {missing} are missing; found {_few(header)}, name them so in the header"
-            " or add them"
+            f"{path}, row {start + 1}: columns {missing} are missing; found {_few(header)}"
+            f"{remedy or ', name them so in the header or add them'}"
         )
     twice = sorted({name for name in header if header.count(name) > 1})
     if twice:
         raise TableError(f"{path}, row {start + 1}: columns {_few(twice)} are there twice; rename one")
-    for i, (line, cells) in enumerate(rows[1:], 1):
-        if len(cells) > len(header) and not any(cells[len(header) :]):  # separators at the end of the row
-            rows[i] = (line, cells[: len(header)])
-        elif len(cells) != len(header):
-            raise TableError(
-                f"{path}, row {line}: {len(cells)} values for {len(header)} columns; complete the row"
-                " (decimal commas need semicolons between the values)"
-            )
+    _check_lengths(path, header, rows, named, form)
+    rows[1:] = [(line, cells[: len(header)]) for line, cells in rows[1:]]
     return header, form.decimal or (".," if separator == ";" else "."), rows
+
+
+def _other_separator(
+    lines: list[str], header: list[str], used: str, form: CsvForm, needed: Sequence[str]
+) -> str:
+    """Return what to do where the values seem to be separated by another sign than the one used; "" where not.
+
+    A sign is named by which a line holds all columns needed or, of a table of one column, that stands equally often in most
+    lines from the first that has it.
+    """
+    others = [sign for sign in SEPARATORS if sign != used]
+    found = next((s for s in others if any(_names_all(line, s, needed) for line in lines)), None)
+    if found is None:
+        found = max(others, key=lambda sign: _regular(lines, sign))
+        if len(header) > 1 or not _regular(lines, found):
+            return ""
+    name, key = SEPARATORS[found]
+    seen = f"{' in one column' if len(header) == 1 else ''}: the values seem to be separated by {name}s"
+    if form.separator is None or key is None:
+        return f"{seen}, save the table with commas or semicolons"
+    return f"{seen}, set `separator: {key}` in `table`"
+
+
+def _regular(lines: list[str], sign: str) -> int:
+    """Return in how many lines a sign stands as often as in most of those that have it; 0 unless that is most lines."""
+    counts = [line.count(sign) for line in lines if line.strip()]
+    first = next((i for i, count in enumerate(counts) if count), len(counts))
+    alike = Counter(count for count in counts[first:] if count).most_common(1)
+    return alike[0][1] if alike and alike[0][1] > len(counts[first:]) / 2 else 0
 
 
 def _header_line(path: Path, lines: list[str], form: CsvForm, needed: Sequence[str]) -> int:
@@ -219,9 +255,10 @@ def _header_line(path: Path, lines: list[str], form: CsvForm, needed: Sequence[s
         if start is None:
             raise TableError(f"{path}: no header line; the first line that is no comment names the columns")
         return start
-    if start is not None and _names_all(lines[start], form, needed):
+    separator = form.separator or ","
+    if start is not None and _names_all(lines[start], separator, needed):
         return start
-    elsewhere = [i for i, line in enumerate(lines) if _names_all(line, form, needed)]
+    elsewhere = [i for i, line in enumerate(lines) if _names_all(line, separator, needed)]
     if len(elsewhere) > 1:
         raise TableError(
             f"{path}, rows {elsewhere[0] + 1} and {elsewhere[1] + 1}: both name the columns {_few(needed)}; say with"
@@ -234,15 +271,38 @@ def _header_line(path: Path, lines: list[str], form: CsvForm, needed: Sequence[s
     return start
 
 
-def _names_all(line: str, form: CsvForm, needed: Sequence[str]) -> bool:
+def _names_all(line: str, separator: str, needed: Sequence[str]) -> bool:
     if not all(name in line for name in needed):
         return False
-    separator = form.separator or ","
     try:
         cells = next(csv.reader([line], delimiter=separator, skipinitialspace=separator == " "), [])
     except csv.Error:
         return False
     return set(needed) <= {cell.strip() for cell in cells}
+
+
+def _check_lengths(path: Path, header: list[str], rows: list, named: int, form: CsvForm) -> None:
+    """Refuse rows of fewer or more cells than the header; named: cells of its line, with the empty ones at its end.
+
+    More cells are separators at the end of a row, and harmless, if the header or every row has them. In one row they may be
+    one separator too many farther left, which moves all values that follow into the next column.
+    """
+    below = (
+        rows[2:] if form.header and form.units_row is not False else rows[1:]
+    )  # a row of units may be shorter
+    usual = min((len(cells) for _, cells in below), default=named)
+    for line, cells in rows[1:]:
+        if len(cells) < len(header) or any(cells[len(header) :]):
+            raise TableError(
+                f"{path}, row {line}: {len(cells)} values for {len(header)} columns; complete the row"
+                " (decimal commas need semicolons between the values)"
+            )
+        if len(cells) > max(named, usual):
+            raise TableError(
+                f"{path}, row {line}: {len(cells)} cells for {len(header)} columns, where other rows have"
+                f" {min(len(cells) for _, cells in rows[1:])}: one separator too many moves values into the next column;"
+                " remove it, or end every row with it"
+            )
 
 
 def _without_trailing(cells: list[str]) -> list[str]:

@@ -1,5 +1,7 @@
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gelforge.csv_table import CsvForm, TableError, read_comments, read_csv
 
@@ -72,3 +74,65 @@ def test_other_encodings_and_missing_files_are_named(tmp_path):
         read_csv(written(tmp_path, "µ,b\n1,2\n", "latin-1"))
     with pytest.raises(TableError, match=r"nowhere\.csv: no such file"):
         read_csv(tmp_path / "nowhere.csv")
+
+
+CELLS = st.lists(
+    st.lists(st.sampled_from(["", "1", "2.5", "x"]), min_size=3, max_size=3), min_size=2, max_size=5
+)
+
+
+@given(
+    CELLS.map(lambda rows: [["1", *row] for row in rows]),
+    st.data(),
+    st.sampled_from(",;\t"),
+    st.integers(0, 2),
+    st.booleans(),
+)
+def test_a_separator_too_many_in_one_row_is_refused_and_in_all_rows_ignored(
+    tmp_path_factory, rows, data, separator, trailing, in_header
+):
+    """Whatever the cells: no value ever lands in another column without a word."""
+    path = tmp_path_factory.mktemp("table") / "table.csv"
+    header = ["a", "b", "c", "d"]
+    end = [""] * trailing
+
+    def read(rows):
+        lines = [header + (end if in_header else []), *(row + end for row in rows)]
+        path.write_text("".join(separator.join(cells) + "\n" for cells in lines))
+        return read_csv(path, form=CsvForm(separator=separator))
+
+    assert [list(row) for row in read(rows).to_numpy()] == rows  # the same surplus in all rows
+    at = data.draw(st.integers(0, len(rows) - 1))
+    before = data.draw(st.integers(0, 4))
+    shifted = [*rows[at][:before], "", *rows[at][before:]]
+    with pytest.raises(TableError, match=rf"row {at + 2}: {5 + trailing} (cells|values) for 4 columns"):
+        read([*rows[:at], shifted, *rows[at + 1 :]])
+
+
+def test_spaces_at_the_end_of_some_rows_move_nothing(tmp_path):
+    table = read_csv(written(tmp_path, "a b\n1  2 \n3 4\n"), numbers=["a", "b"], form=CsvForm(separator=" "))
+    assert table["b"].tolist() == [2.0, 4.0]
+
+
+def test_a_row_of_units_may_lack_the_separators_at_the_end_of_the_rows_below(tmp_path):
+    text = "a,b\nmm,N\n1,2,\n3,4,\n"
+    table = read_csv(written(tmp_path, text), numbers=["a", "b"], form=CsvForm(units_row=None))
+    assert table["b"].tolist() == [2.0, 4.0]
+
+
+@pytest.mark.parametrize(
+    ("text", "form", "remedy"),
+    [
+        ("a\tb\n1\t2\n3\t4\n", CsvForm(), "separated by tabs, save the table with commas or semicolons"),
+        ("a;b\n1,5;2\n3,5;4\n", CsvForm(separator=","), r"separated by semicolons, set `separator: ';'`"),
+        ("Report\nprobe\n\na\tb\n1\t2\n3\t4\n", CsvForm(separator=",", find_header=True), "separator: tab"),
+        ("Zeit;Weg, mm\n1;2\n3;4\n", CsvForm(separator="\t"), r"in one column: .* `separator: ';'`"),
+        ("t\n1\n2\n", CsvForm(), "found \\['t'\\], name them so in the header"),
+        ("a b c\n1 2 3\n", CsvForm(separator=","), "separator: space"),
+        ("a|b\n1|2\n", CsvForm(separator=","), "separated by vertical bars, save the table with commas"),
+        ("x;a;b\n0;1;2\n", CsvForm(separator=",", comment=""), "separated by semicolons"),
+    ],
+)
+def test_a_table_of_one_column_says_which_separator_it_seems_to_have(tmp_path, text, form, remedy):
+    with pytest.raises(TableError, match=rf"row \d: columns .* are missing.*{remedy}"):
+        read_csv(written(tmp_path, text), numbers=["a", "b"], form=form)

@@ -79,11 +79,11 @@ def test_independent_errors_are_added_in_squares():
 @pytest.mark.parametrize(
     ("at", "blocks", "words"),
     [
-        ([], {}, "positive and increase"),
+        ([], {}, r"depths_mm=\[\]"),
         ([0.5, 0.4], {}, r"depths_mm \[0.5, 0.4\]"),
         ([0.5], {"indenter": {"radius": 3}}, "gelforge.press: indenter.radius, found 3: unknown key"),
         ([0.5], {"materials": {}}, "gel"),
-        ([0.5], {"sensor": "nowhere.yaml"}, "nowhere.yaml: no such file"),
+        ([0.5], {"sensor": "nowhere.yaml"}, "nowhere.yaml': no such file"),
     ],
 )
 def test_what_cannot_be_pressed_is_refused_before_anything_is_solved(at, blocks, words):

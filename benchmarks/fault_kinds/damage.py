@@ -88,9 +88,20 @@ def _changed(path: Path, change: Callable[[h5py.File], str], sealed: bool = Fals
     return what
 
 
+def _drawn(
+    file: h5py.File, rng: np.random.Generator, of: Callable[[h5py.Dataset], bool] | None = None
+) -> str:
+    """Return the name of a dataset, in whatever group; "" where there is none."""
+    names: list[str] = []
+    file.visititems(lambda name, item: names.append(name) if isinstance(item, h5py.Dataset) else None)
+    names = sorted(name for name in names if of is None or of(file[name]))
+    return names[int(rng.integers(len(names)))] if names else ""
+
+
 def missing_dataset(path: Path, rng: np.random.Generator) -> str:
     def change(file):
-        name = sorted(file)[int(rng.integers(len(file)))]
+        if not (name := _drawn(file, rng)):
+            return ""
         del file[name]
         return f"without {name}"
 
@@ -99,20 +110,23 @@ def missing_dataset(path: Path, rng: np.random.Generator) -> str:
 
 def reshaped_dataset(path: Path, rng: np.random.Generator) -> str:
     def change(file):
-        name = sorted(file)[int(rng.integers(len(file)))]
-        values, attributes = file[name][()], dict(file[name].attrs)
+        if not (name := _drawn(file, rng)):
+            return ""
+        data = file[name]
+        values, dtype, attributes = np.asarray(data[()]), data.dtype, dict(data.attrs)
         del file[name]
-        file[name] = values[: len(values) // 2] if rng.integers(2) else values.ravel()
-        file[name].attrs.update(attributes)
-        return f"{name} of shape {file[name].shape} instead of {values.shape}"
+        halved = values.ndim == 1 or (values.ndim and rng.integers(2))  # a row cannot be flattened
+        changed = values[: len(values) // 2] if halved else values.ravel()
+        file.create_dataset(name, data=changed, dtype=dtype).attrs.update(attributes)
+        return f"{name} of shape {changed.shape} instead of {values.shape}"
 
     return _changed(path, change)
 
 
 def other_values(path: Path, rng: np.random.Generator) -> str:
     def change(file):
-        names = [name for name in sorted(file) if file[name].dtype.kind == "f" and file[name].size]
-        name = names[int(rng.integers(len(names)))]
+        if not (name := _drawn(file, rng, lambda data: data.dtype.kind == "f" and data.size)):
+            return ""
         file[name][...] = file[name][()] * 1.01
         return f"{name} is 1 % larger"
 

@@ -169,6 +169,15 @@ def decimal_comma(table: Table, rng) -> Mutant:
     return Mutant(table.text(rows=rows, separator=separator), f"decimal commas, separated by {separator!r}")
 
 
+def separator_too_many(table: Table, rng) -> Mutant:
+    row, before = int(rng.integers(len(table.rows))), int(rng.integers(len(table.header) + 1))
+    rows = [list(cells) for cells in table.rows]
+    rows[row].insert(before, "")
+    return Mutant(
+        table.text(rows=rows), f"a separator too many in row {row}, before cell {before}", len(rows) == 1
+    )
+
+
 def damaged(table: Table, rng) -> Mutant:
     content = bytearray(table.text())
     at = int(rng.integers(len(content)))
@@ -190,5 +199,6 @@ MUTATIONS: dict[str, Callable[[Table, np.random.Generator], Mutant]] = {
     "truncated": truncated,
     "encoding": encoding,
     "decimal comma": decimal_comma,
+    "separator too many": separator_too_many,
     "byte inserted": damaged,
 }

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gelforge.api import arguments
 from gelforge.api.materials import Fitted
 from gelforge.api.press import Described, described_study, known_materials
+from gelforge.api.printed import components, table
 from gelforge.config import ConfigError, Study
 
 if TYPE_CHECKING:
@@ -34,6 +36,16 @@ class PressSlopes:
     bin_force_N: np.ndarray  # (D, B, 3)
     total_slope: dict[str, np.ndarray]  # (D, 3) [N per unit]
     bin_slope: dict[str, np.ndarray]  # (D, B, 3) [N per unit]
+
+    def __repr__(self) -> str:
+        shown = {"force [N]": self.total_force_N[-1]}
+        for name, slope in self.total_slope.items():
+            shown[f"d/d {name} [{'N/mm' if name in PLACE else 'N per unit'}]"] = slope[-1]
+        rows = [[name, *components(values, np.abs(values).max())] for name, values in shown.items()]
+        return (
+            f"PressSlopes: total force on the sensor at {self.depth_mm[-1]:.4g} mm, the last of {len(self.depth_mm)} steps\n"
+            f"{table(['', 'Fx', 'Fy', 'Fz'], rows)}\n  forces of {self.bin_force_N.shape[1]} bins in bin_force_N, bin_slope"
+        )
 
 
 def press_slopes(
@@ -102,12 +114,15 @@ def press_slopes(
     from gelforge.indentation.solving.sensitivities import derivatives
     from gelforge.laws_of_study import laws_and_doubts
 
-    if steps < 1 or not depth_mm > 0:
-        raise ConfigError(
-            f"depth_mm {depth_mm:g} in {steps} steps: a positive depth and one step or more are needed"
-        )
-    amounts = dict(effects or {})
-    wanted = [*PLACE, *amounts] if along is None else list(along)
+    x_mm, y_mm, depth_mm = (
+        arguments.number(*one) for one in (("x_mm", x_mm), ("y_mm", y_mm), ("depth_mm", depth_mm))
+    )
+    steps = arguments.whole("steps", steps)
+    if not depth_mm > 0:
+        raise ConfigError(f"depth_mm={depth_mm:g}: a depth above 0 is needed")
+    given = {} if effects is None else arguments.mapping("effects", effects, "{'gel_stiffness': 0.1}")
+    amounts = {name: arguments.number(f"effects[{name!r}]", amount) for name, amount in given.items()}
+    wanted = [*PLACE, *amounts] if along is None else arguments.names("along", along)
     described = described_study(study, sensor, indenter, materials, mechanics, ())
     _check(described, amounts, wanted)
     forces_only = described.mechanics.model_copy(update={"store_displacement": False})

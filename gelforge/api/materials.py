@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 
+from gelforge.api import arguments
+from gelforge.api.printed import with_error
 from gelforge.config import ConfigError, Fitting, section_from
 
 if TYPE_CHECKING:
@@ -29,10 +34,27 @@ class Fitted:
     effects: pd.DataFrame  # what the tests say of rate, cycles, age, temperature
     warnings: tuple[str, ...]  # what must be known before the model is used
 
+    def __repr__(self) -> str:
+        law = self.law
+        tests = ", ".join(f"{test} {count}" for test, count in (law.samples or {}).items())
+        lines = [
+            f"Fitted: {law.family.name}, E = {self.youngs_modulus_kPa:.4g} kPa; {law.material}, specimens: {tests}",
+            f"  standard errors from {law.covariance_from}",
+        ]
+        errors = [None] * len(law.values) if law.covariance is None else np.sqrt(np.diag(law.covariance))
+        for name, value, error in zip(law.parameters, law.values, errors):
+            unit = "" if law.family.unit(name) == "1" else f" {law.family.unit(name)}"
+            number = "0, at its bound" if value == 0 and error == 0 else with_error(value, error) + unit
+            lines.append(f"  {name.removesuffix('_kPa')} = {number}")
+        if law.r2_nominal:
+            lines.append("  R2 " + ", ".join(f"{test} {r2:.4f}" for test, r2 in law.r2_nominal.items()))
+        lines += [f"  ! {shorten(text, 160)}" for text in self.warnings]
+        return "\n".join(lines)
+
     @property
     def model(self) -> str:
-        """The name of the chosen constitutive model."""
-        return str(self.law.law.name)
+        """The name of the chosen constitutive model, as `models` takes it."""
+        return self.law.family.name
 
     @property
     def youngs_modulus_kPa(self) -> float:
@@ -70,7 +92,7 @@ def fit(
     models : sequence of str
         Models to be fitted: neo_hooke, mooney_rivlin, yeoh, gent, ogden1 to ogden4.
     mapping : path, optional
-        YAML file that says what files of another form hold (docs/material-characterisation.md).
+        YAML file that says what files of another form hold (docs/material-mappings.md).
     choose : str
         How one is chosen: aicc (information criterion), held_out (prediction of tests left out) or first.
     loss : str
@@ -98,9 +120,11 @@ def fit(
     from gelforge.materials.characterise import fits_of, inputs_of, material_law, parameters_table
     from gelforge.materials.readers.material_source import read_sources
 
-    keys = {"laws": list(models), "choose": choose, "loss": loss}
+    keys = {"laws": arguments.names("models", models), "choose": choose, "loss": loss}
     fitting = section_from(Fitting, keys, "gelforge.fit")
-    sources = read_sources([Path(tests)], None if mapping is None else Path(mapping))
+    folder = arguments.path("tests", tests, "a folder with samples.csv, or of files that a mapping describes")
+    declared = None if mapping is None else arguments.path("mapping", mapping, "a mapping's YAML file")
+    sources = read_sources([folder], declared)
     if len(sources) != 1:
         names = ", ".join(source.name for source in sources) or "none"
         raise ConfigError(f"{tests}: tests of one material are needed, found {names}; name the folder of one")
@@ -108,8 +132,11 @@ def fit(
     found = fits_of(source, fitting)
     comparison = found.comparison
     assert comparison is not None, "fits_of raises where nothing is fitted"
+    for text in comparison.fallback:
+        warnings.warn(text, stacklevel=2)
+    notes = (*comparison.fallback, *found.notes)
     law = material_law(
-        source.name, comparison.chosen.fitted, inputs_of(source, fitting), source.synthetic, found.notes
+        source.name, comparison.chosen.fitted, inputs_of(source, fitting), source.synthetic, notes
     )
     return Fitted(
         law,

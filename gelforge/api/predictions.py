@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gelforge.api import arguments
+
 if TYPE_CHECKING:
     from gelforge.learning.deployment.predictor import Prediction
 
@@ -41,5 +43,10 @@ def predict(
     from gelforge.recording.imaging.flow import read_grey
     from gelforge.recording.imaging.frames import frames
 
-    untouched = None if reference is None else read_grey(Path(reference))
-    return predict_frames(Predictor(model, threads), frames(images), untouched)
+    model = arguments.path("model", model, "model.onnx or model.pt")
+    if not isinstance(images, int):
+        images = arguments.path("images", images, "a folder of images or of a video, or a camera's number")
+    untouched = (
+        None if reference is None else read_grey(arguments.path("reference", reference, "an untouched image"))
+    )
+    return predict_frames(Predictor(model, arguments.whole("threads", threads)), frames(images), untouched)

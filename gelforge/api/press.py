@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gelforge.api import arguments
 from gelforge.api.materials import Fitted
-from gelforge.api.studies import paper_study
-from gelforge.config import ConfigError, Study, load_study, study_from
+from gelforge.api.printed import components, table, with_error
+from gelforge.api.studies import indenters, paper_study, sensors, shipped_like, study_of
+from gelforge.config import ConfigError, Study, study_from
 from gelforge.config.basis.common import Section
 from gelforge.config.basis.variants import merged
 
@@ -23,11 +25,15 @@ Described = Section | Mapping[str, Any]  # a block of a study: its keys, or the 
 
 @dataclass(frozen=True)
 class Slopes:
-    """How forces follow the value of one effect: derivatives [N per `unit`]."""
+    """How forces follow the value of one effect: derivatives [`unit`]."""
 
     unit: str
     total: np.ndarray  # (D, 3)
     bins: np.ndarray  # (D, B, 3)
+
+    def __repr__(self) -> str:
+        last = ", ".join(components(self.total[-1], np.abs(self.total[-1]).max()))
+        return f"Slopes: total ({last}) {self.unit} at the last step; total {self.total.shape}, bins {self.bins.shape}"
 
 
 @dataclass(frozen=True)
@@ -56,6 +62,24 @@ class Pressed:
     node_state: np.ndarray  # (D, S) [1]: 0 open, 1 stick, 2 slip
     slopes: dict[str, Slopes]  # by effect, of those that were asked for
     cell: Cell  # everything else that is known; gelforge.indentation.cells.cell_file.write_cell writes it
+
+    def __repr__(self) -> str:
+        largest = float(np.abs(self.total_force_N).max(initial=0.0))
+        forces = [components(force, largest) for force in self.total_force_N]
+        if self.total_sigma_N is not None:
+            pairs = zip(self.total_force_N, self.total_sigma_N)
+            forces = [list(map(with_error, force, sigma)) for force, sigma in pairs]
+        rows = [
+            [f"{depth:.4g}", phase, *force] for depth, phase, force in zip(self.depth_mm, self.phase, forces)
+        ]
+        head = ["depth_mm", "phase", *(f"F{axis} [N]" for axis in "xyz")]
+        error = "" if self.total_sigma_N is None else " +- standard deviation"
+        slopes = f"; slopes along {', '.join(self.slopes)}" if self.slopes else ""
+        return (
+            f"Pressed: total force on the sensor{error}\n{table(head, rows)}\n"
+            f"  {self.bin_force_N.shape[1]} bins (bin_force_N, ...), {len(self.node_xy_mm)} nodes (node_normal_N, ...)"
+            f"{slopes}"
+        )
 
     @classmethod
     def of(cls, cell: Cell) -> Pressed:
@@ -97,7 +121,7 @@ def _sigma(arrays: Mapping[str, np.ndarray], of: str) -> np.ndarray | None:
 def press(
     x_mm: float,
     y_mm: float,
-    depths_mm: Sequence[float],
+    depths_mm: float | Sequence[float],
     *,
     sensor: Described | str | Path | None = None,
     indenter: Described | str | Path | None = None,
@@ -115,7 +139,7 @@ def press(
     ----------
     x_mm, y_mm : float
         Position [mm] from the corner of the sensor's top surface.
-    depths_mm : sequence of float
+    depths_mm : float or sequence of float
         Increasing depths [mm] from the first touch; one load path runs through all of them.
     sensor, indenter, materials, mechanics : mapping, section, or path of a YAML file
         Blocks with the keys of a study's configuration (config/schema.json). Each replaces the study's own but `mechanics`,
@@ -174,12 +198,14 @@ def press(
     from gelforge.indentation.solving.companion import simulate_label
     from gelforge.laws_of_study import laws_and_doubts
 
-    depths = [float(depth) for depth in depths_mm]
-    if not depths or depths[0] <= 0 or any(b <= a for a, b in zip(depths, depths[1:])):
+    x_mm, y_mm = arguments.number("x_mm", x_mm), arguments.number("y_mm", y_mm)
+    depths = arguments.numbers("depths_mm", depths_mm)
+    shear = None if shear_mm is None else arguments.numbers("shear_mm", shear_mm, 2)
+    twist = arguments.number("twist_deg", twist_deg)
+    if depths[0] <= 0 or any(b <= a for a, b in zip(depths, depths[1:])):
         raise ConfigError(f"depths_mm {depths}: one or more depths that are positive and increase are needed")
     described = described_study(study, sensor, indenter, materials, mechanics, sensitivities)
-    shear = None if shear_mm is None else list(shear_mm)
-    planned = press_path("press", x_mm, y_mm, depths, shear, unload, twist_deg)
+    planned = press_path("press", x_mm, y_mm, depths, shear, unload, twist)
     check_inside({planned.name: planned}, described)
     cell = simulate_label(described, *laws_and_doubts(known_materials(described, materials)), planned)
     if not cell.converged:
@@ -200,21 +226,47 @@ def known_materials(study: Study, materials: Mapping[str, Described | Fitted] | 
 
 def described_study(study, sensor, indenter, materials, mechanics, sensitivities) -> Study:
     """Return a study whose blocks are those that are given, validated as a whole."""
-    base = paper_study() if study is None else study if isinstance(study, Study) else load_study(study)
-    given = {"sensor": sensor, "indenter": indenter, "mechanics": mechanics}
-    given = {key: _plain(block) for key, block in given.items() if block is not None}
+    base = paper_study() if study is None else study_of(study)
+    given = {"sensor": sensor, "indenter": indenter}
+    given = {key: _block(key, block) for key, block in given.items() if block is not None}
     if materials is not None:
-        given["materials"] = {name: _plain(material) for name, material in materials.items()}
+        example = "{'gel': gelforge.fit(folder)}"
+        by_name = arguments.mapping("materials", materials, example)
+        given["materials"] = {name: _material(name, material) for name, material in by_name.items()}
     content = base.model_dump(mode="json", exclude={"variants", "synthesis"})
-    changes = given.pop("mechanics", {}) | ({"sensitivities": list(sensitivities)} if sensitivities else {})
+    changes = {} if mechanics is None else dict(_plain("mechanics", mechanics, "{'friction': 0.5}"))
+    if sensitivities:
+        changes["sensitivities"] = arguments.names("sensitivities", sensitivities)
     content["mechanics"] = merged(content["mechanics"], changes)
     return study_from(content | given, "gelforge.press")
 
 
-def _plain(block) -> Any:
-    """Return a block's keys, or the path of its YAML file as text."""
-    if isinstance(block, Fitted):
-        return block.block
+def _block(key: str, block: Any) -> dict[str, Any] | str:
+    """Return the keys of a sensor or an indenter, or the path of its YAML file as text."""
+    if isinstance(block, Study):
+        raise ConfigError(f"{key}: a whole study; pass study=..., or its block: {key}=study.{key}")
+    if not isinstance(block, str | Path):
+        return _plain(key, block, "study.sensor" if key == "sensor" else "{'kind': 'sphere', 'radius_mm': 4}")
+    if Path(block).is_file():
+        return str(block)
+    what = "a folder" if Path(block).is_dir() else "no such file"
+    if key == "indenter":
+        remedy = f"pass keys such as {{'kind': 'sphere', 'radius_mm': 4}} (kinds: {', '.join(indenters())})"
+    else:
+        near = shipped_like(block)
+        remedy = f"for a shipped sensor pass study=gelforge.sensor({near or 'name'!r}) (there are {', '.join(sensors())})"
+    raise ConfigError(f"{key}={str(block)!r}: {what}; {remedy}, or the path of a YAML file")
+
+
+def _material(name: str, material: Any) -> dict[str, Any]:
+    """Return the keys of a material."""
+    if isinstance(material, Fitted):
+        return material.block
+    return _plain(f"materials[{name!r}]", material, "{'parameters': {'law': 'neo_hooke', 'mu_kPa': 20}}")
+
+
+def _plain(name: str, block: Any, example: str) -> dict[str, Any]:
+    """Return a block's keys; example: a block that could be passed."""
     if isinstance(block, Section):
         return block.model_dump(mode="json")
-    return str(block) if isinstance(block, str | Path) else dict(block)
+    return dict(arguments.mapping(name, block, example))

@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gelforge.config import Study, load_study
+from gelforge.api import arguments
+from gelforge.api.studies import study_of
+from gelforge.config import Study
 
 if TYPE_CHECKING:
     from gelforge.mismatch.result.verdict import Verdict
@@ -35,10 +37,11 @@ def read_recording(folder: str | Path, study: Study | str | Path | None = None) 
     from gelforge.indentation.planning.plan import plan_cells
     from gelforge.recording.readings import read_recording as read
 
+    session = arguments.path("folder", folder, "a session's folder")
     if study is None:
-        return read(folder)
-    described = study if isinstance(study, Study) else load_study(study)
-    return read(folder, plan_cells(described), described.sensor)
+        return read(session)
+    described = study_of(study)
+    return read(session, plan_cells(described), described.sensor)
 
 
 def judge(recording: str | Path, study: Study | str | Path, out: str | Path, *, workers: int = 1) -> Verdict:
@@ -72,5 +75,7 @@ def judge(recording: str | Path, study: Study | str | Path, out: str | Path, *, 
     """
     from gelforge.mismatch.pipeline.stage import judge_folder
 
-    described = study if isinstance(study, Study) else load_study(study)
-    return judge_folder(described, Path(recording), Path(out), workers=workers)
+    described = study_of(study)
+    folder = arguments.path("recording", recording, "a session's folder, or of one that holds some")
+    out = arguments.path("out", out, "a folder for the results")
+    return judge_folder(described, folder, out, workers=arguments.whole("workers", workers))

@@ -5,9 +5,11 @@ from __future__ import annotations
 from contextlib import chdir
 from difflib import get_close_matches
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
-from gelforge.config import ConfigError, Indenter, Study, load_study
+from gelforge import config
+from gelforge.api import arguments
+from gelforge.config import ConfigError, Indenter, Study
 from gelforge.shipped import EXAMPLES
 
 SMOKE = Path("config/smoke")
@@ -42,17 +44,51 @@ def sensor(name: str) -> Study:
     """
     names = sensors()
     if name not in names:
-        near = get_close_matches(name.lower().replace("-", "_"), names, n=1, cutoff=0.4)
-        hint = f"did you mean {near[0]}? " if near else ""
+        near = shipped_like(name)
+        hint = f"did you mean {near}? " if near else ""
         raise ConfigError(f"{name!r} is no sensor that is shipped; {hint}there are {', '.join(names)}")
     with chdir(EXAMPLES):
-        return load_study(SMOKE / f"{name}.yaml")
+        return config.load_study(SMOKE / f"{name}.yaml")
+
+
+def shipped_like(name: Any) -> str:
+    """Return the shipped sensor with the nearest name; "" where none is near."""
+    near = get_close_matches(str(name).lower().replace("-", "_"), sensors(), n=1, cutoff=0.4)
+    return near[0] if near else ""
+
+
+def load_study(path: str | Path) -> Study:
+    """Return the validated study that a YAML file describes.
+
+    Raises
+    ------
+    ConfigError
+        A file that is missing or no study; every wrong key with its value, the limit and the remedy.
+    """
+    found = arguments.path("path", path, "a study's YAML file")
+    if not found.exists() and not found.suffix and (near := shipped_like(path)):
+        raise ConfigError(
+            f"{path}: no such file; for the shipped sensor {near} take gelforge.sensor({near!r})"
+        )
+    return config.load_study(found)
+
+
+def study_of(study: Any) -> Study:
+    """Return a study that is given as it is, or as the path of its YAML file."""
+    if isinstance(study, Study):
+        return study
+    if not isinstance(study, str | Path):
+        raise ConfigError(
+            f"study={arguments.shown(study)}: pass a study (gelforge.sensor('digit'), gelforge.load_study(path)) or the path"
+            " of its YAML file"
+        )
+    return load_study(study)
 
 
 def paper_study() -> Study:
     """Return the article's sensor with its published laws, as config/paper.yaml among the examples describes it."""
     with chdir(EXAMPLES):
-        return load_study("config/paper.yaml")
+        return config.load_study("config/paper.yaml")
 
 
 def indenters() -> list[str]:

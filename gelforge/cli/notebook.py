@@ -35,6 +35,8 @@ def run(command: str, quiet: bool = False) -> None:
     Example: run("gelforge check mine"). Raises NotebookStop where the command is another one, lacks its extra, or fails:
     then with its last line.
     """
+    if not isinstance(command, str):
+        raise NotebookStop(f'{command!r}: a command as text is needed, such as "gelforge check mine"')
     program, *arguments = shlex.split(command) or [""]
     if program not in PROGRAMS:
         raise NotebookStop(f"{program!r} is not run from here; {' and '.join(PROGRAMS)} are")

@@ -307,7 +307,11 @@ def _write_laws(
     for candidate in (c for c in comparison.candidates if c.fit):
         chosen = candidate is comparison.chosen
         path = folder / ("law.json" if chosen else f"laws/{candidate.name}.json")
-        kept = (*notes, *comparison.misfit, *comparison.identifiability) if chosen else notes
+        kept = (
+            (*comparison.fallback, *notes, *comparison.misfit, *comparison.identifiability)
+            if chosen
+            else notes
+        )
         law = material_law(source.name, candidate.fitted, inputs, source.synthetic, kept)
         write_law(path, replace(law, study=source.study))
         others += [] if chosen else [path]

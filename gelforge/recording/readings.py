@@ -6,6 +6,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from textwrap import shorten
 
 import numpy as np
 import pandas as pd
@@ -49,6 +50,32 @@ class Recording:
     excluded_images: Mapping[str, int] = field(default_factory=dict)  # at depth, by indentation
     cells: Mapping[str, PlannedCell] = field(default_factory=dict)  # the plan that presses were joined to
 
+    def __repr__(self) -> str:
+        table, synthetic = self.readings, ", SYNTHETIC" if self.session.synthetic else ""
+        images = int((table["image"] != "").sum())
+        lines = [
+            f"Recording {self.session.session}{synthetic}: {table['press'].nunique()} indentations, {len(table)} readings,"
+            f" {images} images; depth to {table['depth_mm'].max():.4g} mm"
+        ]
+        forces = (f"{name} {table[name].min():.4g} to {table[name].max():.4g} N" for name in FORCE)
+        return "\n".join(
+            [
+                *lines,
+                "  " + ", ".join(forces),
+                *(f"  ! {shorten(line, 160)}" for line in self.findings.lines()),
+            ]
+        )
+
+
+def _no_session(folder: Path) -> str:
+    """Return what to do about a path that is no session's folder."""
+    if not folder.is_dir():
+        what = "a file" if folder.exists() else "no such folder"
+        return f"{folder}: {what}; name a session's folder, with session.yaml and indentations.csv in it"
+    below = sorted(found.parent.name for found in folder.glob("*/session.yaml"))
+    other = f"name one of the sessions in this folder ({', '.join(below[:5])}), or " if below else ""
+    return f"{folder / 'session.yaml'}: missing; {other}describe the session (see docs/file-formats.md)"
+
 
 def read_recording(
     folder: str | Path, cells: Mapping[str, PlannedCell] | None = None, sensor: Sensor | None = None
@@ -62,9 +89,7 @@ def read_recording(
     """
     folder = Path(folder)
     if not (folder / "session.yaml").is_file():
-        raise RecordingError(
-            f"{folder / 'session.yaml'}: missing; describe the session (see docs/file-formats.md)"
-        )
+        raise RecordingError(_no_session(folder))
     session = load_session(folder / "session.yaml")
     if session.session != folder.resolve().name:
         raise RecordingError(

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from gelforge.cli.study.mapping_template import example_mappings, mapping_files
 from gelforge.cli.study.new_study import new_study_files
-from gelforge.cli.study.shipped_sensors import mapping_files, sensor_files, study_of_sensor
+from gelforge.cli.study.shipped_sensors import sensor_files, study_of_sensor
 from gelforge.cli.study.working_folder import make_runnable, write_examples, write_shipped
 from gelforge.config import NAME, ConfigError
 from gelforge.files import write_text
@@ -21,16 +22,15 @@ def init(study: str, sensor: str | None) -> None:
     if not NAME.fullmatch(study):
         raise ConfigError(f"{study!r} is not a name; use letters, digits, '_' and '-'")
     files = study_of_sensor(study, sensor) if sensor else new_study_files(study)
+    files |= mapping_files(study)
     existing = [str(path) for path in files if path.exists()]
     if existing:
         raise ConfigError(f"{', '.join(existing)} exist(s) already; choose another name or delete them")
     for path, text in files.items():
         write_text(path, text)
         print(path)
-    for path in [
-        *write_shipped([*(sensor_files(sensor) if sensor else []), *mapping_files()]),
-        *make_runnable(study),
-    ]:
+    shipped = [*(sensor_files(sensor) if sensor else []), *example_mappings()]
+    for path in [*write_shipped(shipped), *make_runnable(study)]:
         print(path)
     if sensor:
         print(f"labels only, ready: gelforge check {study}, then: snakemake --cores 2{choice_of(study)}")

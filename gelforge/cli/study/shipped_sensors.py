@@ -14,7 +14,6 @@ from gelforge.config import Study, load_study
 from gelforge.shipped import EXAMPLES
 
 CAMERAS = Path("config/cameras")
-MAPPINGS = Path("config/mappings")
 PLAN_KEY = re.compile(r"^plan:[^\n]*", re.MULTILINE)
 NO_CAMERA = "camera: null # none is known of this sensor; docs/cameras.md has how to describe yours\n"
 
@@ -23,11 +22,6 @@ def sensor_files(sensor: str) -> list[Path]:
     """Return the files that describe a shipped sensor: its YAML file and its surfaces."""
     surfaces = shipped_study(sensor).sensor.shape.files.values()
     return [Path(f"config/sensors/{sensor}.yaml"), *surfaces]
-
-
-def mapping_files() -> list[Path]:
-    """Return the shipped mappings of material tests: examples of how a laboratory's tables are described."""
-    return sorted(path.relative_to(EXAMPLES) for path in (EXAMPLES / MAPPINGS).glob("*.yaml"))
 
 
 def study_of_sensor(study: str, sensor: str) -> dict[Path, str]:

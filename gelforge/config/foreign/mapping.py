@@ -116,9 +116,10 @@ class Column(Section):
 class Strain(Column):
     """What the file calls a strain."""
 
-    unit: str = "1"
+    unit: str = Field("1", description="unit of the values in the file")
     measure: Literal["stretch", "engineering", "true", "shear", "displacement", "gap"] = Field(
-        description="gap: distance between the plates, its first value is the gauge length unless that is given"
+        description="what the column holds; gap: distance between the plates, its first value is the gauge length unless"
+        " that is given"
     )
 
     @model_validator(mode="after")
@@ -131,7 +132,7 @@ class Stress(Column):
     """What the file calls a stress."""
 
     measure: Literal["nominal", "cauchy", "cauchy_difference", "force", "inflation"] = Field(
-        description="cauchy_difference: sigma_1 - sigma_2; inflation: pressure inside a membrane"
+        description="what the column holds; cauchy_difference: sigma_1 - sigma_2; inflation: pressure inside a membrane"
     )
     at: Strain | None = Field(None, description="own stretch of this stress, where it is not that of the row")
 
@@ -144,7 +145,7 @@ class Stress(Column):
 class Time(Column):
     """The time column."""
 
-    unit: str = "s"
+    unit: str = Field("s", description="unit of the values in the file")
     restarts_with: str | None = Field(
         None, description="column in whose every new value the time begins at 0 again"
     )
@@ -161,7 +162,10 @@ class Lateral(Section):
 class FromName(Section):
     """Values that a file's name holds; read only where this is declared."""
 
-    pattern: str = Field(description="regular expression on the name without suffix, with named groups")
+    pattern: str = Field(
+        description="regular expression on the name without suffix; named groups: sample, material, rate_per_s, age_days,"
+        " temperature_C, dose, cycle"
+    )
     decimal: str = Field(".", description="stands for the decimal point in the name, e.g. d in 0d05")
 
     @model_validator(mode="after")
@@ -236,24 +240,30 @@ class TestMapping(Section):
     table: TableForm = Field(TableForm(), description="how the table is written")
     rows: list[Rows] = Field([], description="which rows are read, e.g. those of one cycle; none: all")
     material: Name | None = Field(None, description="name of the material")
-    strain: Strain | None = None
-    stress: Stress | None = None
-    lateral: Lateral | None = None
-    time: Time | None = None
+    strain: Strain | None = Field(
+        None, description="what the test machine moved, or a strain measured beside it"
+    )
+    stress: Stress | None = Field(None, description="its answer, a stress or a force")
+    lateral: Lateral | None = Field(None, description="biaxial: the second in-plane direction")
+    time: Time | None = Field(None, description="time of the rows; needed for rates, holds and cycles")
     radius: Column | None = Field(None, description="radius of curvature at the apex of a membrane")
     height: Column | None = Field(None, description="indentation: position, growing with depth once signed")
     force: Column | None = Field(None, description="indentation or first load cell")
     force_2: Column | None = Field(None, description="second load cell")
     rate: Column | None = Field(None, description="column with the stretch rate of the loading")
-    temperature: Column | None = None
+    temperature: Column | None = Field(None, description="column with the temperature of the specimen")
     also: list[Strain | Stress] = Field([], description="the same test in other measures: must agree")
     split: str | None = Field(None, description="column whose every value is a sample of its own")
     segment: str | None = Field(None, description="column that names the segments, or places of a force pair")
-    from_name: FromName | None = None
-    gauge_length_mm: Positive | None = None
-    cross_section_mm2: Positive | None = None
+    from_name: FromName | None = Field(None, description="values that the file's name holds")
+    gauge_length_mm: Positive | None = Field(
+        None, description="undeformed length between clamps or marks; needed with measure displacement"
+    )
+    cross_section_mm2: Positive | None = Field(
+        None, description="undeformed width times thickness; needed with measure force"
+    )
     thickness_mm: Positive | None = Field(None, description="membrane: undeformed thickness")
-    ball_radius_mm: Positive | None = None
+    ball_radius_mm: Positive | None = Field(None, description="indentation: radius of the ball")
     layer_thickness_mm: Positive | None = Field(
         None, description="indentation: thickness on a rigid base; null: half space"
     )
@@ -263,8 +273,8 @@ class TestMapping(Section):
     )
     spring_constant_N_per_m: Positive | None = Field(None, description="AFM: bending F/k leaves the depth")
     rate_per_s: Positive | None = Field(None, description="stretch rate of the loading, as declared")
-    age_days: float | None = None
-    temperature_C: float | None = None
+    age_days: float | None = Field(None, description="age of the specimen since curing")
+    temperature_C: float | None = Field(None, description="temperature of the specimen")
     plausible_shear_modulus_kPa: tuple[Positive, Positive] = Field(
         (0.5, 5000.0), description="outside, a unit must be wrong; narrow it where the material is known"
     )
@@ -272,7 +282,9 @@ class TestMapping(Section):
         (1e-5, 1e6), description="indentation: range of force over travel; outside, a unit must be wrong"
     )
     plausible_force_N: tuple[Positive, Positive] = Field((1e-3, 1e4), description="load cells: largest force")
-    corrections: Corrections = Corrections()
+    corrections: Corrections = Field(
+        Corrections(), description="what is changed in the curves; the rest is only reported"
+    )
 
     @model_validator(mode="after")
     def _complete(self):
@@ -316,7 +328,9 @@ class Mapping(Section):
         ["LICENSE*", "License*", "README*"], description="patterns of files that are no tests"
     )
     common: dict[str, Any] = Field({}, description="keys that every entry has unless it gives its own")
-    tests: Annotated[list[TestMapping], Field(min_length=1)]
+    tests: list[TestMapping] = Field(
+        min_length=1, description="entries; a file is read by the first one with a pattern that fits its name"
+    )
 
     @model_validator(mode="before")
     @classmethod

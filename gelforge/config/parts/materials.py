@@ -74,6 +74,16 @@ class Material(Fitting):
         False, description="true: the initial Young's modulus is meant, also outside 0.5 to 5000 kPa"
     )
 
+    @model_validator(mode="before")
+    @classmethod
+    def _constants_inside(cls, content):
+        if isinstance(content, dict) and "law" in content and "parameters" not in content:
+            inside = ", ".join(
+                f"{key}: {value}" for key, value in content.items() if key not in cls.model_fields
+            )
+            raise ValueError(f"a model's constants stand inside `parameters`: write parameters: {{{inside}}}")
+        return content
+
     @model_validator(mode="after")
     def _one_source(self):
         if (self.tests is None) == (self.parameters is None):

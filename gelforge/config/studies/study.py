@@ -73,6 +73,22 @@ class Study(Section):
         " makes labels only",
     )
 
+    def __repr__(self) -> str:
+        s = self.sensor
+        layers = ", ".join(f"{one.name} {one.thickness_mm:g} mm of {one.material}" for one in s.layers)
+        given = {
+            name: m.parameters.law if m.parameters else f"tests in {m.tests}"
+            for name, m in self.materials.items()
+        }
+        materials = ", ".join(f"{name} ({source})" for name, source in given.items())
+        return (
+            f"Study {self.study}: sensor ({s.shape.kind}) {s.width_x_mm:g} x {s.width_y_mm:g} mm, {layers};"
+            f" {s.bins.nx} x {s.bins.ny} bins\n  indenter: {self.indenter.kind}; materials: {materials}\n"
+            f"  sessions: {', '.join(self.sessions) or 'none'}; results in {self.results_folder}"
+        )
+
+    __str__ = __repr__
+
     @field_validator("data")
     @classmethod
     def _without_braces(cls, folder: Path | None) -> Path | None:
@@ -88,7 +104,8 @@ class Study(Section):
         for layer in self.sensor.layers:
             if layer.material not in self.materials:
                 raise ValueError(
-                    f"layer {layer.name}: material {layer.material!r} is not among {sorted(self.materials)}"
+                    f"layer {layer.name}: material {layer.material!r} is not among {sorted(self.materials)}; describe it in"
+                    " `materials`, or name one of these in the layer"
                 )
         self._shape_consistent()
         if self.plan.depths_mm and self.plan.depths_mm[-1] >= SOFT_SHARE * self.sensor.height_mm:

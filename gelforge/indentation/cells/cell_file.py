@@ -114,6 +114,12 @@ class Cell:
     arrays: dict[str, np.ndarray]
     attributes: dict = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        known, depths = self.attributes, len(self.arrays.get("depth_mm", ()))
+        at = ", ".join(f"{key} {known[key]:g}" for key in ("x_mm", "y_mm") if key in known)
+        names = ", ".join(sorted(self.arrays))
+        return f"Cell {known.get('cell', '')}: {known.get('status', '')}, {at}, {depths} depths; {names}"
+
     @property
     def converged(self) -> bool:
         return self.attributes["status"] == "converged"

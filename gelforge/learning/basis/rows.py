@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,9 @@ class Rows(torch.utils.data.Dataset):
         presses = source.of_split(split)
         self.source, self.split, self.columns = source, split, tuple(columns)
         self.index = np.concatenate([np.empty(0, int), *(press.rows for press in presses)])  # (n,)
+
+    def __repr__(self) -> str:
+        return f"Rows of {self.split}: {len(self)} rows with {', '.join(self.columns)}"
 
     def __len__(self) -> int:
         return len(self.index)
@@ -49,6 +53,13 @@ def load_dataset(
     are. Features are [px, rad], forces [N], positions [mm]; the card names every column. Raises DatasetError for a split or
     a column that does not exist, and for a folder without a dataset.
     """
+    if not isinstance(folder, str | PathLike) or not (Path(folder) / "manifest.json").is_file():
+        raise DatasetError(
+            f"{folder}: no dataset with manifest.json; name the folder that a study's run has made, such as"
+            " results/mine/dataset"
+        )
+    if isinstance(columns, str):
+        columns = [columns]
     source = open_source(folder, images)
     known = list(source.variables)
     wanted = known if columns is None else list(columns)

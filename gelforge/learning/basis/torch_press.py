@@ -18,6 +18,11 @@ class TorchForces(NamedTuple):
     total_N: Tensor  # (D, 3)
     bins_N: Tensor  # (D, B, 3), k = nx iy + ix
 
+    def __repr__(self) -> str:
+        last = ", ".join(f"{value:.4g}" for value in self.total_N[-1].tolist())
+        shapes = f"total_N {tuple(self.total_N.shape)}, bins_N {tuple(self.bins_N.shape)}"
+        return f"TorchForces: ({last}) N in total at the last step; {shapes}"
+
 
 class _Press(torch.autograd.Function):
     """Forces of a solver, with the derivatives that come with its solution."""
@@ -52,10 +57,13 @@ def forces_as_tensors(solved: Callable, values: Mapping[str, Tensor | float]) ->
     name, with the derivatives along these names. values: tensors of one element, or floats, by name. Raises ConfigError for
     tensors of more than one element.
     """
-    tensors = [
-        torch.as_tensor(value, dtype=None if torch.is_tensor(value) else torch.float64)
-        for value in values.values()
-    ]
+    try:
+        tensors = [
+            torch.as_tensor(value, dtype=None if torch.is_tensor(value) else torch.float64)
+            for value in values.values()
+        ]
+    except (TypeError, ValueError):
+        raise ConfigError(f"{', '.join(values)}: tensors of one element or numbers are needed") from None
     for name, tensor in zip(values, tensors):
         if tensor.numel() != 1:
             raise ConfigError(

@@ -93,6 +93,13 @@ class Prediction:
     seconds: dict[str, float]  # by STEPS
     unlike: float = float("nan")  # beyond 1 the image is unlike those that the model learnt from
 
+    def __repr__(self) -> str:
+        total = ", ".join(f"{value:.4g}" for value in self.force_N.sum(axis=0))
+        return (
+            f"Prediction {self.name} at {self.time_s:.4g} s: ({total}) N in total, {len(self.force_N)} bins, unlike"
+            f" {self.unlike:.3g}"
+        )
+
 
 @dataclass
 class Timing:

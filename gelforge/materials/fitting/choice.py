@@ -8,11 +8,14 @@ import numpy as np
 import pandas as pd
 
 from gelforge.materials.fitting.curves import MeanCurve
-from gelforge.materials.fitting.fit import FitError, LawFit, Problem, effective_points, fit_law
+from gelforge.materials.fitting.fit import FitError, LawFit, Problem, Undetermined, effective_points, fit_law
 from gelforge.materials.fitting.identifiability import PredictionWidth, prediction_widths
 from gelforge.mechanics.laws.models import FAMILIES
 
 SAME_ERROR = 1.1  # ratio of errors of prediction that are called equal
+NO_SUPPORT = (
+    10.0  # difference in AICc from which on a model has no support (Burnham & Anderson 2002, sec. 2.6)
+)
 POOR_R2 = 0.98  # of the nominal stress: residuals of 14 % of the curve's spread, several times the scatter of samples
 
 
@@ -34,6 +37,11 @@ class Candidate:
         return self.fit
 
     @property
+    def parameters(self) -> int:
+        """Return the number of parameters."""
+        return len(FAMILIES[self.name].parameters)
+
+    @property
     def held_out_error(self) -> float:
         """Return the root mean square over the tests of the relative error of their prediction."""
         return (
@@ -45,7 +53,7 @@ class Candidate:
     @property
     def describes(self) -> bool:
         """Return whether the law describes every kind of test, whatever its number of parameters."""
-        return self.fit is not None and min(self.fit.r2_nominal.values()) >= POOR_R2
+        return self.fit is not None and _describes(self.fit)
 
     @property
     def usable(self) -> bool:
@@ -62,11 +70,12 @@ class Comparison:
     effective_points: float
     chosen_by: str  # "aicc", "held_out" or "first"
     widths: list[PredictionWidth]
+    fallback: tuple[str, ...] = ()  # which models were replaced by simpler ones, and why
 
     @property
     def warnings(self) -> list[str]:
         """Return what a person must know of the chosen law before using it."""
-        return self.misfit + self.identifiability + list(self.chosen.fitted.notes)
+        return [*self.fallback, *self.misfit, *self.identifiability, *self.chosen.fitted.notes]
 
     @property
     def misfit(self) -> list[str]:
@@ -126,6 +135,8 @@ class Comparison:
             if self.chosen.describes and not lowest.describes:
                 worst = min(lowest.fitted.r2_nominal.values())
                 criterion += f", which has fewer parameters but does not describe the tests (R2 {worst:.3f})"
+            elif lowest.fitted.at_bound and self.chosen.parameters < lowest.parameters:
+                criterion += f", whose {', '.join(lowest.fitted.at_bound)} is 0, at its bound: the simpler model is taken"
         how = {"aicc": "", "held_out": "chosen by tests left out; ", "first": "chosen as the first named; "}
         return f"{title}: {how[self.chosen_by]}{criterion}; {held_out}"
 
@@ -135,7 +146,7 @@ class Comparison:
         kinds = list(dict.fromkeys(k for c in self.candidates for k in c.held_out))
         rows = []
         for c in self.candidates:
-            row = {"law": c.name, "parameters": len(FAMILIES[c.name].parameters), "chosen": c is self.chosen}
+            row = {"law": c.name, "parameters": c.parameters, "chosen": c is self.chosen}
             row["AICc difference"] = c.aicc - lowest if c.fit else np.nan
             row["misfit"] = c.fitted.misfit if c.fit else np.nan
             row |= {f"R2 {kind}": r2 for kind, r2 in (c.fit.r2_nominal.items() if c.fit else ())}
@@ -156,21 +167,17 @@ def compare_laws(
 
     choose: "aicc" (lowest among the laws that describe the tests, where any does: the few points that a smooth
     misfit is worth would let a straight line win over a curve), "held_out" (least error of tests left out; AICc where
-    there is one kind of test only), or "first" (the first name, which must be determined).
+    there is one kind of test only), or "first" (the first name, which must be determined). A model with a parameter at its
+    bound gives way to a simpler one that is as good, within NO_SUPPORT of AICc or SAME_ERROR. Where no model is determined,
+    simpler ones of their families that describe the tests are fitted in their place.
 
     AICc = n ln(misfit^2) + 2 q + 2 q (q + 1) / (n - q - 1) with q = parameters + 1 (Hurvich & Tsai 1989), n the number
     of points that the correlated residuals of the closest law are worth.
     """
     if not names:
         raise FitError(f"no constitutive model is named; give some of {', '.join(FAMILIES)}")
-    fits: dict[str, LawFit | FitError] = {}
-    for name in dict.fromkeys(names):
-        try:
-            fits[name] = fit_law(curves, name, loss)
-        except FitError as error:
-            if name not in FAMILIES:
-                raise
-            fits[name] = error
+    fits = {name: _fit_or_reason(curves, name, loss) for name in dict.fromkeys(names)}
+    fallback = _simpler_fits(curves, fits, loss, choose)
     found = {name: fit for name, fit in fits.items() if isinstance(fit, LawFit)}
     n = _independent_points(curves, list(found.values())) if found else float("nan")
     candidates = []
@@ -182,18 +189,73 @@ def compare_laws(
     if not usable:
         reasons = "; ".join(c.refused or f"{c.name}: {', '.join(c.fitted.notes)}" for c in candidates)
         raise FitError(f"no constitutive model of {', '.join(fits)} is determined and stable: {reasons}")
-    chosen = min([c for c in usable if c.describes] or usable, key=lambda c: c.aicc)
-    predicted = [c for c in usable if np.isfinite(c.held_out_error)]
-    if choose == "held_out" and predicted:
-        chosen = min(predicted, key=lambda c: c.held_out_error)
+    chosen = _chosen(candidates, choose, fallback)
+    said = tuple(f"{new} IS FITTED IN PLACE OF {name}. {fits[name]}" for name, new in fallback.items())
+    return Comparison(candidates, chosen, n, choose, prediction_widths(curves, chosen.fitted), said)
+
+
+def _fit_or_reason(curves: list[MeanCurve], name: str, loss: str) -> LawFit | FitError:
+    """Return the fit of a model, or why there is none. Raises FitError for an unknown name."""
+    try:
+        return fit_law(curves, name, loss)
+    except FitError as error:
+        if name not in FAMILIES:
+            raise
+        return error
+
+
+def _simpler_fits(
+    curves: list[MeanCurve], fits: dict[str, LawFit | FitError], loss: str, choose: str
+) -> dict[str, str]:
+    """Add to the fits the simpler models that stand in for undetermined ones; return their names by those replaced.
+
+    Models are replaced where none could be chosen otherwise: the first for "first", else all where no other is determined.
+    A simpler model that does not describe the tests replaces none.
+    """
+    names = list(fits)[:1] if choose == "first" else list(fits)
+    if any(isinstance(fits[name], LawFit) for name in names):
+        return {}
+    replaced = {}
+    for name in names:
+        simpler = FAMILIES[name].simpler if isinstance(fits[name], Undetermined) else None
+        while simpler is not None:
+            fit = fits[simpler] if simpler in fits else _fit_or_reason(curves, simpler, loss)
+            if isinstance(fit, LawFit):
+                if _describes(fit):
+                    fits[simpler], replaced[name] = fit, simpler
+                break
+            simpler = FAMILIES[simpler].simpler
+    return replaced
+
+
+def _chosen(candidates: list[Candidate], choose: str, fallback: dict[str, str]) -> Candidate:
+    """Return the model that is taken. Raises FitError for "first" where the first is not determined and stable."""
+    usable = [c for c in candidates if c.usable]
     if choose == "first":
-        chosen = candidates[0]
+        first = fallback.get(candidates[0].name, candidates[0].name)
+        chosen = next(c for c in candidates if c.name == first)
         if not chosen.usable:
             reason = chosen.refused or ", ".join(chosen.fitted.notes)
             raise FitError(
                 f"{chosen.name} is the first constitutive model named, but it is not determined and stable: {reason}"
             )
-    return Comparison(candidates, chosen, n, choose, prediction_widths(curves, chosen.fitted))
+        return chosen
+    predicted = [c for c in usable if np.isfinite(c.held_out_error)]
+    if choose == "held_out" and predicted:
+        best = min(predicted, key=lambda c: c.held_out_error)
+        limit = SAME_ERROR * best.held_out_error
+        return _without_idle(best, [c for c in predicted if c.held_out_error <= limit], "held_out_error")
+    described = [c for c in usable if c.describes] or usable
+    best = min(described, key=lambda c: c.aicc)
+    return _without_idle(best, [c for c in described if c.aicc <= best.aicc + NO_SUPPORT], "aicc")
+
+
+def _without_idle(best: Candidate, alike: list[Candidate], criterion: str) -> Candidate:
+    """Return the best model, or where it has parameters at their bounds the best simpler one of those alike."""
+    if not best.fitted.at_bound:
+        return best
+    simpler = [c for c in alike if c.parameters < best.parameters and not c.fitted.at_bound]
+    return min(simpler, key=lambda c: getattr(c, criterion), default=best)
 
 
 def held_out_errors(curves: list[MeanCurve], name: str) -> dict[str, float]:
@@ -211,6 +273,10 @@ def held_out_errors(curves: list[MeanCurve], name: str) -> dict[str, float]:
         error = np.sqrt(((model - measured) ** 2).sum() / (measured**2).sum())
         errors[kind] = float(error) if np.isfinite(error) else float("inf")
     return errors
+
+
+def _describes(fit: LawFit) -> bool:
+    return min(fit.r2_nominal.values()) >= POOR_R2
 
 
 def _independent_points(curves: list[MeanCurve], fits: list[LawFit]) -> float:

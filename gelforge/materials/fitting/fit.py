@@ -43,6 +43,10 @@ class FitError(ValueError):
     """Curves that do not determine the law asked for: what was found, what to do."""
 
 
+class Undetermined(FitError):
+    """Curves that leave a parameter of the law open; one of fewer parameters may be determined."""
+
+
 @dataclass(frozen=True)
 class LawFit:
     """A fitted law, its parameters in the units of files, their covariance, and the quality by kind of test."""
@@ -60,6 +64,7 @@ class LawFit:
     unstable_from: float | None  # share of the valid range, None where stable
     notes: tuple[str, ...] = field(default=())
     loss: str = "linear"
+    at_bound: tuple[str, ...] = ()  # parameters at the least value that stability allows: they add nothing
 
     @property
     def law(self) -> PrincipalLaw:
@@ -101,7 +106,9 @@ def fit_law(
     theta = problem.solve(family, start)
     if loss != "linear":
         theta, problem = problem.robust_solve(family, theta, loss)
-    free, notes = _check_determined(problem, family, theta)
+    free = _check_determined(problem, family, theta)
+    at_bound = tuple(name for name, inside in zip(family.parameters, free) if not inside)
+    notes = [f"{name} is 0, the least that stability allows" for name in at_bound]
     covariance, freedom, source = problem.covariance(family, theta, free)
     fitted = family.law(theta)
     valid = ValidRange.of(problem.points.lam)
@@ -124,6 +131,7 @@ def fit_law(
         unstable,
         (*_few_rows(curves), *notes),
         loss,
+        at_bound,
     )
 
 
@@ -356,8 +364,8 @@ def _few_rows(curves: list[MeanCurve]) -> list[str]:
     return [f"{remark}: {', '.join(few)}"] if few else []
 
 
-def _check_determined(problem: Problem, family: Family, theta: np.ndarray) -> tuple[np.ndarray, list[str]]:
-    """Return which unknowns (p,) are inside their bounds, and notes on the others; refuse what is undetermined."""
+def _check_determined(problem: Problem, family: Family, theta: np.ndarray) -> np.ndarray:
+    """Return which unknowns (p,) are inside their bounds; refuse what is undetermined."""
     low, high = family.bounds(problem.points, problem.stiffness)
     near = 1e-9 * problem.stiffness if family.is_linear else 1e-3
     at_bound = np.minimum(theta - low, high - theta) < near
@@ -366,16 +374,13 @@ def _check_determined(problem: Problem, family: Family, theta: np.ndarray) -> tu
         k = int(np.argmax(at_bound))
         name = family.parameters[k]
         found = ", ".join(f"{n} = {v:.3g}" for n, v in zip(family.parameters, values))
-        raise FitError(
+        raise Undetermined(
             f"{family.title}: {name} ran to the limit of its range ({found}); {family.bound_means}"
         )
-    notes = [
-        f"{n} is 0, the least that stability allows" for n, stuck in zip(family.parameters, at_bound) if stuck
-    ]
     J = (problem.weight[:, None] * family.stress(problem.points, theta)[1])[:, ~at_bound]
     condition = np.linalg.cond(J / np.linalg.norm(J, axis=0))
     if not condition < WORST_CONDITION:
-        raise FitError(
+        raise Undetermined(
             f"{family.title}: condition {condition:.2g} of {WORST_CONDITION:.0g}; {family.bound_means}"
         )
-    return ~at_bound, notes
+    return ~at_bound

@@ -10,7 +10,7 @@ import numpy as np
 from gelforge.files import read_product_json, write_product_json
 from gelforge.materials.fitting.valid_range import ValidRange
 from gelforge.mechanics.laws.family import Family
-from gelforge.mechanics.laws.homogeneous import LOAD_CASES, principal_stretches
+from gelforge.mechanics.laws.homogeneous import LOAD_CASES, StressPoints, principal_stretches
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.laws.models import MODELS, family_of, parameters_of
 
@@ -86,36 +86,45 @@ def moved_laws(material: MaterialLaw, amount: float) -> list[PrincipalLaw]:
 
     The squares of what a small move changes, over amount, sum to the variance of anything that follows from the law.
     Directions are those of the stresses at STATES, the most uncertain first; along the others parameters make up for
-    each other, and what they leave of the stresses' variance, less than NEGLIGIBLE, is left out. Empty for a law that was
-    given: nothing is known of its uncertainty.
+    each other, and what they leave of the stresses' variance, less than NEGLIGIBLE, is left out. The covariance may be of
+    any rank. Empty for one that is zero, and for a law that was given: nothing is known of its uncertainty.
     """
     if material.covariance is None:
         return []
-    scale = np.abs(material.values)  # parameters have units of their own
-    variance, directions = np.linalg.eigh(material.covariance / np.outer(scale, scale))
-    moves = (directions * np.sqrt(np.maximum(variance, 0.0))).T * scale  # (p, p), one in each row
+    variance = np.diag(material.covariance)
+    uncertain = np.flatnonzero(variance > 0)  # a parameter at its bound has neither variance nor correlations
+    sigma = np.sqrt(variance[uncertain])
+    correlation = material.covariance[np.ix_(uncertain, uncertain)] / np.outer(sigma, sigma)
+    size, directions = np.linalg.eigh(correlation)
+    moves = np.zeros((len(uncertain), len(material.values)))  # one in each row
+    moves[:, uncertain] = (directions * np.sqrt(np.maximum(size, 0.0))).T * sigma
     plain = _stresses(material.law)
-    changes = np.array([_stresses(_moved(material, amount * move)) / plain - 1 for move in moves]) / amount
+    moved = [
+        (_stresses(law) / plain - 1) / step for law, step in (_moved(material, m, amount) for m in moves)
+    ]
+    changes = np.reshape(moved, (len(moves), len(plain)))
+    changes = changes[:, np.isfinite(changes).all(axis=0)]  # within the limiting stretch of all
     turn, sizes, _ = np.linalg.svd(changes, full_matrices=False)
     kept = sizes**2 > NEGLIGIBLE * (sizes**2).sum()
-    return [_moved(material, amount * move) for move in turn.T[kept] @ moves]
+    return [_moved(material, move, amount)[0] for move in turn.T[kept] @ moves]
 
 
 def _stresses(law: PrincipalLaw) -> np.ndarray:
-    """Return the Cauchy stresses of a law at STATES, n numbers."""
-    beta = law.principal_stress(STATES)
-    return beta[:, 0] - beta[:, 2]
+    """Return the Cauchy stresses of a law at STATES, n numbers, NaN beyond its limiting stretch."""
+    return StressPoints(STATES, np.ones(len(STATES))).measured_stress(law)
 
 
-def _moved(material: MaterialLaw, move: np.ndarray) -> PrincipalLaw:
-    try:
-        return material.family.law_of(material.values + move)
-    except ValueError as error:
-        raise LawFileError(
-            f"{material.material}: the covariance of its constitutive model reaches parameters that are not"
-            f" possible ({error}); repeat the tests"
-            " or choose a constitutive model with fewer parameters"
-        ) from None
+def _moved(material: MaterialLaw, move: np.ndarray, amount: float) -> tuple[PrincipalLaw, float]:
+    """Return the law moved by amount, and amount; by -amount where the parameters may go that way only."""
+    for step in (amount, -amount):
+        try:
+            return material.family.law_of(material.values + step * move), step
+        except ValueError as error:
+            reason = error
+    raise LawFileError(
+        f"{material.material}: the covariance of its constitutive model reaches parameters that are not"
+        f" possible ({reason}); repeat the tests or choose a constitutive model with fewer parameters"
+    )
 
 
 def leaves_valid_range(material: MaterialLaw, lam: np.ndarray) -> np.ndarray | None:
@@ -184,7 +193,7 @@ def read_law(path: str | Path) -> MaterialLaw:
             content["material"],
             MODELS[kind].of_file(content),
             content["inputs_digest"],
-            None if covariance is None else np.array(covariance["matrix"], dtype=float),
+            None if covariance is None else _covariance(covariance),
             content["r2_nominal"],
             None if valid is None else {test: (low, high) for test, (low, high) in valid.items()},
             content["samples"],
@@ -199,6 +208,16 @@ def read_law(path: str | Path) -> MaterialLaw:
         )
     except (KeyError, TypeError, ValueError) as error:
         raise LawFileError(f"{path}: {type(error).__name__} {error}; {remedy}") from None
+
+
+def _covariance(content: dict) -> np.ndarray:
+    """Return the covariance (p, p) in a law.json, of any rank. Raises ValueError for what cannot be one."""
+    C, p = np.array(content["matrix"], dtype=float), len(content["parameters"])
+    if C.shape != (p, p) or not np.isfinite(C).all() or (np.diag(C) < 0).any():
+        raise ValueError(
+            f"covariance {C.tolist()}; {p} x {p} finite numbers are needed, variances of 0 or more"
+        )
+    return C
 
 
 def rounded(content):

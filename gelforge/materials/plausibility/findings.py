@@ -112,7 +112,7 @@ def zero_stress_strain(test: MaterialTest) -> tuple[float, float] | None:
     if beta[1] <= 0:
         return None
     residual = P[near][steep] - design @ beta
-    variance = residual @ residual / max(steep.sum() - 2, 1) * np.linalg.inv(design.T @ design)
+    variance = residual @ residual / max(steep.sum() - 2, 1) * np.linalg.pinv(design.T @ design)
     zero = -beta[0] / beta[1]
     gradient = np.array([-1 / beta[1], beta[0] / beta[1] ** 2])
     slope = {"uniaxial": 3, "compression": 3, "pure_shear": 4, "equibiaxial": 6, "simple_shear": 1}[test.test]

@@ -159,7 +159,7 @@ def _small_file(path: Path) -> MaterialSource:
         small, files = SmallTests(presses=(read_press(path),)), press_files(path)
     else:
         raise TableError(
-            f"{path}: a single file needs a mapping that says what its columns are; give --mapping"
+            f"{path}: a single file needs a mapping that says what its columns are; give --mapping (in Python mapping=)"
         )
     return MaterialSource(path.resolve().parent.name, files=tuple(files), small=small)
 

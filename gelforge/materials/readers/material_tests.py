@@ -70,8 +70,17 @@ def input_files(folder: str | Path) -> list[Path]:
 
 def _tables(folder: Path) -> list[Path]:
     path = folder / "samples.csv"
-    if not os.path.lexists(path) and small_test_files(folder):
-        return []
+    if not os.path.lexists(path):
+        if small_test_files(folder):
+            return []
+        below = sorted(found.parent.relative_to(folder).as_posix() for found in folder.glob("*/samples.csv"))
+        remedy = (
+            "list the specimens in it (docs/file-formats.md), or give a mapping that says what the files in this folder"
+            " hold (--mapping, in Python mapping=; docs/material-mappings.md)"
+        )
+        if below:
+            remedy = f"name the folder of one material: {', '.join(below)}"
+        raise TableError(f"{path}: no such file; {remedy}")
     return [path, *(folder / name for name in _read_samples(folder)["file"])]
 
 

@@ -25,6 +25,7 @@ class Family(ABC):
     is_linear = False  # the stress is linear in theta
     modulus_per_parameter: tuple[float, ...]  # dE / d parameters, where it does not depend on them
     bound_means: str  # what to do when an unknown runs to its bound
+    simpler: str | None = None  # the family that it becomes when the curves do not determine its last term
 
     def holds(self, law: PrincipalLaw) -> bool:
         """Return whether a law is one of this family."""

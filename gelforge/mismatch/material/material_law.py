@@ -87,7 +87,8 @@ def _foam(problem: Problem, valid: tuple[float, float]) -> BaseLaw:
 
     best = min((fitted(alpha) for alpha in FOAM_EXPONENTS), key=lambda found: found.cost)
     freedom = max(1.0, effective_points(best.fun, problem.curve_sizes) - 2)
-    covariance = np.linalg.inv(best.jac.T @ best.jac) * 2 * best.cost / freedom
+    # of lower rank where the exponent is so large that the stress follows from mu / alpha alone
+    covariance = np.linalg.pinv(best.jac.T @ best.jac) * 2 * best.cost / freedom
     title = "Ogden and Hill's foam"
     return BaseLaw(title, lambda stretch: foam_stress(stretch, best.x), covariance, valid)
 

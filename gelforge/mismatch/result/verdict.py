@@ -409,6 +409,13 @@ class Verdict(Section):
     sensor: SensorShape | None = Field(None, description="The sensor as drawn; empty for a material test")
     provenance: Provenance = Field(description="What the verdict rests on")
 
+    def __repr__(self) -> str:
+        groups = (f"  {group.probability:.3g}: {' or '.join(group.names)}" for group in self.answer)
+        synthetic = " (SYNTHETIC)" if self.synthetic else ""
+        return "\n".join([f"Verdict on {self.title}{synthetic}: {self.state}", f"  {self.sentence}", *groups])
+
+    __str__ = __repr__
+
     @property
     def identified(self) -> bool:
         """Return whether the missing physics has a name."""

@@ -42,7 +42,7 @@ def test_what_does_not_exist_is_refused(made_once, tmp_path):
         gelforge.load_dataset(made_once.folder, "valid")
     with pytest.raises(DatasetError, match=r"no columns \['force'\]"):
         gelforge.load_dataset(made_once.folder, "train", ["force"])
-    with pytest.raises(DatasetError, match="no such file"):
+    with pytest.raises(DatasetError, match=r"no dataset with manifest\.json"):
         gelforge.load_dataset(tmp_path, "train")
 
 

@@ -80,7 +80,7 @@ class Gent(InvariantLaw):
 class GentFamily(Family):
     """Gent's law; theta = (ln mu, ln Jm), Jm above every I_1 - 3 of the tests."""
 
-    name, title, kind = "gent", "Gent", Gent
+    name, title, kind, simpler = "gent", "Gent", Gent, "neo_hooke"
     parameters, logarithmic = ("mu_kPa", "Jm"), (True, True)
     modulus_per_parameter = (3.0, 0.0)
     bound_means = "the curves show no limiting stretch; take neo_hooke, or test further"

@@ -145,6 +145,7 @@ class OgdenFamily(Family):
         self.terms = terms
         self.name = f"ogden{terms}"
         self.title = f"Ogden, K = {terms}"
+        self.simpler = f"ogden{terms - 1}" if terms > 1 else None
         self.parameters = tuple(n for k in range(1, terms + 1) for n in (f"mu_{k}_kPa", f"alpha_{k}"))
         self.logarithmic = (True, False) * terms
         self.bound_means = (
