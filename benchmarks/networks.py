@@ -1,6 +1,7 @@
 """The networks beside each other on a finished study's dataset, whose test rows are of orbits that none has seen.
 
-usage: python benchmarks/networks.py [results/benchmark] [--seeds 1 2 3] [--networks unet unet-turned cnn paper paper-converged]
+usage: python benchmarks/networks.py [results/benchmark] [--seeds 1 2 3]
+       [--networks unet unet-turned cnn paper paper-converged]
        (one thread; the benchmark study: two minutes a seed for unet, eight for paper)
 
 Prints a Markdown table: medians over seeds, which also draw the validation orbits. The paper's network is trained

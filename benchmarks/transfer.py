@@ -1,6 +1,7 @@
 """A network trained in simulation alone, on recordings and on another virtual sensor, before and after a few presses.
 
-usage: python benchmarks/transfer.py [results/simulated] [--recorded results/benchmark] [--others 24] [--first 54] [--seeds 1 2 3]
+usage: python benchmarks/transfer.py [results/simulated] [--recorded results/benchmark] [--others 24]
+       [--first 54] [--seeds 1 2 3]
        (one thread; after `snakemake --configfile config/simulated.yaml`; the other sensor is solved once,
        ten CPU seconds an indentation, and kept in results/simulated/other_sensor)
 
