@@ -6,7 +6,7 @@ usage: python benchmarks/live_latency.py [--sizes 640x480] [--crop 400x400] [--c
 Prints a Markdown table [ms], a row per size of frames and case image_scale:flow_preset: p50 of each step, p50, p95 and p99
 of the whole, and of its CPU time, which other work on the machine inflates less than the clock's. Each row is of the round
 with the least p50 of the whole, the one that other work disturbed least; rounds are taken in turn. --steps adds a table of
-p50, p95 and p99 of each step. --crop takes the middle of frames, as crop_px does: the benchmark study states errors at 400x400 px.
+p50, p95 and p99 of each step. --crop takes the middle of frames, as crop_px does.
 
 The frames are drawn speckle that moves by some pixels, in colour as a camera gives them; with --session they are of a
 recorded session, in the middle of an empty frame (speckle has texture everywhere, so that no flow is filled in). The network
