@@ -10,6 +10,7 @@ rule verify:
     benchmark:
         f"{BENCHMARKS}/verify.tsv"
     threads: 1
+    priority: -1  # it fills the core that training leaves idle
     resources:
         runtime=asks(lambda *_: VERIFY_S),
     params:
