@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import queue
 import threading
 import time
@@ -80,7 +81,7 @@ class Recorder:
                 name, (0, *shape), kind, maxshape=(None, *shape), chunks=(64, *shape)
             )
             data.attrs["description"] = text
-            self._row_bytes += data.dtype.itemsize * int(np.prod(shape))
+            self._row_bytes += data.dtype.itemsize * math.prod(data.shape[1:])
         self._thread = threading.Thread(target=self._write, name="record", daemon=True)
         self._thread.start()
 

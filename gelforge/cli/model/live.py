@@ -24,20 +24,19 @@ def live(
     """Serve forces of a source until it ends or Ctrl-C; the page's address is printed."""
     import gc
     import webbrowser
-    from dataclasses import replace
 
     from gelforge.config import load_camera
     from gelforge.learning.deployment.predictor import Predictor
     from gelforge.live.capture import played
     from gelforge.live.compute import LiveForce
     from gelforge.live.messages import about
-    from gelforge.live.record import LIMITS
+    from gelforge.live.record import LIMITS, Limits
     from gelforge.live.run import run_live
     from gelforge.live.server import Server
     from gelforge.recording.imaging.flow import read_grey
 
-    given = {"recordings": max_recordings, "largest_mb": max_recording_mb}
-    limits = replace(LIMITS, **{name: value for name, value in given.items() if value is not None})
+    count = LIMITS.recordings if max_recordings is None else max_recordings
+    limits = Limits(count, LIMITS.largest_mb if max_recording_mb is None else max_recording_mb)
     zero = read_grey(reference) if reference else None
     open_source = played(source, fps, loop)
     predictor = Predictor(model)

@@ -140,7 +140,7 @@ def check_trained_on(path: str | Path, settings: dict) -> None:
 
 def _by_key(settings: dict) -> dict:
     """Return the settings that decide a training, by their dotted keys of a study."""
-    found = {}
+    found: dict[str, object] = {}
     for part, name in DECIDING.items():
         values = settings.get(part)
         if isinstance(values, dict):
