@@ -3,6 +3,7 @@
 import os
 import signal
 import subprocess
+import sys
 import time
 
 import pytest
@@ -98,6 +99,19 @@ def test_every_file_of_a_material_reruns_its_characterisation(again):
     assert b"microindentation" in (again.folder / RESULTS / "materials/ecoflex_gel/effects.csv").read_bytes()
     (folder / "ball.yaml").write_text("ball_radius_mm: 3\n")
     assert again.jobs(law, *TEST)["characterise"] == 1
+
+
+def test_an_image_that_is_overwritten_reruns_the_features_and_stops_a_join_by_hand(again):
+    """Of a virtual lab's sessions too, whose images are not there when the first run is planned."""
+    images = sorted((again.folder / HOSTILE / "recordings/morning/images").iterdir())
+    images[1].write_bytes(images[-1].read_bytes())
+    jobs = again.jobs(*TEST)
+    assert {"features", "join", "train"} <= set(jobs) and jobs["features"] == 1
+    assert not {"simulate", "characterise", "virtual_session"} & set(jobs)
+    command = [sys.executable, "-m", "gelforge", "join", "--study", "config/test.yaml", "--shard", "0"]
+    refused = subprocess.run([*command, "--out", "x.h5"], cwd=again.folder, capture_output=True, text=True)
+    assert refused.returncode == 1 and not (again.folder / "x.h5").exists()
+    assert f"snakemake -R {RESULTS}/features/morning.h5" in refused.stderr
 
 
 def test_another_mesh_reruns_cells_and_leaves_the_recordings(again):
