@@ -9,8 +9,8 @@ rule verify:
         f"{LOGS}/verify.log",
     benchmark:
         f"{BENCHMARKS}/verify.tsv"
-    threads: 1
     priority: -1  # it fills the core that training leaves idle
+    threads: 1
     resources:
         runtime=asks(lambda *_: VERIFY_S),
     params:
