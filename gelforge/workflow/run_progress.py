@@ -116,7 +116,8 @@ class StageLines(logging.Handler):
         elif event == LogEvent.JOB_FINISHED and job in self._left:
             self._finish(job)
         elif event == LogEvent.JOB_ERROR:
-            self._running.pop(job, None)
+            if job is not None:
+                self._running.pop(job, None)
             self._clear()
         elif record.levelno > logging.INFO:
             self._clear()
