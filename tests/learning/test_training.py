@@ -228,6 +228,7 @@ def test_numbers_that_no_training_gives_are_refused_behind_the_checksum(
         load_model(path)
 
 
+@pytest.mark.thorough(but_first=1)
 @pytest.mark.parametrize("threads", [1, 2])
 def test_two_trainings_give_the_same_bytes(study, shards, tmp_path, threads):
     for name in ("one", "other"):

@@ -194,6 +194,7 @@ def test_motion_at_a_mirror_image_is_the_one_solved_here(recorded, study):
     assert {one.symmetry for one in each_moved(solver, solver.coarse, places)} != {"identity"}
 
 
+@pytest.mark.thorough
 def test_images_are_of_the_deepest_depth_at_which_no_region_moves_far(recorded, study, monkeypatch):
     """Of two depths: the larger where anything goes, the smaller where it does not, and where all move too far."""
     session = recorded[1]
@@ -239,6 +240,7 @@ def test_changes_of_the_flow_are_solved_on_a_finer_mesh_than_those_of_the_forces
     assert solver.study.model_copy(update={"mismatch": kept}) == study
 
 
+@pytest.mark.thorough
 def test_a_defect_far_from_all_images_changes_no_flow(joint):
     """Forces elsewhere may show it: it stays a candidate. What the study has no derivative of is not known."""
     model = joint.flow.model

@@ -220,6 +220,7 @@ def test_a_gel_that_relaxes_in_another_form_relaxes():
     assert found.posterior.holding(["viscoelastic"]) > 0.9 and not said.model.corrects_labels
 
 
+@pytest.mark.thorough
 def test_a_gel_that_softens_in_another_form_softens():
     hidden = problem(damaged)
     found = judge(hidden, SETTINGS, seed=1)

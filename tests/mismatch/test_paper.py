@@ -103,6 +103,7 @@ def test_our_finite_cells_predict_depths_and_a_site_that_were_set_aside(paper):
         assert block.shown and block.after.rmse_N[2] < 0.5 * block.before.rmse_N[2]
 
 
+@pytest.mark.thorough
 def test_a_switch_puts_our_cells_in_the_curve_s_place(paper):
     """Its change is all of our cells with it less the curve; a change by anything else is added to the curve."""
     problem, every = paper.problem, np.ones(16, bool)

@@ -100,7 +100,6 @@ def away(place, there):
 
 
 @pytest.mark.thorough(but_first=1)
-@pytest.mark.thorough(but_first=1)
 @pytest.mark.parametrize(("along", "across"), [(0.3, 0.4), (0.4, 0.0), (-0.45, 0.2)])
 def test_a_refit_moves_to_where_the_bubble_is(along, across):
     """Within 0.09 of the spacing: it waits for no step below 0.05. An error of the way would hold it back by 0.1."""
@@ -147,6 +146,7 @@ def test_a_ball_grows_no_further_than_the_layers():
         assert reach[1] == pytest.approx(sizes[1]) and 0 < reach[0] <= sizes[0]
 
 
+@pytest.mark.thorough
 def test_beside_another_effect_the_place_is_fitted_too():
     """Its linear change is then that of its own place, not of the one that was tried."""
     base = artificial.context(62)

@@ -56,6 +56,7 @@ def test_a_strong_defect_is_put_where_it_is(hidden):
     )
 
 
+@pytest.mark.thorough
 def test_it_alone_is_identified(hidden):
     problem, there, spacing = hidden
     found = judge(problem, SETTINGS, seed=1)
@@ -64,6 +65,7 @@ def test_it_alone_is_identified(hidden):
     assert away(part.shape, there) < 0.1 * spacing
 
 
+@pytest.mark.thorough
 def test_what_is_no_strong_defect_leaves_the_problem_as_it_is(hidden):
     base = artificial.context(62)
     tilted = solvable(artificial.with_effect(base, "tilt", [3.0, -2.0], np.random.default_rng(5)))

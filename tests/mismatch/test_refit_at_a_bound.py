@@ -13,6 +13,7 @@ from gelforge.mismatch.summary.effect_entries import interval
 from gelforge.mismatch.terms.refit import _step, refitted
 
 
+@pytest.mark.thorough(but_first=2)
 @pytest.mark.parametrize("amount", [0.1, 0.0, -0.02, -0.1])
 def test_the_evidence_of_one_sign_is_exact(amount):
     """Negative ones, too, which readings may ask for and which are held at none."""

@@ -84,6 +84,7 @@ def test_of_nulls_nothing_unknown_is_likely():
     assert np.sum(np.array(factors) > 3.0) <= 5  # more in one of 200 such runs
 
 
+@pytest.mark.thorough(but_first=2)
 @pytest.mark.parametrize(
     ("name", "amounts"),
     [

@@ -19,6 +19,7 @@ def test_features_of_a_written_recording_are_those_of_the_drawn_one(library, tmp
     np.testing.assert_allclose(written, drawn, atol=1e-2)
 
 
+@pytest.mark.thorough
 def test_it_tells_a_strong_effect_from_nothing(library, monkeypatch):
     """Gains against nulls: a gain of SNR 20 and more is in every average, so few of each are enough."""
     monkeypatch.setattr(draw, "KINDS", {"amplifier gains": draw.KINDS["amplifier gains"]})
