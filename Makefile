@@ -8,6 +8,8 @@ export PYTHONDONTWRITEBYTECODE :=
 
 ONE_THREAD := OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 READY := .venv/.gelforge-ready
+# Compiled modules are kept: a process that compiles what it imports takes seconds longer to start.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: setup demo benchmark test test-thorough speed notebooks generated format lint types
 

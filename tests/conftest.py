@@ -31,7 +31,8 @@ def _turn(item) -> int:
     test_runs.py makes the finished study; test_faults.py, which needs it too, comes so late that no core waits for it.
     """
     if "workflow" not in item.path.parts:
-        return 2 if item.path.parent.name in ("mismatch", "indentation", "verification") else 4
+        early = ("mismatch", "indentation", "verification", "tests")  # the last: files of no folder
+        return 2 if item.path.parent.name in early else 4
     return {"test_runs.py": 0, "test_faults.py": 3}.get(item.path.name, 1)
 
 

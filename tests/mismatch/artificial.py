@@ -5,6 +5,7 @@ a lateral force too. Derivatives of the solver's effects are formulas of the rig
 """
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pandas as pd
@@ -169,12 +170,18 @@ def context(
     zero = np.zeros_like(noise) if tared else noise / np.sqrt(ZERO_ROWS)
     depths = [np.full(len(rows), contact_point_mm * (zero_by == by)) for by in ("press", "session")]
     observations = Observations(rows, base, where, noise, zero, *depths, came_along=moves)
-    knots = np.array(DEPTHS)
-    curves = Curves((knots,) * len(where), tuple(force(x, y, knots) for x, y in where))
-    by_site = [derivatives(x, y, knots) for x, y in where]
-    slopes = {key: Curves((knots,) * len(where), tuple(s[key] for s in by_site)) for key in by_site[0]}
+    curves, slopes = solved(per_side)
     found = Context(study(**mechanics), observations, base, curves, slopes)
     return read(found, base, rng)
+
+
+@cache  # of the process: interpolated once
+def solved(per_side: int) -> tuple[Curves, dict[str, Curves]]:
+    """Return the forces of the base over depth at every site, and their derivatives."""
+    where, knots = sites(per_side), np.array(DEPTHS)
+    by_site = [derivatives(x, y, knots) for x, y in where]
+    slopes = {key: Curves((knots,) * len(where), tuple(s[key] for s in by_site)) for key in by_site[0]}
+    return Curves((knots,) * len(where), tuple(force(x, y, knots) for x, y in where)), slopes
 
 
 def read(base: Context, forces, rng) -> Context:

@@ -10,7 +10,7 @@ from scipy.stats import binom, chi2, kstest
 from gelforge.mismatch.evidence.covariance import Covariance, Estimated
 from gelforge.mismatch.goodness.scan import dictionary, global_test, scan
 
-NULLS = 400
+NULLS = 200
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def test_bootstrap_agrees_with_chi2(recording, nulls):
 def test_scan_is_calibrated_without_a_mismatch(recording, nulls):
     _, _, covariance, atoms = recording
     white = covariance.whiten(nulls)
-    p = [scan(r, atoms, np.random.default_rng(k), draws=400).p for k, r in enumerate(white.T)]
+    p = [scan(r, atoms, np.random.default_rng(k), draws=300).p for k, r in enumerate(white.T)]
     assert kstest(p, "uniform").pvalue > 1e-3
     alarms = np.sum(np.array(p) < 0.025)
     assert alarms <= binom.ppf(0.999, NULLS, 0.025)
@@ -71,7 +71,7 @@ def test_what_was_fitted_neither_helps_nor_harms(recording, nulls):
     assert global_test(r, covariance, np.column_stack([J, J])).degrees == len(r) - 5
 
 
-REPEATS = 60
+REPEATS, RECORDINGS = 60, 60
 
 
 def test_noise_that_was_estimated_is_not_taken_as_known(recording):
@@ -80,7 +80,7 @@ def test_noise_that_was_estimated_is_not_taken_as_known(recording):
     rng, axis = np.random.default_rng(13), labels["axis"].to_numpy()
     base = recording[1]
     found = {"estimated": [], "taken as known": []}
-    for k in range(150):
+    for k in range(RECORDINGS):
         share = rng.chisquare(REPEATS, 3) / REPEATS
         estimated = Estimated(axis, np.full(3, float(REPEATS)), np.ones(3))
         covariance = replace(known, variance=known.variance * share[axis], estimated=estimated)
@@ -94,7 +94,7 @@ def test_noise_that_was_estimated_is_not_taken_as_known(recording):
                 ]
             )
     alarms = {name: np.mean(np.array(p) < 0.05, axis=0) for name, p in found.items()}
-    assert np.all(alarms["estimated"] <= binom.ppf(0.999, 150, 0.05) / 150)
+    assert np.all(alarms["estimated"] <= binom.ppf(0.999, RECORDINGS, 0.05) / RECORDINGS)
     assert np.all(alarms["taken as known"] > alarms["estimated"])
 
 

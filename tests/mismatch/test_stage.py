@@ -100,10 +100,10 @@ def only(*names):
     return small(mismatch=MISMATCH | {"leave_out": sorted(set(CATALOGUE) - set(names))})
 
 
-def test_tables_and_verdict_read_back(session, tmp_path):
+def test_tables_and_verdict_read_back(kept, session, tmp_path):
     """Whatever the catalogue: with few effects the verdict takes seconds."""
     study, out = only("gel_stiffness", "tilt", "contact_zero"), tmp_path / "out"
-    verdict = judge_recording(solver(tmp_path / "solves", study), [session], out, "stiffer")
+    verdict = judge_recording(solver(kept, study), [session], out, "stiffer")
     assert verdict.answer[0].members == ["gel_stiffness"]
     assert read_verdict(out) == verdict
     told = read_readings(out)
@@ -305,5 +305,7 @@ def test_a_recording_is_read_once(session, kept, tmp_path, monkeypatch):
         return whole(folder, *others)
 
     monkeypatch.setattr(sessions, "read_recording", counted)
-    judge_recording(solver(kept), [session], tmp_path, "stiffer")
+    judge_recording(
+        solver(kept, only("gel_stiffness", "tilt", "contact_zero")), [session], tmp_path, "stiffer"
+    )
     assert read == [session]

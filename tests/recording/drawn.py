@@ -52,8 +52,9 @@ def photograph(pattern, field=still, seed=0, noise=2.0, gain=1.0):
     """Return the image (H, W) uint8 of a pattern moved by a field, with new noise; gain: a number or an image."""
     points, radii, greys, ground = pattern
     image = ground.astype(np.float32).copy()
-    for (u, v), radius, grey in zip(points + field(points), radii, greys):
-        cv2.circle(image, (round(u * 16), round(v * 16)), round(radius * 16), float(grey), -1, cv2.LINE_8, 4)
+    at, sizes = (np.rint(16 * a).astype(int).tolist() for a in (points + field(points), np.asarray(radii)))
+    for middle, radius, grey in zip(at, sizes, map(float, greys)):
+        cv2.circle(image, middle, radius, grey, -1, cv2.LINE_8, 4)
     image = cv2.GaussianBlur(image, (0, 0), 0.8) * gain
     return np.clip(
         np.rint(image + noise * np.random.default_rng(seed).standard_normal(image.shape)), 0, 255

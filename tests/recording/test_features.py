@@ -198,12 +198,12 @@ def test_a_force_only_session_has_no_features(tmp_path):
 
 def test_memory_does_not_grow_with_the_session(tmp_path):
     peaks = []
-    for presses in (40, 160):
+    for presses in (20, 80):
         folder = write_session(tmp_path / f"s{presses}", images=True, presses=presses)
         recording = read_recording(folder)
         tracemalloc.start()
         session_features(recording, Features(regions=40), tmp_path / "f.h5")
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
-    # 360 more rows of 3200 features would be 4.6 MB; the rows' table alone grows by a few hundred bytes each
+    # 180 more rows of 3200 features would be 2.3 MB; the rows' table alone grows by a few hundred bytes each
     assert peaks[1] - peaks[0] < 1e6

@@ -39,11 +39,11 @@ HONEST = {
     "slow log": {"log_s": 0.2},
     "log of 1 Hz": {"log_s": 1.0, "dwells": (0.5, 1.5, 2.5)},
     "log with a jittery clock": {"log_s": 0.01, "log_jitter": 0.9},
-    "relaxes during the wait": {"relaxes": 0.8, "relaxes_s": 0.3, "log_s": 0.005, "dwells": (0.5, 1, 2, 4)},
+    "relaxes during the wait": {"relaxes": 0.8, "relaxes_s": 0.3, "log_s": 0.02, "dwells": (0.5, 1, 2, 4)},
     "relaxes at once": {"relaxes": 0.8, "relaxes_s": 0.05, "log_s": 0.005},
     "softens by 40 %": {"softens": 0.4},
     "hysteresis on the way up": {"unload_share": 0.3},
-    "adhesion, pull-off": {"pull_off_N": 0.1, "log_s": 0.005},
+    "adhesion, pull-off": {"pull_off_N": 0.1, "log_s": 0.02},
     "pull-off as large as the force": {"pull_off_N": 0.4},
     "a step of 60 mN": {"resolution_N": 0.06, "noise_N": 0.001},
     "steps and noise": {"resolution_N": 0.03, "noise_N": 0.02, **NO_OFFSET},
@@ -79,7 +79,7 @@ HONEST = {
     "sites unlike each other": {"site_spread": 0.6},
     "eight depths": {"depths": tuple(np.linspace(0.25, 2, 8))},
     "sideways force": {"lateral": 0.8},
-    "fast stage": {"speed": 5.0, "log_s": 0.005},
+    "fast stage": {"speed": 5.0, "log_s": 0.02},
     "slow stage": {"speed": 0.2, "log_s": 0.01},
     "many readings of a gel that sticks, peaks and recovers": {
         **{"relaxes": 0.8, "relaxes_s": 0.1, "pull_off_N": 0.1, "lateral": 0.8, "unload_share": 0.4},
@@ -152,16 +152,16 @@ def without(log, first_s, last_s):
 
 REFUSED = {
     "lag of 0.3 s": (
-        {"log_s": 0.005, "fault": {"lag_s": 0.3}},
+        {"log_s": 0.02, "fault": {"lag_s": 0.3}},
         r"ft\.csv lags the depth by 0\.\d+ s .*delay_s: 0\.[23]",
     ),
-    "lag of 1 s": ({"log_s": 0.005, "fault": {"lag_s": 1.0}}, r"lags the depth by (0\.9|1\.0)\d s"),
-    "lag of 5 s": ({"log_s": 0.005, "fault": {"lag_s": 5.0}}, r"lags the depth by (4\.9|5\.0)\d s"),
+    "lag of 1 s": ({"log_s": 0.02, "fault": {"lag_s": 1.0}}, r"lags the depth by (0\.9|1\.0)\d s"),
+    "lag of 5 s": ({"log_s": 0.02, "fault": {"lag_s": 5.0}}, r"lags the depth by (4\.9|5\.0)\d s"),
     "lag, relaxing": (
-        {"log_s": 0.005, "relaxes": 0.7, "fault": {"lag_s": 1.0}},
+        {"log_s": 0.02, "relaxes": 0.7, "fault": {"lag_s": 1.0}},
         r"lags the depth by (0\.9|1\.0)\d s",
     ),
-    "lead of 1.5 s": ({"log_s": 0.005, "fault": {"lag_s": -1.5}}, r"leads the depth by 1\.[45]\d s"),
+    "lead of 1.5 s": ({"log_s": 0.02, "fault": {"lag_s": -1.5}}, r"leads the depth by 1\.[45]\d s"),
     "a row late": ({"fault": {"table": shifted(1)}}, r"force lags the depth by 1 row\(s\)"),
     "a row early": (
         {"fault": {"table": shifted(-1)}, "relaxes": 0.7},
@@ -207,7 +207,7 @@ def test_what_cannot_be_true_is_refused_in_one_line(tmp_path, name):
 
 
 def test_the_delay_that_a_refusal_names_mends_the_lag(tmp_path):
-    kind = Kind(log_s=0.005, fault={"lag_s": 5.0})
+    kind = Kind(log_s=0.02, fault={"lag_s": 5.0})
     with pytest.raises(RecordingError, match=r"delay_s: (\S+) in") as refused:
         read_recording(generate(tmp_path / "lag", kind))
     delay = float(str(refused.value).split("delay_s: ")[1].split()[0])
@@ -297,12 +297,12 @@ EXCLUDED = {
         r"force is -?0\.02\d* N \(fy\) in phase dwell",
     ),
     "gap": (
-        {"log_s": 0.005, "fault": {"log": lambda log, rng: without(log, 1.5, 6)}},
+        {"log_s": 0.02, "fault": {"log": lambda log, rng: without(log, 1.5, 6)}},
         {"p000"},
         r"indentation p000 at 2\.\d+ s: force has no sample in ft\.csv for 4\.5\d* s",
     ),
     "gap of all zero rows": (
-        {"log_s": 0.005, "fault": {"log": lambda log, rng: without(log, 0.01, 0.8)}},
+        {"log_s": 0.02, "fault": {"log": lambda log, rng: without(log, 0.01, 0.8)}},
         {"p000"},
         r"force has no sample in ft\.csv for 0\.8\d* s",
     ),
@@ -369,7 +369,7 @@ def test_what_cannot_be_true_is_left_out_and_listed(tmp_path, name):
 
 def test_a_gap_takes_only_the_readings_inside(tmp_path):
     fault = {"log": lambda log, rng: without(log, 1.5, 2.6)}  # p000 arrives at 2.4 mm or later
-    kind = Kind(log_s=0.005, depths=(0.4,), fault=fault)
+    kind = Kind(log_s=0.02, depths=(0.4,), fault=fault)
     readings = read_recording(generate(tmp_path / "s", kind)).readings
     lost = readings[readings["fz_N"].isna()]
     assert list(lost["phase"]) == ["load"]
@@ -385,7 +385,7 @@ def test_gaps_in_most_indentations_are_an_error_that_can_be_confirmed(tmp_path):
             (log["time_s"] % kind.press_s < 2.0) | (log["time_s"] > log["time_s"].max() - kind.press_s)
         ]
 
-    kind = Kind(log_s=0.005)
+    kind = Kind(log_s=0.02)
     kind = replace(kind, fault={"log": holes})
     folder = generate(tmp_path / "s", kind)
     with pytest.raises(
@@ -399,7 +399,7 @@ def test_equal_stamps_of_a_coarse_clock_are_spread(tmp_path):
     def coarse(log, rng):
         return log.assign(time_s=np.floor(log["time_s"] * 100 + 1e-6) / 100)
 
-    kind = Kind(log_s=0.005)
+    kind = Kind(log_s=0.005, sites=[(16, 16)])
     honest = read_recording(generate(tmp_path / "true", kind)).readings
     folder = generate(tmp_path / "s", replace(kind, fault={"log": coarse}))
     log = read_force_log(folder / "ft.csv")

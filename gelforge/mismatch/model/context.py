@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import PchipInterpolator, PPoly
 
 from gelforge.config import Study
 from gelforge.mismatch.readings.observations import Observations
@@ -22,11 +23,21 @@ class Curves:
     def at(self, site: int, depth: np.ndarray, slope: bool = False) -> np.ndarray:
         """Return the quantity (..., 3) at depths [mm], 0 above the surface, or its slope per mm."""
         depth = np.asarray(depth, dtype=float)
-        knots = np.concatenate([[0.0], self.depths[site]])
-        values = np.vstack([np.zeros(3), self.values[site]])
-        curve = PchipInterpolator(knots, values, axis=0, extrapolate=True)
-        found = (curve.derivative() if slope else curve)(np.maximum(depth, 0.0))
+        found = self._curve(site, slope)(np.maximum(depth, 0.0))
         return np.where((depth > 0)[..., None], found, 0.0)
+
+    def _curve(self, site: int, slope: bool) -> PPoly:
+        """Return the polynomials of a site, built once: that takes ten times as long as reading them."""
+        if (site, slope) not in self._built:
+            knots = np.concatenate([[0.0], self.depths[site]])
+            values = np.vstack([np.zeros(3), self.values[site]])
+            curve = PchipInterpolator(knots, values, axis=0, extrapolate=True)
+            self._built[site, slope] = curve.derivative() if slope else curve
+        return self._built[site, slope]
+
+    @cached_property
+    def _built(self) -> dict[tuple[int, bool], PPoly]:
+        return {}
 
 
 @dataclass(frozen=True)

@@ -221,7 +221,10 @@ def check_saturation(
     for axis, name in enumerate(("fx_N", "fy_N", "fz_N")):
         zero = raw[before, axis] if before.any() else np.zeros(1)
         for extreme in (raw[held, axis].min(), raw[held, axis].max()):
-            depth = _stuck_to_the_deepest(table[held], raw[held, axis] == extreme)
+            stuck = raw[held, axis] == extreme
+            if stuck.sum() < 2:  # of one depth
+                continue
+            depth = _stuck_to_the_deepest(table[held], stuck)
             growth = np.abs(extreme - zero).min() * (depth["max"] / depth["min"] - 1)
             if growth.max() > STUCK_STEPS * np.hypot(force.resolution_N[axis], scatter_N[axis]):
                 (x, y), (low, high) = growth.idxmax(), depth.loc[growth.idxmax()]
