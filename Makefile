@@ -3,9 +3,6 @@
 PYTHON ?= python3
 CORES ?= 2
 BIN := .venv/bin
-# Bytecode is kept: without it each new process compiles PyTorch and SciPy again, 4 of 7 CPU seconds of a training's start.
-export PYTHONDONTWRITEBYTECODE :=
-
 ONE_THREAD := OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 READY := .venv/.gelforge-ready
 # Compiled modules are kept: a process that compiles what it imports takes seconds longer to start.

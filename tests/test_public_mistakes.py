@@ -90,7 +90,7 @@ def test_results_are_printed_in_a_few_lines_with_their_totals(tmp_path):
     answer = gf.press(6.0, 6.0, [0.2, 0.4], **ONE_LAYER, sensitivities=["friction"])
     depths = np.linspace(0.05, 0.4, 40)
     slopes = PressSlopes(depths, np.ones((40, 3)), np.ones((40, 4, 3)), {"x_mm": np.ones((40, 3))}, {})
-    prediction = Prediction("a.png", 0.1, np.ones((4, 3)), {})
+    prediction = Prediction("a.png", 0.1, np.ones((4, 3)), np.ones(4), {})
     study = gf.sensor("digit")
     recording = gf.read_recording(write_session(tmp_path / "monday"))
     fitted = gf.fit(GEL, models=["neo_hooke"])

@@ -65,7 +65,7 @@ def test_gradients_along_the_place_are_those_of_a_shift_of_all_positions():
             r"effects: \['mullins'\] have no derivative .*'gel_stiffness'",
         ),
         ((6.0, 6.0, 0.5, {"gelstiffness": 0.1}), {}, "choose among"),
-        ((6.0, 6.0, -0.5), {}, "depth_mm -0.5 in 2 steps: a positive depth"),
+        ((6.0, 6.0, -0.5), {}, "depth_mm=-0.5: a depth above 0"),
         ((torch.zeros(3), 6.0, 0.5), {}, r"x_mm: a tensor of shape \(3,\); one number is needed, call once"),
         (
             (6.0, 6.0, 0.5),

@@ -23,12 +23,16 @@ def test_paper_makes_every_solved_cell_a_job_and_mirrors_in_bulk(checkout):
 
 def test_demo_is_the_default_and_not_mixed_into_other_studies(checkout):
     jobs = checkout.jobs()
-    assert jobs["simulate"] == 28 + 1 + 1 + 6  # of 217
+    assert jobs["simulate"] == jobs["virtual_cell"] == 15  # an octant of 9 x 9 positions
+    for rule in ("virtual_session", "train", "tables", "export", "onnx_check", "mismatch", "report"):
+        assert jobs[rule] == 1
+
+
+def test_benchmark_study_solves_an_octant_a_corner_a_side_and_six_between(checkout):
+    jobs = checkout.jobs("--configfile", "config/benchmark.yaml")
+    assert jobs["simulate"] == jobs["virtual_cell"] == 28 + 1 + 1 + 6  # of 217
     assert jobs["virtual_session"] == 2
     assert jobs["variant"] == 2 * 2  # two variants at centre and corner
-    assert jobs["train"] == jobs["tables"] == jobs["report"] == 1
-    # symmetric cells are solved once: an octant of 13 x 13 positions, a corner, a side, six between
-    assert jobs["virtual_cell"] == 28 + 1 + 1 + 6
 
 
 def test_test_study_lists_every_rule(checkout):

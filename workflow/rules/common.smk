@@ -47,14 +47,7 @@ def _described():
         raise WorkflowError(str(error)) from None
 
 
-def _check_extras(study):
-    """Stop before any job where the study asks for what is not installed."""
-    if study.learning.onnx and (words := missing_for_onnx()):
-        raise WorkflowError(words)
-
-
 STUDY, CELLS, VARIANTS, LAB = _described()
-_check_extras(STUDY)
 RESULTS = STUDY.results_folder.as_posix()
 DATA = STUDY.data_folder.as_posix()
 BETWEEN = [name for name, cell in CELLS.items() if cell.between]  # labels that are interpolated
@@ -361,6 +354,12 @@ def joined_sites(wildcards):
 
 
 TABLES = {".csv", ".txt", ".tsv", ".yaml", ".yml", ".md"}
+
+
+def check_extras(jobs):
+    """Stop before any job where a job needs what is not installed."""
+    if any(job.rule.name == "export" for job in jobs) and (words := missing_for_onnx()):
+        raise WorkflowError(words)
 
 
 def check_raw_data(jobs):

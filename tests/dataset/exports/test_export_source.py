@@ -178,4 +178,4 @@ def test_export_dataset_of_the_command_line(made_once, tmp_path, capsys):
 
 def test_export_of_a_model_still_needs_both(capsys):
     assert main(["export", "--out", "x.onnx"]) == 1
-    assert "export needs --model and --out" in capsys.readouterr().err
+    assert "export needs --study or --model" in capsys.readouterr().err
