@@ -465,7 +465,7 @@ def _rows_of(data, rows: list[int]) -> np.ndarray:
 
 # --------------------------------------------------------------------------------------------- attributes
 def shard_settings_digest(study: Study) -> str:
-    """Return the digest of what decides a shard beside its sites and features: settings, and the split of all sites.
+    """Return the digest of what decides a shard in addition to its sites and features: settings, and the split of all sites.
 
     A site that is added to a plan file or a session may move others from one side of the split to the other.
     """

@@ -56,7 +56,7 @@ def _readings(folder: Path) -> dict[bytes, str]:
 
 
 def _same_forces(one: Path, other: Path) -> bool:
-    """Return whether two sessions have the same force log, or none beside their tables."""
+    """Return whether two sessions have the same force log, or none next to their tables."""
     logs = [folder / "ft.csv" for folder in (one, other)]
     there = [path.is_file() for path in logs]
     return not any(there) or (all(there) and file_sha256(logs[0]) == file_sha256(logs[1]))

@@ -41,13 +41,13 @@ def _labels(results: StudyResults) -> Part | None:
     deepest = rows.loc[rows.groupby("cell")["depth"].idxmax()]
     sigma = np.linalg.norm(deepest[list(SIGMAS)], axis=1)
     share = 100 * sigma / deepest["force"].abs()
-    beside = f"median force {newtons(deepest['force'].median())}; largest error bar {share.max():.2g} %"
-    row = ("error bar of a label's total force, median", newtons(float(np.median(sigma))), beside)
+    comparison = f"median force {newtons(deepest['force'].median())}; largest error bar {share.max():.2g} %"
+    row = ("error bar of a label's total force, median", newtons(float(np.median(sigma))), comparison)
     return f"The total force of a label is known to {share.median():.2g} % (one standard deviation).", [row]
 
 
 def _network(results: StudyResults) -> Part | None:
-    """Return the network's errors on held-out sites, by bin and in total, beside those of the best baseline."""
+    """Return the network's errors on held-out sites, by bin and in total, with those of the best baseline."""
     baselines = results.table("baselines")
     found = None if baselines is None else beside_baselines(baselines)
     if baselines is None or found is None:
@@ -74,8 +74,8 @@ def _force_sensor(results: StudyResults) -> Part | None:
     off = (readings["ft_z_N"] - readings["fem_z_N"])[known]
     rms, size = (float(np.sqrt((values**2).mean())) for values in (off, readings["ft_z_N"][known]))
     resolution = f"resolution of the sensor {newtons(results.resolution_N[2])}"
-    beside = f"{resolution}; mean difference {newtons(float(off.mean()))}"
-    rows = [("simulation against force sensor, total force", newtons(rms), beside)]
+    comparison = f"{resolution}; mean difference {newtons(float(off.mean()))}"
+    rows = [("simulation against force sensor, total force", newtons(rms), comparison)]
     measured = None if errors is None else errors.set_index("error")["z_N"].get("RMSET_FT")
     if measured is not None and np.isfinite(measured):
         rows.append(("network against force sensor, total force", newtons(float(measured)), resolution))

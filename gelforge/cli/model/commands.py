@@ -97,7 +97,7 @@ def _export(commands) -> None:
         "--out",
         type=Path,
         default=argparse.SUPPRESS,
-        help=".onnx file to write; beside the model if not given",
+        help=".onnx file to write; next to the model if not given",
     )
     dataset = add_command(
         export.add_subparsers(metavar="dataset"),

@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def export_model(model: Path | None = None, out: Path | None = None, study: Path | None = None) -> None:
-    """Write a model as an ONNX file, beside it where no other place is given, and say how near PyTorch it is."""
+    """Write a model as an ONNX file, next to it where no other place is given, and say how near PyTorch it is."""
     from gelforge.config import load_study
     from gelforge.learning.basis.scaling import ModelError
     from gelforge.learning.deployment.onnx_export import OPSET, export_onnx

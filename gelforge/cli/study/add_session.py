@@ -39,7 +39,7 @@ def check_place(study: Study, path: Path, out: Path) -> None:
 def add_session(path: Path, name: str) -> list[str]:
     """Add a session to a study's YAML file, and its positions to the plan file; return what was done, a line each.
 
-    Comments of both files stay. What cannot be changed so, as positions beside a grid, is said with the line to write.
+    Comments of both files stay. What cannot be changed so, as the positions of a grid, is said with the line to write.
     """
     study = load_study(path)
     said = [] if name in study.sessions else [_name_session(path, study, name)]
@@ -54,8 +54,10 @@ def unjoined(path: Path, out: Path) -> list[str]:
     try:
         read_recording(out, plan_cells(study), study.sensor)
     except (ConfigError, RecordingError, TableError) as error:
-        beside = [f"study      {path}: to plan what was pressed, replace the plan's grid by  from: sessions"]
-        return [f"not joined {error}", *(beside if study.plan.grid else [])]
+        of_a_grid = [
+            f"study      {path}: to plan what was pressed, replace the plan's grid by  from: sessions"
+        ]
+        return [f"not joined {error}", *(of_a_grid if study.plan.grid else [])]
     return []
 
 

@@ -9,7 +9,7 @@ from gelforge.shipped import EXAMPLES
 EXAMPLE_MAPPINGS = Path("config/mappings")
 TEMPLATE = """\
 # What the files of your test machine hold; `samples.csv` is not needed then. All keys: docs/material-mappings.md; other
-# examples: config/mappings/. Name this file in config/{study}.yaml, instead of `parameters` or beside `tests`:
+# examples: config/mappings/. Name this file in config/{study}.yaml, instead of `parameters` or next to `tests`:
 #   materials:
 #     gel: {{tests: data/{study}/materials/gel, mapping: {path}}}
 # and try it: gelforge characterise data/{study}/materials/gel --mapping {path} --out results/{study}/try

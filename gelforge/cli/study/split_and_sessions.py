@@ -1,4 +1,4 @@
-"""What `gelforge check` says of a study's split, and of the sessions beside it."""
+"""What `gelforge check` says of a study's split, and of its sessions."""
 
 from __future__ import annotations
 

@@ -241,7 +241,7 @@ class TestMapping(Section):
     rows: list[Rows] = Field([], description="which rows are read, e.g. those of one cycle; none: all")
     material: Name | None = Field(None, description="name of the material")
     strain: Strain | None = Field(
-        None, description="what the test machine moved, or a strain measured beside it"
+        None, description="what the test machine moved, or a strain measured next to it"
     )
     stress: Stress | None = Field(None, description="its answer, a stress or a force")
     lateral: Lateral | None = Field(None, description="biaxial: the second in-plane direction")

@@ -101,12 +101,12 @@ def trial_features(model: Model) -> list[np.ndarray]:
 
 
 def spanned_inputs(familiar: Familiar, rng: np.random.Generator) -> np.ndarray:
-    """Return inputs (n, F) like those of training: along the components, and hardly anything beside them."""
+    """Return inputs (n, F) like those of training: along the components, and hardly anything outside them."""
     components = familiar.components
     along = rng.normal(size=(NEAR, len(components))) * familiar.deviation @ components
-    beside = rng.normal(size=along.shape)
-    beside *= OFF_SHARE * np.linalg.norm(along, axis=1, keepdims=True) / beside.shape[1] ** 0.5
-    return (familiar.mean + along + beside).astype(np.float32)
+    outside = rng.normal(size=along.shape)
+    outside *= OFF_SHARE * np.linalg.norm(along, axis=1, keepdims=True) / outside.shape[1] ** 0.5
+    return (familiar.mean + along + outside).astype(np.float32)
 
 
 def features_of(inputs: np.ndarray, scaling: Scaling) -> np.ndarray:
