@@ -29,7 +29,7 @@ def test_the_estimate_of_a_study_has_images_and_training_in_it():
     presses = sum(len(cell.depths_mm) for cell in cells.values())
     images = [costs.images(session) for session in study.sessions]
     assert sum(count for count, _ in images) == presses  # one image per press, each position in one session
-    assert {size for _, size in images} == {0.16}
+    assert {size for _, size in images} == {0.0576}
     size_mb = costs.learning_mb()
     assert size_mb == pytest.approx(presses * row_bytes(study) / 1e6)
     line = time_line(costs, 240.0)
