@@ -38,6 +38,7 @@ from gelforge.mismatch.result.verdict import read_verdict
 from gelforge.mismatch.result.verdict_tables import read_flow, read_readings
 from gelforge.mismatch.summary.flow_section import after_of, flow_section
 from gelforge.mismatch.terms.problem import SCATTERED, SEEN_ERROR
+from gelforge.recording.readings import read_recording
 from gelforge.report.verdict.mismatch_flow import flow_residual_figure
 from gelforge.report.verdict.mismatch_reader import MismatchResults
 from gelforge.virtual_lab.particles import VirtualLabError, gel_boxes
@@ -70,13 +71,16 @@ def truth(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def recorded(study, truth, tmp_path_factory):
-    """Return a solver and a session whose camera magnifies more than it says, its truth on the study's own mesh."""
+    """Return a solver and a session that has been read, whose camera magnifies more than it says.
+
+    Its truth is on the study's own mesh.
+    """
     folder = tmp_path_factory.mktemp("flow")
     focal = flow_channel.CAMERA["focal_px"] * (1 + SCALE)
     case = flow_channel.Case("camera_scale", SCALE, 1.0, (0.0, 0.0, 0.0), {"focal_px": focal})
     session = flow_channel.record(case, study, 3, truth, folder / "out", study.mechanics.mesh)
     laws, _ = flow_channel.laws_and_doubts(flow_channel.material_laws_of(study, []))
-    return Solver(study, laws, {}, folder / "solves"), session
+    return Solver(study, laws, {}, folder / "solves"), read_recording(session, None, study.sensor)
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,9 @@ def drawn(folder, tests=None, parameters=None):
     return material_figure(folder / "law.json", folder / "curves.csv")
 
 
-@pytest.fixture
-def fitted(tmp_path):
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory):
+    tmp_path = tmp_path_factory.mktemp("fitted")
     for name, count in (("s1", 40), ("s2", 41)):  # equal curves would be refused as copies
         rows = "".join(f"{l:.6g},{20 * (l - l**-2):.6g}\n" for l in np.linspace(1, 2, count))
         (tmp_path / f"{name}.csv").write_text("# synthetic\nstretch_1,nominal_stress_kPa\n" + rows)
