@@ -342,7 +342,7 @@ def _simulated(
         "regions": list(mesh.regions),
         "code_version": gelforge.__version__,
         "settings": _settings_text(sensor, indenter, mechanics, laws),
-        "linear_solver": press.solver.name,
+        "linear_solver": press.corrections.solver.name,
         "degrees_of_freedom": body.pattern.size,
         "iterations": [state.iterations for state in states],
         "factorisations": [state.factorisations for state in states],

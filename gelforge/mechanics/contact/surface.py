@@ -7,8 +7,10 @@ force: forces then follow moduli and lengths in proportion.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from gelforge.mechanics.bodies.body import Body
 from gelforge.mechanics.contact.forces import OPEN, SLIP, adhesive_traction, contact_forces, film_given
@@ -87,6 +89,11 @@ class SurfaceContact:
         self.slip_weight = SLIP_WEIGHT * shear / self.size
         self.least_force = LEAST_FORCE * float(np.median(shear * self.area))  # N
         self.touches = -TOUCHES * float(np.abs(body.mesh.X).max())  # mm
+
+    @cached_property
+    def tree(self) -> cKDTree:
+        """The undeformed surface nodes, to find the nearest ones."""
+        return cKDTree(self.X)
 
     # -------------------------------------------------------------------------------------------------- kinematics
     def gap(self, u: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

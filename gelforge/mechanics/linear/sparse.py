@@ -33,6 +33,8 @@ class DirectSolver(Protocol):
 
     def solve(self, rhs: np.ndarray) -> np.ndarray: ...
 
+    def solve_many(self, rhs: np.ndarray) -> np.ndarray: ...
+
 
 @cache
 def _math_kernel_library() -> ctypes.CDLL:
@@ -110,6 +112,14 @@ class Pardiso:
         self._call(self.SOLVE, b, x)
         return x.astype(np.float64) * size
 
+    def solve_many(self, rhs: np.ndarray) -> np.ndarray:
+        """Return the solutions (m, n) of right-hand sides (m, n) of about unit size, in the precision of the factors."""
+        b = np.ascontiguousarray(rhs, dtype=self.NUMBER)
+        x = np.zeros_like(b)
+        if len(b):
+            self._call(self.SOLVE, b, x)
+        return x
+
     def __del__(self):
         if hasattr(self, "_values") and not sys.is_finalizing():
             self._call(self.RELEASE, self._zeros(), self._zeros())
@@ -140,6 +150,10 @@ class SuperLU:
     def solve(self, rhs: np.ndarray) -> np.ndarray:
         """Return the solution (n,)."""
         return self._lu.solve(rhs)
+
+    def solve_many(self, rhs: np.ndarray) -> np.ndarray:
+        """Return the solutions (m, n) of right-hand sides (m, n)."""
+        return np.ascontiguousarray(self._lu.solve(np.ascontiguousarray(rhs.T)).T)
 
 
 def direct_solver(pattern: Pattern, choice: str = "auto") -> DirectSolver:

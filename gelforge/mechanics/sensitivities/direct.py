@@ -218,7 +218,7 @@ class _Chain:
         """Return du / d amount (P, N, 3) under loads (P, N, 3) [N/unit], with contact blocks (n, 3, 3) of surface nodes."""
         base = self.base
         if self.tangent is None:
-            self.tangent = UnsymmetricTangent(base.body.pattern, base.surface, base.solver.name)
+            self.tangent = UnsymmetricTangent(base.body.pattern, base.surface, base.corrections.solver.name)
         base.body.response(after.u, after.pressure, self.values)
         everywhere = np.zeros((len(base.surface), 3, 3))
         everywhere[nodes] = blocks

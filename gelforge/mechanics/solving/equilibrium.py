@@ -7,27 +7,32 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
-from scipy.sparse.linalg import LinearOperator, gmres
 
-from gelforge.mechanics.bodies.body import NO_TANGENT, Body, Response
+from gelforge.mechanics.bodies.body import Body, Response
 from gelforge.mechanics.bodies.memory import RememberingBody
-from gelforge.mechanics.contact.forces import add_node_blocks
 from gelforge.mechanics.contact.state import Settings, State
-from gelforge.mechanics.contact.surface import SAME_WAY, ContactForces, Iterate, SurfaceContact
+from gelforge.mechanics.contact.surface import ContactForces, Iterate, SurfaceContact
 from gelforge.mechanics.indenters.shapes import Indenter
-from gelforge.mechanics.linear.sparse import DirectSolver, NotPositiveDefinite, direct_solver, refined_solve
-from gelforge.mechanics.linear.sparsity import symmetric_product
+from gelforge.mechanics.linear.sparse import NotPositiveDefinite
+from gelforge.mechanics.solving.corrections import Corrections
+from gelforge.mechanics.solving.prediction import extrapolated, slope_of, unknowns
 
 STEP_LENGTHS = (1.0, 0.5, 0.25, 0.125, 0.0625)
-# A factorisation is kept while no node changes between open, stick and slip, the residual is this small and each correction
-# with it halves the residual at least.
-CHORD_RESIDUAL = 2e-2
-CHORD_RATE = 0.5
-# Below this a symmetric iteration that wins less than CHORD_RATE only creeps to the limit of slipping nodes: the consistent
+# Below this residual, and with no node changing between open, stick and slip, the contact's consistent tangent is taken.
+CONSISTENT_RESIDUAL = 2e-2
+RATE = 0.5  # of two residuals in turn: an iteration that wins less is slow
+# Below this a symmetric iteration that is slow only creeps to the limit of slipping nodes: the consistent
 # tangent ends it. Further from the solution that one cycles between stick and slip, unless no node has changed between
 # open, stick and slip in this many iterations.
 CREEP_RESIDUAL = 1e-4
 STEADY = 2
+# The linear equations are solved to this share of the residual, and never further than this share of its tolerance.
+LINEAR_SHARE = 0.03
+LINEAR_LEAST = 0.2
+# The body's tangent of an earlier iterate serves while the residual is this small and each correction with it halves the
+# residual at least. A correction from a residual AHEAD leads to one that asks for a tangent: it comes with the forces.
+KEPT_TANGENT = 1e-2
+AHEAD = 3e-2
 # From this iteration on the weight that decides between stick and slip is halved in each: a step that cycles between them
 # comes to rest.
 PATIENT = 10
@@ -38,7 +43,6 @@ FIRST_STEP = 0.25
 PATIENCE = 3
 ROUNDING = 1e-9  # of a number of steps
 USUAL = Settings()
-GMRES_TOLERANCE = 1e-3  # of a correction with the kept factorisation
 
 
 class NotConverged(ArithmeticError):
@@ -46,8 +50,6 @@ class NotConverged(ArithmeticError):
 
 
 Watch = Callable[[State, State], None]
-# displacement (N, 3) [mm], element pressures (E,), contact pressures (S,) [MPa], friction forces (S, 3) [N]
-Unknowns = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 class Press:
@@ -59,10 +61,8 @@ class Press:
         self.body, self.indenter, self.settings = body, indenter, settings
         self.contact = SurfaceContact(body, indenter, settings)
         self.surface, self.area = self.contact.nodes, self.contact.area
-        self.free = body.pattern.equation >= 0
-        self.slots = body.pattern.node_slots(self.surface)
-        self.solver: DirectSolver = direct_solver(body.pattern, linear_solver)
-        self._values = np.empty(len(body.pattern.indices))
+        self.corrections = Corrections(body, self.surface, linear_solver)
+        self.free = self.corrections.free
         self._tangent_at: Iterate | None = None  # the iterate whose body tangent the values hold
 
     def start(self, x: float, y: float) -> State:
@@ -175,16 +175,23 @@ class Press:
         guess: a state to begin the iteration at instead of the prediction. time [s]: the end of the step, for a body that
         remembers; without, the step takes no time. limit: iterations, max_iterations if not given.
         """
-        s, contact = self.settings, self.contact
+        s, contact, corrections = self.settings, self.contact, self.corrections
         limit = s.max_iterations if limit is None else limit
         if isinstance(self.body, RememberingBody):
             self.body.begin(state.memory, state.memory.time if time is None else time)
         move = contact.step(state, centre)
-        at = contact.begin(*(unknowns(guess) if guess else self._predict(previous, state, centre)), centre)
-        factored_for: np.ndarray | None = None
+        ratio = 0.0 if guess else slope_of(previous, state, centre)
+        if ratio:
+            at = extrapolated(contact, previous, state, ratio, centre)
+        else:
+            at = contact.begin(*unknowns(guess or state), centre)
         last_contact: np.ndarray | None = None
-        last_residual, changes, factorisations, steady = np.inf, 0, 0, 0
-        response, forces = self._evaluate(at, tangent=True), contact.forces(at, move)
+        last_residual, changes, steady, before = np.inf, 0, 0, corrections.factorisations
+        # Where nothing says how the nodes move, those in contact begin as sticking to the indenter, by no weight of slip.
+        response, forces = (
+            self._evaluate(at, tangent=True),
+            contact.forces(at, move, 1.0 if ratio or guess else 0.0),
+        )
         for iteration in range(limit + 1):
             residual, slipped = self._residual(response, forces), contact.friction_error(forces)
             penetration = contact.penetration(at)
@@ -199,39 +206,28 @@ class Press:
                 and changes == 0
                 and response.admissible
             ):
+                factorisations = corrections.factorisations - before
                 return self._converged(
                     state, centre, at, response, forces, iteration, factorisations, residual
                 )
             if iteration == limit:
                 break
-            chord = (
-                factored_for is not None
-                and self._tangent_at is None  # else a newer one is at hand
-                and np.array_equal(forces.state, factored_for)
-                and residual < CHORD_RESIDUAL
-                and residual < CHORD_RATE * last_residual
+            settled = last_contact is not None and np.array_equal(forces.state, last_contact)
+            steady = steady + 1 if settled and changes == 0 and residual <= last_residual else 0
+            # The limit of friction follows the pressure where the contact has come to rest, or the iteration only creeps.
+            creeps = residual > RATE * last_residual and (
+                residual < CREEP_RESIDUAL or (steady >= STEADY and residual < CONSISTENT_RESIDUAL)
             )
-            if not chord:
-                self._factor(at, forces)
-                factored_for, factorisations = forces.state, factorisations + 1
-            same = (
-                changes == 0
-                and residual <= last_residual
-                and last_contact is not None
-                and np.array_equal(forces.state, last_contact)
-            )
-            steady, last_contact = (steady + 1 if same else 0), forces.state
-            settled = residual < CREEP_RESIDUAL or (steady >= STEADY and residual < CHORD_RESIDUAL)
-            creeps = settled and residual > CHORD_RATE * last_residual
-            last_residual = residual
-            exact = chord or creeps
-            du = self._correction(response, forces, consistent=exact)
-            new_pressure = self.body.linearised_pressure(response, du)
+            exact = creeps or (settled and residual < CONSISTENT_RESIDUAL)
+            fresh = residual > KEPT_TANGENT or residual > RATE * last_residual
+            last_contact, last_residual = forces.state, residual
+            self._prepare(at, forces, fresh)
+            target = max(LINEAR_SHARE * residual, LINEAR_LEAST * s.force_tolerance) * contact.size_of(forces)
+            du, dp = corrections.correction(at.pressure, response, forces, exact, target)
             weight = 0.5 ** max(0, iteration - PATIENT)
-            far = residual > CHORD_RESIDUAL  # the next iterate will want a factorisation of its own
             for length in STEP_LENGTHS:
-                trial = contact.corrected(at, forces, du, new_pressure, centre, length)
-                trial_response = self._evaluate(trial, tangent=far)
+                trial = contact.corrected(at, forces, du, at.pressure + dp, centre, length)
+                trial_response = self._evaluate(trial, tangent=residual > AHEAD)
                 trial_forces = contact.forces(trial, move, weight)
                 # A consistent step across the limit of friction may overshoot, and cycle with the symmetric ones.
                 allowed = max(residual, CREEP_RESIDUAL) if exact else np.inf
@@ -251,24 +247,11 @@ class Press:
             )
         )
 
-    def _predict(self, previous: State | None, state: State, centre: np.ndarray) -> Unknowns:
-        """Return the unknowns extrapolated along a straight path of the indenter."""
-        if previous is None or previous.contact_pressure.max() == 0:
-            return unknowns(state)
-        move, last = centre - state.centre, state.centre - previous.centre
-        # The path turns or rests: no slope to follow.
-        if move @ last <= SAME_WAY * np.linalg.norm(move) * np.linalg.norm(last):
-            return unknowns(state)
-        ratio = np.linalg.norm(move) / np.linalg.norm(last)
-        u, pressure, contact_pressure, friction = (
-            now + ratio * (now - then) for now, then in zip(unknowns(state), unknowns(previous))
-        )
-        return u, pressure, contact_pressure, friction
-
     def _evaluate(self, at: Iterate, tangent: bool = False) -> Response:
         if tangent:
             self._tangent_at = at
-        return self.body.response(at.u, at.pressure, self._values if tangent else NO_TANGENT)
+            return self.corrections.response(at.u, at.pressure)
+        return self.body.response(at.u, at.pressure)
 
     def _residual(self, response: Response, forces: ContactForces) -> float:
         """Return the norm of the unbalanced forces at the free nodes over that of the contact forces."""
@@ -276,51 +259,19 @@ class Press:
         unbalanced[self.surface] -= forces.f_mixed
         return float(np.linalg.norm(unbalanced[self.free])) / self.contact.size_of(forces)
 
-    def _factor(self, at: Iterate, forces: ContactForces) -> None:
-        if self._tangent_at is not at:
+    def _prepare(self, at: Iterate, forces: ContactForces, fresh: bool) -> None:
+        """See to a tangent, of this iterate if `fresh`, and to a factorisation that is near enough to it."""
+        if fresh and self._tangent_at is not at:
             self._evaluate(at, tangent=True)
-        self._tangent_at = None  # the contact's is added
-        add_node_blocks(self.slots, forces.stiffness, self._values)
-        self._factored_blocks = forces.stiffness
+        if not self.corrections.outdated(forces.state):
+            return
         try:
-            self.solver.factor(self._values)
+            self.corrections.factor(forces)
         except NotPositiveDefinite as error:
             raise NotConverged(
                 f"the tangent lost its positive definiteness ({error}); smaller steps of depth or a smaller bulk_to_shear "
                 "may keep it"
             ) from None
-
-    def _correction(self, response: Response, forces: ContactForces, consistent: bool) -> np.ndarray:
-        """Return du (N, 3) of the condensed system: with the symmetric factorisation at hand, or consistent through it."""
-        force = response.f_condensed.copy()
-        force[self.surface] -= forces.f_consistent if consistent else forces.f_condensed
-        rhs = -force[self.free]
-        du = np.zeros_like(force)
-        if consistent:
-            du[self.free] = self._consistent_solve(rhs, forces.stiffness_consistent - self._factored_blocks)
-        else:
-            du[self.free], _ = refined_solve(self.solver, self.body.pattern, self._values, rhs, 0.0, 1)
-        return self.body.spread(du)
-
-    def _consistent_solve(self, rhs: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-        """Return the solution with the factorised tangent plus unsymmetric blocks (S, 3, 3) at the surface nodes."""
-        pattern, full = self.body.pattern, np.zeros_like(self.body.mesh.X)
-        touched = np.flatnonzero(np.abs(blocks).max(axis=(1, 2)) > 0)
-        nodes, blocks = self.surface[touched], blocks[touched]
-
-        def product(x):
-            y = np.empty(pattern.size)
-            symmetric_product(pattern.indptr, pattern.indices, self._values, x, y)
-            full[self.free] = x
-            extra = np.zeros_like(full)
-            extra[nodes] = np.einsum("sij,sj->si", blocks, full[nodes])
-            return y + extra[self.free]
-
-        shape = (pattern.size, pattern.size)
-        operator = LinearOperator(shape, product, dtype=float)
-        preconditioner = LinearOperator(shape, self.solver.solve, dtype=float)
-        solution, _ = gmres(operator, rhs, M=preconditioner, rtol=GMRES_TOLERANCE, restart=20, maxiter=1)
-        return solution
 
     def _converged(
         self,
@@ -354,11 +305,6 @@ class Press:
             moved=(at.u - old.u)[self.surface],
             memory=self.body.remember(at.u) if isinstance(self.body, RememberingBody) else None,
         )
-
-
-def unknowns(state: State) -> Unknowns:
-    """Return displacement, element pressures, contact pressures and friction forces of a state."""
-    return state.u, state.pressure, state.contact_pressure, state.friction_force
 
 
 def padded(centre: np.ndarray, length: int) -> np.ndarray:
