@@ -1,27 +1,25 @@
-"""Derivatives of converged states: neighbouring presses follow the base press step by step.
+"""Derivatives of converged states by differences: neighbouring presses follow the base press step by step.
 
 A neighbour differs a little in one parameter (a constant of a law, a stiffness, the place of nodes, the indenter, its
-path, a setting). At each converged state of the base it starts from that state, moved by what it differed before, and is
-brought to its own equilibrium with the factorisation at hand, unsymmetric terms of contact included. So friction and
-contact carry their history through the steps as in a run of its own, at the cost of a few back-substitutions.
+path, a setting). At each converged state of the base it begins at that state, moved by what it differed before, and is
+brought to its own equilibrium. So friction and contact carry their history through the steps as in a run of its own.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from gelforge.mechanics.bodies.body import Body
 from gelforge.mechanics.contact.state import Settings, State
-from gelforge.mechanics.contact.surface import Iterate, SurfaceContact
 from gelforge.mechanics.indenters.shapes import Indenter
 from gelforge.mechanics.solving.equilibrium import Press, unknowns
 
-# The last correction over all of them: each is a third of the one before or less, so that less than this is left.
-DIFFERENCE_TOLERANCE = 3e-4
-MAX_CORRECTIONS = 15
+# A difference of two states needs both to be converged far beyond what it is of them.
+EXACT = {"force_tolerance": 1e-9, "gap_tolerance": 1e-8, "volume_tolerance": 1e-9}
 
 
 class Neighbour(Press):
@@ -38,50 +36,27 @@ class Neighbour(Press):
         settings: Settings,
         start: np.ndarray,
         centres: np.ndarray,
-        tolerance: float = DIFFERENCE_TOLERANCE,
     ):
         if not np.array_equal(body.mesh.elements, base.body.mesh.elements):
             raise ValueError(
                 "the neighbour's mesh has other elements than the base's; solve it by itself instead"
             )
-        vars(self).update(vars(base))  # shares the linear solver and what it has factorised
-        self.base, self.body = base, body
-        self.indenter, self.settings = indenter, settings
-        self.contact = SurfaceContact(body, indenter, settings)
-        self.area = self.contact.area
-        self.centres, self.tolerance = np.asarray(centres, dtype=float), tolerance
+        super().__init__(body, indenter, settings, base.corrections.solver.name)
+        self.centres = np.asarray(centres, dtype=float)
         self.undeformed = self.start_at(_as_long(start, self.centres[0]))
         self.seconds = 0.0  # wall seconds spent beside the base
 
     def beside(self, old: State, before: State, after: State, centre: np.ndarray) -> State:
         """Return the state at centre beside the base's state `after`, from the state `old` beside `before`.
 
-        To be called while the base's factorisation is that of `after`. Raises NotConverged.
+        Raises NotConverged.
         """
-        self._factored_blocks, contact = self.base._factored_blocks, self.contact
         u, pressure, lam, friction = (
             now + own - then for now, own, then in zip(unknowns(after), unknowns(old), unknowns(before))
         )
-        active = after.contact_pressure > 0
-        lam = np.where(active, np.maximum(lam, 0.0), 0.0)
-        move = contact.step(old, centre)
-        at = Iterate(u, pressure, lam, friction, active, *contact.gap(u, centre))
-        moved, last = 0.0, np.inf  # lengths of all corrections and of the last one
-        for iteration in range(MAX_CORRECTIONS):
-            response, forces = self._evaluate(at), contact.forces(at, move)
-            if last <= self.tolerance * max(moved, np.linalg.norm(at.u - after.u)):
-                residual = self._residual(response, forces)
-                return self._converged(old, centre, at, response, forces, iteration, 0, residual)
-            du = self._correction(response, forces, consistent=True)
-            last = np.linalg.norm(du)
-            moved += last
-            if not np.isfinite(last):
-                break
-            at = contact.corrected(at, forces, du, self.body.linearised_pressure(response, du), centre)
-        # Too far for the base's factorisation: a step of its own. The base factorises anew at its next step anyway.
-        state = self.step(None, old, centre)
-        self.base._factored_blocks = self._factored_blocks
-        return state
+        lam = np.where(after.contact_pressure > 0, np.maximum(lam, 0.0), 0.0)
+        guess = replace(after, u=u, pressure=pressure, contact_pressure=lam, friction_force=friction)
+        return self.step(None, old, centre, guess)
 
 
 def follow_beside(

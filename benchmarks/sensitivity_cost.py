@@ -19,6 +19,7 @@ import argparse
 import os
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 for _name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
@@ -27,7 +28,7 @@ for _name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
 import numpy as np
 import pandas as pd
 from mismatch_cost import DEPTHS, planned, write
-from neighbouring_presses import Neighbour, follow_beside
+from neighbouring_presses import EXACT, Neighbour, follow_beside
 
 from gelforge.api.studies import paper_study
 from gelforge.indentation.cells.binning import bin_forces, bin_shares
@@ -69,9 +70,13 @@ def asked(solver: Solver, site: PlannedCell, all_boxes: bool) -> dict[str, Varia
 def followed(study, laws, site: PlannedCell, variations: dict[str, Variation]) -> dict[str, tuple]:
     """Return d total / d amount (D, 3) and d bins / d amount (D, B, 3) by a neighbouring press for each variation."""
     base = _model(study, laws, site)
-    press = Press(base.body, base.shape, base.settings, study.mechanics.solver.linear_solver)
+    press = Press(
+        base.body, base.shape, replace(base.settings, **EXACT), study.mechanics.solver.linear_solver
+    )
     varied = [_model(unmirrored(one.study), one.laws, site, base) for one in variations.values()]
-    near = [Neighbour(press, m.body, m.shape, m.settings, m.start, m.centres) for m in varied]
+    near = [
+        Neighbour(press, m.body, m.shape, replace(m.settings, **EXACT), m.start, m.centres) for m in varied
+    ]
     amounts = [one.amount for one in variations.values()]
     slopes = []
     for state, states in follow_beside(press, press.start_at(base.start), base.centres, near):

@@ -30,6 +30,7 @@ COMPILED = (
     *(
         "mechanics.indenters.closed_surface",
         "mechanics.linear.sparsity",
+        "mechanics.solving.corrections",
         "recording.features",
         "virtual_lab.imaging",
     ),

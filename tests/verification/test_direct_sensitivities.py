@@ -44,7 +44,7 @@ def neighbours(base, varied, amount=AMOUNT):
     """The same by a press of its own beside the base for each parameter."""
     body, ball, settings, start, centres = base
     press = Press(body, ball, settings)
-    near = [Neighbour(press, *one, tolerance=1e-6) for one in varied]
+    near = [Neighbour(press, *one) for one in varied]
     force, u = [], []
     for state, states in follow_beside(press, press.start_at(start), centres, near):
         force.append([(nodal(one) - nodal(state)) / amount for one in states])

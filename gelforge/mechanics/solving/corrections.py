@@ -41,7 +41,6 @@ class Corrections:
         self._equations = pattern.equation[surface]  # (S, 3)
         self._movable = (self._equations >= 0).all(axis=1)
         self._factored: ContactForces | None = None  # the contact at the factorisation
-        self._factored_values = np.empty_like(self._values)
         self._factored_coupling = np.empty(0)
         self._columns: dict[int, np.ndarray] = {}  # by surface node: inverse of the factorised tangent (3, n)
         self._steps = 0  # of the last GMRES
@@ -63,10 +62,10 @@ class Corrections:
 
     def factor(self, forces: ContactForces) -> None:
         """Factorise the body's tangent with the contact's symmetric one. Raises NotPositiveDefinite."""
-        self._factored_values[:] = self._values
-        add_node_blocks(self._slots, forces.stiffness, self._factored_values)
-        self._factored = None
-        self.solver.factor(self._factored_values)
+        values = self._values.copy()
+        add_node_blocks(self._slots, forces.stiffness, values)
+        self._factored = None  # of a failure nothing is kept
+        self.solver.factor(values)
         self._factored, self._factored_coupling = forces, self._coupling
         self._columns, self._steps = {}, 0
         self.factorisations += 1
