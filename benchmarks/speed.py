@@ -1,7 +1,7 @@
 """One table of what things cost: a site, all its sensitivities, three studies and memory, beside a state before.
 
-usage: python benchmarks/speed.py [--before TAG] [--rounds 3] [--grid 9] [--presses 30] [--tolerance 1] [--cores 2]
-       [--rows NAME ...]
+usage: python benchmarks/speed.py [--before TAG] [--rounds 3] [--orbits 24] [--grid 9] [--presses 30] [--tolerance 1]
+       [--cores 2] [--rows NAME ...]
        --grid 41 --presses 2000 is the article's study and the random plan of which the README speaks
 
 The states' files (--before: a tag or commit; now: the present ones, edits too) are copied into temporary folders and run in
@@ -28,8 +28,10 @@ from two_states import Cost, cost_of, state_before, state_now
 from gelforge.progress import Progress, show
 
 DEPTHS = DEPTHS_MM["the article's"]
+DEPTH_LIST = ",".join(map(str, DEPTHS))
 WIDTH = WIDTHS_MM["the article's"][0]
 MARGIN = 5.0  # mm, of every plan
+ARTICLE_GRID = 41  # positions along an edge in the article's study
 APART = 0.02  # mm
 CHECKED_S = 600.0  # at most for what only reads a study
 
@@ -44,66 +46,98 @@ class Row:
     rounds: int
 
 
+@dataclass(frozen=True)
+class Press:
+    """A study and the place, depths and path of one press in it, as `gelforge press` takes them."""
+
+    study: str
+    where: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Pressed:
+    """What a press cost: CPU seconds of its solution, of its process beyond that, and of both; MB. None: refused."""
+
+    cpu_s: float | None = None
+    start_s: float | None = None
+    memory_MB: float | None = None
+    all_s: float | None = None
+
+
 class Measured:
     """The commands behind the rows; a press is run once for all rows that ask for it in the same round."""
 
     def __init__(self, options: argparse.Namespace):
         self.options = options
         self.interpolation = {"interpolation": {"tolerance": options.tolerance}}
-        self.presses: dict[tuple[Path, bool], list[dict]] = {}
+        self.presses: dict[tuple[Path, Press], Pressed] = {}
         self.refused: list[str] = []  # why a dash stands in the table
 
     def rows(self) -> list[Row]:
         """Return the rows in the order of the table."""
-        grid, count = self.options.grid, self.options.presses
+        grid, count, orbits = self.options.grid, self.options.presses, self.options.orbits
         rounds = self.options.rounds
-        of_site = [
-            Row("site, 8 depths, error bars", "s", lambda state: self.press(state)["cpu_s"], rounds),
-            Row("its process, memory", "MB", lambda state: self.last(state)["memory_MB"], rounds),
-            Row("its process beyond the solution", "s", lambda state: self.last(state)["start_s"], rounds),
-            Row("all sensitivities of the site", "s", self.sensitivities, 1),
-        ]
-        orbits = grid_plan(grid)
+        corner = Press("speed.yaml", ("--x", "27", "--y", "27", "--depths", DEPTH_LIST))
+        sheared = Press("speed.yaml", ("--x", "12", "--y", "16", "--depths", DEPTH_LIST, "--shear", "3", "0"))
+        dome = Press("config/smoke/dome.yaml", ("--x", "12", "--y", "16", "--depths", "0.5,1,1.5"))
+        tactip = Press("config/smoke/tactip.yaml", ("--x", "20", "--y", "20", "--depths", "0.5,1,1.5,2"))
+        every = grid_plan(grid)
         return [
-            *of_site,
-            Row(
-                f"study of {grid} x {grid} sites, each orbit solved", "s", lambda s: self.study(s, orbits), 1
-            ),
+            Row("site, 8 depths, error bars", "s", lambda s: self.press(s, corner).cpu_s, rounds),
+            Row("its process, memory", "MB", lambda s: self.last(s, corner).memory_MB, rounds),
+            Row("its process beyond the solution", "s", lambda s: self.last(s, corner).start_s, rounds),
+            Row("all sensitivities of the site", "s", lambda s: self.sensitivities(s, corner), 1),
+            Row("8 steps down, 10 aside", "s", lambda s: self.press(s, sheared).cpu_s, rounds),
+            Row("dome, tetrahedra", "s", lambda s: self.press(s, dome).cpu_s, 1),
+            Row("TacTip-like, tetrahedra", "s", lambda s: self.press(s, tactip).cpu_s, 1),
+            Row(f"median of {orbits} sites", "s", lambda s: self.sample(s, orbits), 1),
+            Row(f"study of {grid} x {grid} sites, each orbit solved", "s", lambda s: self.study(s, every), 1),
             Row(
                 f"study of {grid} x {grid} sites, interpolated",
                 "s",
-                lambda s: self.study(s, orbits | self.interpolation),
+                lambda s: self.study(s, every | self.interpolation),
                 1,
             ),
             Row(f"{count} random presses", "s", lambda s: self.random(s, count), 1),
         ]
 
-    def press(self, state: Path, more: tuple[str, ...] = ()) -> dict:
-        """Press at (27, 27) mm and return CPU seconds of the solution and beyond it, and MB."""
+    def press(self, state: Path, press: Press, more: tuple[str, ...] = ()) -> Pressed:
+        """Run a press in a state and return what it cost."""
         write_study(state, ARTICLE | {"plan": grid_plan(2)})
-        depths = ",".join(map(str, DEPTHS))
-        where = ["--x", "27", "--y", "27", "--depths", depths, "--study", "speed.yaml", "--out", "press.h5"]
+        where = [*press.where, "--study", press.study, "--out", "press.h5"]
         cost = self.run(["gelforge", "press", *where, *more], state)
-        if cost.status:
-            return {"cpu_s": None, "start_s": None, "memory_MB": None, "all_s": None}
-        solved = json.loads((state / "press.timings.json").read_text())["cpu_seconds"]
-        found = {
-            "cpu_s": solved,
-            "start_s": cost.cpu_s - solved,
-            "memory_MB": cost.memory_MB,
-            "all_s": cost.cpu_s,
-        }
-        self.presses.setdefault((state, bool(more)), []).append(found)
+        found = Pressed()
+        if not cost.status:
+            solved = json.loads((state / "press.timings.json").read_text())["cpu_seconds"]
+            found = Pressed(solved, cost.cpu_s - solved, cost.memory_MB, cost.cpu_s)
+        if not more:
+            self.presses[state, press] = found
         return found
 
-    def last(self, state: Path) -> dict:
-        """Return what the last plain press in a state cost."""
-        return (self.presses.get((state, False)) or [self.press(state)])[-1]
+    def last(self, state: Path, press: Press) -> Pressed:
+        """Return what a press in a state cost the last time."""
+        return self.presses.get((state, press)) or self.press(state, press)
 
-    def sensitivities(self, state: Path) -> float | None:
+    def sensitivities(self, state: Path, press: Press) -> float | None:
         """Return the CPU seconds that all sensitivities add to a site."""
-        with_all = self.press(state, ("--sensitivities", "all"))["all_s"]
-        return None if with_all is None else with_all - self.last(state)["all_s"]
+        with_all, without = (
+            self.press(state, press, ("--sensitivities", "all")).all_s,
+            self.last(state, press).all_s,
+        )
+        return None if with_all is None or without is None else with_all - without
+
+    def sample(self, state: Path, count: int) -> float | None:
+        """Return the median CPU seconds of sites of the article's study, drawn from those that symmetry leaves."""
+        table = pd.DataFrame(drawn_orbits(count), columns=["x_mm", "y_mm"])
+        table.insert(0, "cell", [f"s{k:02d}" for k in range(len(table))])
+        depths = pd.DataFrame({"depth_mm": DEPTHS})
+        table.merge(depths, how="cross").to_csv(state / "plan.csv", index=False)
+        for old in state.glob("results/cost/cells/*"):
+            old.unlink()
+        if self.study(state, {"file": "plan.csv"}) is None:
+            return None
+        timings = [json.loads(file.read_text()) for file in state.glob("results/cost/cells/*.timings.json")]
+        return median(one["cpu_seconds"] for one in timings)
 
     def study(self, state: Path, plan: dict) -> float | None:
         """Return the CPU seconds of a study's sites, Snakemake's own among them."""
@@ -141,6 +175,13 @@ def grid_plan(count: int) -> dict:
         "grid": {"spacing_mm": (WIDTH - 2 * MARGIN) / (count - 1), "margin_mm": MARGIN},
         "depths_mm": DEPTHS,
     }
+
+
+def drawn_orbits(count: int) -> np.ndarray:
+    """Return places (count, 2) [mm] of the article's grid, drawn from one octant: symmetry gives the others."""
+    along = np.linspace(MARGIN, WIDTH / 2, ARTICLE_GRID // 2 + 1)
+    octant = [(x, y) for k, x in enumerate(along) for y in along[k:]]
+    return np.array(octant)[np.random.default_rng(60).permutation(len(octant))[:count]]
 
 
 def random_plan(state: Path, count: int) -> dict:
@@ -203,6 +244,9 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=3, help="of a site; studies run once in each state")
     parser.add_argument("--grid", type=int, default=9, help="sites along an edge")
     parser.add_argument("--presses", type=int, default=30, help="of the random plan")
+    parser.add_argument(
+        "--orbits", type=int, default=24, help="sites drawn from the 231 of the article's study"
+    )
     parser.add_argument(
         "--tolerance", type=float, default=1.0, help="of interpolation, in standard deviations of a label"
     )
