@@ -177,7 +177,10 @@ def test_a_slab_of_the_gel_s_own_law_is_a_thicker_gel():
     rigid = with_keys(on_slab, geometry={"base": {"thickness_mm": 2.0, "youngs_modulus_MPa": None}})
     stiff = with_keys(on_slab, geometry={"base": {"thickness_mm": 2.0, "youngs_modulus_MPa": 1e4}})
     assert_allclose(force(stiff, laws), force(rigid, laws), rtol=1e-3)
-    assert np.array_equal(force(rigid, laws), force(specimens.study(sensor=sensor, mesh=even), laws))
+    plain = force(specimens.study(sensor=sensor, mesh=even), laws)
+    assert_allclose(
+        force(rigid, laws), plain, rtol=1e-6
+    )  # the tolerance of forces: sums are rounded in another order
     slab = region_laws(on_slab.sensor, on_slab.mechanics.effects, ("gel", "skin", "base"), BY_LAYER)["base"]
     assert slab.mu == pytest.approx(0.01)
 

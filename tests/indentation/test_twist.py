@@ -62,14 +62,14 @@ def test_a_sticking_punch_turns_the_gel_as_a_spring_and_drags_it_nowhere():
     # through the axis friction is antisymmetric: the mesh of the sensor's middle is symmetric
     r, f = a["node_xy_mm"] - CENTRE, a["node_shear_N"][-1] - a["node_shear_N"][1]
     opposite = np.array([np.linalg.norm(r + own, axis=1).argmin() for own in r])
-    assert_allclose(f[opposite][:, :2], -f[:, :2], atol=1e-6 * np.abs(f).max())
+    assert_allclose(f[opposite][:, :2], -f[:, :2], atol=1e-5 * np.abs(f).max())
     assert np.abs(f[:, :2]).max() > 1e-3
 
 
 def test_a_twisted_ball_acts_by_friction_alone():
     smooth = twisted(BALL, 0.0, (10.0,))
     for name in ("total_force_N", "node_normal_N", "node_displacement_mm"):
-        assert_allclose(smooth[name][2], smooth[name][1], atol=1e-7 * np.abs(smooth[name]).max())
+        assert_allclose(smooth[name][2], smooth[name][1], atol=1e-6 * np.abs(smooth[name]).max())
     assert not smooth["node_shear_N"].any()
 
     rough = twisted(BALL, 0.5, (3.0,))

@@ -48,6 +48,10 @@ class Corrections:
         # Errors of volumes [mm^3] count as forces by this factor [N/mm^3].
         self._weight = body.element_shear / np.cbrt(body.element_volume)
 
+    def forget(self) -> None:
+        """Drop the factorisation: what follows depends on nothing before."""
+        self._factored = None
+
     def outdated(self, state: np.ndarray) -> bool:
         """Return whether a contact state (S,) asks for a factorisation of its own."""
         if self._factored is None or self._steps > MANY_STEPS:

@@ -28,7 +28,7 @@ CREEP_RESIDUAL = 1e-4
 STEADY = 2
 # The linear equations are solved to this share of the residual, and never further than this share of its tolerance.
 LINEAR_SHARE = 0.03
-LINEAR_LEAST = 0.2
+LINEAR_LEAST = 0.02
 # The body's tangent of an earlier iterate serves while the residual is this small and each correction with it halves the
 # residual at least. A correction from a residual AHEAD leads to one that asks for a tangent: it comes with the forces.
 KEPT_TANGENT = 1e-2
@@ -97,6 +97,7 @@ class Press:
         states before and after every step, halves included. times (n,) [s]: when it is there, for a body that remembers.
         Raises NotConverged, with the position reached, after max_halvings.
         """
+        self.corrections.forget()  # a path's result depends on no other path
         previous, state = None, replace(start, centre=padded(start.centre, np.shape(centres)[-1]))
         for number, centre in enumerate(centres):
             iterations = factorisations = 0

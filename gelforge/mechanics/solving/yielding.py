@@ -31,6 +31,7 @@ def follow_yielding(
     if yielding is None:
         yield from press.follow(start, commanded, times=times)
         return
+    press.corrections.forget()
     commanded = np.asarray(commanded, dtype=float)
     c = float(np.linalg.norm(yielding))
     along = np.pad(yielding / c, (0, commanded.shape[1] - 3))
