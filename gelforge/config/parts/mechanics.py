@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
 from pydantic import Field, model_validator
@@ -12,12 +13,33 @@ from gelforge.config.parts.effects import Effects
 LARGEST_RATIO = 1000.0  # far_mm over near_mm, ten halvings of the base grid: the article's has 4
 
 
+@dataclass(frozen=True)
+class Quality:
+    """What a choice of quality multiplies."""
+
+    sizes: float  # near_mm, far_mm and the elements through the wall
+    growth: float
+    step: float  # solver.longest_step: an even number of depths keeps its steps
+
+
+# docs/accuracy.md has the errors and seconds of each on the shipped sensors.
+QUALITIES = {
+    "fast": Quality(sizes=4 / 3, growth=1.4, step=1.35),
+    "standard": Quality(sizes=1.0, growth=1.0, step=1.0),
+    "fine": Quality(sizes=2 / 3, growth=1.0, step=1.5),
+}
+
+
 class Mesh(Section):
     """Elements and their sizes: hexahedra of an even grid, halved where the contact wants it, or quadratic tetrahedra."""
 
     elements: Literal["auto", "hexahedra", "tetrahedra"] = Field(
         "auto",
         description="auto: hexahedra for a block, 10-node tetrahedra (sizes between their nodes) for other shapes",
+    )
+    quality: Literal["fast", "standard", "fine"] = Field(
+        "standard",
+        description="fast: the sizes below times 4/3, for exploring; fine: times 2/3; the error bars follow",
     )
     near_mm: Positive = Field(0.3, description="element size under the contact [mm]")
     near_radius_mm: Positive = Field(3.6, description="radius of the fine region around the contact [mm]")
@@ -40,6 +62,14 @@ class Mesh(Section):
                 f"far_mm {self.far_mm:g} is more than {LARGEST_RATIO:g} times near_mm {self.near_mm:g}; make it smaller"
             )
         return self
+
+    @property
+    def used(self) -> Mesh:
+        """These as they are meshed: of standard quality, with the sizes and the growth of this one's."""
+        own = QUALITIES[self.quality]
+        return self.coarser(own.sizes).model_copy(
+            update={"quality": "standard", "growth": own.growth * self.growth}
+        )
 
     def coarser(self, factor: float) -> Mesh:
         """Return these with near, far and the wall's size multiplied, and the envelope with the square.

@@ -69,7 +69,7 @@ def check_unit(cells: Mapping[str, PlannedCell], study: Study) -> None:
 
 def check_mesh(study: Study) -> None:
     """Refuse element sizes that would give a mesh beyond any memory: a length or a size in another unit."""
-    sensor, mesh = study.sensor, study.mechanics.mesh
+    sensor, mesh = study.sensor, study.mechanics.mesh.used
     rim = 2 * sensor.flange.width_mm if sensor.flange else 0.0
     far, radius, height = max(mesh.far_mm, mesh.near_mm), mesh.near_radius_mm, sensor.height_mm
     sides = (sensor.width_x_mm + rim, sensor.width_y_mm + rim, height)

@@ -142,7 +142,7 @@ def check_widest(shape: Shape, words: str, depth_mm: float, where: str) -> None:
 
 def check_press(study: Study, shape: Shape, depth_mm: float, where: str) -> None:
     """Refuse a commanded depth that the mesh cannot resolve."""
-    near, words = study.mechanics.mesh.near_mm, study.indenter.words
+    near, words = study.mechanics.mesh.used.near_mm, study.indenter.words
     for part in study.indenter.shapes:
         if part.kind != "sphere" and part.edge_radius_mm < EDGE_SHARE * near - 1e-12:
             raise ConfigError(

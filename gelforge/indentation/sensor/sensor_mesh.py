@@ -54,6 +54,7 @@ def sensor_mesh(
 
 def sizes_of(mesh: MeshSizes) -> Sizes:
     """Return a description's element sizes."""
+    mesh = mesh.used
     return Sizes(
         mesh.near_mm, mesh.near_radius_mm, mesh.growth, mesh.far_mm, mesh.envelope_mm, mesh.wall_parts
     )

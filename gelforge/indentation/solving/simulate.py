@@ -12,6 +12,7 @@ import numpy as np
 
 import gelforge
 from gelforge.config import ConfigError, Effects, Indenter, Mechanics, Sensor, Study
+from gelforge.config.parts.mechanics import QUALITIES
 from gelforge.indentation.cells.cell_arrays import force_arrays, gel_arrays, moment_shift, section_arrays
 from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.effects.fields import element_stiffness
@@ -424,7 +425,7 @@ def _settings(mechanics: Mechanics) -> Settings:
         tangential_augmentation=mechanics.contact.tangential_augmentation,
         force_tolerance=mechanics.solver.force_tolerance,
         gap_tolerance=mechanics.solver.gap_tolerance,
-        longest_step=mechanics.solver.longest_step,
+        longest_step=QUALITIES[mechanics.mesh.quality].step * mechanics.solver.longest_step,
         max_iterations=mechanics.solver.max_iterations,
         max_halvings=mechanics.solver.max_halvings,
         initial_normals=mechanics.contact_normals == "initial",

@@ -30,7 +30,7 @@ def amount(
 
 def half_an_element(study: Study) -> float:
     """Return half of the elements' size under an indentation [mm], or less: across it ripples from node to node cancel."""
-    return min(study.mechanics.mesh.near_mm / 2, LARGEST_MOVE)
+    return min(study.mechanics.mesh.used.near_mm / 2, LARGEST_MOVE)
 
 
 def half_an_element_far_out(study: Study) -> float:
