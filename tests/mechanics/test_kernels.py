@@ -30,6 +30,8 @@ COMPILED = (
     *(
         "mechanics.indenters.closed_surface",
         "mechanics.linear.sparsity",
+        "mechanics.meshes.elements",
+        "indentation.solving.stretch_range",
         "recording.features",
         "virtual_lab.imaging",
     ),

@@ -54,6 +54,7 @@ from gelforge.mechanics.contact.state import Settings, State
 from gelforge.mechanics.indenters.shapes import DOWN, rotation_of
 from gelforge.mechanics.indenters.shapes import Indenter as Shape
 from gelforge.mechanics.laws.law import PrincipalLaw
+from gelforge.mechanics.meshes.elements import mean_gradient
 from gelforge.mechanics.meshes.mesh import Mesh
 from gelforge.mechanics.solving.balances import force_balance, moment_balance
 from gelforge.mechanics.solving.equilibrium import NotConverged, Press
@@ -323,10 +324,8 @@ def _simulated(
         arrays |= gel_arrays(mesh, states, sensor)
     top = sensor.layers[-1].name  # its material makes the wall and the flange too
     tested = [(outside or {}).get(name if name in laws else top) for name in mesh.regions]
-    rest = body.rest[mesh.region]
-    stretches = [
-        element_stretches(body.gradient, body.weight, mesh.elements, state.u, rest) for state in states
-    ]
+    gradient, rest = mean_gradient(body.gradient, body.weight), body.rest[mesh.region]
+    stretches = [element_stretches(gradient, mesh.elements, state.u, rest) for state in states]
     attributes: dict[str, Any] = stretch_ranges(stretches, body.element_volume, mesh.region, tested)
     used = [None if small else body.laws[name] for name in mesh.regions]
     attributes |= unstable_shares(stretches, body.element_volume, mesh.region, used)
