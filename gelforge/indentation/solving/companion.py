@@ -142,7 +142,8 @@ def _plain_companion(study: Study, laws, planned, uncertain) -> tuple[Companion,
         varied.append(Varied(other.body, other.shape, other.settings, other.start, other.centres, AMOUNT))
     forces, slopes, reason = [], [], ""
     try:
-        states = follow_with_slopes(press, press.start_at(model.start), model.centres, varied)
+        start = press.start_at(model.start)
+        states = follow_with_slopes(press, start, model.centres, varied, forces_only=True)
         for state, slope in tracked(states, "steps of the indenter, on the coarser mesh", len(model.centres)):
             forces.append(state.normal_force + state.friction_force)
             slopes.append(slope.force)

@@ -174,7 +174,9 @@ def _along(
     carried = [_carried(base, model, amount) for model, amount in varied.values()]
     slopes, motions, reached, forces = [], [], [], []
     seconds: list[float] = []
-    states = follow_with_slopes(press, press.start_at(base.start), base.centres, others, seconds)
+    states = follow_with_slopes(
+        press, press.start_at(base.start), base.centres, others, seconds, forces_only=not stored
+    )
     for state, along in tracked(states, "steps of the indenter, with derivatives", len(base.centres)):
         forces.append(state.normal_force + state.friction_force)
         slopes.append(along.force)
