@@ -31,6 +31,7 @@ COMPILED = (
         "mechanics.indenters.closed_surface",
         "mechanics.linear.sparsity",
         "mechanics.meshes.elements",
+        "indentation.effects.fields",
         "indentation.solving.stretch_range",
         "recording.features",
         "virtual_lab.imaging",
