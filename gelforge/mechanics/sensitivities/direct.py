@@ -60,6 +60,16 @@ class Slopes:
     u: np.ndarray  # (P, N, 3) [mm/unit]; (P, 0, 3) where only forces are wanted
 
 
+@dataclass(frozen=True)
+class Followed:
+    """A path that a press has gone, as far as it came."""
+
+    start: State
+    centres: np.ndarray  # (D, 3) or (D, 6) of the whole path
+    states: list[State]  # at the centres reached
+    steps: list[tuple[State, State]]  # before and after each step, halves included
+
+
 def follow_with_slopes(
     base: Press,
     start: State,
@@ -70,38 +80,61 @@ def follow_with_slopes(
 ) -> Iterator[tuple[State, Slopes]]:
     """Yield the base's state at each centre (D, 3) or (D, 6) in turn, with its derivatives along each varied indentation.
 
-    The base goes its whole way before the first is yielded: which nodes are in contact anywhere on it is then known, and
-    derivatives are carried at these alone; forces_only: no others are found. seconds: to it the wall seconds of every
-    step's derivatives are added. Raises NotConverged as the base does, after what it has reached; ValueError where a mesh
-    has other elements or the body remembers.
+    The base goes its whole way before the first is yielded. seconds and forces_only: see slopes_along. Raises NotConverged
+    as the base does, after what it has reached; ValueError where a mesh has other elements or the body remembers.
     """
-    centres = np.asarray(centres, dtype=float)
+    _check(base, varied)
+    path, failure = Followed(start, np.asarray(centres, dtype=float), [], []), None
+    try:
+        for state in base.follow(start, path.centres, lambda *step: path.steps.append(step)):
+            path.states.append(state)
+    except NotConverged as error:
+        failure = error
+    yield from slopes_along(base, path, varied, seconds, forces_only)
+    if failure is not None:
+        raise failure
+
+
+def slopes_along(
+    base: Press,
+    followed: Followed,
+    varied: Sequence[Varied],
+    seconds: list[float] | None = None,
+    forces_only: bool = False,
+) -> Iterator[tuple[State, Slopes]]:
+    """Yield the states of a path that the base has gone, with their derivatives along each varied indentation.
+
+    Which nodes are in contact anywhere on it is known, and the derivatives are carried at these; forces_only: at no
+    others. seconds: to it the wall seconds of every step's derivatives are added. Raises ValueError where a mesh has other
+    elements or the body remembers.
+    """
+    _check(base, varied)
     chain = _Chain(base, varied, forces_only)
+    start, centres = followed.start, followed.centres
     path = np.vstack([padded(start.centre, centres.shape[1]), centres])
     shifts = np.array([np.vstack([padded(v.start, centres.shape[1]), v.centres]) - path for v in varied])
     shifts = shifts.reshape(len(varied), *path.shape)
-    steps: list[tuple[State, State]] = []  # before and after, since the last centre
-    reached: list[tuple[State, list[tuple[State, State]]]] = []
-    failure = None
-    try:
-        for state in base.follow(start, centres, lambda *step: steps.append(step)):
-            reached.append((state, steps.copy()))
-            steps.clear()
-    except NotConverged as error:
-        failure = error
-    afters = [after for _, parts in reached for _, after in parts]
-    shifts += chain.begin(start, shifts[:, 0], afters)[:, None]
-    for number, (state, parts) in enumerate(reached):
+    shifts += chain.begin(start, shifts[:, 0], [after for _, after in followed.steps])[:, None]
+    steps = iter(followed.steps)
+    for number, state in enumerate(followed.states):
         length = np.linalg.norm(path[number + 1] - path[number])
-        for before, after in parts:
+        for before, after in steps:
             share = np.linalg.norm(after.centre - path[number]) / length if length else 1.0
             clock = time.perf_counter()
             chain.advance(before, after, (1 - share) * shifts[:, number] + share * shifts[:, number + 1])
             if seconds is not None:
                 seconds.append(time.perf_counter() - clock)
+            if after.u is state.u:
+                break
         yield state, chain.slopes
-    if failure is not None:
-        raise failure
+
+
+def _check(base: Press, varied: Sequence[Varied]) -> None:
+    for one in varied:
+        if not np.array_equal(one.body.mesh.elements, base.body.mesh.elements):
+            raise ValueError(
+                "a varied indentation has a mesh of other elements than the base's; subtract two solutions instead"
+            )
 
 
 def _same(one: Any, other: Any) -> bool:
@@ -121,11 +154,6 @@ class _Chain:
     """Derivatives carried from step to step."""
 
     def __init__(self, base: Press, varied: Sequence[Varied], forces_only: bool = False):
-        for one in varied:
-            if not np.array_equal(one.body.mesh.elements, base.body.mesh.elements):
-                raise ValueError(
-                    "a varied indentation has a mesh of other elements than the base's; subtract two solutions instead"
-                )
         self.base, self.varied, self.forces_only = base, varied, forces_only
         self.amounts = np.array([one.amount for one in varied]).reshape(-1, 1, 1)
         self.internal = ForceDifferences(base.body, [one.body for one in varied], self.amounts.ravel())
