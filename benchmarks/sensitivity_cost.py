@@ -56,7 +56,7 @@ from gelforge.mismatch.terms.candidates import effects_of_forces
 def asked(solver: Solver, site: PlannedCell, all_boxes: bool) -> dict[str, Variation]:
     """Return the variations that a verdict asks for at a site."""
     with tempfile.TemporaryDirectory() as folder:
-        recording = write(Path(folder) / "plan", planned(solver.study, 2, 0))
+        recording = write(Path(folder) / "plan", planned(solver.study, 2, False, 0))
         observations = observe([recording], solver.study.sensor, 1.0)
     sites = len(observations.sites)
     curves = Curves((DEPTHS,) * sites, (np.outer(DEPTHS, [0.0, 0.0, -1.0]),) * sites)

@@ -14,7 +14,8 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.planning.plan import press_path
 from gelforge.indentation.solving.companion import simulate_label
 from gelforge.indentation.solving.sensitivities import derivable, derivatives, sensitivities, variations_of
-from gelforge.indentation.solving.simulate import simulate_cell
+from gelforge.indentation.solving.simulate import simulate_cell, solved_cell
+from gelforge.mechanics.solving.equilibrium import Press
 
 # An aged, warm session: else ageing and temperature have nothing to act on.
 SESSION = {"material": {"circumstances": {"age_days": 10.0, "temperature_C": 33.0}}}
@@ -190,3 +191,37 @@ def test_adhesion_does_nothing_on_the_way_down():
     amount = CATALOGUE["adhesion"].width
     force = simulate_cell(study, specimens.STUDY_LAWS, PLANNED).arrays["total_force_N"]
     assert np.abs(amount * found.total).max() < 1e-7 * np.abs(force).max()
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        {},
+        {"kinematics": {"frame_compliance_mm_per_N": 0.02}},
+        {"geometry": {"prestretch": {"gel": [1.01, 1.01]}}},
+    ],
+    ids=["plain", "machine that yields", "residual stretch"],
+)
+def test_a_site_lends_its_own_solution(effects):
+    """Derivatives along the solution at hand are those of a site that is solved anew, down to the last digit."""
+    study = specimens.study(effects=effects)
+    cell, solution = solved_cell(study, specimens.STUDY_LAWS, PLANNED)
+    assert cell.converged
+    own, anew = (
+        sensitivities(study, specimens.STUDY_LAWS, PLANNED, ["gel_stiffness", "friction"], lent)
+        for lent in (solution, None)
+    )
+    for name, one in anew.items():
+        assert np.array_equal(own[name].total, one.total) and np.array_equal(own[name].bins, one.bins)
+    force = np.linalg.norm(cell.arrays["total_force_N"], axis=1)
+    assert (
+        np.linalg.norm(anew["gel_stiffness"].total, axis=1) < 2 * force
+    ).all()  # that of all moduli is the force
+
+
+def test_a_site_with_derivatives_is_solved_once(monkeypatch):
+    starts, start_at = [], Press.start_at
+    monkeypatch.setattr(Press, "start_at", lambda self, centre: starts.append(self) or start_at(self, centre))
+    study = specimens.study(sensitivities=["gel_stiffness"], error_bars=False)
+    assert "sensitivity_total" in simulate_label(study, specimens.STUDY_LAWS, {}, PLANNED).arrays
+    assert len(starts) == 1

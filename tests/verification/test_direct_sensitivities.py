@@ -11,7 +11,7 @@ from test_sensitivities import AMOUNT, PARAMETERS, binned, model, nodal
 
 from gelforge.mechanics.bodies.body import Body, SmallStrainBody
 from gelforge.mechanics.sensitivities.direct import Varied, follow_with_slopes
-from gelforge.mechanics.solving.equilibrium import Press
+from gelforge.mechanics.solving.equilibrium import NotConverged, Press
 
 LITTLE = 1e-4  # beside which few nodes change between open, stick and slip: there differences jump, derivatives do not
 SHEAR = np.array([[0.0, 0.0, -0.4], [0.0, 0.0, -0.8], [0.1, 0.0, -0.8], [0.25, 0.05, -0.8], [0.1, 0.0, -0.7]])
@@ -180,6 +180,33 @@ def test_other_elements_are_refused():
     other = model(block=replace(specimens.BLOCK, layers=(("gel", 6.0), ("skin", 1.0))))
     with pytest.raises(ValueError, match="other elements"):
         along(model(), [other])
+
+
+def test_of_forces_only_the_same_is_found():
+    """Along a path on which nodes come into contact, slip and leave it."""
+    body, ball, settings, start, centres = sheared()
+    press = Press(body, ball, settings)
+    varied = [Varied(*sheared(**{name: 1 + LITTLE}), LITTLE) for name in ("skin", "friction")]
+    both = [
+        [
+            slopes
+            for _, slopes in follow_with_slopes(press, press.start_at(start), centres, varied, None, only)
+        ]
+        for only in (False, True)
+    ]
+    force, alone = (np.array([slopes.force for slopes in one]) for one in both)
+    assert_allclose(alone, force, atol=1e-8 * np.abs(force).max(), rtol=0)
+    assert both[1][0].u.shape == (2, 0, 3)
+
+
+def test_a_base_that_ends_early_yields_what_it_has_reached():
+    body, ball, settings, start, centres = model()
+    press = Press(body, ball, replace(settings, max_halvings=0))
+    too_deep = np.vstack([centres[:2], centres[1:2] - [0.0, 0.0, 50.0]])
+    steps = follow_with_slopes(press, press.start_at(start), too_deep, [])
+    assert [state.centre[2] for state, _ in (next(steps), next(steps))] == too_deep[:2, 2].tolist()
+    with pytest.raises(NotConverged):
+        next(steps)
 
 
 def test_another_kind_of_body_is_refused():

@@ -6,6 +6,7 @@ what that share does to all around it), so that nothing jumps as an edge moves.
 
 from __future__ import annotations
 
+import numba as nb
 import numpy as np
 
 from gelforge.config import ConfigError, Effects, Mechanics, Sensor
@@ -128,13 +129,11 @@ def _particle_factor(mesh: Mesh, sensor: Sensor, effects: Effects) -> np.ndarray
     return eshelby_factor(phi)
 
 
-def _samples(mesh: Mesh, elements: np.ndarray) -> np.ndarray:
-    """Return points (n, P, 3) [mm] evenly spread in elements (n,)."""
-    kind = ELEMENTS[mesh.elements.shape[1]]
+def _samples(nodes: int) -> np.ndarray:
+    """Return the shape functions (P, A) of an element of A nodes at points evenly spread in it."""
     line = (np.arange(PARTS) + 0.5) / PARTS
     grid = np.stack(np.meshgrid(line, line, line, indexing="ij"), axis=-1).reshape(-1, 3)
-    natural = 2 * grid - 1 if len(kind.nodes) == 8 else grid[grid.sum(axis=1) < 1]
-    return np.einsum("pa,eai->epi", kind.shape(natural), mesh.X[mesh.elements[elements]])
+    return ELEMENTS[nodes].shape(2 * grid - 1 if nodes == 8 else grid[grid.sum(axis=1) < 1])
 
 
 def _overlap(mesh: Mesh, axis: int, low: float, high: float) -> np.ndarray:
@@ -160,14 +159,34 @@ def _ball_share(mesh: Mesh, inclusion: Inclusion) -> np.ndarray:
 
 def _share_within(mesh: Mesh, centre: np.ndarray, radius: float) -> np.ndarray:
     """Return the share (E,) of each element within a radius of a centre (2,) or (3,) [mm], in a plane or in space."""
-    axes, corners = len(centre), mesh.X[mesh.elements]
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    apart = (high - low).max(axis=1) / PARTS
-    outside = np.maximum(np.maximum(low[:, :axes] - centre, centre - high[:, :axes]), 0)
-    near = np.flatnonzero(np.linalg.norm(outside, axis=1) < radius + apart)
-    inside = radius - np.linalg.norm(_samples(mesh, near)[..., :axes] - centre, axis=-1)
-    share = np.zeros(len(corners))
-    share[near] = np.clip(inside / apart[near, None] + 0.5, 0, 1).mean(axis=1)
+    return _shares(mesh.X, mesh.elements, _samples(mesh.elements.shape[1]), centre, float(radius))
+
+
+@nb.njit(cache=True)
+def _shares(X, elements, shape, centre, radius):
+    """Return the mean (E,) over samples, shape (P, A), of how far within the radius they are, cut off at their distance."""
+    (E, A), P, axes = elements.shape, len(shape), len(centre)
+    share = np.zeros(E)
+    for e in range(E):
+        apart, outside = 0.0, 0.0
+        for i in range(3):
+            low = high = X[elements[e, 0], i]
+            for a in range(1, A):
+                low, high = min(low, X[elements[e, a], i]), max(high, X[elements[e, a], i])
+            apart = max(apart, (high - low) / PARTS)
+            if i < axes:
+                outside += max(low - centre[i], centre[i] - high, 0.0) ** 2
+        if np.sqrt(outside) >= radius + apart:
+            continue
+        for p in range(P):
+            square = 0.0
+            for i in range(axes):
+                place = 0.0
+                for a in range(A):
+                    place += shape[p, a] * X[elements[e, a], i]
+                square += (place - centre[i]) ** 2
+            share[e] += min(max((radius - np.sqrt(square)) / apart + 0.5, 0.0), 1.0)
+        share[e] /= P
     return share
 
 

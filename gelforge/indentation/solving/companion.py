@@ -15,7 +15,7 @@ from gelforge.indentation.paths.trajectory import Trajectory
 from gelforge.indentation.planning.touching import untouched
 from gelforge.indentation.solving.error_bars import AMOUNT, COARSER, Companion, error_bars, laws_moved
 from gelforge.indentation.solving.sensitivities import sensitivities, variations_of, with_sensitivities
-from gelforge.indentation.solving.simulate import model_of, simulate_cell
+from gelforge.indentation.solving.simulate import Solution, model_of, simulate_cell, solved_cell
 from gelforge.indentation.solving.stretch_range import Outside
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.sensitivities.direct import Varied, follow_with_slopes
@@ -37,7 +37,9 @@ def simulate_label(
     the indenter, or one of its parts, never touches has failed.
     """
     variations_of(study, laws, study.mechanics.sensitivities)  # refused before anything is solved
-    cell = _with_derivatives(simulate_cell(study, laws, planned, outside), study, laws, planned)
+    cell, solution = solved_cell(study, laws, planned, outside)
+    cell = _with_derivatives(cell, solution, study, laws, planned)
+    del solution  # and its factors
     if cell.converged and (reason := untouched(cell, study.indenter)):
         return Cell(cell.arrays, cell.attributes | {"status": "failed", "reason": reason})
     if not study.mechanics.error_bars or not len(cell.arrays["depth_mm"]):
@@ -71,13 +73,15 @@ def simulate_label(
     return Cell(cell.arrays | bars, cell.attributes | attributes)
 
 
-def _with_derivatives(cell: Cell, study: Study, laws: dict[str, PrincipalLaw], planned: PlannedCell) -> Cell:
+def _with_derivatives(
+    cell: Cell, solution: Solution, study: Study, laws: dict[str, PrincipalLaw], planned: PlannedCell
+) -> Cell:
     """Return a site with the derivatives asked for, or with the reason why they could not be followed."""
     names = study.mechanics.sensitivities
     if not (names and cell.converged):
         return cell
     try:
-        return with_sensitivities(cell, sensitivities(study, laws, planned, names))
+        return with_sensitivities(cell, sensitivities(study, laws, planned, names, solution))
     except (ConfigError, NotConverged) as failure:  # the site itself is solved
         return Cell(cell.arrays, cell.attributes | {"sensitivity_reason": str(failure)})
 
@@ -142,7 +146,8 @@ def _plain_companion(study: Study, laws, planned, uncertain) -> tuple[Companion,
         varied.append(Varied(other.body, other.shape, other.settings, other.start, other.centres, AMOUNT))
     forces, slopes, reason = [], [], ""
     try:
-        states = follow_with_slopes(press, press.start_at(model.start), model.centres, varied)
+        start = press.start_at(model.start)
+        states = follow_with_slopes(press, start, model.centres, varied, forces_only=True)
         for state, slope in tracked(states, "steps of the indenter, on the coarser mesh", len(model.centres)):
             forces.append(state.normal_force + state.friction_force)
             slopes.append(slope.force)

@@ -21,10 +21,10 @@ from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.effects.catalogue import CATALOGUE
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.paths.trajectory import Trajectory
-from gelforge.indentation.solving.simulate import Model, model_of, simulate_cell
+from gelforge.indentation.solving.simulate import Model, Solution, model_of, simulate_cell
 from gelforge.mechanics.contact.state import State
 from gelforge.mechanics.laws.law import PrincipalLaw
-from gelforge.mechanics.sensitivities.direct import Varied, follow_with_slopes
+from gelforge.mechanics.sensitivities.direct import Varied, follow_with_slopes, slopes_along
 from gelforge.mechanics.solving.equilibrium import NotConverged, Press
 from gelforge.progress import tracked
 
@@ -66,13 +66,17 @@ def derivable(name: str) -> bool:
 
 
 def sensitivities(
-    study: Study, laws: dict[str, PrincipalLaw], planned: PlannedCell, names: Sequence[str]
+    study: Study,
+    laws: dict[str, PrincipalLaw],
+    planned: PlannedCell,
+    names: Sequence[str],
+    solution: Solution | None = None,
 ) -> dict[str, Derivative]:
     """Return the derivatives of a site's forces with respect to the named effects of the catalogue, in their order.
 
-    Raises ConfigError as variations_of, NotConverged as the solver does.
+    solution: see derivatives. Raises ConfigError as variations_of, NotConverged as the solver does.
     """
-    return derivatives(study, laws, planned, variations_of(study, laws, names))[1]
+    return derivatives(study, laws, planned, variations_of(study, laws, names), solution)[1]
 
 
 def variations_of(study: Study, laws: dict[str, PrincipalLaw], names: Sequence[str]) -> dict[str, Variation]:
@@ -104,13 +108,16 @@ def derivatives(
     laws: Mapping[str, PrincipalLaw],
     planned: PlannedCell,
     variations: Mapping[str, Variation],
+    solution: Solution | None = None,
 ) -> tuple[Cell, dict[str, Derivative]]:
     """Return a site's forces, and its gel if the study stores it, with derivatives along variations, in their order.
 
-    Raises NotConverged.
+    solution: the site's own, to its end; without, or where it is one in time, the site is solved anew. Raises NotConverged.
     """
     study = unmirrored(study)
-    base = _model(study, laws, planned)
+    if solution and not solution.followed.steps:
+        solution = None
+    base = solution.model if solution else _model(study, laws, planned)
     along, others = {}, []
     for name, variation in variations.items():
         varied = None
@@ -123,8 +130,9 @@ def derivatives(
             others.append(name)
         else:
             along[name] = (varied, variation.amount)
-    if base.yielding is None and not base.body.remembers:
-        cell, found = _along(study, base, along)
+    # A residual stretch has to find its balance first, as simulate_cell lets it.
+    if base.yielding is None and not base.body.remembers and base.body.at_rest:
+        cell, found = _along(study, base, along, solution)
     else:
         cell, found = _solved(study, laws, planned), {}
     for name in others:
@@ -162,9 +170,8 @@ def _along_it(base: Model, varied: Model) -> bool:
 
 
 def _along(
-    study: Study, base: Model, varied: dict[str, tuple[Model, float]]
+    study: Study, base: Model, varied: dict[str, tuple[Model, float]], solution: Solution | None
 ) -> tuple[Cell, dict[str, Derivative]]:
-    press = Press(base.body, base.shape, base.settings, study.mechanics.solver.linear_solver)
     others = [
         Varied(model.body, model.shape, model.settings, model.start, model.centres, amount)
         for model, amount in varied.values()
@@ -174,7 +181,12 @@ def _along(
     carried = [_carried(base, model, amount) for model, amount in varied.values()]
     slopes, motions, reached, forces = [], [], [], []
     seconds: list[float] = []
-    states = follow_with_slopes(press, press.start_at(base.start), base.centres, others, seconds)
+    if solution:
+        states = slopes_along(solution.press, solution.followed, others, seconds, not stored)
+    else:
+        press = Press(base.body, base.shape, base.settings, study.mechanics.solver.linear_solver)
+        start = press.start_at(base.start)
+        states = follow_with_slopes(press, start, base.centres, others, seconds, not stored)
     for state, along in tracked(states, "steps of the indenter, with derivatives", len(base.centres)):
         forces.append(state.normal_force + state.friction_force)
         slopes.append(along.force)

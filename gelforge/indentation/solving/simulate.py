@@ -55,7 +55,9 @@ from gelforge.mechanics.contact.state import Settings, State
 from gelforge.mechanics.indenters.shapes import DOWN, rotation_of
 from gelforge.mechanics.indenters.shapes import Indenter as Shape
 from gelforge.mechanics.laws.law import PrincipalLaw
+from gelforge.mechanics.meshes.elements import mean_gradient
 from gelforge.mechanics.meshes.mesh import Mesh
+from gelforge.mechanics.sensitivities.direct import Followed
 from gelforge.mechanics.solving.balances import force_balance, moment_balance
 from gelforge.mechanics.solving.equilibrium import NotConverged, Press
 from gelforge.mechanics.solving.yielding import follow_yielding
@@ -72,13 +74,25 @@ def simulate_cell(
 
     outside: by material, whether principal stretches leave the range in which its law was tested.
     """
+    return solved_cell(study, laws, planned, outside)[0]
+
+
+def solved_cell(
+    study: Study,
+    laws: dict[str, PrincipalLaw],
+    planned: PlannedCell,
+    outside: dict[str, Outside] | None = None,
+) -> tuple[Cell, Solution]:
+    """Return what simulate_cell does, and the solution along which derivatives can be taken."""
     layers = study.sensor.layers
     by_layer = {layer.name: laws[layer.material] for layer in layers}
     tested = {layer.name: (outside or {}).get(layer.material) for layer in layers}
     trajectory = Trajectory.of(planned, study.plan.approach)
-    cell = simulate_trajectory(study.sensor, study.indenter, study.mechanics, by_layer, trajectory, tested)
+    cell, _, solution = _simulated(
+        study.sensor, study.indenter, study.mechanics, by_layer, trajectory, tested, None
+    )
     identity = {"cell": planned.name, "inputs_digest": inputs_digest(study, laws, planned), "source": ""}
-    return Cell(cell.arrays, cell.attributes | identity)
+    return Cell(cell.arrays, cell.attributes | identity), solution
 
 
 AWAY_MM = 1.0  # the indenter's distance while a residual stretch finds its balance
@@ -101,6 +115,15 @@ class Model:
     drawn: Mesh  # of the sensor as drawn
     drawn_for: tuple  # all that decides it
     place: np.ndarray  # (2,) where the indentation really is [mm]
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A model, what has solved it, and the path that was gone."""
+
+    model: Model
+    press: Press
+    followed: Followed
 
 
 def model_of(
@@ -245,7 +268,7 @@ def simulate_in_order(
     Each begins relaxed, with the softening of all before it: grid is what was left by others, None for an untouched sensor.
     """
     for trajectory in trajectories:
-        cell, grid = _simulated(sensor, indenter, mechanics, laws, trajectory, None, grid)
+        cell, grid, _ = _simulated(sensor, indenter, mechanics, laws, trajectory, None, grid)
         yield cell, grid
 
 
@@ -257,9 +280,10 @@ def _solved(
     mechanics: Mechanics,
     path: TimedPath | None,
     grid: PeakGrid | None,
-) -> tuple[list[State], str, PeakGrid | None]:
+) -> tuple[Followed, str, PeakGrid | None]:
     """Return the states that were reached, why no more, and the softening left; path: where history matters."""
-    states: list[State] = []
+    followed = Followed(start, model.centres, [], [])
+    states = followed.states
     body, mesh, effects = model.body, model.mesh, mechanics.effects
     presses = path.presses if path else (slice(0, len(model.centres)),)
     times = np.array(path.trajectory.times_s) if path and body.remembers else None
@@ -271,8 +295,9 @@ def _solved(
                 body.forget(grid.read(points, mesh.region, mesh.regions))
                 start = replace(start, memory=body.initial)
             steps = follow_yielding(
-                press, start, model.centres[poses], model.yielding, None if times is None else times[poses]
-            )
+                press, start, model.centres[poses], model.yielding, None if times is None else times[poses],
+                None if path else lambda *step: followed.steps.append(step),
+            )  # fmt: skip
             last = start
             steps = tracked(steps, "steps of the indenter", len(model.centres[poses]))
             for number, last in enumerate(steps, start=poses.start):
@@ -281,8 +306,8 @@ def _solved(
             if grid is not None and isinstance(body, RememberingBody):
                 grid = grid.updated(points, mesh.region, mesh.regions, body.initial.peak, last.memory.peak)
     except NotConverged as failure:
-        return states, str(failure), grid
-    return states, "", grid
+        return followed, str(failure), grid
+    return followed, "", grid
 
 
 def _simulated(
@@ -293,7 +318,7 @@ def _simulated(
     trajectory: Trajectory,
     outside: dict[str, Outside | None] | None,
     grid: PeakGrid | None,
-) -> tuple[Cell, PeakGrid | None]:
+) -> tuple[Cell, PeakGrid | None, Solution]:
     wall_clock, cpu_clock = time.perf_counter(), time.process_time()
     history = mechanics.effects.history
     path = in_time(trajectory, history.timing) if history.any else None
@@ -306,9 +331,10 @@ def _simulated(
     model, start, reason = (
         _balanced(model, press, start) if mechanics.effects.geometry.prestretch else (model, start, "")
     )
-    states: list[State] = []
+    followed = Followed(start, model.centres, [], [])
     if not reason:
-        states, reason, grid = _solved(model, press, start, sensor, mechanics, path, grid)
+        followed, reason, grid = _solved(model, press, start, sensor, mechanics, path, grid)
+    states = followed.states
     done = len(states)
     arrays = {
         "depth_mm": np.array(trajectory.depths_mm[:done]),
@@ -324,10 +350,8 @@ def _simulated(
         arrays |= gel_arrays(mesh, states, sensor)
     top = sensor.layers[-1].name  # its material makes the wall and the flange too
     tested = [(outside or {}).get(name if name in laws else top) for name in mesh.regions]
-    rest = body.rest[mesh.region]
-    stretches = [
-        element_stretches(body.gradient, body.weight, mesh.elements, state.u, rest) for state in states
-    ]
+    gradient, rest = mean_gradient(body.gradient, body.weight), body.rest[mesh.region]
+    stretches = [element_stretches(gradient, mesh.elements, state.u, rest) for state in states]
     attributes: dict[str, Any] = stretch_ranges(stretches, body.element_volume, mesh.region, tested)
     used = [None if small else body.laws[name] for name in mesh.regions]
     attributes |= unstable_shares(stretches, body.element_volume, mesh.region, used)
@@ -360,7 +384,7 @@ def _simulated(
     }
     if path:
         attributes["time_s"] = [path.trajectory.times_s[number] for number in path.readings[:done]]
-    return Cell(arrays, attributes), grid
+    return Cell(arrays, attributes), grid, Solution(model, press, followed)
 
 
 def _balanced(model: Model, press: Press, start: State) -> tuple[Model, State, str]:

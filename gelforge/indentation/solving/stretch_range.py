@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+import numba as nb
 import numpy as np
 
 from gelforge.mechanics.laws.law import PrincipalLaw
@@ -13,24 +14,65 @@ Outside = Callable[
     [np.ndarray], np.ndarray
 ]  # principal stretches (E, 3) -> whether they leave the tested range (E,)
 NOT_KNOWN, INSIDE, LEAVES = -1, 0, 1
+# Jacobi's rotations end where the squares off the diagonal are this share of the trace's.
+OFF_DIAGONAL, SWEEPS = 1e-31, 12
 
 
 def element_stretches(
-    gradient: np.ndarray,
-    weight: np.ndarray,
-    elements: np.ndarray,
-    u: np.ndarray,
-    rest: np.ndarray | None = None,
+    gradient: np.ndarray, elements: np.ndarray, u: np.ndarray, rest: np.ndarray | None = None
 ) -> np.ndarray:
     """Return the principal stretches (E, 3), smallest first, of the elements' mean deformation gradient.
 
-    gradient (E, G, n, 3) is dN/dX [1/mm] at the Gauss points, weight (E, G) [mm^3], elements (E, n), u (N, 3) [mm] the
-    displacement, rest (E, 3, 3) F at u = 0 where it is not 1. The mean over an element and not a Gauss point: at the
-    clamped edge and under the contact's edge single points follow the mesh, and not the material.
+    gradient (E, n, 3) is the mean of dN/dX [1/mm] over an element (meshes.elements.mean_gradient), elements (E, n), u (N, 3)
+    [mm] the displacement, rest (E, 3, 3) F at u = 0 where it is not 1. The mean over an element and not a Gauss point: at
+    the clamped edge and under the contact's edge single points follow the mesh, and not the material.
     """
-    mean = np.einsum("eg,egnx->enx", weight, gradient) / weight.sum(axis=1)[:, None, None]
-    F = (np.eye(3) if rest is None else rest) + np.einsum("enx,eny->exy", u[elements], mean)
-    return np.sqrt(np.maximum(np.linalg.eigvalsh(np.swapaxes(F, 1, 2) @ F), 0.0))
+    return _stretches(gradient, elements, u, np.eye(3)[None] if rest is None else rest)
+
+
+@nb.njit(cache=True)
+def _stretches(gradient, elements, u, rest):
+    """Return the roots (E, 3) of the eigenvalues of F^T F, found by Jacobi's rotations."""
+    E, A, _ = gradient.shape
+    F, C, stretches = np.empty((3, 3)), np.empty((3, 3)), np.empty((E, 3))
+    for e in range(E):
+        for i in range(3):
+            for j in range(3):
+                F[i, j] = rest[min(e, len(rest) - 1), i, j]
+        for a in range(A):
+            for i in range(3):
+                for j in range(3):
+                    F[i, j] += u[elements[e, a], i] * gradient[e, a, j]
+        for i in range(3):
+            for j in range(3):
+                C[i, j] = F[0, i] * F[0, j] + F[1, i] * F[1, j] + F[2, i] * F[2, j]
+        _diagonalise(C)
+        for i in range(3):
+            stretches[e, i] = np.sqrt(max(C[i, i], 0.0))
+        stretches[e].sort()
+    return stretches
+
+
+@nb.njit(cache=True)
+def _diagonalise(C):
+    """Bring the symmetric C (3, 3) to its eigenvalues, in place."""
+    limit = OFF_DIAGONAL * (C[0, 0] + C[1, 1] + C[2, 2]) ** 2
+    for _ in range(SWEEPS):
+        if C[0, 1] ** 2 + C[0, 2] ** 2 + C[1, 2] ** 2 <= limit:
+            return
+        for p, q in ((0, 1), (0, 2), (1, 2)):
+            if C[p, q] ** 2 <= 0.1 * limit:
+                continue
+            apart = (C[q, q] - C[p, p]) / (2.0 * C[p, q])
+            t = (1.0 if apart >= 0.0 else -1.0) / (abs(apart) + np.sqrt(apart * apart + 1.0))
+            c = 1.0 / np.sqrt(t * t + 1.0)
+            s, r = t * c, 3 - p - q
+            C[p, p] -= t * C[p, q]
+            C[q, q] += t * C[p, q]
+            C[p, q] = C[q, p] = 0.0
+            x, y = C[r, p], C[r, q]
+            C[r, p] = C[p, r] = c * x - s * y
+            C[r, q] = C[q, r] = s * x + c * y
 
 
 def stretch_ranges(

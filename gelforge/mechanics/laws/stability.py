@@ -26,7 +26,9 @@ def drucker_margin(law: PrincipalLaw, lam: np.ndarray) -> np.ndarray:
     lam = lam / np.cbrt(lam.prod(axis=-1, keepdims=True))
     has = law.admissible(lam)
     margin = np.full(lam.shape[:-1], np.nan)
-    margin[has] = np.linalg.eigvalsh(PLANE.T @ law.principal_tangent(lam[has]) @ PLANE)[..., 0]
+    stiffness = PLANE.T @ law.principal_tangent(lam[has]) @ PLANE
+    a, b, c = stiffness[..., 0, 0], stiffness[..., 0, 1], stiffness[..., 1, 1]
+    margin[has] = (a + c) / 2 - np.hypot((a - c) / 2, b)
     return margin
 
 

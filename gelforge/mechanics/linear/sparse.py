@@ -58,7 +58,8 @@ class Pardiso:
     KIND, PIVOT = 2, 8  # positive definite; perturbed pivots are 10^-PIVOT
     NUMBER: type[np.floating] = np.float32
 
-    def __init__(self, pattern: Rows, threads: int = 1):
+    def __init__(self, pattern: Rows, threads: int = 1, condensed: np.ndarray | None = None):
+        """condensed: equations that are kept, all others being eliminated in a Schur complement."""
         mkl = _math_kernel_library()
         mkl.MKL_Set_Num_Threads(threads)
         self._pardiso = mkl["pardiso"]  # by index: a fresh handle without pypardiso's argument types
@@ -71,6 +72,9 @@ class Pardiso:
         iparm[9] = self.PIVOT
         iparm[27] = self.NUMBER == np.float32
         iparm[34] = 1  # zero-based
+        if condensed is not None:
+            self._permutation[condensed] = 1
+            iparm[35] = 2  # the Schur complement, and the factors to solve with
         self._iparm = iparm
         self._values = np.zeros(len(self._indices), dtype=self.NUMBER)
         self._call(self.ANALYSE, self._zeros(), self._zeros())

@@ -1,9 +1,13 @@
-"""Where the entries of the global tangent go: one upper-triangular CSR pattern per mesh, slots for elements and nodes."""
+"""Where the entries of the global tangent go: one upper-triangular CSR pattern per mesh, slots for elements and nodes.
+
+A node couples in all three directions to every node it shares an element with, so that patterns are found for nodes and
+written out in blocks of 3x3: rows of a node's own block begin at the diagonal, its other blocks follow in order.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numba as nb
 import numpy as np
@@ -24,6 +28,31 @@ class Rows(Protocol):
 
 
 @dataclass(frozen=True)
+class Condensation:
+    """Takes the values of blocks with hanging nodes to the nodes they hang on: T^T K T.
+
+    Assembled are the values of the pattern itself, then those of C blocks (3x3, or the upper triangle of a node's own)
+    with a hanging node.
+    """
+
+    shape: tuple[int, int]  # (nnz, assembled)
+    # (C, 2, 3) int32: where the three rows of such a block begin among the assembled values, and those of the block of the
+    # pattern that gets a share of it; an own block's rows begin at the diagonal.
+    slots: np.ndarray
+    weight: np.ndarray  # (C,)
+    kind: np.ndarray  # (C,) int8, sum of OWN, TO_OWN, TURNED
+
+    def __matmul__(self, assembled: Any) -> np.ndarray:
+        """Return the values (nnz,) of the pattern without hanging nodes."""
+        values = assembled[: self.shape[0]].copy()
+        _hand_on(self.slots, self.weight, self.kind, assembled, values)
+        return values
+
+
+OWN, TO_OWN, TURNED = 1, 2, 4  # from a node's own block, to a node's own block, to the transposed one
+
+
+@dataclass(frozen=True)
 class Pattern:
     """Upper triangle of the symmetric tangent over the free degrees of freedom."""
 
@@ -33,9 +62,7 @@ class Pattern:
     # (E, pairs, 3) int32 of the pairs of an element's nodes, row by row: where the three rows of their block begin in the
     # assembled values, on the diagonal at the diagonal. The block's row is the smaller node; -1 where one is fixed.
     element_slots: np.ndarray
-    condense: (
-        sp.csr_matrix | None
-    )  # (nnz, assembled): takes the values of hanging nodes to those they hang on
+    condense: Condensation | None  # None: no node hangs
 
     @property
     def size(self) -> int:
@@ -48,77 +75,162 @@ class Pattern:
 
     def node_slots(self, nodes: np.ndarray) -> np.ndarray:
         """Return the slots (n, 3, 3) of the nodes' own 3x3 blocks, -1 where fixed; both triangles name the upper entry."""
-        slots = np.full((len(nodes), 3, 3), -1, dtype=np.int32)
-        for i in range(3):
-            for j in range(i, 3):
-                row, column = self.equation[nodes, i], self.equation[nodes, j]
-                for k in np.flatnonzero((row >= 0) & (column >= 0)):
-                    start, stop = self.indptr[row[k]], self.indptr[row[k] + 1]
-                    slots[k, i, j] = slots[k, j, i] = start + np.searchsorted(
-                        self.indices[start:stop], column[k]
-                    )
-        return slots
+        equation = self.equation[nodes]
+        i, j = np.indices((3, 3))
+        first, last = np.minimum(i, j), np.maximum(i, j)
+        slots = self.indptr[np.maximum(equation, 0)][:, first] + (last - first)
+        return np.where((equation >= 0).all(axis=1)[:, None, None], slots, -1).astype(np.int32)
 
 
 def build_pattern(elements: np.ndarray, fixed: np.ndarray, ties: sp.csr_matrix | None = None) -> Pattern:
     """Return the pattern of a mesh: elements (E, A) node numbers, fixed (N,) bool (all three directions), ties (N, N)."""
     E, A = elements.shape
-    N = len(fixed)
-    incidence = sp.csr_matrix(
-        (np.ones(E * A, np.int32), elements.ravel(), np.arange(0, E * A + 1, A)), shape=(E, N)
-    )
-    equation, indptr, indices = _upper(incidence, ~fixed)
+    starts = np.arange(0, E * A + 1, A)
+    nodes = np.ascontiguousarray(elements, np.int32).ravel()
+    whole = _Blocks.of(starts, nodes, _numbered(~fixed))
     if ties is None:
-        slots = _element_slots(elements, equation, indptr, indices)
-        return Pattern(equation, indptr, indices, slots, None)
-    # The elements fill a pattern in which hanging nodes are free; one sparse product then condenses them out.
+        first = _starts(whole.rows, whole.columns)
+        slots = _element_slots(elements, whole.number, whole.rows, whole.columns, first)
+        return Pattern(whole.equation, *whole.expanded(), slots, None)
     hanging = np.diff(ties.indptr) > 1
-    slots = _element_slots(elements, equation, indptr, indices)
-    tied, tied_indptr, tied_indices = _upper(incidence @ (ties != 0).astype(np.int32), ~fixed & ~hanging)
-    row, column, weight = _condensation(
-        indptr,
-        indices,
-        _owners(equation),
-        ties.indptr,
-        ties.indices,
-        ties.data,
-        tied,
-        tied_indptr,
-        tied_indices,
+    their_starts, their_nodes = _masters(starts, nodes, ties.indptr, ties.indices)
+    tied = _Blocks.of(their_starts, their_nodes, _numbered(~fixed & ~hanging))
+    indptr, indices = tied.expanded()
+    own = _starts(tied.rows, tied.columns)
+    first, count = _starts_with_hanging(
+        whole.rows, whole.columns, tied.number[whole.nodes], tied.rows, tied.columns, own, len(indices)
     )
-    condense = sp.csr_matrix((weight, (row, column)), shape=(len(tied_indices), len(indices)))
-    return Pattern(tied, tied_indptr, tied_indices, slots, condense)
+    slots = _element_slots(elements, whole.number, whole.rows, whole.columns, first)
+    handed = _handed_on(
+        whole.rows, whole.columns, whole.nodes, first, len(indices),
+        ties.indptr, ties.indices, ties.data, tied.number, tied.rows, tied.columns, own,
+    )  # fmt: skip
+    condense = Condensation((len(indices), count), *handed)
+    return Pattern(tied.equation, indptr, indices, slots, condense)
 
 
-def _upper(incidence: sp.csr_matrix, free: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return equation (N, 3), indptr and indices of the upper triangle over the free nodes; incidence is (E, N)."""
-    equation = np.full((len(free), 3), -1, dtype=np.int32)
-    equation[free] = np.arange(3 * free.sum()).reshape(-1, 3)
-    shared = incidence[:, free]
-    neighbours = shared.T @ shared
-    neighbours.data = np.ones(len(neighbours.data), np.int8)
-    full = sp.kron(neighbours, np.ones((3, 3), np.int8), format="csr")
-    upper = sp.triu(full, format="csr")
-    upper.sort_indices()
-    return equation, upper.indptr.astype(np.int32), upper.indices.astype(np.int32)
+def _numbered(free: np.ndarray) -> np.ndarray:
+    """Return the numbers (N,) int32 of the free nodes, -1 of the others."""
+    return np.where(free, np.cumsum(free) - 1, -1).astype(np.int32)
 
 
-def _owners(equation: np.ndarray) -> np.ndarray:
-    """Return node and direction (n, 2) int32 of every equation."""
-    node, direction = np.nonzero(equation >= 0)
-    owners = np.empty((len(node), 2), np.int32)
-    owners[equation[node, direction]] = np.stack([node, direction], axis=1)
-    return owners
+@dataclass(frozen=True)
+class _Blocks:
+    """Which free nodes couple: for each one itself and those of greater number, in order."""
+
+    number: np.ndarray  # (N,) of the free nodes, -1 of the others
+    nodes: np.ndarray  # (F,) the free nodes
+    rows: np.ndarray  # (F + 1,)
+    columns: np.ndarray  # (blocks,)
+
+    @classmethod
+    def of(cls, starts: np.ndarray, members: np.ndarray, number: np.ndarray) -> _Blocks:
+        """starts (E + 1,) and members: the nodes of every element; number (N,): see the class."""
+        nodes = np.flatnonzero(number >= 0)
+        return cls(number, nodes, *_coupled(starts, members, number, len(nodes)))
+
+    @property
+    def equation(self) -> np.ndarray:
+        """Numbers (N, 3) of the degrees of freedom, -1 of nodes that are not free."""
+        three = 3 * self.number[:, None] + np.arange(3, dtype=np.int32)
+        return np.where(self.number[:, None] >= 0, three, np.int32(-1))
+
+    def expanded(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return indptr and indices of the upper triangle."""
+        return _expanded(self.rows, self.columns)
 
 
 @nb.njit(cache=True)
-def _slot(indptr, indices, i, j):
-    """Return the place of the entry (i, j), i <= j."""
-    low = indptr[i]
-    high = indptr[i + 1]
+def _coupled(starts, members, number, F):
+    """Return (rows, columns) of the free nodes that share an element, upper triangle."""
+    begins = np.zeros(F + 1, np.int32)
+    for node in members:
+        if number[node] >= 0:
+            begins[number[node] + 1] += 1
+    for i in range(F):
+        begins[i + 1] += begins[i]
+    place = begins[:-1].copy()
+    own = np.empty(begins[F], np.int32)  # elements of every free node
+    for e in range(len(starts) - 1):
+        for k in range(starts[e], starts[e + 1]):
+            i = number[members[k]]
+            if i >= 0:
+                own[place[i]] = e
+                place[i] += 1
+    rows = np.zeros(F + 1, np.int32)
+    columns = np.empty(16 * F + 16, np.int32)
+    seen = np.full(F, -1, np.int32)
+    found = 0
+    for i in range(F):
+        for k in range(begins[i], begins[i + 1]):
+            for m in range(starts[own[k]], starts[own[k] + 1]):
+                j = number[members[m]]
+                if j >= i and seen[j] != i:
+                    seen[j] = i
+                    if found == len(columns):
+                        columns = np.concatenate((columns, np.empty(found, np.int32)))
+                    columns[found] = j
+                    found += 1
+        columns[rows[i] : found].sort()
+        rows[i + 1] = found
+    return rows, columns[:found].copy()
+
+
+@nb.njit(cache=True)
+def _expanded(rows, columns):
+    F = len(rows) - 1
+    indptr = np.zeros(3 * F + 1, np.int32)
+    indices = np.empty(9 * len(columns) - 3 * F, np.int32)
+    n = 0
+    for row in range(F):
+        for i in range(3):
+            for k in range(rows[row], rows[row + 1]):
+                for j in range(i if k == rows[row] else 0, 3):
+                    indices[n] = 3 * columns[k] + j
+                    n += 1
+            indptr[3 * row + i + 1] = n
+    return indptr, indices
+
+
+@nb.njit(cache=True)
+def _starts(rows, columns):
+    """Return where the three rows of every block (blocks, 3) begin among the values."""
+    first = np.empty((len(columns), 3), np.int32)
+    n = 0
+    for row in range(len(rows) - 1):
+        for i in range(3):
+            for k in range(rows[row], rows[row + 1]):
+                first[k, i] = n
+                n += 3 - i if k == rows[row] else 3
+    return first
+
+
+@nb.njit(cache=True)
+def _starts_with_hanging(rows, columns, tied, tied_rows, tied_columns, own, count):
+    """Return where blocks (blocks, 3) begin: in the pattern, or after its `count` values with a hanging node; their end.
+
+    tied: number (F,) of the free nodes in the pattern without hanging ones, own (., 3) where its blocks begin.
+    """
+    first = np.empty((len(columns), 3), np.int32)
+    for row in range(len(rows) - 1):
+        for k in range(rows[row], rows[row + 1]):
+            a, b = tied[row], tied[columns[k]]
+            if a >= 0 and b >= 0:
+                first[k] = own[_block(tied_rows, tied_columns, a, b)]
+                continue
+            for i in range(3):
+                first[k, i] = count
+                count += 3 - i if columns[k] == row else 3
+    return first, count
+
+
+@nb.njit(cache=True)
+def _block(rows, columns, i, j):
+    """Return the number of the block (i, j), i <= j."""
+    low, high = rows[i], rows[i + 1]
     while low < high:
         mid = (low + high) // 2
-        if indices[mid] < j:
+        if columns[mid] < j:
             low = mid + 1
         else:
             high = mid
@@ -126,57 +238,93 @@ def _slot(indptr, indices, i, j):
 
 
 @nb.njit(cache=True)
-def _element_slots(elements, equation, indptr, indices):
+def _element_slots(elements, number, rows, columns, first):
     E, A = elements.shape
     slots = np.full((E, A * (A + 1) // 2, 3), -1, np.int32)
     for e in range(E):
-        k = 0
+        pair = 0
         for a in range(A):
             for c in range(a, A):
-                row = min(elements[e, a], elements[e, c])
-                column = max(elements[e, a], elements[e, c])
-                if equation[row, 0] >= 0 and equation[column, 0] >= 0:
-                    for i in range(3):
-                        first = i if row == column else 0
-                        slots[e, k, i] = _slot(indptr, indices, equation[row, i], equation[column, first])
-                k += 1
+                i, j = number[elements[e, a]], number[elements[e, c]]
+                if i >= 0 and j >= 0:
+                    slots[e, pair] = first[_block(rows, columns, min(i, j), max(i, j))]
+                pair += 1
     return slots
 
 
 @nb.njit(cache=True)
-def _condensation(indptr, indices, owners, tie_ptr, tie_node, tie_weight, tied, tied_ptr, tied_indices):
-    """Return (row, column, weight) of the map from upper values with hanging nodes to upper values T^T K T without."""
-    count = 0
-    for i in range(owners.shape[0]):
-        ni = owners[i, 0]
-        for k in range(indptr[i], indptr[i + 1]):
-            nj = owners[indices[k], 0]
-            count += (tie_ptr[ni + 1] - tie_ptr[ni]) * (tie_ptr[nj + 1] - tie_ptr[nj])
-    row = np.empty(count, np.int32)
-    column = np.empty(count, np.int32)
-    weight = np.empty(count)
+def _masters(starts, members, tie_starts, tie_nodes):
+    """Return (starts, members) of elements whose hanging nodes are replaced by those they hang on."""
+    begins = np.zeros(len(starts), np.int64)
+    for e in range(len(starts) - 1):
+        begins[e + 1] = begins[e]
+        for k in range(starts[e], starts[e + 1]):
+            begins[e + 1] += tie_starts[members[k] + 1] - tie_starts[members[k]]
+    found = np.empty(begins[-1], np.int32)
     n = 0
-    for i in range(owners.shape[0]):
-        ni = owners[i, 0]
-        for k in range(indptr[i], indptr[i + 1]):
-            j = indices[k]
-            nj = owners[j, 0]
-            for p in range(tie_ptr[ni], tie_ptr[ni + 1]):
-                a = tied[tie_node[p], owners[i, 1]]
-                if a < 0:
-                    continue
-                for q in range(tie_ptr[nj], tie_ptr[nj + 1]):
-                    b = tied[tie_node[q], owners[j, 1]]
-                    if b < 0 or (i == j and a > b):
+    for node in members:
+        for k in range(tie_starts[node], tie_starts[node + 1]):
+            found[n] = tie_nodes[k]
+            n += 1
+    return begins, found
+
+
+@nb.njit(cache=True)
+def _handed_on(
+    rows, columns, nodes, first, count, tie_starts, tie_nodes, tie_weights, tied, tied_rows, tied_columns, own
+):
+    """Return (slots, weight, kind) of Condensation; first (blocks, 3): where assembled blocks begin."""
+    total = 0
+    for row in range(len(rows) - 1):
+        for k in range(rows[row], rows[row + 1]):
+            if first[k, 0] >= count:
+                a, b = nodes[row], nodes[columns[k]]
+                total += (tie_starts[a + 1] - tie_starts[a]) * (tie_starts[b + 1] - tie_starts[b])
+    slots = np.empty((total, 2, 3), np.int32)
+    weight = np.empty(total)
+    kind = np.empty(total, np.int8)
+    n = 0
+    for row in range(len(rows) - 1):
+        for k in range(rows[row], rows[row + 1]):
+            if first[k, 0] < count:
+                continue
+            a, b = nodes[row], nodes[columns[k]]
+            for p in range(tie_starts[a], tie_starts[a + 1]):
+                i = tied[tie_nodes[p]]
+                for q in range(tie_starts[b], tie_starts[b + 1]):
+                    j = tied[tie_nodes[q]]
+                    # Of a node's own block the pairs (p, q) and (q, p) are each other's transposes: one is the upper one.
+                    if i < 0 or j < 0 or (a == b and i > j):
                         continue
-                    w = tie_weight[p] * tie_weight[q]
-                    if i != j and a == b:  # the entry and its mirror image meet on the diagonal
-                        w *= 2.0
-                    row[n] = _slot(tied_ptr, tied_indices, min(a, b), max(a, b))
-                    column[n] = k
-                    weight[n] = w
+                    slots[n, 0] = first[k]
+                    slots[n, 1] = own[_block(tied_rows, tied_columns, min(i, j), max(i, j))]
+                    weight[n] = tie_weights[p] * tie_weights[q]
+                    kind[n] = (OWN if a == b else 0) + (TO_OWN if i == j else 0) + (TURNED if i > j else 0)
                     n += 1
-    return row[:n], column[:n], weight[:n]
+    return slots[:n].copy(), weight[:n].copy(), kind[:n].copy()
+
+
+@nb.njit(cache=True)
+def _hand_on(slots, weight, kind, assembled, values):
+    """Add the values of blocks with hanging nodes to those of the blocks that get a share of them."""
+    B = np.empty((3, 3))
+    for n in range(len(weight)):
+        w = weight[n]
+        own = kind[n] & OWN
+        for i in range(3):
+            for j in range(i if own else 0, 3):
+                B[i, j] = w * assembled[slots[n, 0, i] + j - (i if own else 0)]
+                if own:
+                    B[j, i] = B[i, j]
+        if not kind[n] & TO_OWN:
+            for i in range(3):
+                for j in range(3):
+                    values[slots[n, 1, i] + j] += B[j, i] if kind[n] & TURNED else B[i, j]
+            continue
+        for i in range(3):
+            for j in range(i, 3):
+                # A block between two nodes that hang on the same one meets its mirror image there.
+                values[slots[n, 1, i] + j - i] += B[i, j] if own else B[i, j] + B[j, i]
 
 
 @nb.njit(cache=True)

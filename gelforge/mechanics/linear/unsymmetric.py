@@ -1,8 +1,12 @@
-"""The tangent with all terms of contact, which is not symmetric, factorised and solved for many right-hand sides at once."""
+"""The tangent with all terms of contact, which is not symmetric, solved for many right-hand sides at once.
+
+Only the blocks of nodes in contact are not symmetric: the body's part is condensed to these nodes, and what is solved there
+is small and dense.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -12,85 +16,110 @@ from gelforge.mechanics.linear.sparse import Pardiso
 from gelforge.mechanics.linear.sparsity import Pattern
 
 
-class PardisoLU(Pardiso):
-    """LU of a structurally symmetric matrix in float64 by MKL PARDISO.
+class _Backend(Protocol):
+    def factor_with(self, values: np.ndarray, block: np.ndarray) -> None: ...
 
-    In float32 its displacements would be right to 1e-4; friction's springs make forces of them that are a thousand times
-    as large as what the material answers with.
+    def solve(self, rhs: np.ndarray) -> np.ndarray: ...
+
+    def solve_kept(self, rhs: np.ndarray) -> np.ndarray: ...
+
+
+class PardisoSchur(Pardiso):
+    """Cholesky in float64 of what is eliminated, by MKL PARDISO, and the dense Schur complement of what is kept.
+
+    In float32 displacements would be right to 4e-4. A refinement costs as much as float64 does more.
     """
 
-    KIND, PIVOT = 1, 13
     NUMBER = np.float64
+    FORWARD, BACKWARD = 331, 333
+
+    def __init__(self, pattern: Pattern, kept: np.ndarray):
+        """kept (k,): sorted numbers of the equations that may get unsymmetric terms."""
+        self._kept = kept
+        super().__init__(pattern, condensed=kept if len(kept) else None)
+
+    def factor_with(self, values: np.ndarray, block: np.ndarray) -> None:
+        """Factorise the upper values (nnz,) plus a block (k, k) of the kept equations. Raises NotPositiveDefinite."""
+        k = len(self._kept)
+        self._values[:] = values
+        self._schur = np.zeros((k, k))
+        self._call(self.FACTOR, self._zeros(), self._schur if k else self._zeros())
+        self._schur += block
 
     def solve(self, rhs: np.ndarray) -> np.ndarray:
         """Return the solutions (P, n) of right-hand sides (P, n)."""
+        if not len(self._kept):
+            return self._phase(self.SOLVE, rhs)
+        partly = self._phase(self.FORWARD, rhs)
+        partly[:, self._kept] = self._dense(partly)
+        return self._phase(self.BACKWARD, partly)
+
+    def solve_kept(self, rhs: np.ndarray) -> np.ndarray:
+        """Return the solutions (P, k) at the kept equations alone, at half the cost."""
+        return self._dense(self._phase(self.FORWARD, rhs)) if len(self._kept) else np.empty((len(rhs), 0))
+
+    def _dense(self, partly: np.ndarray) -> np.ndarray:
+        return np.linalg.solve(self._schur, partly[:, self._kept].T).T
+
+    def _phase(self, phase: int, rhs: np.ndarray) -> np.ndarray:
         rhs = np.ascontiguousarray(rhs)
         solution = np.zeros_like(rhs)
         if len(rhs):
-            self._call(self.SOLVE, rhs, solution)
+            self._call(phase, rhs, solution)
         return solution
 
 
 class SciPyLU:
-    """The same by SciPy's SuperLU, for machines without MKL."""
+    """LU of the whole by SciPy's SuperLU, for machines without MKL."""
 
-    def __init__(self, pattern: FullPattern):
-        self._pattern = pattern
+    def __init__(self, pattern: Pattern, kept: np.ndarray):
+        self._pattern, self._kept = pattern, kept
 
-    def factor(self, values: np.ndarray) -> None:
-        """Factorise; values (nnz,) in the pattern's order."""
+    def factor_with(self, values: np.ndarray, block: np.ndarray) -> None:
+        """Factorise the upper values (nnz,) plus a block (k, k) of the kept equations."""
         p = self._pattern
-        matrix = sp.csr_matrix((values, p.indices, p.indptr), shape=(p.size, p.size))
-        self._lu = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.1)
+        shape = (p.size, p.size)
+        upper = sp.csr_matrix((values, p.indices, p.indptr), shape=shape)
+        row, column = np.nonzero(block)
+        added = sp.csr_matrix((block[row, column], (self._kept[row], self._kept[column])), shape=shape)
+        full = (upper + sp.triu(upper, 1).T + added).tocsc()
+        self._lu = splu(full, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.1)
 
     def solve(self, rhs: np.ndarray) -> np.ndarray:
         """Return the solutions (P, n) of right-hand sides (P, n)."""
         return np.ascontiguousarray(self._lu.solve(np.ascontiguousarray(rhs.T)).T)
 
-
-@dataclass(frozen=True)
-class FullPattern:
-    """Both triangles of a pattern."""
-
-    indptr: np.ndarray  # (n + 1,) int32
-    indices: np.ndarray  # (nnz,) int32, sorted in every row
-    size: int
+    def solve_kept(self, rhs: np.ndarray) -> np.ndarray:
+        """Return the solutions (P, k) at the kept equations alone."""
+        return self.solve(rhs)[:, self._kept]
 
 
 class UnsymmetricTangent:
-    """The tangent of a pattern's free degrees of freedom with unsymmetric blocks at the surface nodes."""
+    """The tangent of a pattern's free degrees of freedom with unsymmetric blocks at some nodes."""
 
     def __init__(self, pattern: Pattern, nodes: np.ndarray, solver: str):
-        """nodes: those of the blocks; solver: "pardiso" or "superlu"."""
-        upper = sp.csr_matrix(
-            (np.arange(1, len(pattern.indices) + 1), pattern.indices, pattern.indptr),
-            shape=(pattern.size, pattern.size),
+        """nodes (k,): sorted, none of which hangs; solver: "pardiso" or "superlu"."""
+        self._equation = pattern.equation[nodes]
+        self._free = self._equation >= 0  # (k, 3)
+        kept = self._equation[self._free]
+        self._solver: _Backend = (
+            PardisoSchur(pattern, kept) if solver == "pardiso" else SciPyLU(pattern, kept)
         )
-        full = (upper + sp.triu(upper, 1).T).tocsr()
-        full.sort_indices()
-        self._from_upper = full.data - 1  # (nnz,) the upper value that every value of both triangles equals
-        self.pattern = FullPattern(full.indptr.astype(np.int32), full.indices.astype(np.int32), pattern.size)
-        self._slots = _block_slots(self.pattern, pattern.equation[nodes])
-        self._solver = PardisoLU(self.pattern) if solver == "pardiso" else SciPyLU(self.pattern)
 
     def factor(self, upper: np.ndarray, blocks: np.ndarray) -> None:
-        """Factorise upper-triangular values of the body and blocks (S, 3, 3) [N/mm] of the surface nodes."""
-        values = upper[self._from_upper]
-        held = self._slots >= 0
-        values[self._slots[held]] += blocks[held]
-        self._solver.factor(values)
+        """Factorise upper-triangular values of the body and blocks (k, 3, 3) [N/mm] of the nodes."""
+        k = len(blocks)
+        spread = np.zeros((k, 3, k, 3))
+        spread[np.arange(k), :, np.arange(k)] = blocks
+        free = self._free.ravel()
+        self._solver.factor_with(upper, spread.reshape(3 * k, 3 * k)[np.ix_(free, free)])
 
     def solve(self, rhs: np.ndarray) -> np.ndarray:
         """Return the solutions (P, n) of right-hand sides (P, n)."""
         return self._solver.solve(rhs)
 
-
-def _block_slots(pattern: FullPattern, equation: np.ndarray) -> np.ndarray:
-    """Return where the blocks (S, 3, 3) of nodes with equations (S, 3) lie among the values, -1 where one is fixed."""
-    row, column = np.broadcast_arrays(equation[:, :, None], equation[:, None, :])
-    free = (row >= 0) & (column >= 0)
-    n = np.int64(pattern.size)
-    place = np.repeat(np.arange(n), np.diff(pattern.indptr)) * n + pattern.indices  # increasing
-    slots = np.full(row.shape, -1)
-    slots[free] = np.searchsorted(place, row[free] * n + column[free])
-    return slots
+    def solve_at_nodes(self, rhs: np.ndarray) -> np.ndarray:
+        """Return the solutions (P, k, 3) at the nodes alone, zero where they are fixed."""
+        found = np.zeros((len(rhs), *self._free.shape))
+        found[:, self._free] = self._solver.solve_kept(rhs)
+        return found

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numba as nb
 import numpy as np
 
 # Corners in natural coordinates, in the order of meshio's "hexahedron": bottom face, then top face.
@@ -102,15 +103,50 @@ def element_gradient(X: np.ndarray, elements: np.ndarray) -> tuple[np.ndarray, n
     """
     kind = ELEMENTS[elements.shape[1]]
     dN = kind.natural_gradient(kind.points)  # (Q points, A nodes, 3)
-    jacobian = np.einsum("enx,gnk->egxk", X[elements], dN)  # dX_x / dxi_k
-    factor = np.linalg.det(jacobian)
+    gradient, factor = _gradient(X, elements, dN)
     if not factor.min() > 0:
         worst = int(np.argmin(factor.min(axis=1)))
         raise ValueError(
             f"element {worst} has volume factor {factor.min():.3g} mm^3 at a Gauss point; untangle the mesh"
         )
-    gradient = np.einsum("gnk,egkx->egnx", dN, np.linalg.inv(jacobian))
-    return np.ascontiguousarray(gradient), factor * kind.weights
+    return gradient, factor * kind.weights
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _gradient(X, elements, dN):
+    """Return dN/dX (E, Q, A, 3) and det dX/dxi (E, Q), dN (Q, A, 3) the gradients in natural coordinates."""
+    (E, A), Q = elements.shape, len(dN)
+    gradient, factor = np.empty((E, Q, A, 3)), np.empty((E, Q))
+    J, inverse = np.empty((3, 3)), np.empty((3, 3))  # dX_x / dxi_k, dxi_k / dX_x
+    for e in range(E):
+        for q in range(Q):
+            J[:] = 0.0
+            for a in range(A):
+                for x in range(3):
+                    for k in range(3):
+                        J[x, k] += X[elements[e, a], x] * dN[q, a, k]
+            for k in range(3):
+                l, m = (k + 1) % 3, (k + 2) % 3
+                for x in range(3):
+                    y, z = (x + 1) % 3, (x + 2) % 3
+                    inverse[k, x] = J[y, l] * J[z, m] - J[z, l] * J[y, m]
+            det = J[0, 0] * inverse[0, 0] + J[1, 0] * inverse[0, 1] + J[2, 0] * inverse[0, 2]
+            factor[e, q] = det
+            for a in range(A):
+                for x in range(3):
+                    gradient[e, q, a, x] = (
+                        dN[q, a, 0] * inverse[0, x]
+                        + dN[q, a, 1] * inverse[1, x]
+                        + dN[q, a, 2] * inverse[2, x]
+                    ) / det
+    return gradient, factor
+
+
+def mean_gradient(gradient: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Return the mean (E, A, 3) over the volume of every element of dN/dX (E, Q, A, 3), weight (E, Q) [mm^3]."""
+    E, Q, A, _ = gradient.shape
+    share = weight / weight.sum(axis=1, keepdims=True)
+    return (share[:, None] @ gradient.reshape(E, Q, 3 * A)).reshape(E, A, 3)
 
 
 def quadratic_tetrahedra(X: np.ndarray, tetrahedra: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

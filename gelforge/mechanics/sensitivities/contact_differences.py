@@ -59,11 +59,17 @@ class Held:
     limit_slope: np.ndarray  # (n,) [mm^2] d limit of friction / d pressure
 
 
+def touching(contact: SurfaceContact, after: State) -> np.ndarray:
+    """Return which surface nodes (S,) have forces of contact in a state, or may have them beside it."""
+    s = contact.settings
+    pulled = (after.gap < s.adhesion_range) & (max(s.adhesion_work, s.adhesion_approach) > 0)
+    return (after.contact_pressure > 0) | pulled
+
+
 def held_at(contact: SurfaceContact, before: State, after: State) -> tuple[Held, SurfaceContact]:
     """Return what is held of the step from `before` to `after`, and the contact of these nodes alone."""
     s = contact.settings
-    pulled = (after.gap < s.adhesion_range) & (max(s.adhesion_work, s.adhesion_approach) > 0)
-    nodes = np.flatnonzero((after.contact_pressure > 0) | pulled)
+    nodes = np.flatnonzero(touching(contact, after))
     old = replace(
         before,
         u=before.u[contact.nodes[nodes]],

@@ -1,7 +1,7 @@
 """Derivatives of converged states by direct differentiation, path history included.
 
 At a converged step R(u, p, history) = 0, so that K du/dp = -dR/dp with the consistent tangent K: one factorisation, and one
-back-substitution of all parameters together. dR/dp is a difference of forces at the base's own displacements: internal ones
+solve for all parameters together. dR/dp is a difference of forces at the base's own displacements: internal ones
 of the bodies (force_differences), and those of the contact (contact_differences), into which the history enters by how the
 displacements of the steps before follow the parameter. No parameter needs an iteration of its own.
 """
@@ -29,9 +29,10 @@ from gelforge.mechanics.sensitivities.contact_differences import (
     repeated,
     seen_at,
     stiffness_at,
+    touching,
 )
 from gelforge.mechanics.sensitivities.force_differences import ForceDifferences
-from gelforge.mechanics.solving.equilibrium import Press, padded
+from gelforge.mechanics.solving.equilibrium import NotConverged, Press, padded
 
 LITTLE = 1e-4  # of what a residual stretch moves per unit
 
@@ -56,7 +57,17 @@ class Slopes:
     """Derivatives of a state along P parameters."""
 
     force: np.ndarray  # (P, S, 3) of the contact on the surface nodes [N/unit]
-    u: np.ndarray  # (P, N, 3) [mm/unit]
+    u: np.ndarray  # (P, N, 3) [mm/unit]; (P, 0, 3) where only forces are wanted
+
+
+@dataclass(frozen=True)
+class Followed:
+    """A path that a press has gone, as far as it came."""
+
+    start: State
+    centres: np.ndarray  # (D, 3) or (D, 6) of the whole path
+    states: list[State]  # at the centres reached
+    steps: list[tuple[State, State]]  # before and after each step, halves included
 
 
 def follow_with_slopes(
@@ -65,31 +76,65 @@ def follow_with_slopes(
     centres: np.ndarray,
     varied: Sequence[Varied],
     seconds: list[float] | None = None,
+    forces_only: bool = False,
 ) -> Iterator[tuple[State, Slopes]]:
     """Yield the base's state at each centre (D, 3) or (D, 6) in turn, with its derivatives along each varied indentation.
 
-    seconds: to it the wall seconds of every step's derivatives are added. Raises NotConverged as the base does, ValueError
-    where a mesh has other elements or the body remembers.
+    The base goes its whole way before the first is yielded. seconds and forces_only: see slopes_along. Raises NotConverged
+    as the base does, after what it has reached; ValueError where a mesh has other elements or the body remembers.
     """
-    centres = np.asarray(centres, dtype=float)
-    chain = _Chain(base, varied)
+    _check(base, varied)
+    path, failure = Followed(start, np.asarray(centres, dtype=float), [], []), None
+    try:
+        for state in base.follow(start, path.centres, lambda *step: path.steps.append(step)):
+            path.states.append(state)
+    except NotConverged as error:
+        failure = error
+    yield from slopes_along(base, path, varied, seconds, forces_only)
+    if failure is not None:
+        raise failure
+
+
+def slopes_along(
+    base: Press,
+    followed: Followed,
+    varied: Sequence[Varied],
+    seconds: list[float] | None = None,
+    forces_only: bool = False,
+) -> Iterator[tuple[State, Slopes]]:
+    """Yield the states of a path that the base has gone, with their derivatives along each varied indentation.
+
+    Which nodes are in contact anywhere on it is known, and the derivatives are carried at these; forces_only: at no
+    others. seconds: to it the wall seconds of every step's derivatives are added. Raises ValueError where a mesh has other
+    elements or the body remembers.
+    """
+    _check(base, varied)
+    chain = _Chain(base, varied, forces_only)
+    start, centres = followed.start, followed.centres
     path = np.vstack([padded(start.centre, centres.shape[1]), centres])
     shifts = np.array([np.vstack([padded(v.start, centres.shape[1]), v.centres]) - path for v in varied])
     shifts = shifts.reshape(len(varied), *path.shape)
-    reached = 0  # the last place of the path that the base has reached
-
-    def watch(before: State, after: State) -> None:
-        step = np.linalg.norm(path[reached + 1] - path[reached])
-        share = np.linalg.norm(after.centre - path[reached]) / step if step else 1.0
-        clock = time.perf_counter()
-        chain.advance(before, after, (1 - share) * shifts[:, reached] + share * shifts[:, reached + 1])
-        if seconds is not None:
-            seconds.append(time.perf_counter() - clock)
-
-    shifts += chain.begin(start, shifts[:, 0])[:, None]
-    for state in base.follow(start, centres, watch):
-        reached += 1
+    shifts += chain.begin(start, shifts[:, 0], [after for _, after in followed.steps])[:, None]
+    steps = iter(followed.steps)
+    for number, state in enumerate(followed.states):
+        length = np.linalg.norm(path[number + 1] - path[number])
+        for before, after in steps:
+            share = np.linalg.norm(after.centre - path[number]) / length if length else 1.0
+            clock = time.perf_counter()
+            chain.advance(before, after, (1 - share) * shifts[:, number] + share * shifts[:, number + 1])
+            if seconds is not None:
+                seconds.append(time.perf_counter() - clock)
+            if after.u is state.u:
+                break
         yield state, chain.slopes
+
+
+def _check(base: Press, varied: Sequence[Varied]) -> None:
+    for one in varied:
+        if not np.array_equal(one.body.mesh.elements, base.body.mesh.elements):
+            raise ValueError(
+                "a varied indentation has a mesh of other elements than the base's; subtract two solutions instead"
+            )
 
 
 def _same(one: Any, other: Any) -> bool:
@@ -108,13 +153,8 @@ def _same(one: Any, other: Any) -> bool:
 class _Chain:
     """Derivatives carried from step to step."""
 
-    def __init__(self, base: Press, varied: Sequence[Varied]):
-        for one in varied:
-            if not np.array_equal(one.body.mesh.elements, base.body.mesh.elements):
-                raise ValueError(
-                    "a varied indentation has a mesh of other elements than the base's; subtract two solutions instead"
-                )
-        self.base, self.varied = base, varied
+    def __init__(self, base: Press, varied: Sequence[Varied], forces_only: bool = False):
+        self.base, self.varied, self.forces_only = base, varied, forces_only
         self.amounts = np.array([one.amount for one in varied]).reshape(-1, 1, 1)
         self.internal = ForceDifferences(base.body, [one.body for one in varied], self.amounts.ravel())
         self.only_body = np.array(
@@ -126,31 +166,38 @@ class _Chain:
             ],
             dtype=bool,
         )
-        self.tangent: UnsymmetricTangent | None = None  # made when it is first needed
         self.free = np.flatnonzero(base.free)
         self.values = np.empty(len(base.body.pattern.indices))
         P, N, S = len(varied), len(base.body.mesh.X), len(base.surface)
-        self.slopes = Slopes(np.zeros((P, S, 3)), np.zeros((P, N, 3)))
-        self.moved = np.zeros((P, S, 3))  # slope of the surface nodes' last motion
+        self.slopes = Slopes(np.zeros((P, S, 3)), np.zeros((P, 0 if forces_only else N, 3)))
 
-    def begin(self, start: State, shifts: np.ndarray) -> np.ndarray:
+    def begin(self, start: State, shifts: np.ndarray, afters: Sequence[State]) -> np.ndarray:
         """Take shifts (P, 3) or (P, 6) of the indenter at the start, by which the varied starts differ from the base's.
 
-        Return by how much more they do (P, 1, 3 or 6): a residual stretch moves the surface before it is touched, and every
-        path begins where it then touches.
+        afters: all states of the path. Return by how much more the starts differ (P, 1, 3 or 6): a residual stretch moves
+        the surface before it is touched, and every path begins where it then touches.
         """
         lifts = np.zeros_like(shifts)
         if not self.varied:
             return lifts
+        base, P = self.base, len(self.varied)
+        touches = [touching(base.contact, after) for after in afters]
+        self.nodes = (
+            np.flatnonzero(np.any(touches, axis=0)) if touches else np.empty(0, int)
+        )  # of the surface
+        nodes = base.surface[self.nodes]
+        self.tangent = UnsymmetricTangent(base.body.pattern, nodes, base.corrections.solver.name)
+        self.u = np.zeros((P, len(nodes), 3))  # slope at these nodes, and of their last motion
+        self.moved = np.zeros_like(self.u)
         load = -self.internal.at(start.u, start.pressure)
-        balanced = [k for k in range(len(load)) if load[k].any()]
+        balanced = [k for k in range(P) if load[k].any()]
         if balanced:
-            base = self.base
-            none = np.empty(0, int), np.empty((0, 3, 3))
-            self.slopes.u[balanced] = self._solved(start, *none, load[balanced])
-            for k in balanced:
+            self._factor(start, np.zeros((len(nodes), 3, 3)))
+            moves = self._everywhere(load[balanced])
+            self.u[balanced] = moves[:, nodes]
+            for k, move in zip(balanced, moves):
                 ends = [
-                    base.contact.gap(start.u + sign * LITTLE * self.slopes.u[k], start.centre)[0].min()
+                    base.contact.gap(start.u + sign * LITTLE * move, start.centre)[0].min()
                     for sign in (1, -1)
                 ]
                 lifts[k, :3] = (ends[0] - ends[1]) / (2 * LITTLE) * self.amounts[k, 0] * DOWN
@@ -163,28 +210,38 @@ class _Chain:
             return
         base = self.base
         held, contact = held_at(base.contact, before, after)
-        by_contact = self._contact_differences(contact, held, before, shifts)
+        place = np.searchsorted(self.nodes, held.nodes)
+        by_contact = self._contact_differences(contact, held, place, before, shifts)
         load = -self.internal.at(after.u, after.pressure)
         load[:, base.surface[held.nodes]] += by_contact
-        blocks = stiffness_at(contact, held)
-        du = self._solved(after, held.nodes, blocks, load)
-        on_surface = du[:, base.surface]
-        force = np.zeros_like(on_surface)
-        force[:, held.nodes] = by_contact - np.einsum("sij,psj->psi", blocks, on_surface[:, held.nodes])
-        self.moved = on_surface - self.slopes.u[:, base.surface]
+        blocks = np.zeros((len(self.nodes), 3, 3))
+        blocks[place] = stiffness_at(contact, held)
+        self._factor(after, blocks)
+        if self.forces_only:
+            everywhere = self.slopes.u
+            u = self.tangent.solve_at_nodes(self._right_hand_sides(load))
+        else:
+            everywhere = self._everywhere(load)
+            u = everywhere[:, base.surface[self.nodes]]
+        force = np.zeros_like(self.slopes.force)
+        force[:, held.nodes] = by_contact - np.einsum("sij,psj->psi", blocks[place], u[:, place])
+        self.moved, self.u = u - self.u, u
         self.turn_of_path, self.shift = shifts - self.shift, shifts
-        self.slopes = Slopes(force, du)
+        self.slopes = Slopes(force, everywhere)
 
     def _contact_differences(
-        self, contact: SurfaceContact, held: Held, before: State, shifts: np.ndarray
+        self, contact: SurfaceContact, held: Held, place: np.ndarray, before: State, shifts: np.ndarray
     ) -> np.ndarray:
-        """Return d contact force / d amount (P, n, 3) at the held nodes, which stay where they are at the step's end."""
-        u = self.slopes.u[:, self.base.surface[held.nodes]]
+        """Return d contact force / d amount (P, n, 3) at the held nodes, which stay where they are at the step's end.
+
+        place (n,): theirs among the nodes at which derivatives are carried.
+        """
+        u, moved = self.u[:, place], self.moved[:, place]
         found = np.empty((len(self.varied), len(held.nodes), 3))
         # Of what leaves indenter, path, settings and nodes alone only the history counts: all of it is looked at together.
         together = np.flatnonzero(self.only_body & ~shifts.any(axis=1) & ~self.shift.any(axis=1))
         if len(together) and len(held.nodes):
-            found[together] = self._by_history(contact, held, together)
+            found[together] = self._by_history(contact, held, together, u[together], moved[together])
         for k in np.setdiff1d(np.arange(len(self.varied)), together):
             one = self.varied[k]
             other = beside(contact, held, one.body.mesh, one.indenter, one.settings)
@@ -192,7 +249,7 @@ class _Chain:
                 other,
                 held,
                 one.amount * u[k],
-                one.amount * self.moved[k, held.nodes],
+                one.amount * moved[k],
                 padded(before.centre, shifts.shape[1]) + self.shift[k],
                 None if before.travel is None else before.travel + self.turn_of_path[k],
             )
@@ -200,12 +257,16 @@ class _Chain:
             found[k] = force_change(held, held.seen.change_to(seen, one.amount))
         return found
 
-    def _by_history(self, contact: SurfaceContact, held: Held, which: np.ndarray) -> np.ndarray:
-        """Return d contact force / d amount (m, n, 3) of parameters (m,) that only the history brings to the contact."""
+    def _by_history(
+        self, contact: SurfaceContact, held: Held, which: np.ndarray, u: np.ndarray, moved: np.ndarray
+    ) -> np.ndarray:
+        """Return d contact force / d amount (m, n, 3) of parameters (m,) that only the history brings to the contact.
+
+        u and moved (m, n, 3): slopes of the displacements before the step and of the motion that led there.
+        """
         many, all_of_them = repeated(contact, held, len(which))
-        nodes, amounts = self.base.surface[held.nodes], self.amounts[which]
-        du = (amounts * self.slopes.u[which][:, nodes]).reshape(-1, 3)
-        dmoved = (amounts * self.moved[which][:, held.nodes]).reshape(-1, 3)
+        amounts = self.amounts[which]
+        du, dmoved = ((amounts * one).reshape(-1, 3) for one in (u, moved))
         before = held.old
         old = moved_before(
             many, all_of_them, du, dmoved, padded(before.centre, len(held.centre)), before.travel
@@ -214,15 +275,16 @@ class _Chain:
         change = force_change(all_of_them, all_of_them.seen.change_to(seen, 1.0))
         return change.reshape(len(which), -1, 3) / amounts
 
-    def _solved(self, after: State, nodes: np.ndarray, blocks: np.ndarray, load: np.ndarray) -> np.ndarray:
-        """Return du / d amount (P, N, 3) under loads (P, N, 3) [N/unit], with contact blocks (n, 3, 3) of surface nodes."""
-        base = self.base
-        if self.tangent is None:
-            self.tangent = UnsymmetricTangent(base.body.pattern, base.surface, base.corrections.solver.name)
-        base.body.response(after.u, after.pressure, self.values)
-        everywhere = np.zeros((len(base.surface), 3, 3))
-        everywhere[nodes] = blocks
-        self.tangent.factor(self.values, everywhere)
-        flat, du = load.reshape(len(load), -1), np.zeros((len(load), load[0].size))
-        du[:, self.free] = self.tangent.solve(np.take(flat, self.free, axis=1))
-        return np.stack([base.body.spread(one) for one in du.reshape(load.shape)])
+    def _factor(self, at: State, blocks: np.ndarray) -> None:
+        """Factorise the tangent of a state with contact blocks (n, 3, 3)."""
+        self.base.body.response(at.u, at.pressure, self.values)
+        self.tangent.factor(self.values, blocks)
+
+    def _right_hand_sides(self, load: np.ndarray) -> np.ndarray:
+        return np.take(load.reshape(len(load), -1), self.free, axis=1)
+
+    def _everywhere(self, load: np.ndarray) -> np.ndarray:
+        """Return du / d amount (P, N, 3) under loads (P, N, 3) [N/unit]."""
+        du = np.zeros((len(load), load[0].size))
+        du[:, self.free] = self.tangent.solve(self._right_hand_sides(load))
+        return np.stack([self.base.body.spread(one) for one in du.reshape(load.shape)])

@@ -167,8 +167,14 @@ def _summed(force: np.ndarray, elements: np.ndarray, N: int) -> np.ndarray:
 
 
 def _gathered(body: Body, force: np.ndarray) -> np.ndarray:
-    """Return forces (P, N, 3) with those of hanging nodes handed to the nodes they hang between."""
+    """Hand the forces (P, N, 3) of hanging nodes to the nodes they hang between, and return them."""
     if body.mesh.ties is None:
         return force
-    transposed = body.mesh.ties.T.tocsr()
-    return np.stack([transposed @ one for one in force])
+    hanging = np.flatnonzero(body.mesh.hanging)
+    rows = body.mesh.ties[hanging]
+    masters = np.unique(rows.indices)
+    theirs = np.moveaxis(force[:, hanging], 0, 1).reshape(len(hanging), -1)
+    handed = (rows[:, masters].T @ theirs).reshape(len(masters), len(force), 3)
+    force[:, masters] += np.moveaxis(handed, 1, 0)
+    force[:, hanging] = 0.0
+    return force

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gelforge.mechanics.contact.state import State
-from gelforge.mechanics.solving.equilibrium import NotConverged, Press
+from gelforge.mechanics.solving.equilibrium import NotConverged, Press, Watch
 
 MAX_SOLVES = 12  # of one step: the secant takes three to five
 SHARE_OF_GAP = 1e-2  # of the contact's own tolerance: to this the place of the indenter is found
@@ -20,16 +20,18 @@ def follow_yielding(
     commanded: np.ndarray,
     yielding: np.ndarray | None,
     times: np.ndarray | None = None,
+    watch: Watch | None = None,
 ) -> Iterator[State]:
     """Yield the state at each commanded centre (n, 3) or (n, 6) [mm] in turn; a step that fails is halved.
 
     yielding (3,) [mm/N] points along the path, its length is the compliance c: the indenter is at the commanded centre
     minus c (F . a) a, a the unit vector along the path and F the force on the body. Friction is counted from the last
-    state that balances, not from trials. yielding None: nothing yields, as Press.follow. times (n,) [s]: as there.
+    state that balances, not from trials. yielding None: nothing yields, as Press.follow. times (n,) [s]: as there; so is
+    watch, which is called where nothing yields.
     Raises NotConverged.
     """
     if yielding is None:
-        yield from press.follow(start, commanded, times=times)
+        yield from press.follow(start, commanded, watch, times)
         return
     press.corrections.forget()
     commanded = np.asarray(commanded, dtype=float)

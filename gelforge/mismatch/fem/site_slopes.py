@@ -15,7 +15,7 @@ from gelforge.indentation.solving.sensitivities import Derivative, Variation
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.fem.solutions import Solver, along_laws, each_derivative
-from gelforge.mismatch.fem.solver import asked_of, felt_by, forgetting
+from gelforge.mismatch.fem.solver import asked_of, forgetting
 from gelforge.mismatch.fem.stored import described, place_digest, write_stored
 from gelforge.mismatch.free_forms import asked_for
 from gelforge.mismatch.model.context import Context
@@ -74,13 +74,11 @@ def asked_at(solver: Solver, planned: PlannedCell) -> dict[str, tuple[Variation,
     found: dict[str, tuple[Variation, dict]] = {}
     known = []
     for zero_by in ZERO_BY:
-        asked = list(asked_of(replace(solver, zero_by=zero_by), effects, blank))
-        about = {one.key: one for one in asked}
-        for key, variation in felt_by(asked, planned).items():
+        for one in asked_of(replace(solver, zero_by=zero_by), effects, blank, planned):
+            key, variation = one.key, one.variation
             if (own := described(variation)) in known:
                 continue
             known.append(own)
-            one = about[key]
             parameter = one.effect.parameters[one.which]
             words = {"effect": one.effect.name, "parameter": parameter.name, "unit": parameter.unit}
             found[key if key not in found else f"{key} by {zero_by}"] = (

@@ -415,8 +415,13 @@ class Asked:
         return key_of(self.effect, number if len(self.shape) else None, which)
 
 
-def asked_of(solver: Solver, effects: Iterable[Effect], context: Context) -> Iterator[Asked]:
-    """Yield every derivative that the solver must give, with the variation of the coarser study."""
+def asked_of(
+    solver: Solver, effects: Iterable[Effect], context: Context, at: PlannedCell | None = None
+) -> Iterator[Asked]:
+    """Yield every derivative that the solver must give, with the variation of the coarser study; those felt at a position.
+
+    at: the indentation there; None: everywhere.
+    """
     coarse, laws = solver.coarse, dict(solver.laws)
     seen_up = (context.observations.table["phase"] == "unload").any()
     for effect in effects:
@@ -426,6 +431,8 @@ def asked_of(solver: Solver, effects: Iterable[Effect], context: Context) -> Ite
             continue
         shapes = effect.shapes(context)
         for number, shape in enumerate(shapes):
+            if at is not None and not _reaches(shape, at.x_mm, at.y_mm):
+                continue
             for which in range(len(effect.parameters)):
                 try:
                     variation = _variation(solver, coarse, laws, effect, shape, which)
