@@ -10,6 +10,7 @@ import numpy as np
 
 from gelforge.mechanics.bodies.body import Body, Response
 from gelforge.mechanics.bodies.memory import RememberingBody
+from gelforge.mechanics.contact.forces import SLIP
 from gelforge.mechanics.contact.state import Settings, State
 from gelforge.mechanics.contact.surface import ContactForces, Iterate, SurfaceContact
 from gelforge.mechanics.indenters.shapes import Indenter
@@ -33,6 +34,7 @@ LINEAR_LEAST = 0.02
 # residual at least. A correction from a residual AHEAD leads to one that asks for a tangent: it comes with the forces.
 KEPT_TANGENT = 1e-2
 AHEAD = 3e-2
+MANY_SLIDE = 50  # nodes that slip
 # From this iteration on the weight that decides between stick and slip is halved in each: a step that cycles between them
 # comes to rest.
 PATIENT = 10
@@ -222,7 +224,11 @@ class Press:
             exact = creeps or (settled and residual < CONSISTENT_RESIDUAL)
             fresh = residual > KEPT_TANGENT or residual > RATE * last_residual
             last_contact, last_residual = forces.state, residual
-            self._prepare(at, forces, fresh)
+            # With many nodes sliding, the consistent tangent is far from a factorisation of another place of the indenter.
+            slides = (
+                exact and corrections.factorisations == before and (forces.state == SLIP).sum() > MANY_SLIDE
+            )
+            self._prepare(at, forces, fresh, slides)
             target = max(LINEAR_SHARE * residual, LINEAR_LEAST * s.force_tolerance) * contact.size_of(forces)
             du, dp = corrections.correction(at.pressure, response, forces, exact, target)
             weight = 0.5 ** max(0, iteration - PATIENT)
@@ -260,11 +266,11 @@ class Press:
         unbalanced[self.surface] -= forces.f_mixed
         return float(np.linalg.norm(unbalanced[self.free])) / self.contact.size_of(forces)
 
-    def _prepare(self, at: Iterate, forces: ContactForces, fresh: bool) -> None:
-        """See to a tangent, of this iterate if `fresh`, and to a factorisation that is near enough to it."""
+    def _prepare(self, at: Iterate, forces: ContactForces, fresh: bool, factor: bool) -> None:
+        """See to a tangent, of this iterate if `fresh`, and to a factorisation near enough to it, a new one if `factor`."""
         if fresh and self._tangent_at is not at:
             self._evaluate(at, tangent=True)
-        if not self.corrections.outdated(forces.state):
+        if not (factor or self.corrections.outdated(forces.state)):
             return
         try:
             self.corrections.factor(forces)
