@@ -14,19 +14,24 @@ from numpy.testing import assert_allclose
 
 import gelforge
 from gelforge.mechanics.bodies.body import Body, bulk_to_shear_of
-from gelforge.mechanics.bodies.kernels import ASSEMBLE, ASSEMBLE_WITH_MEMORY
+from gelforge.mechanics.bodies.kernels import ASSEMBLE, ASSEMBLE_WITH_MEMORY, CODE
 from gelforge.mechanics.laws.corrected import Corrected
 from gelforge.mechanics.laws.models.gent import Gent
 from gelforge.mechanics.laws.models.mooney_rivlin import MooneyRivlin
 from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
 from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.mechanics.laws.models.yeoh import Yeoh
-from gelforge.mechanics.laws.points import FINGERPRINT
 from gelforge.mechanics.linear.sparsity import build_pattern
 from gelforge.mechanics.meshes.elements import ELEMENTS
 
 COMPILED = (
-    *("mechanics.bodies.kernels", "mechanics.laws.points", "mechanics.contact.forces"),
+    *(
+        "mechanics.bodies.kernels",
+        "mechanics.bodies.layout",
+        "mechanics.bodies.node_sums",
+        "mechanics.bodies.point_stress",
+    ),
+    *("mechanics.laws.points", "mechanics.contact.forces"),
     *(
         "mechanics.indenters.closed_surface",
         "mechanics.linear.sparsity",
@@ -254,7 +259,7 @@ def test_what_is_compiled_is_found_again_by_the_next_process(name):
 def test_a_kernel_on_disk_is_that_of_these_laws():
     """What a law's routine computes is not in the code of the kernel that holds it: what tells them apart is closed over."""
     for kernel in (*ASSEMBLE.values(), *ASSEMBLE_WITH_MEMORY.values()):
-        assert FINGERPRINT in [cell.cell_contents for cell in kernel.py_func.__closure__]
+        assert CODE in [cell.cell_contents for cell in kernel.py_func.__closure__]
 
 
 def test_every_module_that_compiles_is_among_them():

@@ -35,9 +35,10 @@ class PrincipalLaw(ABC):
     """
 
     name: ClassVar[str]  # in files and configurations
-    # The routine of one point: a plain function of scalars, which Numba compiles into the element loops (`points`).
-    # point(constants, lam, beta, gamma) fills beta (3,) and gamma (3, 3) at the isochoric stretches lam (3,), and returns
-    # the energy and the extension over its limit. That of a law of the invariants is in InvariantLaw.
+    # The routine of one point: a plain function of numbers, which Numba compiles into the element loops (`points`).
+    # point(constants, lam) returns W, beta (3,), gamma (6,) and the extension over its limit at the isochoric stretches lam
+    # (3,). It may branch by the constants but not by lam, which are those of several elements (`lanes`). That of a law
+    # of the invariants is in InvariantLaw.
     point: ClassVar[Callable[..., Any]]
 
     @property

@@ -1,13 +1,13 @@
-r"""The compiled form of the laws: principal stresses and their slopes at one point.
+r"""The compiled form of the laws: principal stresses and their slopes at a point of several elements at once.
 
-Given the isochoric stretches, the routine of a law fills
+Given the isochoric stretches, the routine of a law returns its energy W,
 
 .. math:: \beta_i = \mathrm{dev}\, \frac{\partial W}{\partial\ln\lambda_i}, \qquad
     \gamma_{ij} = \frac{\partial\beta_i}{\partial\ln\lambda_j} \text{ (both indices without their mean)}
 
-and returns the energy and how far the point is on its way to the law's limit of extension (1: reached; 0: no limit). A law
-of the invariants gives the derivatives of its energy alone. The routines are those of the files in `models`; laws may share
-one.
+as beta (3,) and gamma (6,) = 00, 11, 22, 01, 02, 12, and how far the point is on its way to the law's limit of extension (1:
+reached; 0: no limit). A law of the invariants gives the derivatives of its energy alone. The routines are those of the files
+in `models`; laws may share one. They are written for floats and compiled for `lanes`.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from zlib import crc32
 import numba as nb
 import numpy as np
 
+from gelforge.mechanics.lanes import ONCE
 from gelforge.mechanics.laws.corrected import Corrected
 from gelforge.mechanics.laws.law import InvariantLaw, PrincipalLaw
 from gelforge.mechanics.laws.models import MODELS
@@ -33,9 +34,12 @@ STRETCHES = len(_OF_STRETCHES)  # routines below this number are of the stretche
 CORRECTED = (
     1000  # added to the number of a law whose energy is corrected; its row of constants ends in C20, C30
 )
-# What the compiled kernels on disk are known by: another one once the file of a routine is another, or there is one more.
-_FILES = sorted({__file__, getfile(PrincipalLaw), *map(getfile, _ROUTINES)})
-FINGERPRINT = crc32(b"".join(Path(file).read_bytes() for file in _FILES))
+
+
+def fingerprint(*files: str) -> int:
+    """Return what compiled kernels on disk are known by: another number once one of these files or a routine is another."""
+    known = sorted({__file__, getfile(PrincipalLaw), *map(getfile, _ROUTINES), *files})
+    return crc32(b"".join(Path(file).read_bytes() for file in known))
 
 
 def point_number(law: PrincipalLaw) -> int:
@@ -68,10 +72,10 @@ def _inlined(routine: Callable):
 def _stretches_by_number(others, numbered):
     number, own = numbered[0], _inlined(numbered[1])
 
-    def choice(law, constants, lam, beta, gamma):
+    def choice(law, constants, lam):
         if law == number:
-            return own(constants, lam, beta, gamma)
-        return others(law, constants, lam, beta, gamma)
+            return own(constants, lam)
+        return others(law, constants, lam)
 
     return _inlined(choice)
 
@@ -89,7 +93,7 @@ def _invariants_by_number(others, numbered):
 
 def _last_of_stretches(routine: Callable):
     own = _inlined(routine)
-    return _inlined(lambda law, constants, lam, beta, gamma: own(constants, lam, beta, gamma))
+    return _inlined(lambda law, constants, lam: own(constants, lam))
 
 
 def _last_of_invariants(routine: Callable):
@@ -107,58 +111,58 @@ _of_invariants = reduce(
 )
 
 
-@nb.njit(cache=True, inline="always")
-def _of_plain(law, constants, lam, beta, gamma):
+@nb.njit(inline="always")
+def _by_invariants(x, y, first, second):
+    """Return beta and gamma of a law of the invariants at x_i = lam_i^2, y_i = 1 / x_i from its derivatives by them."""
+    (x0, x1, x2), (y0, y1, y2), (W1, W2), (W11, W12, W22) = x, y, first, second
+    mean_x, mean_y = (x0 + x1 + x2) / 3.0, (y0 + y1 + y2) / 3.0
+    # dI1/d ln lam_i and dI2/d ln lam_i without their means; their own slopes are 2 f and -2 g before that.
+    f0, f1, f2 = 2.0 * (x0 - mean_x), 2.0 * (x1 - mean_x), 2.0 * (x2 - mean_x)
+    g0, g1, g2 = 2.0 * (mean_y - y0), 2.0 * (mean_y - y1), 2.0 * (mean_y - y2)
+    d0, d1, d2 = 4.0 * (W1 * x0 + W2 * y0), 4.0 * (W1 * x1 + W2 * y1), 4.0 * (W1 * x2 + W2 * y2)
+    mean = (d0 + d1 + d2) / 9.0
+    # W_1 f + W_2 g is beta; these are the slopes of the derivatives themselves.
+    h0, h1, h2 = W11 * f0 + W12 * g0, W11 * f1 + W12 * g1, W11 * f2 + W12 * g2
+    k0, k1, k2 = W12 * f0 + W22 * g0, W12 * f1 + W22 * g1, W12 * f2 + W22 * g2
+    gamma = (
+        d0 / 3.0 + mean + h0 * f0 + k0 * g0,
+        d1 / 3.0 + mean + h1 * f1 + k1 * g1,
+        d2 / 3.0 + mean + h2 * f2 + k2 * g2,
+        mean - (d0 + d1) / 3.0 + h0 * f1 + k0 * g1,
+        mean - (d0 + d2) / 3.0 + h0 * f2 + k0 * g2,
+        mean - (d1 + d2) / 3.0 + h1 * f2 + k1 * g2,
+    )
+    return (W1 * f0 + W2 * g0, W1 * f1 + W2 * g1, W1 * f2 + W2 * g2), gamma
+
+
+@nb.njit(inline="always")
+def _of_plain(law, constants, lam):
     if law < STRETCHES:
-        return _of_stretches(law, constants, lam, beta, gamma)
-    I1 = 0.0
-    I2 = 0.0
-    for i in range(3):
-        square = lam[i] * lam[i]
-        beta[i] = square  # until the invariants' slopes need the place
-        I1 += square
-        I2 += 1.0 / square
-    energy, W1, W2, W11, W12, W22, extension = _of_invariants(law, constants, I1 - 3.0, I2 - 3.0)
-    # f_i, g_i: dI1/d ln lam_i and dI2/d ln lam_i without their means; their own slopes are 2 f and -2 g before that.
-    for i in range(3):
-        fi = 2.0 * (beta[i] - I1 / 3.0)
-        di = 4.0 * (W1 * beta[i] + W2 / beta[i])
-        for j in range(i, 3):
-            fj = 2.0 * (beta[j] - I1 / 3.0)
-            dj = 4.0 * (W1 * beta[j] + W2 / beta[j])
-            slope = 4.0 * (W1 * I1 + W2 * I2) / 9.0 - (di + dj) / 3.0 + W11 * fi * fj
-            if W12 != 0.0 or W22 != 0.0:
-                gi, gj = -2.0 * (1.0 / beta[i] - I2 / 3.0), -2.0 * (1.0 / beta[j] - I2 / 3.0)
-                slope += W12 * (fi * gj + gi * fj) + W22 * gi * gj
-            if i == j:
-                slope += di
-            gamma[i, j] = slope
-            gamma[j, i] = slope
-    for i in range(3):
-        beta[i] = 2.0 * W1 * (beta[i] - I1 / 3.0) - 2.0 * W2 * (1.0 / beta[i] - I2 / 3.0)
-    return energy, extension
+        return _of_stretches(law, constants, lam)
+    x0, x1, x2 = lam[0] * lam[0], lam[1] * lam[1], lam[2] * lam[2]
+    y0, y1, y2 = 1.0 / x0, 1.0 / x1, 1.0 / x2
+    energy, W1, W2, W11, W12, W22, extension = _of_invariants(
+        law, constants, x0 + x1 + x2 - 3.0, y0 + y1 + y2 - 3.0
+    )
+    beta, gamma = _by_invariants((x0, x1, x2), (y0, y1, y2), (W1, W2), (W11, W12, W22))
+    return energy, beta, gamma, extension
 
 
-@nb.njit(cache=True, inline="always")
-def principal_stress(law, constants, lam, beta, gamma):
-    """Fill beta (3,) [MPa] and gamma (3, 3) [MPa] at lam (3,); return (energy [MPa], extension over its limit)."""
+@nb.njit(**ONCE)
+def principal_stress(law, constants, lam):
+    """Return W [MPa], beta (3,) [MPa], gamma (6,) [MPa] and the extension over its limit at lam (3,)."""
     corrected = law >= CORRECTED
     number, own = law, constants
     if corrected:
         number, own = law - CORRECTED, constants[:-2]
-    energy, extension = _of_plain(number, own, lam, beta, gamma)
-    if corrected:
-        C20, C30 = constants[-2], constants[-1]
-        mean = (lam[0] * lam[0] + lam[1] * lam[1] + lam[2] * lam[2]) / 3.0
-        x = 3.0 * mean - 3.0
-        W1 = x * (2.0 * C20 + 3.0 * x * C30)
-        W11 = 2.0 * C20 + 6.0 * x * C30
-        energy += x * x * (C20 + x * C30)
-        for i in range(3):
-            si = lam[i] * lam[i]
-            beta[i] += 2.0 * W1 * (si - mean)
-            for j in range(3):
-                sj = lam[j] * lam[j]
-                gamma[i, j] += 4.0 * W11 * (si - mean) * (sj - mean) - 4.0 * W1 * (si + sj - mean) / 3.0
-            gamma[i, i] += 4.0 * W1 * si
-    return energy, extension
+    energy, b, g, extension = _of_plain(number, own, lam)
+    if not corrected:
+        return energy, b, g, extension
+    C20, C30 = constants[-2], constants[-1]
+    squares, none = (lam[0] * lam[0], lam[1] * lam[1], lam[2] * lam[2]), (0.0, 0.0, 0.0)
+    x = squares[0] + squares[1] + squares[2] - 3.0
+    first, second = (x * (2.0 * C20 + 3.0 * x * C30), 0.0), (2.0 * C20 + 6.0 * x * C30, 0.0, 0.0)
+    c, h = _by_invariants(squares, none, first, second)
+    beta = (b[0] + c[0], b[1] + c[1], b[2] + c[2])
+    gamma = (g[0] + h[0], g[1] + h[1], g[2] + h[2], g[3] + h[3], g[4] + h[4], g[5] + h[5])
+    return energy + x * x * (C20 + x * C30), beta, gamma, extension

@@ -12,15 +12,12 @@ from gelforge.mechanics.laws.parameters import GivenParameters
 from gelforge.section import Positive
 
 
-def hencky_point(constants, lam, beta, gamma):
+def hencky_point(constants, lam):
     mu = constants[0]
-    energy, mean = 0.0, (log(lam[0]) + log(lam[1]) + log(lam[2])) / 3.0
-    for i in range(3):
-        energy += mu * log(lam[i]) ** 2
-        beta[i] = 2.0 * mu * (log(lam[i]) - mean)
-        for j in range(3):
-            gamma[i, j] = 2.0 * mu * ((1.0 if i == j else 0.0) - 1.0 / 3.0)
-    return energy, 0.0
+    e0, e1, e2 = log(lam[0]), log(lam[1]), log(lam[2])
+    mean, own, other = (e0 + e1 + e2) / 3.0, 4.0 / 3.0 * mu, -2.0 / 3.0 * mu
+    beta = 2.0 * mu * (e0 - mean), 2.0 * mu * (e1 - mean), 2.0 * mu * (e2 - mean)
+    return mu * (e0**2 + e1**2 + e2**2), beta, (own, own, own, other, other, other), 0.0
 
 
 @dataclass(frozen=True)

@@ -30,14 +30,10 @@ OGDEN_CONVENTIONS = {
 }
 
 
-def ogden_point(constants, lam, beta, gamma):
-    """Fill beta (3,) and gamma (3, 3) [MPa] at lam (3,); constants mu_1 [MPa], alpha_1, ...; mu = 0: no term."""
-    energy = 0.0
+def ogden_point(constants, lam):
+    """Return W, beta, gamma [MPa] and no extension; constants mu_1 [MPa], alpha_1, ...; mu = 0: no term."""
+    energy, b0, b1, b2, g00, g11, g22, g01, g02, g12 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     log0, log1, log2 = log(lam[0]), log(lam[1]), log(lam[2])  # one logarithm serves all powers
-    for i in range(3):
-        beta[i] = 0.0
-        for j in range(3):
-            gamma[i, j] = 0.0
     for k in range(constants.shape[0] // 2):
         m = constants[2 * k]
         if m == 0.0:
@@ -48,20 +44,17 @@ def ogden_point(constants, lam, beta, gamma):
         p2 = exp(a * log2)
         mean = (p0 + p1 + p2) / 3.0
         energy += m / a * (3.0 * mean - 3.0)
-        beta[0] += m * (p0 - mean)
-        beta[1] += m * (p1 - mean)
-        beta[2] += m * (p2 - mean)
+        b0 += m * (p0 - mean)
+        b1 += m * (p1 - mean)
+        b2 += m * (p2 - mean)
         c = m * a / 3.0
-        gamma[0, 0] += c * (p0 + mean)
-        gamma[1, 1] += c * (p1 + mean)
-        gamma[2, 2] += c * (p2 + mean)
-        gamma[0, 1] += c * (mean - p0 - p1)
-        gamma[0, 2] += c * (mean - p0 - p2)
-        gamma[1, 2] += c * (mean - p1 - p2)
-    gamma[1, 0] = gamma[0, 1]
-    gamma[2, 0] = gamma[0, 2]
-    gamma[2, 1] = gamma[1, 2]
-    return energy, 0.0
+        g00 += c * (p0 + mean)
+        g11 += c * (p1 + mean)
+        g22 += c * (p2 + mean)
+        g01 += c * (mean - p0 - p1)
+        g02 += c * (mean - p0 - p2)
+        g12 += c * (mean - p1 - p2)
+    return energy, (b0, b1, b2), (g00, g11, g22, g01, g02, g12), 0.0
 
 
 @dataclass(frozen=True)

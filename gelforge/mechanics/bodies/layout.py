@@ -1,0 +1,64 @@
+"""Where a block of elements has its quantities while the loops compute them: a room of lanes, record by record.
+
+Every point has a record; what belongs to the elements follows. A record begins with the same places for every element and
+ends with the gradients of its nodes.
+"""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+
+from gelforge.mechanics.lanes import LANES, ONCE, PART, PARTS, load, store
+
+# Where the quantities of a point lie among its lanes; those of an element follow those of its points.
+(
+    RATIO, VOLUME,  # J; w, then w J
+    DEFORMATION, SQUARE, DIRECTIONS,  # F (9,); F F^T (6,), then its eigenvalues (3,); eigenvectors (9,)
+    STRESS, TOTAL, MODULUS,  # Kirchhoff, without and with the element's pressure, and its spatial modulus, times w
+    GRADIENT,  # (A, 3), spatial
+) = 0, 1, 2, 11, 17, 26, 32, 38, 59  # fmt: skip
+SUMS = 24  # places of a point's modulus times the gradient of a node, before the blocks of the tangent
+
+
+@nb.njit(inline="always")
+def load3(room, k):
+    return load(room, k), load(room, k + 1), load(room, k + 2)
+
+
+@nb.njit(inline="always")
+def load6(room, k):
+    return (*load3(room, k), *load3(room, k + 3))
+
+
+@nb.njit(inline="always")
+def load9(room, k):
+    return (*load6(room, k), *load3(room, k + 6))
+
+
+@nb.njit(inline="always")
+def store3(room, k, x):
+    store(room, k, x[0])
+    store(room, k + 1, x[1])
+    store(room, k + 2, x[2])
+
+
+@nb.njit(inline="always")
+def store6(room, k, x):
+    store3(room, k, x[:3])
+    store3(room, k + 3, x[3:])
+
+
+@nb.njit(inline="always")
+def store9(room, k, x):
+    store6(room, k, x[:6])
+    store3(room, k + 6, x[6:])
+
+
+@nb.njit(**ONCE)
+def rooms(points, sums):
+    """Return room for `points` lanes (PARTS, ...) and for `sums` parts of lanes, where a register's reads begin in line."""
+    raw = np.empty(points * LANES + (sums + 1) * PART)
+    first = (-raw.ctypes.data % (8 * PART)) // 8
+    middle = first + points * LANES
+    return raw[first:middle].reshape(PARTS, points * PART), raw[middle : middle + sums * PART]
