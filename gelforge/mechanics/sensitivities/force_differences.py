@@ -173,7 +173,7 @@ def _gathered(body: Body, force: np.ndarray) -> np.ndarray:
     hanging = np.flatnonzero(body.mesh.hanging)
     rows = body.mesh.ties[hanging]
     masters = np.unique(rows.indices)
-    theirs = np.moveaxis(force[:, hanging], 0, 1).reshape(len(hanging), -1)
+    theirs = np.moveaxis(force[:, hanging], 0, 1).reshape(len(hanging), 3 * len(force))
     handed = (rows[:, masters].T @ theirs).reshape(len(masters), len(force), 3)
     force[:, masters] += np.moveaxis(handed, 1, 0)
     force[:, hanging] = 0.0
