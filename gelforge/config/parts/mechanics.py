@@ -82,13 +82,19 @@ class Mesh(Section):
 
 
 class Contact(Section):
-    """How fast the contact iteration closes gaps and stops slips, over shear modulus per element size.
+    """Contact of element faces with the indenter, and how fast its iteration closes gaps and stops slips.
 
-    No solution depends on these numbers.
+    No solution depends on the augmentations, which are over shear modulus per element size.
     """
 
     normal_augmentation: Positive = Field(50.0, description="of gaps [-]")
     tangential_augmentation: Positive = Field(1000.0, description="of slips [-]")
+    facets: float = Field(
+        0.75,
+        ge=0,
+        le=1,
+        description="share of the faces' mean distance inside a curved indenter by which their nodes are pressed further [-]",
+    )
 
     @model_validator(mode="before")
     @classmethod

@@ -327,7 +327,7 @@ def _simulated(
     small = mechanics.strain == "small"
     press = Press(body, shape, model.settings, mechanics.solver.linear_solver)
     start = press.start_at(model.start)
-    _check_start(start)
+    _check_start(press, start)
     model, start, reason = (
         _balanced(model, press, start) if mechanics.effects.geometry.prestretch else (model, start, "")
     )
@@ -433,10 +433,12 @@ def _direction(mesh: Mesh, trajectory: Trajectory, place: tuple[float, float]) -
     return -surface_point(mesh, *place)[1]
 
 
-def _check_start(start: State) -> None:
-    if start.gap.min() < -1e-9:
+def _check_start(press: Press, start: State) -> None:
+    points = press.contact.X + start.u[press.surface]
+    inside = -float(press.indenter.gap(points, start.centre)[0].min())
+    if inside > 1e-9:
         raise ConfigError(
-            f"the indenter starts {-start.gap.min():.3g} mm inside the gel at the first touch of its lowest point; "
+            f"the indenter starts {inside:.3g} mm inside the gel at the first touch of its lowest point; "
             "correct its offset_mm or the sensor's surface"
         )
 
@@ -452,6 +454,7 @@ def _settings(mechanics: Mechanics) -> Settings:
         longest_step=QUALITIES[mechanics.mesh.quality].step * mechanics.solver.longest_step,
         max_iterations=mechanics.solver.max_iterations,
         max_halvings=mechanics.solver.max_halvings,
+        facets=mechanics.contact.facets,
         initial_normals=mechanics.contact_normals == "initial",
         friction_exponents=(contact.pressure_exponent, *(term.exponent for term in contact.pressure_terms)),
         friction_pressures=(

@@ -147,6 +147,17 @@ def contact_forces(
                     stiffness_consistent[s, i, j] += slope * eps * A * e[i] * n[j]
 
 
+def facet_gap(turn: np.ndarray, area: np.ndarray) -> np.ndarray:
+    """Return the mean distance (S,) [mm] by which element faces between nodes on a convex indenter lie inside of it.
+
+    h^2 (k_1 + k_2) / 12 for faces of size h on principal curvatures k: between its ends a chord sags by h^2 k / 12 in the
+    mean. A bend sharper than the faces counts less, as no face spans it. turn (S, 3, 3) [1/mm] is the slope of the normal,
+    area (S,) [mm^2] that of the nodes.
+    """
+    curvature = np.maximum(np.trace(turn, axis1=1, axis2=2), 0.0)
+    return area / 12 * curvature / (1 + 4 * area * curvature**2)
+
+
 def film_given(pressure: np.ndarray, thickness: float, half_pressure: float) -> tuple[np.ndarray, np.ndarray]:
     """Return by how much a film has given way (S,) [mm] under pressures (S,) [MPa], and its slope (S,) [mm/MPa].
 

@@ -24,6 +24,9 @@ class Settings:
     max_iterations: int = 40
     max_halvings: int = 4
     initial_normals: bool = False
+    facets: float = (
+        0.0  # share of the faces' mean distance inside the indenter by which nodes are pressed further
+    )
     friction_exponents: tuple[float, ...] = ()  # n_k of mu times (1 + p / p_k)^-n_k
     friction_pressures: tuple[float, ...] = ()  # p_k, MPa
     adhesion_work: float = 0.0  # N/mm, of separation

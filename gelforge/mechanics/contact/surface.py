@@ -13,7 +13,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from gelforge.mechanics.bodies.body import Body
-from gelforge.mechanics.contact.forces import OPEN, SLIP, adhesive_traction, contact_forces, film_given
+from gelforge.mechanics.contact.forces import (
+    OPEN,
+    SLIP,
+    adhesive_traction,
+    contact_forces,
+    facet_gap,
+    film_given,
+)
 from gelforge.mechanics.contact.state import Settings, State
 from gelforge.mechanics.indenters.shapes import Indenter, rotation_of
 
@@ -103,7 +110,10 @@ class SurfaceContact:
     def _gap_at(self, points: np.ndarray, centre: np.ndarray):
         if self.settings.initial_normals:
             return self.indenter.vertical_gap(np.concatenate([self.X[:, :2], points[:, 2:]], axis=1), centre)
-        return self.indenter.gap(points, centre)
+        gap, normal, turn = self.indenter.gap(points, centre)
+        if self.settings.facets:
+            gap = gap - self.settings.facets * facet_gap(turn, self.area)
+        return gap, normal, turn
 
     def step(self, old: State, centre: np.ndarray) -> Step:
         """Return the step to a centre, with the share of it after which open nodes touch.
