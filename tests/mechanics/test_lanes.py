@@ -11,7 +11,7 @@ from numpy.testing import assert_array_equal
 
 from gelforge.mechanics.bodies.layout import load6, rooms, store3, store9
 from gelforge.mechanics.bodies.point_stress import eigen
-from gelforge.mechanics.lanes import FAST, LANES, PART, PARTS, any_less, load, store, where_less
+from gelforge.mechanics.laws.lanes import FAST, LANES, PART, PARTS, any_less, load, store, where_less
 
 rng = np.random.default_rng(3)
 SPECIAL = [0.0, -0.0, 1.0, -1.0, math.inf, -math.inf, math.nan, 5e-324, 1e-310, 2.0**-1022, 1e308, -1e308]
