@@ -61,7 +61,14 @@ CONFINED = {
     "pytetwild": {"meshing"},
     "meshio": {"meshing", "indentation"},
 }
-MECHANICS_KNOWS = {"numpy", "scipy", "numba", "pypardiso", "pydantic"}  # pydantic: parameters as given
+MECHANICS_KNOWS = {
+    "numpy",
+    "scipy",
+    "numba",
+    "llvmlite",
+    "pypardiso",
+    "pydantic",
+}  # pydantic: parameters as given
 
 
 def layer_of(part: str) -> int:

@@ -25,8 +25,7 @@ def test_the_guides_example_is_a_model(tmp_path):
     (text,) = re.findall(r"```python\n(.*?)```", GUIDE.read_text(encoding="utf-8"), re.DOTALL)
     (tmp_path / "demiray.py").write_text(text, encoding="utf-8")
     paths = os.pathsep.join([os.getcwd(), str(HERE.parent), os.environ.get("PYTHONPATH", "")])
-    # NUMBA_DISABLE_JIT: the same loops in plain Python; compiling them takes a minute
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": paths}
+    environment = os.environ | {"PYTHONPATH": paths}
     command = [sys.executable, str(HERE / "one_more_model.py"), str(tmp_path), str(HERE / "more_models")]
     run = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert run.returncode == 0, run.stderr

@@ -227,6 +227,40 @@ def test_regions_take_their_own_law_and_bulk_modulus(bulk_to_shear, skin):
     assert_allclose(response.f_condensed, expected, rtol=1e-10, atol=1e-14)
 
 
+def test_an_element_does_not_depend_on_those_beside_it():
+    """Elements of two regions, interleaved: each has what it has alone to the last bit; sums are theirs in any order."""
+    mesh = specimens.distorted(specimens.box(3), 0.2, rng)
+    region = rng.integers(0, 2, len(mesh.elements)).astype(np.int32)
+    mesh = replace(mesh, regions=("gel", "skin"), region=region)
+    body = Body(mesh, {"gel": specimens.GEL, "skin": LAWS["gent"]}, 1000.0)
+    u, p = 0.05 * rng.uniform(-1, 1, mesh.X.shape), 0.1 * rng.uniform(-1, 1, len(region))
+    u[0] *= 3.0  # some need more rotations than others
+    tangent = np.empty(len(body.pattern.indices))
+    whole = body.response(u, p, tangent)
+    f_mixed, energy, smallest = np.zeros_like(u), 0.0, np.inf
+    for e in range(len(region)):
+        one = np.array([e])
+        alone = body.part(one, replace(mesh, elements=mesh.elements[one], region=region[one])).response(
+            u, p[one]
+        )
+        assert np.array_equal(alone.coupling[0], whole.coupling[e])
+        assert alone.p_volume[0] == whole.p_volume[e]
+        f_mixed, energy, smallest = (
+            f_mixed + alone.f_mixed, energy + alone.energy, min(smallest, alone.smallest_J),
+        )  # fmt: skip
+    assert_allclose(whole.f_mixed, f_mixed, rtol=0, atol=1e-15 * np.abs(f_mixed).max() * len(region))
+    assert whole.energy == pytest.approx(energy, rel=1e-14)
+    assert whole.smallest_J == smallest
+    order = rng.permutation(len(region))
+    turned = replace(mesh, elements=mesh.elements[order], region=region[order])
+    other, again = Body(turned, body.laws, 1000.0), np.empty_like(tangent)
+    response = other.response(u, p[order], again)
+    assert np.array_equal(response.coupling, whole.coupling[order])
+    assert_allclose(again, tangent, rtol=0, atol=1e-14 * np.abs(tangent).max())
+    body.response(u, p, again)
+    assert np.array_equal(again, tangent)
+
+
 def test_bulk_to_shear_is_that_of_poissons_ratio():
     assert bulk_to_shear_of(0.0) == pytest.approx(2 / 3)  # K = E/3, mu = E/2
     assert bulk_to_shear_of(0.4995) == pytest.approx(1000, rel=1e-3)

@@ -20,7 +20,6 @@ from math import exp, log, sqrt
 import numba as nb
 import numpy as np
 
-from gelforge.mechanics import lanes
 from gelforge.mechanics.bodies import layout, node_sums, point_stress
 from gelforge.mechanics.bodies.layout import (
     DEFORMATION,
@@ -54,7 +53,19 @@ from gelforge.mechanics.bodies.point_stress import (
     with_mean,
     with_pressure,
 )
-from gelforge.mechanics.lanes import FAST, IN_ORDER, LANES, ONCE, PART, PARTS, load, starts_at, store, take
+from gelforge.mechanics.laws import lanes
+from gelforge.mechanics.laws.lanes import (
+    FAST,
+    IN_ORDER,
+    LANES,
+    ONCE,
+    PART,
+    PARTS,
+    load,
+    starts_at,
+    store,
+    take,
+)
 from gelforge.mechanics.laws.points import fingerprint, principal_stress
 
 SMALLEST_J = 1e-3  # guards powers of J while an iterate is inverted; such an iterate is never accepted

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from gelforge.mechanics.lanes import LANES, ONCE, PART, PARTS, load, store
+from gelforge.mechanics.laws.lanes import LANES, ONCE, PART, PARTS, load, store
 
 # Where the quantities of a point lie among its lanes; those of an element follow those of its points.
 (

@@ -20,7 +20,7 @@ from gelforge.mechanics.bodies.layout import (
     store6,
     store9,
 )
-from gelforge.mechanics.lanes import ONCE, PART, load
+from gelforge.mechanics.laws.lanes import ONCE, PART, load
 
 
 @nb.njit(inline="always")

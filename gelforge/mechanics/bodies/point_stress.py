@@ -11,7 +11,7 @@ from math import erf, exp, log, pi, sqrt
 
 import numba as nb
 
-from gelforge.mechanics.lanes import ONCE, any_less, where_less
+from gelforge.mechanics.laws.lanes import ONCE, any_less, where_less
 
 # Sum of squares off the diagonal at which Jacobi's rotations end: eigenvectors are then right to its root, which is below
 # what the balance of forces leaves.

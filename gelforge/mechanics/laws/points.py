@@ -21,8 +21,8 @@ from zlib import crc32
 import numba as nb
 import numpy as np
 
-from gelforge.mechanics.lanes import ONCE
 from gelforge.mechanics.laws.corrected import Corrected
+from gelforge.mechanics.laws.lanes import ONCE
 from gelforge.mechanics.laws.law import InvariantLaw, PrincipalLaw
 from gelforge.mechanics.laws.models import MODELS
 
