@@ -93,7 +93,7 @@ class Contact(Section):
         0.75,
         ge=0,
         le=1,
-        description="share of the faces' mean distance inside a curved indenter by which their nodes are pressed further [-]",
+        description="share of the mean distance of faces inside a curved indenter by which nodes are pressed further [-]",
     )
 
     @model_validator(mode="before")
