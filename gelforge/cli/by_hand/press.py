@@ -70,7 +70,8 @@ def print_force_depth(study: Study, cell) -> None:
         box=box.SIMPLE,
         padding=(0, 1, 0, 0),  # ten columns in 80 characters
         title=f"Force on the sensor, {study.indenter.words} at ({a['x_mm']:g}, {a['y_mm']:g}) mm",
-        caption=f"{a['degrees_of_freedom']} degrees of freedom, {a['linear_solver']}, {a['seconds']:.1f} s; mm, N; "
+        caption=f"mesh {study.mechanics.mesh.quality}, {a['degrees_of_freedom']} degrees of freedom, {a['linear_solver']}, "
+        f"{a['seconds']:.1f} s; mm, N; "
         "± standard deviations of Fz from the mesh and from the constitutive model"
         + ("; Mz torque about the indenter's axis [N mm]" if twisted else ""),
     )

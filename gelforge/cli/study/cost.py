@@ -231,7 +231,8 @@ def estimate(study: Study, cells: dict) -> list[str]:
         + (f", {between} interpolated" if between else ""),
         *([words] if between else []),
         *lines,
-        f"mesh       {unknowns} degrees of freedom at ({costs.first.x_mm:g}, {costs.first.y_mm:g}) mm",
+        f"mesh       {study.mechanics.mesh.quality}, {unknowns} degrees of freedom at ({costs.first.x_mm:g}, "
+        f"{costs.first.y_mm:g}) mm; about {costs.cell(costs.first):.2g} CPU s there",
         time_line(costs, seconds),
         *(judged if study.judges else []),
         f"disk       at most {disk / 1e6:.1f} MB for the cells (before compression)",
