@@ -66,7 +66,9 @@ class Case:
 
     def described(self) -> Study:
         """Return the study."""
-        study = {key: value for key, value in self.study.items() if self.indenter is None or key != "indenter"}
+        study = {
+            key: value for key, value in self.study.items() if self.indenter is None or key != "indenter"
+        }
         plan = {"grid": {"spacing_mm": 5.0, "margin_mm": MARGIN}, "depths_mm": list(self.depths)}
         return study_from(study | {"plan": plan} | ({"indenter": self.indenter} if self.indenter else {}))
 
@@ -93,7 +95,10 @@ def solved(name: str, case: Case, x: float, y: float) -> dict[str, np.ndarray] |
     if not path.is_file():
         study = case.described()
         laws, planned = laws_of(study, []), PlannedCell("place", x, y, case.depths)
-        label, reference = simulate_cell(study, laws, planned), simulate_cell(of_half_size(study), laws, planned)
+        label, reference = (
+            simulate_cell(study, laws, planned),
+            simulate_cell(of_half_size(study), laws, planned),
+        )
         companion, reason, _ = solve_companion(study, laws, planned, {})
         for failed in filter(None, (label.attributes["reason"], reference.attributes["reason"], reason)):
             print(f"{name} at ({x:g}, {y:g}) mm: {failed}", flush=True)
