@@ -7,8 +7,8 @@ seed; those of --calibration are the ones on which the parts in gelforge/indenta
 Solutions are kept in results/error_bars and are read again: remove them after a change of the solver. --solve: solve what is
 missing and print nothing. A place takes one to two CPU minutes on one thread, most of it the reference.
 
-Printed per case: the root mean square of the error of Fz and of its bar, how often 95 % intervals hold, and 95 % intervals of
-these shares over places (bootstrap of whole places).
+Printed per case: the root mean square of the error of Fz and of its bar, how often 95 % intervals hold, and 95 % intervals
+of these shares over places (bootstrap of whole places).
 """
 
 # ruff: noqa: E402  (threads are set before the libraries start theirs)
@@ -31,9 +31,10 @@ from gelforge.config import Study, study_from
 from gelforge.config.basis.variants import merged
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.companion import solve_companion
-from gelforge.indentation.solving.error_bars import error_bars
+from gelforge.indentation.solving.error_bars import Companion, error_bars
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.laws_of_study import laws_of
+from gelforge.progress import Progress, show
 
 KEPT = Path("results/error_bars")
 CALIBRATION_SEED = 2026
@@ -125,3 +126,90 @@ def of_half_size(study: Study) -> Study:
     solver = mechanics.solver.model_copy(update={"longest_step": 2 * mechanics.solver.longest_step})
     mechanics = mechanics.model_copy(update={"mesh": mechanics.mesh.coarser(1 / 2), "solver": solver})
     return study.model_copy(update={"mechanics": mechanics})
+
+
+def at_places(name: str, chosen: np.ndarray) -> list[dict[str, np.ndarray]]:
+    """Return errors and bars of totals (D, 3) and of loaded bins (n, 3), place by place, with today's parts."""
+    case = CASES[name]
+    bins = case.described().sensor.bins
+    found = []
+    for x, y in chosen:
+        forces = solved(name, case, float(x), float(y))
+        if forces is None:
+            continue
+        no_slopes = np.empty((0, *forces["coarse_total"].shape)), np.empty((0, *forces["coarse_bins"].shape))
+        companion = Companion(forces["coarse_total"], forces["coarse_bins"], *no_slopes)
+        bars = error_bars(forces["total"], forces["bins"], forces["touched"], (bins.ny, bins.nx), companion)
+        loaded = np.maximum(np.abs(forces["bins"]), np.abs(forces["true_bins"])).max(axis=-1) > 0
+        found.append(
+            {
+                "size": np.abs(forces["true_total"][:, 2]),
+                "total": forces["total"] - forces["true_total"],
+                "total bar": bars["total_sigma_mesh_N"],
+                "bins": (forces["bins"] - forces["true_bins"])[loaded],
+                "bins bar": bars["bin_sigma_mesh_N"][loaded],
+            }
+        )
+    return found
+
+
+def row(name: str, found: list[dict[str, np.ndarray]]) -> dict[str, str]:
+    """Return the row of a case: errors of Fz and bars [%], and shares of intervals that hold."""
+    error = np.array([100 * one["total"][:, 2] / one["size"] for one in found])
+    bar = np.array([100 * one["total bar"][:, 2] / one["size"] for one in found])
+
+    def holds(what: str, axes: list[int]) -> str:
+        inside = [(np.abs(one[what]) <= WITHIN * one[f"{what} bar"])[..., axes] for one in found]
+        return share_over_places([(i.sum(), i.size) for i in inside])
+
+    return {
+        "case": name,
+        "places": str(len(found)),
+        "Fz, rms error [%]": f"{rms(error):.2f}",
+        "rms sigma [%]": f"{rms(bar):.2f}",
+        "ratio": f"{rms(bar) / rms(error):.1f}",
+        "Fz holds [%]": holds("total", [2]),
+        "Fx, Fy hold [%]": holds("total", [0, 1]),
+        "bins z hold [%]": holds("bins", [2]),
+        "bins x, y hold [%]": holds("bins", [0, 1]),
+    }
+
+
+def rms(values: np.ndarray) -> float:
+    """Return the root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def share_over_places(counts: list[tuple[int, int]]) -> str:
+    """Return a share in per cent with its 95 % interval by drawing whole places; counts: (inside, all) of each."""
+    inside, every = np.array(counts, dtype=float).T
+    drawn = np.random.default_rng(1).integers(len(counts), size=(2000, len(counts)))
+    low, high = np.quantile(inside[drawn].sum(axis=1) / every[drawn].sum(axis=1), [0.025, 0.975])
+    return f"{100 * inside.sum() / every.sum():.0f} ({100 * low:.0f} to {100 * high:.0f})"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--places", type=int, default=20, help="of each case")
+    parser.add_argument("--seed", type=int, default=7102)
+    parser.add_argument("--cases", nargs="+", choices=CASES, default=list(CASES), metavar="NAME")
+    parser.add_argument("--calibration", action="store_true", help="the places on which the parts were found")
+    parser.add_argument("--solve", action="store_true", help="solve what is missing, print no table")
+    options = parser.parse_args()
+    seed = CALIBRATION_SEED if options.calibration else options.seed
+    chosen = {name: places(CASES[name].described(), options.places, seed) for name in options.cases}
+    show()
+    with Progress("places", sum(map(len, chosen.values()))) as progress:
+        for k in range(options.places):
+            for name in options.cases:
+                solved(name, CASES[name], *map(float, chosen[name][k]))
+                progress.advance(note=name)
+    if not options.solve:
+        rows = [row(name, at_places(name, chosen[name])) for name in options.cases]
+        print(pd.DataFrame(rows).to_markdown(index=False, disable_numparse=True))
+
+
+if __name__ == "__main__":
+    main()

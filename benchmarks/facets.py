@@ -3,7 +3,7 @@
 usage: python benchmarks/facets.py [--shares 0 0.5 0.75 1]      (one thread; some minutes)
 
 A block of 24 x 24 x 12 mm (mu 42 kPa, no friction, no walls) is pressed off its middle by a ball, a flat cylinder, a
-cylinder on its side and a box with rounded edges. Errors in per cent of a mesh of 0.08 mm under the contact without the share.
+cylinder on its side and a box with rounded edges. Errors in per cent of a mesh of 0.08 mm under the contact, no share.
 """
 
 # ruff: noqa: E402  (threads are set before the libraries start theirs)

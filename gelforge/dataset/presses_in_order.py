@@ -30,6 +30,7 @@ from gelforge.indentation.solving.companion import solve_companion
 from gelforge.indentation.solving.error_bars import COARSER, Companion, error_bars
 from gelforge.indentation.solving.simulate import simulate_in_order
 from gelforge.mechanics.bodies.peak_grid import Box, PeakGrid
+from gelforge.mechanics.contact.forces import OPEN
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.progress import tracked
@@ -114,7 +115,8 @@ def _press(
     if study.mechanics.error_bars:
         companion, coarse_grid, reason = _companion(study, laws, uncertain, press, progress.grids["coarse"])
         shape = (study.sensor.bins.ny, study.sensor.bins.nx)
-        bars = error_bars(total, bins, shape, companion)
+        touched = (cell.arrays["node_state"][-1:] != OPEN).sum(axis=1)
+        bars = error_bars(total, bins, touched, shape, companion)
         for row, which in enumerate(ROWS[1:], start=1):
             label[row] = np.concatenate([bars[f"total_{which}_N"], bars[f"bin_{which}_N"][0]])
         progress.grids["coarse"] = grid if reason else coarse_grid  # it lives on places, not on a mesh

@@ -15,13 +15,18 @@ from gelforge.indentation.solving.companion import simulate_label, solve_compani
 from gelforge.indentation.solving.error_bars import (
     AMOUNT,
     COARSER,
+    CROSS_TOTALS,
     LEAST_BINS,
     PART_BINS,
     PART_OF_BINS,
+    PART_TOTALS,
     SHARE_BINS,
+    SHARE_TOTALS,
+    SHARE_TOUCH,
     Companion,
     error_bars,
     mesh_totals,
+    touch_totals,
 )
 from gelforge.indentation.solving.mirror import mirror_cell
 from gelforge.indentation.solving.simulate import simulate_cell
@@ -47,7 +52,8 @@ def bars_of(bins, coarse, reached=None, slopes=0):
         rng.normal(size=(slopes, reached, 3)),
         rng.normal(size=(slopes, reached, B, 3)),
     )
-    return error_bars(bins.sum(axis=1), bins, (10, 10), companion), companion
+    many = np.full(len(bins), 10**9)  # nodes in contact: no error of first touch
+    return error_bars(bins.sum(axis=1), bins, many, (10, 10), companion), companion
 
 
 @pytest.fixture
@@ -63,7 +69,24 @@ def test_equal_solutions_leave_the_least_bars_on_loaded_bins_alone(bins):
     expected = np.hypot(SHARE_BINS * size, LEAST_BINS * largest * (size > 0)) * np.ones(3)  # x, y, z alike
     assert_allclose(bars["bin_sigma_mesh_N"], expected, rtol=1e-12)
     uncancelled = PART_OF_BINS * np.sqrt((expected**2).sum(axis=1))
-    assert_allclose(bars["total_sigma_mesh_N"], uncancelled, rtol=1e-12)
+    share = SHARE_TOTALS * np.abs(bins.sum(axis=1))
+    assert_allclose(bars["total_sigma_mesh_N"], np.hypot(uncancelled, share), rtol=1e-12)
+
+
+def test_the_bars_of_a_depth_do_not_depend_on_the_other_depths(bins):
+    coarse = bins + 0.1 * np.random.default_rng(3).normal(size=bins.shape)
+    together, _ = bars_of(bins, coarse)
+    for depth in range(len(bins)):
+        alone, _ = bars_of(bins[depth : depth + 1], coarse[depth : depth + 1])
+        for name, values in alone.items():
+            assert_allclose(values[0], together[name][depth], rtol=1e-12)
+
+
+def test_few_nodes_in_contact_widen_the_bar_of_the_total():
+    total = np.array([[0.1, 0.0, -1.0]])
+    few, many = (touch_totals(total, np.array([n])) for n in (4, 40))
+    assert_allclose(few, 10 * many, rtol=1e-12)
+    assert_allclose(few[0], SHARE_TOUCH / 4 * np.abs(total[0]), rtol=1e-12)
 
 
 def test_a_total_that_agrees_by_chance_keeps_what_its_bins_differ_by(bins):
@@ -73,7 +96,8 @@ def test_a_total_that_agrees_by_chance_keeps_what_its_bins_differ_by(bins):
     coarse[:, 55] -= [0.0, 0.0, 0.2]
     bars, _ = bars_of(bins, coarse)
     together = np.sqrt((bars["bin_sigma_mesh_N"] ** 2).sum(axis=1))
-    assert_allclose(bars["total_sigma_mesh_N"], PART_OF_BINS * together, rtol=1e-9)
+    share = SHARE_TOTALS * np.abs(bins.sum(axis=1))
+    assert_allclose(bars["total_sigma_mesh_N"], np.hypot(PART_OF_BINS * together, share), rtol=1e-9)
     assert (bars["total_sigma_mesh_N"][:, 2] > PART_OF_BINS * PART_BINS[2] * 0.2).all()
 
 
@@ -261,8 +285,9 @@ def test_a_released_press_has_finite_bars_and_does_not_spoil_the_others():
     coarse = total * 1.02
     coarse[3, 2] = -1e-5
     companion = Companion(coarse, np.zeros((4, 4, 3)), np.zeros((0, 4, 3)), np.zeros((0, 4, 4, 3)))
-    found = error_bars(total, np.zeros((4, 4, 3)), (2, 2), companion)["total_sigma_mesh_N"]
+    touched = np.array([20, 60, 20, 0])
+    found = error_bars(total, np.zeros((4, 4, 3)), touched, (2, 2), companion)["total_sigma_mesh_N"]
     loaded = Companion(coarse[:3], np.zeros((3, 4, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3, 4, 3)))
-    alone = error_bars(total[:3], np.zeros((3, 4, 3)), (2, 2), loaded)["total_sigma_mesh_N"]
+    alone = error_bars(total[:3], np.zeros((3, 4, 3)), touched[:3], (2, 2), loaded)["total_sigma_mesh_N"]
     np.testing.assert_array_equal(found[:3], alone)
-    assert_allclose(found[3], [0.0, 0.0, 0.3e-5])
+    assert_allclose(found[3], np.array([CROSS_TOTALS, CROSS_TOTALS, PART_TOTALS]) * 1e-5)

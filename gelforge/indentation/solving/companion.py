@@ -17,6 +17,7 @@ from gelforge.indentation.solving.error_bars import AMOUNT, COARSER, Companion, 
 from gelforge.indentation.solving.sensitivities import sensitivities, variations_of, with_sensitivities
 from gelforge.indentation.solving.simulate import Solution, model_of, simulate_cell, solved_cell
 from gelforge.indentation.solving.stretch_range import Outside
+from gelforge.mechanics.contact.forces import OPEN
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.sensitivities.direct import Varied, follow_with_slopes
 from gelforge.mechanics.solving.equilibrium import NotConverged, Press
@@ -60,7 +61,10 @@ def simulate_label(
         companion.total_slopes[:, :done],
         companion.bin_slopes[:, :done],
     )
-    bars = error_bars(cell.arrays["total_force_N"], cell.arrays["bin_force_N"], (bins.ny, bins.nx), companion)
+    touched = (cell.arrays["node_state"] != OPEN).sum(axis=1)
+    bars = error_bars(
+        cell.arrays["total_force_N"], cell.arrays["bin_force_N"], touched, (bins.ny, bins.nx), companion
+    )
     known = sorted(uncertain)
     attributes = {
         "companion_unknowns": unknowns,

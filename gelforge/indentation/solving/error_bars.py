@@ -1,12 +1,14 @@
 """The error bar of every label: discretisation from a coarse-mesh solution, material from the covariance of the laws.
 
-Both are standard deviations per force component, of bins and of the total. The coarse-mesh solution is the same indentation
-on a mesh with all sizes doubled. What it differs by is no error bar yet: near the contact's rim the difference of a bin
-changes sign from place to place. Its mean square over a bin, its neighbours and the depths before and after does not, and
-the true error is a stable part of its root, beside a small share of the bin's own force. In a total the errors of near and
-far size can cancel, at other depths than in the coarse-mesh solution's difference: a part of the bins' bars stands beside
-that. The parts below were found on some positions of the article's sensor, that one on a small sensor
-(benchmarks/total_bars.py), and checked on others (benchmarks/error_bars.py, docs/accuracy.md).
+Both are standard deviations per force component, of bins and of the total; those of a depth depend on that depth alone. The
+coarse-mesh solution is the same indentation on a mesh with all sizes doubled. What it differs by is no error bar yet: near
+the contact's rim the difference of a bin changes sign from place to place. Its mean square over a bin and its neighbours
+does not, and the true error is a stable part of its root, beside a small share of the bin's own force.
+
+In a total the errors of near and far size can cancel, at other depths than in the coarse-mesh solution's difference. Beside
+a part of that difference stand a share of the force, a part of the bins' bars, and what few nodes in contact cannot
+resolve: an error in proportion to the square of element size over contact radius, hence to one over their number.
+benchmarks/error_bars.py found the parts on some places of three sensors and checks them on others (docs/accuracy.md).
 """
 
 from __future__ import annotations
@@ -20,14 +22,15 @@ from scipy.ndimage import gaussian_filter
 from gelforge.mechanics.laws.law import PrincipalLaw
 
 COARSER = 2.0  # the coarse-mesh solution's sizes over the site's
-SMOOTHING = 0.6  # standard deviation of the weights of the mean square: of bins along x and y, and of depths
+SMOOTHING = 0.6  # standard deviation of the weights of the mean square, of bins along x and y
 PART_BINS = np.array([0.30, 0.30, 0.34])  # x, y, z: of the root mean square difference of bins
 SHARE_BINS = 0.007  # of the force of the bin itself
 LEAST_BINS = 5e-4  # of the largest bin
-PART_TOTALS = 0.3  # of the difference of the total, root mean square over depths
+PART_TOTALS = 0.1  # of the total's difference
+SHARE_TOTALS = 4e-3  # of the total's own component
+SHARE_TOUCH = 0.15  # of it, over the number of nodes in contact
 PART_OF_BINS = 0.2  # of the bins' bars as if independent, on the total: what the near size errs by does not cancel in them
-LEAST_TOTALS = 1e-3  # of the largest force: below it the indenter is about to leave
-CROSS_TOTALS = 0.04  # of the vertical difference, on horizontal totals: near a wall they lean on it
+CROSS_TOTALS = 0.02  # of the vertical difference, on horizontal totals: near a wall they lean on it
 AMOUNT = 0.05  # of a standard deviation, by which a law is moved: its effect is then still a straight line
 
 
@@ -44,11 +47,12 @@ class Companion:
 
 
 def error_bars(
-    total: np.ndarray, bins: np.ndarray, shape: tuple[int, int], companion: Companion
+    total: np.ndarray, bins: np.ndarray, touched: np.ndarray, shape: tuple[int, int], companion: Companion
 ) -> dict[str, np.ndarray]:
     """Return the error bars of a site's totals (D, 3) and bins (D, B, 3) [N] on a grid of (ny, nx) bins.
 
-    Depths that the coarse-mesh solution did not reach take its last depth's bars, grown with the force.
+    touched (D,): nodes in contact. Depths that the coarse-mesh solution did not reach take its last depth's bars, grown with
+    the force.
     """
     reached = len(companion.total)
     if reached == 0:
@@ -59,7 +63,11 @@ def error_bars(
     uncancelled = PART_OF_BINS * np.sqrt((mesh_bins**2).sum(axis=1))
     found = {
         "bin_sigma_mesh_N": mesh_bins,
-        "total_sigma_mesh_N": np.hypot(mesh_totals(total[:reached], companion.total), uncancelled),
+        "total_sigma_mesh_N": np.sqrt(
+            mesh_totals(total[:reached], companion.total) ** 2
+            + uncancelled**2
+            + touch_totals(total[:reached], touched[:reached]) ** 2
+        ),
         "bin_sigma_material_N": np.sqrt((companion.bin_slopes**2).sum(axis=0)),
         "total_sigma_material_N": np.sqrt((companion.total_slopes**2).sum(axis=0)),
     }
@@ -77,7 +85,7 @@ def _mesh_bins(bins: np.ndarray, coarse: np.ndarray, shape: tuple[int, int]) -> 
     """Return the discretisation error bars (D, B, 3) [N] of bins from those of the coarse-mesh solution."""
     square = ((bins - coarse) ** 2).reshape(len(bins), *shape, 3)
     borders = ("nearest", "constant", "constant", "nearest")  # no force beyond the surface
-    mean = gaussian_filter(square, (SMOOTHING, SMOOTHING, SMOOTHING, 0), mode=borders).reshape(bins.shape)
+    mean = gaussian_filter(square, (0, SMOOTHING, SMOOTHING, 0), mode=borders).reshape(bins.shape)
     sigma = PART_BINS * np.sqrt(np.maximum(mean, 0.0))
     size = np.linalg.norm(bins, axis=-1, keepdims=True)
     loaded = (size > 0) | (np.abs(coarse).max(axis=-1, keepdims=True) > 0)
@@ -86,17 +94,20 @@ def _mesh_bins(bins: np.ndarray, coarse: np.ndarray, shape: tuple[int, int]) -> 
 
 
 def mesh_totals(total: np.ndarray, coarse: np.ndarray) -> np.ndarray:
-    """Return the discretisation error bars (D, 3) [N] of totals by their own difference: the same share at all depths.
+    """Return the discretisation error bars (D, 3) [N] of totals by their difference from the coarse mesh and their size."""
+    return np.hypot(totals_by_difference(total - coarse), SHARE_TOTALS * total)
 
-    Where the indenter has all but left the gel there is nothing to be a share of: the difference itself stands beside it.
-    """
-    size = np.linalg.norm(total, axis=1, keepdims=True)
-    difference = total - coarse
-    carries = (size > LEAST_TOTALS * size.max()).ravel()
-    x, y, z = ((difference[carries] / size[carries]) ** 2).sum(axis=0) / max(carries.sum(), 1)
-    horizontal = np.sqrt(PART_TOTALS**2 * (x + y) / 2 + CROSS_TOTALS**2 * z)
-    sigma = np.array([horizontal, horizontal, PART_TOTALS * np.sqrt(z)]) * size
-    return np.where(carries[:, None], sigma, np.maximum(sigma, PART_TOTALS * np.abs(difference)))
+
+def totals_by_difference(difference: np.ndarray) -> np.ndarray:
+    """Return the part (D, 3) [N] of the bars of totals that follows from their difference (D, 3) to the coarse mesh."""
+    x, y, z = (difference**2).T
+    horizontal = PART_TOTALS**2 * (x + y) / 2 + CROSS_TOTALS**2 * z
+    return np.sqrt(np.array([horizontal, horizontal, PART_TOTALS**2 * z]).T)
+
+
+def touch_totals(total: np.ndarray, touched: np.ndarray) -> np.ndarray:
+    """Return the error bars (D, 3) [N] of totals by the number of nodes in contact (D,)."""
+    return SHARE_TOUCH / np.maximum(touched, 1)[:, None] * np.abs(total)
 
 
 def laws_moved(
