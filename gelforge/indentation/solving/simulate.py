@@ -401,10 +401,10 @@ def _balanced(model: Model, press: Press, start: State) -> tuple[Model, State, s
     for _ in range(
         TOUCH_STEPS
     ):  # the surface has moved: so does the touch, by what the smallest gap has changed
-        gap = model.shape.gap((model.mesh.X + relaxed.u)[press.surface], centre)[0]
+        gap = press.contact.gap(relaxed.u, centre)[0]
         centre = centre + (gap.min() - start.gap.min()) * DOWN
     moved = centre - start.centre
-    gap = model.shape.gap((model.mesh.X + relaxed.u)[press.surface], centre)[0]
+    gap = press.contact.gap(relaxed.u, centre)[0]
     centres = model.centres + np.pad(moved, (0, model.centres.shape[1] - 3))
     return replace(model, start=centre, centres=centres), replace(relaxed, centre=centre, gap=gap), ""
 

@@ -25,11 +25,12 @@ class _Backend(Protocol):
 
 
 class PardisoSchur(Pardiso):
-    """Cholesky in float64 of what is eliminated, by MKL PARDISO, and the dense Schur complement of what is kept.
+    """LDL^T in float64 of what is eliminated, by MKL PARDISO, and the dense Schur complement of what is kept.
 
     In float32 displacements would be right to 4e-4. A refinement costs as much as float64 does more.
     """
 
+    KIND = -2  # symmetric: at a large bulk modulus what is eliminated need not be positive definite
     NUMBER = np.float64
     FORWARD, BACKWARD = 331, 333
 

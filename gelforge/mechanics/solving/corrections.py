@@ -143,7 +143,7 @@ class Corrections:
         if not nodes:
             return
         rows = self._equations[nodes].ravel()
-        unit = np.zeros((len(rows), self.body.pattern.size))
+        unit = np.zeros((len(rows), self.body.pattern.size), np.float32)
         unit[np.arange(len(rows)), rows] = 1.0
         found = self.solver.solve_many(unit)
         self._columns |= {node: found[3 * k : 3 * k + 3] for k, node in enumerate(nodes)}
