@@ -33,7 +33,7 @@ STAGES = {
     "order of elimination (symbolic)": [("sparse.py", "direct_solver", None)],
     "elements: forces, with and without tangent": [("body.py", "response", None)],
     "factorisation": [("sparse.py", "factor", None)],
-    "back-substitution": [("sparse.py", "solve", None)],
+    "back-substitution": [("sparse.py", "solve", None), ("sparse.py", "solve_many", None)],
     "distances and contact": [
         ("surface.py", "forces", None),
         ("surface.py", "corrected", None),

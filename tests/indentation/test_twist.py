@@ -58,7 +58,7 @@ def test_a_sticking_punch_turns_the_gel_as_a_spring_and_drags_it_nowhere():
     t = torque(a)
     assert_allclose(t[3] / t[2], 2, rtol=0.06)  # some nodes of the rim slip
     size = np.abs(a["total_force_N"][:, 2])[:, None]
-    assert_allclose(a["total_force_N"][:, :2] / size, 0, atol=1e-8)
+    assert_allclose(a["total_force_N"][:, :2] / size, 0, atol=1e-6)  # the tolerance of forces
     # through the axis friction is antisymmetric: the mesh of the sensor's middle is symmetric
     r, f = a["node_xy_mm"] - CENTRE, a["node_shear_N"][-1] - a["node_shear_N"][1]
     opposite = np.array([np.linalg.norm(r + own, axis=1).argmin() for own in r])
