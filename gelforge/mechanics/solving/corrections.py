@@ -120,8 +120,8 @@ class Corrections:
     def _inverse(self, forces: ContactForces, blocks: np.ndarray):
         """Return the factorised tangent's inverse with the blocks (S, 3, 3) of nodes whose contact state has changed."""
         assert self._factored is not None
-        changed = np.flatnonzero((forces.state != self._factored.state) & self._movable)
-        if not len(changed):
+        changed = np.flatnonzero((forces.state != self._factored.state) & self._movable).tolist()
+        if not changed:
             return self.solver.solve
         self._add_columns([node for node in changed if node not in self._columns])
         columns = np.concatenate([self._columns[node] for node in changed])  # (m, n)

@@ -184,7 +184,7 @@ class Press:
             self.body.begin(state.memory, state.memory.time if time is None else time)
         move = contact.step(state, centre)
         ratio = 0.0 if guess else slope_of(previous, state, centre)
-        if ratio:
+        if previous is not None and ratio:
             at = extrapolated(contact, previous, state, ratio, centre)
         else:
             at = contact.begin(*unknowns(guess or state), centre)
