@@ -38,6 +38,7 @@ from gelforge.progress import Progress, show
 
 KEPT = Path("results/error_bars")
 CALIBRATION_SEED = 2026
+FEWEST = 5  # places for an interval over places
 WITHIN = 1.96  # standard deviations of a 95 % interval
 MARGIN = 5.0  # mm from a sensor's edges to the places
 STIFF_GEL = {"mu_kPa": [565.2, 21.95], "alpha": [1.2769, 3.5676]}  # 0.4 MPa, 71 times the article's
@@ -183,6 +184,8 @@ def rms(values: np.ndarray) -> float:
 def share_over_places(counts: list[tuple[int, int]]) -> str:
     """Return a share in per cent with its 95 % interval by drawing whole places; counts: (inside, all) of each."""
     inside, every = np.array(counts, dtype=float).T
+    if len(counts) < FEWEST:
+        return f"{100 * inside.sum() / every.sum():.0f}"
     drawn = np.random.default_rng(1).integers(len(counts), size=(2000, len(counts)))
     low, high = np.quantile(inside[drawn].sum(axis=1) / every[drawn].sum(axis=1), [0.025, 0.975])
     return f"{100 * inside.sum() / every.sum():.0f} ({100 * low:.0f} to {100 * high:.0f})"

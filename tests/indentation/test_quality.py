@@ -33,7 +33,7 @@ def test_the_quality_used_is_not_applied_twice_and_goes_with_coarser_meshes():
     assert_allclose(fast.coarser(2.0).used.near_mm, 2 * fast.used.near_mm)
 
 
-def test_a_study_of_each_quality_has_more_unknowns_and_the_same_steps():
+def test_a_study_of_each_quality_has_more_unknowns_and_a_smaller_error():
     cells = [
         simulate_cell(
             specimens.study(mesh={"quality": quality}),

@@ -43,12 +43,19 @@ def test_a_flat_face_has_none_and_a_sharp_bend_little():
         assert facet_gap(turn, area)[0] < 0.3 / 20  # a small part of the face's own size, however sharp
 
 
-def test_a_cylinder_on_its_side_has_half_of_a_balls():
-    point, area = np.array([[0.0, 0.0, -3.0]]), np.full(1, 0.01)
-    ball = facet_gap(Sphere(3.0).gap(point, np.zeros(3))[2], area)
-    bent_once = np.diag([1 / 3.0, 0.0, 0.0])[None]
-    assert_allclose(facet_gap(bent_once, area), ball / 2, rtol=0.02)
-    assert Cylinder(radius=3.0, length=4.0, edge=0.5).gap(point, np.zeros(3))[2].shape == (1, 3, 3)
+def test_the_side_of_a_cylinder_has_half_of_a_balls():
+    area = np.full(1, 0.01)
+    ball = facet_gap(Sphere(3.0).gap(np.array([[0.0, 0.0, -3.0]]), np.zeros(3))[2], area)
+    side = Cylinder(radius=3.0, length=8.0, edge=0.5).gap(np.array([[3.0, 0.0, 4.0]]), np.zeros(3))[2]
+    assert_allclose(facet_gap(side, area), ball / 2, rtol=0.02)
+
+
+def test_curved_faces_of_tetrahedra_get_nothing():
+    """Their faces follow the ball between their corners."""
+    mesh = layered_block(Block(4.0, 4.0, (("gel", 2.0),)), 2.0, 2.0, Sizes(near=1.0, far=1.0))
+    for solid, expected in ((mesh, 0.75), (specimens.tetrahedral(specimens.box(2)), 0.0)):
+        body = Body(solid, dict.fromkeys(solid.regions, NeoHooke(0.01)), 20.0)
+        assert Press(body, Sphere(4.0), Settings(facets=0.75)).contact.facets == expected
 
 
 @pytest.mark.parametrize("depth", [0.12, 0.24])

@@ -16,7 +16,7 @@ from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.mechanics.meshes.mesh import layered_block
 from gelforge.mechanics.solving.equilibrium import Press
 
-SETTINGS = Settings(force_tolerance=1e-9, gap_tolerance=1e-8, volume_tolerance=1e-9)
+SETTINGS = Settings(force_tolerance=1e-9, gap_tolerance=1e-8, volume_tolerance=1e-9, facets=0.75)
 DEPTHS = np.array([0.25, 0.5, 0.75, 1.0])
 AMOUNT = 1e-3  # relative, or mm
 # Where no node is about to join the contact: there the forces of the discrete model jump, and differences with them.

@@ -19,10 +19,10 @@ class Quality:
 
     sizes: float  # near_mm, far_mm and the elements through the wall
     growth: float
-    step: float  # solver.longest_step: an even number of depths keeps its steps
+    step: float  # solver.longest_step, so that the indenter's steps [mm] stay about the same
 
 
-# docs/accuracy.md has the errors and seconds of each on the shipped sensors.
+# docs/user-guide.md has what each costs and how accurate it is.
 QUALITIES = {
     "fast": Quality(sizes=4 / 3, growth=1.4, step=1.35),
     "standard": Quality(sizes=1.0, growth=1.0, step=1.0),
@@ -93,7 +93,7 @@ class Contact(Section):
         0.75,
         ge=0,
         le=1,
-        description="share of the mean distance of faces inside a curved indenter by which nodes are pressed further [-]",
+        description="share of the faces' mean distance inside a curved indenter by which hexahedra are pressed on [-]",
     )
 
     @model_validator(mode="before")

@@ -1,9 +1,9 @@
 """The error bar of every label: discretisation from a coarse-mesh solution, material from the covariance of the laws.
 
-Both are standard deviations per force component, of bins and of the total; those of a depth depend on that depth alone. The
-coarse-mesh solution is the same indentation on a mesh with all sizes doubled. What it differs by is no error bar yet: near
-the contact's rim the difference of a bin changes sign from place to place. Its mean square over a bin and its neighbours
-does not, and the true error is a stable part of its root, beside a small share of the bin's own force.
+Both are standard deviations per force component, of bins and of the total. Those of a depth depend on that depth alone, as
+far as the coarse-mesh solution got: the same indentation on a mesh with all sizes doubled. What it differs by is no error
+bar yet: near the contact's rim the difference of a bin changes sign from place to place. Its mean square over a bin and its
+neighbours does not, and the true error is a stable part of its root, beside a small share of the bin's own force.
 
 In a total the errors of near and far size can cancel, at other depths than in the coarse-mesh solution's difference. Beside
 a part of that difference stand a share of the force, a part of the bins' bars, and what few nodes in contact cannot
@@ -95,14 +95,10 @@ def _mesh_bins(bins: np.ndarray, coarse: np.ndarray, shape: tuple[int, int]) -> 
 
 def mesh_totals(total: np.ndarray, coarse: np.ndarray) -> np.ndarray:
     """Return the discretisation error bars (D, 3) [N] of totals by their difference from the coarse mesh and their size."""
-    return np.hypot(totals_by_difference(total - coarse), SHARE_TOTALS * total)
-
-
-def totals_by_difference(difference: np.ndarray) -> np.ndarray:
-    """Return the part (D, 3) [N] of the bars of totals that follows from their difference (D, 3) to the coarse mesh."""
-    x, y, z = (difference**2).T
+    x, y, z = ((total - coarse) ** 2).T
     horizontal = PART_TOTALS**2 * (x + y) / 2 + CROSS_TOTALS**2 * z
-    return np.sqrt(np.array([horizontal, horizontal, PART_TOTALS**2 * z]).T)
+    by_difference = np.array([horizontal, horizontal, PART_TOTALS**2 * z]).T
+    return np.sqrt(by_difference + (SHARE_TOTALS * total) ** 2)
 
 
 def touch_totals(total: np.ndarray, touched: np.ndarray) -> np.ndarray:

@@ -87,6 +87,8 @@ class SurfaceContact:
         self.indenter, self.settings = indenter, settings
         surface = body.mesh.surface
         self.nodes, self.area = surface.nodes, surface.area
+        # The faces of quadratic tetrahedra are curved: they follow the indenter between their corners.
+        self.facets = settings.facets if body.mesh.elements.shape[1] == 8 else 0.0
         self.X = body.mesh.X[self.nodes]
         self.size = np.sqrt(self.area)  # (S,) [mm] of the elements at a node
         self.element_size = float(np.quantile(self.size, FINE))  # [mm] where they are fine
@@ -111,8 +113,8 @@ class SurfaceContact:
         if self.settings.initial_normals:
             return self.indenter.vertical_gap(np.concatenate([self.X[:, :2], points[:, 2:]], axis=1), centre)
         gap, normal, turn = self.indenter.gap(points, centre)
-        if self.settings.facets:
-            gap = gap - self.settings.facets * facet_gap(turn, self.area)
+        if self.facets:
+            gap = gap - self.facets * facet_gap(turn, self.area)
         return gap, normal, turn
 
     def step(self, old: State, centre: np.ndarray) -> Step:

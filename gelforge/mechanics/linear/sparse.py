@@ -1,7 +1,8 @@
 """Sparse direct solvers of the symmetric tangent, chosen in one place.
 
-PARDISO (Intel MKL, x86-64 only) factorises in single precision, which halves its time and memory; the caller restores
-double precision with conjugate gradients (`refined_solve`). SuperLU (SciPy) works on every machine and is slower.
+PARDISO (Intel MKL, x86-64 only) factorises in single precision, which halves its time and memory. The caller restores double
+precision: by flexible GMRES (solving/corrections.py), or by conjugate gradients (`refined_solve`) for one tangent alone.
+SuperLU (SciPy) works on every machine and is slower.
 """
 
 from __future__ import annotations

@@ -55,7 +55,10 @@ Watch = Callable[[State, State], None]
 
 
 class Press:
-    """A body and an indenter; finds equilibrium for positions of the indenter."""
+    """A body and an indenter; finds equilibrium for positions of the indenter.
+
+    One path at a time: `follow` begins with a factorisation of its own, `step` alone goes on with the last one.
+    """
 
     def __init__(
         self, body: Body, indenter: Indenter, settings: Settings = USUAL, linear_solver: str = "auto"
@@ -230,7 +233,10 @@ class Press:
             )
             self._prepare(at, forces, fresh, slides)
             target = max(LINEAR_SHARE * residual, LINEAR_LEAST * s.force_tolerance) * contact.size_of(forces)
-            du, dp = corrections.correction(at.pressure, response, forces, exact, target)
+            try:
+                du, dp = corrections.correction(at.pressure, response, forces, exact, target)
+            except np.linalg.LinAlgError as error:
+                raise NotConverged(f"no correction at centre {np.round(centre, 4)} mm: {error}") from None
             weight = 0.5 ** max(0, iteration - PATIENT)
             for length in STEP_LENGTHS:
                 trial = contact.corrected(at, forces, du, at.pressure + dp, centre, length)

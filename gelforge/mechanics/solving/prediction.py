@@ -65,6 +65,8 @@ def _similar(contact: SurfaceContact, previous: State, state: State, ratio: floa
 
     force_now, force_then = ((area * s.contact_pressure).sum() for s in (state, previous))
     force = force_now + ratio * (force_now - force_then)
+    if force <= 0:  # it falls while the area grows, as where the gel relaxes
+        return at
     middle = (area[now, None] * contact.X[now]).sum(axis=0) / area_now
     image = middle + (contact.X[touching] - middle) / np.sqrt(area_next / area_now)
     nearest, weight = _nearest(contact, image)

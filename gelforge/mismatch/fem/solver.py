@@ -16,10 +16,11 @@ import numpy as np
 from gelforge.config import ConfigError, Study
 from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.indentation.paths.planned_cell import PlannedCell
-from gelforge.indentation.solving.error_bars import COARSER, PART_TOTALS, mesh_totals, totals_by_difference
+from gelforge.indentation.solving.error_bars import COARSER
 from gelforge.indentation.solving.sensitivities import Variation, unmirrored
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.evidence.places import FirstOrderAt
+from gelforge.mismatch.fem.base_bars import PART, base_bars
 from gelforge.mismatch.fem.solutions import (
     Solver,
     SolverFailed,
@@ -103,34 +104,23 @@ def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect
     law = [finer * runs.at_readings([r[key] for r in followed]) for key in laws]
     context = Context(remembering.study, observations, force, curves, along, at_readings)
     stacked = np.stack(law, axis=-1) if law else np.zeros((*force.shape, 0))
-    bars = Curves(depths, tuple(_error_bars(solver, ways, curves.values, on_coarse.values)))
+    companion = _companion_curves(solver, ways, curves.values) or on_coarse.values
+    bars = Curves(depths, tuple(base_bars(own, other) for own, other in zip(curves.values, companion)))
     alike = _solved_once(solver, ways)[observations.table["site"].to_numpy()]
     return Base(context, runs, coarse, finer, stacked, blank.on_readings(bars), alike, failed)
 
 
-def _error_bars(
-    solver: Solver,
-    ways: Sequence[PlannedCell],
-    base: Sequence[np.ndarray],
-    coarser: Sequence[np.ndarray],
-) -> list[np.ndarray]:
-    """Return the discretisation error bars (D, 3) [N] of the base's forces (D, 3) of every loading.
+def _companion_curves(
+    solver: Solver, ways: Sequence[PlannedCell], base: Sequence[np.ndarray]
+) -> list[np.ndarray] | None:
+    """Return the base forces (D, 3) of every loading on the mesh that shows the error of the base's.
 
-    coarser: forces on the verdict's mesh, which serve where the mesh that shows a site's error bar cannot be solved.
-    """
-    known = solver.study.mismatch.discretisation
-    if known is not None:
-        return [totals_by_difference(known / PART_TOTALS * force) for force in base]
-    companion = _companion_curves(solver, ways) or coarser
-    return [mesh_totals(own, other) for own, other in zip(base, companion)]
-
-
-def _companion_curves(solver: Solver, ways: Sequence[PlannedCell]) -> list[np.ndarray] | None:
-    """Return the base forces (D, 3) of every loading on the mesh that shows a site's error bar.
-
-    None where that mesh is the verdict's own, or where it cannot be solved.
+    Where the study knows its error these are forces that differ as much as it. None where that mesh is the coarser one
+    itself, or where it cannot be solved: the coarser one is farther off.
     """
     settings = solver.study.mismatch
+    if settings.discretisation is not None:
+        return [(1 - settings.discretisation / PART) * force for force in base]
     if settings.coarser == COARSER:
         return None
     study = solver.study.model_copy(update={"mismatch": settings.model_copy(update={"coarser": COARSER})})

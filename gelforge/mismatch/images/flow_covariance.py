@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.mismatch.evidence.covariance import Covariance, Draws, estimated_noise
+from gelforge.mismatch.fem.base_bars import PART
 from gelforge.mismatch.images.flow_images import REGIONS
 from gelforge.mismatch.images.flow_model import LOOKS, OTHER_BLUR_PX, OTHER_DIAMETER, FlowModel
 from gelforge.mismatch.images.flow_rows import Rows
@@ -19,7 +20,6 @@ from gelforge.mismatch.terms.problem import Problem
 DRAWN_SHARE = 0.01
 # By how much more the highest particles are seen, and the lowest less, than in a drawn image: light, focus, cover.
 OTHER_HEIGHTS = 0.3
-PART_OF_CHANGE = 0.3  # of the motion's change to a coarser mesh: the discretisation's standard deviation
 LEAST_PX = 0.005  # an 8-bit image holds no smaller mean motion
 
 
@@ -240,7 +240,7 @@ def _doubts(model: FlowModel) -> list[np.ndarray]:
     larger = replace(few, diameter_mm=few.diameter_mm * OTHER_DIAMETER)
     as_they_are = model.by_height(eyes, few)
     return [
-        PART_OF_CHANGE * model.change(more),
+        PART * model.change(more),
         model.other_heights(OTHER_HEIGHTS),
         (model.by_height(blurred, few) - as_they_are).mean(axis=1),
         (model.by_height(eyes, larger) - as_they_are).mean(axis=1),
