@@ -40,7 +40,10 @@ class PardisoSchur(Pardiso):
         super().__init__(pattern, condensed=kept if len(kept) else None)
 
     def factor_with(self, values: np.ndarray, block: np.ndarray) -> None:
-        """Factorise the upper values (nnz,) plus a block (k, k) of the kept equations. Raises NotPositiveDefinite."""
+        """Factorise the upper values (nnz,) plus a block (k, k) of the kept equations.
+
+        Raises NotPositiveDefinite for a zero pivot.
+        """
         k = len(self._kept)
         self._values[:] = values
         self._schur = np.zeros((k, k))

@@ -19,6 +19,7 @@ from gelforge.mechanics.bodies.body import Body
 from gelforge.mechanics.contact.state import Settings, State
 from gelforge.mechanics.contact.surface import SurfaceContact
 from gelforge.mechanics.indenters.shapes import DOWN, Indenter
+from gelforge.mechanics.linear.sparse import NotPositiveDefinite
 from gelforge.mechanics.linear.unsymmetric import UnsymmetricTangent
 from gelforge.mechanics.sensitivities.contact_differences import (
     Held,
@@ -276,9 +277,12 @@ class _Chain:
         return change.reshape(len(which), -1, 3) / amounts
 
     def _factor(self, at: State, blocks: np.ndarray) -> None:
-        """Factorise the tangent of a state with contact blocks (n, 3, 3)."""
+        """Factorise the tangent of a state with contact blocks (n, 3, 3). Raises NotConverged."""
         self.base.body.response(at.u, at.pressure, self.values)
-        self.tangent.factor(self.values, blocks)
+        try:
+            self.tangent.factor(self.values, blocks)
+        except NotPositiveDefinite as error:
+            raise NotConverged(f"the derivatives' tangent cannot be factorised: {error}") from None
 
     def _right_hand_sides(self, load: np.ndarray) -> np.ndarray:
         return np.take(load.reshape(len(load), -1), self.free, axis=1)
