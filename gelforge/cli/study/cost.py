@@ -45,10 +45,10 @@ FIT_S, VERIFY_S, REPORT_S = 5.0, 40.0, 10.0  # a material's fits, all checks of 
 EXPORT_S, ONNX_CHECK_S = 10.0, 5.0  # a model as ONNX; images of held-out sites by ONNX Runtime
 START_S = 3.0  # of a process of its own with its compiled kernels
 IMAGE_S = 0.01  # to draw an image and to reduce it
-# A verdict in cells of the study's mesh per position that is judged, measured on the article's sensor by
-# benchmarks/mismatch_cost.py: 2 to 4 where an effect fits, up to 20 where none does. Images took 6 more in the
-# benchmark study's verdict. It begins with reading, its libraries and its page.
-VERDICT_CELLS, VERDICT_IMAGE_CELLS = 4, 6
+# A verdict in cells of the study's mesh per position that is judged: 1 in the demo, up to five times as many where no effect
+# fits (benchmarks/mismatch_cost.py). Images took 6 more in the benchmark study's verdict. It begins with reading, its
+# libraries and its page.
+VERDICT_CELLS, VERDICT_IMAGE_CELLS = 1.5, 6
 VERDICT_START = 20.0
 # CPU seconds on the test study: 4.0 and 2.7 for 45 and 36 images of 0.16 megapixels, 3.9 for 45 that are drawn, start
 # included.
