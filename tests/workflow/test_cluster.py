@@ -135,7 +135,7 @@ def test_estimates_follow_the_study():
     every = study.mismatch.model_copy(update={"sites": 9})
     more = Costs(study.model_copy(update={"mismatch": every}), costs.cells)
     # all 9 positions are mirror images of 3; of 2 positions at least one is solved
-    assert more.mismatch() - costs.mismatch() == pytest.approx((3 - 1) * 4 * costs.cell(solved))
+    assert more.mismatch() - costs.mismatch() == pytest.approx((3 - 1) * VERDICT_CELLS * costs.cell(solved))
     fitted = study.mismatch.model_copy(update={"images": "fitted"})
     images = Costs(study.model_copy(update={"mismatch": fitted}), costs.cells)
     assert images.mismatch() - costs.mismatch() == pytest.approx(6 * costs.cell(solved))
