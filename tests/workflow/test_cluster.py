@@ -12,7 +12,7 @@ import pytest
 from conftest import ROOT
 
 from gelforge.cli.study import unlock
-from gelforge.cli.study.cost import JOB_S, Costs
+from gelforge.cli.study.cost import JOB_S, VERDICT_CELLS, Costs
 from gelforge.config import load_study
 from gelforge.indentation.planning.plan import plan_cells
 from gelforge.workflow import patient_slurm
