@@ -3,7 +3,7 @@
 Both are standard deviations per force component, of bins and of the total. Those of a depth depend on that depth alone, as
 far as the coarse-mesh solution got: the same indentation on a mesh with all sizes doubled. What it differs by is no error
 bar yet: near the contact's rim the difference of a bin changes sign from place to place. Its mean square over a bin and its
-neighbours does not, and the true error is a stable part of its root, beside a small share of the bin's own force.
+neighbours does not, and the true error is a stable part of its root, with a small share of the bin's own force.
 
 In a total the errors of near and far size can cancel, at other depths than in the coarse-mesh solution's difference. Beside
 a part of that difference stand a share of the force, a part of the bins' bars, and what few nodes in contact cannot

@@ -126,7 +126,7 @@ class SurfaceContact:
         points = self.X + old.u[self.nodes]
         free = 0.0 * points
         if old.moved is not None and old.travel is not None:
-            free = old.moved * _ratio(centre - old.centre, old.travel)
+            free = old.moved * steps_ratio(centre - old.centre, old.travel)
         before, after = old.gap, self._gap_at(points + free, centre)[0]
         closes = after < before
         share = np.where(closes, before / np.where(closes, before - after, 1.0), 1.0)
@@ -264,7 +264,7 @@ class SurfaceContact:
         return float(np.abs(self._closing(at)[0] / self.size)[at.active].max(initial=0.0))
 
 
-def _ratio(move: np.ndarray, last: np.ndarray) -> float:
+def steps_ratio(move: np.ndarray, last: np.ndarray) -> float:
     """Return how long a step of the indenter is over the last one, 0 where it leads another way or rests."""
     last = np.concatenate([last, np.zeros(len(move) - len(last))])
     size, before = np.linalg.norm(move), np.linalg.norm(last)

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from gelforge.mechanics.contact.state import State
-from gelforge.mechanics.contact.surface import SAME_WAY, Iterate, SurfaceContact
+from gelforge.mechanics.contact.surface import Iterate, SurfaceContact, steps_ratio
 
 NEIGHBOURS = 4  # nodes whose contact pressures give that of a node
 NEAR = 0.05  # a node further outside than this share of the element size is not predicted to touch
@@ -32,10 +32,7 @@ def slope_of(previous: State | None, state: State, centre: np.ndarray) -> float:
     """Return how long a step to a centre is over the one before; 0 without one, or where the path turns or rests."""
     if previous is None or previous.contact_pressure.max() == 0:
         return 0.0
-    move, last = centre - state.centre, state.centre - previous.centre
-    if move @ last <= SAME_WAY * np.linalg.norm(move) * np.linalg.norm(last):
-        return 0.0
-    return float(np.linalg.norm(move) / np.linalg.norm(last))
+    return steps_ratio(centre - state.centre, state.centre - previous.centre)
 
 
 def extrapolated(
