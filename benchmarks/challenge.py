@@ -134,19 +134,19 @@ def entry(name: str) -> Callable[[Task, int], Predict]:
 class World:
     """The finished studies that the tasks are made of."""
 
-    recorded: Path
-    simulated: Path
+    recorded_results: Path
+    simulated_results: Path
     data: Path
 
     @cached_property
     def recorded(self) -> tuple[Study, list[Path]]:
-        return load_study(self.recorded / "study.yaml"), sorted(
-            (self.recorded / "dataset").glob("shard-*.h5")
-        )
+        folder = self.recorded_results
+        return load_study(folder / "study.yaml"), sorted((folder / "dataset").glob("shard-*.h5"))
 
     @cached_property
     def drawn(self) -> tuple[Study, list[Path]]:
-        return load_study(self.simulated / "study.yaml"), sorted((self.simulated / "synthetic").glob("*.h5"))
+        folder = self.simulated_results
+        return load_study(folder / "study.yaml"), sorted((folder / "synthetic").glob("*.h5"))
 
     @cached_property
     def recorded_test(self) -> Rows:
@@ -156,13 +156,13 @@ class World:
     @cached_property
     def other(self) -> tuple[Rows, np.ndarray, np.ndarray]:
         """Rows of another virtual sensor, with the kind of indenter and the phase of each."""
-        found = transfer.Rows(transfer.solved_others(self.simulated))
+        found = transfer.Rows(transfer.solved_others(self.simulated_results))
         return Rows(found.feature, found.label, found.untouched), found.kind, found.phase
 
     def seen_by(self, kind: str) -> Rows:
         """Return the benchmark study's test presses as another camera sees them."""
         study, lab = self.recorded[0], load_virtual_lab(self.recorded[0].virtual_lab)
-        cells, label = other_images.test_presses(study, self.recorded, self.data)
+        cells, label = other_images.test_presses(study, self.recorded_results, self.data)
         feature = other_images.images(study, lab, cells, other_images.kinds(lab.camera)[kind], 0)
         return Rows(feature, label, np.zeros(len(label), bool))
 
@@ -184,10 +184,12 @@ class World:
 
     def _shape(self, name: str) -> Task:
         rows, kind, _ = self.other
-        study, shards = self.drawn
+        study, _ = self.drawn
         about = "learnt without edges, tested on edges and a wedge from a file, pressed into another sensor"
         touched = np.isin(kind, ("edge", "mesh")) & ~rows.untouched
-        return Task(name, about, study, transfer.without(shards, "edge"), rows.of(touched))
+        return Task(
+            name, about, study, transfer.rows_without(self.simulated_results, "edge"), rows.of(touched)
+        )
 
     def _shear(self, name: str) -> Task:
         rows, _, phase = self.other

@@ -1,7 +1,7 @@
 """A network trained in simulation alone, on recordings and on another virtual sensor, before and after a few presses.
 
 usage: python benchmarks/transfer.py [results/simulated] [--recorded results/benchmark] [--others 24]
-       [--first 54] [--seeds 1 2 3]
+       [--seeds 1 2 3] [--unseen-edges]
        (one thread; after `snakemake --configfile config/simulated.yaml`; the other sensor is solved once,
        ten CPU seconds an indentation, and kept in results/simulated/other_sensor)
 
@@ -28,7 +28,6 @@ from force_errors import force_errors  # noqa: E402
 
 from gelforge.config import Study, load_study  # noqa: E402
 from gelforge.dataset.shard import ShardDataset, shard_attributes  # noqa: E402
-from gelforge.dataset.simulated import synthesise  # noqa: E402
 from gelforge.learning.basis.data import FEATURE, LABEL  # noqa: E402
 from gelforge.learning.judging.evaluation import CONTACT_N, LIGHT_N  # noqa: E402
 from gelforge.learning.models.model_file import Model, load_model  # noqa: E402
@@ -36,6 +35,8 @@ from gelforge.learning.training.adaptation import Presses, adapt, measured_press
 from gelforge.learning.training.train import Run, train  # noqa: E402
 from gelforge.materials.fitting.law_file import read_law  # noqa: E402
 from gelforge.mechanics.laws.models.ogden import Ogden  # noqa: E402
+from gelforge.synthesis.draws import drawn_path, shard_count, site_places  # noqa: E402
+from gelforge.synthesis.rows import solve, write_rows, write_solved  # noqa: E402
 
 STIFFER = 1.12
 NOISE_N = np.array(
@@ -51,15 +52,10 @@ def other_study(study: Study, count: int) -> Study:
     drawn = study.synthesis
     shapes = drawn.shapes.model_copy(update={"mesh": 3.0, "edge": 3.0, "files": [WEDGE]})
     views = drawn.views.model_copy(update={"brightness_share": 0.3})
-    mesh = drawn.mesh.model_copy(update={"near_mm": 0.36, "far_mm": 1.3})
-    changed = {
-        "seed": drawn.seed + 1000,
-        "indentations": count,
-        "shapes": shapes,
-        "views": views,
-        "mesh": mesh,
-    }
-    return study.model_copy(update={"synthesis": drawn.model_copy(update=changed | {"patterns": 1})})
+    mesh = study.mechanics.mesh.model_copy(update={"near_mm": 0.36, "far_mm": 1.3})
+    changed = {"seed": drawn.seed + 1000, "paths": count, "shapes": shapes, "views": views}
+    mechanics = study.mechanics.model_copy(update={"mesh": mesh})
+    return study.model_copy(update={"synthesis": drawn.model_copy(update=changed), "mechanics": mechanics})
 
 
 def laws_of(results: Path, study: Study) -> dict:
@@ -76,11 +72,17 @@ def stiffer(laws: dict, study: Study) -> dict:
 def other_rows(study: Study, laws: dict, folder: Path) -> list[Path]:
     """Return the shards of the other sensor, solved or kept."""
     paths = []
-    for number in range(study.synthesis.indentations):
+    for number in range(study.synthesis.paths):
         paths.append(folder / f"{number:05d}.h5")
         if not paths[-1].is_file():
             folder.mkdir(parents=True, exist_ok=True)
-            print(synthesise(study, laws, number, paths[-1]), flush=True)
+            one = drawn_path(study, number)
+            cell = solve(one, laws)
+            print(
+                f"{one.planned.name}: {one.study.indenter.words}, {len(cell.arrays['depth_mm'])} steps",
+                flush=True,
+            )
+            write_solved(study, one, cell, paths[-1], study.synthesis.seed)
     return paths
 
 
@@ -91,9 +93,18 @@ def solved_others(results: Path, count: int = OTHERS) -> list[Path]:
     return other_rows(other_study(study, count), laws, results / "other_sensor")
 
 
-def without(paths: list[Path], kind: str) -> list[Path]:
-    """Return the shards whose indentation is of another kind."""
-    return [p for p in paths if all(a["kind"] != kind for a in shard_attributes(p)["cells"].values())]
+def rows_without(results: Path, kind: str) -> list[Path]:
+    """Return shards of training rows drawn from all solved presses but those of a kind; made once and kept."""
+    study = load_study(results / "study.yaml")
+    sites = len(site_places(study))
+    solved = sorted((results / "synthetic" / "solved").glob("*.h5"))
+    kept = solved[:sites] + [p for k, p in enumerate(solved[sites:]) if drawn_path(study, k).kind != kind]
+    shards = [results / f"without_{kind}" / f"{k:05d}.h5" for k in range(shard_count(study))]
+    for number, path in enumerate(shards):
+        if not path.is_file():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            print(write_rows(study, number, kept, path), flush=True)
+    return shards
 
 
 class Rows:
@@ -182,13 +193,16 @@ def main() -> None:
     parser.add_argument("results", nargs="?", type=Path, default=Path("results/simulated"))
     parser.add_argument("--recorded", type=Path, default=Path("results/benchmark"))
     parser.add_argument("--others", type=int, default=OTHERS)
-    parser.add_argument("--first", type=int, help="only so many of the indentations, the first")
     parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2, 3])
     parser.add_argument("--unseen-edges", action="store_true", help="no edge among the training rows")
     arguments = parser.parse_args()
     study, recorded = (load_study(path / "study.yaml") for path in (arguments.results, arguments.recorded))
-    simulated = sorted((arguments.results / "synthetic").glob("*.h5"))[: arguments.first]
-    simulated = without(simulated, "edge") if arguments.unseen_edges else simulated
+    unseen = arguments.unseen_edges
+    simulated = (
+        rows_without(arguments.results, "edge")
+        if unseen
+        else sorted((arguments.results / "synthetic").glob("*.h5"))
+    )
     shards = sorted((arguments.recorded / "dataset").glob("shard-*.h5"))
     other = Rows(solved_others(arguments.results, arguments.others))
     tested = Rows(shards, "test")
@@ -207,7 +221,7 @@ def main() -> None:
             on_rows[name].append(on_recordings(model, tested, readings, seed, grid))
             on_sensor[name].append(on_other(model, other, seed, grid))
             print(f"{name}, seed {seed}: {on_rows[name][-1]}", flush=True)
-    print(f"\n{len(simulated)} simulated indentations; recorded test rows of {arguments.recorded}:\n")
+    print(f"\n{len(ShardDataset(simulated))} simulated rows; recorded test rows of {arguments.recorded}:\n")
     print(
         pd.DataFrame({n: pd.DataFrame(rows).median() for n, rows in on_rows.items()}).to_markdown(
             floatfmt=".3g"

@@ -23,6 +23,7 @@ LAYERS = [
     {"interpolation", "laws_of_study"},
     {"recording", "virtual_lab"},
     {"dataset", "importing"},
+    {"synthesis"},
     {"learning"},
     {"mismatch", "live"},
     {"report"},

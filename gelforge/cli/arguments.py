@@ -22,7 +22,7 @@ cameras            calibrate-camera, camera-pose
 what the workflow runs
                    fit-law, plan, simulate, level, derive, sensitivities, simulate-session, readings, features, join,
                    manifest, agreement, train, evaluate, onnx-check
-synthetic data     synthesise, virtual-materials, virtual-cell, virtual-session
+synthetic data     solve-synthesis, synthesise, virtual-materials, virtual-cell, virtual-session
 """
 
 

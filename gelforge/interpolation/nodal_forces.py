@@ -13,7 +13,7 @@ import numpy as np
 
 from gelforge.config import Sensor
 from gelforge.indentation.cells.cell_file import Cell
-from gelforge.indentation.sensor.symmetry import D4, transform_vectors
+from gelforge.indentation.sensor.symmetry import D4
 
 
 @dataclass(frozen=True)
@@ -36,12 +36,14 @@ class NodalForces:
 
     def mirrored(self, symmetry: str) -> NodalForces:
         """Return the forces of the site's image under a symmetry of the square."""
-        normal, friction = (transform_vectors(symmetry, part) for part in np.split(self.force_N, 2, axis=-1))
-        return replace(
-            self,
-            offset_mm=self.offset_mm @ D4[symmetry].T,
-            force_N=np.concatenate([normal, friction], axis=-1),
-        )
+        return self.turned(D4[symmetry])
+
+    def turned(self, matrix: np.ndarray) -> NodalForces:
+        """Return the forces turned or mirrored about the site by an orthogonal matrix (2, 2)."""
+        force = self.force_N.copy()
+        for first in (0, 3):  # normal force, friction
+            force[..., first : first + 2] = self.force_N[..., first : first + 2] @ matrix.T
+        return replace(self, offset_mm=self.offset_mm @ matrix.T, force_N=force)
 
     def binned(
         self,

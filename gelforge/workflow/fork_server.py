@@ -21,7 +21,7 @@ from functools import cache
 # Commands that solve: their forks find kernels and direct solver loaded.
 SOLVING = {
     *("simulate", "level", "derive", "sensitivities", "virtual-cell"),
-    *("simulate-session", "synthesise", "verify", "mismatch", "mismatch-published"),
+    *("simulate-session", "solve-synthesis", "verify", "mismatch", "mismatch-published"),
 }
 # What the others import, most of it used by several.
 IMPORTS = {
@@ -33,6 +33,7 @@ IMPORTS = {
     "join": "gelforge.dataset.join",
     "manifest": "gelforge.dataset.manifest",
     "agreement": "gelforge.dataset.agreement",
+    "synthesise": "gelforge.synthesis.rows",
     "train": "gelforge.learning.training.train",
     "evaluate": "gelforge.learning.judging.predictions",
     "export": "gelforge.learning.training.train",

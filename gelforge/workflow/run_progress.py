@@ -30,6 +30,7 @@ STAGES = {  # by rule; a rule that is not here is a stage of its own name
     "site_sensitivities": "derivatives",
     "readings": "readings",
     "features": "images",
+    "solve_synthesis": "presses of the simulated training set",
     "synthesise": "simulated training rows",
     "join": "dataset",
     "manifest": "dataset",

@@ -51,8 +51,12 @@ def variant_seconds(wildcards, *_):
     return costs().variant(wildcards.variant, CELLS[wildcards.cell])
 
 
+def solution_seconds(*_):
+    return costs().synthesis_press()
+
+
 def synthetic_seconds(*_):
-    return costs().drawn_indentation()
+    return costs().synthesis_rows(STUDY.synthesis.rows_per_shard)
 
 
 def true_seconds(wildcards, *_):

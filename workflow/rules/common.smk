@@ -25,6 +25,7 @@ from gelforge.files import atomic, digest, source_digest
 from gelforge.indentation.planning.derived import derived_chunks
 from gelforge.indentation.planning.lattice import lattice_of, solved_site
 from gelforge.indentation.planning.plan import plan_cells, variant_cells
+from gelforge.synthesis.draws import shard_count, solution_count
 from gelforge.workflow import fork_server
 
 
@@ -167,10 +168,11 @@ OWN_CELLS = {
     for session, study in SESSION_STUDIES.items()
     if study is not STUDY and session not in IN_ORDER
 }
-SYNTHETIC = (  # one file of training rows per drawn indentation
-    [f"{RESULTS}/synthetic/{i:05d}.h5" for i in range(STUDY.synthesis.indentations)]
-    if STUDY.synthesis
-    else []
+SYNTHETIC = (  # files of training rows
+    [f"{RESULTS}/synthetic/{i:05d}.h5" for i in range(shard_count(STUDY))] if STUDY.synthesis else []
+)
+SOLVED_PRESSES = (  # from which these rows are drawn
+    [f"{RESULTS}/synthetic/solved/{i:05d}.h5" for i in range(solution_count(STUDY))] if STUDY.synthesis else []
 )
 ONLY_SIMULATED = bool(STUDY.synthesis) and STUDY.synthesis.train_on == "simulated"
 # of all sites: one that is added to the plan may move others between training and test
@@ -270,10 +272,17 @@ def mirrored_session_cell(wildcards):
     return f"{RESULTS}/sessions/{wildcards.session}/cells/{source}.h5" if source else []
 
 
+def solved_settings(_):
+    """Return the digest of what decides a solved press of the simulated training set; how many there are is not among it."""
+    of_rows = {"rows", "rows_per_shard", "patterns", "particles", "camera", "imaging", "views", "classes", "train_on"}
+    drawn = STUDY.synthesis.model_dump(mode="json", exclude={"paths", *of_rows})
+    return digest([drawn, STUDY.plan.approach, block("sensor", "indenter", "mechanics")])
+
+
 def drawn_settings(_):
-    """Return the digest of what decides a drawn indentation; how many are drawn is not among it."""
-    drawn = STUDY.synthesis.model_dump(mode="json", exclude={"indentations", "train_on"})
-    return digest([drawn, STUDY.plan.approach, block("sensor", "mechanics", "features")])
+    """Return the digest of what decides drawn rows; how many shards there are is not among it."""
+    drawn = STUDY.synthesis.model_dump(mode="json", exclude={"train_on"})
+    return digest([drawn, block("sensor", "indenter", "features")])
 
 
 def planned(wildcards):

@@ -2,41 +2,54 @@
 
 if SYNTHETIC:
 
-    rule synthesise:
-        """Press a simulated sensor as drawn, and keep features and labels of the images that it would show."""
+    rule solve_synthesis:
+        """Press a simulated sensor at a site or along a drawn path, and keep how the gel moves."""
         input:
             laws=law_files(),
-            surfaces=[str(file) for file in STUDY.synthesis.shapes.files],
+            surfaces=[str(file) for file in STUDY.synthesis.shapes.files] + indenter_files(),
+        output:
+            ensure(f"{RESULTS}/synthetic/solved/{{number}}.h5", non_empty=True),
+        log:
+            f"{LOGS}/synthetic/solved/{{number}}.log",
+        benchmark:
+            f"{BENCHMARKS}/synthetic/solved/{{number}}.tsv"
+        group:
+            "fem"
+        threads: 1
+        resources:
+            cpu_ms=counts(solution_seconds),
+            runtime=asks(solution_seconds),
+            mem_mb=1500,
+        params:
+            solved=solved_settings,
+            source=source_digest("mechanics", "meshing", "indentation", "synthesis/draws.py"),
+        shell:
+            "{ONE_THREAD:q} {GELFORGE:q} solve-synthesis --study {STUDY_FILE:q} --number {wildcards.number:q}"
+            " --laws {input.laws:q} --out {output:q} &> {log:q}"
+
+    rule synthesise:
+        """Draw training rows from the solved presses: features of the images that the sensor would show, and forces."""
+        input:
+            SOLVED_PRESSES,
         output:
             ensure(f"{RESULTS}/synthetic/{{number}}.h5", non_empty=True),
         log:
             f"{LOGS}/synthetic/{{number}}.log",
         benchmark:
             f"{BENCHMARKS}/synthetic/{{number}}.tsv"
-        group:
-            "fem"
         threads: 1
         resources:
             cpu_ms=counts(synthetic_seconds),
             runtime=asks(synthetic_seconds),
-            mem_mb=1500,
+            mem_mb=2000,
         params:
             drawn=drawn_settings,
             source=source_digest(
-                *(
-                    "mechanics",
-                    "meshing",
-                    "indentation",
-                    "recording",
-                    "virtual_lab",
-                    "dataset/shard.py",
-                    "dataset/schema.py",
-                    "dataset/simulated.py",
-                )
+                *("recording", "virtual_lab", "synthesis", "interpolation", "dataset/shard.py", "dataset/schema.py")
             ),
         shell:
             "{ONE_THREAD:q} {GELFORGE:q} synthesise --study {STUDY_FILE:q} --number {wildcards.number:q}"
-            " --laws {input.laws:q} --out {output:q} &> {log:q}"
+            " --solved {input:q} --out {output:q} &> {log:q}"
 
 
 rule train:

@@ -105,11 +105,28 @@ def add_labels(commands) -> None:
     )
     agreement.add_argument("--out", type=Path, required=True, help="CSV to write")
 
-    synthesise = study_command(
-        commands, "synthesise", "jobs.dataset.synthesise", "SYNTHETIC training rows of one drawn indentation"
+    solve = study_command(
+        commands,
+        "solve-synthesis",
+        "jobs.synthesis.solve",
+        "one of the presses that synthetic training rows come from",
     )
-    synthesise.add_argument("--number", type=int, required=True, help="number of the indentation, from 0")
-    add_laws(synthesise, nargs="+", required=True)
+    solve.add_argument(
+        "--number", type=int, required=True, help="number of the press, from 0: sites, then paths"
+    )
+    add_laws(solve, nargs="+", required=True)
+    solve.add_argument("--out", type=Path, required=True, help="HDF5 file to write")
+
+    synthesise = study_command(
+        commands,
+        "synthesise",
+        "jobs.synthesis.synthesise",
+        "SYNTHETIC training rows, drawn from solved presses",
+    )
+    synthesise.add_argument("--number", type=int, required=True, help="number of the shard, from 0")
+    synthesise.add_argument(
+        "--solved", type=Path, nargs="+", required=True, help="every solved press, in order"
+    )
     synthesise.add_argument("--out", type=Path, required=True, help="HDF5 file to write")
 
 

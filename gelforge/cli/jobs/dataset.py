@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from gelforge.cli.products.dataset import agreement_inputs, shard_paths
-from gelforge.cli.products.laws import read_laws, study_laws
+from gelforge.cli.products.laws import read_laws
 from gelforge.cli.products.sessions import feature_path, image_sessions, own_labels, session_of
 from gelforge.cli.products.sites import cell_path
 from gelforge.config import ConfigError, load_study
-from gelforge.laws_of_study import laws_and_doubts
 
 
 def join(study: Path, shard: int, out: Path) -> None:
@@ -70,17 +69,3 @@ def agreement(study: Path, out: Path) -> None:
     own = own_labels(described, planned, laws)
     table = agreement_table(recorded, cells, own, digests, raw)
     write_agreement(out, table, digest([digests, raw]))
-
-
-def synthesise(study: Path, number: int, laws: list[Path], out: Path) -> None:
-    """Write the rows of one drawn indentation of the study's simulated training set, and say what became of it."""
-    from gelforge.dataset.simulated import synthesise
-
-    described = load_study(study)
-    if described.synthesis is None:
-        raise ConfigError(f"{study}: the study has no synthesis; describe a simulated training set there")
-    if not 0 <= number < described.synthesis.indentations:
-        raise ConfigError(
-            f"{study}: indentation {number} does not exist; synthesis.indentations is {described.synthesis.indentations}"
-        )
-    print(synthesise(described, laws_and_doubts(study_laws(described, laws))[0], number, out))

@@ -120,8 +120,10 @@ def known_truth(study: Study, path: Path):
 
 
 def synthetic_paths(study: Study) -> list[Path]:
-    """Return the files of the study's simulated training set, one per drawn indentation."""
-    count = study.synthesis.indentations if study.synthesis else 0
+    """Return the files of the study's simulated training set."""
+    from gelforge.synthesis.draws import shard_count
+
+    count = shard_count(study) if study.synthesis else 0
     return [study.results_folder / "synthetic" / f"{number:05d}.h5" for number in range(count)]
 
 

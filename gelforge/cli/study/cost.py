@@ -44,7 +44,8 @@ SENSITIVITIES = (
 FIT_S, VERIFY_S, REPORT_S = 5.0, 40.0, 10.0  # a material's fits, all checks of the finite elements, the page
 EXPORT_S, ONNX_CHECK_S = 10.0, 5.0  # a model as ONNX; images of held-out sites by ONNX Runtime
 START_S = 3.0  # of a process of its own with its compiled kernels
-IMAGE_S = 0.01  # to draw an image and to reduce it
+ROW_S = 0.05  # to draw a training row: press, image and flow
+WITHOUT_BARS = 0.8  # of a cell with error bars
 # A verdict in cells of the study's mesh per position that is judged: 1 in the demo, up to five times as many where no effect
 # fits (benchmarks/mismatch_cost.py). Images took 6 more in the benchmark study's verdict. It begins with reading, its
 # libraries and its page.
@@ -101,13 +102,21 @@ class Costs:
         seconds, unloading = self._truth
         return seconds * (len(cell.depths_mm) + unloading) / DEPTHS
 
-    def drawn_indentation(self) -> float:
-        """One indentation of the simulated training set, with its images; a path has about as many steps again."""
-        synthesis = given(self.study.synthesis, "synthesis")
-        unknowns, _ = mesh_size(self.study, synthesis.mesh, self.first)
-        steps = 3 * synthesis.steps  # sheared and unloaded ones have more
-        drawing = IMAGE_S * synthesis.patterns * steps
-        return START_S + cell_seconds(self.measured, unknowns) * steps / DEPTHS + drawing
+    def synthesis_press(self) -> float:
+        """One solved press of the simulated training set; a path has about as many steps again as it loads in."""
+        steps = 2 * given(self.study.synthesis, "synthesis").steps
+        return JOB_S + WITHOUT_BARS * self.solved * steps / DEPTHS
+
+    def synthesis_rows(self, rows: int) -> float:
+        """Drawn training rows."""
+        return START_S + ROW_S * rows
+
+    def synthesis(self) -> float:
+        """The whole simulated training set."""
+        from gelforge.synthesis.draws import solution_count
+
+        rows = given(self.study.synthesis, "synthesis").rows
+        return solution_count(self.study) * self.synthesis_press() + self.synthesis_rows(rows)
 
     def variant(self, name: str, cell) -> float:
         """A cell of a variant."""
@@ -146,8 +155,7 @@ class Costs:
         """Megabytes of the rows that the network learns from or is asked, recorded and simulated."""
         study, rows = self.study, sum(self.images(session)[0] for session in self.study.sessions)
         if study.synthesis:
-            drawn = study.synthesis
-            rows += drawn.indentations * drawn.patterns * 3 * drawn.steps  # as `drawn_indentation`
+            rows += study.synthesis.rows
         return rows * row_bytes(study) / 1e6
 
     def training(self, size_mb: float) -> float:
@@ -187,7 +195,8 @@ class Costs:
             seconds["virtual_cell"] = JOB_S + self.true_cell(self.first)
             seconds["virtual_session"] = sum(map(self.drawing, sessions)) / max(len(sessions), 1)
         if study.synthesis:
-            seconds["synthesise"] = self.drawn_indentation()
+            seconds["solve_synthesis"] = self.synthesis_press()
+            seconds["synthesise"] = self.synthesis_rows(study.synthesis.rows_per_shard)
         if sessions:
             seconds["features"] = sum(map(self.features, sessions)) / len(sessions)
             seconds["mismatch"] = self.mismatch()
@@ -216,7 +225,7 @@ def estimate(study: Study, cells: dict) -> list[str]:
             JOB_S + costs.variant(name, cell) for cell in variant_cells(cells, study, name).values()
         )
     if study.synthesis:
-        seconds += study.synthesis.indentations * costs.drawn_indentation()
+        seconds += costs.synthesis()
     own, lines = session_costs(costs)
     seconds += own
     unknowns, surface = costs.mesh

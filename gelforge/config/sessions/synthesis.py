@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_serializer, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from gelforge.config.basis.common import NonNegative, Section
 from gelforge.config.parts.camera import Camera
-from gelforge.config.parts.mechanics import Mesh
 from gelforge.config.sessions.virtual_lab import VirtualImaging, VirtualParticles
 
 
@@ -68,19 +67,53 @@ class DrawnViews(Section):
     noise_share: NonNegative = Field(0.2, description="noise of the camera, share [-]")
 
 
-class Synthesis(Section):
-    """A training set of simulated sensors: drawn indentations, solved by the study's model, and drawn images of each."""
+class DrawnRows(Section):
+    """Classes of training rows, each in proportion to its weight, so that batches drawn from all rows are balanced."""
 
-    indentations: int = Field(200, ge=2, le=100_000, description="drawn indentations, one job each [-]")
+    straight: NonNegative = Field(
+        4.0, description="weight of straight presses of the study's own indenter [-]"
+    )
+    light: NonNegative = Field(2.0, description="weight of its light presses, up to a fifth of the depth [-]")
+    paths: NonNegative = Field(6.0, description="weight of the steps of solved paths, moved and turned [-]")
+
+    @model_validator(mode="after")
+    def _something(self):
+        if not any((self.straight, self.light, self.paths)):
+            raise ValueError("no class of rows has a weight; give one to straight, light or paths")
+        return self
+
+
+class Synthesis(Section):
+    """A training set of simulated sensors: a few solved presses, moved to many places, and drawn images of each."""
+
+    rows: int = Field(8000, ge=32, le=1_000_000, description="training rows [-]")
+    rows_per_shard: int = Field(1000, ge=32, le=100_000, description="rows of one job and file [-]")
+    sites: int = Field(
+        8,
+        ge=2,
+        le=40,
+        description="solved places along half the width between which straight presses are interpolated; on a symmetric "
+        "sensor n (n + 1) / 2 sites are solved [-]",
+    )
+    paths: int = Field(
+        80,
+        ge=1,
+        le=10_000,
+        description="solved paths of drawn indenters, whose steps are moved and turned [-]",
+    )
     seed: int = Field(0, ge=0, description="seed of all draws [-]")
     train_on: Literal["simulated", "both"] = Field(
         "simulated",
         description="simulated: all rows of recordings are for testing; both: their training rows are learnt from too",
     )
-    shapes: DrawnShapes = Field(DrawnShapes(), description="indenters")
-    depth_mm: Range = Field([0.3, 2.0], description="deepest depths, least and greatest [mm]")
-    steps: int = Field(5, ge=1, le=50, description="depths of each indentation, evenly spaced [-]")
-    sheared: Share = Field(0.5, description="share that is then moved sideways [-]")
+    classes: DrawnRows = Field(DrawnRows(), description="classes of rows")
+    shapes: DrawnShapes = Field(DrawnShapes(), description="indenters of paths")
+    depth_mm: Range = Field(
+        [0.3, 2.0],
+        description="deepest depths of paths, least and greatest; straight presses reach the greatest [mm]",
+    )
+    steps: int = Field(5, ge=1, le=50, description="loading steps of each path, evenly spaced [-]")
+    sheared: Share = Field(0.5, description="share of paths that then move sideways [-]")
     shear_mm: Range = Field([0.2, 1.2], description="how far, any direction [mm]")
     tilted: Share = Field(0.15, description="share of those not sheared that is tilted at depth [-]")
     tilt_deg: Range = Field([1.0, 4.0], description="how far, about any axis in the plane [deg]")
@@ -90,23 +123,10 @@ class Synthesis(Section):
     twist_deg: Range = Field([3.0, 15.0], description="how far, about z, either way [deg]")
     unloaded: Share = Field(0.3, description="share that is unloaded step by step [-]")
     margin_mm: NonNegative = Field(3.0, description="least distance of a position from the sides [mm]")
-    mesh: Mesh = Field(
-        Mesh(near_mm=0.42, far_mm=1.5),
-        description="mesh of these indentations; coarser than the labels' is faster",
-    )
-    patterns: int = Field(
-        2, ge=1, le=20, description="image series of each indentation, with other particles [-]"
-    )
     particles: VirtualParticles = Field(VirtualParticles(), description="particles")
     camera: Camera = Field(description="camera, a pinhole; that of the recordings, or its reference view")
     imaging: VirtualImaging = Field(VirtualImaging(), description="how the camera draws")
     views: DrawnViews = Field(DrawnViews(), description="how image series differ")
-
-    @model_serializer(mode="wrap")
-    def _as_written(self, write) -> dict[str, Any]:
-        """Return the keys; later ones only where they are not as usual, so that digests of older sets stay."""
-        usual = {key: type(self).model_fields[key].default for key in ("twisted", "twist_deg")}
-        return {key: value for key, value in write(self).items() if key not in usual or value != usual[key]}
 
     @model_validator(mode="after")
     def _pinhole(self):

@@ -1,4 +1,4 @@
-"""Random indentations of a simulated sensor: another indenter, place and path each, by seed and number."""
+"""The presses that a synthesis solves: sites of straight presses, and drawn paths, each by its number."""
 
 from __future__ import annotations
 
@@ -16,39 +16,94 @@ TRIES = 200  # until one fits the sensor
 SHEAR_STEP_MM, TILT_STEP_DEG, TWIST_STEP_DEG = 0.2, 1.0, 2.0  # friction is followed step by step
 PAIR_RADIUS_MM = (2.0, 3.0)
 EDGE_WIDTH_MM, SHAFT_MM, ROUNDING_MM = 2.0, 12.0, 0.5
+WALL_POWER = 1.3  # sites lie denser towards the walls, whose distance changes forces there
+# Of the deepest depth: the least is a contact of some nodes, and steps are small where the contact grows fast.
+SITE_DEPTHS = (0.02, 0.05, 0.1, 0.175, 0.275, 0.4, 0.55, 0.7, 0.85, 1.0)
 
 
 @dataclass(frozen=True)
-class DrawnIndentation:
-    """An indentation to be solved: its path, and the study with its indenter and mesh."""
+class Solution:
+    """A press that is solved once: its path, and the study with its indenter."""
 
-    number: int
-    kind: str  # own, ball, punch, edge, pair or mesh
+    kind: str  # site, or the indenter of a path: own, ball, punch, edge, pair or mesh
     planned: PlannedCell
     study: Study
 
 
-def draw_indentation(study: Study, number: int) -> DrawnIndentation:
-    """Return the indentation of a number; the same for the same study, seed and number.
+def solution_count(study: Study) -> int:
+    """Return how many presses a study's synthesis solves: sites first, then paths."""
+    return len(site_places(study)) + given(study.synthesis, "synthesis").paths
 
-    Draws that the sensor cannot take (too deep, off its edge) are drawn again. Raises ConfigError where none fits.
+
+def shard_count(study: Study) -> int:
+    """Return how many files the training rows of a study are written to."""
+    synthesis = given(study.synthesis, "synthesis")
+    return math.ceil(synthesis.rows / synthesis.rows_per_shard)
+
+
+def solution(study: Study, number: int) -> Solution:
+    """Return the press of a number; the same for the same study, seed and number.
+
+    Raises ConfigError where no draw fits the sensor, or a site is too deep for it.
     """
+    places = site_places(study)
+    return (
+        _site(study, places[number], number)
+        if number < len(places)
+        else drawn_path(study, number - len(places))
+    )
+
+
+def site_places(study: Study) -> np.ndarray:
+    """Return the places (n, 2) [mm] of the solved sites: denser towards the walls; of mirror images, one.
+
+    Places are none where no straight press is asked for.
+    """
+    synthesis, sensor = given(study.synthesis, "synthesis"), study.sensor
+    if not (synthesis.classes.straight or synthesis.classes.light):
+        return np.empty((0, 2))
+    shares = np.linspace(0, 1, synthesis.sites) ** WALL_POWER
+    half = [
+        synthesis.margin_mm + (w / 2 - synthesis.margin_mm) * shares
+        for w in (sensor.width_x_mm, sensor.width_y_mm)
+    ]
+    if study.has_symmetry_of_square:
+        found = [(x, y) for i, y in enumerate(half[1]) for x in half[0][: i + 1]]
+    else:
+        lines = [
+            np.concatenate([h, w - h[-2::-1]]) for h, w in zip(half, (sensor.width_x_mm, sensor.width_y_mm))
+        ]
+        found = [(x, y) for y in lines[1] for x in lines[0]]
+    return np.round(np.array(found), 4)
+
+
+def _site(study: Study, place: np.ndarray, number: int) -> Solution:
+    deepest = given(study.synthesis, "synthesis").depth_mm[1]
+    depths = tuple(round(share * deepest, 6) for share in SITE_DEPTHS)
+    planned = PlannedCell(f"site{number:05d}", *map(float, place), depths)
+    solved = _with(study, study.indenter)
+    check_inside({planned.name: planned}, solved)
+    return Solution("site", planned, solved)
+
+
+def drawn_path(study: Study, number: int) -> Solution:
+    """Return the drawn path of a number; draws that the sensor cannot take (too deep, off its edge) are drawn again."""
     synthesis = given(study.synthesis, "synthesis")
     rng = np.random.default_rng([synthesis.seed, number])
     last = None
     for _ in range(TRIES):
         kind, indenter = _indenter(rng, study)
         turns = indenter.kind not in ("sphere", "several")  # a tilted ball is the same ball
-        planned = _path(rng, study, f"s{number:05d}", turns)
+        planned = _path(rng, study, f"path{number:05d}", turns)
         drawn = _with(study, indenter)
         try:
             check_inside({planned.name: planned}, drawn)
         except ConfigError as error:
             last = error
             continue
-        return DrawnIndentation(number, kind, planned, drawn)
+        return Solution(kind, planned, drawn)
     raise ConfigError(
-        f"synthesis: indentation {number}: none of {TRIES} draws fits the sensor ({last}); make depth_mm, margin_mm or the "
+        f"synthesis: path {number}: none of {TRIES} draws fits the sensor ({last}); make depth_mm, margin_mm or the "
         "shapes smaller"
     )
 
@@ -58,7 +113,6 @@ def _with(study: Study, indenter: Indenter) -> Study:
         "error_bars": False,
         "store_displacement": True,
         "sensitivities": [],
-        "mesh": given(study.synthesis, "synthesis").mesh,
     }
     mechanics = study.mechanics.model_copy(update=changed)
     plan = study.plan.model_copy(update={"symmetry": "none"})

@@ -1,0 +1,1 @@
+"""Training rows of simulated sensors, SYNTHETIC: presses that are solved once, moved, and drawn as images."""

@@ -1,0 +1,147 @@
+"""Straight presses of the study's own indenter at any place and depth between solved sites."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+
+from gelforge.config import Study
+from gelforge.indentation.cells.cell_file import Cell
+from gelforge.indentation.sensor.indenter_shapes import shape_of
+from gelforge.indentation.sensor.symmetry import D4, transform_bins, transform_points
+from gelforge.interpolation.nodal_forces import NodalForces
+from gelforge.interpolation.weights import depth_weights, nearest, place_weights
+from gelforge.mechanics.indenters.shapes import Sphere
+from gelforge.synthesis.frame import MovingFrame, displaced, turned_field
+from gelforge.synthesis.moved import DrawnPress
+
+SMALL = 1e-4  # weight of a site below which it is left out
+SAME_MM = 1e-6
+
+
+class StraightPresses:
+    """Displacement and forces between solved sites and depths, in coordinates that move with the indenter.
+
+    Sites are weighted by radial functions that reproduce what is quadratic in the place, depths by a cubic with zero at
+    the surface. The nodes that carry a depth's force lie as far apart as the contact of a ball is then wide.
+
+    Parameters
+    ----------
+    study : Study
+        The study whose indenter presses.
+    cells : sequence of Cell
+        The solved sites with the gel's displacement, all with the same depths; of sites that are mirror images of each
+        other, one.
+    """
+
+    def __init__(self, study: Study, cells: Sequence[Cell]):
+        self.sensor, self.frame = study.sensor, MovingFrame(study.sensor)
+        self.depths = np.concatenate([[0.0], cells[0].arrays["depth_mm"]])
+        shape = shape_of(study.indenter)
+        self._ball = shape if isinstance(shape, Sphere) else None
+        self._fields = [self.frame.field(cell) for cell in cells]
+        self._forces = [NodalForces.of(cell) for cell in cells]
+        self.symmetric = study.has_symmetry_of_square
+        places = np.array([[cell.attributes["x_mm"], cell.attributes["y_mm"]] for cell in cells])
+        self._images = self._with_images(places)
+        self._places = np.array([place for _, _, place in self._images])
+        self.low, self.high = self._places.min(axis=0), self._places.max(axis=0)
+
+    def _with_images(self, places: np.ndarray) -> list[tuple[int, str, np.ndarray]]:
+        """Return number, symmetry and place of every site and of its mirror images, each place once."""
+        found: dict[tuple, tuple[int, str, np.ndarray]] = {}
+        for number, place in enumerate(places):
+            for name in D4 if self.symmetric else ("identity",):
+                image = transform_points(name, place, self.sensor.width_x_mm)
+                found.setdefault(tuple(np.round(image, 4)), (number, name, image))
+        return list(found.values())
+
+    @cached_property
+    def _mirrored(self) -> list[NodalForces]:
+        return [self._forces[number].mirrored(name) for number, name, _ in self._images]
+
+    def at(self, place: np.ndarray, depth: float, without: int | None = None) -> DrawnPress:
+        """Return the press at a place (2,) [mm] and a depth [mm].
+
+        Parameters
+        ----------
+        place : ndarray of shape (2,)
+        depth : float
+        without : int, optional
+            Number of a solved site to be left out with its images, to see what the others predict there.
+
+        Raises
+        ------
+        ValueError
+            If place or depth lie outside the solved ones.
+        """
+        if (place < self.low - SAME_MM).any() or (place > self.high + SAME_MM).any():
+            raise ValueError(
+                f"place {place.tolist()} mm lies outside the solved {self.low.tolist()} to {self.high.tolist()} mm"
+            )
+        if depth < self.depths[1] - SAME_MM:
+            raise ValueError(f"depth {depth:g} mm is less than the least solved, {self.depths[1]:g} mm")
+        # a press and its image are one: near the first octant few fields have to be turned
+        turn = self._to_first_octant(place)
+        at = transform_points(turn, place, self.sensor.width_x_mm)
+        usable = [k for k, (number, _, _) in enumerate(self._images) if number != without]
+        chosen = np.array(usable)[nearest(self._places[usable], at)]
+        weights = place_weights(self._places[chosen], at)
+        pairs = [(int(k), float(w)) for k, w in zip(chosen, weights) if abs(w) > SMALL]
+        numbers, along = depth_weights(self.depths, depth)
+        loaded = [
+            (n, float(w)) for n, w in zip(numbers, along) if n > 0
+        ]  # nothing is displaced at depth zero
+        bins = self._bins(at, depth, pairs, loaded)
+        field = self._field(pairs, loaded)
+        back = next(name for name in D4 if (D4[name] == D4[turn].T).all())
+        if back != "identity":
+            bins = transform_bins(back, bins, self.sensor.bins.nx)
+
+        def moved(particles: np.ndarray) -> np.ndarray:
+            local = (
+                transform_points(turn, particles, self.sensor.width_x_mm) if turn != "identity" else particles
+            )
+            shift = displaced(field, self.frame.index(local, at))
+            shift[:, :2] = shift[:, :2] @ D4[turn]  # back: the transpose
+            return shift
+
+        return DrawnPress(place, depth, "load", bins, moved)
+
+    def _to_first_octant(self, place: np.ndarray) -> str:
+        if not self.symmetric:
+            return "identity"
+        images = {name: transform_points(name, place, self.sensor.width_x_mm) for name in D4}
+        middle = self.sensor.width_x_mm / 2 + SAME_MM
+        return next(n for n, p in images.items() if p[0] <= p[1] + SAME_MM and p[1] <= middle)
+
+    def _field(self, pairs, loaded) -> np.ndarray:
+        depths = [number - 1 for number, _ in loaded]
+        along = np.array([weight for _, weight in loaded], np.float32)
+        total: np.ndarray = np.zeros(self._fields[0].shape[1:], np.float32)
+        for k, weight in pairs:
+            number, name, _ = self._images[k]
+            field = np.tensordot(np.float32(weight) * along, self._fields[number][depths], 1)
+            total += field if name == "identity" else turned_field(name, field)
+        return total
+
+    def _bins(self, at: np.ndarray, depth: float, pairs, loaded) -> np.ndarray:
+        """Return the forces (B, 3) [N] of the bins: every node of every site and depth, weighted."""
+        offsets, halves, forces = [], [], []
+        for number, along in loaded:
+            scale = self._contact_width(depth) / self._contact_width(self.depths[number])
+            for k, weight in pairs:
+                nodes = self._mirrored[k]
+                force = nodes.force_N[number - 1]
+                on = force.any(axis=1)
+                offsets.append(scale * nodes.offset_mm[on])
+                halves.append(scale * nodes.half_mm[on])
+                forces.append(weight * along * force[on])
+        merged = NodalForces(np.concatenate(offsets), np.concatenate(halves), np.concatenate(forces)[None])
+        found = merged.binned(at, self.sensor)[0].reshape(-1, 6)
+        return found[:, :3] + found[:, 3:]
+
+    def _contact_width(self, depth: float) -> float:
+        return float(self._ball.section(depth)[0, 2]) if self._ball else 1.0

@@ -1,0 +1,178 @@
+"""Presses between and from solved ones: equal to the solved where these lie, symmetric, and refused outside."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from small_synthesis import LAWS, study_of
+
+from gelforge.indentation.cells.cell_file import Cell
+from gelforge.indentation.sensor.symmetry import D4, transform_bins, transform_points, transform_vectors
+from gelforge.synthesis.draws import solution, solution_count
+from gelforge.synthesis.frame import MovingFrame, displaced, turned_field
+from gelforge.synthesis.moved import MovedPresses
+from gelforge.synthesis.rows import solve
+from gelforge.synthesis.straight import StraightPresses
+from gelforge.virtual_lab.particles import VirtualLabError, interpolation, place_particles
+
+STUDY = study_of(
+    sites=4, paths=1, sheared=1.0, unloaded=0.0, depth_mm=[1.0, 1.2], shapes={"edge": 0, "pair": 0}
+)
+# Of the largest bin: nodal forces are moved with square faces, and this coarse mesh has faces twice as long as wide.
+SPREAD = 0.12
+PARTICLES = place_particles(STUDY.synthesis.particles, STUDY.sensor, "tested")
+
+
+@pytest.fixture(scope="module")
+def solved():
+    """Return the solved presses: ten sites, then one sheared path."""
+    return [solve(solution(STUDY, k), LAWS) for k in range(solution_count(STUDY))]
+
+
+@pytest.fixture(scope="module")
+def straight(solved):
+    return StraightPresses(STUDY, solved[:-1])
+
+
+def motion(cell: Cell, step: int) -> np.ndarray:
+    weights = interpolation(cell.arrays["gel_node_mm"], cell.arrays["gel_hex"], PARTICLES)
+    return weights @ cell.arrays["gel_displacement_mm"][step].astype(float)
+
+
+def place_of(cell: Cell) -> np.ndarray:
+    return np.array([cell.attributes["x_mm"], cell.attributes["y_mm"]])
+
+
+@pytest.mark.parametrize("at", [[3.0, 3.0], [9.0, 20.5], [16.0, 16.0]])
+def test_the_lines_of_the_frame_run_from_wall_to_wall_through_the_indenter(at):
+    frame = MovingFrame(STUDY.sensor)
+    for axis in (0, 1):
+        lines = frame.lines(at[axis], axis)
+        assert (np.diff(lines) > 0).all()
+        assert [lines[0], lines[len(lines) // 2], lines[-1]] == pytest.approx([1.5, at[axis], 30.5])
+        np.testing.assert_allclose(frame.lines(32 - at[axis], axis), 32 - lines[::-1], atol=1e-12)
+    points = np.column_stack([frame.lines(at[0], 0), frame.lines(at[1], 1), np.full(len(lines), -3.0)])
+    index = frame.index(points, np.array(at))
+    np.testing.assert_allclose(index[:, 0], np.arange(len(lines)), atol=1e-9)
+
+
+def test_a_turned_field_is_that_of_the_turned_press():
+    frame, at = MovingFrame(STUDY.sensor), np.array([8.0, 11.0])
+    lines = [frame.lines(at[0], 0), frame.lines(at[1], 1), frame.heights]
+    x, y, z = np.meshgrid(*lines, indexing="ij")
+    field = np.stack([np.sin(x / 5) * z, np.cos(y / 7 + x / 9), x * y * z / 300], axis=-1).astype(np.float32)
+    for name in D4:
+        image = transform_points(name, at, 32.0)
+        turned = displaced(
+            turned_field(name, field), frame.index(transform_points(name, PARTICLES, 32.0), image)
+        )
+        own = displaced(field, frame.index(PARTICLES, at))
+        np.testing.assert_allclose(turned, transform_vectors(name, own), atol=1e-6, err_msg=name)
+
+
+def test_a_press_at_a_solved_site_is_the_solved_one(straight, solved):
+    cell = solved[5]
+    for step in (3, 9):
+        press = straight.at(place_of(cell), float(cell.arrays["depth_mm"][step]))
+        np.testing.assert_allclose(press.bins.sum(axis=0), cell.arrays["total_force_N"][step], atol=1e-9)
+        assert np.abs(press.bins - cell.arrays["bin_force_N"][step]).max() < SPREAD * np.abs(press.bins).max()
+        true = motion(cell, step)
+        away = np.abs(press.moved(PARTICLES) - true).max()
+        assert away < 0.03 * np.abs(true).max()  # elements of 1.2 mm and grid lines differ
+
+
+def test_a_press_and_its_images_are_one(straight):
+    place, depth = np.array([5.3, 12.1]), 0.71
+    press = straight.at(place, depth)
+    for name in D4:
+        image = straight.at(transform_points(name, place, 32.0), depth)
+        np.testing.assert_allclose(image.bins, transform_bins(name, press.bins, 20), atol=1e-9, err_msg=name)
+        moved = image.moved(transform_points(name, PARTICLES, 32.0))
+        np.testing.assert_allclose(moved, transform_vectors(name, press.moved(PARTICLES)), atol=1e-6)
+
+
+def test_a_site_that_is_left_out_is_predicted_by_the_others(straight, solved):
+    """The lattice of this test is three times as wide as the usual one; the total is within 2 %."""
+    for number in (4, 5, 8):
+        cell = solved[number]
+        press = straight.at(place_of(cell), float(cell.arrays["depth_mm"][8]), without=number)
+        total = cell.arrays["total_force_N"][8, 2]
+        assert press.bins.sum(axis=0)[2] == pytest.approx(total, rel=0.02)
+
+
+def test_a_depth_between_solved_ones_is_that_of_its_own_solution(straight):
+    drawn = solution(STUDY, 9)
+    depth = 0.57
+    cell = solve(replace(drawn, planned=replace(drawn.planned, depths_mm=(0.3, depth))), LAWS)
+    press = straight.at(place_of(cell), depth)
+    assert press.bins.sum(axis=0)[2] == pytest.approx(
+        cell.arrays["total_force_N"][1, 2], rel=0.02
+    )  # of the mesh
+    true = motion(cell, 1)
+    assert np.abs(press.moved(PARTICLES) - true).max() < 0.04 * np.abs(true).max()
+
+
+def test_places_and_depths_outside_the_solved_are_refused(straight):
+    with pytest.raises(ValueError, match="outside the solved"):
+        straight.at(np.array([2.9, 16.0]), 0.5)
+    with pytest.raises(ValueError, match="outside the solved"):
+        straight.at(np.array([16.0, 16.0]), 1.21)
+    with pytest.raises(ValueError, match="least solved"):
+        straight.at(np.array([16.0, 16.0]), 0.01)
+
+
+def test_a_path_turned_by_a_quarter_is_its_image(solved):
+    """On a sensor that is symmetric a turn about the middle is one of its symmetries."""
+    cell = solved[-1]
+    moved = MovedPresses(STUDY.sensor, [cell], True)
+    last = len(cell.arrays["depth_mm"]) - 1
+    place = place_of(cell)
+    same = moved.turned(0, last, place, 0.0)
+    np.testing.assert_allclose(same.bins.sum(axis=0), cell.arrays["total_force_N"][last], atol=1e-9)
+    assert np.abs(same.bins - cell.arrays["bin_force_N"][last]).max() < SPREAD * np.abs(same.bins).max()
+    true = motion(cell, last)
+    assert np.abs(same.moved(PARTICLES) - true).max() < 0.05 * np.abs(true).max()
+    image = transform_points("rotate_90", place, 32.0)
+    turned = moved.turned(0, last, image, np.pi / 2)
+    np.testing.assert_allclose(turned.bins, transform_bins("rotate_90", same.bins, 20), atol=1e-9)
+    np.testing.assert_allclose(
+        turned.moved(transform_points("rotate_90", PARTICLES, 32.0)),
+        transform_vectors("rotate_90", same.moved(PARTICLES)),
+        atol=1e-6,
+    )
+
+
+def test_a_moved_path_keeps_its_total_force_and_turns_it(solved):
+    cell, rng = solved[-1], np.random.default_rng(0)
+    moved = MovedPresses(STUDY.sensor, [cell], True)
+    last = len(cell.arrays["depth_mm"]) - 1
+    total = cell.arrays["total_force_N"][last]
+    angle = 0.7
+    turned = moved.turned(0, last, np.array([13.0, 17.0]), angle).bins.sum(axis=0)
+    assert turned[:2] @ [np.cos(angle), np.sin(angle)] == pytest.approx(total[0], abs=1e-9)
+    for name in D4:
+        found = moved.mirrored(0, last, name, rng).bins.sum(axis=0)
+        np.testing.assert_allclose(found, transform_vectors(name, total), atol=1e-9)
+
+
+def test_a_press_near_a_wall_keeps_its_distance_from_it(solved):
+    cell = solved[1]  # at (3, y)
+    moved = MovedPresses(STUDY.sensor, [cell], True)
+    source, width = place_of(cell), 32.0
+    drawn = np.array([moved.draw(np.random.default_rng(k)).place for k in range(40)])
+    nearest = np.minimum(drawn, width - drawn).min(axis=1)
+    assert np.abs(nearest / source.min() - 1).max() < 0.06
+    assert len(np.unique(np.round(drawn, 1), axis=0)) > 20  # along all four walls
+
+
+def test_layers_with_particles_must_form_one_box():
+    layers = STUDY.sensor.layers
+    apart = [
+        layers[0].model_copy(update={"thickness_mm": 1.5}),
+        layers[1],
+        layers[0].model_copy(update={"name": "b"}),
+    ]
+    apart[2] = apart[2].model_copy(update={"thickness_mm": 3.0})
+    sensor = STUDY.sensor.model_copy(update={"layers": apart})
+    with pytest.raises(VirtualLabError, match="one box"):
+        MovingFrame(sensor)
