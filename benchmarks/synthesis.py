@@ -39,10 +39,10 @@ STEPS = 5  # down and aside
 SEED = 4711
 
 
-def errors(press: DrawnPress, cell: Cell, step: int, particles: np.ndarray) -> dict[str, float]:
+def errors(study: Study, press: DrawnPress, cell: Cell, step: int, particles: np.ndarray) -> dict[str, float]:
     """Return the errors of a drawn press against its own solution: bins that carry force, total, particle motion."""
     true = cell.arrays["bin_force_N"][step]
-    away, loaded = press.bins - true, true[:, 2] != 0
+    away, loaded = press.bins(study.sensor) - true, true[:, 2] != 0
     weights = interpolation(cell.arrays["gel_node_mm"], cell.arrays["gel_hex"], particles)
     motion = weights @ cell.arrays["gel_displacement_mm"][step].astype(float)
     return {
@@ -63,7 +63,7 @@ def straight(study: Study, laws: dict, source: Presses, count: int, particles: n
         cell = solve(replace(sample, planned=PlannedCell(f"t{number}", *map(float, place), DEPTHS)), laws)
         side = min(*place, *(np.array([study.sensor.width_x_mm, study.sensor.width_y_mm]) - place))
         for step, depth in enumerate(cell.arrays["depth_mm"]):
-            found = errors(source.straight.at(place, float(depth)), cell, step, particles)
+            found = errors(study, source.straight.at(place, float(depth)), cell, step, particles)
             rows.append(
                 {"place": "near a side" if side < NEAR_MM else "middle", "depth [mm]": depth, **found}
             )
@@ -80,18 +80,18 @@ def sideways_path(study: Study, laws: dict, at: np.ndarray, depth: float, way: n
     return solve(replace(solution(study, 0), planned=planned), laws)
 
 
-def sideways(study: Study, laws: dict, count: int, particles: np.ndarray) -> pd.DataFrame:
+def sideways(study: Study, laws: dict, source: Presses, count: int, particles: np.ndarray) -> pd.DataFrame:
     """Return errors of sideways paths solved in the middle and moved to other places, turned by other angles."""
     rng, rows, width = np.random.default_rng(SEED + 1), [], study.sensor.width_x_mm
-    free = MovedPresses(study.sensor, [], True).free_mm
+    free = source.moved.free_mm
     for _ in range(count):
         depth, way = rng.uniform(0.6, study.synthesis.depth_mm[1]), rng.uniform(0.4, 1.2)
         angle, place = rng.uniform(0, 2 * np.pi), np.round(rng.uniform(free, width - free, 2), 4)
         middle = sideways_path(study, laws, np.full(2, width / 2), depth, np.array([way, 0.0]))
         there = sideways_path(study, laws, place, depth, way * np.array([np.cos(angle), np.sin(angle)]))
-        moved = MovedPresses(study.sensor, [middle], True)
+        moved = MovedPresses(study, [middle], [True], source.straight)
         for step in range(STEPS, 2 * STEPS):
-            found = errors(moved.turned(0, step, place, angle), there, step, particles)
+            found = errors(study, moved.turned(0, step, place, angle), there, step, particles)
             push = 1e3 * np.linalg.norm(there.arrays["total_force_N"][step][:2])
             share = round((step - STEPS + 1) / STEPS, 2)
             rows.append({"sideways [share]": share, "horizontal force [mN]": push, **found})
@@ -129,7 +129,7 @@ def main() -> None:
     print(f"{counts}, {seconds:.0f} CPU s; {cost(study, source)}\n")
     print(straight(study, laws, source, arguments.straight, particles).to_markdown(floatfmt=".3g"))
     print("\nsideways paths, moved from the middle and turned:\n")
-    print(sideways(study, laws, arguments.paths, particles).to_markdown(floatfmt=".3g"))
+    print(sideways(study, laws, source, arguments.paths, particles).to_markdown(floatfmt=".3g"))
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from gelforge.config import ConfigError, Indenter, Study, given
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.planning.plan import check_inside
 
+PATH = "path"  # beginning of the names of drawn paths
 TRIES = 200  # until one fits the sensor
 SHEAR_STEP_MM, TILT_STEP_DEG, TWIST_STEP_DEG = 0.2, 1.0, 2.0  # friction is followed step by step
 PAIR_RADIUS_MM = (2.0, 3.0)
@@ -94,7 +95,7 @@ def drawn_path(study: Study, number: int) -> Solution:
     for _ in range(TRIES):
         kind, indenter = _indenter(rng, study)
         turns = indenter.kind not in ("sphere", "several")  # a tilted ball is the same ball
-        planned = _path(rng, study, f"path{number:05d}", turns)
+        planned = _path(rng, study, f"{PATH}{number:05d}", turns)
         drawn = _with(study, indenter)
         try:
             check_inside({planned.name: planned}, drawn)
@@ -106,6 +107,11 @@ def drawn_path(study: Study, number: int) -> Solution:
         f"synthesis: path {number}: none of {TRIES} draws fits the sensor ({last}); make depth_mm, margin_mm or the "
         "shapes smaller"
     )
+
+
+def path_number(name: str) -> int:
+    """Return the number of a drawn path from its name."""
+    return int(name.removeprefix(PATH))
 
 
 def _with(study: Study, indenter: Indenter) -> Study:

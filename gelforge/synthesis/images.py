@@ -9,7 +9,7 @@ import numpy as np
 from gelforge.config import Camera, Study, VirtualImaging, given
 from gelforge.recording.features import FlowFeatures
 from gelforge.recording.imaging.flow import reduced
-from gelforge.synthesis.moved import DrawnPress
+from gelforge.synthesis.drawn_press import DrawnPress
 from gelforge.virtual_lab.imaging import as_read, draw, expose, focused
 from gelforge.virtual_lab.particles import place_particles
 

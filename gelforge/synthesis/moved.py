@@ -1,38 +1,28 @@
 """Solved presses at other places: every step of a solved path, moved and turned.
 
-Far from walls a press looks the same everywhere and from all sides. Near a wall it keeps its distance from the wall, and is
-turned by the symmetries of the sensor only. Forces and displacement are moved together, so a row stays a state of
-equilibrium of the gel up to what the walls change.
+Far from walls a path goes to any place, at any angle. Nearer to a wall it keeps its distance from the wall, and is turned by
+the symmetries of the sensor only. What the walls change meanwhile is known of straight presses of the study's own indenter,
+which are interpolated: of its paths the increments over the straight press are moved, and of other indenters the forces are
+scaled as those of the straight press change.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 
-from gelforge.config import Sensor
+from gelforge.config import Study
 from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.sensor.symmetry import D4, transform_points
 from gelforge.interpolation.nodal_forces import NodalForces
+from gelforge.synthesis.drawn_press import DrawnPress, merged
 from gelforge.synthesis.frame import MovingFrame, displaced
+from gelforge.synthesis.straight import StraightPresses
 
-# Distance from the walls, over the sensor's height, beyond which they are not felt: the total force of a press then differs
-# from that in the middle by less than its error bar (benchmarks/synthesis.py prints both).
-FREE_HEIGHTS = 1.5
-KEPT_SHARE = 0.05  # nearer to a wall, a press is moved by at most this share of its distance from it
-
-
-@dataclass(frozen=True)
-class DrawnPress:
-    """One state of a press: where, its forces, and how it moves the particles."""
-
-    place: np.ndarray  # (2,) [mm]
-    depth_mm: float
-    phase: str
-    bins: np.ndarray  # (B, 3) [N]
-    moved: Callable[[np.ndarray], np.ndarray]  # particles (P, 3) [mm] -> displacement (P, 3) [mm]
+FREE_HEIGHTS = 1.5  # distance from the sides, over the sensor's height, beyond which a path goes anywhere
+KEPT_SHARE = 0.05  # nearer to a side, it is moved by at most this share of its distance from it
 
 
 class MovedPresses:
@@ -40,89 +30,110 @@ class MovedPresses:
 
     Parameters
     ----------
-    sensor : Sensor
-        The sensor that is pressed.
+    study : Study
+        The study whose sensor is pressed.
     cells : sequence of Cell
-        The solved paths with the gel's displacement.
-    symmetric : bool
-        Whether the sensor has the symmetries of a square.
+        The solved paths with the gel's displacement; those without a solved step are left out.
+    own : sequence of bool
+        Of each path, whether the study's own indenter presses.
+    straight : StraightPresses, optional
+        Straight presses of the study's own indenter, which know the walls; without them moved presses stay as solved.
     """
 
-    def __init__(self, sensor: Sensor, cells: Sequence[Cell], symmetric: bool):
-        self.sensor, self.symmetric = sensor, symmetric
-        self.frame = MovingFrame(sensor)
-        self.cells = [cell for cell in cells if len(cell.arrays["depth_mm"])]
-        self._fields: dict[int, np.ndarray] = {}
+    def __init__(
+        self,
+        study: Study,
+        cells: Sequence[Cell],
+        own: Sequence[bool],
+        straight: StraightPresses | None = None,
+    ):
+        self.sensor, self.frame, self.straight = study.sensor, MovingFrame(study.sensor), straight
+        kept = [k for k, cell in enumerate(cells) if len(cell.arrays["depth_mm"])]
+        self.cells, self.own = [cells[k] for k in kept], [own[k] for k in kept]
         self._forces = [NodalForces.of(cell) for cell in self.cells]
-        self.free_mm = FREE_HEIGHTS * sensor.height_mm
-        self._width = np.array([sensor.width_x_mm, sensor.width_y_mm])
+        self._width = np.array([self.sensor.width_x_mm, self.sensor.width_y_mm])
+        self.free_mm = FREE_HEIGHTS * self.sensor.height_mm
+        self._round = study.indenter.is_upright_and_round
+        self._symmetric = study.sensor_has_symmetry_of_square
+        self._field = cache(lambda number: self.frame.field(self.cells[number]))
+        self._base = cache(self._straight_press)
 
-    def draw(self, rng: np.random.Generator, kind: int | None = None) -> DrawnPress:
-        """Return a drawn step of a drawn path, or of the path of a number, moved and turned."""
-        number = int(rng.integers(len(self.cells))) if kind is None else kind
-        cell = self.cells[number]
-        step = int(rng.integers(len(cell.arrays["depth_mm"])))
-        source = np.array([cell.attributes["x_mm"], cell.attributes["y_mm"]])
+    def draw(self, rng: np.random.Generator) -> DrawnPress:
+        """Return a drawn step of a drawn path, moved and turned."""
+        number = int(rng.integers(len(self.cells)))
+        step = int(rng.integers(len(self.cells[number].arrays["depth_mm"])))
+        turns = not self.own[number] or self._round  # an indenter that is turned is another one
+        source = self._source(number)
         if self._is_free(source):
-            angle = float(rng.uniform(0, 2 * np.pi))
-            place = rng.uniform(self.free_mm, self._width - self.free_mm)
-            return self.turned(number, step, place, angle)
-        symmetry = str(rng.choice(list(D4))) if self.symmetric else "identity"
-        return self.mirrored(number, step, symmetry, rng)
+            angle = float(rng.uniform(0, 2 * np.pi)) if turns else 0.0
+            return self.turned(number, step, rng.uniform(self.free_mm, self._width - self.free_mm), angle)
+        symmetry = str(rng.choice(list(D4))) if self._symmetric and turns else "identity"
+        image = transform_points(symmetry, source, self._width[0])
+        place = np.array([self._moved_along(c, w, rng) for c, w in zip(image, self._width)])
+        return self.mirrored(number, step, place, symmetry)
+
+    def turned(self, number: int, step: int, place: np.ndarray, angle: float) -> DrawnPress:
+        """Return a step of a path at a place (2,) [mm], turned by an angle [rad]; both places are far from walls."""
+        matrix = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        source = self._source(number)
+
+        def at_source(particles: np.ndarray) -> np.ndarray:
+            local = particles.copy()
+            local[:, :2] = (particles[:, :2] - place) @ matrix + source  # beyond the gel: as at its border
+            return self.frame.index(local, source)
+
+        return self._press(number, step, place, matrix, at_source)
+
+    def mirrored(self, number: int, step: int, place: np.ndarray, symmetry: str) -> DrawnPress:
+        """Return a step of a path carried by a symmetry, at a place (2,) [mm] near its image's."""
+        inverse = next(name for name in D4 if (D4[name] == D4[symmetry].T).all())
+        at = transform_points(inverse, place, self._width[0])
+
+        def at_source(particles: np.ndarray) -> np.ndarray:
+            return self.frame.index(transform_points(inverse, particles, self._width[0]), at)
+
+        return self._press(number, step, place, D4[symmetry].astype(float), at_source)
+
+    def _press(self, number: int, step: int, place: np.ndarray, matrix: np.ndarray, at_source) -> DrawnPress:
+        """Return a step about a place, turned by a matrix (2, 2); at_source: particles to grid coordinates of its field."""
+        cell, forces = self.cells[number], self._forces[number]
+        depth, phase = float(cell.arrays["depth_mm"][step]), str(cell.attributes["phases"][step])
+        one = NodalForces(forces.offset_mm, forces.half_mm, forces.force_N[[step]]).turned(matrix)
+        field, here, source = self._field(number)[step], None, self._source(number)
+        if self.straight and self.straight.reaches(place, depth) and self.straight.reaches(source, depth):
+            base, base_field = self._base(number, step)
+            if self.own[number]:
+                here = self.straight.at(place, depth)
+                field = field - base_field
+                one = merged([(1.0, one), (-1.0, base.turned(matrix)), (1.0, here.forces)])
+            else:
+                one = merged([(self._push(self.straight.state(place, depth)[0]) / self._push(base), one)])
+
+        def moved(particles: np.ndarray) -> np.ndarray:
+            shift = displaced(field, at_source(particles))
+            shift[:, :2] = shift[:, :2] @ matrix.T
+            return shift + here.moved(particles) if here else shift
+
+        return DrawnPress(place, depth, phase, one, moved)
+
+    def _straight_press(self, number: int, step: int) -> tuple[NodalForces, np.ndarray]:
+        """Return the straight press of the study's own indenter where a path was solved, as deep as its step."""
+        assert self.straight is not None
+        return self.straight.state(self._source(number), float(self.cells[number].arrays["depth_mm"][step]))
+
+    @staticmethod
+    def _push(forces: NodalForces) -> float:
+        return float(forces.force_N[0, :, [2, 5]].sum())
+
+    def _source(self, number: int) -> np.ndarray:
+        return np.array([self.cells[number].attributes["x_mm"], self.cells[number].attributes["y_mm"]])
 
     def _is_free(self, place: np.ndarray) -> bool:
         return bool((np.minimum(place, self._width - place) >= self.free_mm).all())
 
-    def turned(self, number: int, step: int, place: np.ndarray, angle: float) -> DrawnPress:
-        """Return a step of a path far from walls, at a place (2,) [mm] far from walls, turned by an angle [rad]."""
-        cell = self.cells[number]
-        source = np.array([cell.attributes["x_mm"], cell.attributes["y_mm"]])
-        matrix = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-
-        def moved(particles: np.ndarray) -> np.ndarray:
-            at_source = particles.copy()
-            at_source[:, :2] = (
-                particles[:, :2] - place
-            ) @ matrix + source  # beyond the gel: as at its border
-            shift = displaced(self._field(number)[step], self.frame.index(at_source, source))
-            shift[:, :2] = shift[:, :2] @ matrix.T
-            return shift
-
-        return self._press(number, step, place, matrix, moved)
-
-    def mirrored(self, number: int, step: int, symmetry: str, rng: np.random.Generator) -> DrawnPress:
-        """Return a step of a path near a wall, carried by a symmetry and moved along the wall, or a little across."""
-        cell = self.cells[number]
-        source = np.array([cell.attributes["x_mm"], cell.attributes["y_mm"]])
-        image, matrix = transform_points(symmetry, source, self._width[0]), D4[symmetry].astype(float)
-        place = np.array([self._moved_along(c, w, rng) for c, w in zip(image, self._width)])
-        inverse = next(name for name in D4 if (D4[name] == D4[symmetry].T).all())
-        at = transform_points(inverse, place, self._width[0])
-
-        def moved(particles: np.ndarray) -> np.ndarray:
-            local = transform_points(inverse, particles, self._width[0])
-            shift = displaced(self._field(number)[step], self.frame.index(local, at))
-            shift[:, :2] = shift[:, :2] @ matrix.T
-            return shift
-
-        return self._press(number, step, place, matrix, moved)
-
     def _moved_along(self, at: float, width: float, rng: np.random.Generator) -> float:
-        """Return a coordinate for one of a solved press: anywhere far from walls, else about as near to its wall."""
-        wall = min(at, width - at)
-        if wall >= self.free_mm:
+        """Return a coordinate for one of a solved press: anywhere far from sides, else about as near to its side."""
+        side = min(at, width - at)
+        if side >= self.free_mm:
             return float(rng.uniform(self.free_mm, width - self.free_mm))
-        return at + float(rng.uniform(-1, 1)) * KEPT_SHARE * wall
-
-    def _field(self, number: int) -> np.ndarray:
-        if number not in self._fields:
-            self._fields[number] = self.frame.field(self.cells[number])
-        return self._fields[number]
-
-    def _press(self, number: int, step: int, place: np.ndarray, matrix: np.ndarray, moved) -> DrawnPress:
-        cell = self.cells[number]
-        found = self._forces[number].turned(matrix).binned(place, self.sensor, [step])[0].reshape(-1, 6)
-        bins = found[:, :3] + found[:, 3:]
-        return DrawnPress(
-            place, float(cell.arrays["depth_mm"][step]), str(cell.attributes["phases"][step]), bins, moved
-        )
+        return at + float(rng.uniform(-1, 1)) * KEPT_SHARE * side

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +13,13 @@ from gelforge.config import Study, given
 from gelforge.dataset.shard import writing_shard
 from gelforge.indentation.cells.cell_file import Cell, read_cell
 from gelforge.indentation.solving.simulate import simulate_cell
+from gelforge.interpolation.nodal_forces import NodalForces
 from gelforge.progress import tracked
 from gelforge.recording.optics.remap import scale_of_view
-from gelforge.synthesis.draws import Solution, site_places
+from gelforge.synthesis.drawn_press import DrawnPress
+from gelforge.synthesis.draws import Solution, drawn_path, path_number, site_places
 from gelforge.synthesis.images import series_features
-from gelforge.synthesis.moved import DrawnPress, MovedPresses
+from gelforge.synthesis.moved import MovedPresses
 from gelforge.synthesis.straight import StraightPresses
 from gelforge.virtual_lab.particles import VirtualLabError, interpolation
 
@@ -82,14 +85,15 @@ class Presses:
                     f"site {cell.attributes['cell']} at ({cell.attributes['x_mm']:g}, {cell.attributes['y_mm']:g}) mm ended "
                     f"early: {cell.attributes['reason']}; make synthesis.depth_mm smaller or synthesis.margin_mm larger"
                 )
-        self.moved = MovedPresses(study.sensor, paths, study.sensor_has_symmetry_of_square)
+        self.straight = StraightPresses(study, sites) if sites else None
+        own = [drawn_path(study, path_number(cell.attributes["cell"])).kind == "own" for cell in paths]
+        self.moved = MovedPresses(study, paths, own, self.straight)
         classes = synthesis.classes
         if classes.paths and not self.moved.cells:
             raise VirtualLabError(
                 f"none of {len(paths)} paths has a solved step; make synthesis.depth_mm smaller, or set "
                 "synthesis.classes.paths: 0"
             )
-        self.straight = StraightPresses(study, sites) if sites else None
         weights = np.array([classes.straight, classes.light, classes.paths])
         self._share = weights / weights.sum()
 
@@ -124,10 +128,10 @@ def write_solved(
 
         return at
 
-    arrays = cell.arrays
+    forces = NodalForces.of(cell)
     presses = [
-        DrawnPress(place, float(depth), phases[k], arrays["bin_force_N"][k], moved(k))
-        for k, depth in enumerate(arrays["depth_mm"])
+        DrawnPress(place, float(depth), phases[k], replace(forces, force_N=forces.force_N[[k]]), moved(k))
+        for k, depth in enumerate(cell.arrays["depth_mm"])
     ]
     attributes = _attributes(study, {name: about | {"indenter": one.study.indenter.words}})
     with writing_shard(out, attributes, False, 2 * study.features.regions**2, bins) as writer:
@@ -160,7 +164,7 @@ def _block(study: Study, name: str, presses: Sequence[DrawnPress], series: int, 
     feature = np.stack(list(series_features(study, presses, serial, rng)))
     bins = np.zeros((len(presses) + 1, study.sensor.bins.nx * study.sensor.bins.ny, 3))
     for k, press in enumerate(presses):
-        bins[k + 1] = press.bins
+        bins[k + 1] = press.bins(study.sensor)
     count, total = len(bins), bins.sum(axis=1)
     middle = np.array([study.sensor.width_x_mm, study.sensor.width_y_mm]) / 2
     return {

@@ -10,12 +10,12 @@ import numpy as np
 from gelforge.config import Study
 from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.sensor.indenter_shapes import shape_of
-from gelforge.indentation.sensor.symmetry import D4, transform_bins, transform_points
+from gelforge.indentation.sensor.symmetry import D4, transform_points
 from gelforge.interpolation.nodal_forces import NodalForces
 from gelforge.interpolation.weights import depth_weights, nearest, place_weights
 from gelforge.mechanics.indenters.shapes import Sphere
+from gelforge.synthesis.drawn_press import DrawnPress, merged
 from gelforge.synthesis.frame import MovingFrame, displaced, turned_field
-from gelforge.synthesis.moved import DrawnPress
 
 SMALL = 1e-4  # weight of a site below which it is left out
 SAME_MM = 1e-6
@@ -62,53 +62,66 @@ class StraightPresses:
     def _mirrored(self) -> list[NodalForces]:
         return [self._forces[number].mirrored(name) for number, name, _ in self._images]
 
+    def reaches(self, place: np.ndarray, depth: float) -> bool:
+        """Return whether a place (2,) [mm] and a depth [mm] lie among the solved ones."""
+        inside = (place >= self.low - SAME_MM).all() and (place <= self.high + SAME_MM).all()
+        return bool(inside and self.depths[1] - SAME_MM <= depth <= self.depths[-1] + SAME_MM)
+
     def at(self, place: np.ndarray, depth: float, without: int | None = None) -> DrawnPress:
-        """Return the press at a place (2,) [mm] and a depth [mm].
+        """Return the press at a place (2,) [mm] and a depth [mm]; see `state`."""
+        forces, field = self.state(place, depth, without)
+        return DrawnPress(
+            place,
+            depth,
+            "load",
+            forces,
+            lambda particles: displaced(field, self.frame.index(particles, place)),
+        )
+
+    def state(
+        self, place: np.ndarray, depth: float, without: int | None = None
+    ) -> tuple[NodalForces, np.ndarray]:
+        """Return nodal forces and displacement field at a place and depth.
 
         Parameters
         ----------
         place : ndarray of shape (2,)
+            In mm.
         depth : float
+            In mm.
         without : int, optional
             Number of a solved site to be left out with its images, to see what the others predict there.
+
+        Returns
+        -------
+        forces : NodalForces
+            Of one state, about the place [N].
+        field : ndarray of shape (nx, ny, nz, 3)
+            Displacement on the frame's grid about the place [mm].
 
         Raises
         ------
         ValueError
             If place or depth lie outside the solved ones.
         """
-        if (place < self.low - SAME_MM).any() or (place > self.high + SAME_MM).any():
+        if not self.reaches(place, depth):
             raise ValueError(
-                f"place {place.tolist()} mm lies outside the solved {self.low.tolist()} to {self.high.tolist()} mm"
+                f"place {place.tolist()} mm and depth {depth:g} mm lie outside the solved {self.low.tolist()} to "
+                f"{self.high.tolist()} mm and {self.depths[1]:g} to {self.depths[-1]:g} mm"
             )
-        if depth < self.depths[1] - SAME_MM:
-            raise ValueError(f"depth {depth:g} mm is less than the least solved, {self.depths[1]:g} mm")
-        # a press and its image are one: near the first octant few fields have to be turned
+        # a press and its image are one: in the first octant few fields have to be turned
         turn = self._to_first_octant(place)
         at = transform_points(turn, place, self.sensor.width_x_mm)
         usable = [k for k, (number, _, _) in enumerate(self._images) if number != without]
         chosen = np.array(usable)[nearest(self._places[usable], at)]
         weights = place_weights(self._places[chosen], at)
         pairs = [(int(k), float(w)) for k, w in zip(chosen, weights) if abs(w) > SMALL]
-        numbers, along = depth_weights(self.depths, depth)
-        loaded = [
-            (n, float(w)) for n, w in zip(numbers, along) if n > 0
-        ]  # nothing is displaced at depth zero
-        bins = self._bins(at, depth, pairs, loaded)
-        field = self._field(pairs, loaded)
+        numbers, along = depth_weights(self.depths, min(depth, self.depths[-1]))
+        loaded = [(n, float(w)) for n, w in zip(numbers, along) if n > 0]  # nothing moves at depth zero
         back = next(name for name in D4 if (D4[name] == D4[turn].T).all())
-        if back != "identity":
-            bins = transform_bins(back, bins, self.sensor.bins.nx)
-
-        def moved(particles: np.ndarray) -> np.ndarray:
-            local = (
-                transform_points(turn, particles, self.sensor.width_x_mm) if turn != "identity" else particles
-            )
-            shift = displaced(field, self.frame.index(local, at))
-            shift[:, :2] = shift[:, :2] @ D4[turn]  # back: the transpose
-            return shift
-
-        return DrawnPress(place, depth, "load", bins, moved)
+        return self._nodes(depth, pairs, loaded).mirrored(back), turned_field(
+            back, self._field(pairs, loaded)
+        )
 
     def _to_first_octant(self, place: np.ndarray) -> str:
         if not self.symmetric:
@@ -127,21 +140,18 @@ class StraightPresses:
             total += field if name == "identity" else turned_field(name, field)
         return total
 
-    def _bins(self, at: np.ndarray, depth: float, pairs, loaded) -> np.ndarray:
-        """Return the forces (B, 3) [N] of the bins: every node of every site and depth, weighted."""
-        offsets, halves, forces = [], [], []
+    def _nodes(self, depth: float, pairs, loaded) -> NodalForces:
+        """Return the nodal forces of every site and depth, weighted."""
+        parts = []
         for number, along in loaded:
             scale = self._contact_width(depth) / self._contact_width(self.depths[number])
             for k, weight in pairs:
                 nodes = self._mirrored[k]
-                force = nodes.force_N[number - 1]
-                on = force.any(axis=1)
-                offsets.append(scale * nodes.offset_mm[on])
-                halves.append(scale * nodes.half_mm[on])
-                forces.append(weight * along * force[on])
-        merged = NodalForces(np.concatenate(offsets), np.concatenate(halves), np.concatenate(forces)[None])
-        found = merged.binned(at, self.sensor)[0].reshape(-1, 6)
-        return found[:, :3] + found[:, 3:]
+                force = nodes.force_N[number - 1 : number]
+                parts.append(
+                    (weight * along, NodalForces(scale * nodes.offset_mm, scale * nodes.half_mm, force))
+                )
+        return merged(parts)
 
     def _contact_width(self, depth: float) -> float:
         return float(self._ball.section(depth)[0, 2]) if self._ball else 1.0
