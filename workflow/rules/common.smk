@@ -26,6 +26,7 @@ from gelforge.indentation.planning.derived import derived_chunks
 from gelforge.indentation.planning.lattice import lattice_of, solved_site
 from gelforge.indentation.planning.plan import plan_cells, variant_cells
 from gelforge.workflow import fork_server
+from gelforge.workflow.fork_usage import measure_forks
 
 
 def _described():
@@ -68,6 +69,7 @@ def run_in_forks():
     """Let the jobs of this Snakemake be forks of one process, instead of starting Python for each."""
     global _fork_server  # it ends with this process
     GELFORGE[-1], _fork_server = fork_server.started()
+    measure_forks(GELFORGE[-1])
 
 
 if not workflow.is_main_process:  # the one inside a cluster's job: `onstart` runs in the user's own only
