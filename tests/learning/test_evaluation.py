@@ -26,7 +26,7 @@ SMALL = {
     "network": "paper",
     "hidden": [24, 16, 12],
     "batch_size": 8,
-    "epochs": 30,
+    "steps": 120,
     "learning_rate": 1e-3,
     "validation_fraction": 0.2,
 }
@@ -200,7 +200,7 @@ def test_coverage_of_a_model_with_intervals(evaluated, tmp_path):
 
 def test_a_training_without_validation_rows_can_be_evaluated(tmp_path):
     """Two orbits: one tests, one trains, none is left to monitor the loss or to choose a baseline by."""
-    study = study_of(regions=4, bins=5, **SMALL | {"epochs": 2})
+    study = study_of(regions=4, bins=5, **SMALL | {"steps": 8})
     shards = write_shards(tmp_path / "dataset", small_rows(cells=2), study)
     train(study, shards, tmp_path / "model.pt", tmp_path / "loss.csv", Run(threads=1))
     out = tmp_path / "predictions.h5"

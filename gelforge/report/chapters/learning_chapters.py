@@ -75,7 +75,7 @@ def predictions(results: StudyResults) -> Chapter:
     tell_budget(chapter, results)
     if results.loss is not None:
         chapter.show(
-            "Loss of training rows and of validation sites; the weights are those of the best epoch. A validation curve far"
+            "Loss of training rows and of validation sites; the weights are those of the last step. A validation curve far"
             " above the other means overfitting.",
             loss_figure(results.loss),
         )
@@ -154,7 +154,8 @@ def _show_map(chapter: Chapter, results: StudyResults, row: int, place: str) -> 
 
 
 TABLES = {
-    "rmse": "Errors of the network on held-out sites, rms{with the paper's (another sensor, 13,448 indentations)}.",
+    "rmse": "Errors of the network on held-out sites, and on rows that it was trained on, rms{with the paper's (another"
+    " sensor, 13,448 indentations)}.",
     "baselines": "The network and baselines on the same rows and inputs: ridge, kernel ridge, nearest neighbours, the"
     " mean label of training, no force at all. RMSES: rms error of the bins whose label is not zero; total Fz: rms error of"
     " the sum over bins.",
