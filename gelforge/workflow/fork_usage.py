@@ -7,17 +7,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from snakemake import benchmark
-
 from gelforge.workflow.fork_server import usage_file
 
 
-def measure_forks(address: str) -> None:
-    """Let Snakemake's benchmark records state what the forks of a server used. address: of the server."""
+def measure_forks(benchmark: Any, address: str) -> None:
+    """Let Snakemake's module of benchmarks state what the forks of a server used. address: of the server."""
     measured = benchmark.benchmarked
 
     @contextmanager
-    def benchmarked(pid: Any = None, *arguments, **options) -> Iterator[benchmark.BenchmarkRecord]:
+    def benchmarked(pid: Any = None, *arguments, **options) -> Iterator[Any]:
         with measured(pid, *arguments, **options) as record:
             yield record
         take_usage(record, usage_file(address, pid or os.getpid()))
@@ -25,8 +23,8 @@ def measure_forks(address: str) -> None:
     benchmark.benchmarked = benchmarked
 
 
-def take_usage(record: benchmark.BenchmarkRecord, path: str) -> None:
-    """Put a job's CPU seconds and largest memory [MB] into its record; nothing where no fork ran it."""
+def take_usage(record: Any, path: str) -> None:
+    """Put a job's CPU seconds and largest memory [MB] into its benchmark record; nothing where no fork ran it."""
     try:
         with open(path, encoding="ascii") as file:
             cpu_s, memory_MB = map(float, file.read().split())
@@ -35,7 +33,6 @@ def take_usage(record: benchmark.BenchmarkRecord, path: str) -> None:
         return
     record.cpu_time, record.max_rss = cpu_s, memory_MB
     record.cpu_usage = 100 * cpu_s  # per cent times seconds
-    record.max_vms = record.max_uss = record.max_pss = record.io_in = record.io_out = (
-        None  # of the process that waits
-    )
     record.data_collected = True
+    for name in ("max_vms", "max_uss", "max_pss", "io_in", "io_out"):  # known of the process that waits alone
+        setattr(record, name, None)

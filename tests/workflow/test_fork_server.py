@@ -140,7 +140,7 @@ def test_a_benchmark_record_states_what_the_fork_used(start, monkeypatch, tmp_pa
     """As Snakemake runs a rule's command: the shell's process is what it measures."""
     monkeypatch.setattr(benchmark, "benchmarked", benchmark.benchmarked)  # put back afterwards
     address = start()
-    measure_forks(address)
+    measure_forks(benchmark, address)
     records = []
     for seconds in (0.5, 0.1):
         said = tmp_path / "said"
@@ -168,7 +168,7 @@ def test_what_a_fork_used_is_found_by_a_job_that_its_shell_has_become(start):
 
 def test_a_job_without_a_fork_is_measured_by_snakemake_alone(monkeypatch, tmp_path):
     monkeypatch.setattr(benchmark, "benchmarked", benchmark.benchmarked)
-    measure_forks(str(tmp_path / "nobody"))
+    measure_forks(benchmark, str(tmp_path / "nobody"))
     record = benchmark.BenchmarkRecord()
     shell(f"{sys.executable} -c 'import time; time.sleep(0.7)'", bench_record=record)
     assert record.max_vms > 0
