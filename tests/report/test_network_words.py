@@ -79,5 +79,11 @@ def test_the_remedy_is_not_given_twice_where_the_parts_of_the_error_are_known():
     assert "would help" not in network_words(*tables(wall=0.02, trained=0.0008), None, has_budget=True)
 
 
+def test_a_table_without_training_rows_says_nothing_of_them():
+    baselines, by, reliability, errors = tables()
+    said = network_words(baselines, by, reliability, errors[errors["error"] == "RMSES"], None)
+    assert "training rows" not in said and "2 mm: 0.03 N" in said
+
+
 def test_a_poor_network_is_not_told_that_its_sites_are_as_good_as_others():
     assert "help little" not in network_words(*tables(own=0.05), None)
