@@ -2,7 +2,7 @@
 
 usage: python benchmarks/networks.py [results/benchmark] [--seeds 1 2 3]
        [--networks unet unet-turned cnn paper paper-converged]
-       (one thread; the benchmark study: two minutes a seed for unet, eight for paper)
+       (one thread; the benchmark study: three minutes a seed for unet, eight for paper)
 
 Prints a Markdown table: medians over seeds, which also draw the validation orbits. `paper` takes as many steps as
 the study's rows allow in minutes, `paper-converged` those of the article.
