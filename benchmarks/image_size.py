@@ -1,7 +1,7 @@
 """What a smaller image costs the network and saves in time: features.image_scale and flow_preset on a finished study.
 
 usage: python benchmarks/image_size.py [results/benchmark] [--cases 1:fine 0.8:fine 0.5:full] [--seeds 1] [--work FOLDER]
-       (one thread; two to four minutes for the features of a case, two for a training; --work keeps features)
+       (one thread; two to four minutes for the features of a case, three for a training; --work keeps features)
 
 The features of every session are made anew for each case, image_scale:flow_preset; rows, labels and split are those of the
 study's shards. Prints a Markdown table: medians over seeds of the errors on the test rows, and CPU milliseconds in which one

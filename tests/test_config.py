@@ -123,7 +123,8 @@ def test_an_old_key_beside_the_new_one_is_refused(tmp_path, section):
         ({"mechanics": {"friction": -0.1}}, ["mechanics.friction", "-0.1", "greater than or equal to 0"]),
         ({"mechanics": {"mesh": {"near_mm": 0}}}, ["mechanics.mesh.near_mm", "0", "greater than 0"]),
         ({"dataset": {"test_fraction": 1.5}}, ["dataset.test_fraction", "1.5", "less than 1"]),
-        ({"learning": {"epochs": "many"}}, ["learning.epochs", "many"]),
+        ({"learning": {"steps": "many"}}, ["learning.steps", "many"]),
+        ({"learning": {"epochs": 60}}, ["learning.epochs", "unknown key; the keys here are", "steps"]),
         ({"study": "a b"}, ["study", "a b"]),
         ({"plan": {"grid": {"spacing_mm": 2}, "depths_mm": [1, 0.5]}}, ["plan", "must increase"]),
         ({"plan": {"grid": {"spacing_mm": 2}, "depths_mm": [2000.0]}}, ["2000.0", "press less deep"]),
@@ -137,7 +138,7 @@ def test_an_old_key_beside_the_new_one_is_refused(tmp_path, section):
             {"variants": {"v": {"sensor": {"flange": {"width_mm": -1, "height_mm": 1.5}}}}},
             ["variants.v: sensor.flange.width_mm", "-1", "greater than 0"],
         ),
-        ({"variants": {"v": {"learning": {"epochs": 3}}}}, ["variants.v.learning", "unknown key"]),
+        ({"variants": {"v": {"learning": {"steps": 3}}}}, ["variants.v.learning", "unknown key"]),
         ({"sensor": "config/sensors/none.yaml"}, ["config/sensors/none.yaml", "no such file"]),
     ],
 )

@@ -53,7 +53,7 @@ mechanics:
 sessions: [day, night]
 features: {regions: 8, moved_px: 0.05}
 dataset: {cells_per_shard: 4, test_fraction: 0.3}
-learning: {hidden: [32, 16], epochs: 5, validation_fraction: 0.3}
+learning: {hidden: [32, 16], steps: 5, validation_fraction: 0.3}
 mismatch: {sites: 4}
 """
 SENSOR = """\

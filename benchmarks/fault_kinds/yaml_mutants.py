@@ -14,7 +14,7 @@ from benchmarks.fault_kinds.table_mutants import Mutant
 Place = tuple[str | int, ...]
 # Keys whose numbers a person chooses freely within their range: another value is another choice, no mistake.
 CHOSEN = {
-    "seed", "nx", "ny", "regions", "moved_px", "cells_per_shard", "test_fraction", "hidden", "epochs", "samples",
+    "seed", "nx", "ny", "regions", "moved_px", "cells_per_shard", "test_fraction", "hidden", "steps", "samples",
     "validation_fraction", "sites", "depths", "friction", "bulk_to_shear", "share", "near_mm",
     "near_radius_mm", "far_mm", "noise", "stiffness_scatter", "particle_volume_fraction", "stiffness_factor",
     "stiffness_scale", "rotation_deg", "orientation_deg", "temperature_C", "sensor_age_days", "origin_mm", "alpha",

@@ -2,7 +2,7 @@
 # # Train and deploy
 #
 # The smallest study with images, from nothing to a network, its export to ONNX, and forces of images without PyTorch. Its recordings are SYNTHETIC
-# (a virtual lab draws them), its mesh is coarse, 9 positions are pressed and training lasts five epochs: the steps are those of a real study, **the forces
+# (a virtual lab draws them), its mesh is coarse, 9 positions are pressed and training takes five steps: the steps are those of a real study, **the forces
 # mean nothing**. What a real one reaches: [The network](../learning.md).
 
 # %%

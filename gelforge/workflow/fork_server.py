@@ -6,7 +6,8 @@ A job that starts Python, imports and loads compiled kernels, MKL or PyTorch spe
 Snakemake that runs jobs itself therefore starts one fork server (`started`). It loads what a command needs when that is
 first asked for, and forks for each job: the fork gets the job's arguments, working folder, environment, standard output and
 error. Where nobody answers, where loading failed, and where the sources have been edited since the server began to load,
-the job does the same in a process of its own.
+the job does the same in a process of its own. What a fork used stands in `usage_file`, for Snakemake's benchmark files
+(fork_usage.py).
 
 The job's side imports little, so that it starts in 20 ms.
 """
@@ -15,6 +16,7 @@ import json
 import os
 import signal
 import socket
+import struct
 import sys
 from functools import cache
 
@@ -41,6 +43,7 @@ IMPORTS = {
     "tables": "gelforge.learning.judging.evaluation",
 }
 NOBODY = "-"  # no address
+USAGE = struct.Struct("dd")  # CPU seconds and memory [MB], as a fork tells its job
 GRACE_S = 4.0  # that a job has to end after Ctrl-C; compiled code may not look up for longer
 COLLECT_S = 1.0  # how often forks that have ended are collected
 OPEN = 128  # jobs that may wait while the server loads
@@ -106,11 +109,29 @@ def ask(address: str, arguments: list[str]) -> int:
             signal.signal(number, handler)
         return -1
     if status := _read(connection, 4):
+        _keep_usage(address, _read(connection, USAGE.size))
         return int.from_bytes(status, "big")
     if passed:
         return 128 + passed[0]
     print("gelforge: the process was killed; if no memory was left, give the job more", file=sys.stderr)
     return 137
+
+
+def usage_file(address: str, pid: int) -> str:
+    """Return where the CPU seconds and the largest memory [MB] of a job stand, by the process that was started for it."""
+    return f"{address}.{pid}"
+
+
+def _keep_usage(address: str, usage: bytes) -> None:
+    """Write what the fork used; the process that was started is this one or the shell that started it."""
+    if not usage:
+        return
+    for pid in (os.getpid(), os.getppid()):
+        try:
+            with open(usage_file(address, pid), "w", encoding="ascii") as file:
+                print(*USAGE.unpack(usage), file=file)
+        except OSError:  # the Snakemake that would read it is no more
+            pass
 
 
 def _read(connection: socket.socket, count: int) -> bytes:
@@ -128,6 +149,7 @@ def _read(connection: socket.socket, count: int) -> bytes:
 def serve(address: str) -> None:
     """Fork for each job that asks, until standard input is closed: the Snakemake that started this is no more."""
     import selectors
+    import shutil
 
     from gelforge.cli import keep_compiled_kernels, open_without_locks
 
@@ -159,8 +181,7 @@ def serve(address: str) -> None:
         for opened in (*outputs, connection.detach()):
             os.close(opened)
     collect()
-    os.unlink(address)
-    os.rmdir(os.path.dirname(address))
+    shutil.rmtree(os.path.dirname(address), ignore_errors=True)
     os._exit(0)  # nothing that was loaded needs to be taken down in order
 
 
@@ -205,7 +226,7 @@ def collect() -> None:
 
 
 def run(connection: socket.socket, request: dict, outputs: list[int], code: str) -> int:
-    """Run one command in this fork, tell the job its exit status, and return it."""
+    """Run one command in this fork, tell the job its exit status and what it used, and return the status."""
     import threading
 
     from gelforge.cli import main
@@ -237,8 +258,17 @@ def run(connection: socket.socket, request: dict, outputs: list[int], code: str)
     sys.stdout.flush()
     sys.stderr.flush()
     signal.signal(signal.SIGTERM, signal.SIG_IGN)  # of `_end_with`, when the job has its answer
-    connection.sendall((status or 0).to_bytes(4, "big"))
+    connection.sendall((status or 0).to_bytes(4, "big") + _usage())
     return status or 0
+
+
+def _usage() -> bytes:
+    """Return the CPU seconds of this fork and its children, and the largest resident set of one of them [MB]."""
+    import resource
+
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    cpu_s = sum(one.ru_utime + one.ru_stime for one in used)
+    return USAGE.pack(cpu_s, max(one.ru_maxrss for one in used) / 1024)
 
 
 def _end_with(connection: socket.socket) -> None:

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 import pytest
+from field_case import study_file
 
 from gelforge.cli import main
 
@@ -39,7 +40,12 @@ def test_check_refuses_in_one_line(case, words, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(ROOT)  # the cases name their files from the project's root
     if not Path("../shared/field_cases").is_dir():
         pytest.skip("the cases' files are named from ../shared of the project")
-    assert main(["check", str(CASES / f"{case}.yaml"), "--picture", str(tmp_path / "p.png")]) == 1
+    assert (
+        main(
+            ["check", str(study_file(CASES / f"{case}.yaml", tmp_path)), "--picture", str(tmp_path / "p.png")]
+        )
+        == 1
+    )
     error = capfd.readouterr().err
     assert len(error.splitlines()) == 1 and error.startswith(
         ("gelforge: sensor: ", "gelforge: indenter: ", "gelforge: /", "gelforge: mat")

@@ -22,7 +22,7 @@ from gelforge.learning.training.adaptation import (
 from gelforge.learning.training.train import Run, train
 from gelforge.progress import show
 
-SMALL = {"network": "paper", "hidden": [24, 16, 12], "batch_size": 8, "epochs": 30, "learning_rate": 1e-3}
+SMALL = {"network": "paper", "hidden": [24, 16, 12], "batch_size": 8, "steps": 120, "learning_rate": 1e-3}
 
 
 @pytest.fixture(scope="module")

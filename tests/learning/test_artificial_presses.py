@@ -9,8 +9,8 @@ from gelforge.learning.judging.evaluation import baselines_table
 from gelforge.learning.judging.predictions import LearningSets, Predictions, predict_test_rows
 from gelforge.learning.training.train import Run, train
 
-PAPER = {"network": "paper", "hidden": [120, 100, 80], "learning_rate": 1e-3, "epochs": 50, "batch_size": 50}
-UNET = {"network": "unet", "channels": 8, "epochs": 25}
+PAPER = {"network": "paper", "hidden": [120, 100, 80], "learning_rate": 1e-3, "steps": 400, "batch_size": 50}
+UNET = {"network": "unet", "channels": 8, "steps": 300}
 
 
 @pytest.mark.thorough

@@ -36,7 +36,7 @@ def test_the_estimate_of_a_study_has_images_and_training_in_it():
     assert line.startswith("time       about ")
     assert "finite elements 2 minutes, images " in line and "training and prediction " in line
     parts = 120 + sum(map(costs.features, study.sessions)) / 2 + sum(map(costs.drawing, study.sessions)) / 2
-    parts += costs.training(size_mb) + costs.evaluation(size_mb)
+    parts += costs.training() + costs.evaluation(size_mb)
     assert f"about {parts / 60:.0f} minutes on two cores" in line
 
 

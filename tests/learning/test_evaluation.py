@@ -11,6 +11,7 @@ from gelforge.dataset.ranges import force_ranges_table, label_ranges
 from gelforge.dataset.schema import DatasetError
 from gelforge.dataset.shard import ShardDataset
 from gelforge.indentation.sensor.symmetry import D4, transform_points
+from gelforge.learning.basis.data import training_and_validation
 from gelforge.learning.judging.evaluation import (
     baselines_table,
     errors_by_table,
@@ -26,7 +27,7 @@ SMALL = {
     "network": "paper",
     "hidden": [24, 16, 12],
     "batch_size": 8,
-    "epochs": 30,
+    "steps": 120,
     "learning_rate": 1e-3,
     "validation_fraction": 0.2,
 }
@@ -67,6 +68,35 @@ def test_rmse_and_rmses_equal_a_double_loop(evaluated, error, only_contact):
     for axis, name in enumerate(("x_N", "y_N", "z_N")):
         assert row[name] == pytest.approx(naive_rmse(predicted, true, axis, only_contact), rel=1e-12)
     assert 0 < (true != 0).mean() < 1  # so that the two errors differ
+
+
+def test_the_error_on_training_rows_is_of_rows_that_trained_alone(evaluated):
+    """Here each indentation has one image, so that all training rows are asked, and none of those that monitor or test."""
+    shards, path = evaluated
+    rows, model = ShardDataset(shards, "train"), load_model(path.with_name("model.pt"))
+    training, _ = training_and_validation(rows, shards, study_of(regions=4, bins=5, **SMALL))
+    block = rows.read(training, ["feature", "force_distribution_N"])
+    with h5py.File(path) as file:
+        np.testing.assert_array_equal(file["training/true_N"], block["force_distribution_N"])
+    predicted, true = model.predict(block["feature"]), block["force_distribution_N"].astype(float)
+    row = rmse_table(Predictions(path)).set_index("error").loc["RMSES_TRAINING"]
+    for axis, name in enumerate(("x_N", "y_N", "z_N")):
+        # predictions are kept in single precision, and made in other blocks
+        assert row[name] == pytest.approx(naive_rmse(predicted, true, axis, True), rel=1e-5)
+
+
+def test_of_many_training_rows_some_are_asked_one_image_each(tmp_path, monkeypatch):
+    monkeypatch.setattr("gelforge.learning.judging.predictions.TRAINING_ROWS", 20)
+    study, rows = study_of(regions=4, bins=5, **SMALL | {"steps": 4}), small_rows()
+    twice = {name: np.repeat(values, 2, axis=0) for name, values in rows.items()}
+    shards = write_shards(tmp_path / "dataset", twice, study)
+    train(study, shards, tmp_path / "model.pt", tmp_path / "loss.csv", Run(threads=1))
+    sets = LearningSets.of(shards)
+    predict_test_rows(tmp_path / "model.pt", sets, study, tmp_path / "predictions.h5", threads=1)
+    with h5py.File(tmp_path / "predictions.h5") as file:
+        true = file["training/true_N"][()]
+    touched = true[true.any(axis=(1, 2))]
+    assert len(true) == 20 and len(np.unique(touched, axis=0)) == len(touched) > 1
 
 
 def test_errors_of_the_total_force(evaluated):
@@ -200,7 +230,7 @@ def test_coverage_of_a_model_with_intervals(evaluated, tmp_path):
 
 def test_a_training_without_validation_rows_can_be_evaluated(tmp_path):
     """Two orbits: one tests, one trains, none is left to monitor the loss or to choose a baseline by."""
-    study = study_of(regions=4, bins=5, **SMALL | {"epochs": 2})
+    study = study_of(regions=4, bins=5, **SMALL | {"steps": 8})
     shards = write_shards(tmp_path / "dataset", small_rows(cells=2), study)
     train(study, shards, tmp_path / "model.pt", tmp_path / "loss.csv", Run(threads=1))
     out = tmp_path / "predictions.h5"

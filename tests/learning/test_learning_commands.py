@@ -10,7 +10,7 @@ from gelforge.config import write_yaml
 from gelforge.learning.judging.predictions import LearningSets
 from gelforge.learning.training.train import Run, train
 
-SMALL = {"channels": 4, "batch_size": 8, "epochs": 2, "validation_fraction": 0.2}
+SMALL = {"channels": 4, "batch_size": 8, "steps": 8, "validation_fraction": 0.2}
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def raising(error):
     ids=["PyTorch", "NumPy", "CUDA", "CUDA's driver", "oneDNN"],
 )
 def test_a_training_without_memory_says_so(command, tmp_path, monkeypatch, fail, words):
-    monkeypatch.setattr("gelforge.learning.training.train.one_epoch", fail)
+    monkeypatch.setattr("gelforge.learning.training.train.one_pass", fail)
     code, said = command("train", "--model", tmp_path / "model.pt", "--loss", tmp_path / "loss.csv")
     line = said.strip().splitlines()[-1]
     assert code == 1
@@ -71,7 +71,7 @@ def test_a_training_without_memory_says_so(command, tmp_path, monkeypatch, fail,
 
 
 def test_another_error_of_pytorch_is_not_called_memory(command, tmp_path, monkeypatch):
-    monkeypatch.setattr("gelforge.learning.training.train.one_epoch", raising(RuntimeError("shapes differ")))
+    monkeypatch.setattr("gelforge.learning.training.train.one_pass", raising(RuntimeError("shapes differ")))
     with pytest.raises(RuntimeError, match="shapes differ"):
         command("train", "--model", tmp_path / "model.pt", "--loss", tmp_path / "loss.csv")
 
@@ -95,8 +95,8 @@ def test_a_model_of_the_study_is_evaluated_whether_it_is_exported_or_not(command
     [
         (lambda study: {"seed": 7}, "seed: 2 in the model, 7 in the study"),
         (
-            lambda study: {"learning": study.learning.model_copy(update={"epochs": 3})},
-            "learning.epochs: 2 in the model, 3 in the study",
+            lambda study: {"learning": study.learning.model_copy(update={"steps": 9})},
+            "learning.steps: 8 in the model, 9 in the study",
         ),
         (
             lambda study: {"features": study.features.model_copy(update={"moved_px": 0.1})},

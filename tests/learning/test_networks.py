@@ -61,17 +61,17 @@ def test_keys_of_another_network_are_refused():
 
 
 def test_what_is_left_open_is_usual_for_the_network():
-    assert Learning(network="paper").usual.epochs == 400
+    assert Learning(network="paper").usual.steps == 54_000
     assert Learning(network="paper").usual.batch_size == 400
-    assert Learning(network="paper", epochs=3).usual.epochs == 3
+    assert Learning(network="paper", steps=3).usual.steps == 3
     assert Learning().usual.learning_rate == 3e-3
     assert Learning.model_validate(Learning(network="paper", hidden=[9]).model_dump()).hidden == [9]
 
 
 def test_a_study_that_gives_widths_of_layers_means_the_papers_network():
-    assert Learning(hidden=[32, 16], epochs=5).network == "paper"
-    assert Learning(input_form="vector").usual.epochs == 400
-    assert Learning(epochs=5).network == "unet"
+    assert Learning(hidden=[32, 16], steps=5).network == "paper"
+    assert Learning(input_form="vector").usual.steps == 54_000
+    assert Learning(steps=5).network == "unet"
 
 
 def test_the_guides_example_is_a_network(tmp_path, monkeypatch):
@@ -83,6 +83,6 @@ def test_the_guides_example_is_a_network(tmp_path, monkeypatch):
     network = network_of("linear").make(Learning(), Grids(7, 5, 3), 1)
     assert network(torch.randn(2, 98)).shape == (2, 45)
     about = stated(file, "KEYS", "USUAL")
-    assert about == {"KEYS": ("symmetry",), "USUAL": {"learning_rate": 1e-3, "batch_size": 32, "epochs": 20}}
+    assert about == {"KEYS": ("symmetry",), "USUAL": {"learning_rate": 1e-3, "batch_size": 32, "steps": 2000}}
     with pytest.raises(TypeError, match=r"linear.py states no WORDS"):
         stated(file, "KEYS", "WORDS")

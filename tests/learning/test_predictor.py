@@ -14,7 +14,7 @@ from gelforge.recording.features import FlowFeatures
 from gelforge.recording.imaging.flow import ImageError, reduced
 from gelforge.recording.imaging.frames import Frame
 
-SMALL = {"network": "paper", "hidden": [24, 16, 12], "batch_size": 8, "epochs": 3, "validation_fraction": 0.2}
+SMALL = {"network": "paper", "hidden": [24, 16, 12], "batch_size": 8, "steps": 12, "validation_fraction": 0.2}
 
 
 @pytest.fixture(scope="module")

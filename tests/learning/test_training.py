@@ -15,20 +15,29 @@ from gelforge.learning.basis.data import (
     TactileRows,
     images_of_presses,
     measure_scaling,
+    one_of_each_press,
     positions_of,
     training_and_validation,
 )
 from gelforge.learning.basis.scaling import ModelError, Scaling
 from gelforge.learning.models.model_file import load_model, load_tensors, save_tensors
 from gelforge.learning.networks.paper import paper_network
-from gelforge.learning.training.train import CHECKPOINT_FORMAT, Run, mean_loss, plan_of, train
+from gelforge.learning.training.train import (
+    CHECKPOINT_FORMAT,
+    LAST_RATE,
+    WARM_UP,
+    Run,
+    mean_loss,
+    plan_of,
+    train,
+)
 
-QUIET = Run(threads=1, checkpoint_every=3)
+QUIET = Run(threads=1, checkpoint_every=12)
 SMALL = {
     "network": "paper",
     "hidden": [24, 16, 12],
     "batch_size": 8,
-    "epochs": 12,
+    "steps": 48,  # twelve passes
     "learning_rate": 1e-3,
     "validation_fraction": 0.2,
 }
@@ -109,7 +118,7 @@ def test_scaling_does_not_know_the_test_rows(study, tmp_path, form):
     others = write_shards(tmp_path / "b", rows, study)
     files = [tmp_path / side / "model.pt" for side in "ab"]
     short = study.model_copy(
-        update={"learning": study.learning.model_copy(update={"epochs": 2, "input_form": form})}
+        update={"learning": study.learning.model_copy(update={"steps": 8, "input_form": form})}
     )
     for paths, file in zip((shards, others), files):
         train(short, paths, file, file.with_name("loss.csv"), QUIET)
@@ -134,16 +143,17 @@ def test_no_cell_is_on_two_sides(study, shards):
 # --------------------------------------------------------------------------------------------------- runs
 @pytest.mark.parametrize("network", ["paper", "unet", "cnn"])
 def test_resumed_equals_uninterrupted(study, shards, tmp_path, network):
-    if network != "paper":
-        learning = Learning(network=network, channels=4, batch_size=8, epochs=12, validation_fraction=0.2)
-        study = study.model_copy(update={"learning": learning})
+    """The last pass is cut: it would end with step 48."""
+    given = {"channels": 4} if network != "paper" else {"hidden": [24, 16, 12]}
+    learning = Learning(network=network, batch_size=8, steps=46, validation_fraction=0.2, **given)
+    study = study.model_copy(update={"learning": learning})
     one, other = tmp_path / "one", tmp_path / "other"
     assert train(study, shards, one / "model.pt", one / "loss.csv", QUIET)
-    for done in (5, 10):
-        assert not train(study, shards, other / "model.pt", other / "loss.csv", replace(QUIET, stop_after=5))
+    for done in (20, 40):
+        assert not train(study, shards, other / "model.pt", other / "loss.csv", replace(QUIET, stop_after=18))
         assert not (other / "model.pt").exists()
         kept = load_tensors(other / "model.checkpoint.pt", CHECKPOINT_FORMAT)
-        assert len(kept["losses"]) == done, "it went on and did not begin again"
+        assert kept["losses"][-1][0] == done, "it went on to the end of a pass, and did not begin again"
         torch.rand(7)  # whatever else drew random numbers in between
     assert train(study, shards, other / "model.pt", other / "loss.csv", QUIET)
     assert (one / "loss.csv").read_bytes() == (other / "loss.csv").read_bytes()
@@ -155,7 +165,7 @@ def test_a_checkpoint_of_other_settings_or_a_damaged_one_is_not_used(study, shar
     fresh, other = tmp_path / "fresh", tmp_path / "other"
     train(study, shards, fresh / "model.pt", fresh / "loss.csv", QUIET)
     elsewhere = study.model_copy(update={"seed": 9})
-    train(elsewhere, shards, other / "model.pt", other / "loss.csv", replace(QUIET, stop_after=4))
+    train(elsewhere, shards, other / "model.pt", other / "loss.csv", replace(QUIET, stop_after=16))
     train(study, shards, other / "model.pt", other / "loss.csv", QUIET)
     assert (fresh / "model.pt").read_bytes() == (other / "model.pt").read_bytes()
     (other / "model.checkpoint.pt").write_bytes(b"half a file")
@@ -164,16 +174,16 @@ def test_a_checkpoint_of_other_settings_or_a_damaged_one_is_not_used(study, shar
 
 
 def test_a_step_size_that_diverges_is_named(study, shards, tmp_path):
-    wild = study.model_copy(update={"learning": Learning(channels=4, epochs=5, learning_rate=1e30)})
+    wild = study.model_copy(update={"learning": Learning(channels=4, steps=5, learning_rate=1e30)})
     with pytest.raises(ModelError, match=r"not finite; give a smaller learning\.learning_rate"):
         train(wild, shards, tmp_path / "model.pt", tmp_path / "loss.csv", QUIET)
 
 
 def test_the_loss_falls(study, shards, tmp_path):
-    longer = study.model_copy(update={"learning": study.learning.model_copy(update={"epochs": 150})})
+    longer = study.model_copy(update={"learning": study.learning.model_copy(update={"steps": 600})})
     train(longer, shards, tmp_path / "model.pt", tmp_path / "loss.csv", QUIET)
     loss = pd.read_csv(tmp_path / "loss.csv")
-    assert list(loss["epoch"]) == list(range(1, 151))
+    assert list(loss["step"]) == list(range(4, 601, 4))
     # the scaled training labels have variance 1, the loss of the training mean; dropout keeps a small network above 0.4
     assert loss["training"].iloc[-1] < 0.6
     assert loss["validation"].iloc[-1] < loss["validation"].iloc[0]
@@ -245,21 +255,21 @@ def test_two_trainings_give_the_same_bytes(study, shards, tmp_path, threads):
 
 # ------------------------------------------------------------------------------------------------ batches
 @pytest.mark.parametrize("buffer_rows", [1000, 128])
-def test_an_epoch_visits_every_row_once_in_its_own_order(study, tmp_path, buffer_rows):
+def test_a_pass_visits_every_row_once_in_its_own_order(study, tmp_path, buffer_rows):
     rows = ShardDataset(write_shards(tmp_path, small_rows(cells=80), study, shards=3), "train")
     index = np.arange(len(rows))
     scaling = measure_scaling(rows, index, "polar")
     batches = Batches(rows, index, scaling, 50, seed=1, buffer_rows=buffer_rows)
     everything = np.concatenate([x.numpy() for x, _ in batches.in_order()])
 
-    def epoch(number):
-        return np.concatenate([x.numpy() for x, _ in batches.epoch(number)])
+    def taken(number):
+        return np.concatenate([x.numpy() for x, _ in batches.of_pass(number)])
 
     for number in (0, 1):
-        np.testing.assert_array_equal(np.unique(epoch(number), axis=0), np.unique(everything, axis=0))
-        np.testing.assert_array_equal(epoch(number), epoch(number))
-    assert len(np.unique(everything, axis=0)) == len(rows) == len(epoch(0))
-    assert not np.array_equal(epoch(0), epoch(1))
+        np.testing.assert_array_equal(np.unique(taken(number), axis=0), np.unique(everything, axis=0))
+        np.testing.assert_array_equal(taken(number), taken(number))
+    assert len(np.unique(everything, axis=0)) == len(rows) == len(taken(0))
+    assert not np.array_equal(taken(0), taken(1))
     largest = max(
         len(inputs) for inputs, _, _ in batches._buffers(np.random.default_rng(0), np.arange(len(rows)))
     )
@@ -267,19 +277,18 @@ def test_an_epoch_visits_every_row_once_in_its_own_order(study, tmp_path, buffer
 
 
 @pytest.mark.parametrize("buffer_rows", [1000, 64])
-def test_an_epoch_takes_one_image_of_each_press_and_another_the_next_time(study, tmp_path, buffer_rows):
+def test_a_pass_takes_one_image_of_each_press_and_another_the_next_time(study, tmp_path, buffer_rows):
     rows = ShardDataset(write_shards(tmp_path, small_rows(cells=40), study, shards=2), "train")
     index, groups = np.arange(len(rows)), np.arange(len(rows)) // 4
     scaling = measure_scaling(rows, index, "vector")
     batches = Batches(rows, index, scaling, 7, seed=1, buffer_rows=buffer_rows, groups=groups)
     everything = np.concatenate([x.numpy() for x, _ in batches.in_order()])
-    epochs = [np.concatenate([x.numpy() for x, _ in batches.epoch(number)]) for number in (0, 1, 0)]
-    for taken in epochs:
+    passes = [np.concatenate([x.numpy() for x, _ in batches.of_pass(number)]) for number in (0, 1, 0)]
+    for taken in passes:
         where = [int(np.flatnonzero((everything == row).all(axis=1))[0]) for row in taken]
         assert sorted(np.array(where) // 4) == sorted(set(groups))
-    np.testing.assert_array_equal(epochs[0], epochs[2])
-    assert not np.array_equal(np.sort(epochs[0], axis=0), np.sort(epochs[1], axis=0))
-    assert sum(1 for _ in batches.epoch(0)) <= batches.steps()
+    np.testing.assert_array_equal(passes[0], passes[2])
+    assert not np.array_equal(np.sort(passes[0], axis=0), np.sort(passes[1], axis=0))
 
 
 def test_images_of_a_press_at_a_depth_are_one_group(study, shards):
@@ -290,28 +299,47 @@ def test_images_of_a_press_at_a_depth_are_one_group(study, shards):
     assert len(set(groups)) == len(set(keys)) == len(set(zip(groups, keys)))
 
 
-def test_the_model_is_that_of_the_best_epoch_and_patience_ends_it(study, shards, tmp_path):
-    """At this step size the validation loss soon grows again."""
-    fast = {"learning_rate": 0.3, "epochs": 30}
-    learning = study.learning.model_copy(update=fast)
-    patient = study.learning.model_copy(update=fast | {"patience": 5})
-    for name, chosen in (("all", learning), ("patient", patient)):
-        train(
-            study.model_copy(update={"learning": chosen}),
-            shards,
-            tmp_path / name / "model.pt",
-            tmp_path / name / "loss.csv",
-            QUIET,
+@pytest.mark.parametrize("steps", [1, 3, 50])
+def test_exactly_so_many_steps_are_taken(study, shards, tmp_path, steps):
+    counted = study.model_copy(update={"learning": study.learning.model_copy(update={"steps": steps})})
+    taken = []
+    with pytest.MonkeyPatch.context() as patch:
+        step = torch.optim.Adam.step
+        patch.setattr(
+            torch.optim.Adam, "step", lambda self: taken.append(self.param_groups[0]["lr"]) or step(self)
         )
-    losses = {name: pd.read_csv(tmp_path / name / "loss.csv", comment="#") for name in ("all", "patient")}
-    ended = losses["patient"]["validation"]
-    assert len(ended) == ended.idxmin() + 1 + 5 < len(losses["all"])
-    best = int(losses["all"]["validation"].idxmin())
+        train(counted, shards, tmp_path / "model.pt", tmp_path / "loss.csv", QUIET)
+    assert len(taken) == steps == pd.read_csv(tmp_path / "loss.csv", comment="#")["step"].iloc[-1]
+
+
+def test_the_step_size_rises_and_falls_over_all_steps(study, shards, tmp_path):
+    learning = Learning(channels=4, batch_size=8, steps=101, validation_fraction=0.2)
+    rates = []
+    with pytest.MonkeyPatch.context() as patch:
+        step = torch.optim.AdamW.step
+        patch.setattr(
+            torch.optim.AdamW, "step", lambda self: rates.append(self.param_groups[0]["lr"]) or step(self)
+        )
+        described = study.model_copy(update={"learning": learning})
+        train(described, shards, tmp_path / "model.pt", tmp_path / "loss.csv", QUIET)
+    largest = learning.usual.learning_rate
+    assert int(np.argmax(rates)) == round(100 * WARM_UP)
+    assert max(rates) == pytest.approx(largest)
+    assert rates[-1] == pytest.approx(LAST_RATE * largest)
+
+
+def test_the_model_is_that_of_the_last_step(study, shards, tmp_path):
+    """At this step size the validation loss soon grows again."""
+    learning = study.learning.model_copy(update={"learning_rate": 0.3, "steps": 120})
+    path = tmp_path / "model.pt"
+    train(study.model_copy(update={"learning": learning}), shards, path, tmp_path / "loss.csv", QUIET)
+    loss = pd.read_csv(tmp_path / "loss.csv", comment="#")["validation"]
     rows = ShardDataset(shards, "train")
-    model = load_model(tmp_path / "all/model.pt")
-    watched = Batches(rows, training_and_validation(rows, shards, study)[1], model.scaling, 64, seed=0)
-    assert mean_loss(model.network, watched) == pytest.approx(losses["all"]["validation"][best], rel=1e-5)
-    assert best < 29
+    model = load_model(path)
+    monitored = one_of_each_press(rows, training_and_validation(rows, shards, study)[1])
+    watched = Batches(rows, monitored, model.scaling, 64, seed=0)
+    assert mean_loss(model.network, watched) == pytest.approx(loss.iloc[-1], rel=1e-5)
+    assert loss.idxmin() < len(loss) - 1
 
 
 def test_drawn_indentations_are_turned_though_the_flow_follows_them_loosely(study, shards):

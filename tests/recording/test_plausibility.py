@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from field_case import study_file
 from generated_sessions import FORCE, Kind, generate
 from numpy.testing import assert_allclose
 
@@ -479,8 +480,8 @@ FIELD = {
 
 @pytest.mark.skipif(not CASES.is_dir(), reason=f"{CASES} is not here: inputs that people's reports suggested")
 @pytest.mark.parametrize("name", FIELD)
-def test_field_cases_give_their_right_answer(name):
-    study = load_study(CASES / name / "study.yaml")
+def test_field_cases_give_their_right_answer(name, tmp_path):
+    study = load_study(study_file(CASES / name / "study.yaml", tmp_path))
     try:
         recording = read_recording(CASES / name / "recordings" / "s1", plan_cells(study), study.sensor)
         said = recording.findings.lines("excluded")

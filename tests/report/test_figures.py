@@ -245,9 +245,12 @@ def test_sensor_figure_of_a_dome_shows_the_dome(whole):
     assert high > 23.0
 
 
-def test_loss_figure_marks_the_best_epoch():
-    loss = pd.DataFrame({"epoch": [1, 2, 3], "training": [1.0, 0.5, 0.2], "validation": [1.0, 0.6, 0.7]})
-    assert "best: epoch 2" in texts(loss_figure(loss))
+def test_loss_figure_shows_both_losses_over_steps():
+    loss = pd.DataFrame({"step": [8, 16, 20], "training": [1.0, 0.5, 0.2], "validation": [1.0, 0.6, 0.7]})
+    figure = loss_figure(loss)
+    for line, name in zip(figure.axes[0].lines, ("training", "validation")):
+        np.testing.assert_array_equal(line.get_xydata(), loss[["step", name]])
+    assert "optimiser step" in texts(figure)
 
 
 def test_stage_times_group_cells(tmp_path):

@@ -6,7 +6,7 @@ import pytest
 from gelforge.report.chapters.network_words import network_words
 
 
-def tables(own=0.004, ridge=0.016, wall=0.004, sessions=(0.004, 0.004), inside=0.9):
+def tables(own=0.004, ridge=0.016, wall=0.004, sessions=(0.004, 0.004), inside=0.9, trained=0.003):
     baselines = pd.DataFrame(
         {"predictor": ["network", "ridge", "training mean", "zero"], "RMSES_z_N": [own, ridge, 0.05, 0.06]}
     )
@@ -20,52 +20,70 @@ def tables(own=0.004, ridge=0.016, wall=0.004, sessions=(0.004, 0.004), inside=0
     names = [
         f"{kind}, {axis}: share inside the 90 % interval" for kind in ("bins", "totals") for axis in "xyz"
     ]
-    return baselines, by, pd.DataFrame({"quantity": names, "value": [inside] * 6})
+    errors = pd.DataFrame({"error": ["RMSES", "RMSES_TRAINING"], "z_N": [0.004, trained]})
+    return baselines, by, pd.DataFrame({"quantity": names, "value": [inside] * 6}), errors
 
 
-LOSS = pd.DataFrame({"epoch": [1, 2], "training": [1.0, 0.1], "validation": [1.0, 0.12]})
-OVERFITTED = LOSS.assign(validation=[1.0, 0.5])
+def losses(last):
+    """Return a loss that is 1, and `last` in the last tenth of a hundred steps."""
+    return pd.DataFrame({"step": range(1, 101), "training": [1.0] * 90 + [last] * 10})
 
 
 @pytest.mark.parametrize(
-    ("given", "loss", "words"),
+    ("given", "words"),
     [
-        ({}, LOSS, ["2 mm: 0.03 N", "nine in ten", "help little"]),
-        (
-            {"wall": 0.02},
-            LOSS,
-            ["is largest 0 to 6.4 mm from a wall: 20 mN", "More sites 0 to 6.4 mm from a wall"],
-        ),
-        ({"sessions": (0.004, 0.009)}, LOSS, ["session `day2` is unlike"]),
-        ({"inside": 0.7}, LOSS, ["70 % of the bins", "too narrow"]),
-        ({"inside": 0.953}, LOSS, ["nine in ten"]),
-        ({"inside": 0.99}, LOSS, ["wider than they need"]),
-        ({"inside": float("nan")}, LOSS, ["no intervals"]),
-        ({}, OVERFITTED, ["More sites would help", "5.0 times"]),
-        ({}, None, ["2 mm: 0.03 N"]),
+        ({}, ["2 mm: 0.03 N", "nine in ten", "help little"]),
+        ({"wall": 0.02}, ["is largest 0 to 6.4 mm from a wall: 20 mN", "More sites 0 to 6.4 mm from a wall"]),
+        ({"sessions": (0.004, 0.009)}, ["session `day2` is unlike"]),
+        ({"inside": 0.7}, ["70 % of the bins", "too narrow"]),
+        ({"inside": 0.953}, ["nine in ten"]),
+        ({"inside": 0.99}, ["wider than they need"]),
+        ({"inside": float("nan")}, ["no intervals"]),
+        ({"trained": 0.0008}, ["More sites would help", "5.0 times"]),
+        ({"trained": 0.0038}, ["1.05 times that on training rows", "Try more steps (learning.steps) first"]),
     ],
 )
-def test_the_network_in_a_paragraph(given, loss, words):
-    said = network_words(*tables(**given), loss)
+def test_the_network_in_a_paragraph(given, words):
+    said = network_words(*tables(**given), None)
     for word in words:
         assert word in said, said
+    assert ("more steps" in said) == (given == {"trained": 0.0038})
+    assert not ("more steps" in said and "help little" in said)
+
+
+@pytest.mark.parametrize(("last", "falls"), [(0.9, True), (0.94, True), (0.96, False), (1.1, False)])
+def test_a_loss_that_still_falls_is_told(last, falls):
+    said = network_words(*tables(), losses(last))
+    assert (f"still falling, by {100 * (1 - last):.0f} %" in said) == falls
+    assert ("more steps" in said) == falls
+
+
+def test_a_loss_of_two_passes_says_nothing():
+    assert "falling" not in network_words(*tables(), losses(0.5).iloc[[49, 99]])
 
 
 def test_without_a_pressed_row_nothing_is_said():
-    baselines, by, reliability = tables()
+    baselines, *others = tables()
     baselines["RMSES_z_N"] = float("nan")
-    assert "nothing can be said" in network_words(baselines, by, reliability, LOSS)
+    assert "nothing can be said" in network_words(baselines, *others, None)
 
 
-def test_a_loss_of_simulated_sites_says_nothing_of_recordings():
-    said = network_words(*tables(), OVERFITTED, only_simulated=True)
+@pytest.mark.parametrize("trained", [0.0008, 0.004])
+def test_errors_on_simulated_rows_say_nothing_of_recordings(trained):
+    said = network_words(*tables(trained=trained), None, only_simulated=True)
     assert "gelforge adapt" in said
-    assert "More sites" not in said
+    assert "More sites" not in said and "more steps" not in said
 
 
 def test_the_remedy_is_not_given_twice_where_the_parts_of_the_error_are_known():
-    assert "would help" not in network_words(*tables(wall=0.02), OVERFITTED, has_budget=True)
+    assert "would help" not in network_words(*tables(wall=0.02, trained=0.0008), None, has_budget=True)
+
+
+def test_a_table_without_training_rows_says_nothing_of_them():
+    baselines, by, reliability, errors = tables()
+    said = network_words(baselines, by, reliability, errors[errors["error"] == "RMSES"], None)
+    assert "training rows" not in said and "2 mm: 0.03 N" in said
 
 
 def test_a_poor_network_is_not_told_that_its_sites_are_as_good_as_others():
-    assert "help little" not in network_words(*tables(own=0.05), LOSS)
+    assert "help little" not in network_words(*tables(own=0.05), None)

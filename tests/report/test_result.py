@@ -82,7 +82,7 @@ def test_forces_of_bins_are_in_mN_and_totals_in_N(whole):
     results = StudyResults(*whole)
     table = lambda name: in_units_of_the_page(name, results.table(name))  # noqa: E731
     rmse = table("rmse").set_index("error")
-    assert list(rmse["unit"]) == ["mN", "mN", "N", "N"]
+    assert list(rmse["unit"]) == ["mN", "mN", "mN", "N", "N"]
     assert rmse.loc["RMSES", "z"] == pytest.approx(36) and rmse.loc["RMSET_FT", "z"] == pytest.approx(0.12)
     ranges = table("force_ranges").set_index("quantity")
     assert ranges.loc["force per bin", "z_min"] == pytest.approx(-140)

@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -10,9 +11,12 @@ from pathlib import Path
 
 import pytest
 from processes import ended
+from snakemake import benchmark
+from snakemake.shell import shell
 
 from gelforge import __version__
 from gelforge.workflow import fork_server
+from gelforge.workflow.fork_usage import measure_forks
 
 SCRIPT = Path(fork_server.__file__)
 # A server that loads nothing, and whose command is a line of Python.
@@ -126,6 +130,48 @@ def test_a_killed_fork_is_reported(start):
     done = job(start(), "import os; os.kill(os.getpid(), 9)")
     assert "the process was killed" in done.communicate()[1]
     assert done.returncode == 137
+
+
+BUSY = "import time; held = bytearray(150 << 20)\nwhile time.process_time() < {}: pass\nprint(time.process_time())"
+
+
+@pytest.mark.parametrize("prefix", ["", "A=1 ", ": ; "])
+def test_a_benchmark_record_states_what_the_fork_used(start, monkeypatch, tmp_path, prefix):
+    """As Snakemake runs a rule's command: the shell's process is what it measures."""
+    monkeypatch.setattr(benchmark, "benchmarked", benchmark.benchmarked)  # put back afterwards
+    address = start()
+    measure_forks(benchmark, address)
+    records = []
+    for seconds in (0.5, 0.1):
+        said = tmp_path / "said"
+        command = [sys.executable, "-I", "-S", str(SCRIPT), address, BUSY.format(seconds)]
+        records.append(benchmark.BenchmarkRecord())
+        shell(f"{prefix}{shlex.join(command)} &> {said}", bench_record=records[-1])
+        own = float(said.read_text())
+        assert own <= records[-1].cpu_time < own + 0.1  # what follows the last line
+    assert all(150 < record.max_rss < 1500 for record in records)
+    columns = dict(zip(benchmark.BenchmarkRecord.get_header(), records[0].to_tsv(False).split("\t")))
+    assert columns["cpu_time"] == f"{records[0].cpu_time:.2f}"
+    assert columns["max_vms"] == columns["io_in"] == "-"
+    assert float(columns["mean_load"]) == pytest.approx(
+        100 * records[0].cpu_time / records[0].running_time, abs=0.01
+    )
+
+
+def test_what_a_fork_used_is_found_by_a_job_that_its_shell_has_become(start):
+    address = start()
+    done = job(address, BUSY.format(0.1))
+    own = float(done.communicate()[0])
+    cpu_s, memory_MB = map(float, Path(fork_server.usage_file(address, done.pid)).read_text().split())
+    assert cpu_s >= own and memory_MB > 150
+
+
+def test_a_job_without_a_fork_is_measured_by_snakemake_alone(monkeypatch, tmp_path):
+    monkeypatch.setattr(benchmark, "benchmarked", benchmark.benchmarked)
+    measure_forks(benchmark, str(tmp_path / "nobody"))
+    record = benchmark.BenchmarkRecord()
+    shell(f"{sys.executable} -c 'import time; time.sleep(0.7)'", bench_record=record)
+    assert record.max_vms > 0
 
 
 def test_edited_sources_leave_the_job_its_own_process(start):

@@ -35,7 +35,7 @@ def test_the_study_exports_its_model_and_compares_it(finished):
 def test_the_key_decides_about_the_export_and_not_about_the_training(again):
     (again.folder / RESULTS / "model/model.onnx").unlink()
     off = again.jobs(
-        *TEST, "--config", "learning={onnx: false, channels: 8, epochs: 5, validation_fraction: 0.3}"
+        *TEST, "--config", "learning={onnx: false, channels: 8, steps: 5, validation_fraction: 0.3}"
     )
     assert not {"export", "onnx_check", "train"} & set(off)
     assert {"export": 1, "onnx_check": 1}.items() <= again.jobs(*TEST).items()

@@ -76,7 +76,7 @@ def test_deleted_tables_need_no_cell_and_no_training(again):
 def test_training_settings_rerun_training_and_what_follows(again):
     path = again.folder / "config/test.yaml"
     content = yaml.safe_load(path.read_text())
-    content["learning"]["epochs"] += 1
+    content["learning"]["steps"] += 1
     path.write_text(yaml.safe_dump(content))
     jobs = again.jobs(*TEST)
     assert LEARNING <= set(jobs)

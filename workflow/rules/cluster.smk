@@ -84,7 +84,7 @@ def drawing_seconds(wildcards, input, threads):
 
 
 def training_seconds(wildcards, input, threads):
-    return SHORT_S + costs().training(input.size_mb)
+    return SHORT_S + costs().training()
 
 
 def evaluation_seconds(wildcards, input, threads):

@@ -7,6 +7,7 @@ import sys
 from functools import cache
 from pathlib import Path
 
+from snakemake import benchmark
 from snakemake.exceptions import WorkflowError
 
 from gelforge.cli.extras import missing_for_onnx
@@ -27,6 +28,7 @@ from gelforge.indentation.planning.lattice import lattice_of, solved_site
 from gelforge.indentation.planning.plan import plan_cells, variant_cells
 from gelforge.synthesis.draws import shard_count, solution_count
 from gelforge.workflow import fork_server
+from gelforge.workflow.fork_usage import measure_forks
 
 
 def _described():
@@ -69,6 +71,7 @@ def run_in_forks():
     """Let the jobs of this Snakemake be forks of one process, instead of starting Python for each."""
     global _fork_server  # it ends with this process
     GELFORGE[-1], _fork_server = fork_server.started()
+    measure_forks(benchmark, GELFORGE[-1])
 
 
 if not workflow.is_main_process:  # the one inside a cluster's job: `onstart` runs in the user's own only

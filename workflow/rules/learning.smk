@@ -109,7 +109,8 @@ rule evaluate:
         source=source_digest(
             *(f"learning/models/{name}.py" for name in ("familiarity", "model_file", "reliability")),
             *(f"learning/judging/{name}.py" for name in ("baselines", "predictions", "true_motion")),
-            *("learning/basis/network.py", "learning/basis/scaling.py", "learning/networks"),
+            *(f"learning/basis/{name}.py" for name in ("data", "network", "scaling")),
+            "learning/networks",
             "dataset/splits.py",
         ),
         lab=[digest(LAB.model_dump(mode="json")), source_digest("virtual_lab", "recording")] if LAB else [],

@@ -87,16 +87,10 @@ class Learning(Section):
     batch_size: int | None = Field(
         None, ge=1, description="rows per step; null: the network's usual number (docs/learning.md) [-]"
     )
-    epochs: int | None = Field(
+    steps: int | None = Field(
         None,
         ge=1,
-        description="passes over the training rows (paper: over all images, else over one image of each indentation);"
-        " null: the network's usual number (docs/learning.md) [-]",
-    )
-    patience: int | None = Field(
-        None,
-        ge=1,
-        description="epochs without a better validation loss after which training ends; null: none [-]",
+        description="optimiser steps, each of a batch; null: the network's usual number (docs/learning.md) [-]",
     )
     validation_fraction: float = Field(
         0.1, gt=0, lt=1, description="share of training orbits on which the loss is monitored [-]"
@@ -147,4 +141,4 @@ class CompleteLearning(Learning):
 
     learning_rate: Positive
     batch_size: int
-    epochs: int
+    steps: int

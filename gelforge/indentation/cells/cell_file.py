@@ -155,7 +155,7 @@ def write_timings(path: str | Path, timings: Mapping) -> None:
 
 
 def peak_memory_MB() -> float:
-    """Return the largest resident set of this process so far; Snakemake does not see it of a fork (fork_server.py)."""
+    """Return the largest resident set of this process so far."""
     largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return largest / (2**20 if sys.platform == "darwin" else 1024)  # macOS counts bytes, Linux kilobytes
 

@@ -87,6 +87,16 @@ def images_of_presses(rows: ShardDataset, index: np.ndarray) -> np.ndarray:
     return np.concatenate([np.empty(0, int), *map(np.array, found)]).astype(int)
 
 
+def one_of_each_press(rows: ShardDataset, index: np.ndarray) -> np.ndarray:
+    """Return the first image of each indentation and depth among the rows index (n,), untouched ones too, in order."""
+    return index[np.unique(images_of_presses(rows, index), return_index=True)[1]]
+
+
+def at_most(index: np.ndarray, count: int, seed: int) -> np.ndarray:
+    """Return the rows index (n,), or a number of them drawn by seed, in order."""
+    return np.sort(np.random.default_rng(seed).permutation(index)[:count])
+
+
 def lie_of_images(rows: ShardDataset, index: np.ndarray, width_mm: np.ndarray) -> tuple[str, bool]:
     """Return how images lie on the sensor, by the deepest quarter of the rows index (n,); see image_on_sensor."""
     if not len(index):
@@ -156,11 +166,11 @@ def _blocks(
 
 
 class Batches:
-    """Shuffled batches of scaled inputs and targets, the same for the same seed and epoch.
+    """Shuffled batches of scaled inputs and targets, the same for the same seed and number of the pass.
 
-    Where all rows fit into the buffer they are read once and shuffled freely. Otherwise every epoch draws blocks of
+    Where all rows fit into the buffer they are read once and shuffled freely. Otherwise every pass draws blocks of
     consecutive rows in random order until the buffer is full, shuffles the buffer and empties it, and so on. Where rows
-    belong to groups (n,), an epoch takes one row of each, another one the next time.
+    belong to groups (n,), a pass takes one row of each, another one the next time.
     """
 
     def __init__(
@@ -177,19 +187,14 @@ class Batches:
         self.buffer_rows, self.groups = buffer_rows, groups
         self._whole: tuple[torch.Tensor, torch.Tensor] | None = None
 
-    def epoch(self, epoch: int) -> Iterator[tuple[torch.Tensor, torch.Tensor]]:
-        """Yield inputs (n, F) and targets (n, 3 B) of one epoch; the order depends on seed and epoch only."""
-        rng = np.random.default_rng([self.seed, epoch])
+    def of_pass(self, number: int) -> Iterator[tuple[torch.Tensor, torch.Tensor]]:
+        """Yield inputs (n, F) and targets (n, 3 B) of one pass; the order depends on seed and number only."""
+        rng = np.random.default_rng([self.seed, number])
         for inputs, targets, chosen in self._buffers(rng, self._drawn(rng)):
             order = torch.from_numpy(rng.permutation(chosen))
             for start in range(0, len(order), self.size):
                 batch = order[start : start + self.size]
                 yield inputs[batch], targets[batch]
-
-    def steps(self) -> int:
-        """Return an upper bound of the number of batches in an epoch."""
-        rows = len(self.index) if self.groups is None else len(np.unique(self.groups))
-        return -(-rows // self.size) + len(self.index) // self.buffer_rows
 
     def in_order(self) -> Iterator[tuple[torch.Tensor, torch.Tensor]]:
         """Yield all rows once, unshuffled."""
@@ -203,7 +208,7 @@ class Batches:
             yield self._read(self.index[start : start + self.size])
 
     def _drawn(self, rng: np.random.Generator) -> np.ndarray:
-        """Return the places in index of an epoch's rows, in order."""
+        """Return the places in index of a pass's rows, in order."""
         if self.groups is None:
             return np.arange(len(self.index))
         shuffled = rng.permutation(len(self.index))
@@ -212,7 +217,7 @@ class Batches:
     def _buffers(
         self, rng: np.random.Generator, drawn: np.ndarray
     ) -> Iterator[tuple[torch.Tensor, torch.Tensor, np.ndarray]]:
-        """Yield inputs and targets in memory, and which of them belong to the epoch."""
+        """Yield inputs and targets in memory, and which of them belong to the pass."""
         if len(self.index) <= self.buffer_rows:
             if self._whole is None:
                 self._whole = self._read(self.index)

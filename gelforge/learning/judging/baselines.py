@@ -15,7 +15,7 @@ from sklearn.linear_model import Ridge
 from sklearn.neighbors import KNeighborsRegressor
 
 from gelforge.dataset.shard import ShardDataset
-from gelforge.learning.basis.data import FEATURE, LABEL, images_of_presses
+from gelforge.learning.basis.data import FEATURE, LABEL, at_most, one_of_each_press
 from gelforge.learning.basis.scaling import Scaling
 from gelforge.learning.models.reliability import Zero, find_zero
 from gelforge.progress import tracked
@@ -69,8 +69,9 @@ def fit_baselines(
     all. The choice is that of the least mean squared error; zeros are found as `find_zero` does. grid: bins nx, ny, widths
     [mm].
     """
-    inputs, targets, _ = _read(rows, _one_of_each_press(rows, training, seed), scaling)
-    watched, wanted, untouched = _read(rows, _at_most(validation, MOST_WATCHED, seed), scaling)
+    learnt = at_most(one_of_each_press(rows, training), MOST_ROWS, seed)
+    inputs, targets, _ = _read(rows, learnt, scaling)
+    watched, wanted, untouched = _read(rows, at_most(validation, MOST_WATCHED, seed), scaling)
     for name, choices in tracked(_choices(inputs.shape[1]).items(), "baselines fitted"):
         fitted = [_fitted(choice, inputs, targets) for choice in choices]
         if not len(wanted):  # nothing to choose by
@@ -99,13 +100,3 @@ def _read(
         return np.empty((0, len(scaling.input_mean))), np.empty((0, 3 * bins)), np.empty(0, bool)
     block = rows.read(index, (FEATURE, LABEL, "untouched"))
     return scaling.inputs(block[FEATURE]), scaling.targets(block[LABEL]), block["untouched"]
-
-
-def _one_of_each_press(rows: ShardDataset, index: np.ndarray, seed: int) -> np.ndarray:
-    """Return one row of each indentation and depth among the rows index (n,), untouched ones too, at most MOST_ROWS."""
-    _, first = np.unique(images_of_presses(rows, index), return_index=True)
-    return _at_most(index[first], MOST_ROWS, seed)
-
-
-def _at_most(index: np.ndarray, count: int, seed: int) -> np.ndarray:
-    return np.sort(np.random.default_rng(seed).permutation(index)[:count])

@@ -18,9 +18,10 @@ def rmse_table(predictions: Predictions) -> pd.DataFrame:
     """Return RMSE, RMSES, RMSET_FEM and RMSET_FT [N] per axis (Sferrazza et al. 2019, section V-B, table 3).
 
     RMSE over all bins and rows; RMSES over the entries whose true force is not zero; RMSET over the rows' total forces,
-    against the sum of the true bins (FEM) or the readings (FT).
+    against the sum of the true bins (FEM) or the readings (FT). RMSES_TRAINING is RMSES over rows that trained the network.
     """
-    squares = {name: np.zeros(3) for name in ("RMSE", "RMSES", "RMSET_FEM", "RMSET_FT")}
+    names = ("RMSE", "RMSES", "RMSES_TRAINING", "RMSET_FEM", "RMSET_FT")
+    squares = {name: np.zeros(3) for name in names}
     counts = {name: np.zeros(3) for name in squares}
     for rows, predicted, true in predictions.blocks():
         difference = predicted - true
@@ -36,6 +37,10 @@ def rmse_table(predictions: Predictions) -> pd.DataFrame:
         ):
             squares[name] += (np.where(valid, values, 0.0).reshape(-1, 3) ** 2).sum(axis=0)
             counts[name] += valid.reshape(-1, 3).sum(axis=0)
+    for predicted, true in predictions.blocks_of_training():
+        contact = true != 0
+        squares["RMSES_TRAINING"] += np.where(contact, (predicted - true) ** 2, 0.0).sum(axis=(0, 1))
+        counts["RMSES_TRAINING"] += contact.sum(axis=(0, 1))
     errors = [(name, *np.sqrt(_ratio(squares[name], counts[name]))) for name in squares]
     return pd.DataFrame(errors, columns=["error", *AXES])
 

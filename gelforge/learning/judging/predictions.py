@@ -1,4 +1,4 @@
-"""Predictions of the held-out cells: by the network and by the baselines, beside the labels."""
+"""Predictions of the held-out cells, by the network and by the baselines, and of rows it was trained on, beside labels."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ from gelforge.hdf5 import opened, writing
 from gelforge.learning.basis.data import (
     FEATURE,
     LABEL,
+    at_most,
     measure_scaling,
+    one_of_each_press,
     positions_of,
     training_and_validation,
 )
@@ -30,8 +32,9 @@ from gelforge.learning.models.model_file import Model, load_model
 from gelforge.learning.models.views import check_same_images, views_of
 from gelforge.progress import tracked
 
-FORMAT = "gelforge-predictions-4"
+FORMAT = "gelforge-predictions-5"
 BLOCK = 256  # rows in memory at a time
+TRAINING_ROWS = 2000  # at most, whose error stands beside that of test rows
 KEPT = (
     *("cell", "session", "press", "image_index", "position_mm", "depth_mm", "total_force_ft_N"),
     *("untouched", "phase", "total_force_fem_sigma_N"),
@@ -62,7 +65,8 @@ def predict_test_rows(
 ) -> int:
     """Write the predictions of every row that tests, the network's and the baselines', and return how many rows.
 
-    The baselines are fitted here, on the rows that the network was trained on. truth: of the recordings, where a virtual lab
+    The network's of rows that it was trained on are written too: one image of each indentation, at most TRAINING_ROWS. The
+    baselines are fitted here, on the rows that the network was trained on. truth: of the recordings, where a virtual lab
     made them.
     """
     torch.set_num_threads(threads)
@@ -85,10 +89,12 @@ def predict_test_rows(
         ):
             _create(file, name, values.shape, "f8", "N")[...] = values
         _write_rows(file, rows, model, bins)
+        sides = training_and_validation(learnt, learnt.paths, study)
+        _write_training_rows(file, learnt, sides[0], model, study.seed)
         trained = np.array(list(positions_of(learnt).values()))
         away = nearest_mm(file["position_mm"][()], trained, study.sensor)
         _create(file, "nearest_training_mm", away.shape, "f8", "mm")[...] = away
-        for baseline in _baselines(study, learnt, model, grid):
+        for baseline in _baselines(learnt, *sides, model, grid, study.seed):
             _write_baseline(file, rows, baseline, bins)
         if truth:
             own = [path for path in sets.learnt if path in sets.tested]
@@ -132,13 +138,29 @@ def _indenter(about: dict) -> str:
     return about.get("kind") or about.get("indenter") or ""
 
 
-def _baselines(study: Study, rows: ShardDataset, model: Model, grid: tuple) -> Iterator[Baseline]:
+def _write_training_rows(
+    file: h5py.File, rows: ShardDataset, training: np.ndarray, model: Model, seed: int
+) -> None:
+    """Write what the network says of rows among those that it was trained on (n,), beside the labels."""
+    index = at_most(one_of_each_press(rows, training), TRAINING_ROWS, seed)
+    shape = len(index), *model.scaling.output_mean.shape
+    for name in (OF_TRAINING["predicted"], OF_TRAINING["true"]):
+        _create(file, name, shape, "f4", "N", chunks=(1, *shape[1:]))
+    for start in range(0, len(index), BLOCK):
+        block = rows.read(index[start : start + BLOCK], (FEATURE, LABEL))
+        place = slice(start, start + len(block[LABEL]))
+        file[OF_TRAINING["predicted"]][place] = model.predict(block[FEATURE])
+        file[OF_TRAINING["true"]][place] = block[LABEL]
+
+
+def _baselines(
+    rows: ShardDataset, training: np.ndarray, validation: np.ndarray, model: Model, grid: tuple, seed: int
+) -> Iterator[Baseline]:
     """Yield the baselines, with the network's inputs and targets, or the flow's components where it has others."""
-    training, validation = training_and_validation(rows, rows.paths, study)
     scaling = model.scaling
     if scaling.form != "vector":
         scaling = measure_scaling(rows, training, "vector", centred=False)
-    yield from fit_baselines(rows, training, validation, scaling, grid, study.seed)
+    yield from fit_baselines(rows, training, validation, scaling, grid, seed)
 
 
 def _write_baseline(file: h5py.File, rows: ShardDataset, baseline: Baseline, bins: int) -> None:
@@ -152,6 +174,7 @@ def _write_baseline(file: h5py.File, rows: ShardDataset, baseline: Baseline, bin
 
 INTERVALS_OF_BINS = ("bin_half_N", "bin_half_true_N")
 INTERVALS_OF_TOTALS = ("total_half_N", "total_half_true_N")
+OF_TRAINING = {"predicted": "training/predicted_N", "true": "training/true_N"}
 _DESCRIPTIONS = {
     "predicted_N": "force distribution predicted by the network (N, B, 3)",
     "true_N": "force distribution of the finite-element model, the label (N, B, 3)",
@@ -162,6 +185,8 @@ _DESCRIPTIONS = {
     "indenter": "the indenter in words, or the kind of a drawn one (N)",
     "nearest_training_mm": "distance to the nearest training site, or to one of its mirror images (N)",
     "unlike": "how unlike the training images the row's is, beyond 1 flagged; NaN: not known (N)",
+    OF_TRAINING["predicted"]: "force distribution predicted of rows that trained the network (M, B, 3)",
+    OF_TRAINING["true"]: "their labels (M, B, 3)",
     "training_mean_N": "mean label over the touched training rows (B, 3)",
     "label_range_N": "range of all labels: per bin and in total; least and greatest; axis (2, 2, 3)",
 }
@@ -223,11 +248,17 @@ class Predictions:
         for rows, predicted, true in self.columns(name, "true_N"):
             yield rows, predicted.astype(float), true.astype(float)
 
+    def blocks_of_training(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Yield predicted and true distributions (n, B, 3) [N] of rows that trained the network."""
+        for _, predicted, true in self.columns(OF_TRAINING["predicted"], OF_TRAINING["true"]):
+            yield predicted.astype(float), true.astype(float)
+
     def columns(self, *names: str) -> Iterator[tuple]:
         """Yield rows and named datasets of them, a block at a time."""
         with self._open() as file:
-            for start in range(0, len(self.untouched), BLOCK):
-                rows = slice(start, min(start + BLOCK, len(self.untouched)))
+            count = len(file[names[0]])
+            for start in range(0, count, BLOCK):
+                rows = slice(start, min(start + BLOCK, count))
                 yield rows, *(file[name][rows] for name in names)
 
     def _open(self) -> h5py.File:

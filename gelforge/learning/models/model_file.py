@@ -19,7 +19,7 @@ from gelforge.learning.models.familiarity import Familiar
 from gelforge.learning.models.reliability import Intervals, Zero
 from gelforge.learning.networks import make_network
 
-FORMAT = "gelforge-model-3"
+FORMAT = "gelforge-model-4"
 # settings that decide a training, by their names in a study; shards have a digest, and views are theirs
 DECIDING = {
     **{name: name for name in ("seed", "features", "dataset", "learning")},

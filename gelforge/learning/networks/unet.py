@@ -9,7 +9,7 @@ from torch.nn import functional
 from gelforge.learning.basis.network import Grids, Network, OnGrids, block, resized, seeded
 
 KEYS = ("channels", "symmetry")
-USUAL = {"learning_rate": 3e-3, "batch_size": 32, "epochs": 35}
+USUAL = {"learning_rate": 3e-3, "batch_size": 32, "steps": 6000}
 
 
 class UNet(OnGrids):

@@ -1,10 +1,11 @@
-"""Training: Adam on the mean squared error, the best epoch by validation, with checkpoints to go on from."""
+"""Training: Adam on the mean squared error for a number of steps, with checkpoints to go on from."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from gelforge.learning.basis.data import (
     images_of_presses,
     lie_of_images,
     measure_scaling,
+    one_of_each_press,
     orbits_of,
     training_and_validation,
 )
@@ -37,7 +39,7 @@ from gelforge.learning.networks import make_network, network_of
 from gelforge.progress import Progress
 
 USUAL_THREADS = {"paper": 2}
-CHECKPOINT_FORMAT = "gelforge-checkpoint-2"
+CHECKPOINT_FORMAT = "gelforge-checkpoint-3"
 WARM_UP = 0.15  # share of the steps in which the step size grows
 LAST_RATE = 1e-3  # of the largest step size, at the end
 WEIGHT_DECAY = 1e-4
@@ -52,9 +54,9 @@ class Run:
     # of torch, sums of another number of threads differ in rounding; None: two for the article's wide layers, one for small
     # networks, whose second thread gains little and waits in a loop where other work has the core
     threads: int | None = None
-    checkpoint_every: int = 20  # epochs
+    checkpoint_every: int = 500  # steps, at the end of the pass in which they are reached
     buffer_rows: int = BUFFER_ROWS
-    stop_after: int | None = None  # epochs in this run; the next run goes on from there
+    stop_after: int | None = None  # steps in this run, likewise; the next run goes on from there
 
 
 @contextmanager
@@ -91,13 +93,15 @@ def train(
     loss_path: str | Path,
     run: Run = Run(),
 ) -> bool:
-    """Train the study's network and write model.pt and loss.csv; return False if the run stopped before the last epoch.
+    """Train the study's network and write model.pt and loss.csv; return False if the run stopped before the last step.
 
-    A checkpoint `<model>.checkpoint.pt` beside the model holds weights, the best weights, Adam's moments and losses; random
-    numbers depend on seed and epoch only. A run that finds one of the same settings and shards goes on from it, with the
-    same result as an uninterrupted run on the same machine and number of threads; one of other settings is discarded. It is
-    removed at the end. The model is that of the epoch whose validation loss is least; thresholds and intervals are found on
-    the validation rows too, whose orbits are neither trained on nor tested.
+    Passes over the training rows follow one another until `learning.steps` are taken; the last one is cut there. The model
+    has the weights of the last step. Validation rows decide none of this: their loss is recorded, and thresholds and
+    intervals are found on them. Their orbits are neither trained on nor tested.
+
+    A checkpoint `<model>.checkpoint.pt` beside the model holds weights, Adam's moments and losses; random numbers depend on
+    seed and pass only. A run that finds one of the same settings and shards goes on from it, with the same result as an
+    uninterrupted run on the same machine and number of threads; one of other settings is discarded. The last run removes it.
     """
     _check_has_images(shards)
     torch.set_num_threads(run.threads or USUAL_THREADS.get(study.learning.network, 1))
@@ -110,38 +114,34 @@ def train(
     learning = plan.learning
     network = make_network(learning, plan.grids, study.seed)
     adam = _optimiser(network, learning)
-    losses, best = _resume(checkpoint_path, settings, network, adam)
+    losses = _resume(checkpoint_path, settings, network, adam)
     groups = None if plan.as_article else images_of_presses(rows, training)
     batches = Batches(rows, training, scaling, learning.batch_size, study.seed, run.buffer_rows, groups)
-    watched = Batches(rows, validation, scaling, max(learning.batch_size, 256), study.seed, run.buffer_rows)
+    monitored = one_of_each_press(rows, validation)
+    watched = Batches(rows, monitored, scaling, max(learning.batch_size, 256), study.seed, run.buffer_rows)
 
-    last = min(learning.epochs, len(losses) + run.stop_after) if run.stop_after else learning.epochs
-    finished = _out_of_patience(losses, learning.patience)
-    with Progress("epochs", last, len(losses)) as progress:
-        for epoch in range(len(losses), last) if not finished else ():
-            training_loss = one_epoch(network, adam, batches, epoch, plan)
+    done = losses[-1][0] if losses else 0
+    stop = min(learning.steps, done + run.stop_after) if run.stop_after else learning.steps
+    with Progress("steps", learning.steps, done) as progress:
+        while done < stop:
+            before = done
+            done, training_loss = one_pass(network, adam, batches, len(losses), done, plan)
             if not np.isfinite(training_loss):
                 raise ModelError(
-                    f"the training loss of epoch {epoch + 1} is not finite; give a smaller learning.learning_rate "
+                    f"the training loss up to step {done} is not finite; give a smaller learning.learning_rate "
                     f"(now {learning.learning_rate:g}), and check the features"
                 )
-            losses.append((epoch + 1, training_loss, mean_loss(network, watched)))
-            if _best_epoch(losses) == epoch + 1:
-                best = {name: values.clone() for name, values in network.state_dict().items()}
-            progress.advance(note=f"loss {losses[-1][1]:.4f}, of validation {losses[-1][2]:.4f}")
-            finished = _out_of_patience(losses, learning.patience)
-            if (epoch + 1) % run.checkpoint_every == 0 or epoch + 1 == last or finished:
-                _save_checkpoint(checkpoint_path, settings, network, adam, losses, best)
-            if finished:
-                break
-    if last < learning.epochs and not finished:
+            losses.append((done, training_loss, mean_loss(network, watched)))
+            progress.advance(done - before, f"loss {losses[-1][1]:.4f}, of validation {losses[-1][2]:.4f}")
+            if done >= stop or done // run.checkpoint_every > before // run.checkpoint_every:
+                _save_checkpoint(checkpoint_path, settings, network, adam, losses)
+    if done < learning.steps:
         rows.close()
         return False
-    network.load_state_dict(best)
     model = Model(network, scaling, settings)
     model = _with_reliability(model, rows, training, validation, orbits_of(shards))
     rows.close()
-    columns = ["epoch", "training", "validation"]
+    columns = ["step", "training", "validation"]
     write_product_table(loss_path, pd.DataFrame(losses, columns=columns), "%.9g")
     save_model(model_path, model)
     checkpoint_path.unlink(missing_ok=True)
@@ -175,11 +175,11 @@ def _optimiser(network: torch.nn.Module, learning: CompleteLearning) -> torch.op
     return torch.optim.AdamW(network.parameters(), lr=learning.learning_rate, weight_decay=WEIGHT_DECAY)
 
 
-def _rate(learning: CompleteLearning, step: int, steps: int) -> float:
+def _rate(learning: CompleteLearning, step: int) -> float:
     """Return the step size: steady for the article's network, else up along a line and down along a cosine."""
     if network_of(learning.network).as_article:
         return learning.learning_rate
-    done = step / max(steps - 1, 1)
+    done = step / max(learning.steps - 1, 1)
     if done < WARM_UP:
         return learning.learning_rate * max(done / WARM_UP, 0.04)
     fallen = 0.5 + 0.5 * np.cos(np.pi * (done - WARM_UP) / (1 - WARM_UP))
@@ -188,26 +188,32 @@ def _rate(learning: CompleteLearning, step: int, steps: int) -> float:
     )  # a plain number: it is saved
 
 
-def one_epoch(
-    network: torch.nn.Module, adam: torch.optim.Optimizer, batches: Batches, epoch: int, plan: Plan
-) -> float:
-    """Take one pass over the training rows and return the mean loss, with dropout, per row."""
+def one_pass(
+    network: torch.nn.Module,
+    adam: torch.optim.Optimizer,
+    batches: Batches,
+    number: int,
+    done: int,
+    plan: Plan,
+) -> tuple[int, float]:
+    """Take a pass over the training rows after `done` steps, cut at the last one; return steps done and mean loss by row."""
     network.train()
-    # dropout's masks depend on seed and epoch only, so that a resumed run draws what an uninterrupted one does
-    torch.manual_seed(int(np.random.SeedSequence([batches.seed, epoch]).generate_state(1)[0]))
-    rng, turner = np.random.default_rng([batches.seed, epoch, 1]), Turner(plan.turns, *plan.grids)
-    total, count, steps = 0.0, 0, batches.steps()
-    for number, (inputs, targets) in enumerate(batches.epoch(epoch)):
+    # dropout's masks depend on seed and pass only, so that a resumed run draws what an uninterrupted one does
+    torch.manual_seed(int(np.random.SeedSequence([batches.seed, number]).generate_state(1)[0]))
+    rng, turner = np.random.default_rng([batches.seed, number, 1]), Turner(plan.turns, *plan.grids)
+    total, count = 0.0, 0
+    for inputs, targets in islice(batches.of_pass(number), plan.learning.steps - done):
         for group in adam.param_groups:
-            group["lr"] = _rate(plan.learning, epoch * steps + number, plan.learning.epochs * steps)
+            group["lr"] = _rate(plan.learning, done)
         if len(plan.turns) > 1:
             inputs, targets = turner(rng.integers(len(plan.turns), size=len(inputs)), inputs, targets)
         adam.zero_grad(set_to_none=True)
         loss = torch.nn.functional.mse_loss(network(inputs), targets)
         loss.backward()
         adam.step()
+        done += 1
         total, count = total + loss.item() * len(inputs), count + len(inputs)
-    return total / count
+    return done, total / count
 
 
 def mean_loss(network: torch.nn.Module, batches: Batches) -> float:
@@ -219,16 +225,6 @@ def mean_loss(network: torch.nn.Module, batches: Batches) -> float:
             total += torch.nn.functional.mse_loss(network(inputs), targets).item() * len(inputs)
             count += len(inputs)
     return total / count if count else float("nan")
-
-
-def _best_epoch(losses: list[tuple]) -> int:
-    """Return the number, from 1, of the epoch of the least validation loss; the last one without validation rows."""
-    validation = [row[2] for row in losses]
-    return len(losses) if np.isnan(validation).all() else int(np.nanargmin(validation)) + 1
-
-
-def _out_of_patience(losses: list[tuple], patience: int | None) -> bool:
-    return bool(losses) and patience is not None and len(losses) - _best_epoch(losses) >= patience
 
 
 def _with_reliability(
@@ -298,31 +294,27 @@ def model_settings(study: Study, shards: Sequence[str | Path]) -> dict:
     }
 
 
-def _save_checkpoint(
-    path: Path, settings: dict, network, adam, losses: list[tuple], best: dict[str, torch.Tensor]
-) -> None:
+def _save_checkpoint(path: Path, settings: dict, network, adam, losses: list[tuple]) -> None:
     content = {
         "format": CHECKPOINT_FORMAT,
         "settings": settings,
         "weights": network.state_dict(),
-        "best": best,
         "adam": adam.state_dict(),
         "losses": [list(row) for row in losses],
     }
     save_tensors(path, content)
 
 
-def _resume(path: Path, settings: dict, network, adam) -> tuple[list[tuple], dict[str, torch.Tensor]]:
-    """Load a checkpoint of the same settings into network and optimiser; return the losses so far and the best weights."""
+def _resume(path: Path, settings: dict, network, adam) -> list[tuple[int, float, float]]:
+    """Load a checkpoint of the same settings into network and optimiser; return the losses so far."""
     if not path.is_file():
-        return [], {}
+        return []
     try:
         content = load_tensors(path, CHECKPOINT_FORMAT)
     except ModelError:  # a checkpoint is a convenience; a damaged one costs time, not the run
-        return [], {}
+        return []
     if content["settings"] != settings:
-        return [], {}
+        return []
     network.load_state_dict(content["weights"])
     adam.load_state_dict(content["adam"])
-    losses = [(int(epoch), training, validation) for epoch, training, validation in content["losses"]]
-    return losses, content["best"]
+    return [(int(step), training, validation) for step, training, validation in content["losses"]]

@@ -75,7 +75,7 @@ def predictions(results: StudyResults) -> Chapter:
     tell_budget(chapter, results)
     if results.loss is not None:
         chapter.show(
-            "Loss of training rows and of validation sites; the weights are those of the best epoch. A validation curve far"
+            "Loss of training rows and of validation sites; the weights are those of the last step. A validation curve far"
             " above the other means overfitting.",
             loss_figure(results.loss),
         )
@@ -105,12 +105,13 @@ def predictions(results: StudyResults) -> Chapter:
 
 def _say_how_good(chapter: Chapter, results: StudyResults) -> None:
     """Say in a paragraph and a figure how good the network is, where its tables are there."""
-    tables = [results.table(name) for name in ("baselines", "errors_by", "reliability")]
+    tables = [results.table(name) for name in ("baselines", "errors_by", "reliability", "rmse")]
     if any(table is None for table in tables):
         return
-    baselines, by, reliability = tables
+    baselines, by, *_ = tables
+    steady = results.loss if results.study.learning.network == "paper" else None
     has_budget = results.table("error_budget") is not None
-    chapter.say(network_words(baselines, by, reliability, results.loss, _only_simulated(results), has_budget))
+    chapter.say(network_words(*tables, steady, _only_simulated(results), has_budget))
     chapter.show(
         "RMSES on held-out sites, the rms error over the bins whose label is not zero, of the vertical force: the network"
         " and its baselines, and the network by depth, distance from the nearest wall and session.",
@@ -154,7 +155,8 @@ def _show_map(chapter: Chapter, results: StudyResults, row: int, place: str) -> 
 
 
 TABLES = {
-    "rmse": "Errors of the network on held-out sites, rms{with the paper's (another sensor, 13,448 indentations)}.",
+    "rmse": "Errors of the network on held-out sites, and on rows that it was trained on, rms{with the paper's (another"
+    " sensor, 13,448 indentations)}.",
     "baselines": "The network and baselines on the same rows and inputs: ridge, kernel ridge, nearest neighbours, the"
     " mean label of training, no force at all. RMSES: rms error of the bins whose label is not zero; total Fz: rms error of"
     " the sum over bins.",

@@ -8,6 +8,7 @@ IN_BINS = ("RMSES_", "bins_")  # columns of forces of a bin begin so
 MEANS = {  # the errors of the table rmse, and whether they are of a bin
     "RMSE": ("all bins, pressed or not", True),
     "RMSES": ("bins whose label is not zero: those that are pressed", True),
+    "RMSES_TRAINING": ("the same, on rows that the network was trained on", True),
     "RMSET_FEM": ("total force, the sum of the predicted bins, against that of the label (FEM)", False),
     "RMSET_FT": ("the same against the reading of the force/torque sensor (F/T)", False),
 }

@@ -19,8 +19,8 @@ def stage_times(results: str | Path, cells: set[str], truth: Path | None = None)
     """Return one row per stage: stage, jobs, total_s, longest_s, memory_MB (largest resident set of a job).
 
     A file benchmarks/<stage>/<job>.tsv of the results belongs to <stage>; benchmarks/<job>.tsv is a stage of its own, or
-    one of the sites if it bears a site's name. truth: the folder of a virtual lab's sites. Where a job is a fork, Snakemake
-    measures the process that waits for it, which says nothing: of sites their own files say it, of others nothing does.
+    one of the sites if it bears a site's name. truth: the folder of a virtual lab's sites. Where a file has the memory of no
+    more than the process that waited for a fork, a site's own file says it.
     """
     folder = Path(results) / "benchmarks"
     rows = []

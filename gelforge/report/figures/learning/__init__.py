@@ -1,1 +1,1 @@
-"""What was learnt: the loss over epochs, errors of predictions."""
+"""What was learnt: the loss over steps, errors of predictions."""
