@@ -45,6 +45,7 @@ rule train:
         manifest=[] if ONLY_SIMULATED else f"{RESULTS}/dataset/manifest.json",
         shards=[] if ONLY_SIMULATED else expand(f"{RESULTS}/dataset/shard-{{shard}}.h5", shard=SHARDS),
         simulated=SYNTHETIC,
+        laws=law_files(),
     output:
         model=ensure(f"{RESULTS}/model/model.pt", non_empty=True),
         loss=ensure(f"{RESULTS}/model/loss.csv", non_empty=True),
@@ -63,6 +64,7 @@ rule train:
             *(f"learning/basis/{name}.py" for name in ("data", "network", "scaling", "turns")),
             *(
                 "learning/networks",
+                "learning/elasticity",
                 "learning/training/train.py",
                 "learning/models/model_file.py",
                 "learning/models/reliability.py",

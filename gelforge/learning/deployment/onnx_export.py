@@ -30,6 +30,8 @@ from gelforge.learning.deployment.onnx_model import (
     OnnxModel,
     model_of,
 )
+from gelforge.learning.elasticity.inverse import Inverse
+from gelforge.learning.elasticity.unrolled import Unrolled
 from gelforge.learning.models.familiarity import Familiar
 from gelforge.learning.models.model_file import LARGEST_OUTPUT, Model, load_model
 
@@ -53,8 +55,12 @@ class FeaturesToNewtons(nn.Module):
     places: torch.Tensor
     plane: torch.Tensor
 
-    def __init__(self, network: nn.Module, scaling: Scaling, familiar: Familiar | None):
+    def __init__(
+        self, network: nn.Module, scaling: Scaling, familiar: Familiar | None, inverse: Inverse | None = None
+    ):
+        """inverse: whose forces the network reads."""
         super().__init__()
+        self.inverse = Unrolled(inverse) if inverse else None
         self.network, self.form, self.turn = network, scaling.form, scaling.turn
         half = len(scaling.input_mean) // 2
         n = round(half**0.5)
@@ -70,15 +76,20 @@ class FeaturesToNewtons(nn.Module):
             self.register_buffer("plane", torch.tensor(D4[self.turn], dtype=torch.float32))
 
     def forward(self, features: torch.Tensor) -> tuple[torch.Tensor, ...]:
-        flow = features
+        flow, more = features, []
         if self.form != "polar":
             magnitude, direction = features.unflatten(1, (2, -1)).unbind(1)
             flow = torch.stack([magnitude * torch.cos(direction), magnitude * torch.sin(direction)], dim=1)
+            if self.inverse is not None:
+                more = [self.inverse(flow.flatten(1))]
             if self.turn != "identity":
                 flow = torch.matmul(self.plane, flow[:, :, self.places])
             flow = flow.flatten(1)
         inputs = (flow - self.input_mean) / self.input_scale
-        force = self.network(inputs).unflatten(1, (-1, 3)) * self.output_scale + self.output_mean
+        force = (
+            self.network(torch.cat([inputs, *more], dim=1)).unflatten(1, (-1, 3)) * self.output_scale
+            + self.output_mean
+        )
         return (force, self._statistics(inputs)) if self.familiar else (force,)
 
     def _statistics(self, inputs: torch.Tensor) -> torch.Tensor:
@@ -118,7 +129,8 @@ def _length(rows: torch.Tensor) -> torch.Tensor:
 
 def onnx_bytes(model: Model, sha256: str) -> bytes:
     """Return a model as the bytes of an ONNX file, which keeps a place for its own checksum; any number of rows n."""
-    whole = FeaturesToNewtons(model.network, model.scaling, model.familiar).eval()
+    inverse = model.inverse if model.reads_inverse else None
+    whole = FeaturesToNewtons(model.network, model.scaling, model.familiar, inverse).eval()
     example = torch.zeros(2, len(model.scaling.input_mean))
     logs = logging.getLogger("torch.onnx")
     level = logs.level

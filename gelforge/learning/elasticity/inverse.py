@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ RIDGE = 0.1
 # Of the largest pressure's correlation with the flow: an even pressure hardly moves an incompressible layer and the flow
 # does not tell it, so of all that explain the flow the forces of least total pressure are taken. It is relative, as the
 # error is.
-SPARSITY = 0.01
+SPARSITY = 0.015
 PENALTY = 2.0  # of the splitting, of the mean squared column: fewest iterations among 0.1 to 16
 RELAXATION = 1.8
 ITERATIONS = 30  # from nothing: totals within 0.2 % (median) of the solution
@@ -43,6 +44,7 @@ class Inverse:
     singular: np.ndarray  # (K,) float32 [px/N]
     right: np.ndarray  # (3 B, K) float32, orthonormal
     friction: float
+    unit_N: np.ndarray = field(default_factory=lambda: np.ones(3, np.float32))  # (3,) of a network's inputs
 
     @classmethod
     def of(cls, operator: np.ndarray, friction: float) -> Inverse:
@@ -53,8 +55,8 @@ class Inverse:
         kept = squares > LEAST_SHARE * RIDGE * squares.sum() / len(squares)
         singular, right = np.sqrt(squares[kept]), right[:, kept]
         left = G @ right / singular
-        parts = (np.ascontiguousarray(part, np.float32) for part in (left, singular, right))
-        return cls(*parts, float(friction))
+        left, singular, right = (np.ascontiguousarray(part, np.float32) for part in (left, singular, right))
+        return cls(left, singular, right, float(friction))
 
     def forces(self, feature: np.ndarray) -> np.ndarray:
         """Return force distributions (n, B, 3) [N] of features (n, 2 r^2), each from nothing."""
@@ -62,12 +64,21 @@ class Inverse:
         parts = [self.solve(flow[start : start + BLOCK]).force for start in range(0, len(flow), BLOCK)]
         return np.concatenate([np.empty((0, len(self.right)), np.float32), *parts]).reshape(len(flow), -1, 3)
 
+    def inputs(self, feature: np.ndarray) -> np.ndarray:
+        """Return the forces (n, 3 B) float32 of features (n, 2 r^2) in units of unit_N, as a network reads them."""
+        return (self.forces(feature) / self.unit_N).reshape(len(feature), -1)
+
+    @cached_property
+    def step(self) -> tuple[np.float32, np.float32, np.ndarray]:
+        """The penalty, its sum with the ridge [px^2/N^2], and V (3 B, K) times what a least-squares step takes of it."""
+        mean_square = (self.singular.astype(float) ** 2).sum() / len(self.right)
+        ridge = (RIDGE + PENALTY) * mean_square
+        taken = self.right * (self.singular**2 / (self.singular**2 + ridge))
+        return np.float32(PENALTY * mean_square), np.float32(ridge), taken.astype(np.float32)
+
     def solve(self, flow: np.ndarray, iterations: int = ITERATIONS, start: State | None = None) -> State:
         """Return the state after some iterations for flow (n, 2 r^2) float32 [px], u then v of the regions."""
-        mean_square = np.float32((self.singular**2).sum() / len(self.right))
-        penalty = np.float32(PENALTY) * mean_square
-        ridge = np.float32(RIDGE) * mean_square + penalty
-        taken = self.right * (self.singular**2 / (self.singular**2 + ridge))  # (3 B, K)
+        penalty, ridge, taken = self.step
         given = self.explained(flow)
         force, multiplier = start or State(np.zeros_like(given), np.zeros_like(given))
         for _ in range(iterations):

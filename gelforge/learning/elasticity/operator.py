@@ -25,7 +25,9 @@ from gelforge.virtual_lab.particles import gel_boxes, interpolation
 
 PARTS = 2  # of a region's side: the places in it that are followed
 SLAB_MM = 0.7  # thickness of gel whose particles are followed at its middle
-ELEMENTS_OF_BIN = 2  # along a bin's side: forces of half the side change the operator by 1 % (docs/learning.md)
+ELEMENTS_OF_BIN = (
+    2  # along a bin's side: forces of half the side change the operator by 1 % (docs/learning.md)
+)
 MOST_ELEMENTS = 60  # along a side
 STEP_MM = 0.01  # of central differences of the projection
 REFINEMENTS = 2  # of solutions by a factorisation in single precision
@@ -97,7 +99,9 @@ def displacements(
     effects = mechanics.effects
     stiffness, bulk_stiffness = element_stiffness(mesh, sensor, mechanics)
     by_region = region_laws(sensor, effects, mesh.regions, laws)
-    body = Body(mesh, by_region, region_bulk(sensor, mechanics, mesh.regions), None, stiffness, bulk_stiffness)
+    body = Body(
+        mesh, by_region, region_bulk(sensor, mechanics, mesh.regions), None, stiffness, bulk_stiffness
+    )
     equation, size = body.pattern.equation, body.pattern.size
     values = np.empty(len(body.pattern.indices))
     body.response(np.zeros_like(mesh.X), np.zeros(len(mesh.elements)), values)

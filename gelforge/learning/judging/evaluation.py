@@ -100,7 +100,7 @@ class RowErrors:
 def baselines_table(predictions: Predictions) -> pd.DataFrame:
     """Return the network's errors beside those of what is simpler: what it must beat to be of use.
 
-    Baselines of scikit-learn on the same rows and inputs (`baselines`), the mean label of training, no force at all.
+    Baselines on the same rows and inputs (`baselines`), the mean label of training, no force at all.
     """
     names = ("network", *predictions.baselines, "training mean", "zero")
     rows = {name: RowErrors.of(predictions, name).figures() for name in names}

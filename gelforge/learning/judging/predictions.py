@@ -24,7 +24,7 @@ from gelforge.learning.basis.data import (
     positions_of,
     training_and_validation,
 )
-from gelforge.learning.judging.baselines import Baseline, fit_baselines
+from gelforge.learning.judging.baselines import Baseline, InverseBaseline, fit_baselines, fit_inverse
 from gelforge.learning.judging.true_motion import Truth, write_truth
 from gelforge.learning.models.model_file import Model, load_model
 from gelforge.learning.models.views import check_same_images, views_of
@@ -132,16 +132,22 @@ def _indenter(about: dict) -> str:
     return about.get("kind") or about.get("indenter") or ""
 
 
-def _baselines(study: Study, rows: ShardDataset, model: Model, grid: tuple) -> Iterator[Baseline]:
+def _baselines(
+    study: Study, rows: ShardDataset, model: Model, grid: tuple
+) -> Iterator[Baseline | InverseBaseline]:
     """Yield the baselines, with the network's inputs and targets, or the flow's components where it has others."""
     training, validation = training_and_validation(rows, rows.paths, study)
     scaling = model.scaling
     if scaling.form != "vector":
         scaling = measure_scaling(rows, training, "vector", centred=False)
     yield from fit_baselines(rows, training, validation, scaling, grid, study.seed)
+    if model.inverse:
+        yield fit_inverse(rows, validation, model.inverse, grid, study.seed)
 
 
-def _write_baseline(file: h5py.File, rows: ShardDataset, baseline: Baseline, bins: int) -> None:
+def _write_baseline(
+    file: h5py.File, rows: ShardDataset, baseline: Baseline | InverseBaseline, bins: int
+) -> None:
     name = f"baselines/{baseline.name}"
     data = _create(file, name, (len(rows), bins, 3), "f4", "N", baseline.settings, chunks=(1, bins, 3))
     start = 0

@@ -15,11 +15,12 @@ from gelforge.files import atomic, check_seal
 from gelforge.indentation.sensor.symmetry import D4
 from gelforge.learning.basis.network import Grids
 from gelforge.learning.basis.scaling import FORMS, ModelError, Scaling
+from gelforge.learning.elasticity.inverse import Inverse
 from gelforge.learning.models.familiarity import Familiar
 from gelforge.learning.models.reliability import Intervals, Zero
-from gelforge.learning.networks import make_network
+from gelforge.learning.networks import make_network, network_of
 
-FORMAT = "gelforge-model-3"
+FORMAT = "gelforge-model-4"
 # settings that decide a training, by their names in a study; shards have a digest, and views are theirs
 DECIDING = {
     **{name: name for name in ("seed", "features", "dataset", "learning")},
@@ -39,6 +40,7 @@ class Model:
     zero: Zero = field(default_factory=Zero)
     intervals: Intervals | None = None  # None: too few validation rows
     familiar: Familiar | None = None  # the same
+    inverse: Inverse | None = None  # None: sensor or camera are not described so that it is known
 
     def predict(self, feature: np.ndarray) -> np.ndarray:
         """Return force distributions (n, B, 3) [N] of features (n, F): exactly zero where nothing touches.
@@ -47,6 +49,18 @@ class Model:
         """
         return self.zero.applied(self.predict_raw(feature))
 
+    def inputs(self, feature: np.ndarray) -> np.ndarray:
+        """Return the network's inputs (n, M) float32 of features (n, F)."""
+        flow = self.scaling.inputs(feature)
+        if not self.reads_inverse:
+            return flow
+        assert self.inverse is not None  # a file without it is refused
+        return np.concatenate([flow, self.inverse.inputs(feature)], axis=1)
+
+    @property
+    def reads_inverse(self) -> bool:
+        return network_of(self.settings["learning"]["network"]).reads_inverse
+
     def predict_raw(self, feature: np.ndarray) -> np.ndarray:
         """Return the same as the network says it, small forces where nothing touches included."""
         feature = np.atleast_2d(feature)
@@ -54,7 +68,7 @@ class Model:
             raise ModelError(f"the predicted force is not finite, {bad} features are not; check the images")
         self.network.eval()
         with torch.inference_mode():
-            outputs = self.network(torch.from_numpy(self.scaling.inputs(feature))).numpy()
+            outputs = self.network(torch.from_numpy(self.inputs(feature))).numpy()
         newtons = self.scaling.newtons(outputs)
         if not np.isfinite(newtons).all():
             raise ModelError(
@@ -85,6 +99,7 @@ def save_model(path: str | Path, model: Model) -> None:
         "zero": _tensors(model.zero),
         "intervals": _tensors(model.intervals) if model.intervals else None,
         "familiar": _tensors(model.familiar) if model.familiar else None,
+        "inverse": _tensors(model.inverse) if model.inverse else None,
     }
     save_tensors(path, content)
 
@@ -175,7 +190,7 @@ def implausible(model: Model) -> str:
     """
     scaling, state = model.scaling, model.network.state_dict()
     numbers = {f"weights {name}": values.numpy() for name, values in state.items()}
-    kept = [part for part in (scaling, model.zero, model.intervals, model.familiar) if part]
+    kept = [part for part in (scaling, model.zero, model.intervals, model.familiar, model.inverse) if part]
     numbers |= {k: v for part in kept for k, v in vars(part).items() if isinstance(v, np.ndarray)}
     for name, values in numbers.items():
         if not np.isfinite(values).all():
@@ -196,7 +211,8 @@ def implausible(model: Model) -> str:
         np.abs(values).max(initial=0) for name, values in numbers.items() if name.startswith("weights")
     )
     with torch.inference_mode():
-        signs = torch.tensor([[1.0], [-1.0]]).expand(-1, len(scaling.input_mean))
+        count = len(scaling.input_mean) + (scaling.output_mean.size if model.reads_inverse else 0)
+        signs = torch.tensor([[1.0], [-1.0]]).expand(-1, count)
         reach = max(reach, model.network(signs).abs().max().item())
     if not reach <= LARGEST_OUTPUT:
         return f"a weight or an output is {reach:.3g} times the usual, limit {LARGEST_OUTPUT:g}"
@@ -216,4 +232,7 @@ def _model_from(content: dict) -> Model:
     network.eval()
     intervals = Intervals(**_arrays(content["intervals"])) if content["intervals"] else None
     familiar = Familiar(**_arrays(content["familiar"])) if content["familiar"] else None
-    return Model(network, scaling, settings, Zero(**_arrays(content["zero"])), intervals, familiar)
+    inverse = Inverse(**_arrays(content["inverse"])) if content["inverse"] else None
+    if inverse is None and network_of(settings["learning"]["network"]).reads_inverse:
+        raise ValueError("a network that reads the inverse, without it")
+    return Model(network, scaling, settings, Zero(**_arrays(content["zero"])), intervals, familiar, inverse)

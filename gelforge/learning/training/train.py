@@ -29,12 +29,13 @@ from gelforge.learning.basis.data import (
 from gelforge.learning.basis.network import Grids
 from gelforge.learning.basis.scaling import ModelError, Scaling
 from gelforge.learning.basis.turns import Turner, names_of, seen_by_camera
+from gelforge.learning.elasticity.inverse import Inverse
 from gelforge.learning.models.familiarity import find_familiar
 from gelforge.learning.models.model_file import Model, load_tensors, save_model, save_tensors
 from gelforge.learning.models.reliability import Labels, Zero, find_intervals, find_zero
 from gelforge.learning.models.views import check_scale
 from gelforge.learning.networks import make_network, network_of
-from gelforge.progress import Progress
+from gelforge.progress import Progress, tracked
 
 USUAL_THREADS = {"paper": 2}
 CHECKPOINT_FORMAT = "gelforge-checkpoint-2"
@@ -90,6 +91,7 @@ def train(
     model_path: str | Path,
     loss_path: str | Path,
     run: Run = Run(),
+    inverse: Inverse | None = None,
 ) -> bool:
     """Train the study's network and write model.pt and loss.csv; return False if the run stopped before the last epoch.
 
@@ -97,7 +99,8 @@ def train(
     numbers depend on seed and epoch only. A run that finds one of the same settings and shards goes on from it, with the
     same result as an uninterrupted run on the same machine and number of threads; one of other settings is discarded. It is
     removed at the end. The model is that of the epoch whose validation loss is least; thresholds and intervals are found on
-    the validation rows too, whose orbits are neither trained on nor tested.
+    the validation rows too, whose orbits are neither trained on nor tested. inverse: of the study's sensor and camera, kept
+    in the model; a network that reads its forces needs it.
     """
     _check_has_images(shards)
     torch.set_num_threads(run.threads or USUAL_THREADS.get(study.learning.network, 1))
@@ -108,12 +111,19 @@ def train(
     training, validation = training_and_validation(rows, shards, study)
     plan, scaling = plan_of(study, rows, training)
     learning = plan.learning
+    inverse, forces = _read_inverse(learning, inverse, scaling, rows)
+    if inverse is not None and forces is not None:
+        settings |= {"inverse": digest([inverse.friction, inverse.singular.tolist()])}
     network = make_network(learning, plan.grids, study.seed)
     adam = _optimiser(network, learning)
     losses, best = _resume(checkpoint_path, settings, network, adam)
     groups = None if plan.as_article else images_of_presses(rows, training)
-    batches = Batches(rows, training, scaling, learning.batch_size, study.seed, run.buffer_rows, groups)
-    watched = Batches(rows, validation, scaling, max(learning.batch_size, 256), study.seed, run.buffer_rows)
+    batches = Batches(
+        rows, training, scaling, learning.batch_size, study.seed, run.buffer_rows, groups, forces
+    )
+    watched = Batches(
+        rows, validation, scaling, max(learning.batch_size, 256), study.seed, run.buffer_rows, more=forces
+    )
 
     last = min(learning.epochs, len(losses) + run.stop_after) if run.stop_after else learning.epochs
     finished = _out_of_patience(losses, learning.patience)
@@ -138,7 +148,7 @@ def train(
         rows.close()
         return False
     network.load_state_dict(best)
-    model = Model(network, scaling, settings)
+    model = Model(network, scaling, settings, inverse=inverse)
     model = _with_reliability(model, rows, training, validation, orbits_of(shards))
     rows.close()
     columns = ["epoch", "training", "validation"]
@@ -146,6 +156,27 @@ def train(
     save_model(model_path, model)
     checkpoint_path.unlink(missing_ok=True)
     return True
+
+
+def _read_inverse(
+    learning: CompleteLearning, inverse: Inverse | None, scaling: Scaling, rows: ShardDataset
+) -> tuple[Inverse | None, np.ndarray | None]:
+    """Return the inverse with the unit of the targets, and its forces (rows, 3 B) where the network reads them."""
+    reads = network_of(learning.network).reads_inverse
+    if inverse is None and reads:
+        raise ModelError(
+            f"learning.network: {learning.network} reads the forces of inverse elasticity, which need a block with "
+            "particles and a camera that is described; set network: unet"
+        )
+    if inverse is None or not reads:
+        return inverse, None
+    inverse = replace(inverse, unit_N=scaling.output_scale)
+    forces, start = np.empty((len(rows), scaling.output_mean.size), np.float32), 0
+    blocks = tracked(rows.batches((FEATURE,), 256), "blocks of 256 rows inverted", -(-len(rows) // 256))
+    for block in blocks:
+        forces[start : start + len(block[FEATURE])] = inverse.inputs(block[FEATURE])
+        start += len(block[FEATURE])
+    return inverse, forces
 
 
 def plan_of(study: Study, rows: ShardDataset, training: np.ndarray) -> tuple[Plan, Scaling]:
