@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
 from gelforge.config import Camera, Mechanics, Mesh, Sensor
-from gelforge.indentation.cells.binning import node_areas, surface_shares
+from gelforge.indentation.cells.binning import surface_shares
 from gelforge.indentation.effects.fields import element_stiffness
 from gelforge.indentation.effects.material import region_bulk, region_laws
 from gelforge.indentation.sensor.sensor_mesh import sensor_mesh
@@ -19,12 +19,13 @@ from gelforge.learning.basis.turns import names_of, order
 from gelforge.mechanics.bodies.body import Body
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.linear.sparse import direct_solver
+from gelforge.mechanics.meshes.elements import lumped_area
 from gelforge.mechanics.meshes.mesh import Mesh as HexMesh
 from gelforge.recording.optics.camera import project, unproject
 from gelforge.virtual_lab.particles import gel_boxes, interpolation
 
 PARTS = 2  # of a region's side: the places in it that are followed
-SLAB_MM = 0.7  # thickness of gel whose particles are followed at its middle
+SLAB_MM = 0.7  # thickness of gel whose particles are followed at one height
 ELEMENTS_OF_BIN = (
     2  # along a bin's side: forces of half the side change the operator by 1 % (docs/learning.md)
 )
@@ -85,7 +86,9 @@ def _even_mesh(sensor: Sensor, mechanics: Mechanics) -> HexMesh:
 
 def bin_loads(mesh: HexMesh, sensor: Sensor) -> sp.csr_matrix:
     """Return the nodal forces (B, N) of a unit force on each bin, spread evenly over it."""
-    shares = surface_shares(mesh, sensor) @ sp.diags(node_areas(mesh))  # (B, S)
+    area = lumped_area(mesh.X, mesh.surface.faces)  # (N,) of the top alone, which the shares are of
+    area = area if mesh.ties is None else mesh.ties.T @ area
+    shares = surface_shares(mesh, sensor) @ sp.diags(area[mesh.surface.nodes])  # (B, S)
     total = np.asarray(shares.sum(axis=1)).ravel()
     shares = (sp.diags(1 / np.where(total > 0, total, 1.0)) @ shares).tocoo()
     place = shares.row, mesh.surface.nodes[shares.col]
@@ -190,7 +193,7 @@ def seen_flow(
 
 
 def _heights(sensor: Sensor, particle_mm: float) -> list[tuple[tuple, float, float]]:
-    """Return layer, z [mm] and visible share of slabs of gel with particles, from the camera up."""
+    """Return layer, mean height of what is seen [mm] and visible share of slabs of gel with particles, from the camera up."""
     layers = [layer for layer in sensor.layers if layer.particle_volume_fraction > 0]
     found, covered = [], 0.0
     for layer, box in zip(layers, gel_boxes(sensor)):
@@ -198,9 +201,11 @@ def _heights(sensor: Sensor, particle_mm: float) -> list[tuple[tuple, float, flo
         edges = np.linspace(box[0][2], box[1][2], count + 1)
         per_mm = 1.5 * layer.particle_volume_fraction / particle_mm
         for bottom, top in zip(edges, edges[1:]):
-            share = np.exp(-covered) - np.exp(-covered - per_mm * (top - bottom))
-            covered += per_mm * (top - bottom)
-            found.append(((layer.name, box), (bottom + top) / 2, float(share)))
+            thick = top - bottom
+            share = -np.exp(-covered) * np.expm1(-per_mm * thick)
+            z = bottom + 1 / per_mm - thick / np.expm1(per_mm * thick)
+            covered += per_mm * thick
+            found.append(((layer.name, box), float(z), float(share)))
     return found
 
 
