@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 import torch
+from learning.artificial_shards import study_of
 
 from gelforge.config import Camera, Mechanics, Sensor
 from gelforge.indentation.paths.planned_cell import PlannedCell
@@ -19,7 +20,6 @@ from gelforge.mechanics.bodies.body import SmallStrainBody
 from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
 from gelforge.recording.optics.camera import project
 from gelforge.virtual_lab.particles import interpolation
-from learning.artificial_shards import study_of
 
 MU_MPA = 0.02
 LAWS = {"gel": NeoHooke(MU_MPA), "skin": NeoHooke(3 * MU_MPA)}

@@ -193,7 +193,7 @@ def seen_flow(
 
 
 def _heights(sensor: Sensor, particle_mm: float) -> list[tuple[tuple, float, float]]:
-    """Return layer, mean height of what is seen [mm] and visible share of slabs of gel with particles, from the camera up."""
+    """Return layer, mean height of what is seen [mm] and visible share of slabs with particles, from the camera up."""
     layers = [layer for layer in sensor.layers if layer.particle_volume_fraction > 0]
     found, covered = [], 0.0
     for layer, box in zip(layers, gel_boxes(sensor)):
