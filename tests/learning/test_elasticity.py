@@ -12,6 +12,7 @@ from gelforge.config import Camera, Mechanics, Sensor
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.companion import simulate_label
 from gelforge.learning.elasticity import operator
+from gelforge.learning.elasticity.check import find_check
 from gelforge.learning.elasticity.inverse import WARM_ITERATIONS, Inverse, State, in_cone
 from gelforge.learning.elasticity.of_study import NoOperator, inverse_of
 from gelforge.learning.elasticity.operator import bin_loads, displacements, flow_operator, seen_flow
@@ -258,6 +259,22 @@ def test_unrolled_iterations_are_the_solver_s(inverse):
     with torch.inference_mode():
         found = Unrolled(solver)(torch.from_numpy(flow)).numpy()
     np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(expected).max())
+
+
+# --------------------------------------------------------------------------------------------------- check
+def test_totals_that_agree_are_not_marked():
+    """995 of 1000 known rows; others that differ by more than the share are, and the gain is no difference."""
+    rng = np.random.default_rng(6)
+    true = np.column_stack([0.1 * rng.normal(size=(1000, 2)), -rng.uniform(0, 2, 1000)])
+    check = find_check(1.2 * true * (1 + 0.05 * rng.normal(size=(1000, 1))), true)
+    assert check.gain == pytest.approx(1.2, rel=0.01)
+    found = check.disagreement(1.2 * true * (1 + 0.05 * rng.normal(size=(1000, 1))), true)
+    assert (found > 1).mean() < 0.01
+    assert (check.disagreement(1.2 * true * 1.5, true)[-true[:, 2] > 0.5] > 1).all()
+    sheared = 1.2 * true + [0.5, 0.0, 0.0]
+    assert (check.disagreement(sheared, true)[-true[:, 2] > 0.5] > 1).all()
+    assert find_check(true[:50], true[:50]) is None
+    assert find_check(np.zeros_like(true), true) is None
 
 
 # --------------------------------------------------------------------------------------------------- study

@@ -68,7 +68,6 @@ rule train:
                 "learning/training/train.py",
                 "learning/models/model_file.py",
                 "learning/models/reliability.py",
-                "learning/models/familiarity.py",
                 "config/parts/learning.py",
             ),
             *("dataset/splits.py", "indentation/sensor/symmetry.py"),
@@ -96,7 +95,8 @@ rule evaluate:
         mem_mb=2000,
     params:
         source=source_digest(
-            *(f"learning/models/{name}.py" for name in ("familiarity", "model_file", "reliability")),
+            *(f"learning/models/{name}.py" for name in ("model_file", "reliability")),
+            "learning/elasticity",
             *(f"learning/judging/{name}.py" for name in ("baselines", "predictions", "true_motion")),
             *("learning/basis/network.py", "learning/basis/scaling.py", "learning/networks"),
             "dataset/splits.py",
@@ -124,7 +124,7 @@ if STUDY.learning.onnx:
         params:
             source=source_digest(
                 *(f"learning/deployment/{name}.py" for name in ("equality", "onnx_export", "onnx_model")),
-                *("learning/models", "learning/networks", "learning/basis"),
+                *("learning/models", "learning/networks", "learning/basis", "learning/elasticity"),
             ),
         shell:
             "{GELFORGE:q} export --model {input:q} --out {output:q} &> {log:q}"
@@ -148,7 +148,7 @@ if STUDY.learning.onnx:
             runtime=asks(short_seconds),
             mem_mb=2000,
         params:
-            source=source_digest("learning/deployment", "learning/models", "recording"),
+            source=source_digest("learning/deployment", "learning/elasticity", "learning/models", "recording"),
         shell:
             "{GELFORGE:q} onnx-check --study {STUDY_FILE:q} --model {input.model:q} --out {output:q} &> {log:q}"
 

@@ -30,7 +30,7 @@ from gelforge.learning.models.model_file import Model, load_model
 from gelforge.learning.models.views import check_same_images, views_of
 from gelforge.progress import tracked
 
-FORMAT = "gelforge-predictions-4"
+FORMAT = "gelforge-predictions-5"
 BLOCK = 256  # rows in memory at a time
 KEPT = (
     *("cell", "session", "press", "image_index", "position_mm", "depth_mm", "total_force_ft_N"),
@@ -102,7 +102,7 @@ def _write_rows(file: h5py.File, rows: ShardDataset, model: Model, bins: int) ->
         _create(file, name, (len(rows), bins, 3), "f4", "N", chunks=(1, bins, 3))
     for name in INTERVALS_OF_TOTALS if model.intervals else ():
         _create(file, name, (len(rows), 3), "f8", "N")
-    _create(file, "unlike", (len(rows),), "f8", "1")
+    _create(file, "disagreement", (len(rows),), "f8", "1")
     for name in KEPT:
         column = COLUMNS[name]
         kind = h5py.string_dtype() if column.kind == "text" else column.kind
@@ -115,7 +115,7 @@ def _write_rows(file: h5py.File, rows: ShardDataset, model: Model, bins: int) ->
         place = slice(start, start + len(block["cell"]))
         predicted = model.predict(block[FEATURE])
         file["predicted_N"][place], file["true_N"][place] = predicted, block[LABEL]
-        file["unlike"][place] = model.unlike(block[FEATURE])
+        file["disagreement"][place] = model.disagreement(block[FEATURE], predicted)
         file["indenter"][place] = [_indenter(cells[name]) for name in block["cell"]]
         if model.intervals:
             file["bin_half_N"][place] = model.intervals.of_bins(predicted)
@@ -167,7 +167,7 @@ _DESCRIPTIONS = {
     "total_half_true_N": "the same of the true total force: with the label's own uncertainty (N, 3)",
     "indenter": "the indenter in words, or the kind of a drawn one (N)",
     "nearest_training_mm": "distance to the nearest training site, or to one of its mirror images (N)",
-    "unlike": "how unlike the training images the row's is, beyond 1 flagged; NaN: not known (N)",
+    "disagreement": "how far the total is from that of inverse elasticity, beyond 1 marked; NaN: not known (N)",
     "training_mean_N": "mean label over the touched training rows (B, 3)",
     "label_range_N": "range of all labels: per bin and in total; least and greatest; axis (2, 2, 3)",
 }
@@ -208,7 +208,7 @@ class Predictions:
             self.untouched, self.ft = file["untouched"][()], file["total_force_ft_N"][()]
             self.position_mm, self.depth_mm = file["position_mm"][()], file["depth_mm"][()]
             self.nearest_training_mm = file["nearest_training_mm"][()]
-            self.session, self.unlike = file["session"].asstr()[()], file["unlike"][()]
+            self.session, self.disagreement = file["session"].asstr()[()], file["disagreement"][()]
             self.phase, self.indenter = (file[name].asstr()[()] for name in ("phase", "indenter"))
             self.has_intervals = "bin_half_N" in file
             self.has_truth = "truth" in file

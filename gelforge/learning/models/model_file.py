@@ -15,8 +15,8 @@ from gelforge.files import atomic, check_seal
 from gelforge.indentation.sensor.symmetry import D4
 from gelforge.learning.basis.network import Grids
 from gelforge.learning.basis.scaling import FORMS, ModelError, Scaling
+from gelforge.learning.elasticity.check import Check
 from gelforge.learning.elasticity.inverse import Inverse
-from gelforge.learning.models.familiarity import Familiar
 from gelforge.learning.models.reliability import Intervals, Zero
 from gelforge.learning.networks import make_network, network_of
 
@@ -39,8 +39,8 @@ class Model:
     settings: dict  # learning, features and bins of the study, seed, digest of the dataset
     zero: Zero = field(default_factory=Zero)
     intervals: Intervals | None = None  # None: too few validation rows
-    familiar: Familiar | None = None  # the same
     inverse: Inverse | None = None  # None: sensor or camera are not described so that it is known
+    check: Check | None = None  # of totals against the inverse's; None: no inverse, or few rows
 
     def predict(self, feature: np.ndarray) -> np.ndarray:
         """Return force distributions (n, B, 3) [N] of features (n, F): exactly zero where nothing touches.
@@ -81,12 +81,14 @@ class Model:
             )
         return newtons
 
-    def unlike(self, feature: np.ndarray) -> np.ndarray:
-        """Return how unlike the training images those of features (n, F) are (n,), beyond 1 flagged; NaN: not known."""
-        feature = np.atleast_2d(feature)
-        if self.familiar is None:
-            return np.full(len(feature), np.nan)
-        return self.familiar.unlike(self.scaling.inputs(feature))
+    def disagreement(self, feature: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """Return how far the totals of predicted forces (n, B, 3) are from those of inverse elasticity (n,).
+
+        Beyond 1 a row is marked; NaN: not known. feature (n, F): of which the forces were predicted.
+        """
+        if self.inverse is None or self.check is None:
+            return np.full(len(force), np.nan)
+        return self.check.disagreement(force.sum(axis=1), self.inverse.forces(feature).sum(axis=1))
 
 
 def save_model(path: str | Path, model: Model) -> None:
@@ -98,8 +100,8 @@ def save_model(path: str | Path, model: Model) -> None:
         "settings": model.settings,
         "zero": _tensors(model.zero),
         "intervals": _tensors(model.intervals) if model.intervals else None,
-        "familiar": _tensors(model.familiar) if model.familiar else None,
         "inverse": _tensors(model.inverse) if model.inverse else None,
+        "check": _tensors(model.check) if model.check else None,
     }
     save_tensors(path, content)
 
@@ -190,7 +192,7 @@ def implausible(model: Model) -> str:
     """
     scaling, state = model.scaling, model.network.state_dict()
     numbers = {f"weights {name}": values.numpy() for name, values in state.items()}
-    kept = [part for part in (scaling, model.zero, model.intervals, model.familiar, model.inverse) if part]
+    kept = [part for part in (scaling, model.zero, model.intervals, model.inverse, model.check) if part]
     numbers |= {k: v for part in kept for k, v in vars(part).items() if isinstance(v, np.ndarray)}
     for name, values in numbers.items():
         if not np.isfinite(values).all():
@@ -202,9 +204,9 @@ def implausible(model: Model) -> str:
     largest = LARGEST_OUTPUT * scaling.output_scale.max()
     if not all(0 <= threshold <= largest for threshold in (model.zero.contact_N, model.zero.bin_N)):
         return f"thresholds of {model.zero.contact_N:g} and {model.zero.bin_N:g} N"
-    if model.familiar and not 0 < model.familiar.squared_limit < np.inf:
-        return f"a limit of unlike images of {model.familiar.squared_limit:g}"
-    for ending in ("half_N", "sigma_N", "rest_limit", "deviation"):
+    if model.check and not 0 < model.check.share < np.inf:
+        return f"a share of {model.check.share:g} by which totals may differ"
+    for ending in ("half_N", "sigma_N", "singular"):
         if any(values.min(initial=0) < 0 for name, values in numbers.items() if name.endswith(ending)):
             return f"a number of {ending} is negative"
     reach = max(
@@ -231,8 +233,8 @@ def _model_from(content: dict) -> Model:
     network.load_state_dict(content["weights"])
     network.eval()
     intervals = Intervals(**_arrays(content["intervals"])) if content["intervals"] else None
-    familiar = Familiar(**_arrays(content["familiar"])) if content["familiar"] else None
     inverse = Inverse(**_arrays(content["inverse"])) if content["inverse"] else None
     if inverse is None and network_of(settings["learning"]["network"]).reads_inverse:
         raise ValueError("a network that reads the inverse, without it")
-    return Model(network, scaling, settings, Zero(**_arrays(content["zero"])), intervals, familiar, inverse)
+    check = Check(**_arrays(content["check"])) if content["check"] else None
+    return Model(network, scaling, settings, Zero(**_arrays(content["zero"])), intervals, inverse, check)

@@ -29,8 +29,8 @@ from gelforge.learning.basis.data import (
 from gelforge.learning.basis.network import Grids
 from gelforge.learning.basis.scaling import ModelError, Scaling
 from gelforge.learning.basis.turns import Turner, names_of, seen_by_camera
+from gelforge.learning.elasticity.check import find_check
 from gelforge.learning.elasticity.inverse import Inverse
-from gelforge.learning.models.familiarity import find_familiar
 from gelforge.learning.models.model_file import Model, load_tensors, save_model, save_tensors
 from gelforge.learning.models.reliability import Labels, Zero, find_intervals, find_zero
 from gelforge.learning.models.views import check_scale
@@ -43,6 +43,7 @@ WARM_UP = 0.15  # share of the steps in which the step size grows
 LAST_RATE = 1e-3  # of the largest step size, at the end
 WEIGHT_DECAY = 1e-4
 ROWS_SET_ASIDE = 4000  # at most, for thresholds and intervals
+ROWS_OF_CHECK = 1500  # of training, and of validation: places near walls are in few orbits
 SIGMAS = ("force_sigma_N", "total_force_fem_sigma_N")
 
 
@@ -265,34 +266,39 @@ def _out_of_patience(losses: list[tuple], patience: int | None) -> bool:
 def _with_reliability(
     model: Model, rows: ShardDataset, training: np.ndarray, validation: np.ndarray, orbit: dict[str, str]
 ) -> Model:
-    """Return a model with its thresholds and intervals, found on validation rows, and what images are like its own."""
+    """Return a model with its thresholds and intervals, found on validation rows, and the check of its totals."""
     watched = _drawn(rows, validation, (FEATURE, LABEL, "untouched", "cell", *SIGMAS))
     if watched is None:
         return model
-    force = np.concatenate(
-        [
-            model.predict_raw(part)
-            for part in np.array_split(watched[FEATURE], -(-len(watched[FEATURE]) // 256))
-        ]
-    )
+    force = _said(model, watched[FEATURE])
     zero = Zero()
     if model.settings["learning"]["network"] != "paper":  # the article's says what it says
         bins = model.settings["bins"]
         grid = bins["nx"], bins["ny"], np.array(model.settings["sensor_width_mm"])
         zero = find_zero(force, watched[LABEL].astype(float), watched["untouched"], grid)
     labels = Labels(*(watched[name].astype(float) for name in (LABEL, *SIGMAS)))
-    trained = _drawn(rows, training, (FEATURE, "cell"))
-    known = [part for part in (trained, watched) if part is not None]
-    inputs = np.concatenate([model.scaling.inputs(part[FEATURE]) for part in known])
-    familiar = find_familiar(inputs, np.array([orbit[name] for part in known for name in part["cell"]]))
     groups = np.array([orbit[name] for name in watched["cell"]])
     intervals = find_intervals(zero.applied(force), labels, groups)
-    return replace(model, zero=zero, intervals=intervals, familiar=familiar)
+    model = replace(model, zero=zero, intervals=intervals)
+    if model.inverse is None:
+        return model
+    parts = [_drawn(rows, side, (FEATURE,), ROWS_OF_CHECK) for side in (training, validation)]
+    feature = np.concatenate([part[FEATURE] for part in parts if part])
+    total = zero.applied(_said(model, feature)).sum(axis=1)
+    return replace(model, check=find_check(total, model.inverse.forces(feature).sum(axis=1)))
 
 
-def _drawn(rows: ShardDataset, index: np.ndarray, names: tuple[str, ...]) -> dict[str, np.ndarray] | None:
-    """Return columns of at most ROWS_SET_ASIDE of the rows index (n,), None where there is none."""
-    draw = np.random.default_rng(0).permutation(len(index))[:ROWS_SET_ASIDE]
+def _said(model: Model, feature: np.ndarray) -> np.ndarray:
+    """Return what the network says of features (n, F), a few hundred rows at a time."""
+    parts = np.array_split(feature, -(-len(feature) // 256))
+    return np.concatenate([model.predict_raw(part) for part in parts])
+
+
+def _drawn(
+    rows: ShardDataset, index: np.ndarray, names: tuple[str, ...], most: int = ROWS_SET_ASIDE
+) -> dict[str, np.ndarray] | None:
+    """Return columns of at most so many of the rows index (n,), None where there is none."""
+    draw = np.random.default_rng(0).permutation(len(index))[:most]
     return rows.read(index[np.sort(draw)], names) if len(index) else None
 
 
